@@ -1,0 +1,197 @@
+//! The values of a trajectory, in the order of time.
+
+use crate::phase::{Motion, Phase};
+use crate::trajectory::Trajectory;
+use nalgebra::{UnitQuaternion, Vector3, Vector4};
+use navfuse_core::geodesy::Geodetic;
+use navfuse_ins::earth::LocalEarth;
+
+/// The grid of the position's integration, s. A power of two, so that its nodes are exact.
+const GRID: f64 = 0.125;
+/// The longest interval of one quadrature of the inertial measurements, s.
+const QUADRATURE: f64 = 0.125;
+/// Gauss-Legendre quadrature with three points on [-1/2, 1/2]: places and weights.
+const GAUSS: [(f64, f64); 3] =
+    [(-0.387_298_334_620_741_7, 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.387_298_334_620_741_7, 5.0 / 18.0)];
+/// The same of a constant.
+const CONSTANT: [(f64, f64); 1] = [(0.0, 1.0)];
+
+/// The whole truth at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kinematics {
+    /// Since the start, s.
+    pub time: f64,
+    /// Where.
+    pub position: Geodetic,
+    /// Relative to the Earth, NED, m/s.
+    pub velocity: Vector3<f64>,
+    /// Derivative of the velocity's components, m/s^2.
+    pub acceleration: Vector3<f64>,
+    /// From body to NED.
+    pub c_b_n: UnitQuaternion<f64>,
+    /// Roll, pitch and heading, rad; the heading counts whole turns.
+    pub euler: Vector3<f64>,
+    /// Their derivatives, rad/s.
+    pub euler_rates: Vector3<f64>,
+    /// Angular rate of the body relative to NED, in the body, rad/s.
+    pub w_nb_b: Vector3<f64>,
+    /// Angular rate of the body relative to inertial space, in the body, rad/s: what a perfect gyroscope measures.
+    pub w_ib_b: Vector3<f64>,
+    /// Specific force, in the body, m/s^2: what a perfect accelerometer measures.
+    pub specific_force: Vector3<f64>,
+    /// The way from the start, m.
+    pub distance: f64,
+}
+
+/// Latitude (rad), longitude (rad), height (m) and way (m).
+type Path = Vector4<f64>;
+
+/// The path and its derivative at one node of the grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Node {
+    path: Path,
+    rate: Path,
+}
+
+/// Reads a trajectory forwards, in constant memory and without allocating.
+///
+/// Velocity, attitude and their derivatives are closed forms of time. The position is their integral by the classical
+/// Runge-Kutta method on a fixed grid, by cubic Hermite interpolation between its nodes: it depends on the time alone,
+/// so that all cursors agree to the bit. A time before the present cell of the grid starts the integration again.
+/// Times before the start or after the end are taken as those.
+#[derive(Clone, Debug)]
+pub struct Cursor {
+    trajectory: Trajectory,
+    phase: usize,
+    /// The present cell is from this node of the grid to the next.
+    cell: u64,
+    from: Node,
+    to: Node,
+}
+
+impl Cursor {
+    pub(crate) fn new(trajectory: Trajectory) -> Self {
+        let o = trajectory.origin;
+        let path = Path::new(o.latitude, o.longitude, o.height, 0.0);
+        let node = Node { path, rate: Path::zeros() };
+        let mut cursor = Self { trajectory, phase: 0, cell: 0, from: node, to: node };
+        cursor.from.rate = cursor.rate(0.0, &path);
+        cursor.to = cursor.step();
+        cursor
+    }
+
+    /// The trajectory that it reads.
+    pub fn trajectory(&self) -> &Trajectory {
+        &self.trajectory
+    }
+
+    /// The truth at a time, s.
+    pub fn at(&mut self, time: f64) -> Kinematics {
+        let time = self.clamp(time);
+        let path = self.path(time);
+        let phase = self.seek(time);
+        let (euler, euler_rates) = phase.euler(time);
+        let motion = phase.motion(time);
+        let (rate, force) = inertial(&motion, &LocalEarth::at(path.x, path.z));
+        Kinematics {
+            time,
+            position: Geodetic { latitude: path.x, longitude: path.y, height: path.z },
+            velocity: motion.velocity,
+            acceleration: motion.acceleration,
+            c_b_n: UnitQuaternion::from_euler_angles(euler.x, euler.y, euler.z),
+            euler,
+            euler_rates,
+            w_nb_b: motion.w_nb_b,
+            w_ib_b: motion.w_nb_b + motion.c_b_n.tr_mul(&rate),
+            specific_force: motion.c_b_n.tr_mul(&force),
+            distance: path.w,
+        }
+    }
+
+    /// The integrals from one time to another (s) of angular rate `w_ib^b` (rad) and specific force `f^b` (m/s): what a
+    /// perfect integrating inertial sensor gives out.
+    pub fn increments(&mut self, from: f64, to: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let (mut t, to) = (self.clamp(from), self.clamp(to));
+        let (mut angle, mut velocity) = (Vector3::zeros(), Vector3::zeros());
+        while t < to {
+            // A phase is a polynomial of time: no quadrature reaches over its end.
+            let end = to.min(t + QUADRATURE).min(self.seek(t).end);
+            let (length, middle) = (end - t, t + 0.5 * (end - t));
+            // Latitude and height change by 1e-7 rad and 1 m at most: their effect is linear, and that of the middle.
+            let path = self.path(middle);
+            let earth = LocalEarth::at(path.x, path.z);
+            let phase = self.seek(t);
+            let points = if phase.is_steady() { &CONSTANT[..] } else { &GAUSS[..] };
+            for &(place, weight) in points {
+                let motion = phase.motion(middle + place * length);
+                let (rate, force) = inertial(&motion, &earth);
+                angle += (motion.w_nb_b + motion.c_b_n.tr_mul(&rate)) * (weight * length);
+                velocity += motion.c_b_n.tr_mul(&force) * (weight * length);
+            }
+            t = end;
+        }
+        (angle, velocity)
+    }
+
+    fn clamp(&self, time: f64) -> f64 {
+        // Not `clamp`, which lets a NaN through.
+        time.max(0.0).min(self.trajectory.duration())
+    }
+
+    /// The phase of a time; from the phase before it takes a step or none.
+    #[inline]
+    fn seek(&mut self, time: f64) -> &Phase {
+        let phases = &self.trajectory.phases;
+        while self.phase > 0 && time < phases[self.phase].start {
+            self.phase -= 1;
+        }
+        while self.phase + 1 < phases.len() && time >= phases[self.phase].end {
+            self.phase += 1;
+        }
+        &phases[self.phase]
+    }
+
+    /// The path at a time within the trajectory.
+    #[inline]
+    fn path(&mut self, time: f64) -> Path {
+        let cell = (time / GRID) as u64;
+        if cell < self.cell {
+            *self = Self::new(self.trajectory.clone());
+        }
+        while self.cell < cell {
+            self.cell += 1;
+            self.from = self.to;
+            self.to = self.step();
+        }
+        let x = time / GRID - cell as f64;
+        let (a, b) = (self.from.rate * GRID, self.to.rate * GRID);
+        let d = self.to.path - self.from.path;
+        self.from.path + (a + ((d * 3.0 - a * 2.0 - b) + (a + b - d * 2.0) * x) * x) * x
+    }
+
+    /// The node after `from`.
+    fn step(&mut self) -> Node {
+        let Node { path, rate: k1 } = self.from;
+        let (t, h) = (self.cell as f64 * GRID, GRID);
+        let k2 = self.rate(t + 0.5 * h, &(path + k1 * (0.5 * h)));
+        let k3 = self.rate(t + 0.5 * h, &(path + k2 * (0.5 * h)));
+        let k4 = self.rate(t + h, &(path + k3 * h));
+        let path = path + (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0);
+        Node { path, rate: self.rate(t + h, &path) }
+    }
+
+    /// The derivative of the path (Groves eq. 2.111).
+    fn rate(&mut self, time: f64, path: &Path) -> Path {
+        let v = self.seek(time).velocity(time);
+        let earth = LocalEarth::at(path.x, path.z);
+        Path::new(v.x * earth.inv_n, v.y * earth.inv_e * earth.inv_cos, -v.z, v.norm())
+    }
+}
+
+/// Angular rate of NED relative to inertial space and specific force, both in NED (Pan & Wu eqs 3 and 4).
+#[inline]
+fn inertial(motion: &Motion, earth: &LocalEarth) -> (Vector3<f64>, Vector3<f64>) {
+    let (w_ie, w_en) = (earth.earth_rate(), earth.transport_rate(&motion.velocity));
+    let coriolis = (w_ie * 2.0 + w_en).cross(&motion.velocity);
+    (w_ie + w_en, motion.acceleration + coriolis - Vector3::new(0.0, 0.0, earth.gravity))
+}

@@ -1,0 +1,179 @@
+//! One smooth piece of a trajectory.
+
+use crate::profile::{BUMP_MEAN, Profile, Shape};
+use nalgebra::{Matrix3, Vector3};
+
+/// What one phase hands to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Pose {
+    /// Horizontal speed along the heading, m/s.
+    pub speed: f64,
+    /// Rad.
+    pub roll: f64,
+    /// Rad.
+    pub pitch: f64,
+    /// Rad, not wrapped.
+    pub heading: f64,
+}
+
+/// Velocity and attitude, and their rates, at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Motion {
+    /// NED, m/s.
+    pub velocity: Vector3<f64>,
+    /// Derivative of the velocity's components, m/s^2.
+    pub acceleration: Vector3<f64>,
+    /// From body to NED.
+    pub c_b_n: Matrix3<f64>,
+    /// Rad/s.
+    pub w_nb_b: Vector3<f64>,
+}
+
+/// Sine and cosine of the heading and of the roll, and `c_b_n`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Attitude {
+    sin: f64,
+    cos: f64,
+    sin_roll: f64,
+    cos_roll: f64,
+    c_b_n: Matrix3<f64>,
+}
+
+/// One smooth piece of the trajectory.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Phase {
+    /// Row of the table, from 1.
+    pub number: usize,
+    pub label: String,
+    /// S.
+    pub start: f64,
+    /// S.
+    pub end: f64,
+    x_rate: f64,
+    pub speed: Profile,
+    pub down: Profile,
+    roll: Profile,
+    pitch: Profile,
+    heading: Profile,
+    /// The attitude, where it is constant.
+    fixed: Option<Attitude>,
+}
+
+impl Phase {
+    /// A phase in which nothing changes.
+    pub(crate) fn new(number: usize, label: String, start: f64, duration: f64, pose: &Pose) -> Self {
+        Self {
+            number,
+            label,
+            start,
+            end: start + duration,
+            x_rate: 1.0 / duration,
+            speed: Profile::constant(pose.speed),
+            down: Profile::default(),
+            roll: Profile::constant(pose.roll),
+            pitch: Profile::constant(pose.pitch),
+            heading: Profile::constant(pose.heading),
+            fixed: Some(Attitude::new(&Vector3::new(pose.roll, pose.pitch, pose.heading))),
+        }
+    }
+
+    /// With a change of heading, and a bank (positive into the turn) and a pitch that come and go, rad.
+    pub(crate) fn turning(mut self, angle: f64, bank: f64, pitch: f64) -> Self {
+        self.heading.step = angle;
+        self.roll.bump = bank * angle.signum();
+        self.pitch.bump = pitch;
+        self.fixed = None;
+        self
+    }
+
+    pub(crate) fn end_pose(&self) -> Pose {
+        Pose { speed: self.speed.end(), roll: self.roll.end(), pitch: self.pitch.end(), heading: self.heading.end() }
+    }
+
+    /// Bounds on the horizontal and the vertical way, m.
+    pub(crate) fn reach(&self) -> (f64, f64) {
+        let duration = self.end - self.start;
+        let speed = self.speed.start.abs() + self.speed.step.abs() + self.speed.bump.abs();
+        (speed * duration, self.down.bump.abs() * BUMP_MEAN * duration)
+    }
+
+    /// Whether velocity and attitude are constant.
+    #[inline]
+    pub(crate) fn is_steady(&self) -> bool {
+        self.fixed.is_some() && self.speed.is_constant() && self.down.is_constant()
+    }
+
+    #[inline]
+    fn shape(&self, t: f64) -> Shape {
+        Shape::at(((t - self.start) * self.x_rate).clamp(0.0, 1.0), self.x_rate)
+    }
+
+    /// Velocity, NED, m/s.
+    #[inline]
+    pub(crate) fn velocity(&self, t: f64) -> Vector3<f64> {
+        let shape = self.shape(t);
+        let (sin, cos) = self.fixed.map_or_else(|| self.heading.value(&shape).sin_cos(), |a| (a.sin, a.cos));
+        let speed = self.speed.value(&shape);
+        Vector3::new(speed * cos, speed * sin, self.down.value(&shape))
+    }
+
+    /// Roll, pitch and heading (rad, the heading not wrapped), and their derivatives (rad/s).
+    pub(crate) fn euler(&self, t: f64) -> (Vector3<f64>, Vector3<f64>) {
+        self.euler_at(&self.shape(t))
+    }
+
+    #[inline]
+    fn euler_at(&self, shape: &Shape) -> (Vector3<f64>, Vector3<f64>) {
+        (
+            Vector3::new(self.roll.value(shape), self.pitch.value(shape), self.heading.value(shape)),
+            Vector3::new(self.roll.rate(shape), self.pitch.rate(shape), self.heading.rate(shape)),
+        )
+    }
+
+    /// Velocity and attitude.
+    #[inline]
+    pub(crate) fn motion(&self, t: f64) -> Motion {
+        let shape = self.shape(t);
+        let (attitude, turn, w_nb_b) = match self.fixed {
+            Some(fixed) => (fixed, 0.0, Vector3::zeros()),
+            None => {
+                let (euler, rates) = self.euler_at(&shape);
+                let attitude = Attitude::new(&euler);
+                // Groves eq. 2.58 read backwards: the third row of c_b_n is the down axis in the body.
+                let w = attitude.c_b_n.row(2).transpose() * rates.z
+                    + Vector3::new(rates.x, rates.y * attitude.cos_roll, -rates.y * attitude.sin_roll);
+                (attitude, rates.z, w)
+            }
+        };
+        let Attitude { sin, cos, c_b_n, .. } = attitude;
+        let (speed, speed_rate) = (self.speed.value(&shape), self.speed.rate(&shape));
+        let across = speed * turn;
+        Motion {
+            velocity: Vector3::new(speed * cos, speed * sin, self.down.value(&shape)),
+            acceleration: Vector3::new(
+                speed_rate * cos - across * sin,
+                speed_rate * sin + across * cos,
+                self.down.rate(&shape),
+            ),
+            c_b_n,
+            w_nb_b,
+        }
+    }
+}
+
+impl Attitude {
+    /// From roll, pitch and heading, rad (Groves eq. 2.24).
+    #[inline]
+    fn new(euler: &Vector3<f64>) -> Self {
+        let (sr, cr) = euler.x.sin_cos();
+        let (sp, cp) = euler.y.sin_cos();
+        let (sin, cos) = euler.z.sin_cos();
+        #[rustfmt::skip]
+        let c_b_n = Matrix3::new(
+            cp * cos, sr * sp * cos - cr * sin, cr * sp * cos + sr * sin,
+            cp * sin, sr * sp * sin + cr * cos, cr * sp * sin - sr * cos,
+            -sp,      sr * cp,                  cr * cp,
+        );
+        Self { sin, cos, sin_roll: sr, cos_roll: cr, c_b_n }
+    }
+}

@@ -1,0 +1,233 @@
+//! The table of motion segments, its checks, and how it becomes smooth phases.
+
+use crate::phase::{Phase, Pose};
+use crate::trajectory::{TrajectoryError, degrees};
+use navfuse_core::units::{Angle, Speed, Time};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Durations of a phase, s: the shortest has eight steps of the position's integration.
+const DURATION: std::ops::RangeInclusive<f64> = 1.0..=1e7;
+/// The greatest speed, m/s.
+const MAX_SPEED: f64 = 1e3;
+/// The greatest tilt, rad.
+const MAX_TILT: f64 = 89.0 * std::f64::consts::PI / 180.0;
+/// The greatest change of heading of one turn, rad.
+const MAX_TURN: f64 = 3600.0 * std::f64::consts::PI / 180.0;
+
+/// One row of the table: a motion. What it does not change keeps the value with which the row before ended.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum SegmentConfig {
+    /// At rest. The segments before must have brought the speed to zero.
+    Static {
+        /// How long it takes.
+        duration: Time,
+    },
+    /// Straight and level at constant speed and attitude.
+    Cruise {
+        /// How long it takes.
+        duration: Time,
+    },
+    /// Straight and level at constant attitude: the forward speed changes smoothly.
+    Surge {
+        /// How long it takes.
+        duration: Time,
+        /// The forward speed at the end.
+        speed: Speed,
+    },
+    /// Straight and level at constant attitude: the forward speed changes and comes back.
+    Pulse {
+        /// How long it takes.
+        duration: Time,
+        /// The change of forward speed in the middle.
+        speed_change: Speed,
+    },
+    /// Down at constant attitude, by ballast: the vertical speed comes and goes, the forward speed stays. The descent is
+    /// 16/35 of the peak rate times the duration.
+    Descend {
+        /// How long it takes.
+        duration: Time,
+        /// The vertical speed in the middle, above zero.
+        rate: Speed,
+    },
+    /// Up at constant attitude, by ballast: as `descend`, upwards.
+    Ascend {
+        /// How long it takes.
+        duration: Time,
+        /// The vertical speed in the middle, above zero.
+        rate: Speed,
+    },
+    /// A turn at constant speed; the velocity turns with the heading.
+    Turn {
+        /// How long it takes.
+        duration: Time,
+        /// The change of heading, positive to starboard.
+        angle: Angle,
+        /// The roll in the middle, beyond that before and after: positive leans into the turn. Zero when left out.
+        bank: Option<Angle>,
+        /// The pitch in the middle, beyond that before and after: positive is nose up. Zero when left out.
+        pitch: Option<Angle>,
+    },
+    /// Four equal legs at constant speed, each a straight part and then a turn by 90 deg.
+    Square {
+        /// How long the four legs take.
+        duration: Time,
+        /// How long each turn takes.
+        turn: Time,
+        /// As in a turn.
+        bank: Option<Angle>,
+        /// As in a turn.
+        pitch: Option<Angle>,
+        /// The side to turn to: starboard when left out.
+        #[serde(default)]
+        direction: Direction,
+    },
+}
+
+/// The side to which a square turns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Direction {
+    /// Clockwise seen from above.
+    #[default]
+    Starboard,
+    /// Anticlockwise seen from above.
+    Port,
+}
+
+/// Checks the numbers of one segment, so that an error says which.
+struct Check {
+    number: usize,
+    kind: &'static str,
+}
+
+impl Check {
+    fn error(&self, key: &'static str, value: String, remedy: String) -> TrajectoryError {
+        TrajectoryError::Segment { number: self.number, kind: self.kind, key, value, remedy }
+    }
+
+    fn duration(&self, key: &'static str, value: Time) -> Result<f64, TrajectoryError> {
+        let s = value.si();
+        if DURATION.contains(&s) {
+            return Ok(s);
+        }
+        let remedy = format!("give a duration from {} s to {} s", DURATION.start(), DURATION.end());
+        Err(self.error(key, format!("{s} s"), remedy))
+    }
+
+    fn speed(&self, key: &'static str, value: Speed) -> Result<f64, TrajectoryError> {
+        let v = value.si();
+        if v.abs() <= MAX_SPEED {
+            return Ok(v);
+        }
+        Err(self.error(key, format!("{v} m/s"), format!("give a speed within {MAX_SPEED} m/s")))
+    }
+
+    fn rate(&self, value: Speed) -> Result<f64, TrajectoryError> {
+        let v = self.speed("rate", value)?;
+        if v > 0.0 {
+            return Ok(v);
+        }
+        let remedy = "give a rate above zero: `descend` goes down, `ascend` goes up".into();
+        Err(self.error("rate", format!("{v} m/s"), remedy))
+    }
+
+    fn angle(&self, key: &'static str, value: Option<Angle>, limit: f64) -> Result<f64, TrajectoryError> {
+        let a = value.map_or(0.0, |a| a.si());
+        if a.abs() <= limit {
+            return Ok(a);
+        }
+        let remedy = format!("give an angle within {:.0} deg", limit.to_degrees());
+        Err(self.error(key, format!("{} deg", degrees(a)), remedy))
+    }
+}
+
+impl SegmentConfig {
+    /// Its name in TOML.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Static { .. } => "static",
+            Self::Cruise { .. } => "cruise",
+            Self::Surge { .. } => "surge",
+            Self::Pulse { .. } => "pulse",
+            Self::Descend { .. } => "descend",
+            Self::Ascend { .. } => "ascend",
+            Self::Turn { .. } => "turn",
+            Self::Square { .. } => "square",
+        }
+    }
+
+    /// How long it takes.
+    pub fn duration(&self) -> Time {
+        match self {
+            Self::Static { duration }
+            | Self::Cruise { duration }
+            | Self::Surge { duration, .. }
+            | Self::Pulse { duration, .. }
+            | Self::Descend { duration, .. }
+            | Self::Ascend { duration, .. }
+            | Self::Turn { duration, .. }
+            | Self::Square { duration, .. } => *duration,
+        }
+    }
+
+    /// Appends its phases from the instant `start` (s) and `pose` on; `number` is its row, from 1. Returns where it ends.
+    pub(crate) fn append(
+        &self,
+        phases: &mut Vec<Phase>,
+        number: usize,
+        start: f64,
+        pose: Pose,
+    ) -> Result<(f64, Pose), TrajectoryError> {
+        let check = Check { number, kind: self.kind() };
+        let duration = check.duration("duration", self.duration())?;
+        let mut phase = Phase::new(number, self.kind().into(), start, duration, &pose);
+        match self {
+            Self::Static { .. } => {
+                if pose.speed != 0.0 {
+                    let remedy = "put a `surge` with speed = \"0 m/s\" before it, or use `cruise`".into();
+                    return Err(check.error("speed", format!("{} m/s", pose.speed), remedy));
+                }
+            }
+            Self::Cruise { .. } => {}
+            Self::Surge { speed, .. } => phase.speed.step = check.speed("speed", *speed)? - pose.speed,
+            Self::Pulse { speed_change, .. } => phase.speed.bump = check.speed("speed_change", *speed_change)?,
+            Self::Descend { rate, .. } => phase.down.bump = check.rate(*rate)?,
+            Self::Ascend { rate, .. } => phase.down.bump = -check.rate(*rate)?,
+            Self::Turn { angle, bank, pitch, .. } => {
+                let angle = check.angle("angle", Some(*angle), MAX_TURN)?;
+                let (bank, pitch) = (check.angle("bank", *bank, MAX_TILT)?, check.angle("pitch", *pitch, MAX_TILT)?);
+                phase = phase.turning(angle, bank, pitch);
+            }
+            Self::Square { turn, bank, pitch, direction, .. } => {
+                let turn = check.duration("turn", *turn)?;
+                let (bank, pitch) = (check.angle("bank", *bank, MAX_TILT)?, check.angle("pitch", *pitch, MAX_TILT)?);
+                let straight = (duration - 4.0 * turn) / 4.0;
+                if !DURATION.contains(&straight) {
+                    let remedy =
+                        format!("four turns leave nothing of {duration} s: shorten them or lengthen the square");
+                    return Err(check.error("turn", format!("{turn} s"), remedy));
+                }
+                let angle = match direction {
+                    Direction::Starboard => std::f64::consts::FRAC_PI_2,
+                    Direction::Port => -std::f64::consts::FRAC_PI_2,
+                };
+                let (mut t, mut pose) = (start, pose);
+                for leg in 1..=4 {
+                    phases.push(Phase::new(number, format!("square leg {leg}"), t, straight, &pose));
+                    t += straight;
+                    let corner = Phase::new(number, format!("square turn {leg}"), t, turn, &pose);
+                    let corner = corner.turning(angle, bank, pitch);
+                    t += turn;
+                    pose = corner.end_pose();
+                    phases.push(corner);
+                }
+                return Ok((t, pose));
+            }
+        }
+        let after = (phase.end, phase.end_pose());
+        phases.push(phase);
+        Ok(after)
+    }
+}

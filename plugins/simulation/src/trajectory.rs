@@ -1,0 +1,209 @@
+//! A trajectory from a table of motion segments (as Pan & Wu 2016, Table 1).
+
+use crate::cursor::Cursor;
+use crate::phase::{Phase, Pose};
+use crate::segment::SegmentConfig;
+use navfuse_core::geodesy::Geodetic;
+use navfuse_core::units::{Angle, Length, Speed};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::sync::Arc;
+
+/// The latitude beyond which north and east lose their meaning for a vehicle, deg.
+const MAX_LATITUDE: f64 = 89.0;
+/// The greatest height above or depth below the ellipsoid, m.
+const MAX_HEIGHT: f64 = 1e5;
+/// Less than any radius of curvature within [`MAX_HEIGHT`] of the ellipsoid, m.
+const LEAST_RADIUS: f64 = 6.2e6;
+
+/// Where a trajectory starts, and the table of its segments.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrajectoryConfig {
+    /// Where and how it starts.
+    #[serde(default)]
+    pub start: StartConfig,
+    /// The motions, one after the other.
+    pub segments: Vec<SegmentConfig>,
+}
+
+/// The vehicle at the start: at rest on the ellipsoid at 30 deg north, level, heading north, unless said otherwise.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct StartConfig {
+    /// Geodetic latitude.
+    pub latitude: Angle,
+    /// Longitude.
+    pub longitude: Angle,
+    /// Height above the ellipsoid.
+    pub height: Length,
+    /// Heading of the body and of the velocity, from north to starboard.
+    pub heading: Angle,
+    /// Roll, kept until the end: positive is starboard down.
+    pub roll: Angle,
+    /// Pitch, kept until the end: positive is nose up. The velocity stays level.
+    pub pitch: Angle,
+    /// Forward speed.
+    pub speed: Speed,
+}
+
+impl Default for StartConfig {
+    fn default() -> Self {
+        let zero = Angle::from_si(0.0);
+        Self {
+            latitude: Angle::from_si(30_f64.to_radians()),
+            longitude: zero,
+            height: Length::from_si(0.0),
+            heading: zero,
+            roll: zero,
+            pitch: zero,
+            speed: Speed::from_si(0.0),
+        }
+    }
+}
+
+/// Why a table is not a trajectory.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TrajectoryError {
+    /// There are no segments.
+    #[error(
+        "segments: the table is empty: give at least one segment, such as {{ type = \"static\", duration = \"600 s\" }}"
+    )]
+    Empty,
+    /// A number of a segment does not fit.
+    #[error("segment {number} (`{kind}`): {key} = \"{value}\": {remedy}")]
+    Segment {
+        /// Row of the table, from 1.
+        number: usize,
+        /// Its type.
+        kind: &'static str,
+        /// The key.
+        key: &'static str,
+        /// Its value, in SI units or degrees.
+        value: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// A number of the start does not fit.
+    #[error("start: {key} = \"{value} {unit}\": give a value within {limit} {unit}")]
+    Start {
+        /// The key.
+        key: &'static str,
+        /// Its value.
+        value: f64,
+        /// The greatest magnitude allowed.
+        limit: f64,
+        /// The unit of both.
+        unit: &'static str,
+    },
+    /// The way is so long that it may leave the region in which the equations hold.
+    #[error(
+        "segment {number}: the way so far may lead to a {key} of {value:.1} {unit}, beyond {limit} {unit}: \
+         shorten the way or start elsewhere"
+    )]
+    Reach {
+        /// Row of the table, from 1.
+        number: usize,
+        /// Latitude or height.
+        key: &'static str,
+        /// The bound on it.
+        value: f64,
+        /// The greatest magnitude allowed.
+        limit: f64,
+        /// The unit of both.
+        unit: &'static str,
+    },
+}
+
+/// Degrees for a message, without the rounding of the way to radians and back.
+pub(crate) fn degrees(radians: f64) -> f64 {
+    (radians.to_degrees() * 1e9).round() / 1e9
+}
+
+/// A part of the trajectory with one kind of motion: for a log of events.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span<'a> {
+    /// Row of the table, from 1.
+    pub number: usize,
+    /// Start, s.
+    pub start: f64,
+    /// End, s.
+    pub end: f64,
+    /// The type of the segment; of a square, `square leg 1`, `square turn 1` and so on.
+    pub label: &'a str,
+}
+
+/// A smooth motion over the ellipsoid; see [`Cursor`] for its values. Cheap to clone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    pub(crate) origin: Geodetic,
+    /// Not empty; each starts where the one before ends, the first at zero.
+    pub(crate) phases: Arc<[Phase]>,
+    duration: f64,
+}
+
+impl Trajectory {
+    /// Checks the table and joins its segments.
+    ///
+    /// # Errors
+    /// When the table is empty, or a number is outside of the region in which the equations hold.
+    pub fn new(config: &TrajectoryConfig) -> Result<Self, TrajectoryError> {
+        let start = &config.start;
+        let within = |key, value: f64, limit, unit| {
+            if value.abs() <= limit { Ok(value) } else { Err(TrajectoryError::Start { key, value, limit, unit }) }
+        };
+        let angle = |key, value: Angle, limit| within(key, degrees(value.si()), limit, "deg").map(|_| value.si());
+        let origin = Geodetic {
+            latitude: angle("latitude", start.latitude, MAX_LATITUDE)?,
+            longitude: angle("longitude", start.longitude, 360.0)?,
+            height: within("height", start.height.si(), MAX_HEIGHT, "m")?,
+        };
+        let mut pose = Pose {
+            speed: within("speed", start.speed.si(), 1e3, "m/s")?,
+            roll: angle("roll", start.roll, 180.0)?,
+            pitch: angle("pitch", start.pitch, 90.0)?,
+            heading: angle("heading", start.heading, 360.0)?,
+        };
+
+        let mut phases = Vec::new();
+        let mut duration = 0.0;
+        let (mut latitude, mut height) = (origin.latitude.abs(), origin.height.abs());
+        for (i, segment) in config.segments.iter().enumerate() {
+            let before = phases.len();
+            (duration, pose) = segment.append(&mut phases, i + 1, duration, pose)?;
+            for phase in &phases[before..] {
+                let (horizontal, vertical) = phase.reach();
+                latitude += horizontal / LEAST_RADIUS;
+                height += vertical;
+            }
+            let reach = |key, value, limit, unit| {
+                if value <= limit {
+                    Ok(())
+                } else {
+                    Err(TrajectoryError::Reach { number: i + 1, key, value, limit, unit })
+                }
+            };
+            reach("latitude", latitude.to_degrees(), MAX_LATITUDE, "deg")?;
+            reach("height", height, MAX_HEIGHT, "m")?;
+        }
+        if phases.is_empty() {
+            return Err(TrajectoryError::Empty);
+        }
+        Ok(Self { origin, phases: phases.into(), duration })
+    }
+
+    /// How long it takes, s.
+    pub fn duration(&self) -> f64 {
+        self.duration
+    }
+
+    /// Its parts, in order and without gaps.
+    pub fn segments(&self) -> impl Iterator<Item = Span<'_>> {
+        self.phases.iter().map(|p| Span { number: p.number, start: p.start, end: p.end, label: &p.label })
+    }
+
+    /// A reader of its values, at the start.
+    pub fn cursor(&self) -> Cursor {
+        Cursor::new(self.clone())
+    }
+}
