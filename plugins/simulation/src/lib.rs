@@ -1,9 +1,10 @@
-//! navfuse-simulation
+//! Simulation: a trajectory made of motion segments, and every sensor of a scenario on it.
 
 pub mod cursor;
 mod phase;
 mod profile;
 pub mod segment;
+mod source;
 pub mod trajectory;
 #[cfg(test)]
 mod trajectory_tests;
@@ -11,3 +12,16 @@ mod trajectory_tests;
 pub use cursor::{Cursor, Kinematics};
 pub use segment::{Direction, SegmentConfig};
 pub use trajectory::{Span, StartConfig, Trajectory, TrajectoryConfig, TrajectoryError};
+pub use source::Simulation;
+
+use navfuse_core::registry::{Plugin, Registry};
+
+/// Registers the source type `simulation`.
+#[derive(Clone, Copy, Debug)]
+pub struct SimulationPlugin;
+
+impl Plugin for SimulationPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.source::<Simulation>();
+    }
+}

@@ -1,7 +1,7 @@
 //! The table of motion segments, its checks, and how it becomes smooth phases.
 
 use crate::phase::{Phase, Pose};
-use crate::trajectory::{TrajectoryError, degrees};
+use crate::trajectory::TrajectoryError;
 use navfuse_core::units::{Angle, Speed, Time};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -9,7 +9,7 @@ use serde::Deserialize;
 /// Durations of a phase, s: the shortest has eight steps of the position's integration.
 const DURATION: std::ops::RangeInclusive<f64> = 1.0..=1e7;
 /// The greatest speed, m/s.
-const MAX_SPEED: f64 = 1e3;
+pub(crate) const MAX_SPEED: f64 = 1e3;
 /// The greatest tilt, rad.
 const MAX_TILT: f64 = 89.0 * std::f64::consts::PI / 180.0;
 /// The greatest change of heading of one turn, rad.
@@ -103,8 +103,8 @@ struct Check {
 }
 
 impl Check {
-    fn error(&self, key: &'static str, value: String, remedy: String) -> TrajectoryError {
-        TrajectoryError::Segment { number: self.number, kind: self.kind, key, value, remedy }
+    fn error(&self, key: &'static str, value: impl ToString, remedy: String) -> TrajectoryError {
+        TrajectoryError::Segment { number: self.number, kind: self.kind, key, value: value.to_string(), remedy }
     }
 
     fn duration(&self, key: &'static str, value: Time) -> Result<f64, TrajectoryError> {
@@ -113,7 +113,7 @@ impl Check {
             return Ok(s);
         }
         let remedy = format!("give a duration from {} s to {} s", DURATION.start(), DURATION.end());
-        Err(self.error(key, format!("{s} s"), remedy))
+        Err(self.error(key, value, remedy))
     }
 
     fn speed(&self, key: &'static str, value: Speed) -> Result<f64, TrajectoryError> {
@@ -121,7 +121,7 @@ impl Check {
         if v.abs() <= MAX_SPEED {
             return Ok(v);
         }
-        Err(self.error(key, format!("{v} m/s"), format!("give a speed within {MAX_SPEED} m/s")))
+        Err(self.error(key, value, format!("give a speed within {MAX_SPEED} m/s")))
     }
 
     fn rate(&self, value: Speed) -> Result<f64, TrajectoryError> {
@@ -130,16 +130,23 @@ impl Check {
             return Ok(v);
         }
         let remedy = "give a rate above zero: `descend` goes down, `ascend` goes up".into();
-        Err(self.error("rate", format!("{v} m/s"), remedy))
+        Err(self.error("rate", value, remedy))
     }
 
-    fn angle(&self, key: &'static str, value: Option<Angle>, limit: f64) -> Result<f64, TrajectoryError> {
-        let a = value.map_or(0.0, |a| a.si());
+    fn angle(&self, key: &'static str, value: Angle, limit: f64) -> Result<f64, TrajectoryError> {
+        let a = value.si();
         if a.abs() <= limit {
             return Ok(a);
         }
         let remedy = format!("give an angle within {:.0} deg", limit.to_degrees());
-        Err(self.error(key, format!("{} deg", degrees(a)), remedy))
+        Err(self.error(key, value, remedy))
+    }
+
+    /// Bank and pitch of a turn, zero when left out.
+    fn tilt(&self, bank: Option<Angle>, pitch: Option<Angle>) -> Result<(f64, f64), TrajectoryError> {
+        let zero = Angle::from_si(0.0);
+        let [bank, pitch] = [("bank", bank), ("pitch", pitch)].map(|(k, a)| self.angle(k, a.unwrap_or(zero), MAX_TILT));
+        Ok((bank?, pitch?))
     }
 }
 
@@ -187,7 +194,7 @@ impl SegmentConfig {
             Self::Static { .. } => {
                 if pose.speed != 0.0 {
                     let remedy = "put a `surge` with speed = \"0 m/s\" before it, or use `cruise`".into();
-                    return Err(check.error("speed", format!("{} m/s", pose.speed), remedy));
+                    return Err(check.error("speed", Speed::from_si(pose.speed), remedy));
                 }
             }
             Self::Cruise { .. } => {}
@@ -196,18 +203,18 @@ impl SegmentConfig {
             Self::Descend { rate, .. } => phase.down.bump = check.rate(*rate)?,
             Self::Ascend { rate, .. } => phase.down.bump = -check.rate(*rate)?,
             Self::Turn { angle, bank, pitch, .. } => {
-                let angle = check.angle("angle", Some(*angle), MAX_TURN)?;
-                let (bank, pitch) = (check.angle("bank", *bank, MAX_TILT)?, check.angle("pitch", *pitch, MAX_TILT)?);
+                let angle = check.angle("angle", *angle, MAX_TURN)?;
+                let (bank, pitch) = check.tilt(*bank, *pitch)?;
                 phase = phase.turning(angle, bank, pitch);
             }
             Self::Square { turn, bank, pitch, direction, .. } => {
-                let turn = check.duration("turn", *turn)?;
-                let (bank, pitch) = (check.angle("bank", *bank, MAX_TILT)?, check.angle("pitch", *pitch, MAX_TILT)?);
-                let straight = (duration - 4.0 * turn) / 4.0;
+                let corner = check.duration("turn", *turn)?;
+                let (bank, pitch) = check.tilt(*bank, *pitch)?;
+                let straight = (duration - 4.0 * corner) / 4.0;
                 if !DURATION.contains(&straight) {
                     let remedy =
                         format!("four turns leave nothing of {duration} s: shorten them or lengthen the square");
-                    return Err(check.error("turn", format!("{turn} s"), remedy));
+                    return Err(check.error("turn", turn, remedy));
                 }
                 let angle = match direction {
                     Direction::Starboard => std::f64::consts::FRAC_PI_2,
@@ -217,11 +224,11 @@ impl SegmentConfig {
                 for leg in 1..=4 {
                     phases.push(Phase::new(number, format!("square leg {leg}"), t, straight, &pose));
                     t += straight;
-                    let corner = Phase::new(number, format!("square turn {leg}"), t, turn, &pose);
-                    let corner = corner.turning(angle, bank, pitch);
-                    t += turn;
-                    pose = corner.end_pose();
-                    phases.push(corner);
+                    let phase = Phase::new(number, format!("square turn {leg}"), t, corner, &pose);
+                    let phase = phase.turning(angle, bank, pitch);
+                    t += corner;
+                    pose = phase.end_pose();
+                    phases.push(phase);
                 }
                 return Ok((t, pose));
             }

@@ -2,11 +2,12 @@
 
 use crate::cursor::Cursor;
 use crate::phase::{Phase, Pose};
-use crate::segment::SegmentConfig;
+use crate::segment::{MAX_SPEED, SegmentConfig};
 use navfuse_core::geodesy::Geodetic;
-use navfuse_core::units::{Angle, Length, Speed};
+use navfuse_core::units::{Angle, Length, Quantity, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
 /// The latitude beyond which north and east lose their meaning for a vehicle, deg.
@@ -79,22 +80,20 @@ pub enum TrajectoryError {
         kind: &'static str,
         /// The key.
         key: &'static str,
-        /// Its value, in SI units or degrees.
+        /// Its value.
         value: String,
         /// What to do.
         remedy: String,
     },
     /// A number of the start does not fit.
-    #[error("start: {key} = \"{value} {unit}\": give a value within {limit} {unit}")]
+    #[error("start: {key} = \"{value}\": give a value within {limit}")]
     Start {
         /// The key.
         key: &'static str,
         /// Its value.
-        value: f64,
+        value: String,
         /// The greatest magnitude allowed.
-        limit: f64,
-        /// The unit of both.
-        unit: &'static str,
+        limit: &'static str,
     },
     /// The way is so long that it may leave the region in which the equations hold.
     #[error(
@@ -115,9 +114,17 @@ pub enum TrajectoryError {
     },
 }
 
-/// Degrees for a message, without the rounding of the way to radians and back.
-pub(crate) fn degrees(radians: f64) -> f64 {
-    (radians.to_degrees() * 1e9).round() / 1e9
+/// The value in SI, if its magnitude is not beyond the limit.
+fn within<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>(
+    key: &'static str,
+    value: Quantity<L, M, T, A, K>,
+    limit: f64,
+    written: &'static str,
+) -> Result<f64, TrajectoryError> {
+    if value.si().abs() <= limit {
+        return Ok(value.si());
+    }
+    Err(TrajectoryError::Start { key, value: value.to_string(), limit: written })
 }
 
 /// A part of the trajectory with one kind of motion: for a log of events.
@@ -149,20 +156,16 @@ impl Trajectory {
     /// When the table is empty, or a number is outside of the region in which the equations hold.
     pub fn new(config: &TrajectoryConfig) -> Result<Self, TrajectoryError> {
         let start = &config.start;
-        let within = |key, value: f64, limit, unit| {
-            if value.abs() <= limit { Ok(value) } else { Err(TrajectoryError::Start { key, value, limit, unit }) }
-        };
-        let angle = |key, value: Angle, limit| within(key, degrees(value.si()), limit, "deg").map(|_| value.si());
         let origin = Geodetic {
-            latitude: angle("latitude", start.latitude, MAX_LATITUDE)?,
-            longitude: angle("longitude", start.longitude, 360.0)?,
-            height: within("height", start.height.si(), MAX_HEIGHT, "m")?,
+            latitude: within("latitude", start.latitude, MAX_LATITUDE.to_radians(), "89 deg")?,
+            longitude: within("longitude", start.longitude, TAU, "360 deg")?,
+            height: within("height", start.height, MAX_HEIGHT, "100 km")?,
         };
         let mut pose = Pose {
-            speed: within("speed", start.speed.si(), 1e3, "m/s")?,
-            roll: angle("roll", start.roll, 180.0)?,
-            pitch: angle("pitch", start.pitch, 90.0)?,
-            heading: angle("heading", start.heading, 360.0)?,
+            speed: within("speed", start.speed, MAX_SPEED, "1000 m/s")?,
+            roll: within("roll", start.roll, PI, "180 deg")?,
+            pitch: within("pitch", start.pitch, FRAC_PI_2, "90 deg")?,
+            heading: within("heading", start.heading, TAU, "360 deg")?,
         };
 
         let mut phases = Vec::new();

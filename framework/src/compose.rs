@@ -1,0 +1,283 @@
+//! Composing a state from parts: what a process or sensor type calls while it builds its model.
+
+use crate::covariance::Transition;
+use crate::document::{DocumentError, Node};
+use crate::manifold::{Manifold, Operations};
+use crate::measurement::AnyMeasurement;
+use crate::motion::Motion;
+use crate::process::ProcessModel;
+use crate::sample::{MAX_CHANNELS, Sample};
+use crate::simulate::{Faults, Simulate};
+use crate::state::{Block, BlockSpec, Handle, Layout, MAX_BLOCKS, Mode, Signal, State};
+use crate::stream::SensorInfo;
+use crate::time::Time;
+use std::any::Any;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// Why a part cannot be composed: the key below its table, and what to do.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{key}: {message}")]
+pub struct ComposeError {
+    key: String,
+    message: String,
+}
+
+impl ComposeError {
+    /// An error about a key of the part's table (empty for the table itself).
+    pub fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { key: key.into(), message: message.into() }
+    }
+
+    /// The error with its place in the document.
+    pub(crate) fn at(&self, node: &Node<'_>) -> DocumentError {
+        let mut place = node.clone();
+        for key in self.key.split('.').filter(|k| !k.is_empty()) {
+            match place.get(key) {
+                Some(inner) => place = inner,
+                None => return place.error(format!("{key}: {}", self.message)),
+            }
+        }
+        place.error(&self.message)
+    }
+}
+
+/// What a sensor is to the estimator.
+pub enum Role {
+    /// It drives the process model that names it.
+    Input(Box<dyn Any + Send>),
+    /// It corrects the state.
+    Measurement(Arc<dyn AnyMeasurement + Sync>),
+    /// It tells the truth.
+    Reference(Arc<dyn Reference>),
+}
+
+impl Role {
+    /// The role of a measurement model.
+    pub fn measurement<M, const N: usize>(model: M) -> Self
+    where
+        M: crate::measurement::MeasurementModel<N> + Sync,
+    {
+        Self::Measurement(Arc::new(crate::measurement::Erased(model)))
+    }
+}
+
+/// Reads the motion of the body from a reference's sample.
+pub trait Reference: Send + Sync {
+    /// The motion of the body's origin; the state's signals may be used. `None` if channels are missing.
+    fn motion(&self, layout: &Layout, state: &State, sample: &Sample) -> Option<Motion>;
+    /// The reverse: the sample that a reference would give on a known motion.
+    fn sample(&self, motion: &Motion, sample: &mut Sample);
+}
+
+/// A process model and what it runs on.
+pub struct BuiltProcess {
+    /// The model.
+    pub model: Box<dyn ProcessModel>,
+    /// The sensor that drives it, if any.
+    pub input: Option<DrivingSensor>,
+}
+
+/// The sensor that drives a process model.
+pub struct DrivingSensor {
+    /// Its name in the scenario.
+    pub name: String,
+    /// How it is simulated.
+    pub simulator: Box<dyn Simulate>,
+}
+
+/// A sensor in its place.
+pub struct Sensor {
+    /// Name, type and channels.
+    pub info: SensorInfo,
+    /// What it is to the estimator.
+    pub role: Role,
+    /// Gate, recovery and time-out.
+    pub policy: crate::gate::Policy,
+    /// What goes wrong with it in a simulation, and how often it speaks; `None` if it is not simulated.
+    pub simulation: Option<Faults>,
+    /// How a driving sensor is simulated; a measuring one is by its model.
+    pub simulator: Option<Box<dyn Simulate>>,
+}
+
+/// A process model in its place.
+pub struct Process {
+    /// Its name in the scenario.
+    pub name: String,
+    /// Its registered type.
+    pub kind: String,
+    /// The model.
+    pub model: Box<dyn ProcessModel>,
+    /// The index of the sensor that drives it.
+    pub input: Option<usize>,
+}
+
+/// Collects the blocks, signals and the transition of a composition.
+#[derive(Default)]
+pub struct Composer {
+    layout: Layout,
+    transition: Transition,
+    owner: String,
+    signals: Vec<(String, usize, usize)>,
+    inputs: Vec<(String, Box<dyn Any + Send>)>,
+    needs_reference: Vec<String>,
+}
+
+impl Composer {
+    pub(crate) fn begin(&mut self, owner: &str) {
+        owner.clone_into(&mut self.owner);
+    }
+
+    pub(crate) fn add_input(&mut self, name: &str, config: Box<dyn Any + Send>) {
+        self.inputs.push((name.to_owned(), config));
+    }
+
+    pub(crate) fn finish(self) -> (Layout, Transition, Vec<String>) {
+        (self.layout, self.transition, self.needs_reference)
+    }
+
+    /// Says that the part's key is not given, so that a reference must say where it starts.
+    pub fn needs_reference(&mut self, key: &str) {
+        self.needs_reference.push(format!("{}.{key}", self.owner));
+    }
+
+    /// The name of the part that is being composed: its table in the scenario.
+    pub fn owner(&self) -> &str {
+        &self.owner
+    }
+
+    /// Adds a state block `owner.name`.
+    ///
+    /// # Errors
+    /// When the name is taken or the number of components is not the manifold's.
+    pub fn block<M: Manifold>(&mut self, name: &str, spec: BlockSpec) -> Result<Handle<M>, ComposeError> {
+        let full = format!("{}.{name}", self.owner);
+        if self.layout.find(&full).is_some() {
+            return Err(ComposeError::new(name, format!("the state {full} is there already")));
+        }
+        let slot = self.layout.blocks.len();
+        if slot == MAX_BLOCKS {
+            return Err(ComposeError::new(name, format!("more than {MAX_BLOCKS} state blocks")));
+        }
+        let given = [Some(&spec.initial), Some(&spec.sigma), spec.truth.as_ref()];
+        if let Some(wrong) = given.into_iter().flatten().find(|v| v.len() != M::TANGENT) {
+            let message = format!("{} components are needed, {} are given", M::TANGENT, wrong.len());
+            return Err(ComposeError::new(name, message));
+        }
+        let operations = Operations::of::<M>();
+        let tangent = (spec.mode != Mode::Fixed).then_some(self.layout.tangent);
+        self.layout.tangent += tangent.map_or(0, |_| operations.tangent);
+        let offset = self.layout.ambient;
+        self.layout.ambient += operations.ambient;
+        self.layout.blocks.push(Block { name: full, spec, operations, offset, tangent });
+        Ok(Handle { slot, manifold: PhantomData })
+    }
+
+    /// The block of that full name, such as `ins.velocity`; `key` is the parameter that named its owner.
+    ///
+    /// # Errors
+    /// When there is no such block, or it lives on another manifold.
+    pub fn find<M: Manifold>(&self, key: &str, full: &str) -> Result<Handle<M>, ComposeError> {
+        let Some(slot) = self.layout.blocks.iter().position(|b| b.name == full) else {
+            let names: Vec<&str> = self.layout.blocks.iter().map(|b| b.name.as_str()).collect();
+            let hint = crate::document::did_you_mean(full, names.iter().copied())
+                .map_or_else(String::new, |n| format!("did you mean {n}? "));
+            return Err(ComposeError::new(
+                key,
+                format!("there is no state {full}; {hint}(states so far: {})", names.join(", ")),
+            ));
+        };
+        if self.layout.blocks[slot].operations.kind != std::any::TypeId::of::<M>() {
+            return Err(ComposeError::new(key, format!("the state {full} is of another kind than is needed")));
+        }
+        Ok(Handle { slot, manifold: PhantomData })
+    }
+
+    /// Adds a signal `owner.name` of `N` numbers.
+    pub fn signal<const N: usize>(&mut self, name: &str) -> Signal<N> {
+        let offset = self.layout.signals;
+        self.layout.signals += N;
+        self.signals.push((format!("{}.{name}", self.owner), offset, N));
+        Signal { offset }
+    }
+
+    /// The signal of that full name, such as `ins.angular_rate`.
+    ///
+    /// # Errors
+    /// When there is no such signal of `N` numbers.
+    pub fn find_signal<const N: usize>(&self, key: &str, full: &str) -> Result<Signal<N>, ComposeError> {
+        (self.signals.iter().find(|(name, _, n)| name == full && *n == N))
+            .map(|(_, offset, _)| Signal { offset: *offset })
+            .ok_or_else(|| ComposeError::new(key, format!("there is no signal {full} of {N} numbers")))
+    }
+
+    /// What the driving sensor of that name told of itself; `key` is the parameter that named it.
+    ///
+    /// # Errors
+    /// When there is no driving sensor of that name, or it is of another type.
+    pub fn input<C: Any>(&self, key: &str, name: &str) -> Result<&C, ComposeError> {
+        let Some((_, config)) = self.inputs.iter().find(|(n, _)| n == name) else {
+            let names: Vec<&str> = self.inputs.iter().map(|(n, _)| n.as_str()).collect();
+            let message = format!("there is no driving sensor {name}; add a table [sensor.{name}]");
+            let names = if names.is_empty() { String::new() } else { format!(" (there are: {})", names.join(", ")) };
+            return Err(ComposeError::new(key, message + &names));
+        };
+        config.downcast_ref().ok_or_else(|| ComposeError::new(key, format!("the sensor {name} is of another type")))
+    }
+
+    /// The first index of a block's error in the error state; `None` when fixed.
+    pub fn tangent<M>(&self, block: Handle<M>) -> Option<usize> {
+        self.layout.block(block).tangent
+    }
+
+    /// Where a process model declares the places of `Phi` and `Q` that it fills.
+    pub fn transition(&mut self) -> &mut Transition {
+        &mut self.transition
+    }
+}
+
+/// A scenario composed: everything that an estimator needs, with every name resolved.
+pub struct Composition {
+    /// Name of the scenario.
+    pub name: String,
+    /// The scenario in TOML with every override in place.
+    pub text: String,
+    /// The blocks.
+    pub layout: Arc<Layout>,
+    /// The pattern of the transition.
+    pub transition: Transition,
+    /// The process models.
+    pub processes: Vec<Process>,
+    /// The sensors, in the order of their ids.
+    pub sensors: Vec<Sensor>,
+    /// When and from what the filter starts.
+    pub estimator: crate::scenario::EstimatorConfig,
+    /// Seed of every random number.
+    pub seed: u64,
+}
+
+impl std::fmt::Debug for Composition {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Composition").field("name", &self.name).field("layout", &self.layout).finish_non_exhaustive()
+    }
+}
+
+impl Composition {
+    /// The index of the sensor of that name.
+    pub fn sensor(&self, name: &str) -> Option<usize> {
+        self.sensors.iter().position(|s| s.info.name == name)
+    }
+
+    /// Checks that a sensor's channels fit a sample.
+    pub(crate) fn check_channels(info: &SensorInfo) -> Result<(), String> {
+        if info.channels.len() > MAX_CHANNELS {
+            return Err(format!("{} channels; at most {MAX_CHANNELS} fit a sample", info.channels.len()));
+        }
+        Ok(())
+    }
+
+    /// The start of the filter.
+    pub fn start(&self) -> Time {
+        self.estimator.start()
+    }
+}

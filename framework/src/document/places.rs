@@ -1,0 +1,95 @@
+//! Where each key of a document stands.
+
+use super::Location;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use toml::de::{DeTable, DeValue};
+
+/// The place of a key: where it stands, and its order among its siblings.
+#[derive(Clone, Debug)]
+struct Place {
+    location: Location,
+    order: usize,
+}
+
+/// The places of all keys, by path.
+#[derive(Clone, Debug)]
+pub struct Places {
+    places: BTreeMap<String, Place>,
+    whole: Location,
+}
+
+/// `key` below `path`, quoted where TOML needs it.
+pub fn join(path: &str, key: &str) -> String {
+    let bare = !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'));
+    let key = if bare { key.to_owned() } else { format!("{key:?}") };
+    if path.is_empty() { key } else { format!("{path}.{key}") }
+}
+
+/// Line and column of a byte offset, both from 1.
+pub fn position(text: &str, offset: usize) -> (usize, usize) {
+    let before = text.get(..offset).unwrap_or(text);
+    let line = before.rsplit('\n').next().unwrap_or_default();
+    (before.matches('\n').count() + 1, line.chars().count() + 1)
+}
+
+impl Places {
+    /// The places in a text, which its parser has divided into `root`.
+    pub fn of(file: &str, text: &str, root: &DeTable<'_>) -> Self {
+        let line_starts: Vec<usize> = text.match_indices('\n').map(|(end, _)| end + 1).collect();
+        let at = |line| Location::File { name: file.to_owned(), line };
+        let mut places = BTreeMap::new();
+        let mut add = |path: String, span: Range<usize>| {
+            let line = line_starts.partition_point(|start| *start <= span.start) + 1;
+            places.insert(path, Place { location: at(line), order: span.start });
+        };
+        table("", root, &mut add);
+        Self { places, whole: at(1) }
+    }
+
+    /// The location of a path, or of the nearest table around it.
+    pub fn location(&self, path: &str) -> &Location {
+        self.nearest(path).map_or(&self.whole, |p| &p.location)
+    }
+
+    /// What sorts the keys of a table as they were written.
+    pub fn order(&self, path: &str) -> usize {
+        self.places.get(path).map_or(usize::MAX, |p| p.order)
+    }
+
+    fn nearest(&self, path: &str) -> Option<&Place> {
+        // the path itself, then what is before each of its dots
+        let ends = std::iter::once(path.len()).chain(path.rmatch_indices('.').map(|(dot, _)| dot));
+        ends.filter_map(|end| self.places.get(path.get(..end)?)).next()
+    }
+
+    /// Says that the command line set that path. It keeps its order; what was below it is forgotten.
+    pub fn set(&mut self, path: &str) {
+        let order = self.order(path);
+        let below = format!("{path}.");
+        self.places.retain(|p, _| !p.starts_with(&below));
+        self.places.insert(path.to_owned(), Place { location: Location::Set { path: path.to_owned() }, order });
+    }
+}
+
+fn table(path: &str, table_of: &DeTable<'_>, add: &mut impl FnMut(String, Range<usize>)) {
+    for (key, inner) in table_of.iter() {
+        let path = join(path, key.get_ref());
+        add(path.clone(), key.span());
+        value(&path, inner.get_ref(), add);
+    }
+}
+
+fn value(path: &str, value_of: &DeValue<'_>, add: &mut impl FnMut(String, Range<usize>)) {
+    match value_of {
+        DeValue::Table(inner) => table(path, inner, add),
+        DeValue::Array(items) => {
+            for (index, item) in items.iter().enumerate() {
+                let path = join(path, &index.to_string());
+                add(path.clone(), item.span());
+                value(&path, item.get_ref(), add);
+            }
+        }
+        _ => {}
+    }
+}

@@ -1,0 +1,37 @@
+//! The framework of navfuse: state blocks, process and measurement models, plugins, scenarios, and the error-state EKF
+//! that they compose into.
+//!
+//! It knows no sensor, no file format and no viewer: those are plugins. A sensor is one generic function of typed state
+//! blocks ([`measurement::MeasurementModel`]), registered with its parameters ([`registry::SensorType`]); a scenario
+//! names it in TOML; the [`runner`] feeds the [`ekf::Ekf`] from sources and tells sinks what comes of it.
+
+pub mod calibration;
+pub mod compose;
+pub mod covariance;
+pub mod document;
+mod dynamics;
+pub mod ekf;
+pub mod gate;
+pub mod geodesy;
+pub mod manifold;
+pub mod measurement;
+pub mod motion;
+pub mod process;
+pub mod record;
+pub mod registry;
+pub mod runner;
+pub mod sample;
+pub mod scenario;
+pub mod schema;
+pub mod simulate;
+pub mod state;
+pub mod stream;
+pub mod summary;
+pub mod time;
+pub mod units;
+
+pub use nalgebra;
+
+/// A real scalar that a model is generic over: `f64`, or a dual number that carries a derivative.
+pub trait Real: nalgebra::RealField + Copy {}
+impl<T: nalgebra::RealField + Copy> Real for T {}

@@ -1,0 +1,157 @@
+//! Measurement models: one generic function, its Jacobian by dual numbers.
+
+use crate::Real;
+use crate::covariance::Update;
+use crate::manifold::MAX_TANGENT;
+use crate::sample::{MAX_CHANNELS, Sample};
+use crate::state::{Handle, Layout, State, View};
+use nalgebra::{SMatrix, SVector};
+use num_dual::Dual64;
+
+/// How a sensor sees the state: `N` channels, `z = h(x) + v`, `v ~ N(0, R)`.
+///
+/// The author writes [`Self::predict`]; the framework differentiates it with respect to every block that it reads,
+/// leaves out channels that a sample lacks, simulates the sensor with it, and never lets the model touch `P`.
+///
+/// A range from the origin of a two-dimensional state:
+/// ```
+/// use navfuse_core::{Real, manifold::Vector, measurement::MeasurementModel, state::{Handle, View}};
+/// use nalgebra::{SMatrix, SVector};
+/// struct Range { position: Handle<Vector<2>>, sigma: f64 }
+/// impl MeasurementModel<1> for Range {
+///     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
+///         SVector::from([x.get(self.position).norm()])
+///     }
+///     fn noise(&self) -> SMatrix<f64, 1, 1> {
+///         SMatrix::from_element(self.sigma * self.sigma)
+///     }
+/// }
+/// ```
+pub trait MeasurementModel<const N: usize>: Send + 'static {
+    /// `h(x)`: what the channels would read, in the sensor's channel order, SI.
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, N>;
+
+    /// `R`: covariance of the noise of the channels, SI squared.
+    fn noise(&self) -> SMatrix<f64, N, N>;
+
+    /// An analytic Jacobian in place of the dual numbers: fill every block that `predict` reads and return `true`.
+    fn jacobian(&self, _x: &View<'_, f64>, _h: &mut Jacobian<'_, N>) -> bool {
+        false
+    }
+}
+
+/// The Jacobian of an `N`-channel model, filled block by block.
+#[derive(Debug)]
+pub struct Jacobian<'a, const N: usize> {
+    layout: &'a Layout,
+    columns: &'a [usize],
+    /// Row-major over all `N` channels.
+    values: &'a mut [f64],
+}
+
+impl<const N: usize> Jacobian<'_, N> {
+    /// Sets the derivative with respect to a block's tangent; a fixed block is passed over.
+    pub fn set<M, const K: usize>(&mut self, block: Handle<M>, derivative: &SMatrix<f64, N, K>) {
+        let Some(tangent) = self.layout.block(block).tangent else { return };
+        if let Some(at) = self.columns.iter().position(|&c| c == tangent) {
+            for i in 0..N {
+                for k in 0..K {
+                    self.values[i * self.columns.len() + at + k] = derivative[(i, k)];
+                }
+            }
+        }
+    }
+}
+
+/// A measurement model whose type is no longer known: what the estimator and the simulator call.
+pub trait AnyMeasurement: Send {
+    /// Number of channels.
+    fn channels(&self) -> usize;
+    /// `h(x)` into `out`.
+    fn predict(&self, layout: &Layout, state: &State, out: &mut [f64]);
+    /// `R`, row-major, into `out`.
+    fn noise(&self, out: &mut [f64]);
+    /// Innovation, Jacobian and noise of the channels that the sample has, into the update's work space.
+    fn linearise(&self, layout: &Layout, state: &State, sample: &Sample, update: &mut Update);
+    /// The blocks that `h` reads at this state, one bit a slot.
+    fn blocks(&self, layout: &Layout, state: &State) -> u128;
+    /// The Jacobian over `columns` (row-major, all channels) by dual numbers.
+    fn differentiate(&self, layout: &Layout, state: &State, columns: &[usize], read: u128, h: &mut [f64]);
+    /// The analytic Jacobian, if the model has one.
+    fn analytic(&self, layout: &Layout, state: &State, columns: &[usize], h: &mut [f64]) -> bool;
+}
+
+/// Makes a model an [`AnyMeasurement`].
+#[derive(Debug)]
+pub struct Erased<M, const N: usize>(pub M);
+
+impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
+    fn channels(&self) -> usize {
+        N
+    }
+
+    fn predict(&self, layout: &Layout, state: &State, out: &mut [f64]) {
+        out.copy_from_slice(self.0.predict(&View::new(layout, state)).as_slice());
+    }
+
+    fn noise(&self, out: &mut [f64]) {
+        out.copy_from_slice(self.0.noise().as_slice());
+    }
+
+    fn blocks(&self, layout: &Layout, state: &State) -> u128 {
+        let view = View::new(layout, state);
+        self.0.predict(&view);
+        view.blocks_read()
+    }
+
+    fn linearise(&self, layout: &Layout, state: &State, sample: &Sample, update: &mut Update) {
+        const { assert!(N <= MAX_CHANNELS) };
+        let view = View::new(layout, state);
+        let predicted = self.0.predict(&view);
+        let read = view.blocks_read();
+        update.columns.clear();
+        for slot in slots(read) {
+            update.columns.extend(layout.blocks[slot].tangent_range());
+        }
+        let w = update.columns.len();
+        update.h.clear();
+        update.h.resize(N * w, 0.0);
+        if !self.analytic(layout, state, &update.columns, &mut update.h) {
+            self.differentiate(layout, state, &update.columns, read, &mut update.h);
+        }
+        let noise = self.0.noise();
+        update.innovation.clear();
+        update.r.clear();
+        let mut m = 0;
+        for i in 0..N {
+            let Some(z) = sample.get(i) else { continue };
+            update.innovation.push(z - predicted[i]);
+            update.r.extend((0..N).filter(|&j| sample.get(j).is_some()).map(|j| noise[(i, j)]));
+            update.h.copy_within(i * w..(i + 1) * w, m * w);
+            m += 1;
+        }
+        update.m = m;
+    }
+
+    fn differentiate(&self, layout: &Layout, state: &State, columns: &[usize], read: u128, h: &mut [f64]) {
+        let mut at = 0;
+        for slot in slots(read) {
+            for k in 0..layout.blocks[slot].tangent_range().len() {
+                let mut delta = [Dual64::from(0.0); MAX_TANGENT];
+                delta[k] = delta[k].derivative();
+                let z = self.0.predict(&View::seeded(layout, state, slot, delta));
+                (0..N).for_each(|i| h[i * columns.len() + at] = z[i].eps);
+                at += 1;
+            }
+        }
+    }
+
+    fn analytic(&self, layout: &Layout, state: &State, columns: &[usize], h: &mut [f64]) -> bool {
+        self.0.jacobian(&View::new(layout, state), &mut Jacobian { layout, columns, values: h })
+    }
+}
+
+/// The slots of a set of blocks, ascending.
+pub fn slots(set: u128) -> impl Iterator<Item = usize> {
+    (0..u128::BITS as usize).filter(move |s| set >> s & 1 == 1)
+}

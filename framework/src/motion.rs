@@ -1,0 +1,30 @@
+//! Rigid-body motion near the Earth: what a simulation gives and a reference records.
+
+use crate::geodesy::Geodetic;
+use crate::time::Time;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// The motion of the body at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// The time.
+    pub time: Time,
+    /// Position of the body's origin.
+    pub position: Geodetic,
+    /// Earth-referenced velocity in north, east, down, m/s.
+    pub velocity: Vector3<f64>,
+    /// Attitude: body to navigation frame.
+    pub c_b_n: UnitQuaternion<f64>,
+    /// Angular rate of the body with respect to inertial space in body axes, rad/s.
+    pub w_ib_b: Vector3<f64>,
+    /// Specific force in body axes, m/s^2.
+    pub f_ib_b: Vector3<f64>,
+}
+
+/// A known motion that sensors are simulated on. Times asked for do not decrease.
+pub trait Trajectory: Send {
+    /// The motion at a time.
+    fn at(&mut self, time: Time) -> Motion;
+    /// Integrals of angular rate (rad) and specific force (m/s) in body axes over an interval.
+    fn increments(&mut self, from: Time, to: Time) -> (Vector3<f64>, Vector3<f64>);
+}

@@ -1,0 +1,71 @@
+//! Process models: how blocks move.
+
+use crate::covariance::Transition;
+use crate::motion::Motion;
+use crate::sample::Sample;
+use crate::state::{Layout, State};
+use crate::time::Time;
+
+/// A piece of time over which a process model moves the state.
+#[derive(Clone, Copy, Debug)]
+pub struct Interval<'a> {
+    /// Its beginning: the time of the state.
+    pub from: Time,
+    /// Its end.
+    pub to: Time,
+    /// The driving sensor's sample whose interval covers this one, for a model that has such a sensor.
+    pub input: Option<Input<'a>>,
+}
+
+/// A driving sample and the time it covers.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a> {
+    /// The sample, at the end of its interval.
+    pub sample: &'a Sample,
+    /// The length of its interval, s: from the previous sample to this one.
+    pub duration: f64,
+}
+
+impl Interval<'_> {
+    /// Its length, s.
+    pub fn duration(&self) -> f64 {
+        self.to.since(self.from)
+    }
+}
+
+/// Why a process model could not go on.
+#[derive(Clone, Debug, thiserror::Error, PartialEq)]
+#[error("{0}")]
+pub struct ProcessError(pub String);
+
+/// Propagates the blocks that it names and fills only the blocks of `Phi` and `Q` that it touches.
+///
+/// The places it fills were declared when it was composed ([`crate::compose::Composer::transition`]). A row of the
+/// error state of which it declares any part is replaced as a whole; all others move by their block's own dynamics.
+pub trait ProcessModel: Send {
+    /// Moves the state over the interval and fills `Phi` and `Q`.
+    ///
+    /// # Errors
+    /// When the state or the input is outside what the model can compute with.
+    fn propagate(
+        &mut self,
+        layout: &Layout,
+        state: &mut State,
+        interval: &Interval<'_>,
+        transition: &mut Transition,
+    ) -> Result<(), ProcessError>;
+
+    /// Sees a driving sample before the filter has started: a model may publish its signals.
+    fn prepare(&mut self, _layout: &Layout, _state: &mut State, _input: &Input<'_>) {}
+
+    /// Called when the state was set or corrected from outside, with what remains of the model's own memory invalid.
+    fn restart(&mut self) {}
+
+    /// Sets the blocks and signals that this model moves to what they are on a known motion, and says which.
+    ///
+    /// This is how a simulation, or a recorded reference, becomes the truth of the estimated state.
+    fn follow(&self, layout: &Layout, motion: &Motion, state: &mut State, known: &mut [bool]);
+
+    /// The model's memory beside the state, to continue from a snapshot.
+    fn boxed_clone(&self) -> Box<dyn ProcessModel>;
+}

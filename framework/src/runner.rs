@@ -1,0 +1,303 @@
+//! The runner: merges sources in order of time, feeds the filter, and tells the sinks.
+
+use crate::compose::Role;
+use crate::ekf::{Ekf, EstimatorError};
+use crate::record::{Epoch, Event, Level, Observer, Rejection, UpdateRecord};
+use crate::sample::{Sample, SensorId};
+use crate::scenario::Assembly;
+use crate::stream::{RunInfo, Sink, Source, StreamError};
+use crate::summary::{Recorded, Statistics, Summary};
+use crate::time::Time;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Why a run ended early. What was recorded until then is kept.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A source failed.
+    #[error("source {source_name}: {error}")]
+    Source {
+        /// Which.
+        source_name: String,
+        /// Why.
+        error: StreamError,
+    },
+    /// The filter cannot go on.
+    #[error(transparent)]
+    Estimator(#[from] EstimatorError),
+    /// The filter never started.
+    #[error("{0}")]
+    NeverStarted(String),
+}
+
+/// How a run ended: the summary is there in any case.
+#[derive(Debug)]
+pub struct Finished {
+    /// What the run tells in numbers.
+    pub summary: Summary,
+    /// Where each sink wrote.
+    pub recorded: Vec<Recorded>,
+    /// Warnings and errors in order of time.
+    pub events: Vec<Event>,
+    /// Why it ended early, if it did.
+    pub error: Option<RunError>,
+    /// Whether it was interrupted.
+    pub interrupted: bool,
+}
+
+/// Progress of a run.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// The time reached.
+    pub now: Time,
+    /// The time of the last sample, where the sources can tell.
+    pub end: Option<Time>,
+}
+
+/// Runs an assembly to its end, or until `stop` is set; `progress` is called about a hundred times a second of run time
+/// at most.
+pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progress)) -> Finished {
+    let Assembly { composition, sources, sinks } = assembly;
+    let clock = std::time::Instant::now();
+    let until = composition.estimator.stop();
+    let period = composition.estimator.output_period();
+    let info = RunInfo {
+        name: composition.name.clone(),
+        scenario: composition.text.clone(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        layout: (*composition.layout).clone(),
+        sensors: composition.sensors.iter().map(|s| s.info.clone()).collect(),
+    };
+    let timeouts = composition.sensors.iter().map(|s| s.policy.timeout.map_or(5.0, |t| t.value().si())).collect();
+    let mut fan = Fan { sinks, statistics: Statistics::new(&info), events: Vec::new(), next_epoch: Time::MIN };
+    fan.each(Time::MIN, |sink| sink.start(&info));
+    let mut ekf = Ekf::new(composition);
+    let mut silence = Silence { timeouts, last: vec![None; info.sensors.len()], lost: vec![false; info.sensors.len()] };
+    let mut merge = Merge::new(sources);
+    merge.schedule(&mut fan);
+    let end = merge.end().map(|e| until.map_or(e, |u| u.min(e)));
+    let (mut error, mut interrupted, mut count) = (None, false, 0_u64);
+    if let Err(e) = merge.fill() {
+        error = Some(e);
+    }
+    while error.is_none() {
+        let Some((sample, source)) = merge.first() else { break };
+        if until.is_some_and(|u| sample.time > u) {
+            break;
+        }
+        if stop.load(Ordering::Relaxed) {
+            interrupted = true;
+            break;
+        }
+        merge.due(sample.time, &mut fan);
+        fan.each(sample.time, |sink| sink.sample(&sample));
+        fan.statistics.read(&sample);
+        if let Err(e) = ekf.process(&sample, &mut fan) {
+            error = Some(e.into());
+            break;
+        }
+        let info = &ekf.composition().sensors[sample.sensor.0].info;
+        silence.heard(&sample, &info.name, &mut fan);
+        if ekf.running() && ekf.state().time >= fan.next_epoch {
+            fan.next_epoch = Time::from_nanos((ekf.state().time.nanos() / period + 1) * period);
+            let (layout, state, covariance) = (ekf.layout(), ekf.state(), ekf.covariance());
+            if fan.statistics.last_epoch != Some(state.time) {
+                fan.epoch(&Epoch { layout, state, covariance, truth: None });
+            }
+            silence.check(sample.time, &info_names(&ekf), &mut fan);
+        }
+        count += 1;
+        if count.is_multiple_of(4096) {
+            progress(Progress { now: sample.time, end });
+        }
+        if let Err(e) = merge.advance(source) {
+            error = Some(e);
+        }
+    }
+    ekf.finish(&mut fan);
+    merge.warnings(&mut fan);
+    if error.is_none() && !ekf.running() && !interrupted {
+        error = Some(RunError::NeverStarted(never_started(&ekf)));
+    }
+    let now = ekf.state().time;
+    if ekf.running() && fan.statistics.last_epoch != Some(now) {
+        let (layout, state, covariance) = (ekf.layout(), ekf.state(), ekf.covariance());
+        fan.epoch(&Epoch { layout, state, covariance, truth: None });
+    }
+    fan.statistics.unheard(&ekf, &mut fan.events);
+    if let Some(e) = &error {
+        fan.event(Event { time: now, level: Level::Error, about: "run".into(), text: e.to_string() });
+    } else if interrupted {
+        fan.event(Event { time: now, level: Level::Warning, about: "run".into(), text: "interrupted".into() });
+    }
+    let recorded = fan.close(now);
+    let mut summary = fan.statistics.summary(&ekf);
+    summary.wall_s = clock.elapsed().as_secs_f64();
+    progress(Progress { now, end: Some(now) });
+    Finished { summary, recorded, events: fan.events, error, interrupted }
+}
+
+fn info_names(ekf: &Ekf) -> impl Fn(usize) -> String + '_ {
+    |k| ekf.composition().sensors[k].info.name.clone()
+}
+
+fn never_started(ekf: &Ekf) -> String {
+    let start = ekf.composition().start();
+    let reference = ekf.composition().sensors.iter().find(|s| matches!(s.role, Role::Reference(_)));
+    match reference {
+        Some(r) if ekf.composition().estimator.from_reference() => format!(
+            "the filter never started: no sample of [sensor.{}] at or after estimator.start = {start}; check the time \
+             stamps, or give the initial values and estimator.initial = \"given\"",
+            r.info.name
+        ),
+        _ => format!("the filter never started: no sample of the driving sensor at or after estimator.start = {start}"),
+    }
+}
+
+/// The heads of all sources.
+struct Merge {
+    sources: Vec<(String, Box<dyn Source>)>,
+    heads: Vec<Option<Sample>>,
+    schedule: Vec<Event>,
+}
+
+impl Merge {
+    fn new(sources: Vec<(String, Box<dyn Source>)>) -> Self {
+        Self { heads: vec![None; sources.len()], sources, schedule: Vec::new() }
+    }
+
+    fn schedule(&mut self, _fan: &mut Fan) {
+        let mut events: Vec<Event> = self.sources.iter().flat_map(|(_, s)| s.schedule()).collect();
+        events.sort_by_key(|e| std::cmp::Reverse(e.time));
+        self.schedule = events;
+    }
+
+    /// Tells what was scheduled up to a time.
+    fn due(&mut self, now: Time, fan: &mut Fan) {
+        while self.schedule.last().is_some_and(|e| e.time <= now) {
+            if let Some(event) = self.schedule.pop() {
+                fan.event(event);
+            }
+        }
+    }
+
+    fn end(&self) -> Option<Time> {
+        self.sources.iter().filter_map(|(_, s)| s.end()).max()
+    }
+
+    fn fill(&mut self) -> Result<(), RunError> {
+        (0..self.sources.len()).try_for_each(|k| self.advance(k))
+    }
+
+    fn advance(&mut self, k: usize) -> Result<(), RunError> {
+        let (name, source) = &mut self.sources[k];
+        let mut sample = Sample::empty(Time::MIN, SensorId(0));
+        let more =
+            source.next(&mut sample).map_err(|error| RunError::Source { source_name: name.clone(), error })?;
+        self.heads[k] = more.then_some(sample);
+        Ok(())
+    }
+
+    /// The earliest head; the first source of those at the same time.
+    fn first(&self) -> Option<(Sample, usize)> {
+        let heads = self.heads.iter().enumerate().filter_map(|(k, h)| h.as_ref().map(|h| (h, k)));
+        heads.min_by_key(|(h, k)| (h.time, *k)).map(|(h, k)| (*h, k))
+    }
+
+    fn warnings(&mut self, fan: &mut Fan) {
+        for (name, source) in &mut self.sources {
+            if let Some(text) = source.warning() {
+                let time = fan.statistics.last_epoch.unwrap_or(Time::MIN);
+                fan.event(Event { time, level: Level::Warning, about: name.clone(), text });
+            }
+        }
+    }
+}
+
+/// Tells everything to everyone.
+struct Fan {
+    sinks: Vec<(String, Box<dyn Sink>)>,
+    statistics: Statistics,
+    events: Vec<Event>,
+    next_epoch: Time,
+}
+
+impl Fan {
+    /// Calls every sink; one that fails is closed, and named.
+    fn each(&mut self, time: Time, mut call: impl FnMut(&mut dyn Sink) -> Result<(), StreamError>) {
+        let mut k = 0;
+        while k < self.sinks.len() {
+            match call(self.sinks[k].1.as_mut()) {
+                Ok(()) => k += 1,
+                Err(error) => {
+                    let (name, _) = self.sinks.remove(k);
+                    let text = format!("{error}; the run goes on without this sink");
+                    self.event(Event { time, level: Level::Error, about: name, text });
+                }
+            }
+        }
+    }
+
+    fn close(&mut self, time: Time) -> Vec<Recorded> {
+        let mut recorded = Vec::new();
+        for (name, mut sink) in std::mem::take(&mut self.sinks) {
+            match sink.finish() {
+                Ok(place) => recorded.extend(place.map(|place| Recorded { sink: name, place })),
+                Err(error) => {
+                    self.events.push(Event { time, level: Level::Error, about: name, text: error.to_string() });
+                }
+            }
+        }
+        recorded
+    }
+}
+
+impl Observer for Fan {
+    fn epoch(&mut self, epoch: &Epoch<'_>) {
+        self.statistics.epoch(epoch);
+        self.each(epoch.state.time, |sink| sink.epoch(epoch));
+    }
+    fn update(&mut self, update: &UpdateRecord<'_>) {
+        self.statistics.update(update);
+        self.each(update.time, |sink| sink.update(update));
+    }
+    fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
+        self.statistics.input(sample, rejected);
+    }
+    fn event(&mut self, event: Event) {
+        self.each(event.time, |sink| sink.event(&event));
+        if event.level > Level::Info && self.events.len() < 1000 {
+            self.events.push(event);
+        }
+    }
+}
+
+/// Notices sensors that fall silent.
+struct Silence {
+    timeouts: Vec<f64>,
+    last: Vec<Option<Time>>,
+    lost: Vec<bool>,
+}
+
+impl Silence {
+    fn heard(&mut self, sample: &Sample, name: &str, fan: &mut Fan) {
+        let k = sample.sensor.0;
+        if let Some(last) = self.last[k].replace(sample.time)
+            && self.lost[k]
+        {
+            self.lost[k] = false;
+            let text = format!("{name} is back after {:.1} s", sample.time.since(last));
+            fan.event(Event { time: sample.time, level: Level::Info, about: name.to_owned(), text });
+        }
+    }
+
+    fn check(&mut self, now: Time, name: &dyn Fn(usize) -> String, fan: &mut Fan) {
+        for k in 0..self.last.len() {
+            let silent = self.last[k].is_some_and(|last| now.since(last) > self.timeouts[k]);
+            if silent && !self.lost[k] {
+                self.lost[k] = true;
+                let text = format!("{} lost: no sample for {} s", name(k), self.timeouts[k]);
+                fan.event(Event { time: now, level: Level::Warning, about: name(k), text });
+            }
+        }
+    }
+}

@@ -1,0 +1,307 @@
+//! From a TOML document to a composition, its sources and its sinks.
+
+use crate::compose::{Composer, Composition, Process, Role, Sensor};
+use crate::document::{Document, DocumentError, Node, did_you_mean};
+use crate::gate::Policy;
+use crate::registry::{BuildError, Entry, Kind, Make, OpenContext, Registry};
+use crate::stream::{Purpose, SensorInfo, Sink, Source};
+use crate::time::Time;
+use crate::units::{Frequency, Positive, Time as Duration};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Where the filter's initial values come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Initial {
+    /// The first sample of a reference at or after the start.
+    Reference,
+    /// The `initial` values of the states.
+    Given,
+}
+
+/// `[estimator]`: when and from what the filter starts, and how often it is recorded.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EstimatorConfig {
+    /// When the filter starts. Default: with the first sample.
+    start: Option<Duration>,
+    /// When the run ends. Default: with the last sample.
+    stop: Option<Duration>,
+    /// Where the initial values come from: `reference` (default where there is a reference) or `given`.
+    initial: Option<Initial>,
+    /// Whether values taken from a reference are displaced by draws from their prior.
+    #[serde(default)]
+    pub perturb: bool,
+    /// How often estimates are recorded.
+    #[serde(default = "ten_hertz")]
+    output_rate: Positive<Frequency>,
+}
+
+fn ten_hertz() -> Positive<Frequency> {
+    Positive::from_si(10.0)
+}
+
+impl Default for EstimatorConfig {
+    fn default() -> Self {
+        Self { start: None, stop: None, initial: None, perturb: false, output_rate: ten_hertz() }
+    }
+}
+
+impl EstimatorConfig {
+    /// When the filter starts.
+    pub fn start(&self) -> Time {
+        self.start.and_then(|s| Time::from_seconds(s.si())).unwrap_or(Time::MIN)
+    }
+
+    /// When the run ends.
+    pub fn stop(&self) -> Option<Time> {
+        self.stop.and_then(|s| Time::from_seconds(s.si()))
+    }
+
+    /// Nanoseconds between recorded estimates.
+    pub fn output_period(&self) -> i64 {
+        ((1e9 / self.output_rate.value().si()).round() as i64).max(1)
+    }
+
+    /// Whether the filter starts from a reference.
+    pub fn from_reference(&self) -> bool {
+        self.initial == Some(Initial::Reference)
+    }
+}
+
+/// A scenario ready to run.
+pub struct Assembly {
+    /// The filter's parts.
+    pub composition: Composition,
+    /// Where samples come from, each with its name.
+    pub sources: Vec<(String, Box<dyn Source>)>,
+    /// Where results go, each with its name.
+    pub sinks: Vec<(String, Box<dyn Sink>)>,
+}
+
+/// Keys at the top of a scenario.
+pub const TOP_KEYS: [&str; 8] = ["name", "description", "seed", "estimator", "process", "sensor", "source", "sink"];
+
+/// Keys that the framework takes from the tables of a kind, beside the type's own.
+pub fn common_keys(kind: Kind) -> &'static [&'static str] {
+    match kind {
+        Kind::Sensor => &["type", "enabled", "gate", "recovery", "timeout", "simulation"],
+        _ => &["type", "enabled"],
+    }
+}
+
+/// One table of a kind: name, type and place.
+struct Part<'a> {
+    name: &'a str,
+    entry: &'a Entry,
+    node: Node<'a>,
+}
+
+/// Reads and composes scenarios.
+pub struct Scenario<'a> {
+    registry: &'a Registry,
+    document: Document,
+}
+
+impl<'a> Scenario<'a> {
+    /// Reads the scenario at a path and sets the given `key.path=value` overrides.
+    ///
+    /// # Errors
+    /// When the file cannot be read or is not TOML.
+    pub fn load(registry: &'a Registry, path: &Path, overrides: &[String]) -> Result<Self, DocumentError> {
+        Self::new(registry, Document::from_file(path)?, overrides)
+    }
+
+    /// The scenario in a document.
+    ///
+    /// # Errors
+    /// When an override is not `key.path=value`.
+    pub fn new(registry: &'a Registry, mut document: Document, overrides: &[String]) -> Result<Self, DocumentError> {
+        for o in overrides {
+            document.set(o)?;
+        }
+        Ok(Self { registry, document })
+    }
+
+    /// The tables of a kind, in the order of the file.
+    fn parts<'s>(&'s self, kind: Kind) -> Result<Vec<Part<'s>>, DocumentError> {
+        let Some(table) = self.document.root().get(kind.table()) else { return Ok(Vec::new()) };
+        let mut parts = Vec::new();
+        for (name, node) in table.entries()? {
+            if !node.value().is_table() {
+                return Err(node.error(format!("a table is needed: [{}.{name}]", kind.table())));
+            }
+            if let Some(enabled) = node.get("enabled")
+                && !enabled.parse::<bool>()?
+            {
+                continue;
+            }
+            let (place, wanted) = match node.get("type") {
+                Some(t) => (t.clone(), t.parse::<String>()?),
+                None => (node.clone(), name.to_owned()),
+            };
+            let entry = self.registry.get(kind, &wanted).ok_or_else(|| {
+                let names: Vec<&str> = self.registry.entries().filter(|e| e.kind == kind).map(|e| e.name).collect();
+                let hint = did_you_mean(&wanted, names.iter().copied());
+                let hint = hint.map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+                let (table, names) = (kind.table(), names.join(", "));
+                place.error(format!("unknown {table} type {wanted:?}{hint} (registered: {names}; or set `type`)"))
+            })?;
+            parts.push(Part { name, entry, node });
+        }
+        Ok(parts)
+    }
+
+    /// Composes the filter: blocks, models, sensors.
+    ///
+    /// # Errors
+    /// When anything in the scenario does not fit; the message names file, line, key, what was found and what to do.
+    pub fn compose(&self) -> Result<Composition, BuildError> {
+        let root = self.document.root();
+        root.check_keys(&TOP_KEYS)?;
+        if let Some((kind, name)) = self.registry.registered_twice().first() {
+            return Err(root.error(format!("two plugins register the {} type {name:?}", kind.table())).into());
+        }
+        let mut estimator: EstimatorConfig =
+            root.get("estimator").map_or_else(|| Ok(EstimatorConfig::default()), |n| n.parse())?;
+        let name = match root.get("name") {
+            Some(n) => n.parse()?,
+            None => self.document.stem(),
+        };
+        let seed = root.get("seed").map_or(Ok(1), |n| n.parse())?;
+        if let Some(description) = root.get("description") {
+            description.parse::<String>()?;
+        }
+        let mut composer = Composer::default();
+        let parts = self.parts(Kind::Sensor)?;
+        let mut sensors: Vec<Option<Sensor>> = parts.iter().map(|_| None).collect();
+        self.build_sensors(&parts, true, &mut composer, &mut sensors)?;
+        let mut processes = Vec::new();
+        for part in self.parts(Kind::Process)? {
+            let Make::Process(make) = &part.entry.make else { continue };
+            composer.begin(part.name);
+            let built = make(&part.node.without(common_keys(Kind::Process)), &mut composer)?;
+            let input = match built.input {
+                None => None,
+                Some(driving) => {
+                    let index = parts.iter().position(|p| p.name == driving.name);
+                    if let Some(sensor) = index.and_then(|k| sensors[k].as_mut()) {
+                        sensor.simulator = Some(driving.simulator);
+                    }
+                    index
+                }
+            };
+            let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
+            processes.push(Process { name, kind, model: built.model, input });
+        }
+        if processes.iter().filter(|p| p.input.is_some()).count() > 1 {
+            let message = "two process models are driven by sensors; at most one can be";
+            return Err(root.get("process").unwrap_or(root).error(message).into());
+        }
+        self.build_sensors(&parts, false, &mut composer, &mut sensors)?;
+        let sensors: Vec<Sensor> = sensors.into_iter().flatten().collect();
+        let (layout, transition, needing) = composer.finish();
+        if layout.tangent == 0 {
+            return Err(root.error("nothing is estimated: add a process model, such as [process.ins]").into());
+        }
+        let has_reference = sensors.iter().any(|s| matches!(s.role, Role::Reference(_)));
+        let initial = *estimator.initial.get_or_insert(if has_reference { Initial::Reference } else { Initial::Given });
+        if initial == Initial::Given && !needing.is_empty() {
+            let message = format!(
+                "no initial value: give {}, or a reference to start from: [sensor.reference]",
+                needing.join(", ")
+            );
+            return Err(root.get("process").unwrap_or(root).error(message).into());
+        }
+        if initial == Initial::Reference && !has_reference {
+            let place = root.get("estimator").unwrap_or(root);
+            return Err(place.error("initial = \"reference\" needs a sensor that is one: [sensor.reference]").into());
+        }
+        let text = self.document.to_toml();
+        Ok(Composition { name, text, layout: Arc::new(layout), transition, processes, sensors, estimator, seed })
+    }
+
+    fn build_sensors(
+        &self,
+        parts: &[Part<'_>],
+        inputs: bool,
+        composer: &mut Composer,
+        sensors: &mut [Option<Sensor>],
+    ) -> Result<(), BuildError> {
+        for (part, place) in parts.iter().zip(sensors) {
+            let Make::Sensor { make, input } = &part.entry.make else { continue };
+            if *input != inputs {
+                continue;
+            }
+            composer.begin(part.name);
+            let policy: Policy = part.node.only(&["gate", "recovery", "timeout", "simulation"]).parse()?;
+            let mut built = make(&part.node.without(common_keys(Kind::Sensor)), composer)?;
+            let purpose = match &mut built.role {
+                Role::Input(config) => {
+                    composer.add_input(part.name, std::mem::replace(config, Box::new(())));
+                    Purpose::Input
+                }
+                Role::Measurement(_) => Purpose::Measurement,
+                Role::Reference(_) => Purpose::Reference,
+            };
+            let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
+            let info = SensorInfo { name, kind, channels: built.channels, purpose };
+            Composition::check_channels(&info).map_err(|m| part.node.error(m))?;
+            let simulation = policy.simulation.clone();
+            *place = Some(Sensor { info, role: built.role, policy, simulation, simulator: None });
+        }
+        Ok(())
+    }
+
+    /// Composes the scenario and opens its sources and sinks. Every registered type of sink is opened unless its table
+    /// says `enabled = false`; with no `output` folder none is.
+    ///
+    /// # Errors
+    /// As [`Self::compose`], and when a source or sink cannot be opened.
+    pub fn assemble(&self, output: Option<&Path>) -> Result<Assembly, BuildError> {
+        let composition = self.compose()?;
+        let base = self.document.folder();
+        let context = OpenContext { composition: &composition, base, output: output.map_or_else(PathBuf::new, Into::into) };
+        let mut sources = Vec::new();
+        let parts = self.parts(Kind::Source)?;
+        if parts.is_empty() {
+            let names: Vec<&str> = self.registry.entries().filter(|e| e.kind == Kind::Source).map(|e| e.name).collect();
+            let message = format!("no source of samples: add one of [source.{}]", names.join("], [source."));
+            return Err(self.document.root().error(message).into());
+        }
+        for part in parts {
+            let Make::Source(make) = &part.entry.make else { continue };
+            let streams = make(&part.node.without(common_keys(Kind::Source)), &context)?;
+            sources.extend(streams.into_iter().map(|s| (part.name.to_owned(), s)));
+        }
+        let mut sinks = Vec::new();
+        let parts = self.parts(Kind::Sink)?;
+        if output.is_some() {
+            for part in &parts {
+                let Make::Sink(make) = &part.entry.make else { continue };
+                sinks.push((part.name.to_owned(), make(&part.node.without(common_keys(Kind::Sink)), &context)?));
+            }
+            let named = self.document.root().get(Kind::Sink.table());
+            let empty = Document::parse("default", "")?;
+            for entry in self.registry.entries().filter(|e| e.kind == Kind::Sink) {
+                let mentioned = named.as_ref().is_some_and(|n| n.get(entry.name).is_some());
+                let used = parts.iter().any(|p| p.entry.name == entry.name);
+                if let Make::Sink(make) = &entry.make
+                    && !mentioned
+                    && !used
+                {
+                    sinks.push((entry.name.to_owned(), make(&empty.root(), &context)?));
+                }
+            }
+        }
+        Ok(Assembly { composition, sources, sinks })
+    }
+
+    /// The document.
+    pub fn document(&self) -> &Document {
+        &self.document
+    }
+}

@@ -1,0 +1,101 @@
+//! Sources of samples and sinks of results.
+
+use crate::record::{Epoch, Event, UpdateRecord};
+use crate::sample::{Channel, Sample};
+use crate::state::Layout;
+use crate::time::Time;
+
+/// Why a source or a sink failed: the file or address, and what to do.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct StreamError(pub String);
+
+/// Gives samples in order of time.
+pub trait Source: Send {
+    /// Writes the next sample; `false` at the end.
+    ///
+    /// # Errors
+    /// When what it reads is not what it should be. The run then ends, and what was recorded is kept.
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError>;
+
+    /// The time of its last sample, if it can tell: the end of the progress bar.
+    fn end(&self) -> Option<Time> {
+        None
+    }
+
+    /// What it knows will happen, such as the segments of a simulated trajectory; asked once, at the start.
+    fn schedule(&self) -> Vec<Event> {
+        Vec::new()
+    }
+
+    /// What a person should know after the last sample: a log that was cut off, rows that were skipped.
+    fn warning(&mut self) -> Option<String> {
+        None
+    }
+}
+
+/// What is known of a run when it begins.
+#[derive(Clone, Debug)]
+pub struct RunInfo {
+    /// The scenario's name.
+    pub name: String,
+    /// The scenario in TOML, as it was run: with every override in place.
+    pub scenario: String,
+    /// Version of the program.
+    pub version: String,
+    /// The blocks of the state.
+    pub layout: Layout,
+    /// The sensors, in the order of their ids.
+    pub sensors: Vec<SensorInfo>,
+}
+
+/// What a sink knows of a sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorInfo {
+    /// Its name in the scenario.
+    pub name: String,
+    /// Its registered type.
+    pub kind: String,
+    /// Its channels.
+    pub channels: Vec<Channel>,
+    /// What it is for.
+    pub purpose: Purpose,
+}
+
+/// What a sensor is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// It drives a process model.
+    Input,
+    /// It corrects the state.
+    Measurement,
+    /// It tells the truth, to begin from and to compare with.
+    Reference,
+}
+
+/// Takes what a run tells. Every method but [`Sink::finish`] may do nothing.
+///
+/// # Errors
+/// A sink that fails is closed and named in an event; the run and the other sinks go on.
+pub trait Sink: Send {
+    /// The run begins.
+    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError>;
+    /// A sample, in the order in which the estimator took it.
+    fn sample(&mut self, _sample: &Sample) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// An estimate.
+    fn epoch(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// A measurement was used, or not.
+    fn update(&mut self, _update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// Something to read.
+    fn event(&mut self, _event: &Event) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// The run is over: write what is left, and say where it went (a path or an address).
+    fn finish(&mut self) -> Result<Option<String>, StreamError>;
+}

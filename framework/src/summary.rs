@@ -1,0 +1,255 @@
+//! What a run tells in numbers.
+
+use crate::compose::Role;
+use crate::ekf::Ekf;
+use crate::manifold::{MAX_TANGENT, Position, Reading};
+use crate::record::{Epoch, Event, Level, Outcome, Rejection, UpdateRecord};
+use crate::sample::Sample;
+use crate::state::Mode;
+use crate::stream::{Purpose, RunInfo};
+use crate::time::Time;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use std::any::TypeId;
+
+/// Where a sink wrote.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recorded {
+    /// The sink's name in the scenario.
+    pub sink: String,
+    /// Path or address.
+    pub place: String,
+}
+
+/// The result of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// From the filter's start to its end, s.
+    pub duration_s: f64,
+    /// Horizontal path length of the reference, or of the estimate where there is none, m.
+    pub distance_m: f64,
+    /// Time that the run took, s.
+    pub wall_s: f64,
+    /// What became of each sensor's samples.
+    pub samples: Map<String, Value>,
+    /// Every block's final estimate, by name.
+    pub states: Map<String, Value>,
+    /// Estimated against true position; null without a reference.
+    pub horizontal_error_m: Option<HorizontalError>,
+    /// The same states as rows to print.
+    #[serde(skip)]
+    pub rows: Vec<StateRow>,
+}
+
+/// Horizontal position error against the reference.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct HorizontalError {
+    /// At the last reference, m.
+    #[serde(rename = "final")]
+    pub last: f64,
+    /// Root mean square over all references, m.
+    pub rms: f64,
+    /// The last one in per cent of the distance.
+    pub percent_of_distance: f64,
+}
+
+/// A block's final estimate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateRow {
+    /// `owner.name`.
+    pub name: String,
+    /// Unit of sigma and error.
+    pub unit: &'static str,
+    /// Names of the components.
+    pub components: &'static [&'static str],
+    /// Estimated, fixed or considered.
+    pub mode: Mode,
+    /// The estimate.
+    pub estimate: Vec<f64>,
+    /// 1-sigma.
+    pub sigma: Vec<f64>,
+    /// Estimate minus reference, where there is one.
+    pub error: Option<Vec<f64>>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Counts {
+    read: u64,
+    used: u64,
+    gated: u64,
+    rejected: u64,
+    nis: f64,
+}
+
+/// Collects the numbers while a run goes on.
+#[derive(Debug)]
+pub(crate) struct Statistics {
+    pub(crate) last_epoch: Option<Time>,
+    name: String,
+    sensors: Vec<(String, Purpose, Counts)>,
+    position: Option<usize>,
+    first: Option<Time>,
+    before: Option<Vec<f64>>,
+    before_truth: Option<Vec<f64>>,
+    distance: f64,
+    true_distance: f64,
+    errors: (u64, f64, f64),
+    final_error: Vec<Option<Vec<f64>>>,
+}
+
+impl Statistics {
+    pub(crate) fn new(info: &RunInfo) -> Self {
+        let kind = TypeId::of::<Position>();
+        Self {
+            last_epoch: None,
+            name: info.name.clone(),
+            sensors: info.sensors.iter().map(|s| (s.name.clone(), s.purpose, Counts::default())).collect(),
+            position: info.layout.blocks.iter().position(|b| b.operations.kind == kind),
+            first: None,
+            before: None,
+            before_truth: None,
+            distance: 0.0,
+            true_distance: 0.0,
+            errors: (0, 0.0, 0.0),
+            final_error: vec![None; info.layout.blocks.len()],
+        }
+    }
+
+    pub(crate) fn read(&mut self, sample: &Sample) {
+        self.sensors[sample.sensor.0].2.read += 1;
+    }
+
+    pub(crate) fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
+        let counts = &mut self.sensors[sample.sensor.0].2;
+        match rejected {
+            Some(_) => counts.rejected += 1,
+            None if self.first.is_some_and(|f| sample.time > f) => counts.used += 1,
+            None => {}
+        }
+    }
+
+    pub(crate) fn update(&mut self, update: &UpdateRecord<'_>) {
+        let counts = &mut self.sensors[update.sensor.0].2;
+        match update.outcome {
+            Outcome::Accepted => {
+                counts.used += 1;
+                counts.nis += update.nis;
+            }
+            Outcome::Gated => counts.gated += 1,
+            Outcome::Rejected(_) => counts.rejected += 1,
+        }
+    }
+
+    pub(crate) fn epoch(&mut self, epoch: &Epoch<'_>) {
+        self.first.get_or_insert(epoch.state.time);
+        self.last_epoch = Some(epoch.state.time);
+        if let Some(slot) = self.position {
+            let block = &epoch.layout.blocks[slot];
+            let step = |before: &mut Option<Vec<f64>>, now: &[f64]| {
+                let mut d = [0.0; 3];
+                if let Some(before) = before {
+                    (block.operations.local)(now, before, &mut d);
+                    before.copy_from_slice(now);
+                } else {
+                    *before = Some(now.to_vec());
+                }
+                d[0].hypot(d[1])
+            };
+            let now = &epoch.state.values[block.range()];
+            self.distance += step(&mut self.before, now);
+            if let Some(truth) = epoch.truth.filter(|t| t.known[slot]) {
+                let true_now = &truth.state.values[block.range()];
+                self.true_distance += step(&mut self.before_truth, true_now);
+                let mut e = [0.0; 3];
+                (block.operations.local)(now, true_now, &mut e);
+                let (count, squares, _) = self.errors;
+                let error = e[0].hypot(e[1]);
+                self.errors = (count + 1, squares + error * error, error);
+            }
+        }
+        if let Some(truth) = epoch.truth {
+            for (slot, block) in epoch.layout.blocks.iter().enumerate().filter(|(slot, _)| truth.known[*slot]) {
+                let error = self.final_error[slot].get_or_insert_with(|| vec![0.0; block.operations.tangent]);
+                block.show_error(&epoch.state.values, &truth.state.values, error);
+            }
+        }
+    }
+
+    /// Sensors that never spoke.
+    pub(crate) fn unheard(&self, ekf: &Ekf, events: &mut Vec<Event>) {
+        for (name, _, _) in self.sensors.iter().filter(|(_, _, c)| c.read == 0) {
+            let text = format!(
+                "no sample of [sensor.{name}] in any source: check the source's files and columns, or remove the sensor"
+            );
+            events.push(Event { time: ekf.state().time, level: Level::Warning, about: name.clone(), text });
+        }
+    }
+
+    pub(crate) fn summary(&mut self, ekf: &Ekf) -> Summary {
+        let layout = ekf.layout();
+        let truth = ekf.truth();
+        let mut rows = Vec::new();
+        let mut states = Map::new();
+        for (slot, block) in layout.blocks.iter().enumerate() {
+            let n = block.operations.tangent;
+            let (mut estimate, mut sigma, mut error) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+            block.show(&ekf.state().values, &mut estimate);
+            block.show_sigma(&ekf.state().values, ekf.covariance(), &mut sigma);
+            // what the scenario states as true is so at the end too; a reference counts at its last time
+            let constant = block.spec.truth.is_some();
+            let error = if constant && truth.known[slot] {
+                block.show_error(&ekf.state().values, &truth.state.values, &mut error);
+                Some(error[..n].to_vec())
+            } else {
+                self.final_error[slot].clone()
+            };
+            let row = StateRow {
+                name: block.name.clone(),
+                unit: block.spec.display.unit,
+                components: block.spec.display.components,
+                mode: block.spec.mode,
+                estimate: estimate[..n].to_vec(),
+                sigma: sigma[..n].to_vec(),
+                error,
+            };
+            let mut value = json!({ "unit": row.unit, "estimate": row.estimate, "sigma": row.sigma, "error": row.error });
+            if block.operations.reading == Reading::Tangent {
+                value["estimate_unit"] = json!(["deg", "deg", "m"]);
+            }
+            if row.mode != Mode::Estimate {
+                value["mode"] = json!(row.mode);
+            }
+            states.insert(block.name.clone(), value);
+            rows.push(row);
+        }
+        let mut samples = Map::new();
+        for ((name, _, c), sensor) in self.sensors.iter().zip(&ekf.composition().sensors) {
+            let mean_nis = if c.used > 0 { json!(c.nis / c.used as f64) } else { Value::Null };
+            let value = match sensor.role {
+                Role::Input(_) => json!({ "read": c.read, "used": c.used, "rejected": c.rejected }),
+                Role::Reference(_) => json!({ "read": c.read }),
+                Role::Measurement(_) => json!({ "read": c.read, "accepted": c.used, "gated": c.gated,
+                    "rejected": c.rejected, "mean_nis": mean_nis }),
+            };
+            samples.insert(name.clone(), value);
+        }
+        let (count, squares, last) = self.errors;
+        let distance_m = if count > 1 { self.true_distance } else { self.distance };
+        Summary {
+            scenario: self.name.clone(),
+            duration_s: self.first.zip(self.last_epoch).map_or(0.0, |(a, b)| b.since(a)),
+            distance_m,
+            wall_s: 0.0,
+            samples,
+            states,
+            horizontal_error_m: (count > 0).then(|| HorizontalError {
+                last,
+                rms: (squares / count as f64).sqrt(),
+                percent_of_distance: if distance_m > 0.0 { 100.0 * last / distance_m } else { 0.0 },
+            }),
+            rows,
+        }
+    }
+}

@@ -1,0 +1,1 @@
+//! navfuse-csv

@@ -1,0 +1,96 @@
+//! Depth sensor: the depth of its port below the reference surface of heights, with bias and lever arm.
+//!
+//! `z = -h - e_D C_b^n l + b` (Groves section 6.4.1, for a sensor that already converts pressure to depth).
+
+use navfuse_core::Real;
+use navfuse_core::calibration::{LengthBias, LeverArm, display};
+use navfuse_core::compose::{ComposeError, Composer, Role};
+use navfuse_core::manifold::{Scalar, Vector};
+use navfuse_core::measurement::{Jacobian, MeasurementModel};
+use navfuse_core::nalgebra::{SMatrix, SVector};
+use navfuse_core::registry::{Plugin, Registry, SensorType};
+use navfuse_core::sample::Channel;
+use navfuse_core::state::{Handle, View};
+use navfuse_core::units::{Length, Sigma};
+use navfuse_ins::Navigation;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Depth sensor: metres below height zero, positive down.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Depth {
+    /// 1-sigma noise of one sample.
+    pub noise: Sigma<Length>,
+    /// Bias: what the sensor reads at depth zero. Tide and air pressure are in it. Without it zero.
+    #[serde(default)]
+    pub bias: LengthBias,
+    /// Where the sensor's port is, from the IMU, in body axes. Without it at the IMU.
+    #[serde(default)]
+    pub lever_arm: LeverArm,
+    /// The process whose motion it measures.
+    #[serde(default = "ins")]
+    pub navigation: String,
+}
+
+fn ins() -> String {
+    "ins".into()
+}
+
+impl SensorType for Depth {
+    const TYPE: &'static str = "depth";
+
+    fn channels(&self) -> Vec<Channel> {
+        vec![Channel::new("depth", "m")]
+    }
+
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        Ok(Role::measurement(DepthModel {
+            navigation: Navigation::find(composer, "navigation", &self.navigation)?,
+            bias: self.bias.block(composer, "bias", &[0.0], display::LENGTH)?,
+            lever_arm: self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
+            sigma: self.noise.value().si(),
+        }))
+    }
+}
+
+/// The measurement model of a [`Depth`].
+#[derive(Clone, Debug)]
+pub struct DepthModel {
+    navigation: Navigation,
+    bias: Handle<Scalar>,
+    lever_arm: Handle<Vector<3>>,
+    sigma: f64,
+}
+
+impl MeasurementModel<1> for DepthModel {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
+        let port = self.navigation.position_at(x, &x.get(self.lever_arm));
+        SVector::from([x.get(self.bias) - port.height])
+    }
+
+    fn noise(&self) -> SMatrix<f64, 1, 1> {
+        SMatrix::from_element(self.sigma * self.sigma)
+    }
+
+    /// So simple that it is written out: down displacement, the lever arm's down part, and the bias.
+    fn jacobian(&self, x: &View<'_, f64>, h: &mut Jacobian<'_, 1>) -> bool {
+        let c_b_n = x.get(self.navigation.attitude);
+        let l = c_b_n * x.get(self.lever_arm);
+        h.set(self.navigation.position, &SMatrix::<f64, 1, 3>::new(0.0, 0.0, 1.0));
+        h.set(self.navigation.attitude, &SMatrix::<f64, 1, 3>::new(l.y, -l.x, 0.0)); // e_D . (phi x l)
+        h.set(self.lever_arm, &c_b_n.matrix().fixed_view::<1, 3>(2, 0).into_owned());
+        h.set(self.bias, &SMatrix::<f64, 1, 1>::new(1.0));
+        true
+    }
+}
+
+/// Registers the sensor type `depth`.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthPlugin;
+
+impl Plugin for DepthPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.sensor::<Depth>();
+    }
+}

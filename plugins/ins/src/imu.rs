@@ -1,0 +1,145 @@
+//! The inertial measurement unit: a driving sensor, with its noise and its simulator.
+
+use nalgebra::Vector3;
+use navfuse_core::compose::{ComposeError, Composer, Role};
+use navfuse_core::manifold::Vector;
+use navfuse_core::registry::SensorType;
+use navfuse_core::sample::{Channel, Sample};
+use navfuse_core::simulate::{Scene, Simulate};
+use navfuse_core::state::Handle;
+use navfuse_core::units::{
+    Acceleration, AccelerationNoise, AngularRate, AngularRateNoise, Positive, Sigma, Time as Duration, Triple,
+};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// What the channels of an IMU are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Output {
+    /// Mean angular rate and specific force over the interval that ends at the sample's time.
+    #[default]
+    Rates,
+    /// Integrals of both since the sample before.
+    Increments,
+}
+
+const RATES: [Channel; 6] = [
+    Channel::new("gyro_x", "radps"),
+    Channel::new("gyro_y", "radps"),
+    Channel::new("gyro_z", "radps"),
+    Channel::new("accel_x", "mps2"),
+    Channel::new("accel_y", "mps2"),
+    Channel::new("accel_z", "mps2"),
+];
+
+const INCREMENTS: [Channel; 6] = [
+    Channel::new("dtheta_x", "rad"),
+    Channel::new("dtheta_y", "rad"),
+    Channel::new("dtheta_z", "rad"),
+    Channel::new("dvel_x", "mps"),
+    Channel::new("dvel_y", "mps"),
+    Channel::new("dvel_z", "mps"),
+];
+
+/// Inertial measurement unit: three gyros and three accelerometers along forward, right, down. It drives a strapdown
+/// process, which estimates its biases.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Imu {
+    /// `rates` or `increments`.
+    #[serde(default)]
+    pub output: Output,
+    /// Angular random walk: white noise of the gyros, one value or one an axis.
+    pub gyro_noise: Sigma<Triple<AngularRateNoise>>,
+    /// Velocity random walk: white noise of the accelerometers, one value or one an axis.
+    pub accel_noise: Sigma<Triple<AccelerationNoise>>,
+    /// Least step of the angular rate in the recording. Its rounding is noise to the filter; a simulated IMU rounds so.
+    pub gyro_quantisation: Option<Sigma<AngularRate>>,
+    /// Least step of the specific force in the recording.
+    pub accel_quantisation: Option<Sigma<Acceleration>>,
+    /// The longest interval between samples that is bridged at the mean rate; a longer one ends the run. Default: 0.1 s.
+    #[serde(default = "tenth_second")]
+    pub max_gap: Positive<Duration>,
+}
+
+fn tenth_second() -> Positive<Duration> {
+    Positive::from_si(0.1)
+}
+
+impl SensorType for Imu {
+    const TYPE: &'static str = "imu";
+    const INPUT: bool = true;
+
+    fn channels(&self) -> Vec<Channel> {
+        match self.output {
+            Output::Rates => RATES.to_vec(),
+            Output::Increments => INCREMENTS.to_vec(),
+        }
+    }
+
+    fn build(self, _composer: &mut Composer) -> Result<Role, ComposeError> {
+        Ok(Role::Input(Box::new(self)))
+    }
+}
+
+impl Imu {
+    /// Integrals of angular rate (rad) and specific force (m/s) that a sample stands for over `dt` of its `duration`
+    /// seconds; `None` if channels are missing.
+    #[inline]
+    pub(crate) fn increments(&self, sample: &Sample, duration: f64, dt: f64) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let c: [f64; 6] = sample.array(0)?;
+        let share = match self.output {
+            Output::Rates => dt,
+            Output::Increments => dt / duration,
+        };
+        Some((Vector3::new(c[0], c[1], c[2]) * share, Vector3::new(c[3], c[4], c[5]) * share))
+    }
+
+    /// Variance of one axis's white noise integrated over `dt`: its spectral density, and that of rounding, uniform in a
+    /// step and white from sample to sample.
+    pub(crate) fn variance(noise: f64, step: f64, dt: f64) -> f64 {
+        noise * noise * dt + step * step / 12.0 * dt * dt
+    }
+
+    pub(crate) fn gyro_step(&self) -> f64 {
+        self.gyro_quantisation.map_or(0.0, |q| q.value().si())
+    }
+
+    pub(crate) fn accel_step(&self) -> f64 {
+        self.accel_quantisation.map_or(0.0, |q| q.value().si())
+    }
+}
+
+/// Simulates an IMU with the true biases of the process that it drives.
+#[derive(Clone, Debug)]
+pub(crate) struct SimulatedImu {
+    pub imu: Imu,
+    pub gyro_bias: Handle<Vector<3>>,
+    pub accel_bias: Handle<Vector<3>>,
+}
+
+impl Simulate for SimulatedImu {
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        let dt = scene.to.since(scene.from);
+        let (mut dtheta, mut dvel) = scene.trajectory.increments(scene.from, scene.to);
+        dtheta += scene.truth.get(scene.layout, self.gyro_bias) * dt;
+        dvel += scene.truth.get(scene.layout, self.accel_bias) * dt;
+        let (gyro, accel) = (self.imu.gyro_noise.value().si(), self.imu.accel_noise.value().si());
+        let spread = dt.sqrt() * scene.noise;
+        for k in 0..3 {
+            dtheta[k] += gyro[k] * spread * scene.random.normal();
+            dvel[k] += accel[k] * spread * scene.random.normal();
+        }
+        let share = if self.imu.output == Output::Rates { 1.0 / dt } else { 1.0 };
+        let round = |x: f64, step: f64| if step > 0.0 { (x / step).round() * step } else { x };
+        for k in 0..3 {
+            sample.set(k, round(dtheta[k] / dt, self.imu.gyro_step()) * dt * share);
+            sample.set(k + 3, round(dvel[k] / dt, self.imu.accel_step()) * dt * share);
+        }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Simulate> {
+        Box::new(self.clone())
+    }
+}

@@ -1,0 +1,33 @@
+//! Inertial navigation: the IMU as a driving sensor, the strapdown process that it drives, and a reference solution to
+//! start from and compare with.
+//!
+//! [`Navigation`] is what other plugins share: the navigation state that a sensor on the same body is predicted from.
+
+pub mod earth;
+pub mod error_model;
+mod imu;
+pub mod mechanisation;
+mod navigation;
+mod reference;
+mod strapdown;
+#[cfg(test)]
+mod testing;
+
+pub use imu::{Imu, Output};
+pub use navigation::Navigation;
+pub use reference::ReferenceSolution;
+pub use strapdown::Strapdown;
+
+use navfuse_core::registry::{Plugin, Registry};
+
+/// Registers the sensor types `imu` and `reference` and the process type `ins`.
+#[derive(Clone, Copy, Debug)]
+pub struct InsPlugin;
+
+impl Plugin for InsPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.sensor::<Imu>();
+        registry.process::<Strapdown>();
+        registry.sensor::<ReferenceSolution>();
+    }
+}

@@ -1,0 +1,66 @@
+//! The navigation state as measurement models read it.
+
+use nalgebra::Vector3;
+use navfuse_core::Real;
+use navfuse_core::compose::{ComposeError, Composer};
+use navfuse_core::geodesy::Geodetic;
+use navfuse_core::manifold::{Position, Rotation, Vector};
+use navfuse_core::state::{Handle, Signal, View};
+
+use crate::earth::EARTH_RATE;
+
+/// The blocks of a strapdown process: what sensors on the same body are predicted from.
+#[derive(Clone, Copy, Debug)]
+pub struct Navigation {
+    /// Attitude: body to navigation frame.
+    pub attitude: Handle<Rotation>,
+    /// Earth-referenced velocity, north, east, down, m/s.
+    pub velocity: Handle<Vector<3>>,
+    /// Geodetic position of the IMU.
+    pub position: Handle<Position>,
+    /// Gyro bias, rad/s.
+    pub gyro_bias: Handle<Vector<3>>,
+    /// Accelerometer bias, m/s^2.
+    pub accel_bias: Handle<Vector<3>>,
+    /// Angular rate as the gyros gave it, rad/s.
+    pub angular_rate: Signal<3>,
+}
+
+impl Navigation {
+    /// The navigation state of the process `name`; `key` is the parameter that named it.
+    ///
+    /// # Errors
+    /// When there is no strapdown process of that name.
+    pub fn find(composer: &Composer, key: &str, name: &str) -> Result<Self, ComposeError> {
+        Ok(Self {
+            attitude: composer.find(key, &format!("{name}.attitude"))?,
+            velocity: composer.find(key, &format!("{name}.velocity"))?,
+            position: composer.find(key, &format!("{name}.position"))?,
+            gyro_bias: composer.find(key, &format!("{name}.gyro_bias"))?,
+            accel_bias: composer.find(key, &format!("{name}.accel_bias"))?,
+            angular_rate: composer.find_signal(key, &format!("{name}.angular_rate"))?,
+        })
+    }
+
+    /// Angular rate of the body with respect to the Earth in body axes, rad/s: `w_ib^b - b_g - C_n^b w_ie^n`.
+    pub fn angular_rate<T: Real>(&self, x: &View<'_, T>) -> Vector3<T> {
+        let measured = Vector3::from(x.signal(self.angular_rate)).map(nalgebra::convert::<f64, T>);
+        let (sin, cos) = x.get(self.position).latitude.sin_cos();
+        let rate: T = nalgebra::convert(EARTH_RATE);
+        let w_ie_n = Vector3::new(rate * cos, T::zero(), -rate * sin);
+        measured - x.get(self.gyro_bias) - x.get(self.attitude).inverse() * w_ie_n
+    }
+
+    /// Earth-referenced velocity in body axes, m/s, of the point at `lever_arm` (body axes, m) from the IMU (Groves
+    /// eq. 17.13).
+    pub fn velocity_at<T: Real>(&self, x: &View<'_, T>, lever_arm: &Vector3<T>) -> Vector3<T> {
+        let v_b = x.get(self.attitude).inverse() * x.get(self.velocity);
+        v_b + self.angular_rate(x).cross(lever_arm)
+    }
+
+    /// Position of the point at `lever_arm` (body axes, m) from the IMU.
+    pub fn position_at<T: Real>(&self, x: &View<'_, T>, lever_arm: &Vector3<T>) -> Geodetic<T> {
+        x.get(self.position).displaced(&(x.get(self.attitude) * lever_arm))
+    }
+}
+

@@ -1,0 +1,90 @@
+//! A reference: where the vehicle really was, to start from and to compare with.
+
+use crate::earth::earth_rate_ned;
+use crate::navigation::Navigation;
+use nalgebra::{UnitQuaternion, Vector3};
+use navfuse_core::compose::{ComposeError, Composer, Reference, Role};
+use navfuse_core::geodesy::Geodetic;
+use navfuse_core::motion::Motion;
+use navfuse_core::registry::SensorType;
+use navfuse_core::sample::{Channel, Sample};
+use navfuse_core::state::{Layout, State};
+use navfuse_core::units::{Length, Triple};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::sync::Arc;
+
+/// A reference solution: position, velocity and attitude. The filter can start from it, and is compared with it; it never
+/// corrects the filter.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReferenceSolution {
+    /// Where the reference's point is, from the IMU, in body axes. Default: at the IMU.
+    pub lever_arm: Option<Triple<Length>>,
+    /// The process whose state it tells.
+    #[serde(default = "ins")]
+    pub navigation: String,
+}
+
+fn ins() -> String {
+    "ins".into()
+}
+
+const CHANNELS: [Channel; 9] = [
+    Channel::new("lat", "rad"),
+    Channel::new("lon", "rad"),
+    Channel::new("height", "m"),
+    Channel::new("vel_n", "mps"),
+    Channel::new("vel_e", "mps"),
+    Channel::new("vel_d", "mps"),
+    Channel::new("roll", "rad"),
+    Channel::new("pitch", "rad"),
+    Channel::new("yaw", "rad"),
+];
+
+impl SensorType for ReferenceSolution {
+    const TYPE: &'static str = "reference";
+
+    fn channels(&self) -> Vec<Channel> {
+        CHANNELS.to_vec()
+    }
+
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let navigation = Navigation::find(composer, "navigation", &self.navigation)?;
+        let lever_arm = self.lever_arm.map_or_else(Vector3::zeros, |l| l.si());
+        Ok(Role::Reference(Arc::new(ReferenceModel { navigation, lever_arm })))
+    }
+}
+
+struct ReferenceModel {
+    navigation: Navigation,
+    lever_arm: Vector3<f64>,
+}
+
+impl Reference for ReferenceModel {
+    fn motion(&self, layout: &Layout, state: &State, sample: &Sample) -> Option<Motion> {
+        let c: [f64; 9] = sample.array(0)?;
+        let c_b_n = UnitQuaternion::from_euler_angles(c[6], c[7], c[8]);
+        let point = Geodetic { latitude: c[0], longitude: c[1], height: c[2] };
+        let signal = navfuse_core::state::View::new(layout, state).signal(self.navigation.angular_rate);
+        let w_ib_b = Vector3::from(signal) - state.get(layout, self.navigation.gyro_bias);
+        let w_eb_b = w_ib_b - c_b_n.inverse_transform_vector(&earth_rate_ned(c[0]));
+        Some(Motion {
+            time: sample.time,
+            position: point.displaced(&-(c_b_n * self.lever_arm)),
+            velocity: Vector3::new(c[3], c[4], c[5]) - c_b_n * w_eb_b.cross(&self.lever_arm),
+            c_b_n,
+            w_ib_b,
+            f_ib_b: Vector3::zeros(),
+        })
+    }
+
+    fn sample(&self, motion: &Motion, sample: &mut Sample) {
+        let (roll, pitch, yaw) = motion.c_b_n.euler_angles();
+        let w_eb_b = motion.w_ib_b - motion.c_b_n.inverse_transform_vector(&earth_rate_ned(motion.position.latitude));
+        let point = motion.position.displaced(&(motion.c_b_n * self.lever_arm));
+        let v = motion.velocity + motion.c_b_n * w_eb_b.cross(&self.lever_arm);
+        let values = [point.latitude, point.longitude, point.height, v.x, v.y, v.z, roll, pitch, yaw];
+        values.iter().enumerate().for_each(|(k, v)| sample.set(k, *v));
+    }
+}

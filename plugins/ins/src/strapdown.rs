@@ -1,0 +1,279 @@
+//! The strapdown process: mechanisation and error model as a process model of the framework.
+
+use crate::error_model::transition;
+use crate::imu::{Imu, SimulatedImu};
+use crate::mechanisation::{Increments, Mechanisation, NavState};
+use crate::navigation::Navigation;
+use nalgebra::{Matrix3, Vector3};
+use navfuse_core::calibration::{AccelBias, GyroBias, display};
+use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, DrivingSensor};
+use navfuse_core::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
+use navfuse_core::geodesy::Geodetic;
+use navfuse_core::manifold::{load_quaternion, store_quaternion};
+use navfuse_core::motion::Motion;
+use navfuse_core::process::{Input, Interval, ProcessError, ProcessModel};
+use navfuse_core::registry::ProcessType;
+use navfuse_core::state::{BlockSpec, Display, Dynamics, Layout, Mode, State};
+use navfuse_core::units::{Angle, Components, Length, Sigma, Speed, Triple};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Strapdown inertial navigation in north, east, down on WGS-84, driven by an IMU: attitude, velocity, position, gyro
+/// and accelerometer bias.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Strapdown {
+    /// The IMU that drives it: the name of its `[sensor.NAME]` table.
+    #[serde(default = "imu")]
+    pub imu: String,
+    /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it.
+    pub attitude: Start<Triple<Angle>>,
+    /// Velocity north, east, down: prior sigma, and the initial value where no reference gives it.
+    pub velocity: Start<Triple<Speed>>,
+    /// Position: prior sigma north, east, down, and the initial value where no reference gives it.
+    pub position: PositionStart,
+    /// Gyro bias.
+    #[serde(default)]
+    pub gyro_bias: GyroBias,
+    /// Accelerometer bias.
+    #[serde(default)]
+    pub accel_bias: AccelBias,
+}
+
+fn imu() -> String {
+    "imu".into()
+}
+
+/// Where a state starts.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, bound = "V: Components")]
+pub struct Start<V: Components> {
+    /// Prior 1-sigma.
+    pub sigma: Sigma<V>,
+    /// Initial value; left out where a reference gives it.
+    pub initial: Option<V>,
+}
+
+/// Where the position starts.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PositionStart {
+    /// Prior 1-sigma north, east, down.
+    pub sigma: Sigma<Triple<Length>>,
+    /// Geodetic latitude; left out where a reference gives it.
+    pub latitude: Option<Angle>,
+    /// Longitude.
+    pub longitude: Option<Angle>,
+    /// Height above the ellipsoid.
+    pub height: Option<Length>,
+}
+
+fn spec(
+    composer: &mut Composer,
+    name: &str,
+    sigma: Vector3<f64>,
+    initial: Option<[f64; 3]>,
+    display: Display,
+) -> Result<BlockSpec, ComposeError> {
+    if sigma.iter().any(|s| *s <= 0.0) {
+        return Err(ComposeError::new(
+            format!("{name}.sigma"),
+            "a prior sigma of zero makes the covariance singular: give a positive one on every axis",
+        ));
+    }
+    if initial.is_none() {
+        composer.needs_reference(name);
+    }
+    Ok(BlockSpec {
+        mode: Mode::Estimate,
+        initial: initial.unwrap_or_default().to_vec(),
+        sigma: sigma.as_slice().to_vec(),
+        truth: None,
+        dynamics: Dynamics::Constant,
+        display,
+    })
+}
+
+impl ProcessType for Strapdown {
+    const TYPE: &'static str = "ins";
+
+    fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
+        let imu: Imu = composer.input::<Imu>("imu", &self.imu)?.clone();
+        let triple = |v: Vector3<f64>| [v.x, v.y, v.z];
+        let attitude = self.attitude.initial.map(|v| triple(v.si()));
+        let velocity = self.velocity.initial.map(|v| triple(v.si()));
+        let p = &self.position;
+        let position = match (p.latitude, p.longitude, p.height) {
+            (Some(latitude), Some(longitude), Some(height)) => Some([latitude.si(), longitude.si(), height.si()]),
+            (None, None, None) => None,
+            _ => return Err(ComposeError::new("position", "give latitude, longitude and height, or none of them")),
+        };
+        let attitude = spec(composer, "attitude", self.attitude.sigma.value().si(), attitude, display::ANGLES)?;
+        let attitude = composer.block("attitude", attitude)?;
+        let velocity = spec(composer, "velocity", self.velocity.sigma.value().si(), velocity, display::VELOCITY)?;
+        let velocity = composer.block("velocity", velocity)?;
+        let position = spec(composer, "position", p.sigma.value().si(), position, display::POSITION)?;
+        let position = composer.block("position", position)?;
+        let gyro_bias = self.gyro_bias.block(composer, "gyro_bias", &[0.0; 3], display::GYRO_BIAS)?;
+        let accel_bias = self.accel_bias.block(composer, "accel_bias", &[0.0; 3], display::ACCEL_BIAS)?;
+        let angular_rate = composer.signal("angular_rate");
+        let navigation = Navigation { attitude, velocity, position, gyro_bias, accel_bias, angular_rate };
+        let places = Places::new(composer, &navigation);
+        let simulator = Box::new(SimulatedImu { imu: imu.clone(), gyro_bias, accel_bias });
+        let gyro = imu.gyro_noise.value().si();
+        let accel = imu.accel_noise.value().si();
+        let isotropic = gyro.x == gyro.y && gyro.y == gyro.z && accel.x == accel.y && accel.y == accel.z;
+        let model = StrapdownModel { imu, navigation, places, mechanisation: Mechanisation::default(), isotropic };
+        Ok(BuiltProcess { model: Box::new(model), input: Some(DrivingSensor { name: self.imu, simulator }) })
+    }
+}
+
+/// Where the model fills `Phi` and `Q`.
+#[derive(Clone, Copy, Debug)]
+struct Places {
+    phi_phi: PhiSlot<3, 3>,
+    phi_v: PhiSlot<3, 3>,
+    phi_p: PhiSlot<3, 3>,
+    phi_bg: PhiSlot<3, 3>,
+    v_phi: PhiSlot<3, 3>,
+    v_v: PhiSlot<3, 3>,
+    v_p: PhiSlot<3, 3>,
+    v_ba: PhiSlot<3, 3>,
+    p_v: PhiDiagonal<3>,
+    p_p: PhiSlot<3, 3>,
+    q_phi: NoiseSlot<3>,
+    q_v: NoiseSlot<3>,
+}
+
+impl Places {
+    fn new(composer: &mut Composer, n: &Navigation) -> Self {
+        let (phi, v) = (composer.tangent(n.attitude), composer.tangent(n.velocity));
+        let (p, bg, ba) = (composer.tangent(n.position), composer.tangent(n.gyro_bias), composer.tangent(n.accel_bias));
+        let t = composer.transition();
+        Self {
+            phi_phi: t.phi(phi, phi),
+            phi_v: t.phi(phi, v),
+            phi_p: t.phi(phi, p),
+            phi_bg: t.phi(phi, bg),
+            v_phi: t.phi(v, phi),
+            v_v: t.phi(v, v),
+            v_p: t.phi(v, p),
+            v_ba: t.phi(v, ba),
+            p_v: t.phi_diagonal(p, v),
+            p_p: t.phi(p, p),
+            q_phi: t.noise(phi),
+            q_v: t.noise(v),
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
+struct StrapdownModel {
+    imu: Imu,
+    navigation: Navigation,
+    places: Places,
+    mechanisation: Mechanisation,
+    isotropic: bool,
+}
+
+impl StrapdownModel {
+    fn noise(&self, c_b_n: &Matrix3<f64>, density: Vector3<f64>, step: f64, dt: f64) -> Matrix3<f64> {
+        if self.isotropic {
+            return Matrix3::identity() * Imu::variance(density.x, step, dt);
+        }
+        c_b_n * Matrix3::from_diagonal(&density.map(|n| Imu::variance(n, step, dt))) * c_b_n.transpose()
+    }
+
+    fn publish(&self, state: &mut State, dtheta: &Vector3<f64>, dt: f64) {
+        state.publish(self.navigation.angular_rate, &[dtheta.x / dt, dtheta.y / dt, dtheta.z / dt]);
+    }
+}
+
+impl ProcessModel for StrapdownModel {
+    fn prepare(&mut self, _layout: &Layout, state: &mut State, input: &Input<'_>) {
+        let dt = if input.duration > 0.0 { input.duration } else { 1.0 };
+        if let Some((dtheta, _)) = self.imu.increments(input.sample, dt, dt) {
+            self.publish(state, &dtheta, dt);
+        }
+    }
+
+    fn restart(&mut self) {
+        self.mechanisation = Mechanisation::default();
+    }
+
+    fn propagate(
+        &mut self,
+        layout: &Layout,
+        state: &mut State,
+        interval: &Interval<'_>,
+        out: &mut Transition,
+    ) -> Result<(), ProcessError> {
+        let Some(input) = interval.input else {
+            return Err(ProcessError("no IMU sample covers this time".into()));
+        };
+        let dt = interval.duration();
+        let gap = self.imu.max_gap.value().si();
+        if input.duration > gap {
+            return Err(ProcessError(format!(
+                "no IMU sample for {:.3} s, more than max_gap = {gap} s: the track cannot be bridged; repair the \
+                 recording, start after the gap (estimator.start), or raise max_gap of the IMU",
+                input.duration
+            )));
+        }
+        // a filter that starts without an earlier sample takes the first one's rate for the time since its start
+        let duration = if input.duration > 0.0 { input.duration } else { dt };
+        let Some((dtheta, dvel)) = self.imu.increments(input.sample, duration, dt) else {
+            return Err(ProcessError("channels of the IMU are missing".into()));
+        };
+        let n = &self.navigation;
+        let at = |slot: usize| layout.blocks[slot].offset;
+        let (a, v, p) = (at(n.attitude.slot()), at(n.velocity.slot()), at(n.position.slot()));
+        let x = &mut state.values;
+        let nav = NavState {
+            c_b_n: load_quaternion(&x[a..a + 4]),
+            velocity: Vector3::new(x[v], x[v + 1], x[v + 2]),
+            position: Geodetic { latitude: x[p], longitude: x[p + 1], height: x[p + 2] },
+        };
+        let bias = |slot: usize| Vector3::new(x[at(slot)], x[at(slot) + 1], x[at(slot) + 2]);
+        let (bg, ba) = (bias(n.gyro_bias.slot()), bias(n.accel_bias.slot()));
+        let increments = Increments { dtheta: dtheta - bg * dt, dvel: dvel - ba * dt, dt };
+        let (next, rates) = (self.mechanisation.step_part(&nav, &increments, duration.max(dt)))
+            .map_err(|e| ProcessError(e.to_string()))?;
+        store_quaternion(&next.c_b_n, &mut x[a..a + 4]);
+        x[v..v + 3].copy_from_slice(next.velocity.as_slice());
+        x[p..p + 3].copy_from_slice(&[next.position.latitude, next.position.longitude, next.position.height]);
+        self.publish(state, &dtheta, dt);
+        let phi = transition(&rates);
+        let s = &self.places;
+        out.set(s.phi_phi, &phi.phi_phi);
+        out.set(s.phi_v, &phi.phi_v);
+        out.set(s.phi_p, &phi.phi_p);
+        out.set(s.phi_bg, &phi.phi_bg);
+        out.set(s.v_phi, &phi.v_phi);
+        out.set(s.v_v, &phi.v_v);
+        out.set(s.v_p, &phi.v_p);
+        out.set(s.v_ba, &phi.v_ba);
+        out.set_diagonal(s.p_v, &[dt; 3]);
+        out.set(s.p_p, &phi.p_p);
+        let (gyro, accel) = (self.imu.gyro_noise.value().si(), self.imu.accel_noise.value().si());
+        out.set_noise(s.q_phi, &self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt));
+        out.set_noise(s.q_v, &self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt));
+        Ok(())
+    }
+
+    fn follow(&self, layout: &Layout, motion: &Motion, state: &mut State, known: &mut [bool]) {
+        let n = &self.navigation;
+        state.set(layout, n.attitude, &motion.c_b_n.to_rotation_matrix());
+        state.set(layout, n.velocity, &motion.velocity);
+        state.set(layout, n.position, &motion.position);
+        let w = motion.w_ib_b + state.get(layout, n.gyro_bias);
+        state.publish(n.angular_rate, &[w.x, w.y, w.z]);
+        for slot in [n.attitude.slot(), n.velocity.slot(), n.position.slot()] {
+            known[slot] = true;
+        }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn ProcessModel> {
+        Box::new(self.clone())
+    }
+}

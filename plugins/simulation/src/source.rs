@@ -1,0 +1,234 @@
+//! The simulated source: every sensor of the scenario on one trajectory.
+
+use crate::{Cursor, Trajectory, TrajectoryConfig};
+use nalgebra::Vector3;
+use navfuse_core::compose::{Composition, Reference, Role};
+use navfuse_core::measurement::AnyMeasurement;
+use navfuse_core::motion::Motion;
+use navfuse_core::process::ProcessModel;
+use navfuse_core::record::{Event, Level};
+use navfuse_core::registry::{OpenContext, SourceType};
+use navfuse_core::sample::{MAX_CHANNELS, Sample, SensorId};
+use navfuse_core::simulate::{Faults, Random, Scene, Simulate};
+use navfuse_core::state::{Layout, State};
+use navfuse_core::stream::{Source, StreamError};
+use navfuse_core::time::Time;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::sync::Arc;
+
+/// Simulates every sensor that has a `simulation` table, on a trajectory made of segments.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Simulation {
+    /// Where the vehicle starts.
+    #[serde(default)]
+    pub start: crate::StartConfig,
+    /// What it does, one after the other.
+    pub segments: Vec<crate::SegmentConfig>,
+}
+
+impl SourceType for Simulation {
+    const TYPE: &'static str = "simulation";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
+        let config = TrajectoryConfig { start: self.start, segments: self.segments };
+        let trajectory = Trajectory::new(&config).map_err(|e| StreamError(e.to_string()))?;
+        let composition = context.composition;
+        let mut streams: Vec<Box<dyn Source>> = Vec::new();
+        for (index, sensor) in composition.sensors.iter().enumerate() {
+            let Some(faults) = &sensor.simulation else { continue };
+            let kind = match (&sensor.role, &sensor.simulator) {
+                (_, Some(simulator)) => Simulated::Driving(simulator.boxed_clone()),
+                (Role::Measurement(model), None) => Simulated::Measuring(Measuring::new(Arc::clone(model))),
+                (Role::Reference(reference), None) => Simulated::Reference(Arc::clone(reference)),
+                (Role::Input(_), None) => continue,
+            };
+            streams.push(Box::new(SensorStream::new(composition, index, faults, kind, &trajectory)));
+        }
+        if streams.is_empty() {
+            return Err(StreamError(
+                "no sensor is simulated: give one a rate, such as [sensor.imu.simulation] rate = \"100 Hz\"".into(),
+            ));
+        }
+        Ok(streams)
+    }
+}
+
+/// How a sensor is simulated.
+enum Simulated {
+    /// By itself.
+    Driving(Box<dyn Simulate>),
+    /// By its measurement model, from the true state.
+    Measuring(Measuring),
+    /// By the motion.
+    Reference(Arc<dyn Reference>),
+}
+
+/// A measurement model and the factor of its noise.
+struct Measuring {
+    model: Arc<dyn AnyMeasurement + Sync>,
+    /// Lower Cholesky factor of `R`, row-major.
+    factor: Vec<f64>,
+    predicted: [f64; MAX_CHANNELS],
+}
+
+impl Measuring {
+    fn new(model: Arc<dyn AnyMeasurement + Sync>) -> Self {
+        let n = model.channels();
+        let mut r = vec![0.0; n * n];
+        model.noise(&mut r);
+        let r = nalgebra::DMatrix::from_row_slice(n, n, &r);
+        // a noise of zero on some channel is no obstacle to simulating it
+        let factor = match r.clone().cholesky() {
+            Some(c) => c.l(),
+            None => r.map(|v| v.max(0.0).sqrt()),
+        };
+        Self { model, factor: factor.transpose().as_slice().to_vec(), predicted: [0.0; MAX_CHANNELS] }
+    }
+
+    fn fill(&mut self, layout: &Layout, truth: &State, faults: &Faults, random: &mut Random, sample: &mut Sample) {
+        let n = self.model.channels();
+        self.model.predict(layout, truth, &mut self.predicted[..n]);
+        let outlier = random.uniform() < faults.outliers.value().si();
+        let mut draw = [0.0; MAX_CHANNELS];
+        for d in &mut draw[..n] {
+            *d = random.normal() * faults.noise.value().si();
+            if outlier {
+                *d += faults.outlier_size.value().si() * if random.uniform() < 0.5 { -1.0 } else { 1.0 };
+            }
+        }
+        for i in 0..n {
+            let noise: f64 = self.factor[i * n..i * n + n].iter().zip(&draw).map(|(l, d)| l * d).sum();
+            sample.set(i, self.predicted[i] + noise);
+        }
+    }
+}
+
+/// A cursor as the framework's trajectory.
+struct Path(Cursor);
+
+impl navfuse_core::motion::Trajectory for Path {
+    fn at(&mut self, time: Time) -> Motion {
+        let k = self.0.at(time.seconds());
+        Motion {
+            time,
+            position: k.position,
+            velocity: k.velocity,
+            c_b_n: k.c_b_n,
+            w_ib_b: k.w_ib_b,
+            f_ib_b: k.specific_force,
+        }
+    }
+
+    fn increments(&mut self, from: Time, to: Time) -> (Vector3<f64>, Vector3<f64>) {
+        self.0.increments(from.seconds(), to.seconds())
+    }
+}
+
+/// One simulated sensor.
+struct SensorStream {
+    layout: Arc<Layout>,
+    processes: Vec<Box<dyn ProcessModel>>,
+    truth: State,
+    known: Vec<bool>,
+    path: Path,
+    random: Random,
+    faults: Faults,
+    sensor: SensorId,
+    kind: Simulated,
+    /// Number of the next sample.
+    count: i64,
+    end: Time,
+    schedule: Vec<Event>,
+}
+
+impl SensorStream {
+    fn new(composition: &Composition, index: usize, faults: &Faults, kind: Simulated, trajectory: &Trajectory) -> Self {
+        let name = &composition.sensors[index].info.name;
+        let (truth, known) = composition.layout.true_state();
+        let mut stream = Self {
+            layout: Arc::clone(&composition.layout),
+            processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
+            truth,
+            known,
+            path: Path(trajectory.cursor()),
+            random: Random::new(composition.seed, name),
+            faults: faults.clone(),
+            sensor: SensorId(index),
+            // an integrating sensor's first sample covers the first interval
+            count: i64::from(matches!(kind, Simulated::Driving(_))),
+            kind,
+            end: Time::from_seconds(trajectory.duration()).unwrap_or(Time::MAX),
+            schedule: Vec::new(),
+        };
+        if matches!(stream.kind, Simulated::Driving(_)) {
+            stream.schedule = (trajectory.segments())
+                .filter_map(|s| {
+                    let text = format!("{} from {:.0} s to {:.0} s", s.label, s.start, s.end);
+                    Time::from_seconds(s.start).map(|time| Event { time, level: Level::Info, about: "trajectory".into(), text })
+                })
+                .collect();
+        }
+        stream
+    }
+
+    /// The time of the sample of that number.
+    fn time(&self, count: i64) -> Time {
+        let seconds = self.faults.offset.si() + count as f64 / self.faults.rate.value().si();
+        Time::from_seconds(seconds).unwrap_or(Time::MAX)
+    }
+
+    /// Whether this sample is lost.
+    fn lost(&mut self, time: Time) -> bool {
+        let t = time.seconds();
+        let dropped = self.faults.dropout.value().si() > 0.0 && self.random.uniform() < self.faults.dropout.value().si();
+        dropped || self.faults.outages.iter().any(|[from, to]| t >= from.si() && t < to.si())
+    }
+}
+
+impl Source for SensorStream {
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+        loop {
+            let (from, to) = (self.time(self.count - 1), self.time(self.count));
+            if to > self.end {
+                return Ok(false);
+            }
+            self.count += 1;
+            *sample = Sample::empty(to, self.sensor);
+            if let Simulated::Driving(simulator) = &self.kind {
+                let (layout, truth) = (&*self.layout, &self.truth);
+                let (noise, random) = (self.faults.noise.value().si(), &mut self.random);
+                simulator.simulate(&mut Scene { layout, truth, trajectory: &mut self.path, from, to, noise, random }, sample);
+                if !self.lost(to) {
+                    return Ok(true);
+                }
+                continue;
+            }
+            if self.lost(to) {
+                continue;
+            }
+            let motion = navfuse_core::motion::Trajectory::at(&mut self.path, to);
+            match &mut self.kind {
+                Simulated::Measuring(measuring) => {
+                    self.truth.time = to;
+                    for process in &self.processes {
+                        process.follow(&self.layout, &motion, &mut self.truth, &mut self.known);
+                    }
+                    measuring.fill(&self.layout, &self.truth, &self.faults, &mut self.random, sample);
+                }
+                Simulated::Reference(reference) => reference.sample(&motion, sample),
+                Simulated::Driving(_) => {}
+            }
+            return Ok(true);
+        }
+    }
+
+    fn end(&self) -> Option<Time> {
+        Some(self.end)
+    }
+
+    fn schedule(&self) -> Vec<Event> {
+        self.schedule.clone()
+    }
+}

@@ -1,0 +1,2 @@
+//! The navfuse command.
+fn main() {}
