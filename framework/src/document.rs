@@ -93,9 +93,6 @@ pub struct Document {
     overrides: Vec<String>,
 }
 
-/// No parameter is nested deeper; it bounds the recursion of everything that walks a document.
-const MAX_DEPTH: usize = 32;
-
 impl Document {
     /// Reads the document in a file.
     ///
@@ -130,8 +127,7 @@ impl Document {
     /// # Errors
     /// When it is malformed, or the path goes through something else than tables and elements; nothing is changed then.
     pub fn set(&mut self, assignment: &str) -> Result<(), DocumentError> {
-        self.assign(assignment)
-            .map_err(|message| DocumentError::Set { assignment: assignment.to_owned(), message })?;
+        self.assign(assignment).map_err(|message| DocumentError::Set { assignment: assignment.to_owned(), message })?;
         self.overrides.push(assignment.to_owned());
         Ok(())
     }
@@ -141,26 +137,28 @@ impl Document {
         let keys = key_path(key.trim())?;
         let new = override_value(text.trim())?;
         let mut path = String::new();
-        let mut set = None;
+        let mut outermost = None;
         let mut value = &mut self.value;
         for key in &keys {
-            let parent = std::mem::replace(&mut path, join(&path, key));
+            let inner = join(&path, key);
+            let parent = std::mem::replace(&mut path, inner);
             value = match value {
                 Value::Table(table) => table.entry(key.as_str()).or_insert_with(|| {
-                    // the outermost table that is created is what was set
-                    set.get_or_insert_with(|| path.clone());
+                    // the tables around a new key are new too
+                    outermost.get_or_insert_with(|| path.clone());
                     Value::Table(Table::new())
                 }),
                 Value::Array(array) => {
                     let length = array.len();
                     let element = key.parse().ok().and_then(|index: usize| array.get_mut(index));
-                    element.ok_or_else(|| format!("{parent} has {length} elements, counted from 0: there is no {key}"))?
+                    element
+                        .ok_or_else(|| format!("{parent} has {length} elements, counted from 0: there is no {key}"))?
                 }
                 other => return Err(format!("{parent} is {}, not a table", node::kind(other))),
             };
         }
         *value = new;
-        self.places.set(&set.unwrap_or(path));
+        self.places.set(outermost.as_ref().unwrap_or(&path), &path);
         Ok(())
     }
 
@@ -198,7 +196,7 @@ impl Document {
 /// The keys of a dotted path as TOML reads it.
 fn key_path(text: &str) -> Result<Vec<String>, String> {
     let malformed = || format!("{text:?} is no key path such as sensor.dvl.gate");
-    if text.contains(['\n', '\r']) || text.matches('.').count() >= MAX_DEPTH {
+    if text.contains(['\n', '\r']) {
         return Err(malformed());
     }
     let mut table: Table = toml::from_str(&format!("{text} = 0")).map_err(|_| malformed())?;

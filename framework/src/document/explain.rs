@@ -11,15 +11,19 @@ pub fn did_you_mean<'a>(found: &str, allowed: impl IntoIterator<Item = &'a str>)
             + 1e-3 * strsim::normalized_damerau_levenshtein(found, word)
     };
     let scored = allowed.into_iter().map(|word| (word, score(word))).filter(|(_, s)| *s >= NEAR);
-    scored.fold(None, |best: Option<(&str, f64)>, next| match best {
-        Some(b) if b.1 >= next.1 => best,
-        _ => Some(next),
-    })?.0.into()
+    scored
+        .fold(None, |best: Option<(&str, f64)>, next| match best {
+            Some(b) if b.1 >= next.1 => best,
+            _ => Some(next),
+        })?
+        .0
+        .into()
 }
 
 /// `unknown key "gaet"; did you mean "gate"? (allowed: gate, noise)`.
 pub fn unknown(what: &str, found: &str, allowed: &[&str]) -> String {
-    let near = did_you_mean(found, allowed.iter().copied()).map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+    let near =
+        did_you_mean(found, allowed.iter().copied()).map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
     let list = if allowed.is_empty() { "none".to_owned() } else { allowed.join(", ") };
     format!("unknown {what} {found:?}{near} (allowed: {list})")
 }

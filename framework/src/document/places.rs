@@ -63,12 +63,14 @@ impl Places {
         ends.filter_map(|end| self.places.get(path.get(..end)?)).next()
     }
 
-    /// Says that the command line set that path. It keeps its order; what was below it is forgotten.
-    pub fn set(&mut self, path: &str) {
-        let order = self.order(path);
-        let below = format!("{path}.");
+    /// Says that the command line set `path`, and made `outermost` for it. A key keeps its order; what was below it is
+    /// forgotten.
+    pub fn set(&mut self, outermost: &str, path: &str) {
+        let order = self.order(outermost);
+        let below = format!("{outermost}.");
         self.places.retain(|p, _| !p.starts_with(&below));
-        self.places.insert(path.to_owned(), Place { location: Location::Set { path: path.to_owned() }, order });
+        let location = Location::Set { path: path.to_owned() };
+        self.places.insert(outermost.to_owned(), Place { location, order });
     }
 }
 

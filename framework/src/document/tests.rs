@@ -1,0 +1,274 @@
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test fails by panicking
+
+use super::*;
+use crate::units::{AngularRateNoise, Length, Sigma, Triple};
+use proptest::prelude::*;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+const TEXT: &str = r#"# a scenario
+name = "a"
+
+[process.ins]
+gyro_noise = "0.1 deg"
+
+[sensor.dvl]
+noise = 3
+lever_arm = ["1 m",
+             "2 m/s",
+             "3 m"]
+extra = { gaet = 1 }
+
+[[trajectory.segments]]
+kind = "dive"
+duration = 1
+
+[[trajectory.segments]]
+kind = "clmib"
+duration = -4
+
+[sensor."odd name".a.b]
+c = true
+"#;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(dead_code)] // only read
+struct Ins {
+    gyro_noise: AngularRateNoise,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(dead_code)] // only read
+struct Dvl {
+    noise: f64,
+    lever_arm: Option<Triple<Length>>,
+    extra: Option<Extra>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(dead_code)] // only read
+struct Extra {
+    gate: Option<f64>,
+    scale: Option<u32>,
+}
+
+#[derive(Debug, Deserialize, PartialEq)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    Dive,
+    Climb,
+}
+
+#[derive(Debug, Deserialize)]
+#[allow(dead_code)] // only read
+struct Segment {
+    kind: Kind,
+    duration: u32,
+}
+
+fn document() -> Document {
+    Document::parse("scenarios/a.toml", TEXT).unwrap()
+}
+
+fn at<'a>(document: &'a Document, path: &[&str]) -> Node<'a> {
+    path.iter().fold(document.root(), |node, key| node.get(key).unwrap())
+}
+
+fn error<T: serde::de::DeserializeOwned + std::fmt::Debug>(node: &Node<'_>) -> String {
+    node.parse::<T>().unwrap_err().to_string()
+}
+
+#[test]
+fn an_error_names_file_line_key_what_was_found_and_what_is_allowed() {
+    let d = document();
+    assert_eq!(
+        error::<Ins>(&at(&d, &["process", "ins"])),
+        "scenarios/a.toml:5: process.ins.gyro_noise = \"0.1 deg\": found 'deg' which is an angle, \
+         an angular rate noise is needed, e.g. deg/h/sqrt(Hz), deg/sqrt(h), rad/s/sqrt(Hz)"
+    );
+    // keys of a table are read in alphabetical order, so `extra` comes first
+    let dvl = at(&d, &["sensor", "dvl"]);
+    assert_eq!(
+        error::<Dvl>(&dvl),
+        "scenarios/a.toml:12: sensor.dvl.extra.gaet: unknown key \"gaet\"; did you mean \"gate\"? (allowed: gate, scale)"
+    );
+    assert_eq!(
+        error::<Dvl>(&dvl.only(&["noise", "lever_arm"])),
+        "scenarios/a.toml:10: sensor.dvl.lever_arm.1 = \"2 m/s\": found 'm/s' which is a speed, a length is needed, \
+         e.g. m, cm, km"
+    );
+    assert_eq!(error::<Dvl>(&dvl.only(&[])), "scenarios/a.toml:7: sensor.dvl: missing key \"noise\"");
+    assert_eq!(
+        error::<Extra>(&dvl),
+        "scenarios/a.toml:12: sensor.dvl.extra: unknown key \"extra\" (allowed: gate, scale)"
+    );
+    assert_eq!(
+        error::<bool>(&at(&d, &["sensor", "dvl", "noise"])),
+        "scenarios/a.toml:8: sensor.dvl.noise = 3: found a whole number, expected true or false"
+    );
+    assert_eq!(error::<String>(&dvl), "scenarios/a.toml:7: sensor.dvl: found a table, expected a string");
+    assert_eq!(
+        error::<Vec<Segment>>(&at(&d, &["trajectory", "segments"])),
+        "scenarios/a.toml:20: trajectory.segments.1.duration = -4: expected a whole number, not negative"
+    );
+    assert_eq!(
+        error::<Kind>(&at(&d, &["trajectory", "segments", "1", "kind"])),
+        "scenarios/a.toml:19: trajectory.segments.1.kind = \"clmib\": unknown value \"clmib\"; \
+         did you mean \"climb\"? (allowed: dive, climb)"
+    );
+    assert_eq!(
+        error::<Kind>(&at(&d, &["sensor", "dvl", "noise"])),
+        "scenarios/a.toml:8: sensor.dvl.noise = 3: found a whole number, expected a string"
+    );
+    assert_eq!(
+        error::<Triple<Length>>(&at(&d, &["sensor", "odd name", "a", "b", "c"])),
+        "scenarios/a.toml:23: sensor.\"odd name\".a.b.c = true: found a boolean, \
+         expected one value for all three axes, or an array of three"
+    );
+    assert_eq!(
+        error::<BTreeMap<String, BTreeMap<String, f64>>>(&at(&d, &["sensor"])),
+        "scenarios/a.toml:12: sensor.dvl.extra: found a table, expected a number"
+    );
+}
+
+#[test]
+fn keys_that_another_reader_takes_are_hidden_but_listed_as_allowed() {
+    let d = document();
+    let node = at(&d, &["sensor", "dvl"]).without(&["noise", "lever_arm"]);
+    assert_eq!(
+        error::<Extra>(&node),
+        "scenarios/a.toml:12: sensor.dvl.extra: unknown key \"extra\" (allowed: gate, scale, noise, lever_arm)"
+    );
+    assert_eq!(
+        d.root().check_keys(&["name", "proces", "sensor", "trajectory"]).unwrap_err().to_string(),
+        "scenarios/a.toml:4: process: unknown key \"process\"; did you mean \"proces\"? \
+         (allowed: name, proces, sensor, trajectory)"
+    );
+    assert!(at(&d, &["name"]).check_keys(&[]).unwrap_err().to_string().contains("found a string, a table is needed"));
+}
+
+#[test]
+fn entries_come_in_the_order_of_the_file() {
+    let d = Document::parse("o", "[z]\n[a]\nm = 1\nb.y = 2\nb.x = 3\n[z.q]").unwrap();
+    let keys = |node: Node<'_>| node.entries().unwrap().into_iter().map(|(key, _)| key.to_owned()).collect::<Vec<_>>();
+    assert_eq!(keys(d.root()), ["z", "a"]);
+    assert_eq!(keys(at(&d, &["a"])), ["m", "b"]);
+    assert_eq!(keys(at(&d, &["a", "b"])), ["y", "x"]);
+}
+
+#[test]
+fn an_override_is_applied_and_errors_name_it() {
+    let mut d = document();
+    for set in [
+        "process.ins.gyro_noise=0.1 deg/h/sqrt(Hz)",
+        "trajectory.segments.1.duration = 7",
+        "sensor.dvl.extra={ gate = 2.5 }",
+        "sensor.depth.bias.sigma=-5 cm",
+        "sensor.\"odd name\".flag=true",
+        "label=x=y",
+    ] {
+        d.set(set).unwrap_or_else(|e| panic!("{e}"));
+    }
+    assert!(at(&d, &["process", "ins"]).parse::<Ins>().is_ok());
+    assert_eq!(at(&d, &["trajectory", "segments", "1", "duration"]).parse::<u32>().unwrap(), 7);
+    assert_eq!(at(&d, &["sensor", "dvl", "extra"]).parse::<Extra>().unwrap().gate, Some(2.5));
+    assert_eq!(at(&d, &["label"]).value().as_str(), Some("x=y"));
+    let sigma = at(&d, &["sensor", "depth", "bias", "sigma"]);
+    assert_eq!(
+        error::<Sigma<Length>>(&sigma),
+        "--set sensor.depth.bias.sigma: sensor.depth.bias.sigma = \"-5 cm\": a sigma cannot be negative: -0.05 m"
+    );
+    assert!(error::<Ins>(&at(&d, &["sensor", "depth"])).starts_with("--set sensor.depth.bias.sigma: sensor.depth"));
+    assert_eq!(
+        error::<f32>(&at(&d, &["sensor", "dvl", "extra"])),
+        "--set sensor.dvl.extra: sensor.dvl.extra: found a table, expected a number"
+    );
+    // neighbours keep their lines
+    assert_eq!(at(&d, &["trajectory", "segments", "1", "kind"]).location().to_string(), "scenarios/a.toml:19");
+    assert_eq!(d.overrides().len(), 6);
+    assert_eq!(d.text(), TEXT);
+    let effective = Document::parse("effective", d.to_toml()).unwrap();
+    assert_eq!(effective.root().value(), d.root().value());
+}
+
+#[test]
+fn a_malformed_override_is_refused_and_changes_nothing() {
+    let mut d = document();
+    let before = d.to_toml();
+    for (set, reason) in [
+        ("name", "`key.path=value` is needed"),
+        ("=1", "no key path"),
+        ("a..b=1", "no key path"),
+        ("a b=1", "no key path"),
+        ("[x]\na=1", "no key path"),
+        ("name=", "a value is needed"),
+        ("name=\"x", "the value is not TOML"),
+        ("name=[1, 2", "the value is not TOML"),
+        ("name.first=1", "name is a string, not a table"),
+        ("trajectory.segments.2.duration=1", "trajectory.segments has 2 elements, counted from 0: there is no 2"),
+        ("trajectory.segments.first=1", "there is no first"),
+    ] {
+        let error = d.set(set).unwrap_err().to_string();
+        assert!(error.starts_with(&format!("--set {set}: ")) && error.contains(reason), "{error}");
+    }
+    assert!(d.set(&format!("{}=1", vec!["a"; 100_000].join("."))).is_err());
+    assert_eq!(d.to_toml(), before);
+    assert!(d.overrides().is_empty());
+}
+
+#[test]
+fn a_syntax_error_names_line_and_column() {
+    let syntax = |text: &str| Document::parse("b.toml", text).unwrap_err().to_string();
+    assert!(syntax("a = 1\nb = = 2\n").starts_with("b.toml:2:5: "), "{}", syntax("a = 1\nb = = 2\n"));
+    assert_eq!(syntax("a = 1\r\n\r\na = 2"), "b.toml:3:1: duplicate key");
+    assert!(syntax("é = 1").starts_with("b.toml:1:1: "), "{}", syntax("é = 1"));
+    assert!(syntax("a = 99999999999999999999").starts_with("b.toml:1:5: "), "{}", syntax("a = 99999999999999999999"));
+    let missing = Document::from_file("no/such/file.toml").unwrap_err().to_string();
+    assert!(missing.starts_with("no/such/file.toml: "), "{missing}");
+}
+
+#[test]
+fn a_deeply_nested_text_is_refused() {
+    for text in [
+        format!("{} = 1", vec!["a"; 100_000].join(".")),
+        format!("[{}]", vec!["a"; 100_000].join(".")),
+        format!("a = {}", "[".repeat(100_000)),
+        format!("a = {}1{}", "{b=".repeat(100_000), "}".repeat(100_000)),
+    ] {
+        assert!(Document::parse("deep", text).is_err());
+    }
+}
+
+#[test]
+fn the_name_gives_stem_and_folder() {
+    let d = document();
+    assert_eq!((d.stem().as_str(), d.folder()), ("a", Path::new("scenarios")));
+}
+
+#[test]
+fn a_suggestion_is_near_or_none() {
+    let allowed = ["gate", "noise", "scale", "Hz"];
+    assert_eq!(did_you_mean("gaet", allowed), Some("gate"));
+    assert_eq!(did_you_mean("Noise", allowed), Some("noise"));
+    assert_eq!(did_you_mean("hz", allowed), Some("Hz"));
+    assert_eq!(did_you_mean("temperature", allowed), None);
+    assert_eq!(did_you_mean("", allowed), None);
+}
+
+proptest! {
+    #[test]
+    fn no_text_makes_the_document_panic(text in "\\PC{0,60}", toml in "[a-c.=\\[\\]{}\"' 0-9\n,-]{0,40}") {
+        for text in [&text, &toml] {
+            if let Ok(mut d) = Document::parse("any", text.as_str()) {
+                let _ = d.set(&toml);
+                let _ = d.to_toml();
+                let _ = d.root().parse::<Ins>().map_err(|e| e.to_string());
+                let _ = d.root().check_keys(&["a"]).map_err(|e| e.to_string());
+            }
+            let _ = document().set(text);
+        }
+    }
+}

@@ -98,7 +98,9 @@ impl<'de, Q: Components> Visitor<'de> for OneOrThree<Q> {
         }
         let found = axes.len();
         let axes = axes.try_into().map_err(|_| {
-            Error::custom(format!("found an array of {found}; one value for all three axes or an array of three is needed"))
+            Error::custom(format!(
+                "found an array of {found}; one value for all three axes or an array of three is needed"
+            ))
         })?;
         Ok(Triple(axes))
     }

@@ -3,14 +3,14 @@
 use super::unit::{Exponents, parse_unit};
 
 /// A dimension that data sheets and scenarios know.
-struct Dimension {
-    exponents: Exponents,
+pub(super) struct Dimension {
+    pub exponents: Exponents,
     /// With its article, to read well in messages.
-    name: &'static str,
+    pub name: &'static str,
     /// A value that could be in a scenario.
-    example: &'static str,
+    pub example: &'static str,
     /// Units to print it in, the preferred first; messages name three.
-    units: &'static [&'static str],
+    pub units: &'static [&'static str],
 }
 
 const fn row(
@@ -23,8 +23,8 @@ const fn row(
 }
 
 #[rustfmt::skip]
-const DIMENSIONS: [Dimension; 18] = [
-    row([0, 0, 0, 0, 0], "a ratio", "200 ppm", &["", "%", "ppm"]),
+pub(super) const DIMENSIONS: [Dimension; 18] = [
+    row([0, 0, 0, 0, 0], "a ratio", "200 ppm", &["", "ppm"]),
     row([0, 0, 0, 2, 0], "an angle", "-0.5 deg", &["deg", "mrad", "arcsec", "rad"]),
     row([0, 0, -2, 2, 0], "an angular rate", "0.01 deg/h", &["deg/s", "deg/h", "rad/s"]),
     row([0, 0, -1, 2, 0], "an angular rate noise", "0.1 deg/h/sqrt(Hz)", &["deg/h/sqrt(Hz)", "deg/sqrt(h)", "rad/s/sqrt(Hz)"]),
@@ -102,7 +102,7 @@ pub fn print(si: f64, exponents: Exponents) -> String {
     match best {
         Some((number, "")) => number.clone(),
         Some((number, unit)) => format!("{number} {unit}"),
-        None => format!("{} {}", shorter(si), si_unit(exponents)),
+        None => format!("{} {}", decimal(si), si_unit(exponents)),
     }
 }
 
@@ -114,10 +114,11 @@ fn number_in(si: f64, unit: &str) -> Option<String> {
     (0..17)
         .filter_map(|digits| format!("{near:.digits$e}").parse().ok())
         .find(|x| to_si(*x).map(f64::to_bits) == Some(si.to_bits()))
-        .map(shorter)
+        .map(decimal)
 }
 
-fn shorter(x: f64) -> String {
+/// Decimal, or scientific where that is much shorter.
+fn decimal(x: f64) -> String {
     let (plain, scientific) = (x.to_string(), format!("{x:e}"));
-    if scientific.len() < plain.len() { scientific } else { plain }
+    if scientific.len() + SHORT < plain.len() { scientific } else { plain }
 }

@@ -58,7 +58,7 @@ const UNITS: [Row; 26] = [
     (&["Pa"], 1.0, 1.0, PRESSURE, "hkM"),
     (&["bar"], 1e5, 1.0, PRESSURE, "md"),
     (&["atm"], 101_325.0, 1.0, PRESSURE, ""),
-    (&["psi"], 6894.757_293_168_361, 1.0, PRESSURE, ""),
+    (&["psi"], 6_894.757_293_168_361, 1.0, PRESSURE, ""),
     (&["K"], 1.0, 1.0, TEMPERATURE, "m"),
 ];
 
@@ -199,7 +199,8 @@ impl Parser<'_> {
     }
 
     fn checked(&self, unit: Option<Unit>) -> Result<Unit, UnitError> {
-        unit.ok_or_else(|| self.malformed("its exponents are not those of a physical quantity"))
+        unit.filter(|u| u.numerator.is_normal() && u.denominator.is_normal())
+            .ok_or_else(|| self.malformed("its powers are not those of a physical quantity"))
     }
 
     fn expression(&mut self) -> Result<Unit, UnitError> {
@@ -275,8 +276,7 @@ impl Parser<'_> {
 /// (`mps`, `m_s`, `mps2`, `radps`, `dps`), or `kgpm3`.
 pub fn column_suffix(suffix: &str) -> Option<Unit> {
     let per_second = || {
-        let (name, power) =
-            suffix.strip_suffix('2').map_or((suffix, -1), |shorter| (shorter, -2));
+        let (name, power) = suffix.strip_suffix('2').map_or((suffix, -1), |shorter| (shorter, -2));
         let top = Unit::named(name.strip_suffix("ps").or_else(|| name.strip_suffix("_s"))?)?;
         // "h_s" is a column h in seconds, not hours per second
         (top.exponents != TIME).then(|| Unit::named("s")?.power(power)?.times(top)).flatten()
