@@ -67,6 +67,8 @@ pub trait SourceType: DeserializeOwned + JsonSchema + 'static {
 pub trait SinkType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
+    /// Whether it records every run, with its default parameters where the scenario does not mention it.
+    const DEFAULT: bool = true;
     /// Opens it.
     ///
     /// # Errors
@@ -125,7 +127,7 @@ pub(crate) enum Make {
     Process(ForComposer<BuiltProcess>),
     Sensor { make: ForComposer<BuiltSensor>, input: bool },
     Source(ForContext<Vec<Box<dyn Source>>>),
-    Sink(ForContext<Box<dyn Sink>>),
+    Sink { make: ForContext<Box<dyn Sink>>, default: bool },
 }
 
 /// A registered type.
@@ -191,7 +193,7 @@ impl Registry {
     /// Registers a type of sink.
     pub fn sink<S: SinkType>(&mut self) {
         let make: ForContext<Box<dyn Sink>> = Box::new(|node, context| Ok(node.parse::<S>()?.open(context)?));
-        self.insert::<S>(Kind::Sink, S::TYPE, Make::Sink(make));
+        self.insert::<S>(Kind::Sink, S::TYPE, Make::Sink { make, default: S::DEFAULT });
     }
 
     fn insert<T: JsonSchema>(&mut self, kind: Kind, name: &'static str, make: Make) {

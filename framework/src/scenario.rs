@@ -167,10 +167,10 @@ impl<'a> Scenario<'a> {
         }
         let mut estimator: EstimatorConfig =
             root.get("estimator").map_or_else(|| Ok(EstimatorConfig::default()), |n| n.parse())?;
-        let name = match root.get("name") {
-            Some(n) => n.parse()?,
-            None => self.document.stem(),
-        };
+        if let Some(name) = root.get("name") {
+            name.parse::<String>()?;
+        }
+        let name = self.name();
         let seed = root.get("seed").map_or(Ok(1), |n| n.parse())?;
         if let Some(description) = root.get("description") {
             description.parse::<String>()?;
@@ -256,14 +256,14 @@ impl<'a> Scenario<'a> {
         Ok(())
     }
 
-    /// Composes the scenario and opens its sources and sinks. Every registered type of sink is opened unless its table
-    /// says `enabled = false`; with no `output` folder none is.
+    /// Composes the scenario and opens its sources and sinks. Sinks that are on by default are opened unless their
+    /// table says `enabled = false`; with no `output` folder none is.
     ///
     /// # Errors
     /// As [`Self::compose`], and when a source or sink cannot be opened.
     pub fn assemble(&self, output: Option<&Path>) -> Result<Assembly, BuildError> {
         let composition = self.compose()?;
-        let base = self.document.folder();
+        let base = self.document.folder().to_path_buf();
         let context = OpenContext { composition: &composition, base, output: output.map_or_else(PathBuf::new, Into::into) };
         let mut sources = Vec::new();
         let parts = self.parts(Kind::Source)?;
@@ -278,30 +278,44 @@ impl<'a> Scenario<'a> {
             sources.extend(streams.into_iter().map(|s| (part.name.to_owned(), s)));
         }
         let mut sinks = Vec::new();
-        let parts = self.parts(Kind::Sink)?;
         if output.is_some() {
-            for part in &parts {
-                let Make::Sink(make) = &part.entry.make else { continue };
+            for part in self.parts(Kind::Sink)? {
+                let Make::Sink { make, .. } = &part.entry.make else { continue };
                 sinks.push((part.name.to_owned(), make(&part.node.without(common_keys(Kind::Sink)), &context)?));
             }
-            let named = self.document.root().get(Kind::Sink.table());
             let empty = Document::parse("default", "")?;
-            for entry in self.registry.entries().filter(|e| e.kind == Kind::Sink) {
-                let mentioned = named.as_ref().is_some_and(|n| n.get(entry.name).is_some());
-                let used = parts.iter().any(|p| p.entry.name == entry.name);
-                if let Make::Sink(make) = &entry.make
-                    && !mentioned
-                    && !used
-                {
-                    sinks.push((entry.name.to_owned(), make(&empty.root(), &context)?));
-                }
+            for entry in self.default_sinks()? {
+                let Make::Sink { make, .. } = &entry.make else { continue };
+                sinks.push((entry.name.to_owned(), make(&empty.root(), &context)?));
             }
         }
         Ok(Assembly { composition, sources, sinks })
     }
 
-    /// The document.
-    pub fn document(&self) -> &Document {
-        &self.document
+    /// The name of the scenario: what it says, or that of its file.
+    pub fn name(&self) -> String {
+        let given = self.document.root().get("name").and_then(|n| n.parse().ok());
+        given.unwrap_or_else(|| self.document.stem())
+    }
+
+    /// The names of the sinks that a run with an output folder opens.
+    ///
+    /// # Errors
+    /// When a table of `[sink]` does not fit.
+    pub fn sinks(&self) -> Result<Vec<String>, DocumentError> {
+        let mut names: Vec<String> = self.parts(Kind::Sink)?.iter().map(|p| p.name.to_owned()).collect();
+        names.extend(self.default_sinks()?.iter().map(|e| e.name.to_owned()));
+        Ok(names)
+    }
+
+    /// The types of sink that are on by default and that the scenario does not mention.
+    fn default_sinks(&self) -> Result<Vec<&'a Entry>, DocumentError> {
+        let parts = self.parts(Kind::Sink)?;
+        let named = self.document.root().get(Kind::Sink.table());
+        let mentioned = |entry: &Entry| {
+            named.as_ref().is_some_and(|n| n.get(entry.name).is_some()) || parts.iter().any(|p| p.entry.name == entry.name)
+        };
+        let default = |e: &&Entry| matches!(e.make, Make::Sink { default: true, .. });
+        Ok(self.registry.entries().filter(default).filter(|e| !mentioned(e)).collect())
     }
 }

@@ -1,0 +1,55 @@
+//! The `navfuse` command, and the plugins that it ships with.
+//!
+//! A program with one more plugin:
+//! ```no_run
+//! # use navfuse_core::registry::{Plugin, Registry};
+//! # struct MyPlugin;
+//! # impl Plugin for MyPlugin { fn build(&self, _: &mut Registry) {} }
+//! fn main() -> std::process::ExitCode {
+//!     let mut registry = navfuse::standard_plugins();
+//!     registry.add(&MyPlugin);
+//!     navfuse::command(&registry)
+//! }
+//! ```
+
+mod arguments;
+mod inspect;
+mod print;
+mod run;
+
+pub use navfuse_core as core;
+
+use arguments::{Arguments, Command};
+use clap::Parser;
+use navfuse_core::registry::Registry;
+use std::process::ExitCode;
+
+/// The registry with the plugins that ship with navfuse.
+pub fn standard_plugins() -> Registry {
+    let mut registry = Registry::new();
+    registry
+        .add(&navfuse_ins::InsPlugin)
+        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_depth::DepthPlugin)
+        .add(&navfuse_simulation::SimulationPlugin)
+        .add(&navfuse_csv::CsvPlugin)
+        .add(&navfuse_mcap::McapPlugin);
+    #[cfg(feature = "rerun")]
+    registry.add(&navfuse_rerun::RerunPlugin);
+    registry
+}
+
+/// Parses the arguments of the process and does what they say.
+pub fn command(registry: &Registry) -> ExitCode {
+    let done = match Arguments::parse().command {
+        Command::Run(arguments) => run::run(registry, &arguments),
+        Command::Replay(arguments) => run::replay(registry, &arguments),
+        Command::Check(arguments) => inspect::check(registry, &arguments),
+        Command::List { name } => inspect::list(registry, name.as_deref()),
+        Command::Schema => inspect::schema(registry),
+    };
+    done.unwrap_or_else(|error| {
+        eprintln!("error: {error}");
+        ExitCode::FAILURE
+    })
+}

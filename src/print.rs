@@ -1,0 +1,107 @@
+//! What a person reads.
+
+use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use navfuse_core::record::{Event, Level};
+use navfuse_core::state::Mode;
+use navfuse_core::summary::{Recorded, StateRow, Summary};
+
+/// An empty table with headings.
+pub fn table(headings: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Dynamic);
+    table.set_header(headings.to_vec());
+    table
+}
+
+/// The result of a run.
+pub fn summary(summary: &Summary) {
+    println!("{}", summary.scenario);
+    let mut states = table(&["state", "", "estimate", "1-sigma", "error", "error/sigma", "unit"]);
+    for row in &summary.rows {
+        state(row, &mut states);
+    }
+    for column in 2..6 {
+        if let Some(column) = states.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    println!("{states}\n");
+    let mut sensors = table(&["sensor", "read", "used", "gated", "rejected", "mean NIS"]);
+    for (name, value) in &summary.samples {
+        let text = |key: &str| value.get(key).map_or_else(String::new, ToString::to_string);
+        let used = value.get("used").or_else(|| value.get("accepted")).map_or_else(String::new, ToString::to_string);
+        let nis = value.get("mean_nis").and_then(serde_json::Value::as_f64).map_or_else(String::new, |n| format!("{n:.2}"));
+        sensors.add_row([name.clone(), text("read"), used, text("gated"), text("rejected"), nis]);
+    }
+    for column in 1..6 {
+        if let Some(column) = sensors.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    println!("{sensors}\n");
+    println!("{:.0} s and {:.0} m in {:.2} s", summary.duration_s, summary.distance_m, summary.wall_s);
+    if let Some(e) = &summary.horizontal_error_m {
+        let percent = if summary.distance_m > 0.0 {
+            format!(", {:.3} % of the distance", e.percent_of_distance)
+        } else {
+            String::new()
+        };
+        println!("horizontal error {:.2} m at the end{percent}; {:.2} m rms", e.last, e.rms);
+    }
+}
+
+fn state(row: &StateRow, table: &mut Table) {
+    if row.mode == Mode::Fixed && row.error.is_none() {
+        return;
+    }
+    for (k, component) in row.components.iter().enumerate() {
+        let sigma = row.sigma[k];
+        let angle = row.estimate.len() == 3 && row.unit == "m" && k < 2 && component.ends_with("itude");
+        let estimate = if angle { format!("{:.7} deg", row.estimate[k]) } else { number(row.estimate[k], sigma) };
+        let error = row.error.as_ref().map(|e| e[k]);
+        let ratio = error.filter(|_| sigma > 0.0).map_or_else(String::new, |e| format!("{:.1}", e / sigma));
+        let sigma_text = match row.mode {
+            Mode::Fixed => "fixed".to_owned(),
+            Mode::Consider => format!("{} considered", number(sigma, sigma)),
+            Mode::Estimate => number(sigma, sigma),
+        };
+        table.add_row([
+            if k == 0 { row.name.clone() } else { String::new() },
+            (*component).to_owned(),
+            estimate,
+            sigma_text,
+            error.map_or_else(String::new, |e| number(e, sigma)),
+            ratio,
+            row.unit.to_owned(),
+        ]);
+    }
+}
+
+/// A number with the digits that its sigma leaves a meaning, and one more.
+fn number(value: f64, sigma: f64) -> String {
+    let decimals = if sigma > 0.0 && sigma.is_finite() { (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) } else { 6.0 };
+    format!("{value:.*}", decimals as usize)
+}
+
+/// Where the sinks wrote.
+pub fn recorded(recorded: &[Recorded]) {
+    for r in recorded {
+        println!("{:<6} {}", r.sink, r.place);
+    }
+}
+
+/// Warnings and errors, on standard error: at most a screen of them.
+pub fn events(events: &[Event]) {
+    const SHOWN: usize = 20;
+    let word = |e: &Event| if e.level == Level::Error { "error" } else { "warning" };
+    for e in events.iter().filter(|e| e.level < Level::Error).take(SHOWN) {
+        eprintln!("{}: {} {}: {}", word(e), e.time, e.about, e.text);
+    }
+    let more = events.iter().filter(|e| e.level < Level::Error).count().saturating_sub(SHOWN);
+    if more > 0 {
+        eprintln!("and {more} more warnings: see the log");
+    }
+    for e in events.iter().filter(|e| e.level == Level::Error) {
+        eprintln!("{}: {} {}: {}", word(e), e.time, e.about, e.text);
+    }
+}

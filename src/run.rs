@@ -1,0 +1,151 @@
+//! `navfuse run` and `navfuse replay`.
+
+use crate::arguments::{Format, Replay, Run, RunOptions};
+use crate::print;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use navfuse_core::document::Document;
+use navfuse_core::record::Level;
+use navfuse_core::registry::{Kind, Registry};
+use navfuse_core::runner::{self, Finished, Progress};
+use navfuse_core::scenario::Scenario;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// Exit code of a run that was interrupted, as a shell gives it.
+const INTERRUPTED: u8 = 130;
+
+/// `navfuse run`
+pub fn run(registry: &Registry, arguments: &Run) -> Result<ExitCode> {
+    let document = Document::from_file(&arguments.scenario)?;
+    go(registry, document, &[], &arguments.options)
+}
+
+/// `navfuse replay`
+pub fn replay(registry: &Registry, arguments: &Replay) -> Result<ExitCode> {
+    let log = std::fs::canonicalize(&arguments.log)
+        .map_err(|e| format!("{}: cannot be read: {e}", arguments.log.display()))?;
+    let document = match &arguments.scenario {
+        Some(path) => Document::from_file(path)?,
+        None => {
+            let info = navfuse_mcap::read_scenario(&arguments.log)?;
+            Document::parse(log.with_file_name(format!("{}.toml", info.name)).display().to_string(), info.scenario)?
+        }
+    };
+    let source = format!("source={{ mcap = {{ path = {:?} }} }}", log.display().to_string());
+    let mut options = RunOptions { set: arguments.options.set.clone(), ..copy(&arguments.options) };
+    if options.out.is_none() {
+        options.out = Some(PathBuf::from("runs").join(format!("{}-replay", document.stem())));
+    }
+    go(registry, document, &[source], &options)
+}
+
+fn copy(o: &RunOptions) -> RunOptions {
+    RunOptions {
+        set: Vec::new(),
+        out: o.out.clone(),
+        format: o.format,
+        no_output: o.no_output,
+        live: crate::arguments::Live { rerun: o.live.rerun, connect: o.live.connect.clone(), serve: o.live.serve },
+    }
+}
+
+fn go(registry: &Registry, document: Document, first: &[String], options: &RunOptions) -> Result<ExitCode> {
+    let mut settings = first.to_vec();
+    settings.extend(options.set.iter().cloned());
+    settings.extend(live(registry, options)?);
+    let scenario = Scenario::new(registry, document, &settings)?;
+    let output = output_folder(&scenario, options)?;
+    let assembly = scenario.assemble(output.as_deref())?;
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    // without a handler Ctrl-C still ends the run, only less well
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).ok();
+    let text = options.format == Format::Text;
+    let bar = Bar::new(text);
+    let finished = runner::run(assembly, &stop, |progress| bar.update(progress));
+    bar.done();
+    report(&finished, text)?;
+    if options.live.serve && !finished.interrupted {
+        eprintln!("serving until Ctrl-C");
+        while !stop.load(Ordering::Relaxed) {
+            std::thread::sleep(std::time::Duration::from_millis(100));
+        }
+    }
+    Ok(match (&finished.error, finished.interrupted) {
+        (Some(_), _) => ExitCode::FAILURE,
+        (None, true) => ExitCode::from(INTERRUPTED),
+        (None, false) if finished.events.iter().any(|e| e.level == Level::Error) => ExitCode::FAILURE,
+        (None, false) => ExitCode::SUCCESS,
+    })
+}
+
+/// The settings that show the run live.
+fn live(registry: &Registry, options: &RunOptions) -> Result<Vec<String>> {
+    let live = &options.live;
+    let setting = match (live.rerun, &live.connect, live.serve) {
+        (true, _, _) => "sink.rerun.spawn=true".to_owned(),
+        (_, Some(address), _) => format!("sink.rerun.connect={address:?}"),
+        (_, _, true) => "sink.rerun.serve=true".to_owned(),
+        _ => return Ok(Vec::new()),
+    };
+    if registry.get(Kind::Sink, "rerun").is_none() {
+        return Err("this navfuse was built without the rerun viewer; build it with `--features rerun`".into());
+    }
+    Ok(vec![setting])
+}
+
+/// Makes the folder that the sinks write into.
+fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Result<Option<PathBuf>> {
+    if options.no_output {
+        return Ok(None);
+    }
+    let folder = options.out.clone().unwrap_or_else(|| Path::new("runs").join(scenario.name()));
+    std::fs::create_dir_all(&folder).map_err(|e| {
+        format!("{}: the output folder cannot be made: {e}; give another with --out, or --no-output", folder.display())
+    })?;
+    Ok(Some(folder))
+}
+
+fn report(finished: &Finished, text: bool) -> Result<()> {
+    if text {
+        print::summary(&finished.summary);
+        print::recorded(&finished.recorded);
+    } else {
+        println!("{}", serde_json::to_string(&finished.summary)?);
+    }
+    print::events(&finished.events);
+    Ok(())
+}
+
+/// The progress bar, on standard error.
+struct Bar(ProgressBar);
+
+impl Bar {
+    fn new(shown: bool) -> Self {
+        let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        Self(ProgressBar::with_draw_target(None, target))
+    }
+
+    fn update(&self, progress: Progress) {
+        let now = progress.now.seconds().max(0.0);
+        if let Some(end) = progress.end
+            && self.0.length().is_none()
+        {
+            self.0.set_length(end.seconds().max(0.0) as u64);
+            let template = "{bar:32.cyan} {pos} of {len} s of run time, {eta} left";
+            if let Ok(style) = ProgressStyle::with_template(template) {
+                self.0.set_style(style);
+            }
+        }
+        self.0.set_position(now as u64);
+    }
+
+    fn done(&self) {
+        self.0.finish_and_clear();
+    }
+}
