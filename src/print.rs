@@ -1,6 +1,6 @@
 //! What a person reads.
 
-use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
 use navfuse_core::record::{Event, Level};
 use navfuse_core::state::Mode;
 use navfuse_core::summary::{Recorded, StateRow, Summary};
@@ -8,7 +8,9 @@ use navfuse_core::summary::{Recorded, StateRow, Summary};
 /// An empty table with headings.
 pub fn table(headings: &[&str]) -> Table {
     let mut table = Table::new();
-    table.load_style(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Dynamic);
+    let line = LineStyle::none().fill('─').junction('─');
+    table.load_style(presets::NOTHING.top_border(line).header_separator(line).bottom_border(line));
+    table.set_content_arrangement(ContentArrangement::Dynamic);
     table.set_header(headings.to_vec());
     table
 }

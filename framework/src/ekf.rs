@@ -418,8 +418,10 @@ impl Ekf {
         let record_nis = nis;
         if outcome == Outcome::Gated {
             let (since, count) = slot.gated.map_or((sample.time, 1), |(since, count)| (since, count + 1));
-            if count == 1 {
-                event(Level::Warning, format!("gate rejects: NIS {nis:.1} is above {threshold:.1}"));
+            if count == 1 || count == 5 {
+                let level = if count == 1 { Level::Info } else { Level::Warning };
+                let row = if count == 1 { String::new() } else { format!("{count} in a row, ") };
+                event(level, format!("gate rejects: {row}NIS {nis:.1} is above {threshold:.1}"));
             }
             let locked_out = sample.time.since(since) >= slot.recovery.after.value().si();
             if locked_out && slot.recovery.action != Action::Report {
