@@ -1,0 +1,191 @@
+//! Which column is which channel, and in which unit.
+
+use navfuse_core::document::did_you_mean;
+use navfuse_core::units::{Unit, column_suffix};
+
+/// Columns that a message lists before it says how many more there are.
+const LISTED: usize = 30;
+
+/// What is looked for.
+pub struct Wanted<'a> {
+    /// Name of the channel: `vel_x`.
+    pub name: &'a str,
+    /// Its SI unit as in a heading: `mps`; empty for a ratio.
+    pub si: &'a str,
+    /// The heading, where the scenario tells it.
+    pub column: Option<&'a str>,
+    /// The unit, where the scenario tells it.
+    pub unit: Option<Unit>,
+    /// The key of the source where it can be told: `files.dvl.columns.vel_x`.
+    pub key: &'a str,
+}
+
+/// Where it is.
+#[derive(Clone, Copy, Debug)]
+pub struct Found {
+    /// Index of the column.
+    pub index: usize,
+    /// Its unit; `None` is SI, or a unit that the units do not know, in which the channel is too.
+    pub unit: Option<Unit>,
+}
+
+impl Wanted<'_> {
+    /// Finds it among the headings.
+    ///
+    /// # Errors
+    /// What is wrong and what to do about it.
+    pub fn find(&self, headings: &[String]) -> Result<Found, String> {
+        let needed = column_suffix(self.si);
+        let heading = match self.column {
+            Some(column) => column.to_owned(),
+            None => self.heading(headings, needed)?,
+        };
+        let mut places = headings.iter().enumerate().filter(|(_, h)| **h == heading);
+        let index = match (places.next(), places.next()) {
+            (Some((index, _)), None) => index,
+            (Some(_), Some(_)) => return Err(format!("two columns are {heading:?}: rename one of them")),
+            (None, _) => return Err(self.missing(&heading, headings)),
+        };
+        let unit = match (needed, self.unit) {
+            (None, Some(_)) if self.si.is_empty() => return Err(format!("{} has no unit: remove {}.unit", self.name, self.key)),
+            (None, unit) => unit,
+            (Some(needed), Some(unit)) if unit.exponents() == needed.exponents() => Some(unit),
+            (Some(_), Some(unit)) => return Err(format!("{}.unit is of {}, {}", self.key, unit.dimension(), self.need())),
+            (Some(needed), None) => Some(self.suffix(&heading, needed)?),
+        };
+        Ok(Found { index, unit })
+    }
+
+    /// The heading that the channel has by itself.
+    fn heading(&self, headings: &[String], needed: Option<Unit>) -> Result<String, String> {
+        let usual = self.usual();
+        let (Some(needed), false) = (needed, headings.contains(&usual)) else { return Ok(usual) };
+        let suffix = |h: &str| column_suffix(h.strip_prefix(self.name)?.strip_prefix('_')?);
+        let candidates = || headings.iter().filter_map(|h| Some((h, suffix(h)?)));
+        let mut fitting = candidates().filter(|(_, unit)| unit.exponents() == needed.exponents());
+        match (fitting.next(), fitting.next()) {
+            (Some((heading, _)), None) => return Ok(heading.clone()),
+            (Some((a, _)), Some((b, _))) => return Err(format!("{a:?} and {b:?} are both {}: set {}", self.name, self.key)),
+            _ => {}
+        }
+        // with a wrong unit or without any it is still meant
+        let meant = headings.iter().find(|h| *h == self.name).or_else(|| candidates().next().map(|(h, _)| h));
+        Ok(meant.cloned().unwrap_or(usual))
+    }
+
+    /// The unit that a heading ends with: the longest that is one, so that `v_m_s` is in m/s.
+    fn suffix(&self, heading: &str, needed: Unit) -> Result<Unit, String> {
+        let ends = heading.char_indices().filter(|(_, c)| *c == '_').map(|(i, _)| &heading[i + 1..]);
+        let units: Vec<(&str, Unit)> = ends.filter_map(|end| Some((end, column_suffix(end)?))).collect();
+        let remedy = format!("rename it to {:?}, or set {}.unit", self.usual(), self.key);
+        match units.first() {
+            Some((_, unit)) if unit.exponents() == needed.exponents() => Ok(*unit),
+            Some((end, unit)) => {
+                Err(format!("column {heading:?} ends with {end:?}, which is {}, {}; {remedy}", unit.dimension(), self.need()))
+            }
+            None => Err(format!("column {heading:?} does not end with a unit, {}; {remedy}", self.need())),
+        }
+    }
+
+    fn usual(&self) -> String {
+        if self.si.is_empty() { self.name.to_owned() } else { format!("{}_{}", self.name, self.si) }
+    }
+
+    fn need(&self) -> String {
+        let dimension = column_suffix(self.si).map_or_else(String::new, |u| u.dimension());
+        format!("{} is {dimension}", self.name)
+    }
+
+    fn missing(&self, heading: &str, headings: &[String]) -> String {
+        let near = did_you_mean(heading, headings.iter().map(String::as_str));
+        let near = near.map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+        let mut list = headings.iter().take(LISTED).cloned().collect::<Vec<_>>().join(", ");
+        if headings.len() > LISTED {
+            list += &format!(" and {} more", headings.len() - LISTED);
+        }
+        format!("no column {heading:?}{near} (columns: {list}); rename the column, or set {}", self.key)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    // a failed test may panic
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use navfuse_core::units::parse_unit;
+
+    const SPEED: Wanted<'_> =
+        Wanted { name: "vel_x", si: "mps", column: None, unit: None, key: "files.dvl.columns.vel_x" };
+
+    fn find(wanted: &Wanted<'_>, header: &str) -> Result<(usize, f64), String> {
+        let headings: Vec<String> = header.split(',').map(str::to_owned).collect();
+        wanted.find(&headings).map(|f| (f.index, f.unit.map_or(1.0, |u| u.to_si(1.0))))
+    }
+
+    #[test]
+    fn a_heading_is_the_channel_and_any_unit_of_its_dimension() {
+        let knot = 1852.0 / 3600.0;
+        for (heading, factor) in
+            [("vel_x_mps", 1.0), ("vel_x_cmps", 0.01), ("vel_x_m_s", 1.0), ("vel_x_mm_s", 1e-3), ("vel_x_kn", knot)]
+        {
+            assert_eq!(find(&SPEED, &format!("time_s,{heading},vel_y_mps")), Ok((1, factor)), "{heading}");
+        }
+        // SI before others
+        assert_eq!(find(&SPEED, "vel_x_cmps,vel_x_mps"), Ok((1, 1.0)));
+        let time = Wanted { name: "time", si: "s", key: "files.dvl.time", ..SPEED };
+        for (heading, factor) in [("time_s", 1.0), ("time_ms", 1e-3), ("time_us", 1e-6), ("time_ns", 1e-9)] {
+            assert_eq!(find(&time, heading), Ok((0, factor)), "{heading}");
+        }
+    }
+
+    #[test]
+    fn a_mapped_column_has_the_unit_it_is_given_or_ends_with() {
+        let mapped = |column, unit: Option<&str>| Wanted {
+            column: Some(column),
+            unit: unit.map(|u| parse_unit(u).unwrap()),
+            ..SPEED
+        };
+        assert_eq!(find(&mapped("vx_cmps", None), "t,vx_cmps"), Ok((1, 0.01)));
+        assert_eq!(find(&mapped("speed_x_m_s", None), "t,speed_x_m_s"), Ok((1, 1.0)));
+        assert_eq!(find(&mapped("vx", Some("cm/s")), "t,vx"), Ok((1, 0.01)));
+        // what is said is worth more than what a heading happens to end with
+        assert_eq!(find(&mapped("x_m", Some("m/s")), "t,x_m"), Ok((1, 1.0)));
+        // a unit alone: the column is still the channel's
+        assert_eq!(find(&Wanted { unit: parse_unit("cm/s").ok(), ..SPEED }, "t,vel_x"), Ok((1, 0.01)));
+    }
+
+    #[test]
+    fn a_ratio_and_an_unknown_unit_have_their_own_heading_only() {
+        assert_eq!(find(&Wanted { name: "quality", si: "", ..SPEED }, "time_s,quality"), Ok((1, 1.0)));
+        assert_eq!(find(&Wanted { name: "field_x", si: "nT", ..SPEED }, "time_s,field_x_nT"), Ok((1, 1.0)));
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_remedy() {
+        let error = |wanted: &Wanted<'_>, header| find(wanted, header).unwrap_err();
+        assert_eq!(
+            error(&SPEED, "time_s,velx_mps,vy"),
+            "no column \"vel_x_mps\"; did you mean \"velx_mps\"? (columns: time_s, velx_mps, vy); rename the column, or set \
+             files.dvl.columns.vel_x"
+        );
+        assert_eq!(
+            error(&SPEED, "vel_x_m"),
+            "column \"vel_x_m\" ends with \"m\", which is a length, vel_x is a speed; rename it to \"vel_x_mps\", or set \
+             files.dvl.columns.vel_x.unit"
+        );
+        assert_eq!(
+            error(&SPEED, "vel_x"),
+            "column \"vel_x\" does not end with a unit, vel_x is a speed; rename it to \"vel_x_mps\", or set \
+             files.dvl.columns.vel_x.unit"
+        );
+        assert_eq!(
+            error(&SPEED, "vel_x_kn,vel_x_cmps"),
+            "\"vel_x_kn\" and \"vel_x_cmps\" are both vel_x: set files.dvl.columns.vel_x"
+        );
+        assert_eq!(error(&SPEED, "vel_x_mps,vel_x_mps"), "two columns are \"vel_x_mps\": rename one of them");
+        assert_eq!(
+            error(&Wanted { unit: parse_unit("deg").ok(), ..SPEED }, "vel_x"),
+            "files.dvl.columns.vel_x.unit is of an angle, vel_x is a speed"
+        );
+    }
+}

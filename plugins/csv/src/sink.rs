@@ -1,0 +1,229 @@
+//! The sink: tables for spreadsheets and scripts, in the folder of the run.
+//!
+//! `estimate.csv` has a row an epoch: `time_s`, then for every component of every block the estimate, its 1-sigma and,
+//! where the scenario has a truth or a reference, estimate minus truth:
+//! `dvl.misalignment.yaw_deg`, `dvl.misalignment.yaw_sigma_deg`, `dvl.misalignment.yaw_error_deg`. Units are those that the
+//! summary shows. A position is latitude, longitude and height; its sigma and error are north, east and down in metres. An
+//! error is empty where no truth is known.
+//!
+//! `innovations.csv` has a row a sample of a measuring sensor: `time_s`, `sensor`, `outcome` (`accepted`, `gated` or
+//! `rejected_` and why), the normalised innovation squared `nis` and the gate's `threshold`, then for every channel of every
+//! measuring sensor the innovation and its 1-sigma, SI: `dvl.vel_x_mps`, `dvl.vel_x_sigma_mps`. What does not apply is empty.
+
+use crate::time::write_seconds;
+use csv::Writer;
+use navfuse_core::manifold::{MAX_TANGENT, Reading};
+use navfuse_core::record::{Epoch, Outcome, Rejection, UpdateRecord};
+use navfuse_core::registry::{OpenContext, SinkType};
+use navfuse_core::sample::MAX_CHANNELS;
+use navfuse_core::state::{Block, Layout};
+use navfuse_core::stream::{Purpose, RunInfo, SensorInfo, Sink, StreamError};
+use navfuse_core::time::Time;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::fmt::Display;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Writes estimate.csv and innovations.csv into the folder of the run. Only where the scenario has it.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CsvSink {}
+
+impl SinkType for CsvSink {
+    const TYPE: &'static str = "csv";
+    const DEFAULT: bool = false;
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
+        let estimate = Table::create(context.output.join("estimate.csv"))?;
+        let innovations = Table::create(context.output.join("innovations.csv"))?;
+        Ok(Box::new(Tables { estimate, innovations, errors: Vec::new(), sensors: Vec::new(), width: 0 }))
+    }
+}
+
+/// A file that rows are written into, cell by cell.
+struct Table {
+    path: PathBuf,
+    writer: Writer<File>,
+    /// The text of one cell.
+    cell: Vec<u8>,
+}
+
+impl Table {
+    fn create(path: PathBuf) -> Result<Self, StreamError> {
+        let writer = Writer::from_path(&path).map_err(|e| failed(&path, e))?;
+        Ok(Self { path, writer, cell: Vec::new() })
+    }
+
+    fn bytes(&mut self, cell: &[u8]) -> Result<(), StreamError> {
+        self.writer.write_field(cell).map_err(|e| failed(&self.path, e))
+    }
+
+    /// A number that reads back to the bit; what is not finite is empty.
+    fn number(&mut self, value: f64) -> Result<(), StreamError> {
+        let mut cell = std::mem::take(&mut self.cell);
+        cell.clear();
+        if value.is_finite() {
+            // a vector takes whatever is written
+            let _ = write!(cell, "{value}");
+        }
+        let done = self.bytes(&cell);
+        self.cell = cell;
+        done
+    }
+
+    fn time(&mut self, time: Time) -> Result<(), StreamError> {
+        let mut cell = std::mem::take(&mut self.cell);
+        cell.clear();
+        write_seconds(time, &mut cell);
+        let done = self.bytes(&cell);
+        self.cell = cell;
+        done
+    }
+
+    fn end_row(&mut self) -> Result<(), StreamError> {
+        self.writer.write_record(None::<&[u8]>).map_err(|e| failed(&self.path, e))
+    }
+
+    fn row<'a>(&mut self, cells: impl IntoIterator<Item = &'a str>) -> Result<(), StreamError> {
+        self.writer.write_record(cells).map_err(|e| failed(&self.path, e))
+    }
+
+    fn finish(&mut self) -> Result<String, StreamError> {
+        self.writer.flush().map_err(|e| failed(&self.path, e))?;
+        Ok(self.path.display().to_string())
+    }
+}
+
+fn failed(path: &Path, error: impl Display) -> StreamError {
+    StreamError(format!("{}: cannot be written: {error}", path.display()))
+}
+
+/// Both files.
+struct Tables {
+    estimate: Table,
+    innovations: Table,
+    /// Whether a block has columns of its error, one a slot.
+    errors: Vec<bool>,
+    /// The sensors, and for a measuring one the place of its first channel among all of them.
+    sensors: Vec<(SensorInfo, Option<usize>)>,
+    /// Channels of all measuring sensors.
+    width: usize,
+}
+
+/// The unit as the end of a heading: `deg/h` is `_degph`.
+fn ending(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!("_{}", unit.replace('/', "p").replace('^', "")) }
+}
+
+/// The headings of a block.
+fn headings(block: &Block, error: bool, out: &mut Vec<String>) {
+    let (display, tangent) = (&block.spec.display, block.operations.reading == Reading::Tangent);
+    let names = display.components;
+    let ned = ["north", "east", "down"];
+    let (differences, units) = if tangent { (&ned[..], ["deg", "deg", display.unit]) } else { (names, [display.unit; 3]) };
+    let mut add = |name: &str, what: &str, unit: &str| out.push(format!("{}.{name}{what}{}", block.name, ending(unit)));
+    for (k, name) in names.iter().enumerate() {
+        add(name, "", units[k.min(2)]);
+    }
+    for what in ["_sigma", "_error"].into_iter().take(1 + usize::from(error)) {
+        differences.iter().for_each(|name| add(name, what, display.unit));
+    }
+}
+
+impl Tables {
+    fn estimate_header(&mut self, layout: &Layout, reference: bool) -> Result<(), StreamError> {
+        self.errors = layout.blocks.iter().map(|b| reference || b.spec.truth.is_some()).collect();
+        let mut header = vec!["time_s".to_owned()];
+        for (block, error) in layout.blocks.iter().zip(&self.errors) {
+            headings(block, *error, &mut header);
+        }
+        self.estimate.row(header.iter().map(String::as_str))
+    }
+
+    fn innovations_header(&mut self, sensors: &[SensorInfo]) -> Result<(), StreamError> {
+        let mut header: Vec<String> = ["time_s", "sensor", "outcome", "nis", "threshold"].map(str::to_owned).to_vec();
+        for sensor in sensors {
+            let first = (sensor.purpose == Purpose::Measurement).then_some(self.width);
+            if first.is_some() {
+                for channel in &sensor.channels {
+                    for what in ["", "_sigma"] {
+                        header.push(format!("{}.{}{what}{}", sensor.name, channel.name, ending(channel.unit)));
+                    }
+                }
+                self.width += sensor.channels.len();
+            }
+            self.sensors.push((sensor.clone(), first));
+        }
+        self.innovations.row(header.iter().map(String::as_str))
+    }
+}
+
+impl Sink for Tables {
+    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
+        self.estimate_header(&run.layout, run.sensors.iter().any(|s| s.purpose == Purpose::Reference))?;
+        self.innovations_header(&run.sensors)
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        let table = &mut self.estimate;
+        table.time(epoch.state.time)?;
+        let mut numbers = [0.0; MAX_TANGENT];
+        for (slot, (block, error)) in epoch.layout.blocks.iter().zip(&self.errors).enumerate() {
+            let n = block.operations.tangent;
+            block.show(&epoch.state.values, &mut numbers);
+            numbers[..n].iter().try_for_each(|v| table.number(*v))?;
+            block.show_sigma(&epoch.state.values, epoch.covariance, &mut numbers);
+            numbers[..n].iter().try_for_each(|v| table.number(*v))?;
+            if *error {
+                match epoch.truth.filter(|t| t.known[slot]) {
+                    Some(truth) => block.show_error(&epoch.state.values, &truth.state.values, &mut numbers),
+                    None => numbers.fill(f64::NAN),
+                }
+                numbers[..n].iter().try_for_each(|v| table.number(*v))?;
+            }
+        }
+        table.end_row()
+    }
+
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        let Some((info, Some(first))) = self.sensors.get(update.sensor.0) else { return Ok(()) };
+        let table = &mut self.innovations;
+        table.time(update.time)?;
+        table.bytes(info.name.as_bytes())?;
+        match update.outcome {
+            Outcome::Accepted => table.bytes(b"accepted")?,
+            Outcome::Gated => table.bytes(b"gated")?,
+            Outcome::Rejected(why) => table.bytes(rejection(why).as_bytes())?,
+        }
+        table.number(update.nis)?;
+        table.number(update.threshold)?;
+        let mut told = [(f64::NAN, f64::NAN); MAX_CHANNELS];
+        for (channel, innovation, sigma) in update.channels() {
+            told[channel] = (innovation, sigma);
+        }
+        for column in 0..self.width {
+            let channel = column.checked_sub(*first).filter(|k| *k < info.channels.len());
+            let (innovation, sigma) = channel.map_or((f64::NAN, f64::NAN), |k| told[k]);
+            table.number(innovation)?;
+            table.number(sigma)?;
+        }
+        table.end_row()
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(Some(format!("{}, {}", self.estimate.finish()?, self.innovations.finish()?)))
+    }
+}
+
+fn rejection(why: Rejection) -> &'static str {
+    match why {
+        Rejection::NotFinite(_) => "rejected_not_finite",
+        Rejection::Missing => "rejected_missing",
+        Rejection::OutOfOrder => "rejected_out_of_order",
+        Rejection::Late => "rejected_late",
+        Rejection::Singular => "rejected_singular",
+        Rejection::NoInput => "rejected_no_input",
+    }
+}

@@ -1,0 +1,339 @@
+//! The source: one stream a file.
+
+use crate::config::{Csv, Disorder, FileConfig, Nan};
+use crate::headings::Wanted;
+use crate::tail;
+use crate::time::{self, TimeError};
+use csv::{ByteRecord, Reader, ReaderBuilder};
+use navfuse_core::document::{Document, did_you_mean};
+use navfuse_core::registry::{OpenContext, SourceType};
+use navfuse_core::sample::{Sample, SensorId};
+use navfuse_core::stream::{Purpose, SensorInfo, Source, StreamError};
+use navfuse_core::time::Time;
+use navfuse_core::units::Unit;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// Bytes that are read at once.
+const BUFFER: usize = 64 * 1024;
+/// What programs write for a number that is not there, beside what Rust reads as NaN.
+const ABSENT: [&str; 4] = ["na", "n/a", "null", "none"];
+
+impl SourceType for Csv {
+    const TYPE: &'static str = "csv";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
+        let sensors = &context.composition.sensors;
+        let scenario = Document::parse("scenario", context.composition.text.as_str()).ok();
+        let table = |key: &str| scenario.as_ref().and_then(|s| s.root().get(key));
+        let names: Vec<&str> = sensors.iter().map(|s| s.info.name.as_str()).collect();
+        // a sensor that is there but not enabled may keep its file
+        let known = |name: &&String| table("sensor").is_some_and(|t| t.get(name).is_some()) || names.contains(&name.as_str());
+        if let Some(name) = self.files.keys().find(|name| !known(name)) {
+            let near = did_you_mean(name, names.iter().copied()).map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+            let names = names.join(", ");
+            return Err(StreamError(format!("files.{name}: there is no [sensor.{name}]{near} (sensors: {names})")));
+        }
+        let alone = table("source").and_then(|t| t.entries().ok()).is_none_or(|sources| sources.len() < 2);
+        let folder = context.base.join(&self.directory);
+        let mut streams: Vec<Box<dyn Source>> = Vec::new();
+        for (index, sensor) in sensors.iter().enumerate() {
+            let given = self.files.get(&sensor.info.name);
+            let config = given.cloned().unwrap_or_default();
+            let path = folder.join(config.path.clone().unwrap_or_else(|| format!("{}.csv", sensor.info.name).into()));
+            let needed = given.is_some() || (sensor.info.purpose == Purpose::Input && alone);
+            if needed || path.exists() {
+                streams.push(Box::new(Stream::open(&path, &config, SensorId(index), &sensor.info)?));
+            }
+        }
+        if streams.is_empty() {
+            let wanted = names.iter().map(|n| format!("{n}.csv")).collect::<Vec<_>>().join(", ");
+            return Err(StreamError(format!(
+                "{}: there is none of {wanted}; set the source's directory, or files.NAME.path",
+                absolute(&folder)
+            )));
+        }
+        Ok(streams)
+    }
+}
+
+/// A path as it was looked for, for messages about what is not there.
+fn absolute(path: &Path) -> String {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
+}
+
+/// How the time is read.
+struct TimeCell {
+    column: usize,
+    /// Nanoseconds in one of its unit.
+    unit: u64,
+    offset: Time,
+}
+
+/// How a channel is read.
+struct ChannelCell {
+    column: usize,
+    unit: Option<Unit>,
+    scale: f64,
+}
+
+/// What a row is.
+enum Row {
+    Sample,
+    /// None of the sensor's channels is in it.
+    Empty,
+    OutOfOrder,
+}
+
+/// What is wrong in a row, and whether that is so because the file ends in it.
+struct Problem {
+    text: String,
+    cut: bool,
+}
+
+/// One file.
+struct Stream {
+    path: PathBuf,
+    name: String,
+    reader: Reader<File>,
+    record: ByteRecord,
+    headings: Vec<String>,
+    sensor: SensorId,
+    time: TimeCell,
+    channels: Vec<ChannelCell>,
+    disorder: Disorder,
+    nan: Nan,
+    before: Option<Time>,
+    end: Option<Time>,
+    /// How many rows were left out, and the line of the first.
+    skipped: Option<(u64, u64)>,
+    cut: Option<String>,
+}
+
+fn builder(delimiter: char) -> ReaderBuilder {
+    let mut builder = ReaderBuilder::new();
+    // ragged rows are told in our own words
+    builder.has_headers(false).flexible(true).comment(Some(b'#')).buffer_capacity(BUFFER);
+    builder.delimiter(u8::try_from(delimiter).unwrap_or(b','));
+    builder
+}
+
+impl Stream {
+    fn open(path: &Path, config: &FileConfig, sensor: SensorId, info: &SensorInfo) -> Result<Self, StreamError> {
+        let name = &info.name;
+        let file = File::open(path).map_err(|e| {
+            let remedy = format!("set files.{name}.path, or the source's directory");
+            StreamError(format!("[sensor.{name}]: {}: cannot be opened: {e}; {remedy}", absolute(path)))
+        })?;
+        let fail = |text: String| StreamError(format!("{}: {text}", path.display()));
+        let mut reader = builder(config.delimiter).from_reader(file);
+        let mut record = ByteRecord::new();
+        let usual = || {
+            let columns = info.channels.iter().map(|c| c.column().trim_end_matches('_').to_owned());
+            std::iter::once("time_s".to_owned()).chain(columns).collect::<Vec<_>>().join(",")
+        };
+        if !reader.read_byte_record(&mut record).map_err(|e| fail(format!("cannot be read: {e}")))? {
+            return Err(fail(format!("the file is empty; its first line must name the columns: {}", usual())));
+        }
+        if record.as_slice().contains(&0) {
+            return Err(fail("the file is not UTF-8 text; if it is UTF-16, save it as UTF-8".into()));
+        }
+        let headings: Vec<String> =
+            record.iter().map(|h| String::from_utf8_lossy(h.trim_ascii()).into_owned()).collect();
+        if headings[0].parse::<f64>().is_ok() {
+            return Err(fail(format!("the first line must name the columns, such as {}; it starts with {:?}", usual(), headings[0])));
+        }
+        if let [only] = headings.as_slice()
+            && let Some(other) = [',', ';', '\t', '|'].into_iter().find(|c| *c != config.delimiter && only.contains(*c))
+        {
+            return Err(fail(format!("the columns seem to be separated by {other:?}: set files.{name}.delimiter = {:?}", other.to_string())));
+        }
+        let given = &config.time.0;
+        let key = format!("files.{name}.time");
+        let (column, unit) = (given.column.as_deref(), given.unit.map(|u| u.0));
+        let found = Wanted { name: "time", si: "s", column, unit, key: &key }.find(&headings).map_err(fail)?;
+        let nanos = found.unit.map_or(1e9, |u| u.to_si(1e9));
+        // exact times need a whole number of nanoseconds; all of the usual units of time are
+        if !(1.0..=86_400e9).contains(&nanos) || (nanos - nanos.round()).abs() > 1e-6 {
+            return Err(fail(format!("{key}.unit: a unit of time from ns to day is needed, such as \"ms\"")));
+        }
+        let seconds = given.offset.map_or(0.0, |o| o.si());
+        let offset = time::from_seconds(seconds).ok_or_else(|| fail(format!("{key}.offset: beyond 73 years")))?;
+        let time = TimeCell { column: found.index, unit: nanos.round() as u64, offset };
+        let channel_names = || info.channels.iter().map(|c| c.name);
+        if let Some(unknown) = config.columns.keys().find(|key| channel_names().all(|c| c != key.as_str())) {
+            let near = did_you_mean(unknown, channel_names()).map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+            let list = channel_names().collect::<Vec<_>>().join(", ");
+            return Err(StreamError(format!("files.{name}.columns: [sensor.{name}] has no channel {unknown:?}{near} (channels: {list})")));
+        }
+        let channel = |c: &navfuse_core::sample::Channel| {
+            let given = config.columns.get(c.name).map(|g| &g.0);
+            let (column, unit) = (given.and_then(|g| g.column.as_deref()), given.and_then(|g| g.unit).map(|u| u.0));
+            let key = format!("files.{name}.columns.{}", c.name);
+            let found = Wanted { name: c.name, si: c.unit, column, unit, key: &key }.find(&headings).map_err(fail)?;
+            let scale = given.and_then(|g| g.scale).map_or(1.0, |s| s.si());
+            Ok(ChannelCell { column: found.index, unit: found.unit, scale })
+        };
+        let channels = info.channels.iter().map(channel).collect::<Result<_, StreamError>>()?;
+        let mut stream = Self {
+            path: path.to_owned(),
+            name: name.clone(),
+            reader,
+            record,
+            headings,
+            sensor,
+            time,
+            channels,
+            disorder: config.disorder,
+            nan: config.nan,
+            before: None,
+            end: None,
+            skipped: None,
+            cut: None,
+        };
+        stream.end = stream.last_time(config.delimiter);
+        Ok(stream)
+    }
+
+    /// The time of the last row that is complete.
+    fn last_time(&self, delimiter: char) -> Option<Time> {
+        let mut record = ByteRecord::new();
+        tail::last_lines(&self.path)?.iter().find_map(|line| {
+            builder(delimiter).from_reader(line.as_slice()).read_byte_record(&mut record).ok()?;
+            let complete = record.len() == self.headings.len();
+            complete.then(|| self.time_of(&record).ok()).flatten()
+        })
+    }
+
+    fn time_of(&self, record: &ByteRecord) -> Result<Time, TimeError> {
+        let cell = record.get(self.time.column).unwrap_or_default();
+        Ok(time::parse(cell.trim_ascii(), self.time.unit)? + self.time.offset)
+    }
+
+    /// The line of the row that was read last.
+    fn line(&self) -> u64 {
+        tail::line_before(&self.path, self.reader.position().byte())
+    }
+
+    /// Reads the row in the record into a sample.
+    fn row(&mut self, sample: &mut Sample) -> Result<Row, Problem> {
+        let (found, needed) = (self.record.len(), self.headings.len());
+        if found != needed {
+            let text = format!("{found} cells, the header has {needed}");
+            return Err(Problem { text, cut: found < needed });
+        }
+        let time = self.time_of(&self.record).map_err(|e| self.no_time(e))?;
+        *sample = Sample::empty(time, self.sensor);
+        for (k, channel) in self.channels.iter().enumerate() {
+            let cell = self.record.get(channel.column).unwrap_or_default().trim_ascii();
+            if cell.is_empty() {
+                continue;
+            }
+            let text = std::str::from_utf8(cell).ok();
+            let number: Option<f64> = text.and_then(|t| t.parse().ok());
+            let si = number.map(|n| channel.unit.map_or(n, |u| u.to_si(n)) * channel.scale);
+            match si {
+                Some(value) if value.is_finite() => sample.set(k, value),
+                _ => self.no_number(channel.column, text, number)?,
+            }
+        }
+        match self.before {
+            Some(before) if time <= before => match self.disorder {
+                Disorder::Skip => return Ok(Row::OutOfOrder),
+                Disorder::Error => return Err(self.out_of_order(before, time)),
+            },
+            _ => self.before = Some(time),
+        }
+        Ok(if sample.present() == 0 { Row::Empty } else { Row::Sample })
+    }
+
+    /// Heading and content of a cell, for a message.
+    fn cell(&self, column: usize) -> String {
+        let cell = String::from_utf8_lossy(self.record.get(column).unwrap_or_default().trim_ascii());
+        let (heading, short) = (&self.headings[column], cell.chars().take(40).collect::<String>());
+        format!("{heading} = {short:?}")
+    }
+
+    fn no_time(&self, error: TimeError) -> Problem {
+        let cell = self.cell(self.time.column);
+        let text = match error {
+            TimeError::NotANumber => format!("{cell} is no time: a decimal number is needed"),
+            TimeError::TooLarge => {
+                format!("{cell} is more than 73 years from zero; is its unit another? Set files.{}.time.unit", self.name)
+            }
+        };
+        Problem { text, cut: false }
+    }
+
+    /// A cell that is no finite number: a channel that is missing, or an error.
+    fn no_number(&self, column: usize, text: Option<&str>, number: Option<f64>) -> Result<(), Problem> {
+        let absent = number.is_some() || text.is_some_and(|t| ABSENT.iter().any(|a| a.eq_ignore_ascii_case(t)));
+        if absent && self.nan == Nan::Missing {
+            return Ok(());
+        }
+        let cell = self.cell(column);
+        let text = match text {
+            _ if absent => {
+                format!("{cell} is not finite; leave such cells empty, or set files.{}.nan = \"missing\"", self.name)
+            }
+            None => format!("{cell} is not UTF-8 text: the file is damaged or not text"),
+            Some(t) if t.contains(',') => format!("{cell} is no number: a decimal point is needed, not a comma"),
+            Some(_) => format!("{cell} is no number; leave a cell empty where there is no value"),
+        };
+        // a number can be cut off only in the last cell: "-9.81e-"
+        Err(Problem { text, cut: column + 1 == self.headings.len() })
+    }
+
+    fn out_of_order(&self, before: Time, time: Time) -> Problem {
+        let cell = self.cell(self.time.column);
+        let what = if time == before {
+            "is the time of a row before, too".to_owned()
+        } else {
+            let mut step = Vec::new();
+            time::write_seconds(before - time, &mut step);
+            format!("goes back by {} s", String::from_utf8_lossy(&step))
+        };
+        let remedy = format!("sort the file, or set files.{}.disorder = \"skip\" to leave such rows out", self.name);
+        Problem { text: format!("{cell} {what}; {remedy}"), cut: false }
+    }
+}
+
+impl Source for Stream {
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+        loop {
+            let more = self.reader.read_byte_record(&mut self.record);
+            if !more.map_err(|e| StreamError(format!("{}: cannot be read: {e}", self.path.display())))? {
+                return Ok(false);
+            }
+            match self.row(sample) {
+                Ok(Row::Sample) => return Ok(true),
+                Ok(Row::Empty) => {}
+                Ok(Row::OutOfOrder) => {
+                    let (count, first) = self.skipped.unwrap_or_else(|| (0, self.line()));
+                    self.skipped = Some((count + 1, first));
+                }
+                Err(problem) => {
+                    let place = format!("{}:{}", self.path.display(), self.line());
+                    if problem.cut && tail::ends_within_line(&self.path, self.reader.position().byte()) {
+                        self.cut = Some(format!("{place}: the file ends within this line, which is not used: was it cut off?"));
+                        return Ok(false);
+                    }
+                    return Err(StreamError(format!("{place}: {}", problem.text)));
+                }
+            }
+        }
+    }
+
+    fn end(&self) -> Option<Time> {
+        self.end
+    }
+
+    fn warning(&mut self) -> Option<String> {
+        let skipped = self.skipped.take().map(|(count, first)| {
+            let rows = if count == 1 { "row is".to_owned() } else { format!("{count} rows are") };
+            format!("{}:{first}: {rows} left out, not later than the row before", self.path.display())
+        });
+        let texts: Vec<String> = skipped.into_iter().chain(self.cut.take()).collect();
+        (!texts.is_empty()).then(|| texts.join("; "))
+    }
+}
