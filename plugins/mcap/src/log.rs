@@ -1,0 +1,195 @@
+//! What is in a log beside its messages, and how its records are read.
+
+use mcap::records::{Metadata, Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader};
+use mcap::{McapError, Summary};
+use navfuse_core::stream::StreamError;
+use std::fs::File;
+use std::io::{ErrorKind, Read, Seek};
+use std::path::{Path, PathBuf};
+
+/// The name of the metadata record.
+pub const METADATA: &str = "navfuse";
+/// The name of the attachment with the scenario.
+pub const SCENARIO: &str = "scenario.toml";
+
+/// A record longer than this is damage, not data.
+const LONGEST_RECORD: usize = 1 << 30;
+/// Bytes read at once.
+const BLOCK: usize = 1 << 16;
+
+/// Why a log cannot be written, without its name.
+#[derive(Debug, thiserror::Error)]
+pub enum StreamFailure {
+    /// The disk, or the reader at the other end of a pipe.
+    #[error("{0}")]
+    Io(std::io::Error),
+    /// The format.
+    #[error("{0}")]
+    Format(McapError),
+    /// What was to be written.
+    #[error(transparent)]
+    Content(#[from] StreamError),
+}
+
+impl From<McapError> for StreamFailure {
+    fn from(error: McapError) -> Self {
+        match error {
+            McapError::Io(io) => Self::Io(io),
+            other => Self::Format(other),
+        }
+    }
+}
+
+/// What a log tells of the run that it records.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LogInfo {
+    /// The scenario's name.
+    pub name: String,
+    /// The scenario in TOML, as it was run.
+    pub scenario: String,
+    /// Version of the program that recorded it.
+    pub version: String,
+    /// Nanoseconds from a run time to a log time.
+    pub log_time_offset: i64,
+}
+
+impl LogInfo {
+    fn new(record: Metadata) -> Option<Self> {
+        let mut entries = record.metadata;
+        Some(Self {
+            name: entries.remove("name")?,
+            scenario: entries.remove("scenario")?,
+            version: entries.remove("version")?,
+            log_time_offset: entries.remove("log_time_offset_ns")?.parse().ok()?,
+        })
+    }
+}
+
+/// Reads what a log tells of its run. It stands at the beginning of the file, so that a log that was cut off has it too.
+///
+/// # Errors
+/// When the file cannot be read, is not an MCAP file, or was not recorded by navfuse.
+pub fn read_scenario(path: &Path) -> Result<LogInfo, StreamError> {
+    read_info(path, false)?.ok_or_else(|| {
+        let why = "navfuse did not record it, or it was cut off at its beginning";
+        about(path, format!("it holds no scenario: {why}; give one with --scenario"))
+    })
+}
+
+/// Reads what a log tells of its run, if anything; with `at_start` only before the first message.
+pub(crate) fn read_info(path: &Path, at_start: bool) -> Result<Option<LogInfo>, StreamError> {
+    let mut records = Records::open(path, true)?;
+    let found = records.find(|opcode, data| match opcode {
+        op::METADATA => Ok(match mcap::parse_record(opcode, data) {
+            Ok(Record::Metadata(m)) if m.name == METADATA => Some(LogInfo::new(m)),
+            _ => None,
+        }),
+        op::CHUNK | op::MESSAGE if at_start => Ok(Some(None)),
+        _ => Ok(None),
+    })?;
+    Ok(if let Step::Found(info) = found { info } else { None })
+}
+
+/// The summary at the end of a file; none where it was cut off.
+pub fn summary(path: &Path) -> Option<Summary> {
+    let mut file = File::open(path).ok()?;
+    let mut reader = SummaryReader::new();
+    while let Some(event) = reader.next_event() {
+        match event.ok()? {
+            SummaryReadEvent::ReadRequest(n) => {
+                let read = file.read(reader.insert(n)).ok()?;
+                reader.notify_read(read);
+            }
+            SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(file.seek(to).ok()?),
+        }
+    }
+    reader.finish()
+}
+
+fn about(path: &Path, message: impl std::fmt::Display) -> StreamError {
+    StreamError(format!("{}: {message}", path.display()))
+}
+
+/// What a search in a log came to.
+#[derive(Debug, PartialEq)]
+pub enum Step<T> {
+    /// It was found.
+    Found(T),
+    /// The log is over.
+    End,
+    /// The log ends within a record.
+    Cut,
+}
+
+/// The records of a file in their order, those in chunks among them. The memory that it takes does not depend on the
+/// length of the file.
+pub struct Records {
+    path: PathBuf,
+    file: File,
+    reader: LinearReader,
+    /// How many bytes were read.
+    pub position: u64,
+    /// Whether it is an MCAP file.
+    begun: bool,
+}
+
+impl Records {
+    /// Opens a file; with `whole_chunks` they are records themselves.
+    pub fn open(path: &Path, whole_chunks: bool) -> Result<Self, StreamError> {
+        let file = File::open(path).map_err(|e| about(path, format!("the log cannot be read: {e}")))?;
+        let options = LinearReaderOptions::default()
+            .with_emit_chunks(whole_chunks)
+            .with_validate_chunk_crcs(true)
+            .with_record_length_limit(LONGEST_RECORD);
+        let reader = LinearReader::new_with_options(options);
+        Ok(Self { path: path.to_path_buf(), file, reader, position: 0, begun: false })
+    }
+
+    /// An error about this file.
+    pub fn error(&self, message: impl std::fmt::Display) -> StreamError {
+        about(&self.path, message)
+    }
+
+    /// Reads on until `take` makes something of a record.
+    pub fn find<T>(
+        &mut self,
+        mut take: impl FnMut(u8, &[u8]) -> Result<Option<T>, String>,
+    ) -> Result<Step<T>, StreamError> {
+        loop {
+            let want = match self.reader.next_event() {
+                None => return Ok(Step::End),
+                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                    self.begun = true;
+                    match take(opcode, data).map_err(|m| about(&self.path, m))? {
+                        Some(found) => return Ok(Step::Found(found)),
+                        None => continue,
+                    }
+                }
+                Some(Ok(LinearReadEvent::ReadRequest(n))) => n,
+                Some(Err(McapError::UnexpectedEof)) if self.position >= mcap::MAGIC.len() as u64 => {
+                    return Ok(Step::Cut);
+                }
+                Some(Err(McapError::BadMagic | McapError::UnexpectedEof)) if !self.begun => {
+                    return Err(self.error("this is not an MCAP file; a log of navfuse is called run.mcap"));
+                }
+                Some(Err(e)) => {
+                    let message = format!("damaged at or before byte {}: {}", self.position, StreamFailure::from(e));
+                    return Err(self.error(message));
+                }
+            };
+            // in blocks of its own size: what a damaged length asks for is not allocated before it is there
+            let buffer = self.reader.insert(want.clamp(BLOCK, 16 * BLOCK));
+            let read = loop {
+                match self.file.read(buffer) {
+                    Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                    other => break other,
+                }
+            };
+            let read = read.map_err(|e| self.error(format!("the log cannot be read: {e}")))?;
+            self.reader.notify_read(read);
+            self.position += read as u64;
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! The messages of the log in CDR, little-endian. [`crate::schema`] has their definitions.
+
+use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
+use navfuse_core::geodesy::Geodetic;
+use navfuse_core::record::{Event, Level, Outcome, Rejection, UpdateRecord};
+use navfuse_core::sample::Sample;
+use navfuse_core::state::Mode;
+use navfuse_core::stream::StreamError;
+use navfuse_core::time::Time;
+use re_cdr::{CdrWriter, LittleEndian};
+
+/// The fixed frame: north, east, down in the tangent at the first epoch's position.
+pub const FIXED_FRAME: &str = "ned";
+/// The body: forward, right, down.
+pub const BODY_FRAME: &str = "base_link_frd";
+/// Standard atmosphere, Pa.
+pub const ATMOSPHERE: f64 = 101_325.0;
+/// Pressure of one metre of sea water (1025 kg/m^3) at standard gravity, Pa.
+pub const PASCALS_PER_METRE: f64 = 1025.0 * 9.806_65;
+/// What stands in a message without presence bits for a channel that the sample does not have: a NaN that no computation
+/// gives.
+pub const MISSING: u64 = 0x7ff8_0000_6d69_7373;
+
+/// A time as ROS writes it: whole seconds towards the past, and nanoseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    pub sec: i32,
+    pub nanosec: u32,
+}
+
+impl Stamp {
+    const NANOS: i64 = 1_000_000_000;
+
+    /// The stamp of a time.
+    ///
+    /// # Errors
+    /// When it is more than 68 years from zero.
+    pub fn new(time: Time) -> Result<Self, StreamError> {
+        let nanos = time.nanos();
+        let sec = i32::try_from(nanos.div_euclid(Self::NANOS)).map_err(|_| {
+            StreamError(format!("the time {time} does not fit a ROS time stamp, which ends 68 years from zero"))
+        })?;
+        Ok(Self { sec, nanosec: nanos.rem_euclid(Self::NANOS) as u32 })
+    }
+
+    /// The time of a stamp: the inverse of [`Self::new`].
+    pub fn time(self) -> Time {
+        Time::from_nanos(i64::from(self.sec) * Self::NANOS + i64::from(self.nanosec))
+    }
+}
+
+/// Writes one message into a buffer that is used again.
+pub struct Encoder<'a>(CdrWriter<'a, LittleEndian>);
+
+impl<'a> Encoder<'a> {
+    /// Begins a message.
+    pub fn new(buffer: &'a mut Vec<u8>) -> Self {
+        buffer.clear();
+        buffer.extend_from_slice(&[0, 1, 0, 0]); // plain CDR, little-endian
+        Self(CdrWriter::new(buffer))
+    }
+
+    fn stamp(&mut self, stamp: Stamp) {
+        self.0.write_i32(stamp.sec);
+        self.0.write_u32(stamp.nanosec);
+    }
+
+    fn header(&mut self, stamp: Stamp, frame: &str) {
+        self.stamp(stamp);
+        self.0.write_string(frame);
+    }
+
+    fn numbers<'n>(&mut self, values: impl IntoIterator<Item = &'n f64>) {
+        values.into_iter().for_each(|v| self.0.write_f64(*v));
+    }
+
+    fn sequence(&mut self, values: &[f64]) {
+        self.0.write_sequence_length(values.len());
+        self.numbers(values);
+    }
+
+    fn texts<'t>(&mut self, texts: impl ExactSizeIterator<Item = &'t str>) {
+        self.0.write_sequence_length(texts.len());
+        texts.for_each(|t| self.0.write_string(t));
+    }
+
+    fn quaternion(&mut self, q: &UnitQuaternion<f64>) {
+        self.numbers(&[q.i, q.j, q.k, q.w]);
+    }
+
+    /// `sensor_msgs/Imu`: three rates (rad/s) and three specific forces (m/s^2); no orientation.
+    pub fn imu(mut self, stamp: Stamp, sample: &Sample) {
+        let channel = |i| sample.get(i).unwrap_or(f64::from_bits(MISSING));
+        let unknown = [0.0; 9];
+        self.header(stamp, BODY_FRAME);
+        self.quaternion(&UnitQuaternion::identity());
+        self.numbers(&[-1.0]); // no orientation
+        self.numbers(&[0.0; 8]);
+        self.numbers(&[channel(0), channel(1), channel(2)]);
+        self.numbers(&unknown);
+        self.numbers(&[channel(3), channel(4), channel(5)]);
+        self.numbers(&unknown);
+    }
+
+    /// `navfuse_msgs/Sample`.
+    pub fn sample(mut self, stamp: Stamp, sensor: &str, columns: &[String], sample: &Sample) {
+        self.header(stamp, sensor);
+        self.texts(columns.iter().map(String::as_str));
+        self.0.write_sequence_length(columns.len());
+        (0..columns.len()).for_each(|i| self.0.write_f64(sample.get(i).unwrap_or(0.0)));
+        self.0.write_u16(sample.present());
+    }
+
+    /// `sensor_msgs/FluidPressure` at a depth (m).
+    pub fn pressure(mut self, stamp: Stamp, depth: f64) {
+        self.header(stamp, BODY_FRAME);
+        self.numbers(&[ATMOSPHERE + PASCALS_PER_METRE * depth, 0.0]);
+    }
+
+    /// `sensor_msgs/NavSatFix`, with the covariance of north, east, down (m^2) where it is known.
+    pub fn fix(mut self, stamp: Stamp, position: &Geodetic, covariance: Option<&Matrix3<f64>>) {
+        self.header(stamp, BODY_FRAME);
+        self.0.write_i8(0); // a fix
+        self.0.write_u16(0); // of no satellite system
+        self.numbers(&[position.latitude.to_degrees(), position.longitude.to_degrees(), position.height]);
+        let to_enu = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
+        let enu = covariance.map_or_else(Matrix3::zeros, |p| to_enu * p * to_enu);
+        self.numbers(enu.transpose().as_slice());
+        self.0.write_u8(if covariance.is_some() { 3 } else { 0 });
+    }
+
+    /// `nav_msgs/Odometry`: position (m) and attitude in [`FIXED_FRAME`], velocity (m/s) along the axes of
+    /// [`BODY_FRAME`], and their covariances. The angular rate is not told: the first element of its covariance is -1.
+    pub fn odometry(mut self, stamp: Stamp, pose: &Pose, velocity: &Velocity) {
+        self.header(stamp, FIXED_FRAME);
+        self.0.write_string(BODY_FRAME);
+        self.numbers(pose.position.as_slice());
+        self.quaternion(&pose.attitude);
+        self.numbers(pose.covariance.transpose().as_slice());
+        self.numbers(velocity.body.as_slice());
+        self.numbers(&[0.0; 3]);
+        let mut covariance = Matrix6::zeros();
+        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&velocity.covariance);
+        covariance[(3, 3)] = -1.0;
+        self.numbers(covariance.transpose().as_slice());
+    }
+
+    /// `tf2_msgs/TFMessage`: [`BODY_FRAME`] in [`FIXED_FRAME`].
+    pub fn transform(mut self, stamp: Stamp, pose: &Pose) {
+        self.0.write_sequence_length(1);
+        self.header(stamp, FIXED_FRAME);
+        self.0.write_string(BODY_FRAME);
+        self.numbers(pose.position.as_slice());
+        self.quaternion(&pose.attitude);
+    }
+
+    /// `navfuse_msgs/BlockState`.
+    pub fn block(mut self, stamp: Stamp, block: &BlockValues<'_>) {
+        let n = block.estimate.len();
+        self.header(stamp, "");
+        self.0.write_string(block.name);
+        self.0.write_string(match block.mode {
+            Mode::Estimate => "estimate",
+            Mode::Fixed => "fixed",
+            Mode::Consider => "consider",
+        });
+        self.texts((0..n).map(|i| block.components.get(i).copied().unwrap_or("")));
+        self.texts((0..n).map(|i| if block.geodetic { ["deg", "deg", "m"][i] } else { block.unit }));
+        self.sequence(block.estimate);
+        self.0.write_string(block.unit);
+        self.sequence(block.sigma);
+        self.sequence(block.error);
+    }
+
+    /// `navfuse_msgs/Innovation`.
+    pub fn innovation(mut self, stamp: Stamp, sensor: &str, columns: &[String], update: &UpdateRecord<'_>) {
+        let dof = update.channels().count();
+        self.header(stamp, sensor);
+        match update.outcome {
+            Outcome::Accepted => self.0.write_string("accepted"),
+            Outcome::Gated => self.0.write_string("gated"),
+            Outcome::Rejected(why) => self.0.write_string(&format!("rejected: {}", reason(why, columns))),
+        }
+        self.numbers(&[update.nis, update.threshold]);
+        self.0.write_u32(dof as u32);
+        self.0.write_sequence_length(dof);
+        update.channels().for_each(|(i, _, _)| self.0.write_string(&columns[i]));
+        self.0.write_sequence_length(dof);
+        update.channels().for_each(|(_, innovation, _)| self.0.write_f64(innovation));
+        self.0.write_sequence_length(dof);
+        update.channels().for_each(|(_, _, sigma)| self.0.write_f64(sigma));
+    }
+
+    /// `rcl_interfaces/Log`.
+    pub fn log(mut self, stamp: Stamp, event: &Event) {
+        self.stamp(stamp);
+        self.0.write_u8(match event.level {
+            Level::Info => 20,
+            Level::Warning => 30,
+            Level::Error => 40,
+        });
+        self.0.write_string(&event.about);
+        self.0.write_string(&event.text);
+        self.0.write_string("");
+        self.0.write_string("");
+        self.0.write_u32(0);
+    }
+}
+
+fn reason(why: Rejection, columns: &[String]) -> String {
+    match why {
+        Rejection::NotFinite(i) => format!("{} is not finite", columns.get(i).map_or("a channel", String::as_str)),
+        Rejection::Missing => "channels are missing".into(),
+        Rejection::OutOfOrder => "not later than the sample before".into(),
+        Rejection::Late => "earlier than the state".into(),
+        Rejection::Singular => "the innovation covariance is singular".into(),
+        Rejection::NoInput => "the driving sensor is silent".into(),
+    }
+}
+
+/// The body in [`FIXED_FRAME`].
+#[derive(Clone, Copy, Debug)]
+pub struct Pose {
+    /// North, east, down, m.
+    pub position: Vector3<f64>,
+    /// Body to navigation frame.
+    pub attitude: UnitQuaternion<f64>,
+    /// Of position (m) and rotation (rad) about north, east, down.
+    pub covariance: Matrix6<f64>,
+}
+
+/// The velocity in body axes.
+#[derive(Clone, Copy, Debug)]
+pub struct Velocity {
+    /// m/s.
+    pub body: Vector3<f64>,
+    /// (m/s)^2; the first element is -1 where there is no velocity.
+    pub covariance: Matrix3<f64>,
+}
+
+/// A block as it is shown.
+#[derive(Clone, Copy, Debug)]
+pub struct BlockValues<'a> {
+    pub name: &'a str,
+    pub mode: Mode,
+    pub components: &'a [&'a str],
+    pub unit: &'a str,
+    /// Whether the estimate is latitude, longitude (deg) and height (m).
+    pub geodetic: bool,
+    pub estimate: &'a [f64],
+    pub sigma: &'a [f64],
+    pub error: &'a [f64],
+}

@@ -1,0 +1,270 @@
+//! The sink: every sample, estimate, innovation and event of a run in one MCAP file.
+
+use crate::log::{METADATA, SCENARIO, StreamFailure};
+use crate::message::Encoder;
+use crate::topics::{Estimate, SensorTopics, Topic, Topics};
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+use mcap::{Attachment, WriteOptions, Writer};
+use navfuse_core::record::{Epoch, Event, UpdateRecord};
+use navfuse_core::registry::{OpenContext, SinkType};
+use navfuse_core::sample::Sample;
+use navfuse_core::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::time::Time;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+/// Records the run in an MCAP file, which `navfuse replay`, ROS 2 tools, Foxglove and rerun read: every sample, the
+/// estimates of all states, innovations, events and the scenario.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Mcap {
+    /// The file, relative to the run's output folder. Default: `run.mcap`.
+    #[serde(default = "run_mcap")]
+    pub path: PathBuf,
+    /// `zstd` (default, smallest), `lz4` (faster) or `none` (fastest).
+    #[serde(default)]
+    pub compression: Compression,
+}
+
+fn run_mcap() -> PathBuf {
+    "run.mcap".into()
+}
+
+const SECOND: u64 = 1_000_000_000;
+
+/// How the chunks of the file are compressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Compression {
+    /// Zstandard.
+    #[default]
+    Zstd,
+    /// LZ4.
+    Lz4,
+    /// Not at all.
+    None,
+}
+
+impl SinkType for Mcap {
+    const TYPE: &'static str = "mcap";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
+        let sink = McapSink::create(&context.output.join(&self.path), self.compression, context.composition.seed)?;
+        Ok(Box::new(sink))
+    }
+}
+
+/// A log that is being written.
+///
+/// Nothing is written before the first sample, by whose time that of the log is chosen.
+#[derive(Debug)]
+pub struct McapSink {
+    path: PathBuf,
+    compression: Compression,
+    seed: u64,
+    file: Option<File>,
+    run: Option<RunInfo>,
+    /// Events before the first sample.
+    held: Vec<Event>,
+    recording: Option<Recording>,
+}
+
+impl McapSink {
+    /// Creates the file, in place of one of that name: a log that is being read while it is replaced is read to its end.
+    ///
+    /// # Errors
+    /// When the file cannot be created.
+    pub fn create(path: &Path, compression: Compression, seed: u64) -> Result<Self, StreamError> {
+        if std::fs::symlink_metadata(path).is_ok_and(|m| m.is_file()) {
+            std::fs::remove_file(path).map_err(|e| failure(path, &e.to_string()))?;
+        }
+        let file = File::create(path).map_err(|e| failure(path, &e.to_string()))?;
+        let path = path.to_path_buf();
+        Ok(Self { path, compression, seed, file: Some(file), run: None, held: Vec::new(), recording: None })
+    }
+
+    /// The recording, begun now if this is the first thing that has a time.
+    fn recording(&mut self, now: Time) -> Result<&mut Recording, StreamError> {
+        let recording = match self.recording.take() {
+            Some(recording) => recording,
+            None => {
+                let (Some(file), Some(run)) = (self.file.take(), self.run.take()) else {
+                    return Err(failure(&self.path, "it is closed"));
+                };
+                let mut recording = Recording::begin(file, self.compression, &run, self.seed, now)
+                    .map_err(|e| failure(&self.path, &e.to_string()))?;
+                for event in std::mem::take(&mut self.held) {
+                    recording.event(&event).map_err(|e| failure(&self.path, &e.to_string()))?;
+                }
+                recording
+            }
+        };
+        Ok(self.recording.insert(recording))
+    }
+
+    fn record(
+        &mut self,
+        now: Time,
+        write: impl FnOnce(&mut Recording) -> Result<(), StreamFailure>,
+    ) -> Result<(), StreamError> {
+        let written = write(self.recording(now)?);
+        written.map_err(|e| failure(&self.path, &e.to_string()))
+    }
+}
+
+fn failure(path: &Path, why: &str) -> StreamError {
+    let remedy = "free space there, give another folder with --out, or set sink.mcap.enabled=false";
+    StreamError(format!("{}: the log cannot be written: {why}; {remedy}", path.display()))
+}
+
+impl Sink for McapSink {
+    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
+        self.run = Some(run.clone());
+        Ok(())
+    }
+
+    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+        self.record(sample.time, |r| r.sample(sample))
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        self.record(epoch.state.time, |r| r.epoch(epoch))
+    }
+
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        self.record(update.time, |r| r.update(update))
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
+        if self.recording.is_none() {
+            self.held.push(event.clone());
+            return Ok(());
+        }
+        self.record(event.time, |r| r.event(event))
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        let finished = self.recording(Time::default())?.log.writer.finish();
+        finished.map_err(|e| failure(&self.path, &StreamFailure::from(e).to_string()))?;
+        Ok(Some(self.path.display().to_string()))
+    }
+}
+
+/// The file and what is needed to write a message.
+pub(crate) struct LogWriter {
+    writer: Writer<NoSeek<BufWriter<File>>>,
+    buffer: Vec<u8>,
+    /// Nanoseconds from a run time to a log time.
+    offset: i64,
+    /// The latest time that was logged.
+    latest: Time,
+}
+
+impl std::fmt::Debug for LogWriter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LogWriter").field("offset", &self.offset).finish_non_exhaustive()
+    }
+}
+
+impl LogWriter {
+    /// Opens a topic.
+    pub(crate) fn topic(&mut self, name: &str, schema: &crate::schema::Schema) -> Result<Topic, StreamFailure> {
+        let schema = self.writer.add_schema(schema.name, "ros2msg", schema.text.as_bytes())?;
+        Ok(Topic { channel: self.writer.add_channel(schema, name, "cdr", &BTreeMap::new())?, sequence: 0 })
+    }
+
+    /// Writes a message.
+    pub(crate) fn send(
+        &mut self,
+        topic: &mut Topic,
+        time: Time,
+        encode: impl FnOnce(Encoder<'_>),
+    ) -> Result<(), StreamFailure> {
+        encode(Encoder::new(&mut self.buffer));
+        let log_time = u64::try_from(time.nanos().saturating_add(self.offset)).unwrap_or(0);
+        let header =
+            MessageHeader { channel_id: topic.channel, sequence: topic.sequence, log_time, publish_time: log_time };
+        topic.sequence = topic.sequence.wrapping_add(1);
+        self.latest = self.latest.max(time);
+        Ok(self.writer.write_to_known_channel(&header, &self.buffer)?)
+    }
+}
+
+/// A log that has begun.
+#[derive(Debug)]
+struct Recording {
+    log: LogWriter,
+    sensors: Vec<SensorTopics>,
+    estimate: Estimate,
+    events: Topic,
+}
+
+impl Recording {
+    fn begin(
+        file: File,
+        compression: Compression,
+        run: &RunInfo,
+        seed: u64,
+        first: Time,
+    ) -> Result<Self, StreamFailure> {
+        // without seeking every chunk is written at once: a run that is killed leaves whole chunks
+        let options = WriteOptions::new()
+            .profile("ros2")
+            .library(format!("navfuse {}", run.version))
+            .compression(match compression {
+                Compression::Zstd => Some(mcap::Compression::Zstd),
+                Compression::Lz4 => Some(mcap::Compression::Lz4),
+                Compression::None => None,
+            })
+            .compression_threads(0)
+            .disable_seeking(true);
+        let writer = options.create(NoSeek::new(BufWriter::new(file)))?;
+        // whole seconds, so that log times and stamps have the same fraction
+        let offset = (-first.nanos()).max(0).unsigned_abs().div_ceil(SECOND) * SECOND;
+        let offset = i64::try_from(offset).unwrap_or(0);
+        let mut log = LogWriter { writer, buffer: Vec::new(), offset, latest: first };
+        let entries = [
+            ("name", run.name.clone()),
+            ("version", run.version.clone()),
+            ("seed", seed.to_string()),
+            ("log_time_offset_ns", offset.to_string()),
+            ("scenario", run.scenario.clone()),
+        ];
+        let metadata = entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+        log.writer.write_metadata(&Metadata { name: METADATA.into(), metadata })?;
+        log.writer.attach(&Attachment {
+            log_time: u64::try_from(first.nanos() + offset).unwrap_or(0),
+            create_time: 0,
+            name: SCENARIO.into(),
+            media_type: "application/toml".into(),
+            data: Cow::Borrowed(run.scenario.as_bytes()),
+        })?;
+        let Topics { sensors, estimate, events } = Topics::open(&mut log, run)?;
+        Ok(Self { log, sensors, estimate, events })
+    }
+
+    fn sample(&mut self, sample: &Sample) -> Result<(), StreamFailure> {
+        self.sensors[sample.sensor.0].sample(&mut self.log, sample)
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
+        self.estimate.epoch(&mut self.log, epoch)
+    }
+
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamFailure> {
+        self.sensors[update.sensor.0].update(&mut self.log, update)
+    }
+
+    /// An event from before the clock was known, such as one about the start, has the time of what was logged last.
+    fn event(&mut self, event: &Event) -> Result<(), StreamFailure> {
+        let time = if event.time <= Time::MIN { self.log.latest } else { event.time };
+        let stamp = crate::message::Stamp::new(time)?;
+        self.log.send(&mut self.events, time, |m| m.log(stamp, event))
+    }
+}

@@ -1,0 +1,326 @@
+//! The source: the samples of a log, in the order in which they were recorded.
+
+use crate::log::{LogInfo, Records, Step, StreamFailure, read_info, summary};
+use crate::message::{MISSING, Stamp};
+use crate::schema;
+use crate::topics::RATES;
+use mcap::records::{Record, op};
+use navfuse_core::registry::{OpenContext, SourceType};
+use navfuse_core::sample::{Channel, MAX_CHANNELS, Sample, SensorId};
+use navfuse_core::stream::{SensorInfo, Source, StreamError};
+use navfuse_core::time::Time;
+use re_cdr::{BigEndian, ByteOrder, CdrReader, LittleEndian};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Reads the samples of a log that navfuse recorded, exactly and in their order; or inertial measurements from a log of
+/// ROS 2.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct McapLog {
+    /// The log, relative to the scenario's folder.
+    pub path: PathBuf,
+    /// Topics of type `sensor_msgs/msg/Imu` by the sensor that they are for: `{ imu = "/imu/data" }`. Their axes are taken
+    /// as forward, right, down, their times from the header. Default: each sensor from `/sensor/NAME`.
+    #[serde(default)]
+    pub topics: BTreeMap<String, String>,
+}
+
+impl SourceType for McapLog {
+    const TYPE: &'static str = "mcap";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
+        let sensors = context.composition.sensors.iter().map(|s| s.info.clone()).collect();
+        Ok(vec![Box::new(McapSource::open(&context.base.join(&self.path), sensors, self.topics)?)])
+    }
+}
+
+/// The samples of a log.
+pub struct McapSource {
+    records: Records,
+    router: Router,
+    end: Option<Time>,
+    last: Option<Time>,
+    cut: bool,
+}
+
+impl McapSource {
+    /// Opens a log for the sensors of a composition, in the order of their ids.
+    ///
+    /// # Errors
+    /// When the file is missing or is not an MCAP file, or, where it can be told at the start, none of the sensors is in
+    /// it or one is recorded with other channels.
+    pub fn open(path: &Path, sensors: Vec<SensorInfo>, topics: BTreeMap<String, String>) -> Result<Self, StreamError> {
+        let info = read_info(path, true)?;
+        let records = Records::open(path, false)?;
+        let mut source = Self { records, router: Router::new(sensors, topics), end: None, last: None, cut: false };
+        source.router.check_topics().map_err(|m| source.records.error(m))?;
+        if let Some(summary) = summary(path) {
+            let mut channels: Vec<_> = summary.channels.values().collect();
+            channels.sort_by_key(|c| c.id);
+            for c in channels {
+                let schema = c.schema.as_ref().map_or("", |s| s.name.as_str());
+                let added = source.router.channel(c.id, &c.topic, schema, &c.message_encoding);
+                added.map_err(|m| source.records.error(m))?;
+            }
+            source.router.check_matched().map_err(|m| source.records.error(m))?;
+            let offset = info.as_ref().map_or(0, |i: &LogInfo| i.log_time_offset);
+            source.end = (summary.stats.filter(|s| s.message_count > 0))
+                .and_then(|s| i64::try_from(s.message_end_time).ok())
+                .map(|end| Time::from_nanos(end - offset));
+        }
+        Ok(source)
+    }
+}
+
+impl Source for McapSource {
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+        match self.records.find(|opcode, data| self.router.record(opcode, data))? {
+            Step::Found(found) => {
+                self.last = Some(found.time);
+                *sample = found;
+                return Ok(true);
+            }
+            Step::End => {}
+            Step::Cut => self.cut = true,
+        }
+        // a log that was cut off before the first topic is nobody's mistake
+        if !self.cut || !self.router.others.is_empty() {
+            self.router.check_matched().map_err(|m| self.records.error(m))?;
+        }
+        Ok(false)
+    }
+
+    fn end(&self) -> Option<Time> {
+        self.end
+    }
+
+    fn warning(&mut self) -> Option<String> {
+        let mut warnings = Vec::new();
+        if self.cut {
+            let after = self.last.map_or_else(|| "before the first sample".into(), |t| format!("after t = {t}"));
+            let position = self.records.position;
+            warnings.push(format!("cut off at byte {position} {after}; everything before was read"));
+        }
+        let unknown = &self.router.others;
+        if !unknown.is_empty() && self.router.matched {
+            warnings.push(format!("samples of {} were skipped: the scenario has no such sensor", unknown.join(", ")));
+        }
+        (!warnings.is_empty()).then(|| self.records.error(warnings.join("; ")).0)
+    }
+}
+
+/// Where the messages of a channel go.
+#[derive(Clone, Copy, Debug)]
+enum Route {
+    /// Nowhere.
+    Skip,
+    /// A `navfuse_msgs/Sample` of the sensor.
+    Sample(SensorId),
+    /// A `sensor_msgs/Imu` of the sensor.
+    Imu(SensorId),
+}
+
+/// Finds the sensor of each message.
+struct Router {
+    /// Name and columns of each sensor.
+    sensors: Vec<(String, Vec<String>)>,
+    /// Topics of other programs by sensor.
+    topics: BTreeMap<String, String>,
+    schemas: BTreeMap<u16, String>,
+    routes: BTreeMap<u16, Route>,
+    /// Recorded sensors that are not in the scenario.
+    others: Vec<String>,
+    /// Whether a channel has a sensor.
+    matched: bool,
+}
+
+impl Router {
+    fn new(sensors: Vec<SensorInfo>, topics: BTreeMap<String, String>) -> Self {
+        let columns = |s: &SensorInfo| s.channels.iter().map(Channel::column).collect();
+        Self {
+            sensors: sensors.into_iter().map(|s| (s.name.clone(), columns(&s))).collect(),
+            topics,
+            schemas: BTreeMap::new(),
+            routes: BTreeMap::new(),
+            others: Vec::new(),
+            matched: false,
+        }
+    }
+
+    fn names(&self) -> String {
+        self.sensors.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
+    }
+
+    fn check_topics(&self) -> Result<(), String> {
+        match self.topics.keys().find(|name| self.sensors.iter().all(|(n, _)| n != *name)) {
+            Some(name) => Err(format!("topics names {name:?}, which is no sensor of the scenario ({})", self.names())),
+            None => Ok(()),
+        }
+    }
+
+    fn check_matched(&self) -> Result<(), String> {
+        if self.matched {
+            return Ok(());
+        }
+        let recorded = if self.others.is_empty() { "none".to_owned() } else { self.others.join(", ") };
+        let remedy = "give a topic of type sensor_msgs/msg/Imu with topics = { imu = \"/TOPIC\" }";
+        let names = self.names();
+        Err(format!("it holds none of the scenario's sensors ({names}); recorded sensors: {recorded}; or {remedy}"))
+    }
+
+    /// Finds the route of a channel; a message that names what is wrong.
+    fn channel(&mut self, id: u16, topic: &str, schema: &str, encoding: &str) -> Result<(), String> {
+        if self.routes.contains_key(&id) {
+            return Ok(());
+        }
+        let foreign = self.topics.iter().find(|(_, t)| *t == topic).map(|(name, _)| name.clone());
+        let readable = [schema::IMU.name, schema::SAMPLE.name].contains(&schema) && encoding == "cdr";
+        let name = match foreign {
+            Some(_) if !readable => {
+                return Err(format!(
+                    "the topic {topic} is of type {schema:?} in {encoding:?}; {} in cdr is needed",
+                    schema::IMU.name
+                ));
+            }
+            Some(name) => Some(name),
+            None => (topic.strip_prefix("/sensor/").filter(|n| readable && !self.topics.contains_key(*n)))
+                .map(str::to_owned),
+        };
+        let sensor = name.as_ref().and_then(|name| self.sensors.iter().position(|(n, _)| n == name));
+        let route = match (name, sensor) {
+            (Some(_), Some(k)) => {
+                self.matched = true;
+                if schema == schema::IMU.name {
+                    let rates = RATES.map(|c| c.column());
+                    self.check_columns(k, rates.iter().map(String::as_str))?;
+                    Route::Imu(SensorId(k))
+                } else {
+                    Route::Sample(SensorId(k))
+                }
+            }
+            (Some(name), None) => {
+                self.others.push(name);
+                Route::Skip
+            }
+            (None, _) => Route::Skip,
+        };
+        self.routes.insert(id, route);
+        Ok(())
+    }
+
+    /// Whether a sensor was recorded with the channels that it has.
+    fn check_columns<'a>(&self, sensor: usize, recorded: impl Iterator<Item = &'a str> + Clone) -> Result<(), String> {
+        let (name, columns) = &self.sensors[sensor];
+        if recorded.clone().eq(columns.iter().map(String::as_str)) {
+            return Ok(());
+        }
+        let (recorded, wanted) = (recorded.collect::<Vec<_>>().join(" "), columns.join(" "));
+        Err(format!("{name} is recorded with the channels {recorded}; [sensor.{name}] of the scenario has {wanted}"))
+    }
+
+    /// Takes note of a record; a sample if it is one.
+    fn record(&mut self, opcode: u8, data: &[u8]) -> Result<Option<Sample>, String> {
+        if ![op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&opcode) {
+            return Ok(None);
+        }
+        match mcap::parse_record(opcode, data).map_err(|e| format!("damaged record: {}", StreamFailure::from(e)))? {
+            Record::Schema { header, .. } => {
+                self.schemas.insert(header.id, header.name);
+            }
+            Record::Channel(c) => {
+                let schema = self.schemas.get(&c.schema_id).cloned().unwrap_or_default();
+                self.channel(c.id, &c.topic, &schema, &c.message_encoding)?;
+            }
+            Record::Message { header, data } => {
+                let route = self.routes.get(&header.channel_id).copied().unwrap_or(Route::Skip);
+                return self.message(route, &data).map_err(|why| {
+                    let time = Time::from_nanos(i64::try_from(header.log_time).unwrap_or(i64::MAX));
+                    format!("message {} at log time {time}: {why}", header.sequence)
+                });
+            }
+            _ => {}
+        }
+        Ok(None)
+    }
+
+    fn message(&self, route: Route, data: &[u8]) -> Result<Option<Sample>, String> {
+        let sensor = match route {
+            Route::Skip => return Ok(None),
+            Route::Sample(sensor) | Route::Imu(sensor) => sensor,
+        };
+        let Some((&[_, encoding, _, _], body)) = data.split_first_chunk::<4>() else {
+            return Err("shorter than its header".into());
+        };
+        let imu = matches!(route, Route::Imu(_));
+        match encoding {
+            0 => self.decode(sensor, imu, CdrReader::<BigEndian>::new(body)),
+            1 => self.decode(sensor, imu, CdrReader::<LittleEndian>::new(body)),
+            other => Err(format!("encapsulation {other}; plain CDR (0 or 1) is needed")),
+        }
+        .map(Some)
+    }
+
+    fn decode<O: ByteOrder>(&self, sensor: SensorId, imu: bool, mut r: CdrReader<'_, O>) -> Result<Sample, String> {
+        if imu {
+            return read_imu(&mut r, sensor).map_err(|e| e.to_string());
+        }
+        let mut names = [""; MAX_CHANNELS];
+        let (sample, n) = read_sample(&mut r, sensor, &mut names).map_err(|e| e.to_string())?;
+        self.check_columns(sensor.0, names[..n].iter().copied())?;
+        Ok(sample)
+    }
+}
+
+fn read_time<O: ByteOrder>(r: &mut CdrReader<'_, O>) -> re_cdr::Result<Time> {
+    let stamp = Stamp { sec: r.read_i32()?, nanosec: r.read_u32()? };
+    r.read_str()?; // the frame
+    Ok(stamp.time())
+}
+
+fn read_imu<O: ByteOrder>(r: &mut CdrReader<'_, O>, sensor: SensorId) -> re_cdr::Result<Sample> {
+    let mut sample = Sample::empty(read_time(r)?, sensor);
+    let skip = |r: &mut CdrReader<'_, O>, n: usize| (0..n).try_for_each(|_| r.read_f64().map(drop));
+    skip(r, 4 + 9)?; // orientation and its covariance
+    for first in [0, 3] {
+        for i in first..first + 3 {
+            let value = r.read_f64()?;
+            if value.to_bits() != MISSING {
+                sample.set(i, value);
+            }
+        }
+        skip(r, 9)?; // covariance
+    }
+    Ok(sample)
+}
+
+/// The sample and the number of its channels, whose names are written to `names`.
+fn read_sample<'a, O: ByteOrder>(
+    r: &mut CdrReader<'a, O>,
+    sensor: SensorId,
+    names: &mut [&'a str; MAX_CHANNELS],
+) -> re_cdr::Result<(Sample, usize)> {
+    let mut sample = Sample::empty(read_time(r)?, sensor);
+    let n = channels(r)?;
+    for name in &mut names[..n] {
+        *name = r.read_str()?;
+    }
+    if channels(r)? != n {
+        return Err(re_cdr::Error::Custom("channels and values differ in number".into()));
+    }
+    for i in 0..n {
+        sample.set(i, r.read_f64()?);
+    }
+    let present = r.read_u16()?;
+    (0..n).filter(|i| present >> i & 1 == 0).for_each(|i| sample.clear(i));
+    Ok((sample, n))
+}
+
+fn channels<O: ByteOrder>(r: &mut CdrReader<'_, O>) -> re_cdr::Result<usize> {
+    match r.read_sequence_length()? {
+        n if n <= MAX_CHANNELS => Ok(n),
+        n => Err(re_cdr::Error::Custom(format!("{n} channels; at most {MAX_CHANNELS} fit a sample"))),
+    }
+}

@@ -1,0 +1,248 @@
+//! The topics of a log and what is written to each.
+
+use crate::log::StreamFailure;
+use crate::message::{BlockValues, Pose, Stamp, Velocity};
+use crate::schema;
+use crate::sink::LogWriter;
+use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3};
+use navfuse_core::calibration::display;
+use navfuse_core::geodesy::Geodetic;
+use navfuse_core::manifold::{MAX_TANGENT, Manifold, Position, Rotation, Vector, load_quaternion};
+use navfuse_core::record::{Epoch, UpdateRecord};
+use navfuse_core::sample::{Channel, Sample};
+use navfuse_core::state::{Block, Layout};
+use navfuse_core::stream::{Purpose, RunInfo, SensorInfo};
+use std::any::TypeId;
+
+/// Where messages of one kind go.
+#[derive(Clone, Copy, Debug)]
+pub struct Topic {
+    /// The channel's id.
+    pub channel: u16,
+    /// How many messages were written.
+    pub sequence: u32,
+}
+
+/// All topics of a run.
+#[derive(Debug)]
+pub struct Topics {
+    /// By sensor id.
+    pub sensors: Vec<SensorTopics>,
+    /// What is estimated.
+    pub estimate: Estimate,
+    /// `/log`
+    pub events: Topic,
+}
+
+impl Topics {
+    /// Opens the topics of a run, in the order of its sensors and blocks.
+    pub fn open(log: &mut LogWriter, run: &RunInfo) -> Result<Self, StreamFailure> {
+        let sensors = run.sensors.iter().map(|s| SensorTopics::open(log, s)).collect::<Result<_, _>>()?;
+        Ok(Self { sensors, estimate: Estimate::open(log, &run.layout)?, events: log.topic("/log", &schema::LOG)? })
+    }
+}
+
+/// The channels that a `sensor_msgs/Imu` holds, in its order.
+pub const RATES: [Channel; 6] = [
+    Channel::new("gyro_x", "radps"),
+    Channel::new("gyro_y", "radps"),
+    Channel::new("gyro_z", "radps"),
+    Channel::new("accel_x", "mps2"),
+    Channel::new("accel_y", "mps2"),
+    Channel::new("accel_z", "mps2"),
+];
+
+/// The topics of a sensor.
+#[derive(Debug)]
+pub struct SensorTopics {
+    name: String,
+    columns: Vec<String>,
+    /// Whether it is written as a `sensor_msgs/Imu`.
+    imu: bool,
+    samples: Topic,
+    also: Also,
+    /// `/innovation/NAME` of a measuring sensor.
+    innovation: Option<Topic>,
+}
+
+/// As what else a sample is written, for other tools.
+#[derive(Debug)]
+enum Also {
+    Nothing,
+    /// Its only channel is a depth.
+    Pressure(Topic),
+    /// The channels of latitude, longitude and height.
+    Fix(Topic, [usize; 3]),
+}
+
+impl SensorTopics {
+    fn open(log: &mut LogWriter, info: &SensorInfo) -> Result<Self, StreamFailure> {
+        let name = &info.name;
+        let imu = info.channels == RATES;
+        let samples = log.topic(&format!("/sensor/{name}"), if imu { &schema::IMU } else { &schema::SAMPLE })?;
+        let find = |name, unit| info.channels.iter().position(|c| *c == Channel::new(name, unit));
+        let also = if info.channels == [Channel::new("depth", "m")] {
+            Also::Pressure(log.topic(&format!("/sensor/{name}/pressure"), &schema::PRESSURE)?)
+        } else if info.purpose == Purpose::Reference
+            && let (Some(lat), Some(lon), Some(height)) = (find("lat", "rad"), find("lon", "rad"), find("height", "m"))
+        {
+            Also::Fix(log.topic(&format!("/reference/{name}/fix"), &schema::FIX)?, [lat, lon, height])
+        } else {
+            Also::Nothing
+        };
+        let innovation = match info.purpose {
+            Purpose::Measurement => Some(log.topic(&format!("/innovation/{name}"), &schema::INNOVATION)?),
+            Purpose::Input | Purpose::Reference => None,
+        };
+        let columns = info.channels.iter().map(Channel::column).collect();
+        Ok(Self { name: name.clone(), columns, imu, samples, also, innovation })
+    }
+
+    pub fn sample(&mut self, log: &mut LogWriter, sample: &Sample) -> Result<(), StreamFailure> {
+        let stamp = Stamp::new(sample.time)?;
+        log.send(&mut self.samples, sample.time, |m| {
+            if self.imu { m.imu(stamp, sample) } else { m.sample(stamp, &self.name, &self.columns, sample) }
+        })?;
+        match &mut self.also {
+            Also::Nothing => Ok(()),
+            Also::Pressure(topic) => match sample.get(0) {
+                Some(depth) => log.send(topic, sample.time, |m| m.pressure(stamp, depth)),
+                None => Ok(()),
+            },
+            Also::Fix(topic, channels) => match channels.map(|i| sample.get(i)) {
+                [Some(latitude), Some(longitude), Some(height)] => {
+                    let position = Geodetic { latitude, longitude, height };
+                    log.send(topic, sample.time, |m| m.fix(stamp, &position, None))
+                }
+                _ => Ok(()),
+            },
+        }
+    }
+
+    pub fn update(&mut self, log: &mut LogWriter, update: &UpdateRecord<'_>) -> Result<(), StreamFailure> {
+        let Some(topic) = &mut self.innovation else { return Ok(()) };
+        let stamp = Stamp::new(update.time)?;
+        log.send(topic, update.time, |m| m.innovation(stamp, &self.name, &self.columns, update))
+    }
+}
+
+/// The topics of the estimate.
+#[derive(Debug)]
+pub struct Estimate {
+    /// `/state/OWNER/NAME`, by slot.
+    blocks: Vec<Topic>,
+    navigation: Option<Navigation>,
+}
+
+/// The topics of a state that has a position and an attitude.
+#[derive(Debug)]
+struct Navigation {
+    /// Slots of the blocks.
+    position: usize,
+    attitude: usize,
+    velocity: Option<usize>,
+    /// Where [`crate::message::FIXED_FRAME`] is: the position of the first epoch.
+    origin: Option<Geodetic>,
+    odometry: Topic,
+    fix: Topic,
+    transform: Topic,
+}
+
+impl Estimate {
+    fn open(log: &mut LogWriter, layout: &Layout) -> Result<Self, StreamFailure> {
+        let topic = |block: &Block| format!("/state/{}", block.name.replace('.', "/"));
+        let blocks = layout.blocks.iter().map(|b| log.topic(&topic(b), &schema::BLOCK)).collect::<Result<_, _>>()?;
+        let first = |kind: TypeId| layout.blocks.iter().position(|b| b.operations.kind == kind);
+        let navigation = match (first(TypeId::of::<Position>()), first(TypeId::of::<Rotation>())) {
+            (Some(position), Some(attitude)) => Some(Navigation {
+                position,
+                attitude,
+                velocity: layout.blocks.iter().position(|b| {
+                    b.operations.kind == TypeId::of::<Vector<3>>() && b.spec.display == display::VELOCITY
+                }),
+                origin: None,
+                odometry: log.topic("/estimate/odometry", &schema::ODOMETRY)?,
+                fix: log.topic("/estimate/fix", &schema::FIX)?,
+                transform: log.topic("/tf", &schema::TRANSFORMS)?,
+            }),
+            _ => None,
+        };
+        Ok(Self { blocks, navigation })
+    }
+
+    pub fn epoch(&mut self, log: &mut LogWriter, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
+        let stamp = Stamp::new(epoch.state.time)?;
+        if let Some(navigation) = &mut self.navigation {
+            navigation.epoch(log, stamp, epoch)?;
+        }
+        let values = &epoch.state.values;
+        for (slot, (topic, block)) in self.blocks.iter_mut().zip(&epoch.layout.blocks).enumerate() {
+            let n = block.operations.tangent;
+            let (mut estimate, mut sigma, mut error) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+            block.show(values, &mut estimate);
+            block.show_sigma(values, epoch.covariance, &mut sigma);
+            let truth = epoch.truth.filter(|t| t.known[slot]);
+            if let Some(truth) = truth {
+                block.show_error(values, &truth.state.values, &mut error);
+            }
+            let shown = BlockValues {
+                name: &block.name,
+                mode: block.spec.mode,
+                components: block.spec.display.components,
+                unit: block.spec.display.unit,
+                geodetic: block.operations.kind == TypeId::of::<Position>(),
+                estimate: &estimate[..n],
+                sigma: &sigma[..n],
+                error: if truth.is_some() { &error[..n] } else { &[] },
+            };
+            log.send(topic, epoch.state.time, |m| m.block(stamp, &shown))?;
+        }
+        Ok(())
+    }
+}
+
+impl Navigation {
+    fn epoch(&mut self, log: &mut LogWriter, stamp: Stamp, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
+        let time = epoch.state.time;
+        let position = Position::load::<f64>(value(epoch, self.position));
+        let origin = *self.origin.get_or_insert(position);
+        let pose = Pose {
+            position: position.ned_from(&origin),
+            attitude: load_quaternion(value(epoch, self.attitude)),
+            covariance: covariance(epoch, self.position, self.attitude),
+        };
+        let velocity = match self.velocity {
+            Some(slot) => body_velocity(epoch, slot, self.attitude, &pose.attitude),
+            None => Velocity { body: Vector3::zeros(), covariance: Matrix3::from_element(-1.0) },
+        };
+        let of_position = pose.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        log.send(&mut self.odometry, time, |m| m.odometry(stamp, &pose, &velocity))?;
+        log.send(&mut self.fix, time, |m| m.fix(stamp, &position, Some(&of_position)))?;
+        log.send(&mut self.transform, time, |m| m.transform(stamp, &pose))
+    }
+}
+
+fn value<'a>(epoch: &'a Epoch<'_>, slot: usize) -> &'a [f64] {
+    &epoch.state.values[epoch.layout.blocks[slot].range()]
+}
+
+/// The joint covariance of two blocks of three; zero for what is fixed.
+fn covariance(epoch: &Epoch<'_>, first: usize, second: usize) -> Matrix6<f64> {
+    let tangent = [first, second].map(|slot| epoch.layout.blocks[slot].tangent);
+    Matrix6::from_fn(|i, j| {
+        let (row, column) = (tangent[i / 3], tangent[j / 3]);
+        row.zip(column).map_or(0.0, |(r, c)| epoch.covariance.get(r + i % 3, c + j % 3))
+    })
+}
+
+/// `v^b = C_n^b v^n` and its covariance: with the attitude's error `phi` about the navigation axes,
+/// `dv^b = C_n^b (dv^n + v^n x phi)`.
+fn body_velocity(epoch: &Epoch<'_>, velocity: usize, attitude: usize, c_b_n: &UnitQuaternion<f64>) -> Velocity {
+    let v = Vector3::from_column_slice(value(epoch, velocity));
+    let c_n_b = c_b_n.inverse().to_rotation_matrix().into_inner();
+    let mut jacobian = SMatrix::<f64, 3, 6>::zeros();
+    jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&c_n_b);
+    jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&(c_n_b * v.cross_matrix()));
+    let joint = covariance(epoch, velocity, attitude);
+    Velocity { body: c_n_b * v, covariance: jacobian * joint * jacobian.transpose() }
+}
