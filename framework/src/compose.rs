@@ -268,12 +268,16 @@ impl Composition {
         self.sensors.iter().position(|s| s.info.name == name)
     }
 
-    /// Checks that a sensor's channels fit a sample.
-    pub(crate) fn check_channels(info: &SensorInfo) -> Result<(), String> {
-        if info.channels.len() > MAX_CHANNELS {
-            return Err(format!("{} channels; at most {MAX_CHANNELS} fit a sample", info.channels.len()));
+    /// Checks that a sensor's channels fit a sample and its model.
+    pub(crate) fn check_channels(info: &SensorInfo, role: &Role) -> Result<(), String> {
+        let count = info.channels.len();
+        match role {
+            _ if count > MAX_CHANNELS => Err(format!("{count} channels; at most {MAX_CHANNELS} fit a sample")),
+            Role::Measurement(model) if model.channels() != count => {
+                Err(format!("{count} channels are declared, the model has {}", model.channels()))
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// The start of the filter.

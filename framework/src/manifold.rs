@@ -123,9 +123,9 @@ impl Rotation {
     /// Rotation matrix to roll, pitch and yaw (Groves eq. 2.23).
     fn euler<T: Real>(c: &Rotation3<T>) -> [T; 3] {
         let m = c.matrix();
-        let one = T::one();
-        let sin_pitch = nalgebra::clamp(-m[(2, 0)], -one, one);
-        [m[(2, 1)].atan2(m[(2, 2)]), sin_pitch.asin(), m[(1, 0)].atan2(m[(0, 0)])]
+        // not by the arc sine, which near 90 deg loses half of the digits
+        let cos_pitch = (m[(2, 1)] * m[(2, 1)] + m[(2, 2)] * m[(2, 2)]).sqrt();
+        [m[(2, 1)].atan2(m[(2, 2)]), (-m[(2, 0)]).atan2(cos_pitch), m[(1, 0)].atan2(m[(0, 0)])]
     }
 }
 
@@ -151,7 +151,9 @@ impl Manifold for Rotation {
         Rotation3::from_matrix_unchecked(m.map(convert))
     }
     fn store(value: &Rotation3<f64>, ambient: &mut [f64]) {
-        store_quaternion(&UnitQuaternion::from_rotation_matrix(value), ambient);
+        // normalised, so that rounding does not add up over many corrections
+        let q = UnitQuaternion::from_rotation_matrix(value);
+        store_quaternion(&UnitQuaternion::new_normalize(q.into_inner()), ambient);
     }
     fn retract<T: Real>(x: &Rotation3<T>, delta: &[T]) -> Rotation3<T> {
         rotation_vector(&Vector3::new(delta[0], delta[1], delta[2])) * x
@@ -227,7 +229,13 @@ impl Manifold for Position {
         ambient.copy_from_slice(&[value.latitude, value.longitude, value.height]);
     }
     fn retract<T: Real>(x: &Geodetic<T>, delta: &[T]) -> Geodetic<T> {
-        x.displaced(&Vector3::new(delta[0], delta[1], delta[2]))
+        let mut y = x.displaced(&Vector3::new(delta[0], delta[1], delta[2]));
+        if y.longitude > T::pi() {
+            y.longitude -= T::two_pi();
+        } else if y.longitude < -T::pi() {
+            y.longitude += T::two_pi();
+        }
+        y
     }
     fn local(to: &Geodetic, from: &Geodetic, delta: &mut [f64]) {
         delta.copy_from_slice(to.ned_from(from).as_slice());
@@ -259,7 +267,7 @@ pub struct Operations {
     pub reset: fn(&[f64], &mut [f64]) -> bool,
     /// [`Manifold::coordinates`].
     pub coordinates: fn(&[f64], &mut [f64]),
-    /// Jacobian of the coordinates with respect to the tangent, row-major.
+    /// Jacobian of the coordinates with respect to the tangent, row-major; not finite where coordinates are singular.
     pub coordinate_jacobian: fn(&[f64], &mut [f64]),
     /// [`Manifold::from_coordinates`].
     pub from_coordinates: fn(&[f64], &mut [f64]),

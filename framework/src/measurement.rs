@@ -2,13 +2,13 @@
 
 use crate::Real;
 use crate::covariance::Update;
-use crate::manifold::MAX_TANGENT;
+use crate::manifold::{MAX_TANGENT, Manifold};
 use crate::sample::{MAX_CHANNELS, Sample};
 use crate::state::{Handle, Layout, State, View};
 use nalgebra::{SMatrix, SVector};
 use num_dual::Dual64;
 
-/// How a sensor sees the state: `N` channels, `z = h(x) + v`, `v ~ N(0, R)`.
+/// How a sensor sees the state: `N` channels, `z [-] h(x) = v`, `v ~ N(0, R)`.
 ///
 /// The author writes [`Self::predict`]; the framework differentiates it with respect to every block that it reads,
 /// leaves out channels that a sample lacks, simulates the sensor with it, and never lets the model touch `P`.
@@ -34,6 +34,11 @@ pub trait MeasurementModel<const N: usize>: Send + 'static {
     /// `R`: covariance of the noise of the channels, SI squared.
     fn noise(&self) -> SMatrix<f64, N, N>;
 
+    /// `z [-] h(x)` of one channel. The difference, unless a model says otherwise: of an angle, wrap it into +-pi.
+    fn difference(&self, _channel: usize, measured: f64, predicted: f64) -> f64 {
+        measured - predicted
+    }
+
     /// An analytic Jacobian in place of the dual numbers: fill every block that `predict` reads and return `true`.
     fn jacobian(&self, _x: &View<'_, f64>, _h: &mut Jacobian<'_, N>) -> bool {
         false
@@ -51,7 +56,8 @@ pub struct Jacobian<'a, const N: usize> {
 
 impl<const N: usize> Jacobian<'_, N> {
     /// Sets the derivative with respect to a block's tangent; a fixed block is passed over.
-    pub fn set<M, const K: usize>(&mut self, block: Handle<M>, derivative: &SMatrix<f64, N, K>) {
+    pub fn set<M: Manifold, const K: usize>(&mut self, block: Handle<M>, derivative: &SMatrix<f64, N, K>) {
+        const { assert!(K == M::TANGENT) };
         let Some(tangent) = self.layout.block(block).tangent else { return };
         if let Some(at) = self.columns.iter().position(|&c| c == tangent) {
             for i in 0..N {
@@ -125,7 +131,7 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
         let mut m = 0;
         for i in 0..N {
             let Some(z) = sample.get(i) else { continue };
-            update.innovation.push(z - predicted[i]);
+            update.innovation.push(self.0.difference(i, z, predicted[i]));
             update.r.extend((0..N).filter(|&j| sample.get(j).is_some()).map(|j| noise[(i, j)]));
             update.h.copy_within(i * w..(i + 1) * w, m * w);
             m += 1;

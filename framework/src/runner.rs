@@ -5,7 +5,7 @@ use crate::ekf::{Ekf, EstimatorError};
 use crate::record::{Epoch, Event, Level, Observer, Rejection, UpdateRecord};
 use crate::sample::{Sample, SensorId};
 use crate::scenario::Assembly;
-use crate::stream::{RunInfo, Sink, Source, StreamError};
+use crate::stream::{RunInfo, SensorInfo, Sink, Source, StreamError};
 use crate::summary::{Recorded, Statistics, Summary};
 use crate::time::Time;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -71,9 +71,8 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
     let mut fan = Fan { sinks, statistics: Statistics::new(&info), events: Vec::new(), next_epoch: Time::MIN };
     fan.each(Time::MIN, |sink| sink.start(&info));
     let mut ekf = Ekf::new(composition);
-    let mut silence = Silence { timeouts, last: vec![None; info.sensors.len()], lost: vec![false; info.sensors.len()] };
-    let mut merge = Merge::new(sources);
-    merge.schedule(&mut fan);
+    let mut silence = Silence::new(timeouts);
+    let mut merge = Merge::new(sources, info.sensors.len());
     let end = merge.end().map(|e| until.map_or(e, |u| u.min(e)));
     let (mut error, mut interrupted, mut count) = (None, false, 0_u64);
     if let Err(e) = merge.fill() {
@@ -95,15 +94,13 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
             error = Some(e.into());
             break;
         }
-        let info = &ekf.composition().sensors[sample.sensor.0].info;
-        silence.heard(&sample, &info.name, &mut fan);
+        silence.heard(&sample, &info.sensors, &mut fan);
         if ekf.running() && ekf.state().time >= fan.next_epoch {
-            fan.next_epoch = Time::from_nanos((ekf.state().time.nanos() / period + 1) * period);
+            fan.next_epoch = Time::from_nanos((ekf.state().time.nanos().div_euclid(period) + 1) * period);
             let (layout, state, covariance) = (ekf.layout(), ekf.state(), ekf.covariance());
             if fan.statistics.last_epoch != Some(state.time) {
                 fan.epoch(&Epoch { layout, state, covariance, truth: None });
             }
-            silence.check(sample.time, &info_names(&ekf), &mut fan);
         }
         count += 1;
         if count.is_multiple_of(4096) {
@@ -123,7 +120,9 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
         let (layout, state, covariance) = (ekf.layout(), ekf.state(), ekf.covariance());
         fan.epoch(&Epoch { layout, state, covariance, truth: None });
     }
-    fan.statistics.unheard(&ekf, &mut fan.events);
+    for event in fan.statistics.unheard(&ekf) {
+        fan.event(event);
+    }
     if let Some(e) = &error {
         fan.event(Event { time: now, level: Level::Error, about: "run".into(), text: e.to_string() });
     } else if interrupted {
@@ -134,10 +133,6 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
     summary.wall_s = clock.elapsed().as_secs_f64();
     progress(Progress { now, end: Some(now) });
     Finished { summary, recorded, events: fan.events, error, interrupted }
-}
-
-fn info_names(ekf: &Ekf) -> impl Fn(usize) -> String + '_ {
-    |k| ekf.composition().sensors[k].info.name.clone()
 }
 
 fn never_started(ekf: &Ekf) -> String {
@@ -157,18 +152,16 @@ fn never_started(ekf: &Ekf) -> String {
 struct Merge {
     sources: Vec<(String, Box<dyn Source>)>,
     heads: Vec<Option<Sample>>,
+    /// What the sources know will happen, the last first.
     schedule: Vec<Event>,
+    sensors: usize,
 }
 
 impl Merge {
-    fn new(sources: Vec<(String, Box<dyn Source>)>) -> Self {
-        Self { heads: vec![None; sources.len()], sources, schedule: Vec::new() }
-    }
-
-    fn schedule(&mut self, _fan: &mut Fan) {
-        let mut events: Vec<Event> = self.sources.iter().flat_map(|(_, s)| s.schedule()).collect();
-        events.sort_by_key(|e| std::cmp::Reverse(e.time));
-        self.schedule = events;
+    fn new(sources: Vec<(String, Box<dyn Source>)>, sensors: usize) -> Self {
+        let mut schedule: Vec<Event> = sources.iter().flat_map(|(_, s)| s.schedule()).collect();
+        schedule.sort_by_key(|e| std::cmp::Reverse(e.time));
+        Self { heads: vec![None; sources.len()], sources, schedule, sensors }
     }
 
     /// Tells what was scheduled up to a time.
@@ -191,8 +184,12 @@ impl Merge {
     fn advance(&mut self, k: usize) -> Result<(), RunError> {
         let (name, source) = &mut self.sources[k];
         let mut sample = Sample::empty(Time::MIN, SensorId(0));
-        let more =
-            source.next(&mut sample).map_err(|error| RunError::Source { source_name: name.clone(), error })?;
+        let failed = |error| RunError::Source { source_name: name.clone(), error };
+        let more = source.next(&mut sample).map_err(failed)?;
+        if sample.sensor.0 >= self.sensors {
+            let (found, count) = (sample.sensor.0, self.sensors);
+            return Err(failed(StreamError(format!("a sample of sensor number {found}, but there are {count}"))));
+        }
         self.heads[k] = more.then_some(sample);
         Ok(())
     }
@@ -224,16 +221,19 @@ struct Fan {
 impl Fan {
     /// Calls every sink; one that fails is closed, and named.
     fn each(&mut self, time: Time, mut call: impl FnMut(&mut dyn Sink) -> Result<(), StreamError>) {
-        let mut k = 0;
-        while k < self.sinks.len() {
-            match call(self.sinks[k].1.as_mut()) {
-                Ok(()) => k += 1,
-                Err(error) => {
-                    let (name, _) = self.sinks.remove(k);
-                    let text = format!("{error}; the run goes on without this sink");
-                    self.event(Event { time, level: Level::Error, about: name, text });
-                }
+        let mut failed = Vec::new();
+        self.sinks.retain_mut(|(name, sink)| match call(sink.as_mut()) {
+            Ok(()) => true,
+            Err(error) => {
+                // what it wrote until then may still be saved; that it fails again is no news
+                sink.finish().ok();
+                failed.push((std::mem::take(name), error));
+                false
             }
+        });
+        for (about, error) in failed {
+            let text = format!("{error}; the run goes on without this sink");
+            self.event(Event { time, level: Level::Error, about, text });
         }
     }
 
@@ -276,27 +276,41 @@ struct Silence {
     timeouts: Vec<f64>,
     last: Vec<Option<Time>>,
     lost: Vec<bool>,
+    next: Time,
 }
 
 impl Silence {
-    fn heard(&mut self, sample: &Sample, name: &str, fan: &mut Fan) {
-        let k = sample.sensor.0;
-        if let Some(last) = self.last[k].replace(sample.time)
+    /// How often it looks for silent sensors.
+    const PERIOD: Time = Time::from_nanos(100_000_000);
+
+    fn new(timeouts: Vec<f64>) -> Self {
+        let (last, lost) = (vec![None; timeouts.len()], vec![false; timeouts.len()]);
+        Self { timeouts, last, lost, next: Time::MIN }
+    }
+
+    fn heard(&mut self, sample: &Sample, sensors: &[SensorInfo], fan: &mut Fan) {
+        let (now, k) = (sample.time, sample.sensor.0);
+        if now >= self.next {
+            self.next = now + Self::PERIOD;
+            self.check(now, sensors, fan);
+        }
+        if let Some(last) = self.last[k].replace(now)
             && self.lost[k]
         {
             self.lost[k] = false;
-            let text = format!("{name} is back after {:.1} s", sample.time.since(last));
-            fan.event(Event { time: sample.time, level: Level::Info, about: name.to_owned(), text });
+            let name = &sensors[k].name;
+            let text = format!("{name} is back after {:.1} s", now.since(last));
+            fan.event(Event { time: now, level: Level::Info, about: name.clone(), text });
         }
     }
 
-    fn check(&mut self, now: Time, name: &dyn Fn(usize) -> String, fan: &mut Fan) {
-        for k in 0..self.last.len() {
+    fn check(&mut self, now: Time, sensors: &[SensorInfo], fan: &mut Fan) {
+        for (k, sensor) in sensors.iter().enumerate() {
             let silent = self.last[k].is_some_and(|last| now.since(last) > self.timeouts[k]);
             if silent && !self.lost[k] {
                 self.lost[k] = true;
-                let text = format!("{} lost: no sample for {} s", name(k), self.timeouts[k]);
-                fan.event(Event { time: now, level: Level::Warning, about: name(k), text });
+                let text = format!("{} lost: no sample for {} s", sensor.name, self.timeouts[k]);
+                fan.event(Event { time: now, level: Level::Warning, about: sensor.name.clone(), text });
             }
         }
     }

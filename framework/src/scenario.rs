@@ -249,7 +249,7 @@ impl<'a> Scenario<'a> {
             };
             let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
             let info = SensorInfo { name, kind, channels: built.channels, purpose };
-            Composition::check_channels(&info).map_err(|m| part.node.error(m))?;
+            Composition::check_channels(&info, &built.role).map_err(|m| part.node.error(m))?;
             let simulation = policy.simulation.clone();
             *place = Some(Sensor { info, role: built.role, policy, simulation, simulator: None });
         }

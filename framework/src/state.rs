@@ -122,16 +122,15 @@ impl Block {
         self.tangent.map_or(0..0, |t| t..t + self.operations.tangent)
     }
 
-    /// The block's coordinates in its display unit.
+    /// The block's coordinates in its display unit; latitude and longitude in degrees.
     pub fn show(&self, values: &[f64], out: &mut [f64]) {
         let n = self.operations.tangent;
         (self.operations.coordinates)(&values[self.range()], &mut out[..n]);
-        match self.operations.reading {
-            crate::manifold::Reading::Tangent => {
-                out[0] = out[0].to_degrees();
-                out[1] = out[1].to_degrees();
-            }
-            _ => out[..n].iter_mut().for_each(|x| *x /= self.spec.display.scale),
+        if self.operations.kind == std::any::TypeId::of::<crate::manifold::Position>() {
+            out[0] = out[0].to_degrees();
+            out[1] = out[1].to_degrees();
+        } else {
+            out[..n].iter_mut().for_each(|x| *x /= self.spec.display.scale);
         }
     }
 
@@ -144,10 +143,14 @@ impl Block {
             return;
         };
         let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
-        if self.operations.reading == Reading::Tangent {
-            (0..n).for_each(|i| jacobian[n * i + i] = 1.0);
-        } else {
+        let tangent = self.operations.reading == Reading::Tangent;
+        if !tangent {
             (self.operations.coordinate_jacobian)(&values[self.range()], &mut jacobian);
+        }
+        if tangent || jacobian[..n * n].iter().any(|j| !j.is_finite()) {
+            // at a pitch of 90 deg, roll and yaw are one angle and have no sigma each: that of the tangent stands
+            jacobian.fill(0.0);
+            (0..n).for_each(|i| jacobian[n * i + i] = 1.0);
         }
         for i in 0..n {
             let row = &jacobian[n * i..n * i + n];
@@ -193,8 +196,8 @@ impl Block {
         let mut jacobian = vec![0.0; n * n];
         (self.operations.coordinate_jacobian)(&values[self.range()], &mut jacobian);
         match DMatrix::from_row_slice(n, n, &jacobian).try_inverse() {
-            Some(inverse) => &inverse * diagonal * inverse.transpose(),
-            None => diagonal, // pitch of 90 deg: roll and yaw are one angle
+            Some(inverse) if inverse.iter().all(|x| x.is_finite()) => &inverse * diagonal * inverse.transpose(),
+            _ => diagonal, // pitch of 90 deg: roll and yaw are one angle
         }
     }
 }

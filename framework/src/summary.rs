@@ -2,7 +2,7 @@
 
 use crate::compose::Role;
 use crate::ekf::Ekf;
-use crate::manifold::{MAX_TANGENT, Position, Reading};
+use crate::manifold::{MAX_TANGENT, Position};
 use crate::record::{Epoch, Event, Level, Outcome, Rejection, UpdateRecord};
 use crate::sample::Sample;
 use crate::state::Mode;
@@ -178,13 +178,16 @@ impl Statistics {
     }
 
     /// Sensors that never spoke.
-    pub(crate) fn unheard(&self, ekf: &Ekf, events: &mut Vec<Event>) {
-        for (name, _, _) in self.sensors.iter().filter(|(_, _, c)| c.read == 0) {
-            let text = format!(
-                "no sample of [sensor.{name}] in any source: check the source's files and columns, or remove the sensor"
-            );
-            events.push(Event { time: ekf.state().time, level: Level::Warning, about: name.clone(), text });
-        }
+    pub(crate) fn unheard(&self, ekf: &Ekf) -> Vec<Event> {
+        let silent = self.sensors.iter().filter(|(_, _, c)| c.read == 0);
+        silent
+            .map(|(name, _, _)| {
+                let text = format!(
+                    "no sample of [sensor.{name}] in any source: check the source's files and columns, or remove the sensor"
+                );
+                Event { time: ekf.state().time, level: Level::Warning, about: name.clone(), text }
+            })
+            .collect()
     }
 
     pub(crate) fn summary(&mut self, ekf: &Ekf) -> Summary {
@@ -214,8 +217,9 @@ impl Statistics {
                 sigma: sigma[..n].to_vec(),
                 error,
             };
-            let mut value = json!({ "unit": row.unit, "estimate": row.estimate, "sigma": row.sigma, "error": row.error });
-            if block.operations.reading == Reading::Tangent {
+            let mut value =
+                json!({ "unit": row.unit, "estimate": row.estimate, "sigma": row.sigma, "error": row.error });
+            if block.operations.kind == TypeId::of::<Position>() {
                 value["estimate_unit"] = json!(["deg", "deg", "m"]);
             }
             if row.mode != Mode::Estimate {

@@ -36,7 +36,7 @@ impl Time {
 
     /// Seconds from `earlier` to here.
     pub fn since(self, earlier: Self) -> f64 {
-        (self.0 - earlier.0) as f64 * 1e-9
+        self.0.saturating_sub(earlier.0) as f64 * 1e-9
     }
 }
 

@@ -1,0 +1,210 @@
+//! The update: gate, way out of lock-out, injection and reset.
+
+use super::{Ekf, EstimatorError, rejected};
+use crate::compose::Sensor;
+use crate::covariance::{Covariance, Update};
+use crate::gate::{Action, Recovery};
+use crate::manifold::MAX_TANGENT;
+use crate::measurement::AnyMeasurement;
+use crate::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};
+use crate::sample::{MAX_CHANNELS, Sample};
+use crate::state::Mode;
+use crate::time::Time;
+use std::mem::discriminant;
+
+/// A sensor as the filter sees it.
+#[derive(Clone)]
+pub(super) struct SensorSlot {
+    pub(super) name: String,
+    /// The channels that it has, one bit each.
+    pub(super) channels: u16,
+    /// The time of its last sample.
+    pub(super) last: Time,
+    /// The samples gated in a row until now.
+    pub(super) gated: Option<Streak>,
+    /// Why its last sample was rejected, if it was: said once in a row.
+    pub(super) refused: Option<Rejection>,
+    thresholds: [f64; MAX_CHANNELS + 1],
+    recovery: Recovery,
+}
+
+/// Samples of one sensor that were gated, without one between them that passed.
+#[derive(Clone, Copy)]
+pub(super) struct Streak {
+    pub(super) since: Time,
+    pub(super) count: u64,
+    latest: Time,
+    /// Whether it was said that the filter is locked out.
+    told: bool,
+}
+
+impl SensorSlot {
+    pub(super) fn new(sensor: &Sensor) -> Self {
+        Self {
+            name: sensor.info.name.clone(),
+            channels: ((1u32 << sensor.info.channels.len()) - 1) as u16,
+            last: Time::MIN,
+            gated: None,
+            refused: None,
+            thresholds: sensor.policy.gate.thresholds(),
+            recovery: sensor.policy.recovery,
+        }
+    }
+
+    /// What becomes of a sample of that normalised innovation squared, with `m` channels: accepted, gated, or accepted
+    /// all the same because everything was gated for too long.
+    fn judge(&mut self, time: Time, nis: f64, m: usize, observer: &mut dyn Observer) -> Verdict {
+        let threshold = self.thresholds[m];
+        let mut event = |level, text| observer.event(Event { time, level, about: self.name.clone(), text });
+        if nis <= threshold && nis.is_finite() {
+            if let Some(Streak { since, count, .. }) = self.gated.take() {
+                event(Level::Info, format!("gate passes again after {count} gated samples since {since}"));
+            }
+            return Verdict::Pass;
+        }
+        let after = self.recovery.after.value().si();
+        // a sensor that was silent for so long begins again: one outlier on either side of an outage is no lock-out
+        let streak = self.gated.filter(|s| time.since(s.latest) <= after);
+        let mut streak = streak.unwrap_or(Streak { since: time, count: 0, latest: time, told: false });
+        streak.count += 1;
+        streak.latest = time;
+        let Streak { since, count, told, .. } = streak;
+        self.gated = Some(streak);
+        if count == 1 {
+            event(Level::Warning, format!("gate rejects: NIS {nis:.1} is above {threshold:.1}"));
+        }
+        if time.since(since) < after || count == 1 || !nis.is_finite() {
+            return Verdict::Gate;
+        }
+        let said = format!("locked out: every one of {count} samples was gated since {since}");
+        let verdict = match self.recovery.action {
+            Action::Report if told => return Verdict::Gate,
+            Action::Report => {
+                event(Level::Warning, said);
+                self.gated = Some(Streak { told: true, ..streak });
+                return Verdict::Gate;
+            }
+            Action::Inflate => {
+                event(Level::Warning, format!("{said}; the covariance is inflated and this one used"));
+                Verdict::Inflate
+            }
+            Action::Accept => {
+                event(Level::Warning, format!("{said}; this one is used"));
+                Verdict::Pass
+            }
+        };
+        self.gated = None;
+        verdict
+    }
+}
+
+enum Verdict {
+    Pass,
+    Gate,
+    Inflate,
+}
+
+/// Inflates the covariance until the innovation is about as large as its mean, `NIS = m`; gives the new NIS.
+///
+/// `1 + c = NIS / m` would do in one step if `S` were all `H P H'`. The noise in it makes the step fall short, so it is
+/// repeated; it never goes too far.
+fn inflate(update: &mut Update, covariance: &mut Covariance, considered: &[bool], mut nis: f64) -> f64 {
+    let m = update.m as f64;
+    for _ in 0..64 {
+        if nis <= 1.5 * m || !update.inflate(covariance, considered, nis / m - 1.0) {
+            break;
+        }
+        match update.innovate(covariance) {
+            Some(now) => nis = now,
+            None => break,
+        }
+    }
+    nis
+}
+
+impl Ekf {
+    /// The update at the state's time.
+    pub(super) fn correct(
+        &mut self,
+        sample: &Sample,
+        model: &dyn AnyMeasurement,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        let m = &mut self.memory;
+        let update = &mut self.update;
+        model.linearise(&self.layout, &m.state, sample, update);
+        let Some(mut nis) = update.innovate(&m.covariance) else {
+            self.reject(sample, Rejection::Singular, observer);
+            return Ok(());
+        };
+        let slot = &mut m.sensors[sample.sensor.0];
+        slot.refused = None;
+        let threshold = slot.thresholds[update.m];
+        let verdict = slot.judge(sample.time, nis, update.m, observer);
+        if matches!(verdict, Verdict::Inflate) {
+            nis = inflate(update, &mut m.covariance, &self.considered, nis);
+        }
+        let outcome = if matches!(verdict, Verdict::Gate) { Outcome::Gated } else { Outcome::Accepted };
+        observer.update(&UpdateRecord {
+            time: sample.time,
+            sensor: sample.sensor,
+            outcome,
+            nis,
+            threshold,
+            present: sample.present() & slot.channels,
+            innovation: &update.innovation,
+            covariance: &update.s,
+        });
+        if outcome == Outcome::Gated {
+            return Ok(());
+        }
+        update.apply(&mut m.covariance, &self.considered);
+        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
+        for block in self.layout.blocks.iter().filter(|b| b.spec.mode == Mode::Estimate) {
+            let range = block.tangent_range();
+            let delta = &update.delta[range.clone()];
+            (block.operations.retract)(&mut m.state.values[block.range()], delta);
+            if (block.operations.reset)(delta, &mut jacobian) {
+                m.covariance.transform(range, &jacobian);
+            }
+        }
+        match m.covariance.first_invalid() {
+            None => Ok(()),
+            Some(i) => {
+                let block = self.layout.blocks.iter().find(|b| b.tangent_range().contains(&i));
+                let block = block.map_or_else(String::new, |b| b.name.clone());
+                Err(EstimatorError::Covariance { time: sample.time, block })
+            }
+        }
+    }
+
+    /// Turns a sample away, and says why unless the sensor's sample before it was turned away for the same reason.
+    pub(super) fn reject(&mut self, sample: &Sample, rejection: Rejection, observer: &mut dyn Observer) {
+        if self.driver == Some(sample.sensor.0) {
+            observer.input(sample, Some(rejection));
+        } else {
+            observer.update(&rejected(sample, rejection));
+        }
+        let before = self.memory.sensors[sample.sensor.0].refused.replace(rejection);
+        if before.is_some_and(|before| discriminant(&before) == discriminant(&rejection)) {
+            return;
+        }
+        let sensor = &self.composition.sensors[sample.sensor.0].info;
+        let last = self.memory.sensors[sample.sensor.0].last;
+        let text = match rejection {
+            Rejection::NotFinite(channel) => {
+                let name = sensor.channels.get(channel).map_or("?", |c| c.name);
+                format!("sample rejected: channel {name} is {}", sample.get(channel).unwrap_or(f64::NAN))
+            }
+            Rejection::Missing => "sample rejected: channels are missing".to_owned(),
+            Rejection::OutOfOrder if sample.time == last => "sample rejected: its time is there already".to_owned(),
+            Rejection::OutOfOrder => format!("sample rejected: time goes back from {last} to {}", sample.time),
+            Rejection::Late => format!("sample rejected: {} is before the state's {}", sample.time, self.state().time),
+            Rejection::Singular => {
+                "sample rejected: the innovation covariance is singular; is the sensor's noise zero?".to_owned()
+            }
+            Rejection::NoInput => "sample unused: no driving sample covers its time".to_owned(),
+        };
+        observer.event(Event { time: sample.time, level: Level::Warning, about: sensor.name.clone(), text });
+    }
+}
