@@ -18,6 +18,8 @@ pub struct Wanted<'a> {
     pub unit: Option<Unit>,
     /// The key of the source where it can be told: `files.dvl.columns.vel_x`.
     pub key: &'a str,
+    /// Names of what else is looked for, whose columns it is not.
+    pub others: &'a [&'a str],
 }
 
 /// Where it is.
@@ -47,10 +49,14 @@ impl Wanted<'_> {
             (None, _) => return Err(self.missing(&heading, headings)),
         };
         let unit = match (needed, self.unit) {
-            (None, Some(_)) if self.si.is_empty() => return Err(format!("{} has no unit: remove {}.unit", self.name, self.key)),
+            (None, Some(_)) if self.si.is_empty() => {
+                return Err(format!("{} has no unit: remove {}.unit", self.name, self.key));
+            }
             (None, unit) => unit,
             (Some(needed), Some(unit)) if unit.exponents() == needed.exponents() => Some(unit),
-            (Some(_), Some(unit)) => return Err(format!("{}.unit is of {}, {}", self.key, unit.dimension(), self.need())),
+            (Some(_), Some(unit)) => {
+                return Err(format!("{}.unit is of {}, {}", self.key, unit.dimension(), self.need()));
+            }
             (Some(needed), None) => Some(self.suffix(&heading, needed)?),
         };
         Ok(Found { index, unit })
@@ -65,7 +71,9 @@ impl Wanted<'_> {
         let mut fitting = candidates().filter(|(_, unit)| unit.exponents() == needed.exponents());
         match (fitting.next(), fitting.next()) {
             (Some((heading, _)), None) => return Ok(heading.clone()),
-            (Some((a, _)), Some((b, _))) => return Err(format!("{a:?} and {b:?} are both {}: set {}", self.name, self.key)),
+            (Some((a, _)), Some((b, _))) => {
+                return Err(format!("{a:?} and {b:?} are both {}: set {}", self.name, self.key));
+            }
             _ => {}
         }
         // with a wrong unit or without any it is still meant
@@ -80,9 +88,11 @@ impl Wanted<'_> {
         let remedy = format!("rename it to {:?}, or set {}.unit", self.usual(), self.key);
         match units.first() {
             Some((_, unit)) if unit.exponents() == needed.exponents() => Ok(*unit),
-            Some((end, unit)) => {
-                Err(format!("column {heading:?} ends with {end:?}, which is {}, {}; {remedy}", unit.dimension(), self.need()))
-            }
+            Some((end, unit)) => Err(format!(
+                "column {heading:?} ends with {end:?}, which is {}, {}; {remedy}",
+                unit.dimension(),
+                self.need()
+            )),
             None => Err(format!("column {heading:?} does not end with a unit, {}; {remedy}", self.need())),
         }
     }
@@ -97,7 +107,9 @@ impl Wanted<'_> {
     }
 
     fn missing(&self, heading: &str, headings: &[String]) -> String {
-        let near = did_you_mean(heading, headings.iter().map(String::as_str));
+        let named = |h: &str, name: &str| h.strip_prefix(name).is_some_and(|rest| rest.starts_with('_'));
+        let free = |h: &&str| !self.others.iter().any(|other| named(h, other));
+        let near = did_you_mean(heading, headings.iter().map(String::as_str).filter(free));
         let near = near.map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
         let mut list = headings.iter().take(LISTED).cloned().collect::<Vec<_>>().join(", ");
         if headings.len() > LISTED {
@@ -115,7 +127,7 @@ mod tests {
     use navfuse_core::units::parse_unit;
 
     const SPEED: Wanted<'_> =
-        Wanted { name: "vel_x", si: "mps", column: None, unit: None, key: "files.dvl.columns.vel_x" };
+        Wanted { name: "vel_x", si: "mps", column: None, unit: None, key: "files.dvl.columns.vel_x", others: &[] };
 
     fn find(wanted: &Wanted<'_>, header: &str) -> Result<(usize, f64), String> {
         let headings: Vec<String> = header.split(',').map(str::to_owned).collect();

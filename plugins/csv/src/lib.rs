@@ -8,6 +8,7 @@
 //!
 //! **Sink.** `estimate.csv` has a row an epoch, `innovations.csv` a row a measurement; see [`sink`].
 
+mod cells;
 pub mod config;
 mod headings;
 pub mod sink;

@@ -122,7 +122,8 @@ fn headings(block: &Block, error: bool, out: &mut Vec<String>) {
     let (display, tangent) = (&block.spec.display, block.operations.reading == Reading::Tangent);
     let names = display.components;
     let ned = ["north", "east", "down"];
-    let (differences, units) = if tangent { (&ned[..], ["deg", "deg", display.unit]) } else { (names, [display.unit; 3]) };
+    let (differences, units) =
+        if tangent { (&ned[..], ["deg", "deg", display.unit]) } else { (names, [display.unit; 3]) };
     let mut add = |name: &str, what: &str, unit: &str| out.push(format!("{}.{name}{what}{}", block.name, ending(unit)));
     for (k, name) in names.iter().enumerate() {
         add(name, "", units[k.min(2)]);

@@ -1,7 +1,7 @@
 //! The source: one stream a file.
 
+use crate::cells::{ChannelCell, TimeCell, channel_cells, time_cell, usual_header};
 use crate::config::{Csv, Disorder, FileConfig, Nan};
-use crate::headings::Wanted;
 use crate::tail;
 use crate::time::{self, TimeError};
 use csv::{ByteRecord, Reader, ReaderBuilder};
@@ -10,7 +10,6 @@ use navfuse_core::registry::{OpenContext, SourceType};
 use navfuse_core::sample::{Sample, SensorId};
 use navfuse_core::stream::{Purpose, SensorInfo, Source, StreamError};
 use navfuse_core::time::Time;
-use navfuse_core::units::Unit;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -28,9 +27,11 @@ impl SourceType for Csv {
         let table = |key: &str| scenario.as_ref().and_then(|s| s.root().get(key));
         let names: Vec<&str> = sensors.iter().map(|s| s.info.name.as_str()).collect();
         // a sensor that is there but not enabled may keep its file
-        let known = |name: &&String| table("sensor").is_some_and(|t| t.get(name).is_some()) || names.contains(&name.as_str());
+        let known =
+            |name: &&String| table("sensor").is_some_and(|t| t.get(name).is_some()) || names.contains(&name.as_str());
         if let Some(name) = self.files.keys().find(|name| !known(name)) {
-            let near = did_you_mean(name, names.iter().copied()).map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+            let near = did_you_mean(name, names.iter().copied())
+                .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
             let names = names.join(", ");
             return Err(StreamError(format!("files.{name}: there is no [sensor.{name}]{near} (sensors: {names})")));
         }
@@ -60,21 +61,6 @@ impl SourceType for Csv {
 /// A path as it was looked for, for messages about what is not there.
 fn absolute(path: &Path) -> String {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
-}
-
-/// How the time is read.
-struct TimeCell {
-    column: usize,
-    /// Nanoseconds in one of its unit.
-    unit: u64,
-    offset: Time,
-}
-
-/// How a channel is read.
-struct ChannelCell {
-    column: usize,
-    unit: Option<Unit>,
-    scale: f64,
 }
 
 /// What a row is.
@@ -128,12 +114,11 @@ impl Stream {
         let fail = |text: String| StreamError(format!("{}: {text}", path.display()));
         let mut reader = builder(config.delimiter).from_reader(file);
         let mut record = ByteRecord::new();
-        let usual = || {
-            let columns = info.channels.iter().map(|c| c.column().trim_end_matches('_').to_owned());
-            std::iter::once("time_s".to_owned()).chain(columns).collect::<Vec<_>>().join(",")
-        };
         if !reader.read_byte_record(&mut record).map_err(|e| fail(format!("cannot be read: {e}")))? {
-            return Err(fail(format!("the file is empty; its first line must name the columns: {}", usual())));
+            return Err(fail(format!(
+                "the file is empty; its first line must name the columns: {}",
+                usual_header(info)
+            )));
         }
         if record.as_slice().contains(&0) {
             return Err(fail("the file is not UTF-8 text; if it is UTF-16, save it as UTF-8".into()));
@@ -141,40 +126,22 @@ impl Stream {
         let headings: Vec<String> =
             record.iter().map(|h| String::from_utf8_lossy(h.trim_ascii()).into_owned()).collect();
         if headings[0].parse::<f64>().is_ok() {
-            return Err(fail(format!("the first line must name the columns, such as {}; it starts with {:?}", usual(), headings[0])));
+            return Err(fail(format!(
+                "the first line must name the columns, such as {}; it starts with {:?}",
+                usual_header(info),
+                headings[0]
+            )));
         }
         if let [only] = headings.as_slice()
             && let Some(other) = [',', ';', '\t', '|'].into_iter().find(|c| *c != config.delimiter && only.contains(*c))
         {
-            return Err(fail(format!("the columns seem to be separated by {other:?}: set files.{name}.delimiter = {:?}", other.to_string())));
+            return Err(fail(format!(
+                "the columns seem to be separated by {other:?}: set files.{name}.delimiter = {:?}",
+                other.to_string()
+            )));
         }
-        let given = &config.time.0;
-        let key = format!("files.{name}.time");
-        let (column, unit) = (given.column.as_deref(), given.unit.map(|u| u.0));
-        let found = Wanted { name: "time", si: "s", column, unit, key: &key }.find(&headings).map_err(fail)?;
-        let nanos = found.unit.map_or(1e9, |u| u.to_si(1e9));
-        // exact times need a whole number of nanoseconds; all of the usual units of time are
-        if !(1.0..=86_400e9).contains(&nanos) || (nanos - nanos.round()).abs() > 1e-6 {
-            return Err(fail(format!("{key}.unit: a unit of time from ns to day is needed, such as \"ms\"")));
-        }
-        let seconds = given.offset.map_or(0.0, |o| o.si());
-        let offset = time::from_seconds(seconds).ok_or_else(|| fail(format!("{key}.offset: beyond 73 years")))?;
-        let time = TimeCell { column: found.index, unit: nanos.round() as u64, offset };
-        let channel_names = || info.channels.iter().map(|c| c.name);
-        if let Some(unknown) = config.columns.keys().find(|key| channel_names().all(|c| c != key.as_str())) {
-            let near = did_you_mean(unknown, channel_names()).map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
-            let list = channel_names().collect::<Vec<_>>().join(", ");
-            return Err(StreamError(format!("files.{name}.columns: [sensor.{name}] has no channel {unknown:?}{near} (channels: {list})")));
-        }
-        let channel = |c: &navfuse_core::sample::Channel| {
-            let given = config.columns.get(c.name).map(|g| &g.0);
-            let (column, unit) = (given.and_then(|g| g.column.as_deref()), given.and_then(|g| g.unit).map(|u| u.0));
-            let key = format!("files.{name}.columns.{}", c.name);
-            let found = Wanted { name: c.name, si: c.unit, column, unit, key: &key }.find(&headings).map_err(fail)?;
-            let scale = given.and_then(|g| g.scale).map_or(1.0, |s| s.si());
-            Ok(ChannelCell { column: found.index, unit: found.unit, scale })
-        };
-        let channels = info.channels.iter().map(channel).collect::<Result<_, StreamError>>()?;
+        let time = time_cell(info, config, &headings).map_err(fail)?;
+        let channels = channel_cells(info, config, &headings).map_err(fail)?;
         let mut stream = Self {
             path: path.to_owned(),
             name: name.clone(),
@@ -218,6 +185,10 @@ impl Stream {
     /// Reads the row in the record into a sample.
     fn row(&mut self, sample: &mut Sample) -> Result<Row, Problem> {
         let (found, needed) = (self.record.len(), self.headings.len());
+        if found == 1 && self.record[0].trim_ascii().is_empty() {
+            // a line of spaces, or a comment that the file ends within
+            return Ok(Row::Empty);
+        }
         if found != needed {
             let text = format!("{found} cells, the header has {needed}");
             return Err(Problem { text, cut: found < needed });
@@ -231,8 +202,7 @@ impl Stream {
             }
             let text = std::str::from_utf8(cell).ok();
             let number: Option<f64> = text.and_then(|t| t.parse().ok());
-            let si = number.map(|n| channel.unit.map_or(n, |u| u.to_si(n)) * channel.scale);
-            match si {
+            match number.map(|n| channel.to_si(n)) {
                 Some(value) if value.is_finite() => sample.set(k, value),
                 _ => self.no_number(channel.column, text, number)?,
             }
@@ -259,7 +229,10 @@ impl Stream {
         let text = match error {
             TimeError::NotANumber => format!("{cell} is no time: a decimal number is needed"),
             TimeError::TooLarge => {
-                format!("{cell} is more than 73 years from zero; is its unit another? Set files.{}.time.unit", self.name)
+                format!(
+                    "{cell} is more than 73 years from zero; is its unit another? Set files.{}.time.unit",
+                    self.name
+                )
             }
         };
         Problem { text, cut: false }
@@ -315,7 +288,9 @@ impl Source for Stream {
                 Err(problem) => {
                     let place = format!("{}:{}", self.path.display(), self.line());
                     if problem.cut && tail::ends_within_line(&self.path, self.reader.position().byte()) {
-                        self.cut = Some(format!("{place}: the file ends within this line, which is not used: was it cut off?"));
+                        self.cut = Some(format!(
+                            "{place}: the file ends within this line, which is not used: was it cut off?"
+                        ));
                         return Ok(false);
                     }
                     return Err(StreamError(format!("{place}: {}", problem.text)));

@@ -48,7 +48,8 @@ pub fn parse(text: &[u8], unit: u64) -> Result<Time, TimeError> {
     match rest {
         [] => {}
         [b'e' | b'E', exponent @ ..] => {
-            let exponent: i64 = std::str::from_utf8(exponent).ok().and_then(|e| e.parse().ok()).ok_or(TimeError::NotANumber)?;
+            let exponent: i64 =
+                std::str::from_utf8(exponent).ok().and_then(|e| e.parse().ok()).ok_or(TimeError::NotANumber)?;
             power = power.saturating_add(exponent);
         }
         _ => return Err(TimeError::NotANumber),
@@ -145,7 +146,9 @@ mod tests {
 
     #[test]
     fn what_is_no_number_or_too_large_is_refused() {
-        for text in ["", "-", ".", "e5", "1e", "1e+", "1 2", "1,5", "0x10", "1.2.3", "nan", "inf", "12:30:01", "1\u{b5}"] {
+        for text in
+            ["", "-", ".", "e5", "1e", "1e+", "1 2", "1,5", "0x10", "1.2.3", "nan", "inf", "12:30:01", "1\u{b5}"]
+        {
             assert_eq!(nanos(text, S), Err(TimeError::NotANumber), "{text}");
         }
         for text in ["1e10", "-1e10", "1e999999999999", "99999999999999999999999999999999999999999999"] {

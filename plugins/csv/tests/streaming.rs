@@ -1,0 +1,51 @@
+//! How fast and in how much memory files are read.
+#![allow(clippy::unwrap_used)] // a failed test may panic
+
+mod common;
+
+use common::{IMU, IMU_HEADER, assemble, folder};
+use navfuse_core::sample::{Sample, SensorId};
+use navfuse_core::stream::Source;
+use navfuse_core::time::Time;
+use std::fmt::Write;
+
+fn imu(rows: usize) -> String {
+    let mut text = IMU_HEADER.to_owned();
+    for k in 0..rows {
+        let (s, x) = (k as f64 * 0.01, (k % 977) as f64 * 1e-4);
+        writeln!(text, "{s:.2},{:.6},{:.6},{:.6},{:.6},{:.6},{:.6}", x, -x, 0.5 * x, x + 0.1, x - 0.2, x - 9.8)
+            .unwrap();
+    }
+    text
+}
+
+fn count(source: &mut dyn Source) -> usize {
+    let mut sample = Sample::empty(Time::MIN, SensorId(0));
+    (0..).take_while(|_| source.next(&mut sample).unwrap()).count()
+}
+
+#[test]
+fn no_row_allocates_after_the_first() {
+    let folder = folder(&[("imu.csv", imu(20_000))]);
+    let mut sources = assemble(folder.path(), IMU, "[source.csv]\n", false).unwrap().sources;
+    let source = sources[0].1.as_mut();
+    let mut sample = Sample::empty(Time::MIN, SensorId(0));
+    // rows grow by at most 4 digits of time from here on; the record's buffer doubles, so that it is there already
+    (0..100).for_each(|_| assert!(source.next(&mut sample).unwrap()));
+    let mut rows = 0;
+    let allocations = allocation_counter::measure(|| rows = count(source));
+    assert_eq!((rows, allocations.count_total), (19_900, 0));
+}
+
+#[test]
+#[ignore = "a measurement, for the release profile: cargo test --release -p navfuse-csv -- --ignored --nocapture"]
+fn a_million_rows_of_seven_columns_take_about_a_second() {
+    let folder = folder(&[("imu.csv", imu(1_000_000))]);
+    let mut sources = assemble(folder.path(), IMU, "[source.csv]\n", false).unwrap().sources;
+    let clock = std::time::Instant::now();
+    assert_eq!(count(sources[0].1.as_mut()), 1_000_000);
+    let seconds = clock.elapsed().as_secs_f64();
+    println!("{seconds:.2} s for a million rows");
+    // twice what is wanted, for a machine that does something else too
+    assert!(seconds < 2.0, "{seconds} s");
+}
