@@ -1,0 +1,65 @@
+//! Two readers of ROS 2 logs that others wrote read the log as it is: every value of every message.
+//!
+//! They come from the Python package index into a virtual environment under the target folder. Where there is no Python
+//! or no index, the test says so and passes.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may stop")]
+
+mod common;
+
+use common::{fixture, read};
+use navfuse_core::stream::Sink;
+use navfuse_core::time::Time;
+use navfuse_mcap::Compression;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const READERS: [&str; 2] = ["mcap-ros2-support==0.6.0", "rosbags==0.11.9"];
+
+/// Runs a command: what it printed, or why it failed.
+fn run(command: &mut Command) -> Result<String, String> {
+    let output = command.output().map_err(|e| e.to_string())?;
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    if output.status.success() { Ok(text(&output.stdout)) } else { Err(text(&output.stderr)) }
+}
+
+/// A Python that has the readers.
+fn python() -> Result<PathBuf, String> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("readers");
+    let python = folder.join("bin/python");
+    let check = "import importlib.metadata as m; print(*sorted(m.version(p) for p in ('mcap-ros2-support', 'rosbags')))";
+    if run(Command::new(&python).args(["-c", check])).is_ok_and(|versions| versions.trim() == "0.11.9 0.6.0") {
+        return Ok(python);
+    }
+    run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
+    run(Command::new(&python).args(["-m", "pip", "install", "--quiet", "--retries", "1"]).args(READERS))?;
+    Ok(python)
+}
+
+#[test]
+fn independent_readers_read_every_value() {
+    let python = match python() {
+        Ok(python) => python,
+        Err(why) => {
+            eprintln!("SKIPPED: no python3 with {}: {why}", READERS.join(" and "));
+            return;
+        }
+    };
+    let folder = tempfile::tempdir().unwrap();
+    for (first, compression) in [(-450_000_001, Compression::Zstd), (0, Compression::Lz4), (5, Compression::None)] {
+        let log = folder.path().join("run.mcap");
+        let mut sink = fixture::create(&log, compression);
+        fixture::run(&mut sink, Time::from_nanos(first), 600);
+        sink.finish().unwrap();
+        let messages: Vec<Value> = (read(&log).iter())
+            .map(|m| json!({ "topic": m.topic, "schema": m.schema, "log_time": m.log_time, "fields": m.fields }))
+            .collect();
+        let expected = folder.path().join("expected.json");
+        std::fs::write(&expected, serde_json::to_string(&messages).unwrap()).unwrap();
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers.py");
+        let told = run(Command::new(&python).arg(script).arg(&log).arg(&expected)).unwrap_or_else(|e| panic!("{e}"));
+        println!("{compression:?}\n{told}");
+        assert_eq!(told.matches(&format!("{} messages on 17 topics are equal", messages.len())).count(), 2, "{told}");
+    }
+}
