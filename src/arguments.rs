@@ -6,12 +6,15 @@ use std::path::PathBuf;
 /// Multisensor navigation from a TOML scenario: a simulated or recorded vehicle, its sensors, an error-state EKF that
 /// calibrates them, a log and a recording for the rerun viewer.
 #[derive(Debug, Parser)]
-#[command(version, after_help = "\
+#[command(
+    version,
+    after_help = "\
 Start here:
   navfuse run scenarios/quickstart.toml       the smallest useful scenario, on simulated sensors
   navfuse list                                what can be put into a scenario
   navfuse list dvl                            the parameters of one type
-  navfuse check my-scenario.toml              what a scenario composes, before it runs")]
+  navfuse check my-scenario.toml              what a scenario composes, before it runs"
+)]
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]

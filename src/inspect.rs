@@ -1,7 +1,7 @@
 //! `navfuse check`, `navfuse list` and `navfuse schema`.
 
 use crate::arguments::Check;
-use crate::print::table;
+use crate::print::{line, table};
 use navfuse_core::document::{Document, did_you_mean};
 use navfuse_core::registry::{Entry, Kind, Registry};
 use navfuse_core::scenario::Scenario;
@@ -19,7 +19,7 @@ pub fn check(registry: &Registry, arguments: &Check) -> Result<ExitCode> {
     let assembly = scenario.assemble(None)?;
     let composition = &assembly.composition;
     let layout = &composition.layout;
-    println!("{}: {} error states in {} blocks", composition.name, layout.tangent, layout.blocks.len());
+    line(format_args!("{}: {} error states in {} blocks", composition.name, layout.tangent, layout.blocks.len()));
     let mut blocks = table(&["state", "dim", "mode", "prior 1-sigma", "unit", "moves by"]);
     for block in &layout.blocks {
         let dimension = block.tangent_range().len();
@@ -32,7 +32,7 @@ pub fn check(registry: &Registry, arguments: &Check) -> Result<ExitCode> {
             moves(block, composition.processes.iter().map(|p| p.name.as_str())),
         ]);
     }
-    println!("{blocks}\n");
+    line(format_args!("{blocks}\n"));
     let mut sensors = table(&["sensor", "type", "for", "channels", "gate", "simulated"]);
     for sensor in &composition.sensors {
         let channels: Vec<String> = sensor.info.channels.iter().map(|c| c.column()).collect();
@@ -50,16 +50,16 @@ pub fn check(registry: &Registry, arguments: &Check) -> Result<ExitCode> {
         let (name, kind) = (sensor.info.name.clone(), sensor.info.kind.clone());
         sensors.add_row([name, kind, purpose.to_owned(), channels.join(" "), gate, rate]);
     }
-    println!("{sensors}\n");
+    line(format_args!("{sensors}\n"));
     for process in &composition.processes {
         let input = process.input.map_or("nothing", |k| &composition.sensors[k].info.name);
-        println!("process {}: {}, driven by {input}", process.name, process.kind);
+        line(format_args!("process {}: {}, driven by {input}", process.name, process.kind));
     }
     let mut sources: Vec<&str> = assembly.sources.iter().map(|(n, _)| n.as_str()).collect();
     let streams = sources.len();
     sources.dedup();
-    println!("sources: {} ({streams} streams)", sources.join(", "));
-    println!("sinks: {}", scenario.sinks()?.join(", "));
+    line(format_args!("sources: {} ({streams} streams)", sources.join(", ")));
+    line(format_args!("sinks: {}", scenario.sinks()?.join(", ")));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -82,7 +82,9 @@ fn moves<'a>(block: &Block, mut processes: impl Iterator<Item = &'a str>) -> Str
     match &block.spec.dynamics {
         Dynamics::RandomWalk(_) => "random walk".to_owned(),
         Dynamics::GaussMarkov { time, .. } => format!("Gauss-Markov, {} s", short(*time)),
-        Dynamics::Constant if processes.any(|p| p == owner) && !block.name.ends_with("bias") => format!("process {owner}"),
+        Dynamics::Constant if processes.any(|p| p == owner) && !block.name.ends_with("bias") => {
+            format!("process {owner}")
+        }
         Dynamics::Constant => "constant".to_owned(),
     }
 }
@@ -95,9 +97,9 @@ pub fn list(registry: &Registry, name: Option<&str>) -> Result<ExitCode> {
             for entry in registry.entries().filter(|e| e.kind == kind) {
                 rows.add_row([entry.name.to_owned(), description(entry)]);
             }
-            println!("{rows}\n");
+            line(format_args!("{rows}\n"));
         }
-        println!("`navfuse list TYPE` prints the parameters of one type.");
+        line(format_args!("`navfuse list TYPE` prints the parameters of one type."));
         return Ok(ExitCode::SUCCESS);
     };
     let entries: Vec<&Entry> = registry.entries().filter(|e| e.name == name).collect();
@@ -107,12 +109,12 @@ pub fn list(registry: &Registry, name: Option<&str>) -> Result<ExitCode> {
         return Err(format!("no type is called {name:?}{hint} `navfuse list` prints them all").into());
     }
     for entry in entries {
-        println!("[{}.{}]\n{}\n", entry.kind.table(), entry.name, description(entry));
+        line(format_args!("[{}.{}]\n{}\n", entry.kind.table(), entry.name, description(entry)));
         let mut rows = table(&["key", "takes", "default", "meaning"]);
         for p in parameters(entry) {
             rows.add_row([p.key, p.takes, p.default, p.meaning]);
         }
-        println!("{rows}\n");
+        line(format_args!("{rows}\n"));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -124,6 +126,6 @@ fn description(entry: &Entry) -> String {
 
 /// `navfuse schema`
 pub fn schema(registry: &Registry) -> Result<ExitCode> {
-    println!("{}", serde_json::to_string_pretty(&scenario_schema(registry))?);
+    line(serde_json::to_string_pretty(&scenario_schema(registry))?);
     Ok(ExitCode::SUCCESS)
 }

@@ -4,6 +4,13 @@ use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
 use navfuse_core::record::{Event, Level};
 use navfuse_core::state::Mode;
 use navfuse_core::summary::{Recorded, StateRow, Summary};
+use navfuse_core::time::Time;
+use std::io::Write;
+
+/// Prints a line on standard output. Whoever reads it may close it early: that is no error of ours.
+pub fn line(text: impl std::fmt::Display) {
+    writeln!(std::io::stdout(), "{text}").ok();
+}
 
 /// An empty table with headings.
 pub fn table(headings: &[&str]) -> Table {
@@ -17,7 +24,7 @@ pub fn table(headings: &[&str]) -> Table {
 
 /// The result of a run.
 pub fn summary(summary: &Summary) {
-    println!("{}", summary.scenario);
+    line(&summary.scenario);
     let mut states = table(&["state", "", "estimate", "1-sigma", "error", "error/sigma", "unit"]);
     for row in &summary.rows {
         state(row, &mut states);
@@ -27,12 +34,13 @@ pub fn summary(summary: &Summary) {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    println!("{states}\n");
+    line(format_args!("{states}\n"));
     let mut sensors = table(&["sensor", "read", "used", "gated", "rejected", "mean NIS"]);
     for (name, value) in &summary.samples {
         let text = |key: &str| value.get(key).map_or_else(String::new, ToString::to_string);
         let used = value.get("used").or_else(|| value.get("accepted")).map_or_else(String::new, ToString::to_string);
-        let nis = value.get("mean_nis").and_then(serde_json::Value::as_f64).map_or_else(String::new, |n| format!("{n:.2}"));
+        let nis =
+            value.get("mean_nis").and_then(serde_json::Value::as_f64).map_or_else(String::new, |n| format!("{n:.2}"));
         sensors.add_row([name.clone(), text("read"), used, text("gated"), text("rejected"), nis]);
     }
     for column in 1..6 {
@@ -40,15 +48,15 @@ pub fn summary(summary: &Summary) {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    println!("{sensors}\n");
-    println!("{:.0} s and {:.0} m in {:.2} s", summary.duration_s, summary.distance_m, summary.wall_s);
+    line(format_args!("{sensors}\n"));
+    line(format_args!("{:.0} s and {:.0} m in {:.2} s", summary.duration_s, summary.distance_m, summary.wall_s));
     if let Some(e) = &summary.horizontal_error_m {
         let percent = if summary.distance_m > 0.0 {
             format!(", {:.3} % of the distance", e.percent_of_distance)
         } else {
             String::new()
         };
-        println!("horizontal error {:.2} m at the end{percent}; {:.2} m rms", e.last, e.rms);
+        line(format_args!("horizontal error {:.2} m at the end{percent}; {:.2} m rms", e.last, e.rms));
     }
 }
 
@@ -88,22 +96,23 @@ fn number(value: f64, sigma: f64) -> String {
 /// Where the sinks wrote.
 pub fn recorded(recorded: &[Recorded]) {
     for r in recorded {
-        println!("{:<6} {}", r.sink, r.place);
+        line(format_args!("{:<6} {}", r.sink, r.place));
     }
 }
 
 /// Warnings and errors, on standard error: at most a screen of them.
 pub fn events(events: &[Event]) {
     const SHOWN: usize = 20;
+    let when = |e: &Event| if e.time == Time::MIN { String::new() } else { format!("{} ", e.time) };
     let word = |e: &Event| if e.level == Level::Error { "error" } else { "warning" };
     for e in events.iter().filter(|e| e.level < Level::Error).take(SHOWN) {
-        eprintln!("{}: {} {}: {}", word(e), e.time, e.about, e.text);
+        eprintln!("{}: {}{}: {}", word(e), when(e), e.about, e.text);
     }
     let more = events.iter().filter(|e| e.level < Level::Error).count().saturating_sub(SHOWN);
     if more > 0 {
         eprintln!("and {more} more warnings: see the log");
     }
     for e in events.iter().filter(|e| e.level == Level::Error) {
-        eprintln!("{}: {} {}: {}", word(e), e.time, e.about, e.text);
+        eprintln!("{}: {}{}: {}", word(e), when(e), e.about, e.text);
     }
 }

@@ -116,7 +116,7 @@ fn report(finished: &Finished, text: bool) -> Result<()> {
         print::summary(&finished.summary);
         print::recorded(&finished.recorded);
     } else {
-        println!("{}", serde_json::to_string(&finished.summary)?);
+        print::line(serde_json::to_string(&finished.summary)?);
     }
     print::events(&finished.events);
     Ok(())

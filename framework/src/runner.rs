@@ -87,6 +87,15 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
             interrupted = true;
             break;
         }
+        // when everything of the state's time is in, and no reference has told it already
+        let now = ekf.state().time;
+        if ekf.running() && now >= fan.next_epoch && sample.time > now {
+            fan.next_epoch = Time::from_nanos((now.nanos().div_euclid(period) + 1) * period);
+            if fan.statistics.last_epoch != Some(now) {
+                let (layout, state, covariance) = (ekf.layout(), ekf.state(), ekf.covariance());
+                fan.epoch(&Epoch { layout, state, covariance, truth: None });
+            }
+        }
         merge.due(sample.time, &mut fan);
         fan.each(sample.time, |sink| sink.sample(&sample));
         fan.statistics.read(&sample);
@@ -95,13 +104,6 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
             break;
         }
         silence.heard(&sample, &info.sensors, &mut fan);
-        if ekf.running() && ekf.state().time >= fan.next_epoch {
-            fan.next_epoch = Time::from_nanos((ekf.state().time.nanos().div_euclid(period) + 1) * period);
-            let (layout, state, covariance) = (ekf.layout(), ekf.state(), ekf.covariance());
-            if fan.statistics.last_epoch != Some(state.time) {
-                fan.epoch(&Epoch { layout, state, covariance, truth: None });
-            }
-        }
         count += 1;
         if count.is_multiple_of(4096) {
             progress(Progress { now: sample.time, end });

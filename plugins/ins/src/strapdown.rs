@@ -215,9 +215,9 @@ impl ProcessModel for StrapdownModel {
         let gap = self.imu.max_gap.value().si();
         if input.duration > gap {
             return Err(ProcessError(format!(
-                "no IMU sample for {:.3} s, more than max_gap = {gap} s: the track cannot be bridged; repair the \
-                 recording, start after the gap (estimator.start), or raise max_gap of the IMU",
-                input.duration
+                "no IMU sample for {:.3} s before {}, more than max_gap = {gap} s: the track cannot be bridged; repair \
+                 the recording, start after the gap (estimator.start), or raise max_gap of the IMU",
+                input.duration, input.sample.time
             )));
         }
         // a filter that starts without an earlier sample takes the first one's rate for the time since its start

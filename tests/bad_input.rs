@@ -1,0 +1,236 @@
+//! Bad input gets a clear error and loses nothing: every message names file, line or time, key, value and remedy.
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::recording::Recording;
+use common::{command, navfuse, stderr, stdout};
+use std::process::Output;
+
+/// Runs the recording's scenario; the output goes to its folder.
+fn run(recording: &Recording, more: &[&str]) -> Output {
+    let (scenario, out) = (recording.path("rest.toml"), recording.path("out"));
+    let mut command = command();
+    command.arg("run").arg(scenario).arg("--out").arg(out).args(more);
+    command.output().expect("the command starts")
+}
+
+/// The run fails with a message that has all of the parts, and does not panic.
+fn fails_with(output: &Output, parts: &[&str]) {
+    let message = stderr(output);
+    assert!(!output.status.success(), "it should fail: {}", stdout(output));
+    tells(output, parts);
+    assert!(!message.contains("panicked"), "{message}");
+}
+
+/// The run's message has all of the parts.
+fn tells(output: &Output, parts: &[&str]) {
+    let message = stderr(output);
+    for part in parts {
+        assert!(message.contains(part), "no {part:?} in:\n{message}");
+    }
+}
+
+#[test]
+fn the_undamaged_recording_runs() {
+    let recording = Recording::new();
+    let output = run(&recording, &[]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stdout(&output).contains("dvl.scale"));
+}
+
+#[test]
+fn a_misspelt_key_is_named_with_its_line_and_the_nearest_key() {
+    let recording = Recording::new();
+    recording.change("gate = 0.999", "gaet = 0.999");
+    fails_with(&run(&recording, &[]), &["rest.toml:15", "\"gaet\"", "did you mean \"gate\"?"]);
+}
+
+#[test]
+fn a_misspelt_type_is_named_with_its_line_and_the_nearest_type() {
+    let recording = Recording::new();
+    recording.change("[sensor.dvl]", "[sensor.dvll]");
+    fails_with(&run(&recording, &[]), &["rest.toml:12", "unknown sensor type \"dvll\"", "did you mean \"dvl\"?"]);
+}
+
+#[test]
+fn a_wrong_unit_is_named_with_what_is_needed() {
+    let recording = Recording::new();
+    recording.change("noise = \"2 cm/s\"", "noise = \"2 cm\"");
+    fails_with(&run(&recording, &[]), &["rest.toml:13", "sensor.dvl.noise", "2 cm", "length", "speed", "cm/s"]);
+}
+
+#[test]
+fn a_missing_unit_is_named_with_an_example() {
+    let recording = Recording::new();
+    recording.change("noise = \"2 cm/s\"", "noise = 0.02");
+    fails_with(&run(&recording, &[]), &["rest.toml:13", "sensor.dvl.noise", "0.02", "unit", "cm/s"]);
+}
+
+#[test]
+fn a_negative_sigma_is_refused() {
+    let recording = Recording::new();
+    recording.change("velocity = { sigma = \"1 cm/s\" }", "velocity = { sigma = \"-1 cm/s\" }");
+    fails_with(&run(&recording, &[]), &["rest.toml:3", "process.ins.velocity.sigma", "negative", "-1 cm/s"]);
+}
+
+#[test]
+fn a_prior_of_zero_is_refused_and_the_remedy_named() {
+    let recording = Recording::new();
+    recording.change("scale = { sigma = \"1 %\" }", "scale = { sigma = 0 }");
+    fails_with(&run(&recording, &[]), &["rest.toml:14", "sensor.dvl.scale.sigma", "singular", "mode = \"fixed\""]);
+}
+
+#[test]
+fn an_unknown_reference_between_tables_is_named() {
+    let recording = Recording::new();
+    recording.change("noise = \"2 cm/s\"", "noise = \"2 cm/s\"\nnavigation = \"inz\"");
+    fails_with(&run(&recording, &[]), &["rest.toml:14", "sensor.dvl.navigation", "inz.attitude", "ins.attitude"]);
+    recording.change("[process.ins]", "[process.ins]\nimu = \"imu2\"");
+    fails_with(&run(&recording, &[]), &["rest.toml:2", "process.ins.imu", "no driving sensor imu2", "imu"]);
+}
+
+#[test]
+fn a_setting_that_does_not_fit_is_named_as_such() {
+    let recording = Recording::new();
+    let output = run(&recording, &["--set", "sensor.dvl.noise=2 bar"]);
+    fails_with(&output, &["--set sensor.dvl.noise", "2 bar", "pressure", "speed"]);
+}
+
+#[test]
+fn a_missing_scenario_and_a_syntax_error_are_named() {
+    fails_with(&navfuse(&["run", "no-such.toml"]), &["no-such.toml"]);
+    let recording = Recording::new();
+    recording.change("[sensor.dvl]", "[sensor.dvl");
+    fails_with(&run(&recording, &[]), &["rest.toml:12"]);
+}
+
+#[test]
+fn a_missing_file_is_named_with_the_key_to_set() {
+    let recording = Recording::new();
+    std::fs::remove_file(recording.path("imu.csv")).expect("it is there");
+    fails_with(&run(&recording, &[]), &["imu.csv", "imu"]);
+}
+
+#[test]
+fn a_missing_column_is_named_with_those_that_are_there() {
+    let recording = Recording::new();
+    recording.replace_line("dvl.csv", 1, "time_s,vel_x_mps,vel_y_mps,speed_z_mps");
+    fails_with(&run(&recording, &[]), &["dvl.csv", "vel_z", "speed_z_mps"]);
+}
+
+#[test]
+fn a_cell_that_is_no_number_is_named_with_line_and_column() {
+    let recording = Recording::new();
+    recording.replace_line("imu.csv", 500, "4.99,0,0,abc,0,0,-9.8");
+    fails_with(&run(&recording, &[]), &["imu.csv:500", "gyro_z_radps", "abc"]);
+}
+
+#[test]
+fn a_nan_is_named_with_line_and_column() {
+    let recording = Recording::new();
+    recording.replace_line("dvl.csv", 9, "8.0,0.001,NaN,0.001");
+    fails_with(&run(&recording, &[]), &["dvl.csv:9", "vel_y_mps", "NaN"]);
+}
+
+#[test]
+fn time_going_backwards_is_named_with_line_and_remedy() {
+    let recording = Recording::new();
+    recording.replace_line("imu.csv", 500, "4.50,0,0,0,0,0,-9.8");
+    fails_with(&run(&recording, &[]), &["imu.csv:500", "4.5", "disorder"]);
+}
+
+#[test]
+fn a_duplicate_time_is_named_with_line_and_remedy() {
+    let recording = Recording::new();
+    recording.replace_line("dvl.csv", 9, "7.0,0.001,0.001,0.001");
+    fails_with(&run(&recording, &[]), &["dvl.csv:9", "7", "disorder"]);
+}
+
+#[test]
+fn a_gap_in_the_imu_ends_the_run_with_its_time_and_remedy_and_keeps_the_log() {
+    let recording = Recording::new();
+    recording.remove_lines("imu.csv", 1001..=1100);
+    let output = run(&recording, &[]);
+    fails_with(&output, &["ins", "no IMU sample for 1.010 s before 11.000 s", "max_gap = 0.1 s"]);
+    assert!(stdout(&output).contains("dvl.scale"), "what was estimated until then is printed");
+    let log = recording.path("out").join("run.mcap");
+    let again = navfuse(&["replay", &log.display().to_string(), "--no-output"]);
+    fails_with(&again, &["max_gap"]); // the log opens, and holds the gap
+}
+
+#[test]
+fn a_sensor_without_data_is_named() {
+    let recording = Recording::new();
+    std::fs::remove_file(recording.path("dvl.csv")).expect("it is there");
+    let output = run(&recording, &[]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    tells(&output, &["dvl", "no sample of [sensor.dvl]"]);
+}
+
+#[test]
+fn a_reference_that_never_comes_is_named_with_the_remedy() {
+    let recording = Recording::new();
+    let output = run(&recording, &["--set", "estimator.start=100 s"]);
+    fails_with(&output, &["never started", "estimator.start", "100"]);
+}
+
+#[test]
+fn no_initial_value_and_no_reference_is_an_error_that_names_the_keys() {
+    let recording = Recording::new();
+    recording.change("[sensor.reference]", "");
+    fails_with(&run(&recording, &[]), &["no initial value", "attitude", "[sensor.reference]"]);
+}
+
+#[test]
+fn a_cut_off_log_is_read_up_to_the_cut_with_a_message() {
+    let recording = Recording::new();
+    assert!(run(&recording, &[]).status.success());
+    let log = recording.path("out").join("run.mcap");
+    let bytes = std::fs::read(&log).expect("the log is there");
+    for share in [0.5, 0.9] {
+        std::fs::write(&log, &bytes[..(bytes.len() as f64 * share) as usize]).expect("the test can write");
+        let output = navfuse(&["replay", &log.display().to_string(), "--no-output"]);
+        tells(&output, &["cut off", "run.mcap"]);
+        assert!(!stderr(&output).contains("panicked"));
+    }
+}
+
+#[test]
+fn a_full_disk_is_named_and_the_result_is_still_printed() {
+    if !std::path::Path::new("/dev/full").exists() {
+        println!("skipped: there is no /dev/full here");
+        return;
+    }
+    let recording = Recording::new();
+    let output = run(&recording, &["--set", "sink.mcap.path=/dev/full"]);
+    fails_with(&output, &["/dev/full", "mcap"]);
+    assert!(stdout(&output).contains("dvl.scale"), "{}", stdout(&output));
+}
+
+#[test]
+fn a_closed_pipe_ends_the_command_without_a_panic() {
+    let recording = Recording::new();
+    let fifo = recording.path("pipe.mcap");
+    let made = std::process::Command::new("mkfifo").arg(&fifo).status();
+    if !made.is_ok_and(|s| s.success()) {
+        println!("skipped: there is no mkfifo here");
+        return;
+    }
+    let reader =
+        std::process::Command::new("head").arg("-c").arg("100").arg(&fifo).stdout(std::process::Stdio::null()).spawn();
+    let mut reader = reader.expect("head starts");
+    let output = run(&recording, &["--set", &format!("sink.mcap.path={}", fifo.display())]);
+    reader.wait().expect("head ends");
+    fails_with(&output, &["pipe.mcap"]);
+    assert!(stdout(&output).contains("dvl.scale"));
+}
+
+#[test]
+fn a_standard_output_that_closes_early_is_no_panic() {
+    let recording = Recording::new();
+    let binary = env!("CARGO_BIN_EXE_navfuse");
+    let script = format!("{binary} run {} --no-output | true", recording.path("rest.toml").display());
+    let output = std::process::Command::new("sh").arg("-c").arg(script).output().expect("sh starts");
+    assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
+}

@@ -1,0 +1,199 @@
+//! The command as a user calls it.
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::recording::Recording;
+use common::{command, navfuse, root, scenario, stderr, stdout};
+use serde_json::Value;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Runs a scenario with JSON output into a folder and gives the object.
+fn run_json(scenario: &Path, out: &Path, more: &[&str]) -> Value {
+    let output = command().arg("run").arg(scenario).arg("--format=json").arg("--out").arg(out).args(more).output();
+    let output = output.expect("the command starts");
+    assert!(output.status.success(), "{}", stderr(&output));
+    serde_json::from_str(&stdout(&output)).expect("standard output is one JSON object")
+}
+
+/// A short simulated run with everything that the quickstart has.
+const SHORT: [&str; 2] = ["--set", "estimator.stop=200 s"];
+
+#[test]
+fn json_has_every_promised_key_and_nothing_else_is_on_standard_output() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let result = run_json(&scenario("quickstart"), folder.path(), &SHORT);
+    for key in ["duration_s", "distance_m", "wall_s"] {
+        assert!(result[key].is_number(), "{key}: {}", result[key]);
+    }
+    assert_eq!(result["scenario"], "quickstart");
+    assert_eq!(result["samples"]["imu"]["read"], 20000);
+    assert_eq!(result["samples"]["imu"]["used"], 14000);
+    for key in ["read", "accepted", "gated", "rejected", "mean_nis"] {
+        assert!(result["samples"]["dvl"][key].is_number(), "{key}");
+    }
+    let units = [
+        ("ins.attitude", "deg", 3),
+        ("ins.velocity", "m/s", 3),
+        ("ins.position", "m", 3),
+        ("ins.gyro_bias", "deg/h", 3),
+        ("ins.accel_bias", "ug", 3),
+        ("dvl.scale", "", 1),
+        ("dvl.misalignment", "deg", 3),
+    ];
+    for (state, unit, length) in units {
+        let value = &result["states"][state];
+        assert_eq!(value["unit"], unit, "{state}");
+        for key in ["estimate", "sigma", "error"] {
+            assert_eq!(value[key].as_array().map(Vec::len), Some(length), "{state}.{key}: {}", value[key]);
+        }
+    }
+    for key in ["final", "rms", "percent_of_distance"] {
+        assert!(result["horizontal_error_m"][key].is_number(), "{key}");
+    }
+}
+
+#[test]
+fn errors_are_null_where_there_is_no_reference() {
+    let recording = Recording::new();
+    recording.change(
+        "attitude = { sigma = \"0.1 deg\" }\nvelocity = { sigma = \"1 cm/s\" }\nposition = { sigma = \"1 m\" }",
+        "attitude = { sigma = \"0.1 deg\", initial = \"0 deg\" }\nvelocity = { sigma = \"1 cm/s\", initial = \"0 m/s\" }\n\
+         position = { sigma = \"1 m\", latitude = \"30 deg\", longitude = \"5 deg\", height = \"0 m\" }",
+    );
+    let result =
+        run_json(&recording.path("rest.toml"), &recording.path("out"), &["--set", "sensor.reference.enabled=false"]);
+    assert!(result["horizontal_error_m"].is_null());
+    assert!(result["states"]["ins.velocity"]["error"].is_null());
+    assert!(result["states"]["dvl.scale"]["error"].is_null());
+}
+
+#[test]
+fn the_text_has_the_table_the_drift_the_nis_and_where_it_was_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().display().to_string();
+    let output = navfuse(&["run", &scenario("quickstart").display().to_string(), "--out", &out, SHORT[0], SHORT[1]]);
+    let text = stdout(&output);
+    for part in ["dvl.misalignment", "yaw", "1-sigma", "mean NIS", "% of the distance", "run.mcap"] {
+        assert!(text.contains(part), "no {part:?} in:\n{text}");
+    }
+    #[cfg(feature = "rerun")]
+    assert!(text.contains("run.rrd"), "{text}");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_log_to_the_byte_and_another_seed_does_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = |name: &str, seed: &str| {
+        let out = folder.path().join(name);
+        run_json(&scenario("quickstart"), &out, &[SHORT[0], SHORT[1], "--set", seed]);
+        std::fs::read(out.join("run.mcap")).expect("the log is there")
+    };
+    let first = log("a", "seed=5");
+    assert!(first == log("b", "seed=5"), "the same seed gave another log");
+    assert!(first != log("c", "seed=6"), "another seed gave the same log");
+}
+
+#[test]
+fn replay_reproduces_every_estimate_to_the_bit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, replay) = (folder.path().join("run"), folder.path().join("replay"));
+    let csv = ["--set", "sink.csv.enabled=true"];
+    let mut first = run_json(&scenario("quickstart"), &run, &[SHORT[0], SHORT[1], csv[0], csv[1]]);
+    let output = command()
+        .arg("replay")
+        .arg(run.join("run.mcap"))
+        .args(["--format=json", "--out"])
+        .arg(&replay)
+        .output()
+        .expect("the command starts");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let mut second: Value = serde_json::from_str(&stdout(&output)).expect("one JSON object");
+    first["wall_s"].take();
+    second["wall_s"].take();
+    assert_eq!(first, second);
+    for file in ["estimate.csv", "innovations.csv"] {
+        let read = |folder: &Path| std::fs::read(folder.join(file)).expect("the sink wrote it");
+        assert!(read(&run) == read(&replay), "{file} differs");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_says_so_and_leaves_a_log_that_opens() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut child = command()
+        .arg("run")
+        .arg(scenario("pan-wu-3d"))
+        .arg("--out")
+        .arg(folder.path())
+        .args(["--set", "sensor.imu.simulation.rate=1 kHz", "--set", "estimator.start=0 s"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    let log = folder.path().join("run.mcap");
+    let begun = Instant::now();
+    while std::fs::metadata(&log).map_or(0, |m| m.len()) < 1_000_000 && begun.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    let status = child.wait().expect("it ends");
+    assert_eq!(status.code(), Some(130));
+    let again = navfuse(&["replay", &log.display().to_string(), "--format=json", "--no-output"]);
+    assert!(again.status.success(), "{}", stderr(&again));
+    let result: Value = serde_json::from_str(&stdout(&again)).expect("one JSON object");
+    assert!(result["samples"]["imu"]["read"].as_u64() > Some(1000), "{result}");
+}
+
+#[test]
+fn check_prints_the_composition_and_runs_nothing() {
+    let output = navfuse(&["check", &scenario("pan-wu-3d").display().to_string()]);
+    let text = stdout(&output);
+    for part in
+        ["19 error states", "dvl.misalignment", "ins.gyro_bias", "vel_x_mps", "driven by imu", "simulation", "mcap"]
+    {
+        assert!(text.contains(part), "no {part:?} in:\n{text}");
+    }
+}
+
+#[test]
+fn list_prints_every_type_and_the_parameters_of_one_with_unit_default_and_meaning() {
+    let all = stdout(&navfuse(&["list"]));
+    for name in ["ins", "imu", "dvl", "depth", "reference", "simulation", "csv", "mcap"] {
+        assert!(all.contains(name), "no {name} in:\n{all}");
+    }
+    let dvl = stdout(&navfuse(&["list", "dvl"]));
+    for part in ["noise", "scale", "misalignment", "lever_arm", "gate", "0.9999", "cm/s", "(required)"] {
+        assert!(dvl.contains(part), "no {part:?} in:\n{dvl}");
+    }
+    let output = navfuse(&["list", "dvk"]);
+    assert!(!output.status.success() && stderr(&output).contains("did you mean \"dvl\"?"), "{}", stderr(&output));
+}
+
+#[test]
+fn every_scenario_fits_the_schema_and_a_misspelt_key_does_not() {
+    let schema: Value = serde_json::from_str(&stdout(&navfuse(&["schema"]))).expect("the schema is JSON");
+    let validator = jsonschema::validator_for(&schema).expect("the schema is one");
+    for entry in std::fs::read_dir(root().join("scenarios")).expect("the scenarios") {
+        let path = entry.expect("a file").path();
+        let text = std::fs::read_to_string(&path).expect("a scenario");
+        let value = serde_json::to_value(toml::from_str::<toml::Table>(&text).expect("TOML")).expect("JSON");
+        let errors: Vec<String> =
+            validator.iter_errors(&value).map(|e| format!("{}: {e}", e.instance_path())).collect();
+        assert!(errors.is_empty(), "{}: {errors:#?}", path.display());
+        let wrong =
+            serde_json::to_value(toml::from_str::<toml::Table>(&format!("{text}\n[sensor.dvl.gaet]\n")).expect("TOML"));
+        assert!(!validator.is_valid(&wrong.expect("JSON")), "{}: a misspelt key fits", path.display());
+    }
+}
+
+#[test]
+fn help_teaches_with_examples() {
+    for (arguments, part) in
+        [(vec!["--help"], "Start here"), (vec!["run", "--help"], "Examples"), (vec!["replay", "--help"], "Examples")]
+    {
+        assert!(stdout(&navfuse(&arguments)).contains(part), "{arguments:?}");
+    }
+}

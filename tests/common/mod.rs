@@ -1,0 +1,78 @@
+//! What the end-to-end tests share: the command as a user calls it, and the library as a program does.
+#![allow(dead_code, reason = "every test file uses a part of it")]
+
+pub mod recording;
+
+use navfuse_core::document::Document;
+use navfuse_core::runner::{self, Finished};
+use navfuse_core::scenario::Scenario;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::atomic::AtomicBool;
+
+/// The root of the repository.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The path of a scenario of the repository.
+pub fn scenario(name: &str) -> PathBuf {
+    root().join("scenarios").join(format!("{name}.toml"))
+}
+
+/// Runs a scenario in this process, without sinks.
+pub fn run_without_sinks(path: &Path, settings: &[String]) -> Finished {
+    let registry = navfuse::standard_plugins();
+    let document = Document::from_file(path).expect("the scenario is there");
+    let scenario = Scenario::new(&registry, document, settings).expect("the settings fit");
+    let assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
+    runner::run(assembly, &AtomicBool::new(false), |_| {})
+}
+
+/// The command.
+pub fn command() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_navfuse"))
+}
+
+/// Calls the command.
+pub fn navfuse(arguments: &[&str]) -> Output {
+    command().args(arguments).output().expect("the command starts")
+}
+
+/// Standard output as text.
+pub fn stdout(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Standard error as text.
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// The folder of the recorded Snapir runs; says where they are from, and `None`, where they are not.
+pub fn snapir() -> Option<PathBuf> {
+    let folder = std::env::var_os("NAVFUSE_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
+    let folder = folder.join("snapir");
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    println!(
+        "skipped: {} is not there. The recordings are runs T01, T06, T10 and T12 of the public repository ansfl/A-KIT \
+         (Cohen & Klein 2025), made tidy as docs/src/validation.md tells; set NAVFUSE_DATA to their folder's parent",
+        folder.display()
+    );
+    None
+}
+
+/// Runs `job` for every item on all cores, in order.
+pub fn parallel<T: Send, I: Send + Sync + Copy>(items: &[I], job: impl Fn(I) -> T + Sync) -> Vec<T> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut results: Vec<Option<T>> = items.iter().map(|_| None).collect();
+    let share = items.len().div_ceil(cores).max(1);
+    std::thread::scope(|scope| {
+        for (items, results) in items.chunks(share).zip(results.chunks_mut(share)) {
+            scope.spawn(|| items.iter().zip(results).for_each(|(item, result)| *result = Some(job(*item))));
+        }
+    });
+    results.into_iter().flatten().collect()
+}

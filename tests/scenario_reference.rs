@@ -1,0 +1,146 @@
+//! The page `docs/src/scenario-reference.md` is what the registered types say of themselves.
+//!
+//! `UPDATE=1 cargo test --test scenario_reference` writes it anew.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+use navfuse::core::registry::{Entry, Kind, Registry};
+use navfuse::core::scenario::common_keys;
+use navfuse::core::schema::{Parameter, parameters, scenario_schema};
+use serde_json::Value;
+use std::fmt::Write;
+
+const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/src/scenario-reference.md");
+
+const HEAD: &str = "\
+# Scenario reference
+
+<!-- Written by `UPDATE=1 cargo test --test scenario_reference`: change the documentation of the types, not this page. -->
+
+A scenario is a TOML file. `navfuse list TYPE` prints these tables, `navfuse schema` the JSON Schema. A quantity is text with
+its unit; see [Conventions and units](conventions.md#units-in-a-scenario). *(required)* must be given; `-` says that the
+meaning tells what happens without it.
+";
+
+const CALIBRATION: &str = "calibration: value, or { initial, sigma, truth, mode, ... }";
+
+/// Rows of a table; an empty one is left out.
+fn table(out: &mut String, rows: impl IntoIterator<Item = Parameter>) {
+    let cell = |text: &str| text.replace('|', "\\|");
+    let mut head = "| key | takes | default | meaning |\n|---|---|---|---|\n";
+    for p in rows {
+        let takes = if p.takes == CALIBRATION {
+            "[calibration state](guide/scenario.md#calibration-states)".to_owned()
+        } else {
+            cell(&p.takes)
+        };
+        let _ = writeln!(out, "{head}| `{}` | {takes} | {} | {} |", p.key, cell(&p.default), cell(&p.meaning));
+        head = "";
+    }
+    out.push('\n');
+}
+
+/// The keys of a table that is not a registered type.
+fn keys(schema: &Value) -> Vec<Parameter> {
+    let text = |v: &Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
+    let takes = |v: &Value| {
+        let example = v.get("examples").and_then(|e| e.get(0)).map(|e| format!("e.g. {e}"));
+        let kind = || v.get("type").and_then(Value::as_str).map(str::to_owned);
+        example.or_else(kind).unwrap_or_else(|| "a choice".into())
+    };
+    let required = |key: &str| schema["required"].as_array().is_some_and(|r| r.iter().any(|k| k == key));
+    (schema["properties"].as_object().unwrap().iter())
+        .map(|(key, v)| Parameter {
+            key: key.clone(),
+            takes: takes(v),
+            default: v
+                .get("default")
+                .map_or_else(|| if required(key) { "(required)".into() } else { "-".into() }, text),
+            meaning: v.get("description").and_then(Value::as_str).unwrap_or_default().replace('\n', " "),
+        })
+        .collect()
+}
+
+/// The keys of the table that a property takes, such as `{ sigma, initial }`.
+fn shape(entry: &Entry, key: &str) -> Option<String> {
+    let schema = entry.schema.as_value();
+    let resolve = |v: &Value| {
+        let name = v.get("$ref")?.as_str()?.rsplit('/').next()?.to_owned();
+        let keys = schema["$defs"][&name]["properties"].as_object()?.keys().cloned().collect::<Vec<_>>();
+        Some(format!("{{ {} }}", keys.join(", ")))
+    };
+    let property = &schema["properties"][key];
+    let inner = || resolve(property.get("additionalProperties")?).map(|s| format!("{{ NAME = {s} }}"));
+    resolve(property).or_else(inner)
+}
+
+/// The section of one type, with its own keys.
+fn section(entry: &Entry) -> String {
+    let description = entry.schema.get("description").and_then(Value::as_str).unwrap_or_default();
+    let mut out = format!("### `[{}.{}]`\n\n{description}\n\n", entry.kind.table(), entry.name);
+    let own = parameters(entry).into_iter().filter(|p| !common_keys(entry.kind).contains(&p.key.as_str()));
+    let shaped = own.map(|p| match shape(entry, &p.key) {
+        Some(takes) if p.takes == "object" => Parameter { takes, ..p },
+        _ => p,
+    });
+    table(&mut out, shaped);
+    out
+}
+
+/// The whole page.
+fn page(registry: &Registry) -> String {
+    let schema = scenario_schema(registry);
+    let mut out = format!("{HEAD}\n## Top\n\n");
+    let top = keys(&schema).into_iter().filter(|p| ["name", "description", "seed"].contains(&p.key.as_str()));
+    table(&mut out, top);
+    out += "## `[estimator]`\n\n";
+    table(&mut out, keys(&schema["properties"]["estimator"]));
+    for kind in Kind::ALL {
+        let _ = write!(out, "## `[{}.NAME]`\n\nKeys of all of them:\n\n", kind.table());
+        let of_kind = || registry.entries().filter(move |e| e.kind == kind);
+        let first = of_kind().next().unwrap();
+        let common = parameters(first).into_iter().filter(|p| common_keys(kind).contains(&p.key.as_str()));
+        table(
+            &mut out,
+            common.map(|p| Parameter { takes: p.takes.replace(&format!("{:?}", first.name), "a type"), ..p }),
+        );
+        if kind == Kind::Sensor {
+            out += "Keys of `simulation`:\n\n";
+            table(&mut out, keys(&schema["$defs"]["Faults"]));
+            out += "Keys of `recovery`:\n\n";
+            table(&mut out, keys(&schema["$defs"]["Recovery"]));
+        }
+        of_kind().for_each(|e| out += &section(e));
+    }
+    out.truncate(out.trim_end().len());
+    out + "\n"
+}
+
+#[test]
+fn the_page_is_what_the_types_say() {
+    let registry = navfuse::standard_plugins();
+    if cfg!(feature = "rerun") {
+        let page = page(&registry);
+        if std::env::var_os("UPDATE").is_some() {
+            std::fs::write(PAGE, &page).unwrap();
+        }
+        let written = std::fs::read_to_string(PAGE).unwrap();
+        let differs = written.lines().zip(page.lines()).find(|(a, b)| a != b);
+        assert!(written == page, "the page is out of date at {differs:?}; write it with UPDATE=1");
+    } else {
+        // the page has one section more
+        let written = std::fs::read_to_string(PAGE).unwrap();
+        for entry in registry.entries() {
+            assert!(written.contains(section(entry).trim_end()), "the page is out of date at {entry:?}");
+        }
+    }
+}
+
+#[test]
+fn every_parameter_is_documented() {
+    for entry in navfuse::standard_plugins().entries() {
+        for p in parameters(entry) {
+            assert!(!p.meaning.is_empty(), "{entry:?}: {} has no documentation", p.key);
+            assert!(!p.takes.is_empty(), "{entry:?}: {} does not say what it takes", p.key);
+        }
+    }
+}
