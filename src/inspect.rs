@@ -111,13 +111,24 @@ pub fn list(registry: &Registry, name: Option<&str>) -> Result<ExitCode> {
     for entry in entries {
         line(format_args!("[{}.{}]\n{}\n", entry.kind.table(), entry.name, description(entry)));
         let mut rows = table(&["key", "takes", "default", "meaning"]);
-        for p in parameters(entry) {
+        let parameters = parameters(entry);
+        let calibrated = parameters.iter().any(|p| p.takes.starts_with("calibration"));
+        for p in parameters {
             rows.add_row([p.key, p.takes, p.default, p.meaning]);
         }
         line(format_args!("{rows}\n"));
+        if calibrated {
+            line(CALIBRATION);
+        }
     }
     Ok(ExitCode::SUCCESS)
 }
+
+/// What `calibration` means in the column of what a key takes.
+const CALIBRATION: &str = "\
+A calibration is a value, held fixed, or a table: initial, sigma, truth (for the simulator), random_walk, correlation_time,
+mode = \"estimate\" | \"fixed\" | \"consider\". With a sigma it is estimated.
+";
 
 fn description(entry: &Entry) -> String {
     let text = entry.schema.get("description").and_then(serde_json::Value::as_str);
