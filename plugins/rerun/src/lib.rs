@@ -1,1 +1,104 @@
-//! navfuse-rerun
+//! The sink `rerun`: a recording for the [rerun](https://rerun.io) viewer, laid out for navigation runs.
+//!
+//! Everything follows from the layout of the state and the sensors' channels; no sensor is known by name. All data is on
+//! the timeline `t`, the run's clock:
+//!
+//! | entity | what |
+//! |---|---|
+//! | `/world/estimate`, `/world/truth` | the tracks, north-east-down metres from the start |
+//! | `/world/vehicle` | position and attitude over time |
+//! | `/map/estimate`, `/map/truth`, `/map/vehicle` | the same in latitude and longitude |
+//! | `/state/OWNER/BLOCK/COMPONENT/estimate` | estimate and its bounds of 3 sigma |
+//! | `/state/OWNER/BLOCK/COMPONENT/truth` | truth, where it is known |
+//! | `/state/OWNER/BLOCK/COMPONENT/error` | estimate minus truth, and the bounds of 3 sigma about zero |
+//! | `/innovation/SENSOR/CHANNEL` | innovation and its bounds of 3 sigma; below it `gated` |
+//! | `/innovation/SENSOR/nis` | normalised innovation squared and the gate's threshold; below it `gated` |
+//! | `/samples/SENSOR` | the samples, one instance a channel, SI |
+//! | `/events`, `/scenario` | the log, and the scenario in TOML |
+
+mod blueprint;
+mod columns;
+mod innovation;
+mod live;
+mod recording;
+mod sink;
+mod state;
+mod style;
+mod track;
+
+use live::Live;
+use navfuse_core::registry::{OpenContext, Plugin, Registry, SinkType};
+use navfuse_core::stream::{Sink, StreamError};
+use recording::Recording;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// A recording for the rerun viewer, with a layout for navigation runs: `rerun run.rrd` shows it. The file is always
+/// written; a viewer can watch besides.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Rerun {
+    /// The file, from the output folder.
+    pub path: PathBuf,
+    /// Address of a running viewer that shows the run while it goes on: "127.0.0.1:9876".
+    pub connect: Option<String>,
+    /// Start the viewer and show the run in it while it goes on. Its program is `rerun`, or what RERUN_BIN names.
+    pub spawn: bool,
+    /// Show the run in a browser: `true` for http://127.0.0.1:9090, or an address and port.
+    pub serve: Serve,
+    /// Record the samples of driving and reference sensors too; those of measuring sensors always are.
+    pub samples: bool,
+}
+
+/// Whether and where the run is shown in a browser.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Serve {
+    /// At 127.0.0.1:9090, or not.
+    Local(bool),
+    /// At that address and port.
+    At(String),
+}
+
+impl Default for Rerun {
+    fn default() -> Self {
+        Self { path: "run.rrd".into(), connect: None, spawn: false, serve: Serve::Local(false), samples: false }
+    }
+}
+
+impl Rerun {
+    /// Opens the recording in the folder `output`, and reaches the viewers.
+    ///
+    /// # Errors
+    /// When the file cannot be written, an address is wrong, or a viewer is not there.
+    pub fn record(self, output: &Path) -> Result<Box<dyn Sink>, StreamError> {
+        let serve = match self.serve {
+            Serve::Local(yes) => yes.then_some(Live::LOCAL),
+            Serve::At(address) => Some(address.parse().map_err(|_| {
+                StreamError(format!("serve: {address:?} is not an address and port; write it as \"127.0.0.1:9090\""))
+            })?),
+        };
+        let live = Live { connect: self.connect, spawn: self.spawn, serve };
+        let recording = Recording::open(output.join(self.path), &live)?;
+        Ok(Box::new(sink::RerunSink::new(recording, self.samples)))
+    }
+}
+
+impl SinkType for Rerun {
+    const TYPE: &'static str = "rerun";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
+        self.record(&context.output)
+    }
+}
+
+/// Registers the sink type `rerun`.
+#[derive(Clone, Copy, Debug)]
+pub struct RerunPlugin;
+
+impl Plugin for RerunPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.sink::<Rerun>();
+    }
+}

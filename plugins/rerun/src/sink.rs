@@ -1,0 +1,167 @@
+//! The sink.
+
+use crate::blueprint;
+use crate::columns::{ROWS, Series};
+use crate::innovation::SensorSeries;
+use crate::recording::Recording;
+use crate::state::{self, BlockSeries};
+use crate::style::path;
+use crate::track::Track;
+use navfuse_core::record::{Epoch, Event, Level, UpdateRecord};
+use navfuse_core::sample::Sample;
+use navfuse_core::stream::{Purpose, RunInfo, Sink, StreamError};
+use navfuse_core::time::Time;
+use rerun::{TextDocument, TextLog, TextLogLevel};
+use std::time::{Duration, Instant};
+
+/// How often a viewer that watches gets what is new.
+const LIVE_INTERVAL: Duration = Duration::from_millis(500);
+
+/// What is recorded of a run; a layout is made from it.
+pub struct Run {
+    /// The blocks that have an uncertainty.
+    pub blocks: Vec<BlockSeries>,
+    /// All sensors, by their ids.
+    pub sensors: Vec<SensorSeries>,
+    /// The track, where there is a position.
+    pub track: Option<Track>,
+    /// Whether a reference tells the truth about processes' blocks.
+    pub reference: bool,
+}
+
+/// Records a run for the viewer.
+pub struct RerunSink {
+    recording: Recording,
+    samples: bool,
+    run: Option<Run>,
+    epochs: usize,
+    last: Option<Time>,
+    waiting: Vec<Event>,
+    refreshed: Instant,
+    place: Option<String>,
+}
+
+impl RerunSink {
+    /// Records into an open file.
+    pub fn new(recording: Recording, samples: bool) -> Self {
+        let refreshed = Instant::now();
+        Self { recording, samples, run: None, epochs: 0, last: None, waiting: Vec::new(), refreshed, place: None }
+    }
+
+    /// Sends everything that is buffered, and the tracks so far.
+    fn refresh(&mut self) -> Result<(), StreamError> {
+        let Some(run) = &mut self.run else { return Ok(()) };
+        for series in run.series() {
+            series.flush(&self.recording)?;
+        }
+        if let Some(track) = &mut run.track {
+            track.draw(&self.recording)?;
+        }
+        self.refreshed = Instant::now();
+        self.recording.flush()
+    }
+
+    fn write(&self, event: &Event, time: Time) -> Result<(), StreamError> {
+        let level = match event.level {
+            Level::Info => TextLogLevel::INFO,
+            Level::Warning => TextLogLevel::WARN,
+            Level::Error => TextLogLevel::ERROR,
+        };
+        let text = if event.about.is_empty() { event.text.clone() } else { format!("{}: {}", event.about, event.text) };
+        self.recording.log(&path(&["events"]), time.nanos(), &TextLog::new(text).with_level(level))
+    }
+
+    /// Writes the events that came before the run's clock was known.
+    fn write_waiting(&mut self, first: Time) -> Result<(), StreamError> {
+        std::mem::take(&mut self.waiting).iter().try_for_each(|e| self.write(e, e.time.max(first)))
+    }
+
+    fn close(&mut self) -> Result<String, StreamError> {
+        self.write_waiting(self.last.unwrap_or_default())?;
+        self.refresh()?;
+        if let Some(run) = &self.run {
+            let layout = blueprint::messages(run, true).map_err(|e| self.recording.error(&e))?;
+            self.recording.layout(&layout, true);
+        }
+        self.recording.flush()?;
+        Ok(self.recording.close())
+    }
+}
+
+impl Run {
+    fn series(&mut self) -> impl Iterator<Item = &mut Series> {
+        let blocks = self.blocks.iter_mut().flat_map(BlockSeries::series);
+        blocks.chain(self.sensors.iter_mut().flat_map(SensorSeries::series))
+    }
+}
+
+impl Sink for RerunSink {
+    fn start(&mut self, info: &RunInfo) -> Result<(), StreamError> {
+        let run = Run {
+            blocks: state::blocks(&info.layout),
+            sensors: info.sensors.iter().map(|s| SensorSeries::new(s, self.samples)).collect(),
+            track: Track::new(&info.layout),
+            reference: info.sensors.iter().any(|s| s.purpose == Purpose::Reference),
+        };
+        self.recording.name(&info.name)?;
+        let scenario = format!("```toml\n{}\n```\n\nnavfuse {}\n", info.scenario, info.version);
+        self.recording.log_static(&path(&["scenario"]), &TextDocument::from_markdown(scenario))?;
+        if let Some(track) = &run.track {
+            track.start(&self.recording)?;
+        }
+        let layout = blueprint::messages(&run, false).map_err(|e| self.recording.error(&e))?;
+        self.recording.layout(&layout, false);
+        self.run = Some(run);
+        self.recording.flush()
+    }
+
+    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+        let sensor = self.run.as_mut().and_then(|r| r.sensors.get_mut(sample.sensor.0));
+        sensor.map_or(Ok(()), |s| s.sample(&self.recording, sample))
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        let time = epoch.state.time;
+        if self.last.replace(time).is_none() {
+            self.write_waiting(time)?;
+        }
+        let Some(run) = &mut self.run else { return Ok(()) };
+        for block in &mut run.blocks {
+            block.epoch(&self.recording, epoch)?;
+        }
+        if let Some(track) = &mut run.track {
+            track.epoch(&self.recording, epoch)?;
+        }
+        self.epochs += 1;
+        let watched = self.recording.is_live() && self.refreshed.elapsed() >= LIVE_INTERVAL;
+        if watched || self.epochs.is_multiple_of(ROWS) { self.refresh() } else { Ok(()) }
+    }
+
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        let sensor = self.run.as_mut().and_then(|r| r.sensors.get_mut(update.sensor.0));
+        sensor.map_or(Ok(()), |s| s.update(&self.recording, update))
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
+        if self.last.is_none() {
+            self.waiting.push(event.clone());
+            return Ok(());
+        }
+        self.write(event, event.time)
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        let place = self.close()?;
+        self.place = Some(place.clone());
+        Ok(Some(place))
+    }
+}
+
+impl Drop for RerunSink {
+    /// A run that was broken off leaves a recording that opens.
+    fn drop(&mut self) {
+        if self.place.is_none() {
+            self.close().ok();
+        }
+    }
+}
