@@ -170,7 +170,8 @@ impl Manifold for Rotation {
             (0.5 - angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0)
         } else {
             let angle = angle2.sqrt();
-            ((1.0 - angle.cos()) / angle2, (angle - angle.sin()) / (angle2 * angle))
+            // 1 - cos by the half angle, which keeps its digits
+            (2.0 * ((0.5 * angle).sin() / angle).powi(2), (angle - angle.sin()) / (angle2 * angle))
         };
         let skew = d.cross_matrix();
         let g = Matrix3::identity() + skew * a + skew * skew * b;

@@ -136,22 +136,16 @@ impl Block {
 
     /// 1-sigma of the block's components in its display unit; zero when fixed.
     pub fn show_sigma(&self, values: &[f64], covariance: &crate::covariance::Covariance, out: &mut [f64]) {
-        use crate::manifold::Reading;
         let n = self.operations.tangent;
         let Some(t) = self.tangent else {
             out[..n].fill(0.0);
             return;
         };
-        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
-        let tangent = self.operations.reading == Reading::Tangent;
-        if !tangent {
-            (self.operations.coordinate_jacobian)(&values[self.range()], &mut jacobian);
-        }
-        if tangent || jacobian[..n * n].iter().any(|j| !j.is_finite()) {
-            // at a pitch of 90 deg, roll and yaw are one angle and have no sigma each: that of the tangent stands
-            jacobian.fill(0.0);
-            (0..n).for_each(|i| jacobian[n * i + i] = 1.0);
-        }
+        let jacobian = self.coordinate_jacobian(values).unwrap_or_else(|| {
+            let mut identity = [0.0; MAX_TANGENT * MAX_TANGENT];
+            (0..n).for_each(|i| identity[n * i + i] = 1.0);
+            identity
+        });
         for i in 0..n {
             let row = &jacobian[n * i..n * i + n];
             let mut variance = 0.0;
@@ -187,18 +181,31 @@ impl Block {
 
     /// The prior covariance of the block's tangent about the given value.
     pub fn prior(&self, values: &[f64]) -> DMatrix<f64> {
-        use crate::manifold::Reading;
         let n = self.operations.tangent;
         let diagonal = DMatrix::from_fn(n, n, |i, j| if i == j { self.spec.sigma[i].powi(2) } else { 0.0 });
-        if self.operations.reading != Reading::Angles {
+        if self.operations.reading != crate::manifold::Reading::Angles {
             return diagonal;
         }
-        let mut jacobian = vec![0.0; n * n];
-        (self.operations.coordinate_jacobian)(&values[self.range()], &mut jacobian);
-        match DMatrix::from_row_slice(n, n, &jacobian).try_inverse() {
-            Some(inverse) if inverse.iter().all(|x| x.is_finite()) => &inverse * diagonal * inverse.transpose(),
-            _ => diagonal, // pitch of 90 deg: roll and yaw are one angle
+        let jacobian = self.coordinate_jacobian(values);
+        match jacobian.and_then(|j| DMatrix::from_row_slice(n, n, &j[..n * n]).try_inverse()) {
+            Some(inverse) => &inverse * diagonal * inverse.transpose(),
+            None => diagonal,
         }
+    }
+
+    /// Derivative of the coordinates with respect to the tangent, row-major; `None` where sigma is read in the tangent,
+    /// and where roll and yaw are one angle, at a pitch of 90 deg: that of the tangent then stands for theirs.
+    fn coordinate_jacobian(&self, values: &[f64]) -> Option<[f64; MAX_TANGENT * MAX_TANGENT]> {
+        use crate::manifold::Reading;
+        // at 1e6 the pitch is within 0.2 arc seconds of 90 deg
+        let largest = match self.operations.reading {
+            Reading::Tangent => return None,
+            Reading::Angles => 1e6,
+            Reading::Coordinates => f64::MAX,
+        };
+        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
+        (self.operations.coordinate_jacobian)(&values[self.range()], &mut jacobian);
+        jacobian.iter().all(|j| j.abs() <= largest).then_some(jacobian)
     }
 }
 

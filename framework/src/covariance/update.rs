@@ -73,28 +73,41 @@ impl Update {
         (!nis.is_nan()).then_some(nis)
     }
 
-    /// `P = P + c L (A + eps S)^-1 L'` with `L = P H'` and `A = H P H'`: what `P` would be if the prior variance of what
-    /// the sensor sees were `1 + c` times as large, and of the rest, given that, as before. `considered` states, whose
-    /// variance is a statement, keep theirs. `false` if `A` is not one. After [`Self::innovate`], and before another.
+    /// `P = P + c G A G'` with `A = H P H'`, `G = D H' (H D H')^-1` and `D` the diagonal of `P`: what the sensor sees
+    /// becomes `1 + c` times as uncertain, by noise on each state in proportion to how uncertain it is and how much it is
+    /// seen, and on no other. `considered` states, whose variance is a statement, keep theirs. `false` if nothing can be
+    /// done. After [`Self::innovate`], and before another.
     pub(crate) fn inflate(&mut self, covariance: &mut Covariance, considered: &[bool], c: f64) -> bool {
-        let (n, m) = (covariance.n, self.m);
-        // eps keeps it invertible where some channel sees nothing uncertain
+        let (m, w, stride) = (self.m, self.columns.len(), covariance.stride);
+        let columns = &self.columns;
+        let variance = |k: usize| if considered[columns[k]] { 0.0 } else { covariance.get(columns[k], columns[k]) };
+        // H D H', which 1e-9 S keeps invertible where some channel sees nothing uncertain
         self.work.clear();
-        self.work.extend(self.s.iter().zip(&self.r).map(|(s, r)| s - r + 1e-9 * s));
+        for a in 0..m {
+            for b in 0..m {
+                let (ha, hb) = (&self.h[a * w..a * w + w], &self.h[b * w..b * w + w]);
+                let sum: f64 = (0..w).map(|k| ha[k] * variance(k) * hb[k]).sum();
+                self.work.push(sum + 1e-9 * self.s[a * m + b]);
+            }
+        }
         if !cholesky(&self.work, m, &mut self.lower) {
             return false;
         }
-        for (row, _) in self.l.chunks_exact_mut(m).zip(considered).filter(|(_, c)| **c) {
-            row.fill(0.0);
+        self.l.clear();
+        for k in 0..w {
+            self.l.extend((0..m).map(|a| self.h[a * w + k] * variance(k)));
         }
-        self.l.chunks_exact_mut(m).for_each(|row| forward(&self.lower, m, row));
-        for i in 0..n {
-            for j in 0..=i {
-                let (a, b) = (&self.l[i * m..i * m + m], &self.l[j * m..j * m + m]);
-                let sum: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
-                covariance.set(i, j, covariance.get(i, j) + c * sum);
+        for row in self.l.chunks_exact_mut(m) {
+            forward(&self.lower, m, row);
+            backward(&self.lower, m, row);
+        }
+        for (i, g) in self.l.chunks_exact(m).enumerate() {
+            for (j, f) in self.l.chunks_exact(m).enumerate() {
+                let sum: f64 = (0..m * m).map(|k| g[k / m] * (self.s[k] - self.r[k]) * f[k % m]).sum();
+                covariance.p[columns[i] * stride + columns[j]] += c * sum;
             }
         }
+        covariance.symmetrise();
         true
     }
 

@@ -1,0 +1,149 @@
+//! Gates, what is told of them, and the way out when everything is gated.
+#![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod lab;
+
+use lab::Bench;
+use navfuse_core::record::Outcome;
+
+#[test]
+fn the_thresholds_are_those_of_the_chi_square_table() {
+    // Abramowitz & Stegun table 26.8, five or six digits; 0.9999 from its asymptotic expansion to two decimals
+    for (p, thresholds) in [
+        ("0.95", [3.84146, 5.99147, 7.81473]),
+        ("0.99", [6.63490, 9.21034, 11.3449]),
+        ("0.999", [10.828, 13.816, 16.266]),
+        ("0.9999", [15.137, 18.421, 21.108]),
+    ] {
+        for channels in 1..=3 {
+            let mut b = Bench::new(&[&format!("sensor.fix.gate={p}")]);
+            b.give("speed", 0.0, &[1.0]).give("fix", 0.0, &[0.0; 3][..channels]);
+            let (found, expected) = (b.log.threshold, thresholds[channels - 1]);
+            // the last digit that is printed
+            assert!((found - expected).abs() < 6e-4, "{p}, {channels} channels: {found}, table {expected}");
+        }
+    }
+    let mut off = Bench::new(&["sensor.fix.gate=\"off\""]);
+    off.give("speed", 0.0, &[1.0]).give("fix", 0.0, &[1e6]);
+    assert_eq!(off.log.threshold, f64::INFINITY);
+    assert_eq!(off.log.outcomes(), [Outcome::Accepted]);
+}
+
+#[test]
+fn a_gated_sample_is_logged_with_its_nis_and_changes_nothing() {
+    let mut b = Bench::new(&[]);
+    b.give("speed", 0.0, &[1.0]).give("speed", 1.0, &[1.0]);
+    let before = (b.ekf.state().clone(), b.ekf.covariance().clone());
+    b.give("fix", 1.0, &[40.0]);
+    // S = P + R: P = 1 + 0.01 + 0.25 after 1 s, R = 0.01; the innovation is 39
+    let nis = 39.0_f64.powi(2) / 1.27;
+    assert_eq!(b.log.outcomes(), [Outcome::Gated]);
+    assert!((b.log.updates[0].2 - nis).abs() < 1e-9 * nis, "{} {nis}", b.log.updates[0].2);
+    assert_eq!(before, (b.ekf.state().clone(), b.ekf.covariance().clone()));
+    assert_eq!(b.log.says("fix gate rejects: NIS 1197.6 is above 15.1"), 1, "{:?}", b.log.events);
+    b.give("speed", 2.0, &[1.0]).give("fix", 2.0, &[40.0]);
+    assert_eq!(b.log.says("gate rejects"), 1, "once in a row");
+    b.give("speed", 3.0, &[1.0]).give("fix", 3.0, &[3.0]);
+    assert_eq!(b.log.says("gate passes again after 2 gated samples since 1.000 s"), 1, "{:?}", b.log.events);
+    b.give("speed", 4.0, &[1.0]).give("fix", 4.0, &[99.0]);
+    b.ekf.finish(&mut b.log);
+    assert_eq!(b.log.says("the last 1 samples were gated, since 4.000 s"), 1);
+}
+
+/// A sensor that is off by 60 m for as long as it takes, at 1 Hz.
+fn locked_out(action: &str, seconds: i32) -> Bench {
+    let mut b = Bench::new(&[&format!("sensor.fix.recovery={{ after = \"5 s\", action = \"{action}\" }}")]);
+    // a fix whose three channels agree, so that the filter is sure of itself
+    for k in 0..10 {
+        b.give("speed", f64::from(k), &[0.0]).fix(f64::from(k), 0.0);
+    }
+    b.log = lab::Log::default();
+    for k in 10..10 + seconds {
+        b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[60.0, 120.0]);
+    }
+    b
+}
+
+#[test]
+fn report_says_once_that_everything_is_gated_and_does_no_more() {
+    let b = locked_out("report", 40);
+    assert_eq!(b.log.outcomes(), [Outcome::Gated; 40]);
+    assert_eq!(b.log.says("locked out: every one of 6 samples was gated since 10.000 s"), 1, "{:?}", b.log.events);
+    assert_eq!(b.log.says("locked out"), 1);
+    assert!(b.value("cart.place").abs() < 0.2);
+}
+
+#[test]
+fn accept_uses_the_first_sample_after_the_time() {
+    let b = locked_out("accept", 6);
+    let mut expected = [Outcome::Gated; 6];
+    expected[5] = Outcome::Accepted; // the first at 5 s after the first
+    assert_eq!(b.log.outcomes(), expected);
+    assert_eq!(b.log.says("locked out: every one of 6 samples was gated since 10.000 s; this one is used"), 1);
+}
+
+#[test]
+fn inflation_lets_the_filter_believe_the_sensor_with_a_covariance_that_says_so() {
+    let mut b = locked_out("inflate", 6);
+    assert_eq!(b.log.outcomes().last(), Some(&Outcome::Accepted));
+    assert_eq!(b.log.says("locked out"), 1);
+    // the recorded NIS is that of the inflated covariance: 2 channels, at most 1.5 each
+    let nis = b.log.updates.last().unwrap().2;
+    assert!(nis <= 3.0 && nis > 1.0, "{nis}");
+    // the prior sigma became about the size of the innovation, so that the gain is nearly one: R / P = 0.002 / 60^2
+    assert!((b.value("cart.place") - 60.0).abs() < 0.5, "{}", b.value("cart.place"));
+    for k in 16..30 {
+        b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[60.0, 120.0]);
+    }
+    assert_eq!(b.log.outcomes()[6..], [Outcome::Accepted; 14], "and it goes on as before");
+    assert!((b.value("cart.place") - 60.0).abs() < 0.2);
+}
+
+#[test]
+fn inflation_works_when_the_noise_outweighs_the_prior_a_million_times() {
+    let mut b = Bench::new(&["sensor.fix.recovery.after=\"1 s\"", "sensor.fix.noise=\"1 km\""]);
+    b.give("speed", 0.0, &[0.0]);
+    for k in 1..=3 {
+        b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[1e6]);
+    }
+    assert_eq!(b.log.outcomes(), [Outcome::Gated, Outcome::Accepted, Outcome::Accepted]);
+    assert!(b.log.updates[1].2 <= 1.5, "{}", b.log.updates[1].2);
+    assert!(b.value("cart.place") > 9e5);
+}
+
+#[test]
+fn inflation_leaves_what_is_considered_as_it_was() {
+    let mut b =
+        Bench::new(&["sensor.fix.recovery.after=\"1 s\"", "sensor.fix.bias={ mode = \"consider\", sigma = \"3 cm\" }"]);
+    let variance = |b: &Bench| b.variance("fix.bias");
+    b.give("speed", 0.0, &[0.0]);
+    let before = variance(&b);
+    for k in 1..=3 {
+        b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[100.0]);
+    }
+    assert_eq!(b.log.outcomes(), [Outcome::Gated, Outcome::Accepted, Outcome::Accepted]);
+    assert_eq!(variance(&b).to_bits(), before.to_bits());
+    assert_eq!(b.value("fix.bias"), 0.0);
+    let p = b.ekf.covariance().to_dense();
+    assert!(p.clone().cholesky().is_some(), "positive definite: {p}");
+}
+
+#[test]
+fn one_outlier_on_either_side_of_an_outage_is_no_lock_out() {
+    let mut b = Bench::new(&["sensor.fix.recovery={ after = \"5 s\", action = \"accept\" }"]);
+    b.give("speed", 0.0, &[0.0]).give("fix", 0.0, &[50.0]);
+    b.give("speed", 60.0, &[0.0]).give("fix", 60.0, &[500.0]);
+    assert_eq!(b.log.outcomes(), [Outcome::Gated, Outcome::Gated]);
+}
+
+#[test]
+fn an_absurd_number_is_gated_whatever_the_gate_and_never_used() {
+    // its NIS overflows: no covariance could be inflated for it
+    let mut b = Bench::new(&["sensor.fix.gate=\"off\"", "sensor.fix.recovery.after=\"1 s\""]);
+    b.give("speed", 0.0, &[0.0]);
+    for k in 1..=4 {
+        b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[1e200]);
+    }
+    assert_eq!(b.log.outcomes(), [Outcome::Gated; 4]);
+    assert_eq!(b.value("cart.place"), 0.0);
+}
