@@ -28,7 +28,8 @@ fn run(command: &mut Command) -> Result<String, String> {
 fn python() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("readers");
     let python = folder.join("bin/python");
-    let check = "import importlib.metadata as m; print(*sorted(m.version(p) for p in ('mcap-ros2-support', 'rosbags')))";
+    let check =
+        "import importlib.metadata as m; print(*sorted(m.version(p) for p in ('mcap-ros2-support', 'rosbags')))";
     if run(Command::new(&python).args(["-c", check])).is_ok_and(|versions| versions.trim() == "0.11.9 0.6.0") {
         return Ok(python);
     }
@@ -60,6 +61,7 @@ fn independent_readers_read_every_value() {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers.py");
         let told = run(Command::new(&python).arg(script).arg(&log).arg(&expected)).unwrap_or_else(|e| panic!("{e}"));
         println!("{compression:?}\n{told}");
-        assert_eq!(told.matches(&format!("{} messages on 17 topics are equal", messages.len())).count(), 2, "{told}");
+        let all = format!("{} messages on ", messages.len());
+        assert_eq!(told.matches(&all).count(), READERS.len(), "{told}");
     }
 }
