@@ -157,6 +157,43 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
     }
 }
 
+/// The largest error of a model's Jacobian at a state, relative to the largest derivative of the channel: against central
+/// differences along the tangents of the blocks. For the test of a sensor; 1e-6 is a good bound.
+pub fn jacobian_error(model: &dyn AnyMeasurement, layout: &Layout, state: &State) -> f64 {
+    let (n, read) = (model.channels(), model.blocks(layout, state));
+    let columns: Vec<usize> = slots(read).flat_map(|slot| layout.blocks[slot].tangent_range()).collect();
+    let w = columns.len();
+    let mut used = vec![0.0; n * w];
+    if !model.analytic(layout, state, &columns, &mut used) {
+        model.differentiate(layout, state, &columns, read, &mut used);
+    }
+    let mut numeric = vec![0.0; n * w];
+    let mut at = 0;
+    for block in slots(read).map(|slot| &layout.blocks[slot]) {
+        for k in 0..block.tangent_range().len() {
+            // the cube root of the rounding, times the size of what is displaced
+            let size = state.values[block.range()].iter().fold(1.0_f64, |a, x| a.max(x.abs()));
+            let mut slope = |step: f64| {
+                let (mut moved, mut delta, mut z) = (state.clone(), [0.0; MAX_TANGENT], [0.0; MAX_CHANNELS]);
+                delta[k] = step;
+                (block.operations.retract)(&mut moved.values[block.range()], &delta[..block.operations.tangent]);
+                model.predict(layout, &moved, &mut z[..n]);
+                (0..n).for_each(|i| numeric[i * w + at] += z[i] / (2.0 * step));
+            };
+            slope(6e-6 * size);
+            slope(-6e-6 * size);
+            at += 1;
+        }
+    }
+    let row = |m: &[f64], i: usize| m[i * w..(i + 1) * w].to_vec();
+    let errors = (0..n).map(|i| {
+        let (used, numeric) = (row(&used, i), row(&numeric, i));
+        let largest = numeric.iter().fold(f64::MIN_POSITIVE, |a, x| a.max(x.abs()));
+        used.iter().zip(&numeric).fold(0.0_f64, |a, (u, v)| a.max((u - v).abs() / largest))
+    });
+    errors.fold(0.0, f64::max)
+}
+
 /// The slots of a set of blocks, ascending.
 pub fn slots(set: u128) -> impl Iterator<Item = usize> {
     (0..u128::BITS as usize).filter(move |s| set >> s & 1 == 1)

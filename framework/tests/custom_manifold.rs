@@ -1,0 +1,213 @@
+//! A manifold written by an outsider: a direction, on the unit sphere, of two degrees of freedom in three numbers; seen by
+//! an angle that wraps.
+#![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+use navfuse_core::Real;
+use navfuse_core::calibration::display;
+use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, Role};
+use navfuse_core::covariance::Transition;
+use navfuse_core::document::Document;
+use navfuse_core::ekf::Ekf;
+use navfuse_core::manifold::{Manifold, Operations, Reading};
+use navfuse_core::measurement::{MeasurementModel, jacobian_error};
+use navfuse_core::motion::Motion;
+use navfuse_core::nalgebra::{SMatrix, SVector, Vector2, Vector3, convert};
+use navfuse_core::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
+use navfuse_core::registry::{Plugin, ProcessType, Registry, SensorType};
+use navfuse_core::sample::{Channel, Sample, SensorId};
+use navfuse_core::scenario::Scenario;
+use navfuse_core::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, State, View};
+use navfuse_core::time::Time;
+use navfuse_core::units::{Angle, Sigma};
+use proptest::prelude::*;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::f64::consts::{PI, TAU};
+
+/// A direction; the tangent is along two axes at right angles to it, rad. Coordinates are azimuth and elevation.
+struct Direction;
+
+/// Two axes at right angles to a direction and to each other.
+fn axes<T: Real>(d: &Vector3<T>) -> (Vector3<T>, Vector3<T>) {
+    let other: Vector3<T> = if d.z.abs() < convert(0.9) { Vector3::z() } else { Vector3::x() };
+    let a = other.cross(d).normalize();
+    (a, d.cross(&a))
+}
+
+impl Manifold for Direction {
+    const AMBIENT: usize = 3;
+    const TANGENT: usize = 2;
+    const READING: Reading = Reading::Tangent;
+    type Value<T: Real> = Vector3<T>;
+
+    fn load<T: Real>(ambient: &[f64]) -> Vector3<T> {
+        Vector3::new(ambient[0], ambient[1], ambient[2]).map(convert)
+    }
+    fn store(value: &Vector3<f64>, ambient: &mut [f64]) {
+        ambient.copy_from_slice(value.normalize().as_slice());
+    }
+    fn retract<T: Real>(x: &Vector3<T>, delta: &[T]) -> Vector3<T> {
+        let (a, b) = axes(x);
+        (x + a * delta[0] + b * delta[1]).normalize()
+    }
+    fn local(to: &Vector3<f64>, from: &Vector3<f64>, delta: &mut [f64]) {
+        let (a, b) = axes(from);
+        let along = to.dot(from);
+        delta.copy_from_slice(&[to.dot(&a) / along, to.dot(&b) / along]);
+    }
+    fn coordinates<T: Real>(x: &Vector3<T>, out: &mut [T]) {
+        out[0] = x.y.atan2(x.x);
+        out[1] = x.z.asin();
+    }
+    fn from_coordinates(c: &[f64]) -> Vector3<f64> {
+        Vector3::new(c[1].cos() * c[0].cos(), c[1].cos() * c[0].sin(), c[1].sin())
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn it_obeys_what_the_framework_asks_of_a_manifold(azimuth in -PI..PI, elevation in -1.5..1.5_f64, d in [-1.0..1.0_f64, -1.0..1.0]) {
+        let operations = Operations::of::<Direction>();
+        let mut x = [0.0; 3];
+        (operations.from_coordinates)(&[azimuth, elevation], &mut x);
+        let (mut y, mut back) = (x, [0.0; 2]);
+        (operations.retract)(&mut y, &d);
+        (operations.local)(&y, &x, &mut back);
+        prop_assert!((Vector2::from(back) - Vector2::from(d)).norm() < 1e-14);
+    }
+}
+
+/// A direction that stands still.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Star {
+    sigma: Sigma<Angle>,
+}
+
+#[derive(Clone)]
+struct Still;
+
+impl ProcessModel for Still {
+    fn propagate(
+        &mut self,
+        _: &Layout,
+        _: &mut State,
+        _: &Interval<'_>,
+        _: &mut Transition,
+    ) -> Result<(), ProcessError> {
+        Ok(())
+    }
+    fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
+    fn boxed_clone(&self) -> Box<dyn ProcessModel> {
+        Box::new(self.clone())
+    }
+}
+
+impl ProcessType for Star {
+    const TYPE: &'static str = "star";
+    fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
+        let spec = BlockSpec {
+            mode: Mode::Estimate,
+            initial: vec![3.1, 0.4],
+            sigma: vec![self.sigma.value().si(); 2],
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display: Display { components: &["azimuth", "elevation"], ..display::ANGLES },
+        };
+        composer.block::<Direction>("direction", spec)?;
+        Ok(BuiltProcess { model: Box::new(Still), input: None })
+    }
+}
+
+/// Azimuth and elevation.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Telescope {
+    noise: Sigma<Angle>,
+}
+
+struct TelescopeModel {
+    direction: Handle<Direction>,
+    sigma: f64,
+}
+
+impl SensorType for Telescope {
+    const TYPE: &'static str = "telescope";
+    fn channels(&self) -> Vec<Channel> {
+        vec![Channel::new("azimuth", "rad"), Channel::new("elevation", "rad")]
+    }
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let direction = composer.find("direction", "star.direction")?;
+        Ok(Role::measurement(TelescopeModel { direction, sigma: self.noise.value().si() }))
+    }
+}
+
+impl MeasurementModel<2> for TelescopeModel {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 2> {
+        let mut out = [T::zero(); 2];
+        Direction::coordinates(&x.get(self.direction), &mut out);
+        SVector::from(out)
+    }
+    fn noise(&self) -> SMatrix<f64, 2, 2> {
+        SMatrix::identity() * self.sigma.powi(2)
+    }
+    fn difference(&self, channel: usize, measured: f64, predicted: f64) -> f64 {
+        let d = measured - predicted;
+        if channel == 0 { d - TAU * (d / TAU).round() } else { d }
+    }
+}
+
+struct Mine;
+
+impl Plugin for Mine {
+    fn build(&self, registry: &mut Registry) {
+        registry.process::<Star>();
+        registry.sensor::<Telescope>();
+    }
+}
+
+#[derive(Default)]
+struct Outcomes(Vec<Outcome>);
+
+impl Observer for Outcomes {
+    fn epoch(&mut self, _: &Epoch<'_>) {}
+    fn update(&mut self, update: &UpdateRecord<'_>) {
+        self.0.push(update.outcome);
+    }
+    fn input(&mut self, _: &Sample, _: Option<Rejection>) {}
+    fn event(&mut self, _: Event) {}
+}
+
+#[test]
+fn a_direction_is_estimated_across_the_azimuth_where_angles_wrap() {
+    let mut registry = Registry::new();
+    registry.add(&Mine);
+    let scenario = "[process.star]\nsigma = \"5 deg\"\n[sensor.telescope]\nnoise = \"0.1 deg\"\n";
+    let document = Document::parse("star.toml", scenario).unwrap();
+    let mut ekf = Ekf::new(Scenario::new(&registry, document, &[]).unwrap().compose().unwrap());
+    let mut outcomes = Outcomes::default();
+    // the estimate starts at an azimuth of 3.1; the truth is on the other side of half a turn, at -3.1
+    for k in 0..50 {
+        let t = Time::from_seconds(f64::from(k)).unwrap();
+        ekf.process(&Sample::new(t, SensorId(0), &[-3.1, 0.38]), &mut outcomes).unwrap();
+    }
+    assert_eq!(outcomes.0, [Outcome::Accepted; 50]);
+    let block = ekf.layout().find("star.direction").unwrap();
+    let (mut shown, mut sigma) = ([0.0; 2], [0.0; 2]);
+    block.show(&ekf.state().values, &mut shown);
+    block.show_sigma(&ekf.state().values, ekf.covariance(), &mut sigma);
+    // what is left of the 0.083 rad: R / (P n) = (0.1/5)^2 / 50 of it, and the bending of the first, far step
+    assert!((shown[0] - (-3.1_f64).to_degrees()).abs() < 0.05, "{shown:?}");
+    assert!((shown[1] - 0.38_f64.to_degrees()).abs() < 0.05, "{shown:?}");
+    // noise over the root of the number: along the tangent the azimuth counts cos(elevation)
+    let expected = [0.1 / 50.0_f64.sqrt() * 0.38_f64.cos(), 0.1 / 50.0_f64.sqrt()];
+    let mut found = sigma;
+    found.sort_by(f64::total_cmp);
+    assert!((found[0] / expected[0] - 1.0).abs() < 0.02 && (found[1] / expected[1] - 1.0).abs() < 0.02, "{sigma:?}");
+    let Role::Measurement(model) = &ekf.composition().sensors[0].role else { panic!("it measures") };
+    // central differences of 1e-6 on derivatives of order one
+    assert!(jacobian_error(model.as_ref(), ekf.layout(), ekf.state()) < 1e-8);
+}
