@@ -1,0 +1,287 @@
+//! The runner: merging, memory, failing sinks, interruption, silence.
+#![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod lab;
+
+use lab::{SCENARIO, compose, seconds};
+use navfuse_core::record::{Epoch, Event, Level};
+use navfuse_core::runner::{Finished, RunError, run};
+use navfuse_core::sample::{Sample, SensorId};
+use navfuse_core::scenario::Assembly;
+use navfuse_core::stream::{RunInfo, Sink, Source, StreamError};
+use navfuse_core::time::Time;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+
+const SPEED: usize = 0;
+const FIX: usize = 1;
+
+/// Samples of one sensor at a rate, made as they are asked for.
+struct Clockwork {
+    sensor: usize,
+    period: i64,
+    count: i64,
+    next: i64,
+    /// What it says, and when it is silent.
+    silent: std::ops::Range<f64>,
+    fails_at: Option<i64>,
+}
+
+fn clockwork(sensor: usize, period_ms: i64, count: i64) -> Clockwork {
+    Clockwork { sensor, period: period_ms * 1_000_000, count, next: 0, silent: 0.0..0.0, fails_at: None }
+}
+
+impl Source for Clockwork {
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+        loop {
+            if self.next == self.count {
+                return Ok(false);
+            }
+            if self.fails_at == Some(self.next) {
+                return Err(StreamError("log.csv:7: not a number".into()));
+            }
+            let time = Time::from_nanos(self.next * self.period);
+            self.next += 1;
+            if self.silent.contains(&time.seconds()) {
+                continue;
+            }
+            let t = time.seconds();
+            let values = if self.sensor == FIX { [t, 2.0 * t, 0.1 * t * t] } else { [1.0; 3] };
+            let channels = if self.sensor == FIX { 3 } else { 1 };
+            *sample = Sample::new(time, SensorId(self.sensor), &values[..channels]);
+            return Ok(true);
+        }
+    }
+    fn end(&self) -> Option<Time> {
+        Some(Time::from_nanos((self.count - 1) * self.period))
+    }
+}
+
+/// What a sink was told.
+#[derive(Clone, Default)]
+struct Told {
+    samples: Arc<Mutex<Vec<(Time, usize)>>>,
+    events: Arc<Mutex<Vec<Event>>>,
+    epochs: Arc<Mutex<Vec<Time>>>,
+    finished: Arc<AtomicBool>,
+    /// Fails at the sample of that number.
+    breaks_at: Option<usize>,
+    /// Fails at every event.
+    hates_events: bool,
+}
+
+impl Sink for Told {
+    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
+        Ok(())
+    }
+    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+        let mut samples = self.samples.lock().unwrap();
+        samples.push((sample.time, sample.sensor.0));
+        if self.breaks_at == Some(samples.len()) { Err(StreamError("run.mcap: no space left".into())) } else { Ok(()) }
+    }
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        self.epochs.lock().unwrap().push(epoch.state.time);
+        Ok(())
+    }
+    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
+        if self.hates_events {
+            return Err(StreamError("no events, please".into()));
+        }
+        self.events.lock().unwrap().push(event.clone());
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        self.finished.store(true, Ordering::Relaxed);
+        Ok(Some("here".into()))
+    }
+}
+
+impl Told {
+    fn says(&self, text: &str) -> usize {
+        self.events.lock().unwrap().iter().filter(|e| e.text.contains(text)).count()
+    }
+}
+
+fn go(settings: &[&str], sources: Vec<Box<dyn Source>>, sinks: Vec<(&str, Told)>) -> Finished {
+    let sources = sources.into_iter().enumerate().map(|(k, s)| (format!("source{k}"), s)).collect();
+    let sinks = sinks.into_iter().map(|(n, s)| (n.to_owned(), Box::new(s) as Box<dyn Sink>)).collect();
+    run(Assembly { composition: compose(SCENARIO, settings), sources, sinks }, &AtomicBool::new(false), |_| {})
+}
+
+#[test]
+fn any_number_of_sources_is_merged_in_order_of_time() {
+    for count in [1, 2, 7, 40] {
+        let told = Told::default();
+        // the speed is spread over `count` sources that take turns; the fix comes from one of its own
+        let mut sources: Vec<Box<dyn Source>> = vec![Box::new(clockwork(FIX, 300, 20))];
+        for k in 0..count {
+            struct Turns(Clockwork, i64, i64);
+            impl Source for Turns {
+                fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+                    while self.0.next(sample)? {
+                        if (self.0.next - 1) % self.2 == self.1 {
+                            return Ok(true);
+                        }
+                    }
+                    Ok(false)
+                }
+            }
+            sources.push(Box::new(Turns(clockwork(SPEED, 10, 600), k, count)));
+        }
+        let finished = go(&[], sources, vec![("told", told.clone())]);
+        assert!(finished.error.is_none(), "{:?}", finished.error);
+        let samples = told.samples.lock().unwrap();
+        assert_eq!(samples.len(), 620);
+        assert!(samples.is_sorted_by_key(|s| s.0));
+        assert_eq!(finished.summary.samples["speed"]["rejected"], 0);
+        assert_eq!(finished.summary.samples["fix"]["accepted"], 20);
+        assert_eq!(finished.summary.samples["speed"]["read"], 600);
+    }
+}
+
+#[test]
+fn memory_does_not_grow_with_the_log() {
+    // ten million samples of 152 bytes would be 1.5 GB; what is held is the work space, mostly the queue of 1024 samples
+    let peak = |count: i64| {
+        let sources: Vec<Box<dyn Source>> =
+            vec![Box::new(clockwork(SPEED, 1, count)), Box::new(clockwork(FIX, 100, count / 100))];
+        let assembly = Assembly {
+            composition: compose(SCENARIO, &["estimator.output_rate=\"1 Hz\""]),
+            sources: sources.into_iter().map(|s| ("s".to_owned(), s)).collect(),
+            sinks: Vec::new(),
+        };
+        let info = allocation_counter::measure(|| {
+            let finished = run(assembly, &AtomicBool::new(false), |_| {});
+            assert_eq!(finished.summary.samples["speed"]["read"], count);
+            assert!(finished.error.is_none(), "{:?}", finished.error);
+        });
+        (info.bytes_max, info.count_total)
+    };
+    let (short, long) = (peak(10_000), peak(10_000_000));
+    assert!(long.0 < short.0 + 1024 && long.0 < 1_000_000, "peak bytes: {short:?} {long:?}");
+    assert!(long.1 < short.1 + 16, "allocations: {short:?} {long:?}");
+}
+
+#[test]
+fn a_sink_that_fails_is_closed_and_named_and_the_run_goes_on() {
+    let good = Told::default();
+    let bad = Told { breaks_at: Some(100), ..Told::default() };
+    // one that fails while the failure of the first is told, and stands before it in the list
+    let touchy = Told { hates_events: true, breaks_at: None, ..Told::default() };
+    let sinks = vec![("touchy", touchy.clone()), ("bad", bad.clone()), ("good", good.clone())];
+    let finished = go(&[], vec![Box::new(clockwork(SPEED, 10, 500)), Box::new(clockwork(FIX, 100, 50))], sinks);
+    assert!(finished.error.is_none());
+    assert_eq!(good.samples.lock().unwrap().len(), 550, "the others miss nothing");
+    assert_eq!(bad.samples.lock().unwrap().len(), 100);
+    for sink in [&good, &bad, &touchy] {
+        assert!(sink.finished.load(Ordering::Relaxed), "each is closed");
+    }
+    let errors: Vec<&Event> = finished.events.iter().filter(|e| e.level == Level::Error).collect();
+    assert_eq!(errors.len(), 2, "{:?}", finished.events);
+    let bad = errors.iter().find(|e| e.about == "bad").unwrap();
+    assert_eq!(bad.text, "run.mcap: no space left; the run goes on without this sink");
+    assert_eq!(finished.recorded.len(), 1);
+    assert_eq!(finished.recorded[0].sink, "good");
+}
+
+#[test]
+fn an_interruption_ends_the_run_and_keeps_what_there_is() {
+    let told = Told::default();
+    let stop = AtomicBool::new(false);
+    let assembly = Assembly {
+        composition: compose(SCENARIO, &[]),
+        sources: vec![("s".into(), Box::new(clockwork(SPEED, 10, 1_000_000)))],
+        sinks: vec![("told".into(), Box::new(told.clone()))],
+    };
+    let finished = run(assembly, &stop, |_| stop.store(true, Ordering::Relaxed));
+    assert!(finished.interrupted && finished.error.is_none());
+    assert_eq!(told.samples.lock().unwrap().len(), 4096, "progress is told every 4096 samples");
+    assert!(told.finished.load(Ordering::Relaxed));
+    assert_eq!(told.says("interrupted"), 1);
+    assert_eq!(told.epochs.lock().unwrap().last(), Some(&seconds(40.95)), "the last state is recorded");
+}
+
+#[test]
+fn a_silent_sensor_is_told_when_it_is_lost_and_when_it_is_back() {
+    let told = Told::default();
+    let fix = Clockwork { silent: 3.05..9.95, ..clockwork(FIX, 100, 200) };
+    let sources: Vec<Box<dyn Source>> = vec![Box::new(clockwork(SPEED, 10, 2000)), Box::new(fix)];
+    let finished = go(&["sensor.fix.timeout=\"2 s\""], sources, vec![("told", told.clone())]);
+    assert!(finished.error.is_none());
+    let events = told.events.lock().unwrap();
+    let find = |text: &str| events.iter().filter(|e| e.text == text).map(|e| e.time.seconds()).collect::<Vec<_>>();
+    // lost at the first look, every 0.1 s, after 3.0 + 2 s
+    let lost = find("fix lost: no sample for 2 s");
+    assert!(lost.len() == 1 && lost[0] > 5.0 && lost[0] <= 5.1 + 1e-9, "{events:?}");
+    assert_eq!(find("fix is back after 7.0 s"), [10.0]);
+}
+
+#[test]
+fn a_driving_sensor_that_falls_silent_is_told_too() {
+    let told = Told::default();
+    let speed = Clockwork { silent: 3.0..60.0, ..clockwork(SPEED, 10, 300) };
+    let sources: Vec<Box<dyn Source>> = vec![Box::new(speed), Box::new(clockwork(FIX, 100, 200))];
+    go(&[], sources, vec![("told", told.clone())]);
+    assert_eq!(told.says("speed lost: no sample for 5 s"), 1, "{:?}", told.events.lock().unwrap());
+}
+
+#[test]
+fn a_source_that_fails_ends_the_run_with_its_name_and_keeps_what_there_is() {
+    let told = Told::default();
+    let speed = Clockwork { fails_at: Some(50), ..clockwork(SPEED, 10, 100) };
+    let finished = go(&[], vec![Box::new(speed)], vec![("told", told.clone())]);
+    assert!(matches!(&finished.error, Some(RunError::Source { source_name, .. }) if source_name == "source0"));
+    assert_eq!(told.says("source source0: log.csv:7: not a number"), 1);
+    assert_eq!(told.samples.lock().unwrap().len(), 50);
+    assert!(told.finished.load(Ordering::Relaxed));
+    let finished = go(&[], vec![Box::new(clockwork(9, 10, 5))], vec![]);
+    assert!(finished.error.unwrap().to_string().contains("sensor number 9, but there are 2"));
+}
+
+#[test]
+fn a_sensor_that_never_spoke_is_told_to_the_sinks_and_a_filter_that_never_started_is_an_error() {
+    let told = Told::default();
+    let finished = go(&[], vec![Box::new(clockwork(FIX, 100, 10))], vec![("told", told.clone())]);
+    assert!(matches!(finished.error, Some(RunError::NeverStarted(_))));
+    assert_eq!(told.says("no sample of [sensor.speed] in any source"), 1);
+}
+
+#[test]
+fn estimates_are_recorded_at_the_output_rate_once_each_and_at_the_end() {
+    let told = Told::default();
+    let sources: Vec<Box<dyn Source>> = vec![Box::new(clockwork(SPEED, 10, 124)), Box::new(clockwork(FIX, 100, 12))];
+    go(&["estimator.output_rate=\"5 Hz\"", "estimator.stop=\"1.15 s\""], sources, vec![("told", told.clone())]);
+    let epochs: Vec<f64> = told.epochs.lock().unwrap().iter().map(|t| t.seconds()).collect();
+    assert_eq!(epochs, [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.15]);
+}
+
+#[test]
+fn the_summary_counts_every_sample_by_what_became_of_it() {
+    struct List(std::vec::IntoIter<Sample>);
+    impl Source for List {
+        fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+            let next = self.0.next();
+            if let Some(next) = next {
+                *sample = next;
+            }
+            Ok(next.is_some())
+        }
+    }
+    let fix = |t: f64, p: f64| Sample::new(seconds(t), SensorId(FIX), &[p]);
+    let fixes = vec![
+        fix(0.5, 0.5),
+        fix(1.0, 1.0),
+        fix(1.5, 99.0),
+        fix(2.0, f64::NAN),
+        fix(2.0, 2.0),
+        fix(2.0, 2.0),
+        fix(9.0, 9.0),
+    ];
+    let sources: Vec<Box<dyn Source>> = vec![Box::new(clockwork(SPEED, 1000, 4)), Box::new(List(fixes.into_iter()))];
+    let finished = go(&[], sources, vec![]);
+    let counts = &finished.summary.samples["fix"];
+    assert_eq!((&counts["read"], &counts["accepted"]), (&7.into(), &3.into()), "{counts}");
+    assert_eq!((&counts["gated"], &counts["rejected"]), (&1.into(), &3.into()), "{counts}");
+    // the speed's first sample starts the filter, and moves nothing
+    assert_eq!(finished.summary.samples["speed"]["used"], 3);
+}
