@@ -197,3 +197,25 @@ fn help_teaches_with_examples() {
         assert!(stdout(&navfuse(&arguments)).contains(part), "{arguments:?}");
     }
 }
+
+/// A sensor that integrates and one that gives mean rates say the same: the estimates agree to rounding, which 20,000 steps
+/// and the filter's gains leave below a thousandth of a sigma.
+#[test]
+fn an_imu_that_gives_increments_is_as_good_as_one_that_gives_rates() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rates = run_json(&scenario("quickstart"), &folder.path().join("rates"), &SHORT);
+    let more = [SHORT[0], SHORT[1], "--set", "sensor.imu.output=increments"];
+    let increments = run_json(&scenario("quickstart"), &folder.path().join("increments"), &more);
+    for (state, value) in rates["states"].as_object().expect("the states") {
+        let numbers = |v: &Value| v.as_array().map_or_else(Vec::new, |a| a.iter().filter_map(Value::as_f64).collect());
+        let other = &increments["states"][state];
+        let sigmas: Vec<f64> = numbers(&value["sigma"]);
+        for ((a, b), sigma) in numbers(&value["error"]).iter().zip(numbers(&other["error"])).zip(sigmas) {
+            assert!((a - b).abs() <= 1e-3 * sigma, "{state}: {a} and {b} with sigma {sigma}");
+        }
+    }
+    let log = folder.path().join("increments").join("run.mcap");
+    let again = navfuse(&["replay", &log.display().to_string(), "--format=json", "--no-output"]);
+    let again: Value = serde_json::from_str(&stdout(&again)).expect("one JSON object");
+    assert_eq!(again["states"], increments["states"]);
+}

@@ -21,17 +21,14 @@ its unit; see [Conventions and units](conventions.md#units-in-a-scenario). *(req
 meaning tells what happens without it.
 ";
 
-const CALIBRATION: &str = "calibration: value, or { initial, sigma, truth, mode, ... }";
-
 /// Rows of a table; an empty one is left out.
 fn table(out: &mut String, rows: impl IntoIterator<Item = Parameter>) {
     let cell = |text: &str| text.replace('|', "\\|");
     let mut head = "| key | takes | default | meaning |\n|---|---|---|---|\n";
     for p in rows {
-        let takes = if p.takes == CALIBRATION {
-            "[calibration state](guide/scenario.md#calibration-states)".to_owned()
-        } else {
-            cell(&p.takes)
+        let takes = match p.takes.strip_prefix("calibration") {
+            Some(value) => format!("[calibration](guide/scenario.md#calibration-states){}", cell(value)),
+            None => cell(&p.takes),
         };
         let _ = writeln!(out, "{head}| `{}` | {takes} | {} | {} |", p.key, cell(&p.default), cell(&p.meaning));
         head = "";
@@ -39,7 +36,7 @@ fn table(out: &mut String, rows: impl IntoIterator<Item = Parameter>) {
     out.push('\n');
 }
 
-/// The keys of a table that is not a registered type.
+/// The keys of a table that is not of a registered type.
 fn keys(schema: &Value) -> Vec<Parameter> {
     let text = |v: &Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
     let takes = |v: &Value| {
@@ -60,29 +57,16 @@ fn keys(schema: &Value) -> Vec<Parameter> {
         .collect()
 }
 
-/// The keys of the table that a property takes, such as `{ sigma, initial }`.
-fn shape(entry: &Entry, key: &str) -> Option<String> {
-    let schema = entry.schema.as_value();
-    let resolve = |v: &Value| {
-        let name = v.get("$ref")?.as_str()?.rsplit('/').next()?.to_owned();
-        let keys = schema["$defs"][&name]["properties"].as_object()?.keys().cloned().collect::<Vec<_>>();
-        Some(format!("{{ {} }}", keys.join(", ")))
-    };
-    let property = &schema["properties"][key];
-    let inner = || resolve(property.get("additionalProperties")?).map(|s| format!("{{ NAME = {s} }}"));
-    resolve(property).or_else(inner)
+/// Whether a parameter is one that all types of a kind have.
+fn is_common(kind: Kind, p: &Parameter) -> bool {
+    p.key.split('.').next().is_some_and(|key| common_keys(kind).contains(&key))
 }
 
 /// The section of one type, with its own keys.
 fn section(entry: &Entry) -> String {
     let description = entry.schema.get("description").and_then(Value::as_str).unwrap_or_default();
     let mut out = format!("### `[{}.{}]`\n\n{description}\n\n", entry.kind.table(), entry.name);
-    let own = parameters(entry).into_iter().filter(|p| !common_keys(entry.kind).contains(&p.key.as_str()));
-    let shaped = own.map(|p| match shape(entry, &p.key) {
-        Some(takes) if p.takes == "object" => Parameter { takes, ..p },
-        _ => p,
-    });
-    table(&mut out, shaped);
+    table(&mut out, parameters(entry).into_iter().filter(|p| !is_common(entry.kind, p)));
     out
 }
 
@@ -98,17 +82,11 @@ fn page(registry: &Registry) -> String {
         let _ = write!(out, "## `[{}.NAME]`\n\nKeys of all of them:\n\n", kind.table());
         let of_kind = || registry.entries().filter(move |e| e.kind == kind);
         let first = of_kind().next().unwrap();
-        let common = parameters(first).into_iter().filter(|p| common_keys(kind).contains(&p.key.as_str()));
+        let common = parameters(first).into_iter().filter(|p| is_common(kind, p));
         table(
             &mut out,
             common.map(|p| Parameter { takes: p.takes.replace(&format!("{:?}", first.name), "a type"), ..p }),
         );
-        if kind == Kind::Sensor {
-            out += "Keys of `simulation`:\n\n";
-            table(&mut out, keys(&schema["$defs"]["Faults"]));
-            out += "Keys of `recovery`:\n\n";
-            table(&mut out, keys(&schema["$defs"]["Recovery"]));
-        }
         of_kind().for_each(|e| out += &section(e));
     }
     out.truncate(out.trim_end().len());
