@@ -33,7 +33,9 @@ fn table(out: &mut String, rows: impl IntoIterator<Item = Parameter>) {
         let _ = writeln!(out, "{head}| `{}` | {takes} | {} | {} |", p.key, cell(&p.default), cell(&p.meaning));
         head = "";
     }
-    out.push('\n');
+    if head.is_empty() {
+        out.push('\n');
+    }
 }
 
 /// The keys of a table that is not of a registered type.
