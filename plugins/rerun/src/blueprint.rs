@@ -12,8 +12,10 @@ use rerun::blueprint::{
 };
 use rerun::datatypes::{TimeRange, TimeRangeBoundary};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
-    EyeControls3D, LineGrid3D, MapZoom, PlotLegend, ScalarAxis, TimeAxis,
+    EyeControls3D, LineGrid3D, MapZoom, PlotLegend, ScalarAxis, TextLogColumns, TimeAxis,
 };
+use rerun::external::re_sdk_types::blueprint::components::TextLogColumn;
+use rerun::external::re_sdk_types::blueprint::datatypes::{self, TextLogColumnKind};
 use rerun::log::LogMsg;
 use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, RecordingStreamResult, StoreKind};
 
@@ -96,7 +98,10 @@ impl Layout {
         if !samples.is_empty() {
             right.push(Vertical::new(samples).with_name("Samples").into());
         }
-        let log = TextLogView::new("Events").with_origin("/").with_contents(["+ /events"]).into();
+        let log = ContainerLike::from(TextLogView::new("Events").with_origin("/").with_contents(["+ /events"]));
+        let column = |kind| TextLogColumn(datatypes::TextLogColumn { visible: true.into(), kind });
+        let columns = [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(column);
+        self.set(&log, "TextLogColumns", TextLogColumns::new().with_text_log_columns(columns));
         let scenario = TextDocumentView::new("Scenario").with_origin("/scenario").into();
         let left = self.left(run);
         let top = match (left, right.is_empty()) {

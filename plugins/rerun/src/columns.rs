@@ -17,16 +17,24 @@ pub struct Series {
     times: Vec<i64>,
     values: Vec<f64>,
     style: Option<Box<dyn AsComponents + Send>>,
+    jump: f64,
+    last: f64,
 }
 
 impl Series {
+    fn new(path: EntityPath, width: usize, style: impl AsComponents + Send + 'static) -> Self {
+        let style: Box<dyn AsComponents + Send> = Box::new(style);
+        let (times, values) = (Vec::new(), Vec::new());
+        Self { path, width, times, values, style: Some(style), jump: f64::INFINITY, last: f64::NAN }
+    }
+
     /// Lines, each of a name, colour and stroke width.
     pub fn lines(path: EntityPath, lines: &[(String, Colour, f32)]) -> Self {
         let style = SeriesLines::new()
             .with_names(lines.iter().map(|l| l.0.as_str()))
             .with_colors(lines.iter().map(|l| l.1))
             .with_widths(lines.iter().map(|l| l.2));
-        Self { path, width: lines.len(), times: Vec::new(), values: Vec::new(), style: Some(Box::new(style)) }
+        Self::new(path, lines.len(), style)
     }
 
     /// A line between its bounds of 3 sigma.
@@ -41,15 +49,26 @@ impl Series {
             .with_colors([colour])
             .with_markers([rerun::components::MarkerShape::Diamond])
             .with_marker_sizes([size]);
-        Self { path, width: 1, times: Vec::new(), values: Vec::new(), style: Some(Box::new(style)) }
+        Self::new(path, 1, style)
+    }
+
+    /// Breaks the lines where the first jumps by more than that: an angle that goes round is no line across the plot.
+    pub fn broken_at(mut self, jump: f64) -> Self {
+        self.jump = jump;
+        self
     }
 
     /// Adds a row of as many values as there are lines.
     pub fn push(&mut self, recording: &Recording, time: Time, values: &[f64]) -> Result<(), StreamError> {
         debug_assert_eq!(values.len(), self.width);
+        if (values[0] - self.last).abs() > self.jump {
+            self.times.push(time.nanos() - 1);
+            self.values.extend(std::iter::repeat_n(f64::NAN, self.width));
+        }
+        self.last = values[0];
         self.times.push(time.nanos());
         self.values.extend_from_slice(values);
-        if self.times.len() == ROWS { self.flush(recording) } else { Ok(()) }
+        if self.times.len() >= ROWS { self.flush(recording) } else { Ok(()) }
     }
 
     /// Sends what is buffered; names and colours go before the first block.

@@ -53,6 +53,10 @@ impl BlockSeries {
     fn new(slot: usize, block: &Block) -> Self {
         let (owner, name) = block.name.split_once('.').unwrap_or(("", &block.name));
         let unit = block.spec.display.unit;
+        let half_turn = match block.operations.reading {
+            Reading::Angles => std::f64::consts::PI / block.spec.display.scale,
+            _ => f64::INFINITY,
+        };
         let names = match block.operations.reading {
             Reading::Tangent => &["north", "east", "down"],
             _ => block.spec.display.components,
@@ -64,8 +68,8 @@ impl BlockSeries {
             let label = label(&name_of, unit);
             let truth = (format!("true {label}"), TRUTH, 1.8);
             Component {
-                estimate: Series::bounded(entity("estimate"), label.clone(), axis(k)),
-                truth: Series::lines(entity("truth"), &[truth]),
+                estimate: Series::bounded(entity("estimate"), label.clone(), axis(k)).broken_at(half_turn),
+                truth: Series::lines(entity("truth"), &[truth]).broken_at(half_turn),
                 error: Series::bounded(entity("error"), error_label.clone(), axis(k)),
                 range: Range::default(),
                 error_range: Range::default(),

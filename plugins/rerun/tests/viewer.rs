@@ -9,27 +9,98 @@ mod common;
 mod driver;
 
 use common::Synthetic;
-use driver::Viewer;
-use navfuse_rerun::Rerun;
+use driver::{Layout, Viewer};
+use navfuse_rerun::{Rerun, Serve};
+
+const RED: [u8; 3] = [235, 64, 82];
+const GREEN: [u8; 3] = [38, 166, 91];
+const BLUE: [u8; 3] = [56, 132, 255];
+const TRUTH: [u8; 3] = [245, 166, 35];
+const BOUND: [u8; 3] = [140, 148, 160];
+const GATED: [u8; 3] = [255, 0, 200];
+
+/// The tabs, and how many views each has of which colours.
+const TABS: &[(&str, &[(&str, &[[u8; 3]])])] = &[
+    ("3-D track", &[("3-D track", &[BLUE, TRUTH, RED, GREEN])]),
+    ("Map", &[("Map", &[BLUE, TRUTH, RED])]),
+    (
+        "Attitude",
+        &[
+            ("roll error [deg]", &[RED, BOUND]),
+            ("pitch error [deg]", &[GREEN, BOUND]),
+            ("yaw error [deg]", &[BLUE, BOUND]),
+            ("roll [deg]", &[TRUTH, BOUND]),
+            ("yaw [deg]", &[TRUTH, BOUND]),
+        ],
+    ),
+    ("Velocity", &[("north error [m/s]", &[RED, BOUND]), ("down error [m/s]", &[BLUE, BOUND])]),
+    ("Position", &[("east error [m]", &[GREEN, BOUND]), ("down [m]", &[TRUTH])]),
+    ("Gyro bias", &[("x [deg/h]", &[RED, TRUTH, BOUND])]),
+    ("Accel bias", &[("z [ug]", &[BLUE, TRUTH, BOUND])]),
+    (
+        "dvl calibration",
+        &[
+            ("Scale k", &[RED, TRUTH, BOUND]),
+            ("Misalignment yaw [deg]", &[BLUE, TRUTH, BOUND]),
+            ("Lever arm y [m]", &[GREEN, TRUTH, BOUND]),
+        ],
+    ),
+    ("dvl innovations", &[("vel_x [m/s]", &[RED, BOUND, GATED]), ("NIS", &[BLUE, BOUND, GATED])]),
+    ("depth innovations", &[("depth [m]", &[RED, BOUND])]),
+    ("Samples", &[("dvl", &[RED, GREEN, BLUE])]),
+];
+
+/// Pixels of a colour, but for what blending with a neighbour leaves.
+fn count(picture: &image::RgbImage, colour: [u8; 3]) -> usize {
+    picture.pixels().filter(|p| (0..3).all(|k| p[k].abs_diff(colour[k]) <= 14)).count()
+}
 
 #[test]
 fn every_series_of_a_run_is_drawn_in_its_colour() {
     let Some(program) = driver::program() else { return };
     let folder = driver::target("rerun-pictures");
-    let synthetic = Synthetic::new(6000);
-    let begun = std::time::Instant::now();
     let mut sink = Rerun::default().record(&folder).unwrap();
-    synthetic.feed(sink.as_mut()).unwrap();
+    Synthetic::new(6000).feed(sink.as_mut()).unwrap();
     sink.finish().unwrap();
-    println!("recorded in {:?}", begun.elapsed());
+    let recording = folder.join("run.rrd");
+    let layout = Layout::read(&recording);
     let end = Synthetic::time(5999).nanos();
-    let mut viewer = Viewer::open(&program, &folder.join("run.rrd"), end, &folder);
-    std::thread::sleep(std::time::Duration::from_millis(1500));
-    viewer.screenshot(None, "whole");
+    let mut viewer = Viewer::start(&program, Some(&recording.display().to_string()), &folder);
+    viewer.wait(end);
     viewer.seek(end);
-    viewer.screenshot(None, "whole at end");
-    let names: Vec<String> = viewer.views().map(str::to_owned).collect();
-    for name in &names {
-        viewer.screenshot(Some(name), name);
+    let mut missing = Vec::new();
+    for (tab, views) in TABS {
+        viewer.show(&layout, &[tab]);
+        viewer.screenshot(None, tab);
+        for (view, colours) in *views {
+            let picture = viewer.screenshot(Some(&layout.views[*view]), &format!("{tab} - {view}"));
+            for colour in *colours {
+                let n = count(&picture, *colour);
+                println!("{tab}: {view}: {colour:?}: {n}");
+                if n < 100 {
+                    missing.push(format!("{view}: {n} pixels of {colour:?}"));
+                }
+            }
+        }
     }
+    assert!(missing.is_empty(), "{missing:#?}\nsee {}", folder.display());
+}
+
+#[test]
+fn a_viewer_shows_a_run_that_is_sent_or_served_to_it() {
+    let Some(program) = driver::program() else { return };
+    let folder = driver::target("rerun-pictures/live");
+    let mut viewer = Viewer::start(&program, None, &folder);
+    let connect = Some(viewer.address());
+    let config = Rerun { connect, serve: Serve::At("127.0.0.1:0".into()), ..Rerun::default() };
+    let mut sink = config.record(&folder).unwrap();
+    Synthetic::new(500).feed(sink.as_mut()).unwrap();
+    let place = sink.finish().unwrap().unwrap();
+    drop(sink);
+    let end = Synthetic::time(499).nanos();
+    viewer.wait(end);
+    drop(viewer);
+    // what is served is there when the run is over
+    let url = place.split("url=").nth(1).unwrap().replace("%2B", "+").replace("%3A", ":").replace("%2F", "/");
+    Viewer::start(&program, Some(&url), &folder).wait(end);
 }

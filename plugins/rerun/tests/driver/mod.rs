@@ -3,17 +3,22 @@
 use re_protos::common::v1alpha1::{Timeline, TimelineTime};
 use re_protos::sdk_comms::v1alpha1::viewer_control_service_client::ViewerControlServiceClient;
 use re_protos::sdk_comms::v1alpha1::{GetViewerStateRequest, SaveScreenshotRequest, SetTimeCursorRequest};
-use rerun::external::re_sdk_types::blueprint::archetypes::ViewBlueprint;
-use rerun::{ChunkStore, ChunkStoreConfig, StoreKind};
+use rerun::external::re_log_types::BlueprintActivationCommand;
+use rerun::external::re_sdk_types::blueprint::archetypes::{ContainerBlueprint, ViewBlueprint};
+use rerun::log::Chunk;
+use rerun::{ChunkStore, ChunkStoreConfig, ComponentDescriptor, RecordingStreamBuilder, StoreId, StoreKind};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tonic::transport::Channel;
 
 const VERSION: &str = "0.36.3";
+/// How long the viewer may take.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Where pictures and the viewer's program go: the target folder of the build.
 pub fn target(name: &str) -> PathBuf {
@@ -57,25 +62,25 @@ pub fn program() -> Option<PathBuf> {
     Some(program)
 }
 
-/// A viewer that shows one recording. It is killed at the end.
+/// A viewer. It is killed at the end.
 pub struct Viewer {
     child: Child,
+    port: u16,
     pictures: PathBuf,
     runtime: tokio::runtime::Runtime,
     client: ViewerControlServiceClient<Channel>,
-    views: BTreeMap<String, String>,
 }
 
 impl Viewer {
-    /// Opens a recording and waits until all of it is there: until the timeline ends at `end`, ns.
-    pub fn open(program: &Path, recording: &Path, end: i64, pictures: &Path) -> Self {
+    /// Starts it with what it is to open: a file or an address.
+    pub fn start(program: &Path, open: Option<&str>, pictures: &Path) -> Self {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         // only the loopback is reached: map tiles and analytics end at a proxy that is not there
         let nowhere = "http://127.0.0.1:1";
         let child = Command::new(program)
             .args(["--headless", "--bind", "127.0.0.1", "--port", &port.to_string()])
             .args(["--window-size", "1600x900", "--hide-welcome-screen"])
-            .arg(recording)
+            .args(open)
             .env("HOME", pictures)
             .envs([("http_proxy", nowhere), ("https_proxy", nowhere), ("no_proxy", "127.0.0.1,localhost")])
             .stdout(Stdio::null())
@@ -86,30 +91,40 @@ impl Viewer {
         let begun = Instant::now();
         let client = loop {
             let address = Channel::from_shared(format!("http://127.0.0.1:{port}")).unwrap();
-            match runtime.block_on(address.connect()) {
+            match runtime.block_on(async { address.connect().await }) {
                 Ok(channel) => break ViewerControlServiceClient::new(channel),
-                Err(e) => assert!(begun.elapsed() < Duration::from_secs(60), "the viewer does not answer: {e}"),
+                Err(e) => assert!(begun.elapsed() < PATIENCE, "the viewer does not answer: {e}"),
             }
             std::thread::sleep(Duration::from_millis(100));
         };
-        let (views, pictures) = (views(recording), pictures.to_owned());
-        let mut viewer = Self { child, pictures, runtime, client, views };
-        while viewer.end() != Some(end) {
-            assert!(begun.elapsed() < Duration::from_secs(60), "not loaded: the timeline ends at {:?}", viewer.end());
-            std::thread::sleep(Duration::from_millis(100));
-        }
-        viewer
+        Self { child, port, pictures: pictures.to_owned(), runtime, client }
     }
 
-    /// The end of the recording's timeline, ns.
+    /// Where it listens.
+    pub fn address(&self) -> String {
+        format!("127.0.0.1:{}", self.port)
+    }
+
+    /// Waits until all of a run is there: until the timeline ends at `end`, ns.
+    pub fn wait(&mut self, end: i64) {
+        let begun = Instant::now();
+        loop {
+            let now = self.end();
+            if now == Some(end) {
+                return;
+            }
+            assert!(begun.elapsed() < PATIENCE, "not loaded: the timeline ends at {now:?}");
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+
     fn end(&mut self) -> Option<i64> {
         let state = self.runtime.block_on(self.client.get_viewer_state(GetViewerStateRequest {})).ok()?.into_inner();
-        println!("{:?}", state.recordings.iter().map(|r| &r.current_time).collect::<Vec<_>>());
         let timelines = state.recordings.iter().flat_map(|r| &r.timelines);
         timelines.filter_map(|t| t.time_range.as_ref()).map(|r| r.end).max()
     }
 
-    /// Moves the cursor, paused, and lets the picture settle.
+    /// Moves the cursor, paused.
     pub fn seek(&mut self, nanos: i64) {
         let request = SetTimeCursorRequest {
             store_id: None,
@@ -118,27 +133,43 @@ impl Viewer {
             play: false,
         };
         self.runtime.block_on(self.client.set_time_cursor(request)).unwrap();
-        std::thread::sleep(Duration::from_millis(700));
     }
 
-    /// The names of the layout's views.
-    pub fn views(&self) -> impl Iterator<Item = &str> {
-        self.views.keys().map(String::as_str)
+    /// Shows the layout with some of its tabs in front, and lets the picture settle.
+    pub fn show(&self, layout: &Layout, tabs: &[&str]) {
+        let id = StoreId::random(StoreKind::Blueprint, layout.recording.application_id().clone());
+        let (stream, stored) = RecordingStreamBuilder::from_store_id(&id).enabled(true).memory().unwrap();
+        stream.send_chunks(layout.chunks.iter().map(|c| c.as_ref().clone()));
+        stream.set_time_sequence("blueprint", 1);
+        for (container, name, child) in layout.tabs.iter().filter(|t| tabs.contains(&t.1.as_str())) {
+            println!("{name}: {child}");
+            stream
+                .log(container.clone(), &ContainerBlueprint::update_fields().with_active_tab(child.as_str()))
+                .unwrap();
+        }
+        let messages = stored.take();
+        let viewer = RecordingStreamBuilder::from_store_id(&layout.recording).enabled(true).send_properties(false);
+        let viewer = viewer.connect_grpc_opts(format!("rerun+http://{}/proxy", self.address())).unwrap();
+        let activate = BlueprintActivationCommand { blueprint_id: id, make_active: true, make_default: true };
+        viewer.send_blueprint(messages, activate);
+        viewer.flush_blocking().unwrap();
+        std::thread::sleep(Duration::from_millis(1200));
     }
 
-    /// A picture of one view by its name, or of the whole window.
+    /// A picture of one view, or of the whole window.
     pub fn screenshot(&mut self, view: Option<&str>, file: &str) -> image::RgbImage {
         let path = self.pictures.join(format!("{}.png", file.replace([' ', '/', '[', ']', '^'], "_")));
         std::fs::remove_file(&path).ok();
-        let view_id = view.map(|v| self.views[v].clone());
-        let file_path = path.display().to_string();
-        self.runtime.block_on(self.client.save_screenshot(SaveScreenshotRequest { view_id, file_path })).unwrap();
+        let request = SaveScreenshotRequest { view_id: view.map(str::to_owned), file_path: path.display().to_string() };
+        // the service never answers for a view that is not on the screen
+        let saved = async { tokio::time::timeout(PATIENCE, self.client.save_screenshot(request)).await };
+        self.runtime.block_on(saved).unwrap_or_else(|_| panic!("{file} is not on the screen")).unwrap();
         let begun = Instant::now();
         loop {
             if let Ok(picture) = image::open(&path) {
                 return picture.to_rgb8();
             }
-            assert!(begun.elapsed() < Duration::from_secs(30), "no picture at {}", path.display());
+            assert!(begun.elapsed() < PATIENCE, "no picture at {}", path.display());
             std::thread::sleep(Duration::from_millis(50));
         }
     }
@@ -151,20 +182,56 @@ impl Drop for Viewer {
     }
 }
 
-/// The ids of the views of a recording's last layout, by their names.
-fn views(recording: &Path) -> BTreeMap<String, String> {
-    let stores =
-        ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut File::open(recording).unwrap()).unwrap();
-    let name = ViewBlueprint::descriptor_display_name().component;
-    let mut views = BTreeMap::new();
-    for chunk in
-        stores.values().filter(|s| s.id().kind() == StoreKind::Blueprint).flat_map(|s| s.iter_physical_chunks())
-    {
-        let path = chunk.entity_path().to_string();
-        let names = chunk.iter_slices::<String>(name).filter_map(|n| n.first().map(|n| n.to_string()));
-        if let Some(id) = path.strip_prefix("/view/") {
-            views.extend(names.map(|n| (n, id.to_owned())));
+/// The last layout of a recording.
+pub struct Layout {
+    recording: StoreId,
+    chunks: Vec<Arc<Chunk>>,
+    /// The views' ids by their names.
+    pub views: BTreeMap<String, String>,
+    /// The tabs: their container, name and path.
+    tabs: Vec<(String, String, String)>,
+}
+
+impl Layout {
+    /// Reads it.
+    pub fn read(recording: &Path) -> Self {
+        let mut file = File::open(recording).unwrap();
+        let stores = ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).unwrap();
+        let of = |kind| stores.iter().filter(move |(id, _)| id.kind() == kind);
+        // the layout that is sent at the end has ranges
+        let is_last =
+            |s: &ChunkStore| s.iter_physical_chunks().any(|c| c.entity_path().to_string().ends_with("ScalarAxis"));
+        let (_, store) = of(StoreKind::Blueprint).find(|(_, s)| is_last(s)).expect("a layout");
+        let mut layout = Self {
+            recording: of(StoreKind::Recording).next().expect("a recording").0.clone(),
+            chunks: store.iter_physical_chunks().cloned().collect(),
+            views: BTreeMap::new(),
+            tabs: Vec::new(),
+        };
+        let mut names = BTreeMap::new();
+        let mut containers = Vec::new();
+        for chunk in &layout.chunks {
+            let path = chunk.entity_path().to_string().trim_start_matches('/').to_owned();
+            let strings = |descriptor: ComponentDescriptor| -> Vec<String> {
+                chunk.iter_slices::<String>(descriptor.component).flatten().map(|s| s.to_string()).collect()
+            };
+            if let Some(name) = strings(ViewBlueprint::descriptor_display_name()).pop() {
+                layout.views.insert(name.clone(), path.trim_start_matches("view/").to_owned());
+                names.insert(path.clone(), name);
+            }
+            if let Some(name) = strings(ContainerBlueprint::descriptor_display_name()).pop() {
+                names.insert(path.clone(), name);
+            }
+            containers.push((path, strings(ContainerBlueprint::descriptor_contents())));
         }
+        for (container, contents) in containers {
+            for child in contents {
+                let child = child.trim_start_matches('/').to_owned();
+                if let Some(name) = names.get(&child) {
+                    layout.tabs.push((container.clone(), name.clone(), child));
+                }
+            }
+        }
+        layout
     }
-    views
 }

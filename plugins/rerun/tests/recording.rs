@@ -1,0 +1,156 @@
+//! What is recorded is what was fed, also where the run is broken off or the disk is full.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test ends where it fails")]
+
+mod common;
+
+use common::{DVL_EVERY, OUTLIER_EVERY, Synthetic, TRUE_SCALE};
+use navfuse_core::stream::Sink;
+use navfuse_rerun::{Rerun, Serve};
+use rerun::{ChunkStore, ChunkStoreConfig, Scalars, StoreKind, TextLog, TimelineName};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::Path;
+
+type Rows = BTreeMap<String, Vec<(i64, Vec<f64>)>>;
+
+/// The recording and the layouts of a file.
+fn stores(path: &Path) -> Vec<ChunkStore> {
+    let mut file = File::open(path).unwrap();
+    ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).unwrap().into_values().collect()
+}
+
+/// Every scalar by entity and time.
+fn scalars(path: &Path) -> Rows {
+    let component = Scalars::descriptor_scalars().component;
+    let mut rows = Rows::new();
+    for store in stores(path).iter().filter(|s| s.id().kind() == StoreKind::Recording) {
+        for chunk in store.iter_physical_chunks() {
+            let times = chunk.iter_component_indices(TimelineName::from("t"), component).map(|(t, _)| t.as_i64());
+            let values = chunk.iter_slices::<f64>(component).map(<[f64]>::to_vec);
+            rows.entry(chunk.entity_path().to_string()).or_default().extend(times.zip(values));
+        }
+    }
+    rows.retain(|_, r| !r.is_empty());
+    rows.values_mut().for_each(|r| r.sort_by_key(|r| r.0));
+    rows
+}
+
+fn record(folder: &Path, epochs: usize) -> Box<dyn Sink> {
+    let mut sink = Rerun::default().record(folder).unwrap();
+    Synthetic::new(epochs).feed(sink.as_mut()).unwrap();
+    sink
+}
+
+#[test]
+fn a_recording_holds_every_row_and_value_that_was_fed() {
+    let folder = tempfile::tempdir().unwrap();
+    let epochs = 5000; // one whole block of 4096 rows and a part
+    let begun = std::time::Instant::now();
+    let mut sink = record(folder.path(), epochs);
+    let place = sink.finish().unwrap().unwrap();
+    let path = folder.path().join("run.rrd");
+    println!("{epochs} epochs: {:?}, {} bytes", begun.elapsed(), path.metadata().unwrap().len());
+    assert_eq!(place, path.display().to_string());
+    let rows = scalars(&path);
+
+    // 21 components that are estimated: 3 x (attitude, velocity, position, two biases, misalignment, lever arm) + scale
+    for leaf in ["estimate", "truth", "error"] {
+        assert_eq!(rows.keys().filter(|k| k.starts_with("/state/") && k.ends_with(leaf)).count(), 22, "{leaf}");
+    }
+    for (entity, rows) in rows.iter().filter(|(k, _)| k.starts_with("/state/")) {
+        let finite = rows.iter().filter(|r| r.1[0].is_finite()).count();
+        assert_eq!(finite, epochs, "{entity}");
+        assert_eq!(rows.last().unwrap().0, Synthetic::time(epochs - 1).nanos(), "{entity}");
+    }
+    for k in [0, 1, 4095, 4096, epochs - 1] {
+        let (sigma, error) = (Synthetic::sigma(k), Synthetic::error(k, 15));
+        let (time, scale) = &rows["/state/dvl/scale/k/estimate"][k];
+        assert_eq!(*time, Synthetic::time(k).nanos());
+        // the same operations in another order: a few roundings of numbers near 1
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} is not {b}");
+        near(scale[0], TRUE_SCALE + error);
+        near(scale[1], TRUE_SCALE + error + 3.0 * sigma[15]);
+        near(scale[2], TRUE_SCALE + error - 3.0 * sigma[15]);
+        near(rows["/state/dvl/scale/k/truth"][k].1[0], TRUE_SCALE);
+        near(rows["/state/ins/velocity/east/error"][k].1[0], Synthetic::error(k, 4));
+        near(rows["/state/ins/velocity/east/error"][k].1[1], 3.0 * sigma[4]);
+        // metres by way of radians of longitude: 2 rad of eps 2e-16 are 3 nm of 6378 km
+        let north = rows["/state/ins/position/north/error"][k].1[0];
+        assert!((north - Synthetic::error(k, 6)).abs() < 1e-7, "{north}");
+    }
+    let samples = epochs / DVL_EVERY;
+    let gated = samples / OUTLIER_EVERY;
+    assert_eq!(rows["/innovation/dvl/vel_x"].len(), samples - gated);
+    assert_eq!(rows["/innovation/dvl/vel_x/gated"].len(), gated);
+    assert_eq!(rows["/innovation/dvl/nis/gated"].len(), gated);
+    assert_eq!(rows["/innovation/depth/depth"].len(), samples / 2);
+    assert!(rows["/innovation/depth/nis"].iter().all(|r| r.1[1].is_nan()), "a gate that is off has no line");
+    assert_eq!(rows["/samples/dvl"].len(), samples);
+    assert!(!rows.contains_key("/samples/imu"), "driving sensors are recorded on request");
+
+    let stores = stores(&path);
+    let recording = stores.iter().find(|s| s.id().kind() == StoreKind::Recording).unwrap();
+    let text = TextLog::descriptor_text().component;
+    let logged: Vec<String> = (recording.iter_physical_chunks())
+        .filter(|c| c.entity_path().to_string() == "/events")
+        .flat_map(|c| c.iter_slices::<String>(text).flatten().map(|t| t.to_string()).collect::<Vec<_>>())
+        .collect();
+    assert!(logged.contains(&"trajectory: dive to 30 m".to_owned()), "{logged:?}");
+    assert!(logged.contains(&"depth: depth lost: no sample for 2 s".to_owned()), "{logged:?}");
+    let entities: Vec<String> = recording.iter_physical_chunks().map(|c| c.entity_path().to_string()).collect();
+    for entity in [
+        "/world/estimate",
+        "/world/truth",
+        "/world/vehicle",
+        "/map/estimate",
+        "/map/truth",
+        "/map/vehicle",
+        "/scenario",
+    ] {
+        assert!(entities.iter().any(|e| e == entity), "{entity}");
+    }
+    assert!(stores.iter().any(|s| s.id().kind() == StoreKind::Blueprint), "a layout");
+}
+
+#[test]
+fn a_run_that_is_broken_off_leaves_a_recording_that_opens() {
+    let folder = tempfile::tempdir().unwrap();
+    drop(record(folder.path(), 700));
+    let rows = scalars(&folder.path().join("run.rrd"));
+    assert_eq!(rows["/state/ins/velocity/north/estimate"].len(), 700);
+}
+
+#[test]
+fn a_full_disk_is_named_at_once() {
+    let config = Rerun { path: "/dev/full".into(), ..Rerun::default() };
+    let error = config.record(Path::new("/tmp")).err().expect("nothing can be written").to_string();
+    assert!(error.contains("/dev/full") && error.contains("No space left"), "{error}");
+}
+
+#[test]
+fn a_disk_that_fills_up_ends_the_sink_with_its_path() {
+    // a pipe whose reader goes away refuses to be written to, as a full disk does
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("run.rrd");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let reader = {
+        let pipe = pipe.clone();
+        std::thread::spawn(move || drop(std::io::Read::read(&mut File::open(pipe).unwrap(), &mut [0; 4096])))
+    };
+    let mut sink = Rerun::default().record(folder.path()).unwrap();
+    reader.join().unwrap();
+    let fed = Synthetic::new(200).feed(sink.as_mut());
+    let error = fed.and_then(|()| sink.finish().map(|_| ())).unwrap_err().to_string();
+    assert!(error.contains(&pipe.display().to_string()) && error.contains("disk full"), "{error}");
+}
+
+#[test]
+fn a_table_without_keys_is_a_configuration_and_a_wrong_address_is_named() {
+    let config: Rerun = serde_json::from_str("{}").unwrap();
+    assert_eq!(config.path, Path::new("run.rrd"));
+    let config: Rerun = serde_json::from_str(r#"{ "serve": "everywhere" }"#).unwrap();
+    assert!(matches!(&config.serve, Serve::At(a) if a == "everywhere"));
+    let error = config.record(Path::new("/tmp")).err().unwrap().to_string();
+    assert!(error.contains("\"everywhere\"") && error.contains("127.0.0.1:9090"), "{error}");
+}
