@@ -219,3 +219,11 @@ fn an_imu_that_gives_increments_is_as_good_as_one_that_gives_rates() {
     let again: Value = serde_json::from_str(&stdout(&again)).expect("one JSON object");
     assert_eq!(again["states"], increments["states"]);
 }
+
+#[test]
+fn a_reference_between_two_imu_samples_starts_the_filter_and_is_compared_at_its_own_time() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let more = [SHORT[0], SHORT[1], "--set", "sensor.reference.simulation.offset=5 ms"];
+    let result = run_json(&scenario("quickstart"), folder.path(), &more);
+    assert_eq!(result["duration_s"], 139.995); // from the reference at 60.005 s to the last IMU sample at 200 s
+}

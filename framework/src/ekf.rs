@@ -246,8 +246,7 @@ impl Ekf {
 
     /// A driving sample: what waits for its interval is used on the way.
     fn drive(&mut self, sample: &Sample, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
-        let before = self.memory.input.replace(sample.time);
-        let input = Input { sample, duration: before.map_or(0.0, |before| sample.time.since(before)) };
+        let input = Input { sample, duration: self.memory.input.map_or(0.0, |before| sample.time.since(before)) };
         if !self.running() {
             for process in &mut self.memory.processes {
                 process.prepare(&self.layout, &mut self.memory.state, &input);
@@ -262,6 +261,7 @@ impl Ekf {
             self.advance(waiting.time, Some(input))?;
             self.use_sample(&waiting, observer)?;
         }
+        self.memory.input = Some(sample.time);
         self.advance(sample.time, Some(input))?;
         observer.input(sample, None);
         Ok(())
