@@ -48,14 +48,20 @@ struct Compiled {
     /// End of each row's entries.
     ends: Vec<usize>,
     /// The column of each entry, and where its value stands in `Transition::phi`.
-    entries: Vec<(u32, u32)>,
-    /// Values gathered into the kernel's order.
-    values: Vec<f64>,
+    entries: Vec<(usize, usize)>,
     /// Whether a column of the error state is an active row, and which.
     position: Vec<Option<usize>>,
+    terms: Terms,
     x: Vec<f64>,
     xt: Vec<f64>,
     y: Vec<f64>,
+}
+
+/// The elements of the changed rows of `Phi` that are not zero in this step, row by row.
+#[derive(Clone, Debug, Default)]
+struct Terms {
+    ends: Vec<usize>,
+    columns: Vec<(usize, f64)>,
 }
 
 impl Transition {
@@ -150,16 +156,15 @@ impl Transition {
         let mut c = Compiled { position: vec![None; n], ..Compiled::default() };
         for (k, &row) in rows.iter().enumerate() {
             c.position[row] = Some(k);
-            let mut entries: Vec<(u32, u32)> = (self.places.iter().enumerate())
-                .filter(|(_, p)| p.0 == row)
-                .map(|(at, p)| (p.1 as u32, at as u32))
-                .collect();
+            let mut entries: Vec<(usize, usize)> =
+                (self.places.iter().enumerate()).filter(|(_, p)| p.0 == row).map(|(at, p)| (p.1, at)).collect();
             entries.sort_unstable();
             c.entries.extend(entries);
             c.ends.push(c.entries.len());
         }
         let (stride, width) = (n.next_multiple_of(4), rows.len().next_multiple_of(4));
-        c.values = vec![0.0; c.entries.len()];
+        c.terms.ends.reserve_exact(rows.len());
+        c.terms.columns.reserve_exact(c.entries.len());
         c.x = vec![0.0; rows.len() * stride];
         c.xt = vec![0.0; n * width];
         c.y = vec![0.0; rows.len() * width];
@@ -171,32 +176,31 @@ impl Transition {
     pub fn propagate(&mut self, covariance: &mut Covariance) {
         let (n, stride) = (covariance.n, covariance.stride);
         let p = &mut covariance.p;
-        let Compiled { rows, ends, entries, values, position, x, xt, y } = &mut self.compiled;
+        let Compiled { rows, ends, entries, position, terms, x, xt, y } = &mut self.compiled;
         let width = rows.len().next_multiple_of(4);
-        for (v, e) in values.iter_mut().zip(entries.iter()) {
-            *v = self.phi[e.1 as usize];
-        }
+        terms.gather(ends, entries, &self.phi);
         // X = A P, the changed rows
-        product(ends, entries, values, p, stride, x);
+        terms.product(p, stride, x, false);
         for (k, row) in x.chunks_exact(stride).enumerate() {
-            for (j, v) in row[..n].iter().enumerate() {
-                xt[j * width + k] = *v;
+            for (v, column) in row.iter().zip(xt.chunks_exact_mut(width)) {
+                column[k] = *v;
             }
         }
-        // Y = A X', where changed rows and columns meet
-        product(ends, entries, values, xt, width, y);
-        for (k, &row) in rows.iter().enumerate() {
-            p[row * stride..row * stride + n].copy_from_slice(&x[k * stride..k * stride + n]);
+        // Y = A X', where changed rows and columns meet; it is symmetric, and its upper half is enough
+        terms.product(xt, width, y, true);
+        for (row, x) in rows.iter().zip(x.chunks_exact(stride)) {
+            p[row * stride..][..n].copy_from_slice(&x[..n]);
         }
-        for j in 0..n {
-            let new = &xt[j * width..j * width + rows.len()];
+        for (j, new) in xt.chunks_exact(width).enumerate() {
             match position[j] {
-                None => rows.iter().zip(new).for_each(|(&row, v)| p[j * stride + row] = *v),
+                None => {
+                    let p = &mut p[j * stride..][..n];
+                    rows.iter().zip(new).for_each(|(&row, v)| p[row] = *v);
+                }
                 Some(k) => {
-                    for (l, &row) in rows.iter().enumerate().take(k + 1) {
-                        let mean = 0.5 * (y[k * width + l] + y[l * width + k]);
-                        p[j * stride + row] = mean;
-                        p[row * stride + j] = mean;
+                    for (&row, v) in rows[k..].iter().zip(&y[k * width + k..]) {
+                        p[j * stride + row] = *v;
+                        p[row * stride + j] = *v;
                     }
                 }
             }
@@ -240,40 +244,53 @@ impl Transition {
     }
 }
 
-/// `out = A x` for the sparse rows `A`; `x` and `out` row-major with rows of `stride`, a multiple of four.
-#[inline]
-fn product(ends: &[usize], entries: &[(u32, u32)], values: &[f64], x: &[f64], stride: usize, out: &mut [f64]) {
-    let mut start = 0;
-    for (k, &end) in ends.iter().enumerate() {
-        let (e, v) = (&entries[start..end], &values[start..end]);
-        let row = &mut out[k * stride..(k + 1) * stride];
-        let mut at = 0;
-        while at + 12 <= stride {
-            accumulate::<12>(e, v, x, stride, at, row);
-            at += 12;
+impl Terms {
+    fn gather(&mut self, ends: &[usize], entries: &[(usize, usize)], phi: &[f64]) {
+        self.ends.clear();
+        self.columns.clear();
+        let mut start = 0;
+        for &end in ends {
+            let values = entries[start..end].iter().map(|&(column, at)| (column, phi[at]));
+            self.columns.extend(values.filter(|(_, v)| *v != 0.0));
+            self.ends.push(self.columns.len());
+            start = end;
         }
-        while at + 8 <= stride {
-            accumulate::<8>(e, v, x, stride, at, row);
-            at += 8;
+    }
+
+    /// `out = A x`; `x` and `out` row-major with rows of `stride`, a multiple of four. Of a result that is symmetric
+    /// (`half`), only what is right of the diagonal's group of four.
+    #[inline]
+    fn product(&self, x: &[f64], stride: usize, out: &mut [f64], half: bool) {
+        let mut start = 0;
+        for (k, (&end, row)) in self.ends.iter().zip(out.chunks_exact_mut(stride)).enumerate() {
+            let terms = &self.columns[start..end];
+            let mut at = if half { k / 4 * 4 } else { 0 };
+            // as many columns at once as there are registers for
+            while at < stride {
+                at += match stride - at {
+                    4 => accumulate::<4>(terms, x, stride, at, row),
+                    8 => accumulate::<8>(terms, x, stride, at, row),
+                    12 => accumulate::<12>(terms, x, stride, at, row),
+                    16 => accumulate::<16>(terms, x, stride, at, row),
+                    _ => accumulate::<20>(terms, x, stride, at, row),
+                };
+            }
+            start = end;
         }
-        if at < stride {
-            accumulate::<4>(e, v, x, stride, at, row);
-        }
-        start = end;
     }
 }
 
 /// `W` columns of one row of the product, kept in registers.
 #[inline(always)]
-fn accumulate<const W: usize>(e: &[(u32, u32)], v: &[f64], x: &[f64], stride: usize, at: usize, row: &mut [f64]) {
+fn accumulate<const W: usize>(terms: &[(usize, f64)], x: &[f64], stride: usize, at: usize, row: &mut [f64]) -> usize {
     let mut sum = [0.0; W];
-    for (&(column, _), &a) in e.iter().zip(v) {
-        let from = column as usize * stride + at;
-        if let Some(x) = x[from..].first_chunk::<W>() {
+    for &(column, a) in terms {
+        if let Some(x) = x[column * stride + at..].first_chunk::<W>() {
             for (s, x) in sum.iter_mut().zip(x) {
                 *s += a * x;
             }
         }
     }
     row[at..at + W].copy_from_slice(&sum);
+    W
 }
