@@ -12,6 +12,9 @@ use crate::state::Mode;
 use crate::time::Time;
 use std::mem::discriminant;
 
+/// So many gated samples in a row are worth a warning.
+const IN_A_ROW: u64 = 5;
+
 /// A sensor as the filter sees it.
 #[derive(Clone)]
 pub(super) struct SensorSlot {
@@ -70,8 +73,11 @@ impl SensorSlot {
         streak.latest = time;
         let Streak { since, count, told, .. } = streak;
         self.gated = Some(streak);
+        // one is what a gate is for; several in a row are worth a warning
         if count == 1 {
-            event(Level::Warning, format!("gate rejects: NIS {nis:.1} is above {threshold:.1}"));
+            event(Level::Info, format!("gate rejects: NIS {nis:.1} is above {threshold:.1}"));
+        } else if count == IN_A_ROW {
+            event(Level::Warning, format!("{count} samples gated in a row since {since}"));
         }
         if time.since(since) < after || count == 1 || !nis.is_finite() {
             return Verdict::Gate;
