@@ -31,7 +31,7 @@ const MAP_SCALE: f64 = 40_075_016.7 / 256.0;
 /// # Errors
 /// When the viewer's library cannot encode it.
 pub fn messages(run: &Run, ranges: bool) -> RecordingStreamResult<Vec<LogMsg>> {
-    let mut layout = Layout { properties: Vec::new(), ranges };
+    let mut layout = Layout { properties: Vec::new(), ranges, legend: true };
     let root = layout.root(run);
     let blueprint = Blueprint::new(root)
         .with_auto_views(false)
@@ -64,6 +64,8 @@ pub fn messages(run: &Run, ranges: bool) -> RecordingStreamResult<Vec<LogMsg>> {
 struct Layout {
     properties: Vec<(EntityPath, Box<dyn AsComponents>)>,
     ranges: bool,
+    /// Whether the next plots have a legend: one a tab is enough, as the colours mean the same in all.
+    legend: bool,
 }
 
 impl Layout {
@@ -80,17 +82,22 @@ impl Layout {
         for s in &run.sensors {
             let blocks: Vec<_> = calibrations.iter().filter(|b| b.owner == s.name).collect();
             if !blocks.is_empty() {
+                self.legend = true;
                 let rows: Vec<_> = blocks.iter().map(|b| self.calibration_row(b)).collect();
                 right.push(Vertical::new(rows).with_name(format!("{} calibration", s.name)).into());
             }
         }
         let all = !self.ranges;
         for s in run.sensors.iter().filter(|s| s.measures && (s.heard || all)) {
-            let plots: Vec<_> = (s.quantities.iter())
-                .map(|q| self.plot(&q.label, &[format!("+ {}/**", q.accepted.path)], q.range.axis()))
-                .collect();
+            self.legend = true;
+            let mut plots = Vec::new();
+            for q in &s.quantities {
+                plots.push(self.plot(&q.label, &[format!("+ {}/**", q.accepted.path)], q.range.axis()));
+                self.legend = false;
+            }
             right.push(Vertical::new(plots).with_name(format!("{} innovations", s.name)).into());
         }
+        self.legend = true; // channels differ from sensor to sensor
         let samples: Vec<_> = (run.sensors.iter())
             .filter_map(|s| s.samples.as_ref().map(|series| (&s.name, format!("+ {}", series.path))))
             .map(|(name, contents)| self.plot(name, &[contents], None))
@@ -131,7 +138,8 @@ impl Layout {
     /// A row for each component: beside the value its error, where the truth moves.
     fn process_block(&mut self, name: &str, block: &BlockSeries, errors: bool) -> ContainerLike {
         let mut rows = Vec::new();
-        for c in &block.components {
+        for (k, c) in block.components.iter().enumerate() {
+            self.legend = k == 0;
             let value = self.value(&c.label, c);
             rows.push(if errors {
                 let contents = [format!("+ {}", c.error.path)];
@@ -147,7 +155,11 @@ impl Layout {
     /// One block's components side by side.
     fn calibration_row(&mut self, block: &BlockSeries) -> ContainerLike {
         let name = title(&block.name);
-        let plots: Vec<_> = (block.components.iter()).map(|c| self.value(&format!("{name} {}", c.label), c)).collect();
+        let mut plots = Vec::new();
+        for c in &block.components {
+            plots.push(self.value(&format!("{name} {}", c.label), c));
+            self.legend = false;
+        }
         Horizontal::new(plots).into()
     }
 
@@ -160,7 +172,8 @@ impl Layout {
         let view = ContainerLike::from(TimeSeriesView::new(name).with_origin("/").with_contents(contents));
         let whole = TimeRange { start: TimeRangeBoundary::Infinite, end: TimeRangeBoundary::Infinite };
         self.set(&view, "TimeAxis", TimeAxis::new().with_view_range(whole));
-        self.set(&view, "PlotLegend", PlotLegend::new().with_corner(Corner2D::RightTop));
+        let corner = PlotLegend::new().with_corner(Corner2D::RightTop);
+        self.set(&view, "PlotLegend", corner.with_visible(self.legend));
         if let Some(range) = range.filter(|_| self.ranges) {
             self.set(&view, "ScalarAxis", ScalarAxis::new().with_range(range));
         }

@@ -39,7 +39,7 @@ impl Series {
 
     /// A line between its bounds of 3 sigma.
     pub fn bounded(path: EntityPath, name: String, colour: Colour) -> Self {
-        Self::lines(path, &[(name, colour, 1.8), ("+3σ".into(), BOUND, 1.0), ("-3σ".into(), BOUND, 1.0)])
+        Self::lines(path, &[(name, colour, 2.6), ("+3σ".into(), BOUND, 1.2), ("-3σ".into(), BOUND, 1.2)])
     }
 
     /// Points.

@@ -51,9 +51,9 @@ impl SensorSeries {
         }
         if measures {
             let entity = |more: &[&str]| path(&[&["innovation", &info.name, "nis"], more].concat());
-            let lines = [("NIS".to_owned(), AXES[2], 1.2), ("gate".to_owned(), BOUND, 1.0)];
+            let lines = [("NIS".to_owned(), AXES[2], 1.2), ("gate".to_owned(), BOUND, 1.6)];
             quantities.push(Quantity {
-                label: "NIS".into(),
+                label: format!("{} NIS", info.name),
                 accepted: Series::lines(entity(&[]), &lines),
                 gated: Series::points(entity(&["gated"]), "gated", GATED, 4.5),
                 range: Range::default(),

@@ -110,7 +110,8 @@ impl Recording {
     /// # Errors
     /// When the file cannot be written.
     pub fn flush(&mut self) -> Result<(), StreamError> {
-        self.streams[0].flush_blocking().map_err(|e| self.error(&format!("{e} (is the disk full?)")))?;
+        let Some(file) = self.streams.first() else { return Ok(()) };
+        file.flush_blocking().map_err(|e| self.error(&format!("{e} (is the disk full?)")))?;
         let mut k = 0;
         self.streams.retain(|s| {
             k += 1;

@@ -151,7 +151,7 @@ impl Track {
     pub fn draw(&mut self, recording: &Recording) -> Result<(), StreamError> {
         self.flush(recording)?;
         let Some((_, side)) = self.extent.middle() else { return Ok(()) };
-        line(recording, "truth", &self.truth, TRUTH, 2.5)?;
+        line(recording, "truth", &self.truth, TRUTH, 0.9)?;
         line(recording, "estimate", &self.estimate, TRACK, 1.5)?;
         // the track's shadow on the level of its start makes a dive visible
         let shadow = self.estimate.iter().map(|(ned, _)| [ned[0], ned[1], 0.0]);

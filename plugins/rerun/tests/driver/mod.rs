@@ -141,8 +141,7 @@ impl Viewer {
         let (stream, stored) = RecordingStreamBuilder::from_store_id(&id).enabled(true).memory().unwrap();
         stream.send_chunks(layout.chunks.iter().map(|c| c.as_ref().clone()));
         stream.set_time_sequence("blueprint", 1);
-        for (container, name, child) in layout.tabs.iter().filter(|t| tabs.contains(&t.1.as_str())) {
-            println!("{name}: {child}");
+        for (container, _, child) in layout.tabs.iter().filter(|t| tabs.contains(&t.1.as_str())) {
             stream
                 .log(container.clone(), &ContainerBlueprint::update_fields().with_active_tab(child.as_str()))
                 .unwrap();
