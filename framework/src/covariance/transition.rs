@@ -45,6 +45,8 @@ struct Own {
 struct Compiled {
     /// The rows of `Phi` that are not those of the identity, ascending.
     rows: Vec<usize>,
+    /// Their number, padded to a multiple of four.
+    width: usize,
     /// End of each row's entries.
     ends: Vec<usize>,
     /// The column of each entry, and where its value stands in `Transition::phi`.
@@ -162,7 +164,8 @@ impl Transition {
             c.entries.extend(entries);
             c.ends.push(c.entries.len());
         }
-        let (stride, width) = (n.next_multiple_of(4), rows.len().next_multiple_of(4));
+        let (stride, width) = (n.next_multiple_of(4), rows.len().max(1).next_multiple_of(4));
+        c.width = width;
         c.terms.ends.reserve_exact(rows.len());
         c.terms.columns.reserve_exact(c.entries.len());
         c.x = vec![0.0; rows.len() * stride];
@@ -176,8 +179,8 @@ impl Transition {
     pub fn propagate(&mut self, covariance: &mut Covariance) {
         let (n, stride) = (covariance.n, covariance.stride);
         let p = &mut covariance.p;
-        let Compiled { rows, ends, entries, position, terms, x, xt, y } = &mut self.compiled;
-        let width = rows.len().next_multiple_of(4);
+        let Compiled { rows, width, ends, entries, position, terms, x, xt, y } = &mut self.compiled;
+        let width = *width;
         terms.gather(ends, entries, &self.phi);
         // X = A P, the changed rows
         terms.product(p, stride, x, false);
