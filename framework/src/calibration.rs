@@ -168,13 +168,11 @@ impl<V: Components, W: Components> Calibration<V, W> {
                     "a state is a random walk or a Gauss-Markov process, not both",
                 ));
             }
-            (Some(walk), None) => {
-                Dynamics::RandomWalk(walk.value().components().iter().map(|w| w * w).collect())
-            }
+            (Some(walk), None) => Dynamics::RandomWalk(walk.value().components().iter().map(|w| w * w).collect()),
             (None, Some(time)) => Dynamics::GaussMarkov {
-                sigma: sigma.clone().ok_or_else(|| {
-                    ComposeError::new(name, "a correlation time needs a sigma, the stationary one")
-                })?,
+                sigma: sigma
+                    .clone()
+                    .ok_or_else(|| ComposeError::new(name, "a correlation time needs a sigma, the stationary one"))?,
                 time: time.value().si(),
             },
             (None, None) => Dynamics::Constant,

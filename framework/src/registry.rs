@@ -1,6 +1,6 @@
 //! Plugins, and the types they register.
 
-use crate::compose::{BuiltProcess, Composer, Composition, ComposeError, Role};
+use crate::compose::{BuiltProcess, ComposeError, Composer, Composition, Role};
 use crate::document::{DocumentError, Node};
 use crate::sample::Channel;
 use crate::stream::{Sink, Source, StreamError};

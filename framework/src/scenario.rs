@@ -264,7 +264,8 @@ impl<'a> Scenario<'a> {
     pub fn assemble(&self, output: Option<&Path>) -> Result<Assembly, BuildError> {
         let composition = self.compose()?;
         let base = self.document.folder().to_path_buf();
-        let context = OpenContext { composition: &composition, base, output: output.map_or_else(PathBuf::new, Into::into) };
+        let context =
+            OpenContext { composition: &composition, base, output: output.map_or_else(PathBuf::new, Into::into) };
         let mut sources = Vec::new();
         let parts = self.parts(Kind::Source)?;
         if parts.is_empty() {
@@ -313,7 +314,8 @@ impl<'a> Scenario<'a> {
         let parts = self.parts(Kind::Sink)?;
         let named = self.document.root().get(Kind::Sink.table());
         let mentioned = |entry: &Entry| {
-            named.as_ref().is_some_and(|n| n.get(entry.name).is_some()) || parts.iter().any(|p| p.entry.name == entry.name)
+            named.as_ref().is_some_and(|n| n.get(entry.name).is_some())
+                || parts.iter().any(|p| p.entry.name == entry.name)
         };
         let default = |e: &&Entry| matches!(e.make, Make::Sink { default: true, .. });
         Ok(self.registry.entries().filter(default).filter(|e| !mentioned(e)).collect())

@@ -19,7 +19,8 @@ impl Random {
     /// The stream of a seed for one purpose: adding a sensor does not change what another one draws.
     pub fn new(seed: u64, purpose: &str) -> Self {
         // FNV-1a: the standard hasher may change with the compiler
-        let hash = purpose.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
+        let hash =
+            purpose.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
         Self(Xoshiro256PlusPlus::seed_from_u64(seed ^ hash.rotate_left(17)))
     }
 

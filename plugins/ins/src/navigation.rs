@@ -63,4 +63,3 @@ impl Navigation {
         x.get(self.position).displaced(&(x.get(self.attitude) * lever_arm))
     }
 }
-

@@ -38,8 +38,8 @@ impl Series {
     }
 
     /// A line between its bounds of 3 sigma.
-    pub fn bounded(path: EntityPath, name: String, colour: Colour) -> Self {
-        Self::lines(path, &[(name, colour, 2.6), ("+3σ".into(), BOUND, 1.2), ("-3σ".into(), BOUND, 1.2)])
+    pub fn bounded(path: EntityPath, name: String, colour: Colour, width: f32) -> Self {
+        Self::lines(path, &[(name, colour, width), ("+3σ".into(), BOUND, 1.2), ("-3σ".into(), BOUND, 1.2)])
     }
 
     /// Points.
@@ -167,6 +167,6 @@ impl Range {
         let later = self.bounds.iter().skip(self.bounds.len() / 10);
         let (low, high) = later.fold((self.low, self.high), |(l, h), [a, b]| (l.min(a), h.max(b)));
         let margin = 0.06 * (high - low);
-        (low.is_finite() && high.is_finite() && margin > 0.0).then(|| [low - margin, high + margin])
+        (low.is_finite() && high.is_finite() && margin > 0.0).then_some([low - margin, high + margin])
     }
 }

@@ -43,7 +43,7 @@ impl SensorSeries {
             let label = label(channel.name, &unit(channel.unit));
             let entity = |more: &[&str]| path(&[&["innovation", &info.name, channel.name], more].concat());
             quantities.push(Quantity {
-                accepted: Series::bounded(entity(&[]), label.clone(), axis(k)),
+                accepted: Series::bounded(entity(&[]), label.clone(), axis(k), 1.4),
                 gated: Series::points(entity(&["gated"]), "gated", GATED, 4.5),
                 range: Range::default(),
                 label,

@@ -66,11 +66,11 @@ impl BlockSeries {
             let entity = |leaf| path(&["state", owner, name, &name_of, leaf]);
             let error_label = label(&format!("{name_of} error"), unit);
             let label = label(&name_of, unit);
-            let truth = (format!("true {label}"), TRUTH, 1.6);
+            let truth = (format!("true {label}"), TRUTH, 1.8);
             Component {
-                estimate: Series::bounded(entity("estimate"), label.clone(), axis(k)).broken_at(half_turn),
+                estimate: Series::bounded(entity("estimate"), label.clone(), axis(k), 2.8).broken_at(half_turn),
                 truth: Series::lines(entity("truth"), &[truth]).broken_at(half_turn),
-                error: Series::bounded(entity("error"), error_label.clone(), axis(k)),
+                error: Series::bounded(entity("error"), error_label.clone(), axis(k), 2.8),
                 range: Range::default(),
                 error_range: Range::default(),
                 label,

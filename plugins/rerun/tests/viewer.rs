@@ -19,8 +19,11 @@ const TRUTH: [u8; 3] = [245, 166, 35];
 const BOUND: [u8; 3] = [140, 148, 160];
 const GATED: [u8; 3] = [255, 0, 200];
 
-/// The tabs, and how many views each has of which colours.
-const TABS: &[(&str, &[(&str, &[[u8; 3]])])] = &[
+/// Views by name, and the colours that each shows.
+type Views = &'static [(&'static str, &'static [[u8; 3]])];
+
+/// The tabs.
+const TABS: &[(&str, Views)] = &[
     ("3-D track", &[("3-D track", &[BLUE, TRUTH, RED, GREEN])]),
     ("Map", &[("Map", &[BLUE, TRUTH, RED])]),
     (

@@ -11,8 +11,8 @@ mod trajectory_tests;
 
 pub use cursor::{Cursor, Kinematics};
 pub use segment::{Direction, SegmentConfig};
-pub use trajectory::{Span, StartConfig, Trajectory, TrajectoryConfig, TrajectoryError};
 pub use source::Simulation;
+pub use trajectory::{Span, StartConfig, Trajectory, TrajectoryConfig, TrajectoryError};
 
 use navfuse_core::registry::{Plugin, Registry};
 

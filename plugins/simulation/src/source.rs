@@ -166,7 +166,12 @@ impl SensorStream {
             stream.schedule = (trajectory.segments())
                 .filter_map(|s| {
                     let text = format!("{} from {:.0} s to {:.0} s", s.label, s.start, s.end);
-                    Time::from_seconds(s.start).map(|time| Event { time, level: Level::Info, about: "trajectory".into(), text })
+                    Time::from_seconds(s.start).map(|time| Event {
+                        time,
+                        level: Level::Info,
+                        about: "trajectory".into(),
+                        text,
+                    })
                 })
                 .collect();
         }
@@ -182,7 +187,8 @@ impl SensorStream {
     /// Whether this sample is lost.
     fn lost(&mut self, time: Time) -> bool {
         let t = time.seconds();
-        let dropped = self.faults.dropout.value().si() > 0.0 && self.random.uniform() < self.faults.dropout.value().si();
+        let dropped =
+            self.faults.dropout.value().si() > 0.0 && self.random.uniform() < self.faults.dropout.value().si();
         dropped || self.faults.outages.iter().any(|[from, to]| t >= from.si() && t < to.si())
     }
 }
@@ -199,7 +205,10 @@ impl Source for SensorStream {
             if let Simulated::Driving(simulator) = &self.kind {
                 let (layout, truth) = (&*self.layout, &self.truth);
                 let (noise, random) = (self.faults.noise.value().si(), &mut self.random);
-                simulator.simulate(&mut Scene { layout, truth, trajectory: &mut self.path, from, to, noise, random }, sample);
+                simulator.simulate(
+                    &mut Scene { layout, truth, trajectory: &mut self.path, from, to, noise, random },
+                    sample,
+                );
                 if !self.lost(to) {
                     return Ok(true);
                 }
