@@ -6,9 +6,6 @@
 mod correct;
 mod start;
 
-#[cfg(test)]
-mod tests;
-
 use crate::compose::{Composition, Role};
 use crate::covariance::{Covariance, Transition, Update};
 use crate::dynamics::BlockDynamics;

@@ -322,8 +322,7 @@ fn day(settings: &[&str]) -> (u64, f64, f64) {
     assert!((summary.distance_m / (2.0 * 86_340.0 + 60.0) - 1.0).abs() < 1e-4, "{}", summary.distance_m);
     let error = summary.horizontal_error_m.unwrap();
     assert!((error.percent_of_distance - 100.0 * error.last / summary.distance_m).abs() < 1e-12);
-    let seen = *seen.lock().unwrap();
-    seen
+    *seen.lock().unwrap()
 }
 
 // the eigenvalues of a correlation matrix of dimension 20 are computed to 20 x 2^-53 = 2e-15: what is above 1e-14 is
