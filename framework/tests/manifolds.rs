@@ -84,7 +84,7 @@ proptest! {
         // (x [+] d) [+] e = exp(e) exp(d) x
         let x = rotation(a);
         let two = retract::<Rotation>(&retract::<Rotation>(&x, &d), &e);
-        let exp = |v: [f64; 3]| Rotation3::from_scaled_axis(Vector3::from(v));
+        let exp = |v: [f64; 3]| UnitQuaternion::from_scaled_axis(Vector3::from(v));
         let expected = (exp(e) * exp(d)).scaled_axis();
         let one = retract::<Rotation>(&x, expected.as_slice());
         prop_assert!(distance(&local::<Rotation>(&two, &one), &[0.0; 3]) < 1e-13);
