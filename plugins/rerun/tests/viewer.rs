@@ -113,3 +113,20 @@ fn a_viewer_shows_a_run_that_is_sent_or_served_to_it() {
     let url = place.split("url=").nth(1).unwrap().replace("%2B", "+").replace("%3A", ":").replace("%2F", "/");
     Viewer::start(&program, Some(&url), &folder).wait(end);
 }
+
+/// Makes the pictures of the documentation from a recording:
+/// `NAVFUSE_RECORDING=runs/pan-wu-3d/run.rrd NAVFUSE_TAB="dvl calibration" cargo test -p navfuse-rerun --test viewer -- --ignored`
+#[test]
+#[ignore = "makes a picture, tests nothing"]
+fn picture_of_a_recording() {
+    let (Some(program), Some(recording)) = (driver::program(), std::env::var_os("NAVFUSE_RECORDING")) else { return };
+    let tab = std::env::var("NAVFUSE_TAB").unwrap_or_else(|_| "dvl calibration".into());
+    let recording = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(recording);
+    let folder = driver::target("rerun-pictures");
+    let layout = Layout::read(&recording);
+    let mut viewer = Viewer::start(&program, Some(&recording.display().to_string()), &folder);
+    std::thread::sleep(std::time::Duration::from_secs(5));
+    viewer.show(&layout, &[&tab]);
+    viewer.screenshot(None, "recording");
+    println!("{}", folder.join("recording.png").display());
+}

@@ -35,7 +35,8 @@ fn succeeds(command: &mut Command) -> bool {
 pub fn program() -> Option<PathBuf> {
     let icd = || Path::new("/usr/share/vulkan/icd.d").read_dir().is_ok_and(|mut d| d.next().is_some());
     let mesa = ["install", "-y", "--no-install-recommends", "mesa-vulkan-drivers"];
-    let installed = || succeeds(Command::new("apt-get").args(mesa)) && icd();
+    let apt = |words: &[&str]| succeeds(Command::new("apt-get").args(words));
+    let installed = || (apt(&mesa) || (apt(&["update"]) && apt(&mesa))) && icd();
     if !(icd() || installed()) {
         println!("skipped: no Vulkan driver; install mesa-vulkan-drivers");
         return None;
