@@ -111,11 +111,11 @@ fn an_error_names_file_line_key_what_was_found_and_what_is_allowed() {
     );
     assert_eq!(error::<String>(&dvl), "scenarios/a.toml:7: sensor.dvl: found a table, expected a string");
     assert_eq!(
-        error::<Vec<Segment>>(&at(&d, &["trajectory", "segments"])),
+        error::<u32>(&at(&d, &["trajectory", "segments", "1", "duration"])),
         "scenarios/a.toml:20: trajectory.segments.1.duration = -4: expected a whole number, not negative"
     );
     assert_eq!(
-        error::<Kind>(&at(&d, &["trajectory", "segments", "1", "kind"])),
+        error::<Vec<Segment>>(&at(&d, &["trajectory", "segments"])),
         "scenarios/a.toml:19: trajectory.segments.1.kind = \"clmib\": unknown value \"clmib\"; \
          did you mean \"climb\"? (allowed: dive, climb)"
     );
@@ -130,7 +130,7 @@ fn an_error_names_file_line_key_what_was_found_and_what_is_allowed() {
     );
     assert_eq!(
         error::<BTreeMap<String, BTreeMap<String, f64>>>(&at(&d, &["sensor"])),
-        "scenarios/a.toml:12: sensor.dvl.extra: found a table, expected a number"
+        "scenarios/a.toml:9: sensor.dvl.lever_arm = [\"1 m\", \"2 m/s\", \"3 m\"]: found an array, expected a number"
     );
 }
 
