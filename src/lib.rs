@@ -49,7 +49,7 @@ pub fn command(registry: &Registry) -> ExitCode {
         Command::Schema => inspect::schema(registry),
     };
     done.unwrap_or_else(|error| {
-        eprintln!("error: {error}");
+        print::warn(format_args!("error: {error}"));
         ExitCode::FAILURE
     })
 }

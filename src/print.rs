@@ -12,6 +12,11 @@ pub fn line(text: impl std::fmt::Display) {
     writeln!(std::io::stdout(), "{text}").ok();
 }
 
+/// Prints a line on standard error, which may be closed too.
+pub fn warn(text: impl std::fmt::Display) {
+    writeln!(std::io::stderr(), "{text}").ok();
+}
+
 /// An empty table with headings.
 pub fn table(headings: &[&str]) -> Table {
     let mut table = Table::new();
@@ -106,13 +111,13 @@ pub fn events(events: &[Event]) {
     let when = |e: &Event| if e.time == Time::MIN { String::new() } else { format!("{} ", e.time) };
     let word = |e: &Event| if e.level == Level::Error { "error" } else { "warning" };
     for e in events.iter().filter(|e| e.level < Level::Error).take(SHOWN) {
-        eprintln!("{}: {}{}: {}", word(e), when(e), e.about, e.text);
+        warn(format_args!("{}: {}{}: {}", word(e), when(e), e.about, e.text));
     }
     let more = events.iter().filter(|e| e.level < Level::Error).count().saturating_sub(SHOWN);
     if more > 0 {
-        eprintln!("and {more} more warnings: see the log");
+        warn(format_args!("and {more} more warnings: see the log"));
     }
     for e in events.iter().filter(|e| e.level == Level::Error) {
-        eprintln!("{}: {}{}: {}", word(e), when(e), e.about, e.text);
+        warn(format_args!("{}: {}{}: {}", word(e), when(e), e.about, e.text));
     }
 }

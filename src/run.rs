@@ -33,13 +33,16 @@ pub fn replay(registry: &Registry, arguments: &Replay) -> Result<ExitCode> {
         Some(path) => Document::from_file(path)?,
         None => {
             let info = navfuse_mcap::read_scenario(&arguments.log)?;
-            Document::parse(log.with_file_name(format!("{}.toml", info.name)).display().to_string(), info.scenario)?
+            Document::parse(
+                log.with_file_name(format!("{}.toml", folder_name(&info.name))).display().to_string(),
+                info.scenario,
+            )?
         }
     };
     let source = format!("source={{ mcap = {{ path = {:?} }} }}", log.display().to_string());
     let mut options = RunOptions { set: arguments.options.set.clone(), ..copy(&arguments.options) };
     if options.out.is_none() {
-        options.out = Some(PathBuf::from("runs").join(format!("{}-replay", document.stem())));
+        options.out = Some(PathBuf::from("runs").join(folder_name(&format!("{}-replay", document.stem()))));
     }
     go(registry, document, &[source], &options)
 }
@@ -71,7 +74,7 @@ fn go(registry: &Registry, document: Document, first: &[String], options: &RunOp
     bar.done();
     report(&finished, text)?;
     if options.live.serve && !finished.interrupted {
-        eprintln!("serving until Ctrl-C");
+        print::warn("serving until Ctrl-C");
         while !stop.load(Ordering::Relaxed) {
             std::thread::sleep(std::time::Duration::from_millis(100));
         }
@@ -104,11 +107,19 @@ fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Result<Option
     if options.no_output {
         return Ok(None);
     }
-    let folder = options.out.clone().unwrap_or_else(|| Path::new("runs").join(scenario.name()));
+    let folder = options.out.clone().unwrap_or_else(|| Path::new("runs").join(folder_name(&scenario.name())));
     std::fs::create_dir_all(&folder).map_err(|e| {
         format!("{}: the output folder cannot be made: {e}; give another with --out, or --no-output", folder.display())
     })?;
     Ok(Some(folder))
+}
+
+/// A scenario's name as the name of a folder: whatever else it holds, it does not lead out of `runs`.
+fn folder_name(name: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    let name: String = name.chars().map(plain).collect();
+    let name = name.trim_start_matches('.');
+    if name.is_empty() { "run".to_owned() } else { name.to_owned() }
 }
 
 fn report(finished: &Finished, text: bool) -> Result<()> {

@@ -234,3 +234,50 @@ fn a_standard_output_that_closes_early_is_no_panic() {
     let output = std::process::Command::new("sh").arg("-c").arg(script).output().expect("sh starts");
     assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
 }
+
+#[test]
+fn an_imu_that_begins_long_after_the_filter_is_refused() {
+    let scenario = common::scenario("quickstart").display().to_string();
+    let settings = ["--set", "sensor.imu.simulation.offset=50 s", "--set", "estimator.start=0 s"];
+    let output = command().args(["run", &scenario, "--no-output", "--format=json"]).args(settings).output();
+    let output = output.expect("the command starts");
+    let started_late = stdout(&output).contains("\"duration_s\":57"); // or it waits for the first reference with an IMU: 580 s
+    assert!(started_late || stderr(&output).contains("max_gap"), "{}", stderr(&output));
+}
+
+/// Lost samples of an IMU that gives increments cost what they held, not the filter: its errors stay those of one that loses
+/// nothing, 3 sigma for the DVL's scale factor.
+#[test]
+fn lost_increments_are_bridged_and_told() {
+    let scenario = common::scenario("quickstart").display().to_string();
+    let settings = ["--set", "sensor.imu.output=increments", "--set", "sensor.imu.simulation.dropout=1 %"];
+    let output = command().args(["run", &scenario, "--no-output", "--format=json"]).args(settings).output();
+    let output = output.expect("the command starts");
+    tells(&output, &["without a sample", "bridged", "samples were missing"]);
+    let result: serde_json::Value = serde_json::from_str(&stdout(&output)).expect("one JSON object");
+    let scale = &result["states"]["dvl.scale"];
+    let ratio = scale["error"][0].as_f64().expect("an error") / scale["sigma"][0].as_f64().expect("a sigma");
+    assert!(ratio.abs() < 3.0, "{ratio} sigma");
+}
+
+#[test]
+fn a_fault_that_cannot_be_simulated_is_named_with_the_remedy() {
+    let scenario = common::scenario("quickstart").display().to_string();
+    let cases = [
+        ("sensor.imu.simulation.rate=1e12 Hz", "up to 1 MHz"),
+        ("sensor.dvl.simulation.dropout=2", "such as \"2 %\""),
+        ("sensor.dvl.simulation.offset=-1 s", "begins at 0 s"),
+        ("sensor.dvl.simulation.outages=[[\"400 s\", \"100 s\"]]", "ends after it begins"),
+        ("sensor.imu.simulation.outliers=50 %", "only measuring sensors"),
+    ];
+    for (setting, remedy) in cases {
+        fails_with(&navfuse(&["run", &scenario, "--no-output", "--set", setting]), &["simulation]", remedy]);
+    }
+}
+
+#[test]
+fn a_standard_error_that_is_closed_is_no_panic() {
+    let script = format!("{} run no-such.toml 2>&-; exit $?", env!("CARGO_BIN_EXE_navfuse"));
+    let output = std::process::Command::new("sh").arg("-c").arg(script).output().expect("sh starts");
+    assert_eq!(output.status.code(), Some(1));
+}

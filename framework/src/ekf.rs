@@ -3,6 +3,7 @@
 //! It owns injection, reset, gating and the covariance; models never touch them. Measurements wait until the driving
 //! sensor's samples reach their time, then its interval is split there, so that every update happens at its own time.
 
+mod cadence;
 mod correct;
 mod start;
 
@@ -15,6 +16,7 @@ use crate::sample::{MAX_CHANNELS, Sample};
 use crate::simulate::Random;
 use crate::state::{Layout, Mode, State};
 use crate::time::Time;
+use cadence::Cadence;
 use correct::SensorSlot;
 use start::Start;
 use std::collections::VecDeque;
@@ -75,6 +77,7 @@ struct Memory {
     sensors: Vec<SensorSlot>,
     /// The time of the last driving sample.
     input: Option<Time>,
+    cadence: Cadence,
     /// Measurements ahead of the driving sensor, in order of time.
     pending: VecDeque<Sample>,
     truth: State,
@@ -119,6 +122,7 @@ impl Ekf {
                 processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
                 sensors: composition.sensors.iter().map(SensorSlot::new).collect(),
                 input: None,
+                cadence: Cadence::default(),
                 pending: VecDeque::with_capacity(MAX_PENDING),
                 truth: constants.clone(),
                 known: known_constants.clone(),
@@ -203,8 +207,25 @@ impl Ekf {
         Ok(())
     }
 
+    /// Says once that samples of the driving sensor are missing; how many, when there are no more.
+    fn tell_of_missing(&mut self, sample: &Sample, duration: f64, usual: f64, observer: &mut dyn Observer) {
+        if self.memory.cadence.missing == 1 {
+            let about = self.composition.sensors[sample.sensor.0].info.name.clone();
+            let text = format!("{duration:.3} s without a sample, {usual:.3} s is usual: bridged at the mean rate");
+            observer.event(Event { time: sample.time, level: Level::Warning, about, text });
+        }
+    }
+
     /// Says what is left unused when there are no more samples.
     pub fn finish(&mut self, observer: &mut dyn Observer) {
+        let Cadence { missing, longest, .. } = self.memory.cadence;
+        if let Some(driver) = self.driver
+            && missing > 1
+        {
+            let about = self.composition.sensors[driver].info.name.clone();
+            let text = format!("samples were missing {missing} times, for {longest:.3} s at the longest");
+            observer.event(Event { time: self.memory.state.time, level: Level::Warning, about, text });
+        }
         while let Some(sample) = self.memory.pending.pop_front() {
             observer.update(&rejected(&sample, Rejection::NoInput));
         }
@@ -243,7 +264,12 @@ impl Ekf {
 
     /// A driving sample: what waits for its interval is used on the way.
     fn drive(&mut self, sample: &Sample, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
-        let input = Input { sample, duration: self.memory.input.map_or(0.0, |before| sample.time.since(before)) };
+        let duration = self.memory.input.map_or(0.0, |before| sample.time.since(before));
+        let usual = self.memory.cadence.usual(duration);
+        if usual < duration {
+            self.tell_of_missing(sample, duration, usual, observer);
+        }
+        let input = Input { sample, duration, usual };
         if !self.running() {
             for process in &mut self.memory.processes {
                 process.prepare(&self.layout, &mut self.memory.state, &input);

@@ -24,6 +24,8 @@ pub struct Input<'a> {
     pub sample: &'a Sample,
     /// The length of its interval, s: from the previous sample to this one.
     pub duration: f64,
+    /// The sensor's usual interval, s: less than `duration` where samples are missing before this one.
+    pub usual: f64,
 }
 
 impl Interval<'_> {

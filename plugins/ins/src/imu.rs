@@ -84,22 +84,22 @@ impl SensorType for Imu {
 }
 
 impl Imu {
-    /// Integrals of angular rate (rad) and specific force (m/s) that a sample stands for over `dt` of its `duration`
-    /// seconds; `None` if channels are missing.
+    /// Mean angular rate (rad/s) and specific force (m/s^2) of a sample that covers `interval` seconds; `None` if channels
+    /// are missing.
     #[inline]
-    pub(crate) fn increments(&self, sample: &Sample, duration: f64, dt: f64) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    pub(crate) fn rates(&self, sample: &Sample, interval: f64) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let c: [f64; 6] = sample.array(0)?;
         let share = match self.output {
-            Output::Rates => dt,
-            Output::Increments => dt / duration,
+            Output::Rates => 1.0,
+            Output::Increments => 1.0 / interval,
         };
         Some((Vector3::new(c[0], c[1], c[2]) * share, Vector3::new(c[3], c[4], c[5]) * share))
     }
 
-    /// Variance of one axis's white noise integrated over `dt`: its spectral density, and that of rounding, uniform in a
-    /// step and white from sample to sample.
-    pub(crate) fn variance(noise: f64, step: f64, dt: f64) -> f64 {
-        noise * noise * dt + step * step / 12.0 * dt * dt
+    /// Variance of one axis's noise integrated over `dt` of a sample's `duration`: white noise by its spectral density, and
+    /// the rounding of the sample, uniform in a step, to which each part of its interval gives its share.
+    pub(crate) fn variance(noise: f64, step: f64, dt: f64, duration: f64) -> f64 {
+        noise * noise * dt + step * step / 12.0 * dt * duration
     }
 
     pub(crate) fn gyro_step(&self) -> f64 {

@@ -14,6 +14,7 @@ use navfuse_core::motion::Motion;
 use navfuse_core::process::{Input, Interval, ProcessError, ProcessModel};
 use navfuse_core::registry::ProcessType;
 use navfuse_core::state::{BlockSpec, Display, Dynamics, Layout, Mode, State};
+use navfuse_core::time::Time;
 use navfuse_core::units::{Angle, Components, Length, Sigma, Speed, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -123,7 +124,9 @@ impl ProcessType for Strapdown {
         let gyro = imu.gyro_noise.value().si();
         let accel = imu.accel_noise.value().si();
         let isotropic = gyro.x == gyro.y && gyro.y == gyro.z && accel.x == accel.y && accel.y == accel.z;
-        let model = StrapdownModel { imu, navigation, places, mechanisation: Mechanisation::default(), isotropic };
+        let none = (Time::MIN, Vector3::zeros(), Vector3::zeros());
+        let mechanisation = Mechanisation::default();
+        let model = StrapdownModel { imu, navigation, places, mechanisation, isotropic, sample: none, before: none };
         Ok(BuiltProcess { model: Box::new(model), input: Some(DrivingSensor { name: self.imu, simulator }) })
     }
 }
@@ -174,26 +177,36 @@ struct StrapdownModel {
     places: Places,
     mechanisation: Mechanisation,
     isotropic: bool,
+    /// The time, angular rate and specific force of the sample being used, and of the one before.
+    sample: (Time, Vector3<f64>, Vector3<f64>),
+    before: (Time, Vector3<f64>, Vector3<f64>),
 }
 
 impl StrapdownModel {
-    fn noise(&self, c_b_n: &Matrix3<f64>, density: Vector3<f64>, step: f64, dt: f64) -> Matrix3<f64> {
+    fn noise(&self, c_b_n: &Matrix3<f64>, density: Vector3<f64>, step: f64, dt: f64, duration: f64) -> Matrix3<f64> {
         if self.isotropic {
-            return Matrix3::identity() * Imu::variance(density.x, step, dt);
+            return Matrix3::identity() * Imu::variance(density.x, step, dt, duration);
         }
-        c_b_n * Matrix3::from_diagonal(&density.map(|n| Imu::variance(n, step, dt))) * c_b_n.transpose()
+        let variance = density.map(|n| Imu::variance(n, step, dt, duration));
+        c_b_n * Matrix3::from_diagonal(&variance) * c_b_n.transpose()
     }
 
-    fn publish(&self, state: &mut State, dtheta: &Vector3<f64>, dt: f64) {
-        state.publish(self.navigation.angular_rate, &[dtheta.x / dt, dtheta.y / dt, dtheta.z / dt]);
+    /// Variance that bridging adds over `dt`: where samples are missing for `hole` of `duration` seconds, the mean rate there
+    /// is off by as much as the rate changed since, which is taken as one sigma on each axis.
+    fn bridged(change: &Vector3<f64>, hole: f64, dt: f64, duration: f64) -> Matrix3<f64> {
+        Matrix3::identity() * (change.norm_squared() * hole * hole * dt / duration)
+    }
+
+    fn publish(&self, state: &mut State, w: &Vector3<f64>) {
+        state.publish(self.navigation.angular_rate, &[w.x, w.y, w.z]);
     }
 }
 
 impl ProcessModel for StrapdownModel {
     fn prepare(&mut self, _layout: &Layout, state: &mut State, input: &Input<'_>) {
-        let dt = if input.duration > 0.0 { input.duration } else { 1.0 };
-        if let Some((dtheta, _)) = self.imu.increments(input.sample, dt, dt) {
-            self.publish(state, &dtheta, dt);
+        let dt = if input.usual > 0.0 { input.usual } else { 1.0 };
+        if let Some((w, _)) = self.imu.rates(input.sample, dt) {
+            self.publish(state, &w);
         }
     }
 
@@ -213,18 +226,24 @@ impl ProcessModel for StrapdownModel {
         };
         let dt = interval.duration();
         let gap = self.imu.max_gap.value().si();
-        if input.duration > gap {
+        let hole = input.duration.max(input.sample.time.since(interval.from));
+        if hole > gap {
             return Err(ProcessError(format!(
                 "no IMU sample for {:.3} s before {}, more than max_gap = {gap} s: the track cannot be bridged; repair \
                  the recording, start after the gap (estimator.start), or raise max_gap of the IMU",
-                input.duration, input.sample.time
+                hole, input.sample.time
             )));
         }
         // a filter that starts without an earlier sample takes the first one's rate for the time since its start
         let duration = if input.duration > 0.0 { input.duration } else { dt };
-        let Some((dtheta, dvel)) = self.imu.increments(input.sample, duration, dt) else {
+        let usual = if input.usual > 0.0 { input.usual } else { duration };
+        let Some((w, f)) = self.imu.rates(input.sample, usual) else {
             return Err(ProcessError("channels of the IMU are missing".into()));
         };
+        if self.sample.0 != input.sample.time {
+            self.before = self.sample;
+            self.sample = (input.sample.time, w, f);
+        }
         let n = &self.navigation;
         let at = |slot: usize| layout.blocks[slot].offset;
         let (a, v, p) = (at(n.attitude.slot()), at(n.velocity.slot()), at(n.position.slot()));
@@ -236,13 +255,13 @@ impl ProcessModel for StrapdownModel {
         };
         let bias = |slot: usize| Vector3::new(x[at(slot)], x[at(slot) + 1], x[at(slot) + 2]);
         let (bg, ba) = (bias(n.gyro_bias.slot()), bias(n.accel_bias.slot()));
-        let increments = Increments { dtheta: dtheta - bg * dt, dvel: dvel - ba * dt, dt };
+        let increments = Increments { dtheta: (w - bg) * dt, dvel: (f - ba) * dt, dt };
         let (next, rates) = (self.mechanisation.step_part(&nav, &increments, duration.max(dt)))
             .map_err(|e| ProcessError(e.to_string()))?;
         store_quaternion(&next.c_b_n, &mut x[a..a + 4]);
         x[v..v + 3].copy_from_slice(next.velocity.as_slice());
         x[p..p + 3].copy_from_slice(&[next.position.latitude, next.position.longitude, next.position.height]);
-        self.publish(state, &dtheta, dt);
+        self.publish(state, &w);
         let phi = transition(&rates);
         let s = &self.places;
         out.set(s.phi_phi, &phi.phi_phi);
@@ -256,8 +275,15 @@ impl ProcessModel for StrapdownModel {
         out.set_diagonal(s.p_v, &[dt; 3]);
         out.set(s.p_p, &phi.p_p);
         let (gyro, accel) = (self.imu.gyro_noise.value().si(), self.imu.accel_noise.value().si());
-        out.set_noise(s.q_phi, &self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt));
-        out.set_noise(s.q_v, &self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt));
+        let mut q_phi = self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt, duration);
+        let mut q_v = self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt, duration);
+        if usual < duration {
+            let (_, w_before, f_before) = self.before;
+            q_phi += Self::bridged(&(w - w_before), duration - usual, dt, duration);
+            q_v += Self::bridged(&(f - f_before), duration - usual, dt, duration);
+        }
+        out.set_noise(s.q_phi, &q_phi);
+        out.set_noise(s.q_v, &q_v);
         Ok(())
     }
 

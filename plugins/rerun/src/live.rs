@@ -6,6 +6,7 @@ use rerun::grpc_server::GrpcServerSink;
 use rerun::web_viewer::WebViewerConfig;
 use rerun::{DEFAULT_SERVER_PORT, RecordingStream, ServerOptions, SpawnError, SpawnOptions};
 use std::any::Any;
+use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
@@ -78,7 +79,7 @@ impl Live {
         })
         .map_err(|e| error(&e))?;
         let url = format!("http://{ip}:{web_port}/?url=rerun%2Bhttp%3A%2F%2F{ip}%3A{port}%2Fproxy");
-        eprintln!("the run is shown at {url}");
+        writeln!(std::io::stderr(), "the run is shown at {url}").ok();
         Ok(Some((server, Served { url, web: Box::new(web) })))
     }
 }

@@ -107,7 +107,8 @@ fn step(c: &mut Criterion) {
     let mut state = ekf.state().clone();
     let from = inputs[0].time;
     state.time = from;
-    let interval = Interval { from, to: inputs[1].time, input: Some(Input { sample: &inputs[1], duration: 0.01 }) };
+    let interval =
+        Interval { from, to: inputs[1].time, input: Some(Input { sample: &inputs[1], duration: 0.01, usual: 0.01 }) };
     group.bench_function("mechanisation and Phi", |b| {
         let start = state.clone();
         b.iter(|| {

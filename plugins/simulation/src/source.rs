@@ -11,7 +11,7 @@ use navfuse_core::registry::{OpenContext, SourceType};
 use navfuse_core::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::simulate::{Faults, Random, Scene, Simulate};
 use navfuse_core::state::{Layout, State};
-use navfuse_core::stream::{Source, StreamError};
+use navfuse_core::stream::{Purpose, SensorInfo, Source, StreamError};
 use navfuse_core::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -38,6 +38,7 @@ impl SourceType for Simulation {
         let mut streams: Vec<Box<dyn Source>> = Vec::new();
         for (index, sensor) in composition.sensors.iter().enumerate() {
             let Some(faults) = &sensor.simulation else { continue };
+            check(faults, &sensor.info)?;
             let kind = match (&sensor.role, &sensor.simulator) {
                 (_, Some(simulator)) => Simulated::Driving(simulator.boxed_clone()),
                 (Role::Measurement(model), None) => Simulated::Measuring(Measuring::new(Arc::clone(model))),
@@ -53,6 +54,42 @@ impl SourceType for Simulation {
         }
         Ok(streams)
     }
+}
+
+/// The greatest rate, Hz: times are whole nanoseconds, and a run is finite.
+const MAX_RATE: f64 = 1e6;
+
+/// Refuses what cannot be simulated.
+fn check(faults: &Faults, sensor: &SensorInfo) -> Result<(), StreamError> {
+    let refuse = |key: &str, found: String, ask: &str| {
+        Err(StreamError(format!("[sensor.{}.simulation] {key} = {found}: {ask}", sensor.name)))
+    };
+    if faults.rate.value().si() > MAX_RATE {
+        return refuse("rate", faults.rate.value().to_string(), "give a rate up to 1 MHz");
+    }
+    if faults.offset.si() < 0.0 {
+        return refuse(
+            "offset",
+            faults.offset.to_string(),
+            "the trajectory begins at 0 s: give an offset from there on",
+        );
+    }
+    for (key, probability, limit) in [("dropout", faults.dropout, 0.999), ("outliers", faults.outliers, 1.0)] {
+        if probability.value().si() > limit {
+            let ask = format!("give a probability up to {limit}, such as \"2 %\"");
+            return refuse(key, probability.value().to_string(), &ask);
+        }
+    }
+    if let Some([from, to]) = faults.outages.iter().find(|[from, to]| from.si() >= to.si()) {
+        return refuse("outages", format!("[{from}, {to}]"), "an outage ends after it begins");
+    }
+    if sensor.purpose != Purpose::Measurement && faults.outliers.value().si() > 0.0 {
+        return refuse("outliers", faults.outliers.value().to_string(), "only measuring sensors have outliers");
+    }
+    if sensor.purpose == Purpose::Reference && faults.noise.value().si() != 1.0 {
+        return refuse("noise", faults.noise.value().to_string(), "a reference is simulated without noise");
+    }
+    Ok(())
 }
 
 /// How a sensor is simulated.
