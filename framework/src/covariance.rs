@@ -10,6 +10,7 @@ mod update;
 mod tests;
 
 pub use transition::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
+pub(crate) use update::Reach;
 pub use update::Update;
 
 /// A symmetric covariance, row-major with rows padded to a multiple of four so that the kernel runs on whole vectors.

@@ -120,7 +120,7 @@ impl Ekf {
                 transition,
                 dynamics,
                 processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
-                sensors: composition.sensors.iter().map(SensorSlot::new).collect(),
+                sensors: composition.sensors.iter().map(|s| SensorSlot::new(s, n)).collect(),
                 input: None,
                 cadence: Cadence::default(),
                 pending: VecDeque::with_capacity(MAX_PENDING),
@@ -306,6 +306,9 @@ impl Ekf {
         }
         m.dynamics.propagate(&self.layout, &mut m.state, interval.duration(), &mut m.transition);
         m.transition.propagate(&mut m.covariance);
+        for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
+            m.transition.carry(&mut slot.reach);
+        }
         m.state.time = to;
         Ok(())
     }

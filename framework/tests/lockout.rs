@@ -3,8 +3,69 @@
 
 mod lab;
 
-use lab::Bench;
+use lab::{Bench, Lab, SCENARIO};
+use navfuse_core::Real;
+use navfuse_core::compose::{ComposeError, Composer, Role};
+use navfuse_core::document::Document;
+use navfuse_core::ekf::Ekf;
+use navfuse_core::manifold::Scalar;
+use navfuse_core::measurement::MeasurementModel;
+use navfuse_core::nalgebra::{SMatrix, SVector};
 use navfuse_core::record::Outcome;
+use navfuse_core::registry::{Registry, SensorType};
+use navfuse_core::sample::Channel;
+use navfuse_core::scenario::Scenario;
+use navfuse_core::state::{Handle, View};
+use navfuse_core::units::{Sigma, Speed};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// A log: it sees the drift of the cart, which is its speed backwards when the speedometer says nothing.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct DriftLog {
+    noise: Sigma<Speed>,
+}
+
+impl SensorType for DriftLog {
+    const TYPE: &'static str = "drift-log";
+    fn channels(&self) -> Vec<Channel> {
+        vec![Channel::new("drift", "mps")]
+    }
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let drift = composer.find("drift", "cart.drift")?;
+        Ok(Role::measurement(DriftModel { drift, sigma: self.noise.value().si() }))
+    }
+}
+
+struct DriftModel {
+    drift: Handle<Scalar>,
+    sigma: f64,
+}
+
+impl MeasurementModel<1> for DriftModel {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
+        SVector::from([x.get(self.drift)])
+    }
+    fn noise(&self) -> SMatrix<f64, 1, 1> {
+        SMatrix::from([[self.sigma * self.sigma]])
+    }
+}
+
+/// The laboratory with a log of 1 cm/s that has told the filter for 10 s that it stands still, at 1 Hz.
+fn logged() -> Bench {
+    let mut registry = Registry::new();
+    registry.add(&Lab);
+    registry.sensor::<DriftLog>();
+    let text = format!("{SCENARIO}[sensor.log]\ntype = \"drift-log\"\nnoise = \"1 cm/s\"\n");
+    let document = Document::parse("lab.toml", &text).unwrap();
+    let ekf = Ekf::new(Scenario::new(&registry, document, &[]).unwrap().compose().unwrap());
+    let mut b = Bench { ekf, log: lab::Log::default() };
+    for k in 0..10 {
+        b.give("speed", f64::from(k), &[0.0]).give("log", f64::from(k), &[0.0]);
+    }
+    b
+}
 
 #[test]
 fn the_thresholds_are_those_of_the_chi_square_table() {
@@ -101,27 +162,27 @@ fn inflation_lets_the_filter_believe_the_sensor_with_a_covariance_that_says_so()
 
 #[test]
 fn inflation_works_when_the_noise_outweighs_the_prior_a_million_times() {
-    let mut b = Bench::new(&["sensor.fix.recovery.after=\"1 s\"", "sensor.fix.noise=\"1 km\""]);
+    let mut b = Bench::new(&["sensor.fix.recovery.after=\"2 s\"", "sensor.fix.noise=\"1 km\""]);
     b.give("speed", 0.0, &[0.0]);
-    for k in 1..=3 {
+    for k in 1..=4 {
         b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[1e6]);
     }
-    assert_eq!(b.log.outcomes(), [Outcome::Gated, Outcome::Accepted, Outcome::Accepted]);
-    assert!(b.log.updates[1].2 <= 1.5, "{}", b.log.updates[1].2);
+    assert_eq!(b.log.outcomes(), [Outcome::Gated, Outcome::Gated, Outcome::Accepted, Outcome::Accepted]);
+    assert!(b.log.updates[2].2 <= 1.5, "{}", b.log.updates[2].2);
     assert!(b.value("cart.place") > 9e5);
 }
 
 #[test]
 fn inflation_leaves_what_is_considered_as_it_was() {
     let mut b =
-        Bench::new(&["sensor.fix.recovery.after=\"1 s\"", "sensor.fix.bias={ mode = \"consider\", sigma = \"3 cm\" }"]);
+        Bench::new(&["sensor.fix.recovery.after=\"2 s\"", "sensor.fix.bias={ mode = \"consider\", sigma = \"3 cm\" }"]);
     let variance = |b: &Bench| b.variance("fix.bias");
     b.give("speed", 0.0, &[0.0]);
     let before = variance(&b);
-    for k in 1..=3 {
+    for k in 1..=4 {
         b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[100.0]);
     }
-    assert_eq!(b.log.outcomes(), [Outcome::Gated, Outcome::Accepted, Outcome::Accepted]);
+    assert_eq!(b.log.outcomes(), [Outcome::Gated, Outcome::Gated, Outcome::Accepted, Outcome::Accepted]);
     assert_eq!(variance(&b).to_bits(), before.to_bits());
     assert_eq!(b.value("fix.bias"), 0.0);
     let p = b.ekf.covariance().to_dense();
@@ -146,4 +207,50 @@ fn an_absurd_number_is_gated_whatever_the_gate_and_never_used() {
     }
     assert_eq!(b.log.outcomes(), [Outcome::Gated; 4]);
     assert_eq!(b.value("cart.place"), 0.0);
+}
+
+#[test]
+fn a_wrong_speed_that_was_believed_leaves_a_place_as_uncertain_as_it_is_wrong() {
+    let mut b = logged();
+    // stuck at 22 m/s for 41 s while the cart stands still, then right again: locked out twice, 30 s each
+    for k in 10..130 {
+        let wrong = if k < 51 { 22.0 } else { 0.0 };
+        b.give("speed", f64::from(k), &[0.0]).give("log", f64::from(k), &[wrong]);
+        let (error, sigma) = (b.value("cart.place"), b.variance("cart.place").sqrt());
+        assert!(error.abs() <= 3.5 * sigma, "{k} s: {error} m from the truth, sigma {sigma} m");
+    }
+    assert_eq!(b.log.says("locked out"), 2, "{:?}", b.log.events);
+    // it went 41 s at 22 m/s; each time, 30 s of what the innovation showed is at most 30 * 22 m, so together 933 m
+    let (error, sigma) = (b.value("cart.place").abs(), b.variance("cart.place").sqrt());
+    assert!((error - 902.0).abs() < 30.0 && sigma < 940.0, "{error} {sigma}");
+}
+
+#[test]
+fn a_place_that_another_sensor_holds_stays_as_certain_as_that_makes_it() {
+    let mut b = logged();
+    for k in 10..40 {
+        b.give("speed", f64::from(k), &[0.0]).give("log", f64::from(k), &[22.0]).fix(f64::from(k), 0.0);
+    }
+    b.give("speed", 40.0, &[0.0]).give("log", 40.0, &[22.0]);
+    assert_eq!(b.log.says("locked out"), 1);
+    // 22 m/s make 22 m in the second since the last fix. The fix has the gain 0.85 (R = 0.01 / 5 of its two channels,
+    // P = 0.0117 from P^2 - 0.01 P = 0.01 R), which leaves 0.15 of what was before it: 22 / 0.85 = 25.8 m at most, and
+    // 22 / 0.85 / sqrt(1.5) = 21.1 m where the inflation ends at NIS = 1.5
+    let sigma = b.variance("cart.place").sqrt();
+    assert!(sigma > 21.0 && sigma < 26.0, "{sigma}");
+}
+
+#[test]
+fn a_sensor_slower_than_the_time_to_recovery_leaves_lock_out_all_the_same() {
+    let mut b = Bench::new(&[]);
+    for k in 0..10 {
+        b.give("speed", f64::from(k), &[0.0]).fix(f64::from(k), 0.0);
+    }
+    b.log = lab::Log::default();
+    // every 50 s, where recovery is due after 30 s
+    for k in 1..=4 {
+        b.give("speed", f64::from(k) * 50.0, &[0.0]).give("fix", f64::from(k) * 50.0, &[1000.0]);
+    }
+    assert_eq!(b.log.outcomes(), [Outcome::Gated, Outcome::Gated, Outcome::Accepted, Outcome::Accepted]);
+    assert_eq!(b.log.says("locked out: every one of 3 samples was gated since 50.000 s"), 1, "{:?}", b.log.events);
 }

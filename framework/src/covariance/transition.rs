@@ -1,6 +1,7 @@
 //! The transition of one step: a sparse pattern, found once, and the product that it makes.
 
-use super::Covariance;
+use super::{Covariance, Reach};
+use crate::sample::MAX_CHANNELS;
 use crate::state::Layout;
 
 /// Where a process model writes an `R` x `C` block of the transition matrix; a block of a fixed state has no place.
@@ -57,6 +58,7 @@ struct Compiled {
     x: Vec<f64>,
     xt: Vec<f64>,
     y: Vec<f64>,
+    carried: Vec<f64>,
 }
 
 /// The elements of the changed rows of `Phi` that are not zero in this step, row by row.
@@ -171,6 +173,7 @@ impl Transition {
         c.x = vec![0.0; rows.len() * stride];
         c.xt = vec![0.0; n * width];
         c.y = vec![0.0; rows.len() * width];
+        c.carried = vec![0.0; rows.len() * MAX_CHANNELS.next_multiple_of(4)];
         c.rows = rows;
         self.compiled = c;
     }
@@ -179,7 +182,7 @@ impl Transition {
     pub fn propagate(&mut self, covariance: &mut Covariance) {
         let (n, stride) = (covariance.n, covariance.stride);
         let p = &mut covariance.p;
-        let Compiled { rows, width, ends, entries, position, terms, x, xt, y } = &mut self.compiled;
+        let Compiled { rows, width, ends, entries, position, terms, x, xt, y, .. } = &mut self.compiled;
         let width = *width;
         terms.gather(ends, entries, &self.phi);
         // X = A P, the changed rows
@@ -217,6 +220,15 @@ impl Transition {
         }
         for own in &self.own {
             p[own.row * stride + own.row] += own.q;
+        }
+    }
+
+    /// `G = Phi G` with the `Phi` of the last [`Self::propagate`], without allocation.
+    pub(crate) fn carry(&mut self, reach: &mut Reach) {
+        let Compiled { rows, terms, carried, .. } = &mut self.compiled;
+        terms.product(&reach.g, reach.stride, carried, false);
+        for (row, new) in rows.iter().zip(carried.chunks_exact(reach.stride)) {
+            reach.g[row * reach.stride..][..reach.stride].copy_from_slice(new);
         }
     }
 

@@ -1,6 +1,7 @@
 //! The measurement update.
 
 use super::Covariance;
+use crate::sample::MAX_CHANNELS;
 
 /// The work space of one update: innovation, Jacobian and gain, allocated once.
 #[derive(Clone, Debug, Default)]
@@ -23,6 +24,31 @@ pub struct Update {
     l: Vec<f64>,
     gain: Vec<f64>,
     work: Vec<f64>,
+}
+
+/// Where an error that a sensor saw at one time has gone since: `G`, one row a state; empty when nothing is followed.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Reach {
+    /// The channels that saw it, one bit each.
+    channels: u16,
+    /// The length of a row: the number of channels, padded to a multiple of four.
+    pub(super) stride: usize,
+    pub(super) g: Vec<f64>,
+}
+
+impl Reach {
+    /// Room for an error state of dimension `n` and up to `m` channels.
+    pub(crate) fn with_capacity(n: usize, m: usize) -> Self {
+        Self { g: Vec::with_capacity(n * m.next_multiple_of(4)), ..Self::default() }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.g.is_empty()
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.g.clear();
+    }
 }
 
 impl Update {
@@ -73,12 +99,40 @@ impl Update {
         (!nis.is_nan()).then_some(nis)
     }
 
-    /// `P = P + c G A G'` with `A = H P H'`, `G = D H' (H D H')^-1` and `D` the diagonal of `P`: what the sensor sees
-    /// becomes `1 + c` times as uncertain, by noise on each state in proportion to how uncertain it is and how much it is
-    /// seen, and on no other. `considered` states, whose variance is a statement, keep theirs. `false` if nothing can be
-    /// done. After [`Self::innovate`], and before another.
+    /// `P = P + c G A G'` with `A = H P H'` and `G` as in [`Self::direction`]: what the sensor sees becomes `1 + c` times as
+    /// uncertain. `false` if nothing can be done. After [`Self::innovate`], and before another.
     pub(crate) fn inflate(&mut self, covariance: &mut Covariance, considered: &[bool], c: f64) -> bool {
-        let (m, w, stride) = (self.m, self.columns.len(), covariance.stride);
+        if !self.direction(covariance, considered) {
+            return false;
+        }
+        let rows = self.columns.iter().copied().zip(self.l.chunks_exact(self.m));
+        self.add(covariance, rows, c);
+        true
+    }
+
+    /// `P = P + c N A N'` with `N` of [`Self::unseen`]: what an error of the size that [`Self::inflate`] adds reached
+    /// without the sensor seeing it gets its share. `H N = 0`, so the sample says nothing of it.
+    pub(crate) fn inflate_unseen(&self, covariance: &mut Covariance, unseen: &[f64], c: f64) {
+        self.add(covariance, unseen.chunks_exact(self.m).enumerate(), c);
+    }
+
+    /// `P = P + c G A G'`, from the rows of `G` that are not zero.
+    fn add<'a>(&self, covariance: &mut Covariance, rows: impl Iterator<Item = (usize, &'a [f64])> + Clone, c: f64) {
+        let m = self.m;
+        for (i, g) in rows.clone() {
+            for (j, f) in rows.clone() {
+                let sum: f64 = (0..m * m).map(|k| g[k / m] * (self.s[k] - self.r[k]) * f[k % m]).sum();
+                covariance.p[i * covariance.stride + j] += c * sum;
+            }
+        }
+        covariance.symmetrise();
+    }
+
+    /// `G = D H' (H D H')^-1` with `D` the diagonal of `P`, over `columns`, into `l`: an error in what the sensor sees,
+    /// shared among the states in proportion to how uncertain each is and how much it is seen. `considered` states, whose
+    /// variance is a statement, get none. `false` if there is no such direction. After [`Self::innovate`].
+    fn direction(&mut self, covariance: &Covariance, considered: &[bool]) -> bool {
+        let (m, w) = (self.m, self.columns.len());
         let columns = &self.columns;
         let variance = |k: usize| if considered[columns[k]] { 0.0 } else { covariance.get(columns[k], columns[k]) };
         // H D H', which 1e-9 S keeps invertible where some channel sees nothing uncertain
@@ -101,14 +155,64 @@ impl Update {
             forward(&self.lower, m, row);
             backward(&self.lower, m, row);
         }
-        for (i, g) in self.l.chunks_exact(m).enumerate() {
-            for (j, f) in self.l.chunks_exact(m).enumerate() {
-                let sum: f64 = (0..m * m).map(|k| g[k / m] * (self.s[k] - self.r[k]) * f[k % m]).sum();
-                covariance.p[columns[i] * stride + columns[j]] += c * sum;
+        true
+    }
+
+    /// Begins to follow where an error in what the sensor sees goes from now on; none if there is no direction of it.
+    /// After [`Self::innovate`], and before another.
+    pub(crate) fn begin(&mut self, covariance: &Covariance, considered: &[bool], channels: u16, reach: &mut Reach) {
+        reach.clear();
+        if !self.direction(covariance, considered) {
+            return;
+        }
+        (reach.channels, reach.stride) = (channels, self.m.next_multiple_of(4));
+        reach.g.resize(covariance.n * reach.stride, 0.0);
+        for (c, row) in self.columns.iter().zip(self.l.chunks_exact(self.m)) {
+            reach.g[c * reach.stride..][..self.m].copy_from_slice(row);
+        }
+    }
+
+    /// `N`, row-major `n` x `m`: the rows of `K = G (H G)^-1`, so that `H K = 1`, of the states that the sensor does not
+    /// see now, and zero for the others. Empty if it sees too little of the error that it saw at the beginning.
+    pub(crate) fn unseen(&self, considered: &[bool], channels: u16, reach: &Reach) -> Vec<f64> {
+        let (m, w) = (self.m, self.columns.len());
+        if reach.g.is_empty() || reach.channels != channels {
+            return Vec::new();
+        }
+        let hg = nalgebra::DMatrix::from_fn(m, m, |a, b| self.seen(reach, a, b));
+        // in units of each channel's sigma, a tenth of the error is still to be seen
+        let sigma = |a: usize| self.s[a * m + a].sqrt();
+        let usable = |back: &nalgebra::DMatrix<f64>| {
+            (0..m * m).all(|k| (back[(k / m, k % m)] * sigma(k % m) / sigma(k / m)).abs() <= 10.0)
+        };
+        let Some(back) = hg.try_inverse().filter(usable) else { return Vec::new() };
+        let sees = |i: usize| {
+            self.columns.iter().position(|&c| c == i).is_some_and(|k| (0..m).any(|a| self.h[a * w + k] != 0.0))
+        };
+        let mut rows = Vec::with_capacity(considered.len() * m);
+        for (i, g) in reach.g.chunks_exact(reach.stride).enumerate() {
+            let skip = considered[i] || sees(i);
+            let share = |b: usize| if skip { 0.0 } else { (0..m).map(|a| g[a] * back[(a, b)]).sum() };
+            rows.extend((0..m).map(share));
+        }
+        rows
+    }
+
+    /// `G = (I - K H) G`: an update of another sensor changes that error too. After [`Self::apply`].
+    pub(crate) fn correct(&self, reach: &mut Reach) {
+        for b in 0..reach.stride.min(reach.g.len()) {
+            let mut seen = [0.0; MAX_CHANNELS];
+            (0..self.m).for_each(|a| seen[a] = self.seen(reach, a, b));
+            for (g, gain) in reach.g[b..].iter_mut().step_by(reach.stride).zip(self.gain.chunks_exact(self.m)) {
+                *g -= gain.iter().zip(&seen).map(|(k, s)| k * s).sum::<f64>();
             }
         }
-        covariance.symmetrise();
-        true
+    }
+
+    /// The element `(a, b)` of `H G`.
+    fn seen(&self, reach: &Reach, a: usize, b: usize) -> f64 {
+        let h = &self.h[a * self.columns.len()..];
+        self.columns.iter().zip(h).map(|(c, h)| h * reach.g[c * reach.stride + b]).sum()
     }
 
     /// The gain `P H' S^-1` (zero rows for `considered` columns), the correction, and the Joseph update

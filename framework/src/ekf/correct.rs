@@ -2,7 +2,7 @@
 
 use super::{Ekf, EstimatorError, rejected};
 use crate::compose::Sensor;
-use crate::covariance::{Covariance, Update};
+use crate::covariance::{Covariance, Reach, Update};
 use crate::gate::{Action, Recovery};
 use crate::manifold::MAX_TANGENT;
 use crate::measurement::AnyMeasurement;
@@ -15,6 +15,9 @@ use std::mem::discriminant;
 /// So many gated samples in a row are worth a warning.
 const IN_A_ROW: u64 = 5;
 
+/// So few gated samples in a row are no lock-out, however long they took: an outlier on either side of an outage.
+const OUTLIERS: u64 = 2;
+
 /// A sensor as the filter sees it.
 #[derive(Clone)]
 pub(super) struct SensorSlot {
@@ -25,6 +28,8 @@ pub(super) struct SensorSlot {
     pub(super) last: Time,
     /// The samples gated in a row until now.
     pub(super) gated: Option<Streak>,
+    /// Where the error that the first of them showed has gone since, for the inflation.
+    pub(super) reach: Reach,
     /// Why its last sample was rejected, if it was: said once in a row.
     pub(super) refused: Option<Rejection>,
     thresholds: [f64; MAX_CHANNELS + 1],
@@ -36,18 +41,19 @@ pub(super) struct SensorSlot {
 pub(super) struct Streak {
     pub(super) since: Time,
     pub(super) count: u64,
-    latest: Time,
     /// Whether it was said that the filter is locked out.
     told: bool,
 }
 
 impl SensorSlot {
-    pub(super) fn new(sensor: &Sensor) -> Self {
+    /// For an error state of dimension `n`.
+    pub(super) fn new(sensor: &Sensor, n: usize) -> Self {
         Self {
             name: sensor.info.name.clone(),
             channels: ((1u32 << sensor.info.channels.len()) - 1) as u16,
             last: Time::MIN,
             gated: None,
+            reach: Reach::with_capacity(n, sensor.info.channels.len()),
             refused: None,
             thresholds: sensor.policy.gate.thresholds(),
             recovery: sensor.policy.recovery,
@@ -66,11 +72,8 @@ impl SensorSlot {
             return Verdict::Pass;
         }
         let after = self.recovery.after.value().si();
-        // a sensor that was silent for so long begins again: one outlier on either side of an outage is no lock-out
-        let streak = self.gated.filter(|s| time.since(s.latest) <= after);
-        let mut streak = streak.unwrap_or(Streak { since: time, count: 0, latest: time, told: false });
+        let mut streak = self.gated.unwrap_or(Streak { since: time, count: 0, told: false });
         streak.count += 1;
-        streak.latest = time;
         let Streak { since, count, told, .. } = streak;
         self.gated = Some(streak);
         // one is what a gate is for; several in a row are worth a warning
@@ -79,7 +82,7 @@ impl SensorSlot {
         } else if count == IN_A_ROW {
             event(Level::Warning, format!("{count} samples gated in a row since {since}"));
         }
-        if time.since(since) < after || count == 1 || !nis.is_finite() {
+        if time.since(since) < after || count <= OUTLIERS || !nis.is_finite() {
             return Verdict::Gate;
         }
         let said = format!("locked out: every one of {count} samples was gated since {since}");
@@ -114,12 +117,14 @@ enum Verdict {
 ///
 /// `1 + c = NIS / m` would do in one step if `S` were all `H P H'`. The noise in it makes the step fall short, so it is
 /// repeated; it never goes too far.
-fn inflate(update: &mut Update, covariance: &mut Covariance, considered: &[bool], mut nis: f64) -> f64 {
+fn inflate(update: &mut Update, covariance: &mut Covariance, considered: &[bool], unseen: &[f64], mut nis: f64) -> f64 {
     let m = update.m as f64;
     for _ in 0..64 {
-        if nis <= 1.5 * m || !update.inflate(covariance, considered, nis / m - 1.0) {
+        let c = nis / m - 1.0;
+        if nis <= 1.5 * m || !update.inflate(covariance, considered, c) {
             break;
         }
+        update.inflate_unseen(covariance, unseen, c);
         match update.innovate(covariance) {
             Some(now) => nis = now,
             None => break,
@@ -147,8 +152,10 @@ impl Ekf {
         slot.refused = None;
         let threshold = slot.thresholds[update.m];
         let verdict = slot.judge(sample.time, nis, update.m, observer);
+        let present = sample.present() & slot.channels;
         if matches!(verdict, Verdict::Inflate) {
-            nis = inflate(update, &mut m.covariance, &self.considered, nis);
+            let unseen = update.unseen(&self.considered, present, &slot.reach);
+            nis = inflate(update, &mut m.covariance, &self.considered, &unseen, nis);
         }
         let outcome = if matches!(verdict, Verdict::Gate) { Outcome::Gated } else { Outcome::Accepted };
         observer.update(&UpdateRecord {
@@ -157,14 +164,22 @@ impl Ekf {
             outcome,
             nis,
             threshold,
-            present: sample.present() & slot.channels,
+            present,
             innovation: &update.innovation,
             covariance: &update.s,
         });
         if outcome == Outcome::Gated {
+            let first = slot.gated.is_some_and(|streak| streak.count == 1);
+            if first && slot.recovery.action == Action::Inflate {
+                update.begin(&m.covariance, &self.considered, present, &mut slot.reach);
+            }
             return Ok(());
         }
+        slot.reach.clear();
         update.apply(&mut m.covariance, &self.considered);
+        for other in m.sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
+            update.correct(&mut other.reach);
+        }
         let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
         for block in self.layout.blocks.iter().filter(|b| b.spec.mode == Mode::Estimate) {
             let range = block.tangent_range();
