@@ -56,11 +56,7 @@ pub fn summary(summary: &Summary) {
     line(format_args!("{sensors}\n"));
     line(format_args!("{:.0} s and {:.0} m in {:.2} s", summary.duration_s, summary.distance_m, summary.wall_s));
     if let Some(e) = &summary.horizontal_error_m {
-        let percent = if summary.distance_m > 0.0 {
-            format!(", {:.3} % of the distance", e.percent_of_distance)
-        } else {
-            String::new()
-        };
+        let percent = e.percent_of_distance.map_or_else(String::new, |p| format!(", {p:.3} % of the distance"));
         line(format_args!("horizontal error {:.2} m at the end{percent}; {:.2} m rms", e.last, e.rms));
     }
 }
@@ -74,7 +70,8 @@ fn state(row: &StateRow, table: &mut Table) {
         let angle = row.estimate.len() == 3 && row.unit == "m" && k < 2 && component.ends_with("itude");
         let estimate = if angle { format!("{:.7} deg", row.estimate[k]) } else { number(row.estimate[k], sigma) };
         let error = row.error.as_ref().map(|e| e[k]);
-        let ratio = error.filter(|_| sigma > 0.0).map_or_else(String::new, |e| format!("{:.1}", e / sigma));
+        let then = row.error_sigma[k]; // at the error's time
+        let ratio = error.filter(|_| then > 0.0).map_or_else(String::new, |e| format!("{:.1}", e / then));
         let sigma_text = match row.mode {
             Mode::Fixed => "fixed".to_owned(),
             Mode::Consider => format!("{} considered", number(sigma, sigma)),

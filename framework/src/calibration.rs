@@ -146,6 +146,15 @@ impl<V: Components, W: Components> Calibration<V, W> {
     ) -> Result<Handle<M>, ComposeError> {
         let sigma = self.sigma.map(|s| s.value().components());
         let mode = self.mode.unwrap_or(if sigma.is_some() { Mode::Estimate } else { Mode::Fixed });
+        let moves =
+            [("random_walk", self.random_walk.is_some()), ("correlation_time", self.correlation_time.is_some())];
+        if let Some((key, _)) = moves.iter().find(|(_, given)| *given && mode == Mode::Fixed) {
+            let message = match self.mode {
+                Some(_) => "a state that is fixed does not move; remove this key, or mode = \"fixed\"",
+                None => "a state that moves needs a sigma; add `sigma`, or remove this key",
+            };
+            return Err(ComposeError::new(format!("{name}.{key}"), message));
+        }
         if mode != Mode::Fixed {
             match &sigma {
                 None => {

@@ -157,7 +157,13 @@ impl Composer {
         }
         let slot = self.layout.blocks.len();
         if slot == MAX_BLOCKS {
-            return Err(ComposeError::new(name, format!("more than {MAX_BLOCKS} state blocks")));
+            return Err(ComposeError::new(
+                name,
+                format!(
+                    "more than {MAX_BLOCKS} state blocks: a sensor with calibration keys takes 2 to 4, fixed ones too; remove \
+                 or disable some"
+                ),
+            ));
         }
         let given = [Some(&spec.initial), Some(&spec.sigma), spec.truth.as_ref()];
         if let Some(wrong) = given.into_iter().flatten().find(|v| v.len() != M::TANGENT) {

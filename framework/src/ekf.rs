@@ -257,8 +257,11 @@ impl Ekf {
         {
             self.reject(&oldest, Rejection::NoInput, observer);
         }
+        // a running filter is compared with a reference after what else came at its time
+        let (sensors, running) = (&self.composition.sensors, self.running());
+        let place = |s: &Sample| (s.time, running && matches!(sensors[s.sensor.0].role, Role::Reference(_)));
         let pending = &mut self.memory.pending;
-        let at = pending.iter().rposition(|p| p.time <= sample.time).map_or(0, |before| before + 1);
+        let at = pending.iter().rposition(|p| place(p) <= place(sample)).map_or(0, |before| before + 1);
         pending.insert(at, *sample);
     }
 
@@ -274,8 +277,12 @@ impl Ekf {
             for process in &mut self.memory.processes {
                 process.prepare(&self.layout, &mut self.memory.state, &input);
             }
-            if self.memory.start.is_due(sample.time) {
+            let due = self.memory.start.is_due(sample.time);
+            // nothing is known of the motion before the first driving sample, and nothing is used before the start
+            if due || self.memory.input.is_none() {
                 self.memory.pending.retain(|waiting| waiting.time >= sample.time);
+            }
+            if due {
                 self.initialise(sample.time, false, observer);
             }
         }

@@ -2,7 +2,7 @@
 
 use crate::Real;
 use crate::covariance::Update;
-use crate::manifold::{MAX_TANGENT, Manifold};
+use crate::manifold::{MAX_TANGENT, Manifold, Position};
 use crate::sample::{MAX_CHANNELS, Sample};
 use crate::state::{Handle, Layout, State, View};
 use nalgebra::{SMatrix, SVector};
@@ -171,8 +171,12 @@ pub fn jacobian_error(model: &dyn AnyMeasurement, layout: &Layout, state: &State
     let mut at = 0;
     for block in slots(read).map(|slot| &layout.blocks[slot]) {
         for k in 0..block.tangent_range().len() {
-            // the cube root of the rounding, times the size of what is displaced
-            let size = state.values[block.range()].iter().fold(1.0_f64, |a, x| a.max(x.abs()));
+            // the cube root of the rounding, times the size of what is displaced; a position's tangent is metres
+            let size = if block.operations.kind == std::any::TypeId::of::<Position>() {
+                1e3
+            } else {
+                state.values[block.range()].iter().fold(1.0_f64, |a, x| a.max(x.abs()))
+            };
             let mut slope = |step: f64| {
                 let (mut moved, mut delta, mut z) = (state.clone(), [0.0; MAX_TANGENT], [0.0; MAX_CHANNELS]);
                 delta[k] = step;

@@ -5,7 +5,7 @@ use crate::ekf::{Ekf, EstimatorError};
 use crate::record::{Epoch, Event, Level, Observer, Rejection, UpdateRecord};
 use crate::sample::{Sample, SensorId};
 use crate::scenario::Assembly;
-use crate::stream::{RunInfo, SensorInfo, Sink, Source, StreamError};
+use crate::stream::{Purpose, RunInfo, SensorInfo, Sink, Source, StreamError};
 use crate::summary::{Recorded, Statistics, Summary};
 use crate::time::Time;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -67,19 +67,19 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
         layout: (*composition.layout).clone(),
         sensors: composition.sensors.iter().map(|s| s.info.clone()).collect(),
     };
-    let timeouts = composition.sensors.iter().map(|s| s.policy.timeout.map_or(5.0, |t| t.value().si())).collect();
+    let timeouts = composition.sensors.iter().map(|s| s.policy.timeout.map(|t| t.value().si())).collect();
     let mut fan = Fan { sinks, statistics: Statistics::new(&info), events: Vec::new(), next_epoch: Time::MIN };
     fan.each(Time::MIN, |sink| sink.start(&info));
     let mut ekf = Ekf::new(composition);
-    let mut silence = Silence::new(timeouts);
-    let mut merge = Merge::new(sources, info.sensors.len());
+    let mut silence = Silence::new(timeouts, &info.sensors);
+    let mut merge = Merge::new(sources, &info.sensors);
     let end = merge.end().map(|e| until.map_or(e, |u| u.min(e)));
     let (mut error, mut interrupted, mut count) = (None, false, 0_u64);
     if let Err(e) = merge.fill() {
         error = Some(e);
     }
     while error.is_none() {
-        let Some((sample, source)) = merge.first() else { break };
+        let Some((sample, source)) = merge.first(ekf.running()) else { break };
         if until.is_some_and(|u| sample.time > u) {
             break;
         }
@@ -156,14 +156,16 @@ struct Merge {
     heads: Vec<Option<Sample>>,
     /// What the sources know will happen, the last first.
     schedule: Vec<Event>,
-    sensors: usize,
+    /// Which sensors are references.
+    references: Vec<bool>,
 }
 
 impl Merge {
-    fn new(sources: Vec<(String, Box<dyn Source>)>, sensors: usize) -> Self {
+    fn new(sources: Vec<(String, Box<dyn Source>)>, sensors: &[SensorInfo]) -> Self {
         let mut schedule: Vec<Event> = sources.iter().flat_map(|(_, s)| s.schedule()).collect();
         schedule.sort_by_key(|e| std::cmp::Reverse(e.time));
-        Self { heads: vec![None; sources.len()], sources, schedule, sensors }
+        let references = sensors.iter().map(|s| s.purpose == Purpose::Reference).collect();
+        Self { heads: vec![None; sources.len()], sources, schedule, references }
     }
 
     /// Tells what was scheduled up to a time.
@@ -188,18 +190,18 @@ impl Merge {
         let mut sample = Sample::empty(Time::MIN, SensorId(0));
         let failed = |error| RunError::Source { source_name: name.clone(), error };
         let more = source.next(&mut sample).map_err(failed)?;
-        if sample.sensor.0 >= self.sensors {
-            let (found, count) = (sample.sensor.0, self.sensors);
+        let (found, count) = (sample.sensor.0, self.references.len());
+        if found >= count {
             return Err(failed(StreamError(format!("a sample of sensor number {found}, but there are {count}"))));
         }
         self.heads[k] = more.then_some(sample);
         Ok(())
     }
 
-    /// The earliest head; the first source of those at the same time.
-    fn first(&self) -> Option<(Sample, usize)> {
+    /// The earliest head; the first source of those at the same time, but what a running filter is compared with last.
+    fn first(&self, running: bool) -> Option<(Sample, usize)> {
         let heads = self.heads.iter().enumerate().filter_map(|(k, h)| h.as_ref().map(|h| (h, k)));
-        heads.min_by_key(|(h, k)| (h.time, *k)).map(|(h, k)| (*h, k))
+        heads.min_by_key(|(h, k)| (h.time, running && self.references[h.sensor.0], *k)).map(|(h, k)| (*h, k))
     }
 
     fn warnings(&mut self, fan: &mut Fan) {
@@ -267,7 +269,8 @@ impl Observer for Fan {
     }
     fn event(&mut self, event: Event) {
         self.each(event.time, |sink| sink.event(&event));
-        if event.level > Level::Info && self.events.len() < 1000 {
+        // warnings may be many; an error is always kept
+        if event.level == Level::Error || (event.level == Level::Warning && self.events.len() < 1000) {
             self.events.push(event);
         }
     }
@@ -275,43 +278,81 @@ impl Observer for Fan {
 
 /// Notices sensors that fall silent.
 struct Silence {
-    timeouts: Vec<f64>,
-    last: Vec<Option<Time>>,
-    lost: Vec<bool>,
+    /// The driving sensor: its clock is that of the others.
+    driver: Option<usize>,
+    sensors: Vec<Heard>,
+    /// The time of the sample before.
+    before: Time,
     next: Time,
+}
+
+/// What was heard of a sensor.
+struct Heard {
+    /// As the scenario gives it, s.
+    timeout: Option<f64>,
+    last: Option<Time>,
+    /// The longest of the first intervals, s, and their number.
+    usual: (f64, u32),
+    lost: bool,
+}
+
+impl Heard {
+    /// How long it may be silent, s: by default three times the usual, and at least 5 s. One that spoke once has no usual.
+    fn timeout(&self) -> f64 {
+        match (self.timeout, self.usual) {
+            (Some(given), _) => given,
+            (None, (_, 0)) => f64::INFINITY,
+            (None, (usual, _)) => (3.0 * usual).ceil().max(5.0),
+        }
+    }
 }
 
 impl Silence {
     /// How often it looks for silent sensors.
     const PERIOD: Time = Time::from_nanos(100_000_000);
+    /// How many intervals tell what is usual.
+    const INTERVALS: u32 = 8;
 
-    fn new(timeouts: Vec<f64>) -> Self {
-        let (last, lost) = (vec![None; timeouts.len()], vec![false; timeouts.len()]);
-        Self { timeouts, last, lost, next: Time::MIN }
+    fn new(timeouts: Vec<Option<f64>>, sensors: &[SensorInfo]) -> Self {
+        Self {
+            driver: sensors.iter().position(|s| s.purpose == Purpose::Input),
+            sensors: timeouts
+                .into_iter()
+                .map(|timeout| Heard { timeout, last: None, usual: (0.0, 0), lost: false })
+                .collect(),
+            before: Time::MIN,
+            next: Time::MIN,
+        }
     }
 
     fn heard(&mut self, sample: &Sample, sensors: &[SensorInfo], fan: &mut Fan) {
-        let (now, k) = (sample.time, sample.sensor.0);
-        if now >= self.next {
-            self.next = now + Self::PERIOD;
-            self.check(now, sensors, fan);
+        let now = sample.time;
+        // one wrong stamp among good ones is no clock
+        let clock = now.min(std::mem::replace(&mut self.before, now));
+        if clock >= self.next {
+            self.next = clock + Self::PERIOD;
+            self.check(clock, sensors, fan);
         }
-        if let Some(last) = self.last[k].replace(now)
-            && self.lost[k]
-        {
-            self.lost[k] = false;
-            let name = &sensors[k].name;
+        let heard = &mut self.sensors[sample.sensor.0];
+        let Some(last) = heard.last.replace(now) else { return };
+        if heard.usual.1 < Self::INTERVALS {
+            heard.usual = (heard.usual.0.max(now.since(last)), heard.usual.1 + 1);
+        }
+        if std::mem::take(&mut heard.lost) {
+            let name = &sensors[sample.sensor.0].name;
             let text = format!("{name} is back after {:.1} s", now.since(last));
             fan.event(Event { time: now, level: Level::Info, about: name.clone(), text });
         }
     }
 
-    fn check(&mut self, now: Time, sensors: &[SensorInfo], fan: &mut Fan) {
-        for (k, sensor) in sensors.iter().enumerate() {
-            let silent = self.last[k].is_some_and(|last| now.since(last) > self.timeouts[k]);
-            if silent && !self.lost[k] {
-                self.lost[k] = true;
-                let text = format!("{} lost: no sample for {} s", sensor.name, self.timeouts[k]);
+    fn check(&mut self, clock: Time, sensors: &[SensorInfo], fan: &mut Fan) {
+        let driven = self.driver.map(|d| self.sensors[d].last.unwrap_or(Time::MIN));
+        for (k, (heard, sensor)) in self.sensors.iter_mut().zip(sensors).enumerate() {
+            let now = driven.filter(|_| self.driver != Some(k)).unwrap_or(clock);
+            let timeout = heard.timeout();
+            if !heard.lost && heard.last.is_some_and(|last| now.since(last) > timeout) {
+                heard.lost = true;
+                let text = format!("{} lost: no sample for {timeout} s", sensor.name);
                 fan.event(Event { time: now, level: Level::Warning, about: sensor.name.clone(), text });
             }
         }

@@ -167,6 +167,12 @@ impl<'a> Scenario<'a> {
         }
         let mut estimator: EstimatorConfig =
             root.get("estimator").map_or_else(|| Ok(EstimatorConfig::default()), |n| n.parse())?;
+        for (key, time) in [("start", estimator.start), ("stop", estimator.stop)] {
+            if time.is_some_and(|t| Time::from_seconds(t.si()).is_none()) {
+                let place = root.get("estimator").and_then(|n| n.get(key)).unwrap_or_else(|| root.clone());
+                return Err(place.error("beyond 73 years, which no clock here can show").into());
+            }
+        }
         if let Some(name) = root.get("name") {
             name.parse::<String>()?;
         }
@@ -206,6 +212,11 @@ impl<'a> Scenario<'a> {
         let (layout, transition, needing) = composer.finish();
         if layout.tangent == 0 {
             return Err(root.error("nothing is estimated: add a process model, such as [process.ins]").into());
+        }
+        let idle = |s: &Sensor| matches!(s.role, Role::Input(_)) && s.simulator.is_none();
+        if let Some(part) = parts.iter().zip(&sensors).find_map(|(part, s)| idle(s).then_some(part)) {
+            let message = format!("[sensor.{}] drives no process; remove it, or set enabled = false", part.name);
+            return Err(part.node.error(message).into());
         }
         let has_reference = sensors.iter().any(|s| matches!(s.role, Role::Reference(_)));
         let initial = *estimator.initial.get_or_insert(if has_reference { Initial::Reference } else { Initial::Given });

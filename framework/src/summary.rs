@@ -28,7 +28,7 @@ pub struct Summary {
     pub scenario: String,
     /// From the filter's start to its end, s.
     pub duration_s: f64,
-    /// Horizontal path length of the reference, or of the estimate where there is none, m.
+    /// Horizontal path length of the reference, or of the estimate where none goes on to the end, m.
     pub distance_m: f64,
     /// Time that the run took, s.
     pub wall_s: f64,
@@ -36,7 +36,7 @@ pub struct Summary {
     pub samples: Map<String, Value>,
     /// Every block's final estimate, by name.
     pub states: Map<String, Value>,
-    /// Estimated against true position; null without a reference.
+    /// Estimated against true position, at the references; null without one.
     pub horizontal_error_m: Option<HorizontalError>,
     /// The same states as rows to print.
     #[serde(skip)]
@@ -51,8 +51,8 @@ pub struct HorizontalError {
     pub last: f64,
     /// Root mean square over all references, m.
     pub rms: f64,
-    /// The last one in per cent of the distance.
-    pub percent_of_distance: f64,
+    /// The last one in per cent of the reference's path length until then; null below 1 m of it.
+    pub percent_of_distance: Option<f64>,
 }
 
 /// A block's final estimate.
@@ -66,12 +66,32 @@ pub struct StateRow {
     pub components: &'static [&'static str],
     /// Estimated, fixed or considered.
     pub mode: Mode,
-    /// The estimate.
+    /// The estimate at the end.
     pub estimate: Vec<f64>,
-    /// 1-sigma.
+    /// Its 1-sigma.
     pub sigma: Vec<f64>,
-    /// Estimate minus reference, where there is one.
+    /// Estimate minus reference, both of the last reference's time; none where that is more than 2 s, and twice the
+    /// reference's last interval, before the end.
     pub error: Option<Vec<f64>>,
+    /// 1-sigma at the time of the error, or at the end where there is no error.
+    pub error_sigma: Vec<f64>,
+}
+
+/// A block's estimate compared with the last reference.
+#[derive(Clone, Debug)]
+struct Compared {
+    time: Time,
+    /// Since the comparison before, s.
+    interval: f64,
+    error: Vec<f64>,
+    sigma: Vec<f64>,
+}
+
+impl Compared {
+    /// Whether it still tells of a later time.
+    fn tells(&self, end: Time) -> bool {
+        end.since(self.time) <= (2.0 * self.interval).max(2.0)
+    }
 }
 
 #[derive(Clone, Debug, Default)]
@@ -96,7 +116,7 @@ pub(crate) struct Statistics {
     distance: f64,
     true_distance: f64,
     errors: (u64, f64, f64),
-    final_error: Vec<Option<Vec<f64>>>,
+    compared: Vec<Option<Compared>>,
 }
 
 impl Statistics {
@@ -113,7 +133,7 @@ impl Statistics {
             distance: 0.0,
             true_distance: 0.0,
             errors: (0, 0.0, 0.0),
-            final_error: vec![None; info.layout.blocks.len()],
+            compared: vec![None; info.layout.blocks.len()],
         }
     }
 
@@ -171,8 +191,16 @@ impl Statistics {
         }
         if let Some(truth) = epoch.truth {
             for (slot, block) in epoch.layout.blocks.iter().enumerate().filter(|(slot, _)| truth.known[*slot]) {
-                let error = self.final_error[slot].get_or_insert_with(|| vec![0.0; block.operations.tangent]);
-                block.show_error(&epoch.state.values, &truth.state.values, error);
+                let (time, n) = (epoch.state.time, block.operations.tangent);
+                let compared = self.compared[slot].get_or_insert_with(|| Compared {
+                    time,
+                    interval: 0.0,
+                    error: vec![0.0; n],
+                    sigma: vec![0.0; n],
+                });
+                compared.interval = time.since(std::mem::replace(&mut compared.time, time));
+                block.show_error(&epoch.state.values, &truth.state.values, &mut compared.error);
+                block.show_sigma(&epoch.state.values, epoch.covariance, &mut compared.sigma);
             }
         }
     }
@@ -192,7 +220,7 @@ impl Statistics {
 
     pub(crate) fn summary(&mut self, ekf: &Ekf) -> Summary {
         let layout = ekf.layout();
-        let truth = ekf.truth();
+        let (truth, end) = (ekf.truth(), ekf.state().time);
         let mut rows = Vec::new();
         let mut states = Map::new();
         for (slot, block) in layout.blocks.iter().enumerate() {
@@ -201,12 +229,15 @@ impl Statistics {
             block.show(&ekf.state().values, &mut estimate);
             block.show_sigma(&ekf.state().values, ekf.covariance(), &mut sigma);
             // what the scenario states as true is so at the end too; a reference counts at its last time
-            let constant = block.spec.truth.is_some();
-            let error = if constant && truth.known[slot] {
-                block.show_error(&ekf.state().values, &truth.state.values, &mut error);
-                Some(error[..n].to_vec())
-            } else {
-                self.final_error[slot].clone()
+            let holds = block.spec.truth.is_some() || truth.state.time == end;
+            let before = self.compared[slot].as_ref().filter(|c| c.tells(end));
+            let (error, error_sigma) = match before {
+                _ if holds && truth.known[slot] => {
+                    block.show_error(&ekf.state().values, &truth.state.values, &mut error);
+                    (Some(error[..n].to_vec()), sigma[..n].to_vec())
+                }
+                Some(compared) => (Some(compared.error.clone()), compared.sigma.clone()),
+                None => (None, sigma[..n].to_vec()),
             };
             let row = StateRow {
                 name: block.name.clone(),
@@ -216,6 +247,7 @@ impl Statistics {
                 estimate: estimate[..n].to_vec(),
                 sigma: sigma[..n].to_vec(),
                 error,
+                error_sigma,
             };
             let mut value =
                 json!({ "unit": row.unit, "estimate": row.estimate, "sigma": row.sigma, "error": row.error });
@@ -240,18 +272,19 @@ impl Statistics {
             samples.insert(name.clone(), value);
         }
         let (count, squares, last) = self.errors;
-        let distance_m = if count > 1 { self.true_distance } else { self.distance };
+        let position = self.position.and_then(|slot| self.compared[slot].as_ref());
+        let to_the_end = count > 1 && position.is_some_and(|c| c.tells(end));
         Summary {
             scenario: self.name.clone(),
             duration_s: self.first.zip(self.last_epoch).map_or(0.0, |(a, b)| b.since(a)),
-            distance_m,
+            distance_m: if to_the_end { self.true_distance } else { self.distance },
             wall_s: 0.0,
             samples,
             states,
             horizontal_error_m: (count > 0).then(|| HorizontalError {
                 last,
                 rms: (squares / count as f64).sqrt(),
-                percent_of_distance: if distance_m > 0.0 { 100.0 * last / distance_m } else { 0.0 },
+                percent_of_distance: (self.true_distance >= 1.0).then(|| 100.0 * last / self.true_distance),
             }),
             rows,
         }

@@ -92,3 +92,32 @@ fn a_random_walk_grows_by_its_density_times_the_time() {
     // 0.25 + 0.01 x 30, to 100 roundings
     assert!((b.variance("cart.drift") - 0.55).abs() < 1e-13, "{}", b.variance("cart.drift"));
 }
+
+#[test]
+fn a_state_that_moves_without_a_sigma_or_though_it_is_fixed_is_refused() {
+    let cases = [
+        ("{ random_walk = \"0.1 m/s/sqrt(s)\" }", "drift.random_walk", "needs a sigma"),
+        ("{ correlation_time = \"10 s\" }", "drift.correlation_time", "needs a sigma"),
+        ("{ mode = \"fixed\", random_walk = \"0.1 m/s/sqrt(s)\" }", "drift.random_walk", "does not move"),
+        ("{ mode = \"fixed\", sigma = \"1 m/s\", correlation_time = \"9 s\" }", "drift.correlation_time", "does not"),
+    ];
+    for (drift, key, text) in cases {
+        let message = lab::refused(lab::SCENARIO, &[&format!("process.cart.drift={drift}")]);
+        assert!(message.contains(key) && message.contains(text), "{message}");
+    }
+}
+
+#[test]
+fn a_time_that_no_clock_shows_and_a_driving_sensor_that_drives_nothing_are_refused() {
+    // 2^61 ns are 73 years, 2.3e9 s
+    for key in ["start", "stop"] {
+        for time in ["3e9 s", "-3e9 s"] {
+            let message = lab::refused(lab::SCENARIO, &[&format!("estimator.{key}=\"{time}\"")]);
+            assert!(message.contains(&format!("estimator.{key}")) && message.contains("73 years"), "{message}");
+        }
+    }
+    let spare = format!("{}[sensor.spare]\ntype = \"speedometer\"\n", lab::SCENARIO);
+    let message = lab::refused(&spare, &[]);
+    assert!(message.contains("[sensor.spare] drives no process; remove it, or set enabled = false"), "{message}");
+    lab::compose(&spare, &["sensor.spare.enabled=false"]);
+}

@@ -7,16 +7,19 @@ mod lab;
 use lab::{Bench, Lab, SCENARIO, seconds};
 use navfuse_core::Real;
 use navfuse_core::calibration::{ScaleFactor, display};
-use navfuse_core::compose::{ComposeError, Composer, Role};
+use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, Role};
+use navfuse_core::covariance::Transition;
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
-use navfuse_core::manifold::Scalar;
+use navfuse_core::manifold::{Position, Scalar};
 use navfuse_core::measurement::{Jacobian, MeasurementModel, jacobian_error};
+use navfuse_core::motion::Motion;
 use navfuse_core::nalgebra::{SMatrix, SVector};
-use navfuse_core::registry::{Plugin, Registry, SensorType};
+use navfuse_core::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::registry::{Plugin, ProcessType, Registry, SensorType};
 use navfuse_core::sample::{Channel, Sample, SensorId};
 use navfuse_core::scenario::Scenario;
-use navfuse_core::state::{Handle, View};
+use navfuse_core::state::{BlockSpec, Dynamics, Handle, Layout, Mode, State, View};
 use navfuse_core::units::{Length, Sigma};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -139,4 +142,78 @@ fn a_scenario_that_does_not_fit_it_is_refused_with_line_key_and_remedy() {
     assert!(text.contains("2 channels are declared, the model has 1"), "{text}");
     let text = refused(&["sensor.tape.scale={ mode = \"consider\" }"]);
     assert!(text.contains("scale") && text.contains("needs a sigma"), "{text}");
+}
+
+/// A star's altitude stands for it: the latitude itself, rad.
+struct Latitude(Handle<Position>);
+
+impl MeasurementModel<1> for Latitude {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
+        SVector::from([x.get(self.0).latitude])
+    }
+    fn noise(&self) -> SMatrix<f64, 1, 1> {
+        SMatrix::from_element(1e-12)
+    }
+}
+
+/// A body that stands still at 45 degrees, and its sextant.
+#[derive(Deserialize, JsonSchema)]
+struct Still {}
+
+#[derive(Clone)]
+struct StillModel;
+
+impl ProcessModel for StillModel {
+    fn propagate(
+        &mut self,
+        _: &Layout,
+        _: &mut State,
+        _: &Interval<'_>,
+        _: &mut Transition,
+    ) -> Result<(), ProcessError> {
+        Ok(())
+    }
+    fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
+    fn boxed_clone(&self) -> Box<dyn ProcessModel> {
+        Box::new(self.clone())
+    }
+}
+
+impl ProcessType for Still {
+    const TYPE: &'static str = "still";
+    fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
+        let initial = vec![std::f64::consts::FRAC_PI_4, 3.0, 0.0];
+        let (mode, dynamics, display) = (Mode::Estimate, Dynamics::Constant, display::POSITION);
+        composer.block::<Position>(
+            "position",
+            BlockSpec { mode, initial, sigma: vec![1.0; 3], truth: None, dynamics, display },
+        )?;
+        Ok(BuiltProcess { model: Box::new(StillModel), input: None })
+    }
+}
+
+#[derive(Deserialize, JsonSchema)]
+struct Sextant {}
+
+impl SensorType for Sextant {
+    const TYPE: &'static str = "sextant";
+    fn channels(&self) -> Vec<Channel> {
+        vec![Channel::new("latitude", "rad")]
+    }
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        Ok(Role::measurement(Latitude(composer.find("position", "still.position")?)))
+    }
+}
+
+#[test]
+fn the_jacobian_of_an_angle_with_respect_to_a_position_in_metres_is_checked_too() {
+    let mut registry = Registry::new();
+    registry.process::<Still>();
+    registry.sensor::<Sextant>();
+    let document = Document::parse("still.toml", "[process.still]\n[sensor.sextant]\n".to_owned()).unwrap();
+    let ekf = Ekf::new(Scenario::new(&registry, document, &[]).unwrap().compose().unwrap());
+    let Role::Measurement(model) = &ekf.composition().sensors[0].role else { panic!("it measures") };
+    // the step is 6 mm, 1e-9 rad: the rounding of 0.8 rad, 1e-16, leaves 1e-7 of it
+    let error = jacobian_error(model.as_ref(), ekf.layout(), ekf.state());
+    assert!(error < 2e-7, "{error:e}");
 }

@@ -57,6 +57,22 @@ impl Source for Clockwork {
     }
 }
 
+/// Samples one by one.
+struct List(std::vec::IntoIter<Sample>);
+impl Source for List {
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+        let next = self.0.next();
+        if let Some(next) = next {
+            *sample = next;
+        }
+        Ok(next.is_some())
+    }
+}
+
+fn list(samples: Vec<Sample>) -> Box<dyn Source> {
+    Box::new(List(samples.into_iter()))
+}
+
 /// What a sink was told.
 #[derive(Clone, Default)]
 struct Told {
@@ -257,16 +273,6 @@ fn estimates_are_recorded_at_the_output_rate_once_each_and_at_the_end() {
 
 #[test]
 fn the_summary_counts_every_sample_by_what_became_of_it() {
-    struct List(std::vec::IntoIter<Sample>);
-    impl Source for List {
-        fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
-            let next = self.0.next();
-            if let Some(next) = next {
-                *sample = next;
-            }
-            Ok(next.is_some())
-        }
-    }
     let fix = |t: f64, p: f64| Sample::new(seconds(t), SensorId(FIX), &[p]);
     let fixes = vec![
         fix(0.5, 0.5),
@@ -277,11 +283,101 @@ fn the_summary_counts_every_sample_by_what_became_of_it() {
         fix(2.0, 2.0),
         fix(9.0, 9.0),
     ];
-    let sources: Vec<Box<dyn Source>> = vec![Box::new(clockwork(SPEED, 1000, 4)), Box::new(List(fixes.into_iter()))];
+    let sources: Vec<Box<dyn Source>> = vec![Box::new(clockwork(SPEED, 1000, 4)), list(fixes)];
     let finished = go(&[], sources, vec![]);
     let counts = &finished.summary.samples["fix"];
     assert_eq!((&counts["read"], &counts["accepted"]), (&7.into(), &3.into()), "{counts}");
     assert_eq!((&counts["gated"], &counts["rejected"]), (&1.into(), &3.into()), "{counts}");
     // the speed's first sample starts the filter, and moves nothing
     assert_eq!(finished.summary.samples["speed"]["used"], 3);
+}
+
+#[test]
+fn a_slow_sensor_is_not_lost_between_its_samples_and_is_when_three_of_them_are_missing() {
+    let told = Told::default();
+    let fix = Clockwork { silent: 90.0..1e9, ..clockwork(FIX, 20_000, 40) };
+    let finished = go(&[], vec![Box::new(clockwork(SPEED, 100, 2000)), Box::new(fix)], vec![("told", told.clone())]);
+    assert!(finished.error.is_none());
+    assert_eq!(told.says("is back"), 0, "{:?}", told.events.lock().unwrap());
+    // the last at 80 s, three times the usual 20 s
+    let events = told.events.lock().unwrap();
+    let lost: Vec<f64> =
+        events.iter().filter(|e| e.text == "fix lost: no sample for 60 s").map(|e| e.time.seconds()).collect();
+    assert!(lost.len() == 1 && lost[0] > 140.0 && lost[0] < 140.4, "{events:?}");
+}
+
+#[test]
+fn a_stamp_far_in_the_future_makes_no_other_sensor_lost() {
+    // all in one source: the merge cannot hold the wrong one back
+    let speed = |k: i32| Sample::new(seconds(f64::from(k) * 0.1), SensorId(SPEED), &[1.0]);
+    let mut samples: Vec<Sample> = (0..100).map(speed).collect();
+    samples.insert(50, Sample::new(seconds(1e6), SensorId(FIX), &[1.0]));
+    samples.insert(50, Sample::new(seconds(9e5), SensorId(FIX), &[1.0]));
+    samples.insert(20, Sample::new(seconds(1.95), SensorId(FIX), &[2.0]));
+    let told = Told::default();
+    // two in a row and a short time-out: the driving sensor's clock holds; it is itself judged by what others say twice
+    go(
+        &["sensor.fix.timeout=\"9 s\"", "sensor.speed.timeout=\"1e7 s\""],
+        vec![list(samples.clone())],
+        vec![("told", told.clone())],
+    );
+    assert_eq!(told.says("lost"), 0, "{:?}", told.events.lock().unwrap());
+    samples.remove(51);
+    let told = Told::default();
+    go(&[], vec![list(samples)], vec![("told", told.clone())]);
+    assert_eq!(told.says("lost"), 0, "{:?}", told.events.lock().unwrap());
+}
+
+#[test]
+fn no_error_is_dropped_after_however_many_warnings() {
+    struct Loud;
+    impl Source for Loud {
+        fn next(&mut self, _: &mut Sample) -> Result<bool, StreamError> {
+            Ok(false)
+        }
+        fn schedule(&self) -> Vec<Event> {
+            let event =
+                |k| Event { time: Time::from_nanos(k), level: Level::Warning, about: "x".into(), text: "y".into() };
+            (0..2000).map(event).collect()
+        }
+    }
+    let speed = Clockwork { fails_at: Some(50), ..clockwork(SPEED, 10, 100) };
+    let finished =
+        go(&[], vec![Box::new(Loud), Box::new(speed)], vec![("bad", Told { breaks_at: Some(40), ..Told::default() })]);
+    let of = |level| finished.events.iter().filter(|e| e.level == level).count();
+    assert_eq!((of(Level::Warning), of(Level::Error)), (1000, 2));
+}
+
+/// A run with a reference every second up to a time, and the fix of 1 s and 10 s; the place is true at the reference.
+fn surveyed(until: i32) -> Finished {
+    let survey = |k: i32| Sample::new(seconds(f64::from(k)), SensorId(0), &[f64::from(k)]);
+    let fix = |t: f64, p: f64| Sample::new(seconds(t), SensorId(2), &[p, 2.0 * p, 0.1 * p * p]);
+    let speed = |k: i32| Sample::new(seconds(f64::from(k) * 0.5), SensorId(1), &[1.0]);
+    let sources: [Vec<Sample>; 3] =
+        [(0..=until).map(survey).collect(), (0..=20).map(speed).collect(), vec![fix(1.0, 1.1), fix(10.0, 10.1)]];
+    let sources = sources.into_iter().enumerate().map(|(k, s)| (format!("source{k}"), list(s))).collect();
+    let composition = compose(&format!("[sensor.survey]\n{SCENARIO}"), &[]);
+    let finished = run(Assembly { composition, sources, sinks: Vec::new() }, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none() && finished.summary.duration_s == 10.0, "{:?}", finished.error);
+    finished
+}
+
+#[test]
+fn the_error_is_of_the_time_of_its_sigma_and_null_where_the_reference_ended_long_before() {
+    // the fix of 10 s is in the estimate, the sigma, and the error, though the reference stands first
+    let finished = surveyed(10);
+    let place = &finished.summary.rows[0];
+    assert_eq!(place.error.as_ref().unwrap()[0], place.estimate[0] - 10.0);
+    assert_eq!(place.error_sigma, place.sigma);
+    assert_eq!(finished.summary.states["cart.place"]["error"][0], place.estimate[0] - 10.0);
+    // the last reference at 9 s: error and sigma from before the fix
+    let finished = surveyed(9);
+    let place = &finished.summary.rows[0];
+    let error = place.error.as_ref().unwrap()[0];
+    assert!(place.error_sigma[0] > 2.0 * place.sigma[0], "{place:?}");
+    assert!((error - (place.estimate[0] - 10.0)).abs() > 1e-6, "{place:?}");
+    // at 7 s: 3 s are more than 2 s and than two intervals
+    let finished = surveyed(7);
+    assert_eq!(finished.summary.rows[0].error, None);
+    assert!(finished.summary.states["cart.place"]["error"].is_null());
 }

@@ -134,16 +134,6 @@ fn a_sample_without_any_of_the_sensors_channels_is_rejected() {
 }
 
 #[test]
-fn a_driving_sensor_that_no_process_names_moves_nothing() {
-    let scenario = format!("{SCENARIO}[sensor.spare]\ntype = \"speedometer\"\n");
-    let mut b = Bench::of(&scenario, &[]);
-    b.give("speed", 0.0, &[1.0]).give("spare", 0.5, &[100.0]).give("speed", 1.0, &[1.0]).give("spare", 1.5, &[100.0]);
-    assert_eq!(b.ekf.state().time, seconds(1.0));
-    assert!((b.value("cart.place") - 1.0).abs() < 1e-15);
-    assert_eq!(b.log.inputs.len(), 2);
-}
-
-#[test]
 fn the_filter_starts_at_the_first_driving_sample_from_its_start_on() {
     let mut b = Bench::new(&["estimator.start=\"1 s\""]);
     b.give("speed", 0.0, &[9.0]).fix(0.5, 3.0).give("speed", 0.9, &[9.0]).fix(1.0, 1.0).fix(1.2, 0.1);
@@ -155,6 +145,49 @@ fn the_filter_starts_at_the_first_driving_sample_from_its_start_on() {
     assert_eq!(b.log.outcomes(), [Outcome::Accepted]);
     assert_eq!(b.ekf.state().time, seconds(1.2));
     assert_eq!(b.log.says("before the state's"), 0);
+}
+
+/// The lab with a reference that tells the place.
+fn with_reference() -> Bench {
+    Bench::of(&format!("[sensor.survey]\n{SCENARIO}"), &[])
+}
+
+#[test]
+fn a_reference_before_the_first_driving_sample_starts_nothing() {
+    let mut b = with_reference();
+    b.give("survey", 0.0, &[7.0]).give("speed", 0.01, &[1.0]);
+    assert!(!b.ekf.running(), "how it moved from 0 to 0.01 s is not known");
+    b.give("speed", 0.5, &[1.0]).give("survey", 1.0, &[8.0]).give("speed", 1.5, &[1.0]);
+    assert_eq!(b.log.epochs, [seconds(1.0)]);
+    assert!((b.value("cart.place") - 8.5).abs() < 1e-15, "from 8 m at 1 s");
+}
+
+#[test]
+fn a_reference_with_the_first_driving_sample_starts_the_filter_whichever_comes_first() {
+    let (mut before, mut after) = (with_reference(), with_reference());
+    before.give("survey", 1.0, &[8.0]).give("speed", 1.0, &[1.0]);
+    after.give("speed", 1.0, &[1.0]).give("survey", 1.0, &[8.0]);
+    for b in [before, after] {
+        assert!(b.ekf.running());
+        assert_eq!((b.ekf.state().time, b.value("cart.place")), (seconds(1.0), 8.0));
+    }
+}
+
+#[test]
+fn a_reference_is_compared_after_what_else_waits_for_its_time() {
+    let run = |order: [&str; 2]| {
+        let mut b = with_reference();
+        b.give("speed", 0.0, &[1.0]).give("survey", 0.0, &[0.0]);
+        for sensor in order {
+            b.give(sensor, 1.0, &[1.1, 2.2, 0.121]);
+        }
+        b.give("speed", 1.0, &[1.0]);
+        assert_eq!(b.log.epochs.len(), 2);
+        (b.log.last_value, b.value("cart.place"))
+    };
+    let (first, last) = (run(["survey", "fix"]), run(["fix", "survey"]));
+    assert!(first.0 == first.1 && last.0 == last.1, "told as corrected: {first:?} {last:?}");
+    assert_eq!(first, last);
 }
 
 #[test]

@@ -4,14 +4,15 @@
 
 use navfuse_core::Real;
 use navfuse_core::calibration::{Calibration, LengthBias, display};
-use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, Composition, DrivingSensor, Role};
+use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, Composition, DrivingSensor, Reference, Role};
 use navfuse_core::covariance::{NoiseSlot, PhiSlot, Transition};
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
+use navfuse_core::geodesy::Geodetic;
 use navfuse_core::manifold::Scalar;
 use navfuse_core::measurement::MeasurementModel;
 use navfuse_core::motion::Motion;
-use navfuse_core::nalgebra::{SMatrix, SVector, convert};
+use navfuse_core::nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3, convert};
 use navfuse_core::process::{Interval, ProcessError, ProcessModel};
 use navfuse_core::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
 use navfuse_core::registry::{Plugin, ProcessType, Registry, SensorType};
@@ -23,6 +24,7 @@ use navfuse_core::time::Time;
 use navfuse_core::units::{AccelerationNoise, Length, Sigma, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::sync::Arc;
 
 /// Speed along the line, m/s, over the interval that ends at the sample.
 #[derive(Deserialize, JsonSchema)]
@@ -114,7 +116,10 @@ impl ProcessModel for CartModel {
         transition.set_noise(self.q, &SMatrix::from([[DENSITY * dt]]));
         Ok(())
     }
-    fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
+    fn follow(&self, layout: &Layout, motion: &Motion, truth: &mut State, known: &mut [bool]) {
+        truth.set(layout, self.place, &motion.position.height);
+        known[self.place.slot()] = true;
+    }
     fn boxed_clone(&self) -> Box<dyn ProcessModel> {
         Box::new(self.clone())
     }
@@ -157,12 +162,45 @@ impl MeasurementModel<3> for FixModel {
     }
 }
 
+/// A reference: the place, m.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Survey {}
+
+impl SensorType for Survey {
+    const TYPE: &'static str = "survey";
+    fn channels(&self) -> Vec<Channel> {
+        vec![Channel::new("place", "m")]
+    }
+    fn build(self, _: &mut Composer) -> Result<Role, ComposeError> {
+        Ok(Role::Reference(Arc::new(Surveyor)))
+    }
+}
+
+struct Surveyor;
+
+impl Reference for Surveyor {
+    fn motion(&self, _: &Layout, _: &State, sample: &Sample) -> Option<Motion> {
+        let zero = Vector3::zeros();
+        Some(Motion {
+            time: sample.time,
+            position: Geodetic { latitude: 0.0, longitude: 0.0, height: sample.get(0)? },
+            velocity: zero,
+            c_b_n: UnitQuaternion::identity(),
+            w_ib_b: zero,
+            f_ib_b: zero,
+        })
+    }
+    fn sample(&self, _: &Motion, _: &mut Sample) {}
+}
+
 pub struct Lab;
 
 impl Plugin for Lab {
     fn build(&self, registry: &mut Registry) {
         registry.sensor::<Speedometer>();
         registry.sensor::<Fix>();
+        registry.sensor::<Survey>();
         registry.process::<Cart>();
     }
 }
@@ -178,11 +216,20 @@ noise = "10 cm"
 "#;
 
 pub fn compose(scenario: &str, settings: &[&str]) -> Composition {
+    try_compose(scenario, settings).unwrap()
+}
+
+fn try_compose(scenario: &str, settings: &[&str]) -> Result<Composition, String> {
     let mut registry = Registry::new();
     registry.add(&Lab);
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
     let document = Document::parse("lab.toml", scenario).unwrap();
-    Scenario::new(&registry, document, &settings).unwrap().compose().unwrap()
+    Scenario::new(&registry, document, &settings).unwrap().compose().map_err(|e| e.to_string())
+}
+
+/// Why the scenario is refused.
+pub fn refused(scenario: &str, settings: &[&str]) -> String {
+    try_compose(scenario, settings).unwrap_err()
 }
 
 pub fn filter(settings: &[&str]) -> Ekf {
@@ -197,6 +244,8 @@ pub fn seconds(t: f64) -> Time {
 #[derive(Default)]
 pub struct Log {
     pub epochs: Vec<Time>,
+    /// The first number of the last epoch's state.
+    pub last_value: f64,
     pub updates: Vec<(f64, Outcome, f64)>,
     pub inputs: Vec<(f64, Option<Rejection>)>,
     pub events: Vec<String>,
@@ -218,6 +267,7 @@ impl Log {
 impl Observer for Log {
     fn epoch(&mut self, epoch: &Epoch<'_>) {
         self.epochs.push(epoch.state.time);
+        self.last_value = epoch.state.values[0];
     }
     fn update(&mut self, u: &UpdateRecord<'_>) {
         self.updates.push((u.time.seconds(), u.outcome, u.nis));

@@ -1,6 +1,6 @@
 //! Depth sensor: the depth of its port below the reference surface of heights, with bias and lever arm.
 //!
-//! `z = -h - e_D C_b^n l + b` (Groves section 6.2.2, for a sensor that already converts pressure to depth).
+//! `z = -h + e_D . C_b^n l + b` (Groves section 6.2.2, for a sensor that already converts pressure to depth).
 
 use navfuse_core::Real;
 use navfuse_core::calibration::{LengthBias, LeverArm, display};
