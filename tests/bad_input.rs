@@ -266,7 +266,7 @@ fn a_fault_that_cannot_be_simulated_is_named_with_the_remedy() {
     let cases = [
         ("sensor.imu.simulation.rate=1e12 Hz", "up to 1 MHz"),
         ("sensor.dvl.simulation.dropout=2", "such as \"2 %\""),
-        ("sensor.dvl.simulation.offset=-1 s", "begins at 0 s"),
+        ("sensor.imu.simulation.offset=-1 s", "begins at 0 s"),
         ("sensor.dvl.simulation.outages=[[\"400 s\", \"100 s\"]]", "ends after it begins"),
         ("sensor.imu.simulation.outliers=50 %", "only measuring sensors"),
     ];

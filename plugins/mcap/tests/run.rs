@@ -31,7 +31,7 @@ accel_bias = { sigma = "50 ug", truth = "50 ug" }
 [sensor.imu]
 gyro_noise = "0.1 deg/h/sqrt(Hz)"
 accel_noise = "10 ug/sqrt(Hz)"
-simulation = { rate = "100 Hz", offset = "-0.45 s" }
+simulation = { rate = "100 Hz" }
 
 [sensor.dvl]
 noise = "2 cm/s"
@@ -40,7 +40,7 @@ simulation = { rate = "5 Hz", dropout = 0.1 }
 
 [sensor.depth]
 noise = "5 cm"
-simulation = { rate = "2 Hz" }
+simulation = { rate = "2 Hz", offset = "-0.45 s" }
 
 [sensor.reference]
 simulation = { rate = "10 Hz" }

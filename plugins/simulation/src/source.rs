@@ -67,7 +67,8 @@ fn check(faults: &Faults, sensor: &SensorInfo) -> Result<(), StreamError> {
     if faults.rate.value().si() > MAX_RATE {
         return refuse("rate", faults.rate.value().to_string(), "give a rate up to 1 MHz");
     }
-    if faults.offset.si() < 0.0 {
+    // what measures may begin before the trajectory does, where the vehicle is as at 0 s; what integrates may not
+    if sensor.purpose == Purpose::Input && faults.offset.si() < 0.0 {
         return refuse(
             "offset",
             faults.offset.to_string(),
