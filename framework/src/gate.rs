@@ -86,7 +86,7 @@ pub enum Action {
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Recovery {
-    /// How long every sample must have been gated.
+    /// How long every sample must have been gated; at least three samples.
     #[serde(default = "half_a_minute")]
     pub after: Positive<Duration>,
     /// What then happens: `inflate`, `accept` or `report`.
@@ -114,7 +114,7 @@ pub struct Policy {
     /// The way out when everything is gated for too long. Default: after 30 s, inflate.
     #[serde(default)]
     pub recovery: Recovery,
-    /// How long the sensor may be silent before it is called lost. Default: 5 s.
+    /// How long the sensor may be silent before it is called lost. Default: three times its usual interval, at least 5 s.
     pub timeout: Option<Positive<Duration>>,
     /// How the sensor is simulated, where there is a simulated source.
     pub simulation: Option<crate::simulate::Faults>,
