@@ -281,3 +281,10 @@ fn a_standard_error_that_is_closed_is_no_panic() {
     let output = std::process::Command::new("sh").arg("-c").arg(script).output().expect("sh starts");
     assert_eq!(output.status.code(), Some(1));
 }
+
+#[test]
+fn a_gate_on_a_sensor_that_corrects_nothing_is_refused() {
+    let recording = Recording::new();
+    recording.change("accel_noise = \"10 ug/sqrt(Hz)\"", "accel_noise = \"10 ug/sqrt(Hz)\"\ngate = 0.99");
+    fails_with(&run(&recording, &[]), &["rest.toml:11", "sensor.imu.gate = 0.99", "corrects the state"]);
+}

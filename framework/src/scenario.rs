@@ -258,6 +258,11 @@ impl<'a> Scenario<'a> {
                 Role::Measurement(_) => Purpose::Measurement,
                 Role::Reference(_) => Purpose::Reference,
             };
+            if purpose != Purpose::Measurement
+                && let Some(node) = ["gate", "recovery"].into_iter().find_map(|key| part.node.get(key))
+            {
+                return Err(node.error("only a sensor that corrects the state has a gate; remove it here").into());
+            }
             let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
             let info = SensorInfo { name, kind, channels: built.channels, purpose };
             Composition::check_channels(&info, &built.role).map_err(|m| part.node.error(m))?;
