@@ -74,7 +74,7 @@ pub struct Replay {
 }
 
 /// How a run runs.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct RunOptions {
     /// Change a value of the scenario; may be given again
     #[arg(long, value_name = "KEY.PATH=VALUE")]
@@ -94,7 +94,7 @@ pub struct RunOptions {
 }
 
 /// Where a run is shown live.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[group(multiple = false)]
 pub struct Live {
     /// Start the rerun viewer and show the run in it while it runs

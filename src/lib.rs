@@ -17,8 +17,6 @@ mod inspect;
 mod print;
 mod run;
 
-pub use navfuse_core as core;
-
 use arguments::{Arguments, Command};
 use clap::Parser;
 use navfuse_core::registry::Registry;

@@ -40,21 +40,11 @@ pub fn replay(registry: &Registry, arguments: &Replay) -> Result<ExitCode> {
         }
     };
     let source = format!("source={{ mcap = {{ path = {:?} }} }}", log.display().to_string());
-    let mut options = RunOptions { set: arguments.options.set.clone(), ..copy(&arguments.options) };
+    let mut options = arguments.options.clone();
     if options.out.is_none() {
         options.out = Some(PathBuf::from("runs").join(folder_name(&format!("{}-replay", document.stem()))));
     }
     go(registry, document, &[source], &options)
-}
-
-fn copy(o: &RunOptions) -> RunOptions {
-    RunOptions {
-        set: Vec::new(),
-        out: o.out.clone(),
-        format: o.format,
-        no_output: o.no_output,
-        live: crate::arguments::Live { rerun: o.live.rerun, connect: o.live.connect.clone(), serve: o.live.serve },
-    }
 }
 
 fn go(registry: &Registry, document: Document, first: &[String], options: &RunOptions) -> Result<ExitCode> {

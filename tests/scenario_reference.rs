@@ -3,9 +3,9 @@
 //! `UPDATE=1 cargo test --test scenario_reference` writes it anew.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse::core::registry::{Entry, Kind, Registry};
-use navfuse::core::scenario::common_keys;
-use navfuse::core::schema::{Parameter, parameters, scenario_schema};
+use navfuse_core::registry::{Entry, Kind, Registry};
+use navfuse_core::scenario::common_keys;
+use navfuse_core::schema::{Parameter, parameters, scenario_schema};
 use serde_json::Value;
 use std::fmt::Write;
 

@@ -8,11 +8,9 @@ use crate::state::{Dynamics, Layout, State};
 #[derive(Clone, Debug, Default)]
 pub struct BlockDynamics {
     moving: Vec<Moving>,
-    initial: State0,
+    /// The values that Gauss-Markov processes return to.
+    initial: Vec<f64>,
 }
-
-/// The values that Gauss-Markov processes return to.
-type State0 = Vec<f64>;
 
 #[derive(Clone, Debug)]
 struct Moving {
