@@ -2,15 +2,18 @@
 
 use crate::covariance::Transition;
 use crate::document::{DocumentError, Node};
+use crate::draw::Draw;
 use crate::manifold::{Manifold, Operations};
 use crate::measurement::AnyMeasurement;
 use crate::motion::Motion;
 use crate::process::ProcessModel;
 use crate::sample::{MAX_CHANNELS, Sample};
+use crate::scenario::Initial;
 use crate::simulate::{Faults, Simulate};
 use crate::state::{Block, BlockSpec, Handle, Layout, MAX_BLOCKS, Mode, Signal, State};
 use crate::stream::SensorInfo;
 use crate::time::Time;
+use crate::units::Sigma;
 use std::any::Any;
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -98,6 +101,8 @@ pub struct Sensor {
     pub simulation: Option<Faults>,
     /// How a driving sensor is simulated; a measuring one is by its model.
     pub simulator: Option<Box<dyn Simulate>>,
+    /// Its noise, as the filter takes it, as a multiple of the model's.
+    pub noise: f64,
 }
 
 /// A process model in its place.
@@ -175,7 +180,7 @@ impl Composer {
         self.layout.tangent += tangent.map_or(0, |_| operations.tangent);
         let offset = self.layout.ambient;
         self.layout.ambient += operations.ambient;
-        self.layout.blocks.push(Block { name: full, spec, operations, offset, tangent });
+        self.layout.blocks.push(Block { name: full, spec, operations, offset, tangent, wanders: false });
         Ok(Handle { slot, manifold: PhantomData })
     }
 
@@ -272,6 +277,36 @@ impl Composition {
     /// The index of the sensor of that name.
     pub fn sensor(&self, name: &str) -> Option<usize> {
         self.sensors.iter().position(|s| s.info.name == name)
+    }
+
+    /// Makes it what the Cramer-Rao bound runs on: every block starts at its truth, sensors are simulated without noise and
+    /// outliers, while the filter takes the noise that they would have, so that it stays at the truth and its covariance is
+    /// that of the best estimate. Considered states are estimated.
+    pub fn at_truth(&mut self) {
+        let mut layout = (*self.layout).clone();
+        for block in &mut layout.blocks {
+            if let Some(truth) = &block.spec.truth {
+                block.spec.initial.clone_from(truth);
+            }
+            block.wanders = false;
+            if block.spec.mode == Mode::Consider {
+                block.spec.mode = Mode::Estimate;
+            }
+        }
+        self.layout = Arc::new(layout);
+        self.estimator.draw = Draw::Nothing;
+        if self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_))) {
+            self.estimator.initial = Some(Initial::Reference);
+        }
+        for (index, sensor) in self.sensors.iter_mut().enumerate() {
+            let Some(faults) = &mut sensor.simulation else { continue };
+            sensor.noise = faults.noise.value().si();
+            faults.noise = Sigma::from_si(0.0);
+            faults.outliers = Sigma::from_si(0.0);
+            if self.processes.iter().any(|p| p.input == Some(index)) {
+                self.transition.scale_noise(sensor.noise);
+            }
+        }
     }
 
     /// Checks that a sensor's channels fit a sample and its model.

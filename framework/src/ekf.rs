@@ -9,9 +9,10 @@ mod start;
 
 use crate::compose::{Composition, Role};
 use crate::covariance::{Covariance, Transition, Update};
+use crate::draw::{Draw, TrueState};
 use crate::dynamics::BlockDynamics;
 use crate::process::{Input, Interval, ProcessError, ProcessModel};
-use crate::record::{Event, Level, Observer, Outcome, Rejection, Truth, UpdateRecord};
+use crate::record::{Epoch, Event, Level, Observer, Outcome, Rejection, Truth, UpdateRecord};
 use crate::sample::{MAX_CHANNELS, Sample};
 use crate::simulate::Random;
 use crate::state::{Layout, Mode, State};
@@ -58,8 +59,6 @@ pub struct Ekf {
     /// The sensor that drives a process model, if any does.
     driver: Option<usize>,
     considered: Vec<bool>,
-    constants: State,
-    known_constants: Vec<bool>,
     update: Update,
     memory: Memory,
 }
@@ -68,7 +67,7 @@ pub struct Ekf {
 #[derive(Clone)]
 struct Memory {
     start: Start,
-    perturb: Option<Random>,
+    draws: Option<Random>,
     state: State,
     covariance: Covariance,
     transition: Transition,
@@ -80,6 +79,8 @@ struct Memory {
     cadence: Cadence,
     /// Measurements ahead of the driving sensor, in order of time.
     pending: VecDeque<Sample>,
+    /// What is true beside the motion.
+    constants: TrueState,
     truth: State,
     known: Vec<bool>,
 }
@@ -105,7 +106,7 @@ impl Ekf {
         }
         let start = composition.start();
         let from_reference = composition.estimator.from_reference();
-        let (constants, known_constants) = layout.true_state();
+        let constants = TrueState::new(&layout, composition.seed, start);
         let mut transition = composition.transition.clone();
         let dynamics = BlockDynamics::new(&layout, &mut transition);
         Self {
@@ -114,7 +115,7 @@ impl Ekf {
             update: Update::with_capacity(n, MAX_CHANNELS),
             memory: Memory {
                 start: if from_reference { Start::FromReference(start) } else { Start::At(start) },
-                perturb: composition.estimator.perturb.then(|| Random::new(composition.seed, "initial")),
+                draws: (composition.estimator.draw != Draw::Nothing).then(|| Random::new(composition.seed, "initial")),
                 state: layout.initial_state(),
                 covariance: Covariance::zero(n),
                 transition,
@@ -124,11 +125,10 @@ impl Ekf {
                 input: None,
                 cadence: Cadence::default(),
                 pending: VecDeque::with_capacity(MAX_PENDING),
-                truth: constants.clone(),
-                known: known_constants.clone(),
+                truth: constants.state.clone(),
+                known: constants.known.clone(),
+                constants,
             },
-            constants,
-            known_constants,
             layout,
             composition,
         }
@@ -174,6 +174,20 @@ impl Ekf {
         Truth { state: &self.memory.truth, known: &self.memory.known }
     }
 
+    /// The estimate now; with the truth where there is no reference to tell it but the scenario does.
+    pub(crate) fn epoch(&mut self) -> Epoch<'_> {
+        let told = self.composition.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)));
+        let m = &mut self.memory;
+        let stated = !told && m.constants.known.contains(&true);
+        if stated {
+            m.constants.advance(&self.layout, m.state.time);
+            m.truth.values.copy_from_slice(&m.constants.state.values);
+            m.truth.time = m.state.time;
+        }
+        let truth = stated.then_some(Truth { state: &m.truth, known: &m.known });
+        Epoch { layout: &self.layout, state: &m.state, covariance: &m.covariance, truth }
+    }
+
     /// Takes a sample: propagates to its time and uses it.
     ///
     /// # Errors
@@ -197,7 +211,7 @@ impl Ekf {
             if self.memory.start.is_due(sample.time) {
                 self.initialise(sample.time, false, observer);
             }
-            self.advance(sample.time, None)?;
+            self.advance(sample.time, None, observer)?;
             return self.use_sample(sample, observer);
         }
         if self.memory.input.is_some_and(|input| sample.time <= input) {
@@ -288,17 +302,22 @@ impl Ekf {
         }
         while self.memory.pending.front().is_some_and(|waiting| waiting.time <= sample.time) {
             let Some(waiting) = self.memory.pending.pop_front() else { break };
-            self.advance(waiting.time, Some(input))?;
+            self.advance(waiting.time, Some(input), observer)?;
             self.use_sample(&waiting, observer)?;
         }
         self.memory.input = Some(sample.time);
-        self.advance(sample.time, Some(input))?;
+        self.advance(sample.time, Some(input), observer)?;
         observer.input(sample, None);
         Ok(())
     }
 
     /// Moves the state and its covariance to a time, if it is ahead.
-    fn advance(&mut self, to: Time, input: Option<Input<'_>>) -> Result<(), EstimatorError> {
+    fn advance(
+        &mut self,
+        to: Time,
+        input: Option<Input<'_>>,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
         let running = self.running();
         let m = &mut self.memory;
         let from = m.state.time;
@@ -313,8 +332,9 @@ impl Ekf {
         }
         m.dynamics.propagate(&self.layout, &mut m.state, interval.duration(), &mut m.transition);
         m.transition.propagate(&mut m.covariance);
+        observer.transition(&m.transition);
         for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
-            m.transition.carry(&mut slot.reach);
+            m.transition.carry_reach(&mut slot.reach);
         }
         m.state.time = to;
         Ok(())

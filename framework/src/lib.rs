@@ -9,6 +9,7 @@ pub mod calibration;
 pub mod compose;
 pub mod covariance;
 pub mod document;
+pub mod draw;
 mod dynamics;
 pub mod ekf;
 pub mod gate;

@@ -21,6 +21,20 @@ pub struct Motion {
     pub f_ib_b: Vector3<f64>,
 }
 
+impl Motion {
+    /// At rest on the equator, level and heading north: where it does not matter where.
+    pub(crate) fn at_rest() -> Self {
+        Self {
+            time: Time::default(),
+            position: Geodetic { latitude: 0.0, longitude: 0.0, height: 0.0 },
+            velocity: Vector3::zeros(),
+            c_b_n: UnitQuaternion::identity(),
+            w_ib_b: Vector3::zeros(),
+            f_ib_b: Vector3::zeros(),
+        }
+    }
+}
+
 /// A known motion that sensors are simulated on. Times asked for do not decrease.
 pub trait Trajectory: Send {
     /// The motion at a time.

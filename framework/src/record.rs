@@ -1,6 +1,6 @@
 //! What a run tells: epochs, updates and events.
 
-use crate::covariance::Covariance;
+use crate::covariance::{Covariance, Transition, Update};
 use crate::sample::{Sample, SensorId};
 use crate::state::{Layout, State};
 use crate::time::Time;
@@ -118,6 +118,10 @@ pub trait Observer {
     fn epoch(&mut self, epoch: &Epoch<'_>);
     /// A sample of a measuring sensor was used, or not.
     fn update(&mut self, update: &UpdateRecord<'_>);
+    /// The error state moved by `Phi` and gathered `Q`: what a backward pass needs.
+    fn transition(&mut self, _transition: &Transition) {}
+    /// A measurement corrected the state by the Jacobian, gain and innovation covariance in the update's work space.
+    fn correction(&mut self, _update: &Update) {}
     /// A sample of the driving sensor was used, or not.
     fn input(&mut self, sample: &Sample, rejected: Option<Rejection>);
     /// Something to read.

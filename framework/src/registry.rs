@@ -56,6 +56,8 @@ pub struct OpenContext<'a> {
 pub trait SourceType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
+    /// Whether its samples are simulated, so that another seed gives another run.
+    const SIMULATES: bool = false;
     /// Opens it: one stream or several, which the runner merges.
     ///
     /// # Errors
@@ -126,7 +128,7 @@ pub(crate) struct BuiltSensor {
 pub(crate) enum Make {
     Process(ForComposer<BuiltProcess>),
     Sensor { make: ForComposer<BuiltSensor>, input: bool },
-    Source(ForContext<Vec<Box<dyn Source>>>),
+    Source { make: ForContext<Vec<Box<dyn Source>>>, simulates: bool },
     Sink { make: ForContext<Box<dyn Sink>>, default: bool },
 }
 
@@ -187,7 +189,7 @@ impl Registry {
     /// Registers a type of source.
     pub fn source<S: SourceType>(&mut self) {
         let make: ForContext<Vec<Box<dyn Source>>> = Box::new(|node, context| Ok(node.parse::<S>()?.open(context)?));
-        self.insert::<S>(Kind::Source, S::TYPE, Make::Source(make));
+        self.insert::<S>(Kind::Source, S::TYPE, Make::Source { make, simulates: S::SIMULATES });
     }
 
     /// Registers a type of sink.

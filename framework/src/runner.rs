@@ -1,6 +1,7 @@
 //! The runner: merges sources in order of time, feeds the filter, and tells the sinks.
 
 use crate::compose::Role;
+use crate::covariance::{Transition, Update};
 use crate::ekf::{Ekf, EstimatorError};
 use crate::record::{Epoch, Event, Level, Observer, Rejection, UpdateRecord};
 use crate::sample::{Sample, SensorId};
@@ -92,8 +93,7 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
         if ekf.running() && now >= fan.next_epoch && sample.time > now {
             fan.next_epoch = Time::from_nanos((now.nanos().div_euclid(period) + 1) * period);
             if fan.statistics.last_epoch != Some(now) {
-                let (layout, state, covariance) = (ekf.layout(), ekf.state(), ekf.covariance());
-                fan.epoch(&Epoch { layout, state, covariance, truth: None });
+                fan.epoch(&ekf.epoch());
             }
         }
         merge.due(sample.time, &mut fan);
@@ -119,8 +119,7 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
     }
     let now = ekf.state().time;
     if ekf.running() && fan.statistics.last_epoch != Some(now) {
-        let (layout, state, covariance) = (ekf.layout(), ekf.state(), ekf.covariance());
-        fan.epoch(&Epoch { layout, state, covariance, truth: None });
+        fan.epoch(&ekf.epoch());
     }
     for event in fan.statistics.unheard(&ekf) {
         fan.event(event);
@@ -263,6 +262,12 @@ impl Observer for Fan {
     fn update(&mut self, update: &UpdateRecord<'_>) {
         self.statistics.update(update);
         self.each(update.time, |sink| sink.update(update));
+    }
+    fn transition(&mut self, transition: &Transition) {
+        self.each(Time::MIN, |sink| sink.transition(transition));
+    }
+    fn correction(&mut self, update: &Update) {
+        self.each(Time::MIN, |sink| sink.correction(update));
     }
     fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
         self.statistics.input(sample, rejected);

@@ -2,7 +2,9 @@
 
 use crate::compose::{Composer, Composition, Process, Role, Sensor};
 use crate::document::{Document, DocumentError, Node, did_you_mean};
+use crate::draw::{self, Draw};
 use crate::gate::Policy;
+use crate::motion::Motion;
 use crate::registry::{BuildError, Entry, Kind, Make, OpenContext, Registry};
 use crate::stream::{Purpose, SensorInfo, Sink, Source};
 use crate::time::Time;
@@ -31,10 +33,11 @@ pub struct EstimatorConfig {
     /// When the run ends. Default: with the last sample.
     stop: Option<Duration>,
     /// Where the initial values come from: `reference` (default where there is a reference) or `given`.
-    initial: Option<Initial>,
-    /// Whether values taken from a reference are displaced by draws from their prior.
+    pub(crate) initial: Option<Initial>,
+    /// What is drawn at random in a simulation, beside the sensors' noise: `nothing`, `start` (what is taken from a
+    /// reference is displaced by a draw from its prior) or `all` (every uncertain state, as in a Monte Carlo campaign).
     #[serde(default)]
-    pub perturb: bool,
+    pub draw: Draw,
     /// How often estimates are recorded.
     #[serde(default = "ten_hertz")]
     output_rate: Positive<Frequency>,
@@ -46,7 +49,7 @@ fn ten_hertz() -> Positive<Frequency> {
 
 impl Default for EstimatorConfig {
     fn default() -> Self {
-        Self { start: None, stop: None, initial: None, perturb: false, output_rate: ten_hertz() }
+        Self { start: None, stop: None, initial: None, draw: Draw::Nothing, output_rate: ten_hertz() }
     }
 }
 
@@ -231,6 +234,12 @@ impl<'a> Scenario<'a> {
             let place = root.get("estimator").unwrap_or(root);
             return Err(place.error("initial = \"reference\" needs a sensor that is one: [sensor.reference]").into());
         }
+        let mut layout = layout;
+        if estimator.draw == Draw::All {
+            let (mut state, mut moved) = (layout.initial_state(), vec![false; layout.blocks.len()]);
+            processes.iter().for_each(|p| p.model.follow(&layout, &Motion::at_rest(), &mut state, &mut moved));
+            draw::draw(&mut layout, &moved, seed);
+        }
         let text = self.document.to_toml();
         Ok(Composition { name, text, layout: Arc::new(layout), transition, processes, sensors, estimator, seed })
     }
@@ -267,7 +276,7 @@ impl<'a> Scenario<'a> {
             let info = SensorInfo { name, kind, channels: built.channels, purpose };
             Composition::check_channels(&info, &built.role).map_err(|m| part.node.error(m))?;
             let simulation = policy.simulation.clone();
-            *place = Some(Sensor { info, role: built.role, policy, simulation, simulator: None });
+            *place = Some(Sensor { info, role: built.role, policy, simulation, simulator: None, noise: 1.0 });
         }
         Ok(())
     }
@@ -278,7 +287,20 @@ impl<'a> Scenario<'a> {
     /// # Errors
     /// As [`Self::compose`], and when a source or sink cannot be opened.
     pub fn assemble(&self, output: Option<&Path>) -> Result<Assembly, BuildError> {
-        let composition = self.compose()?;
+        self.open(self.compose()?, output)
+    }
+
+    /// The scenario without sinks, as the Cramer-Rao bound runs on it: see [`Composition::at_truth`].
+    ///
+    /// # Errors
+    /// As [`Self::assemble`].
+    pub fn assemble_at_truth(&self) -> Result<Assembly, BuildError> {
+        let mut composition = self.compose()?;
+        composition.at_truth();
+        self.open(composition, None)
+    }
+
+    fn open(&self, composition: Composition, output: Option<&Path>) -> Result<Assembly, BuildError> {
         let base = self.document.folder().to_path_buf();
         let context =
             OpenContext { composition: &composition, base, output: output.map_or_else(PathBuf::new, Into::into) };
@@ -290,7 +312,7 @@ impl<'a> Scenario<'a> {
             return Err(self.document.root().error(message).into());
         }
         for part in parts {
-            let Make::Source(make) = &part.entry.make else { continue };
+            let Make::Source { make, .. } = &part.entry.make else { continue };
             let streams = make(&part.node.without(common_keys(Kind::Source)), &context)?;
             sources.extend(streams.into_iter().map(|s| (part.name.to_owned(), s)));
         }
@@ -307,6 +329,15 @@ impl<'a> Scenario<'a> {
             }
         }
         Ok(Assembly { composition, sources, sinks })
+    }
+
+    /// Whether all samples are simulated, so that another seed gives another run.
+    ///
+    /// # Errors
+    /// When a table of `[source]` does not fit.
+    pub fn simulates(&self) -> Result<bool, DocumentError> {
+        let parts = self.parts(Kind::Source)?;
+        Ok(parts.iter().all(|p| matches!(p.entry.make, Make::Source { simulates: true, .. })))
     }
 
     /// The name of the scenario: what it says, or that of its file.

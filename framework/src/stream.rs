@@ -1,5 +1,6 @@
 //! Sources of samples and sinks of results.
 
+use crate::covariance::{Transition, Update};
 use crate::record::{Epoch, Event, UpdateRecord};
 use crate::sample::{Channel, Sample};
 use crate::state::Layout;
@@ -90,6 +91,14 @@ pub trait Sink: Send {
     }
     /// A measurement was used, or not.
     fn update(&mut self, _update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// The error state moved: see [`crate::record::Observer::transition`].
+    fn transition(&mut self, _transition: &Transition) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// A measurement corrected the state: see [`crate::record::Observer::correction`].
+    fn correction(&mut self, _update: &Update) -> Result<(), StreamError> {
         Ok(())
     }
     /// Something to read.

@@ -229,7 +229,7 @@ impl Statistics {
             block.show(&ekf.state().values, &mut estimate);
             block.show_sigma(&ekf.state().values, ekf.covariance(), &mut sigma);
             // what the scenario states as true is so at the end too; a reference counts at its last time
-            let holds = block.spec.truth.is_some() || truth.state.time == end;
+            let holds = (block.spec.truth.is_some() && !block.wanders) || truth.state.time == end;
             let before = self.compared[slot].as_ref().filter(|c| c.tells(end));
             let (error, error_sigma) = match before {
                 _ if holds && truth.known[slot] => {

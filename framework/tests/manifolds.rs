@@ -48,7 +48,14 @@ fn block<M: Manifold>(coordinates: &[f64], sigma: &[f64], display: Display) -> (
         dynamics: Dynamics::Constant,
         display,
     };
-    let block = Block { name: "b".into(), spec, operations: Operations::of::<M>(), offset: 0, tangent: Some(0) };
+    let block = Block {
+        name: "b".into(),
+        spec,
+        operations: Operations::of::<M>(),
+        offset: 0,
+        tangent: Some(0),
+        wanders: false,
+    };
     (block, values::<M>(coordinates))
 }
 

@@ -27,6 +27,8 @@ pub struct Transition {
     q: Vec<f64>,
     /// `(offset in q, first row, dimension)` of each block of `Q`.
     noise: Vec<(usize, usize, usize)>,
+    /// How much more than the models' `q` is added, as a share of it.
+    excess: f64,
     /// Blocks that move by themselves, one entry an axis.
     own: Vec<Own>,
     compiled: Compiled,
@@ -173,7 +175,7 @@ impl Transition {
         c.x = vec![0.0; rows.len() * stride];
         c.xt = vec![0.0; n * width];
         c.y = vec![0.0; rows.len() * width];
-        c.carried = vec![0.0; rows.len() * MAX_CHANNELS.next_multiple_of(4)];
+        c.carried = Vec::with_capacity(rows.len() * MAX_CHANNELS.next_multiple_of(4));
         c.rows = rows;
         self.compiled = c;
     }
@@ -211,10 +213,11 @@ impl Transition {
                 }
             }
         }
+        let share = 1.0 + self.excess;
         for &(at, row, size) in &self.noise {
             for i in 0..size {
                 for j in 0..size {
-                    p[(row + i) * stride + row + j] += self.q[at + i * size + j];
+                    p[(row + i) * stride + row + j] += share * self.q[at + i * size + j];
                 }
             }
         }
@@ -223,13 +226,27 @@ impl Transition {
         }
     }
 
-    /// `G = Phi G` with the `Phi` of the last [`Self::propagate`], without allocation.
-    pub(crate) fn carry(&mut self, reach: &mut Reach) {
-        let Compiled { rows, terms, carried, .. } = &mut self.compiled;
-        terms.product(&reach.g, reach.stride, carried, false);
-        for (row, new) in rows.iter().zip(carried.chunks_exact(reach.stride)) {
-            reach.g[row * reach.stride..][..reach.stride].copy_from_slice(new);
+    /// `G = Phi G` with the `Phi` of the last [`Self::propagate`]; `G` row-major with rows of `stride`, a multiple of four.
+    /// `work` is room for it, which grows once.
+    pub fn carry(&self, g: &mut [f64], stride: usize, work: &mut Vec<f64>) {
+        let Compiled { rows, terms, .. } = &self.compiled;
+        work.resize(rows.len() * stride, 0.0);
+        terms.product(g, stride, work, false);
+        for (row, new) in rows.iter().zip(work.chunks_exact(stride)) {
+            g[row * stride..][..stride].copy_from_slice(new);
         }
+    }
+
+    /// [`Self::carry`] of a sensor's reach.
+    pub(crate) fn carry_reach(&mut self, reach: &mut Reach) {
+        let mut work = std::mem::take(&mut self.compiled.carried);
+        self.carry(&mut reach.g, reach.stride, &mut work);
+        self.compiled.carried = work;
+    }
+
+    /// Takes the process noise of the models as that multiple of what they give, in standard deviation.
+    pub fn scale_noise(&mut self, factor: f64) {
+        self.excess = factor * factor - 1.0;
     }
 
     /// `Phi` as a dense matrix: the identity but for the declared places.
@@ -249,7 +266,7 @@ impl Transition {
         let mut q = nalgebra::DMatrix::zeros(n, n);
         for &(at, row, size) in &self.noise {
             for k in 0..size * size {
-                q[(row + k / size, row + k % size)] += self.q[at + k];
+                q[(row + k / size, row + k % size)] += (1.0 + self.excess) * self.q[at + k];
             }
         }
         for own in &self.own {

@@ -69,6 +69,11 @@ impl Update {
         }
     }
 
+    /// The gain of the last [`Self::apply`], row-major `n` x `m`.
+    pub fn gain(&self) -> &[f64] {
+        &self.gain
+    }
+
     /// Computes `S = H P H' + R` and the normalised innovation squared, which may be infinite; `None` if `S` is
     /// not positive definite.
     pub fn innovate(&mut self, covariance: &Covariance) -> Option<f64> {

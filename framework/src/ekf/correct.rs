@@ -144,6 +144,10 @@ impl Ekf {
         let m = &mut self.memory;
         let update = &mut self.update;
         model.linearise(&self.layout, &m.state, sample, update);
+        let noise = self.composition.sensors[sample.sensor.0].noise;
+        if noise != 1.0 {
+            update.r.iter_mut().for_each(|r| *r *= noise * noise);
+        }
         let Some(mut nis) = update.innovate(&m.covariance) else {
             self.reject(sample, Rejection::Singular, observer);
             return Ok(());
@@ -177,6 +181,7 @@ impl Ekf {
         }
         slot.reach.clear();
         update.apply(&mut m.covariance, &self.considered);
+        observer.correction(update);
         for other in m.sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
             update.correct(&mut other.reach);
         }

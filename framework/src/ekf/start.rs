@@ -2,6 +2,7 @@
 
 use super::Ekf;
 use crate::compose::Reference;
+use crate::draw::displacement;
 use crate::record::{Epoch, Event, Level, Observer, Truth};
 use crate::sample::Sample;
 use crate::time::Time;
@@ -33,7 +34,7 @@ impl Ekf {
         m.state.signals = signals;
         m.state.time = time;
         for (slot, block) in self.layout.blocks.iter().enumerate() {
-            let told = from_reference && m.known[slot] && !self.known_constants[slot];
+            let told = from_reference && m.known[slot] && !m.constants.known[slot];
             if told {
                 m.state.values[block.range()].copy_from_slice(&m.truth.values[block.range()]);
             }
@@ -47,12 +48,11 @@ impl Ekf {
                     m.covariance.set(row, column, prior[(i, j)]);
                 }
             }
-            if let Some(random) = &mut m.perturb
+            if let Some(random) = &mut m.draws
                 && told
-                && let Some(factor) = prior.cholesky()
+                && let Some(delta) = displacement(block, &m.state.values, random)
             {
-                let draw = nalgebra::DVector::from_fn(range.len(), |_, _| random.normal());
-                (block.operations.retract)(&mut m.state.values[block.range()], (factor.l() * draw).as_slice());
+                (block.operations.retract)(&mut m.state.values[block.range()], &delta[..range.len()]);
             }
         }
         m.processes.iter_mut().for_each(|p| p.restart());
@@ -76,9 +76,10 @@ impl Ekf {
         }
         let Some(mut motion) = reference.motion(&self.layout, &m.state, sample) else { return };
         motion.time = sample.time;
-        m.truth.values.copy_from_slice(&self.constants.values);
+        m.constants.advance(&self.layout, sample.time);
+        m.truth.values.copy_from_slice(&m.constants.state.values);
         m.truth.time = sample.time;
-        m.known.copy_from_slice(&self.known_constants);
+        m.known.copy_from_slice(&m.constants.known);
         for process in &m.processes {
             process.follow(&self.layout, &motion, &mut m.truth, &mut m.known);
         }

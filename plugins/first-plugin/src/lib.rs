@@ -110,7 +110,7 @@ mod tests {
         seed = 1
 
         [estimator]
-        perturb = true
+        draw = "start"
 
         [process.ins]
         attitude = { sigma = ["0.01 deg", "0.01 deg", "0.1 deg"] }

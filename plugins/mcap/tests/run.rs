@@ -19,7 +19,7 @@ seed = 3
 
 [estimator]
 start = "1 s"
-perturb = true
+draw = "start"
 
 [process.ins]
 attitude = { sigma = ["0.01 deg", "0.01 deg", "0.1 deg"] }

@@ -3,6 +3,7 @@
 use crate::{Cursor, Trajectory, TrajectoryConfig};
 use nalgebra::Vector3;
 use navfuse_core::compose::{Composition, Reference, Role};
+use navfuse_core::draw::TrueState;
 use navfuse_core::measurement::AnyMeasurement;
 use navfuse_core::motion::Motion;
 use navfuse_core::process::ProcessModel;
@@ -30,6 +31,7 @@ pub struct Simulation {
 
 impl SourceType for Simulation {
     const TYPE: &'static str = "simulation";
+    const SIMULATES: bool = true;
 
     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
         let config = TrajectoryConfig { start: self.start, segments: self.segments };
@@ -168,8 +170,7 @@ impl navfuse_core::motion::Trajectory for Path {
 struct SensorStream {
     layout: Arc<Layout>,
     processes: Vec<Box<dyn ProcessModel>>,
-    truth: State,
-    known: Vec<bool>,
+    truth: TrueState,
     path: Path,
     random: Random,
     faults: Faults,
@@ -184,12 +185,10 @@ struct SensorStream {
 impl SensorStream {
     fn new(composition: &Composition, index: usize, faults: &Faults, kind: Simulated, trajectory: &Trajectory) -> Self {
         let name = &composition.sensors[index].info.name;
-        let (truth, known) = composition.layout.true_state();
         let mut stream = Self {
             layout: Arc::clone(&composition.layout),
             processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
-            truth,
-            known,
+            truth: TrueState::new(&composition.layout, composition.seed, composition.start()),
             path: Path(trajectory.cursor()),
             random: Random::new(composition.seed, name),
             faults: faults.clone(),
@@ -240,8 +239,9 @@ impl Source for SensorStream {
             }
             self.count += 1;
             *sample = Sample::empty(to, self.sensor);
+            self.truth.advance(&self.layout, to);
             if let Simulated::Driving(simulator) = &self.kind {
-                let (layout, truth) = (&*self.layout, &self.truth);
+                let (layout, truth) = (&*self.layout, &self.truth.state);
                 let (noise, random) = (self.faults.noise.value().si(), &mut self.random);
                 simulator.simulate(
                     &mut Scene { layout, truth, trajectory: &mut self.path, from, to, noise, random },
@@ -258,11 +258,11 @@ impl Source for SensorStream {
             let motion = navfuse_core::motion::Trajectory::at(&mut self.path, to);
             match &mut self.kind {
                 Simulated::Measuring(measuring) => {
-                    self.truth.time = to;
+                    let TrueState { state, known, .. } = &mut self.truth;
                     for process in &self.processes {
-                        process.follow(&self.layout, &motion, &mut self.truth, &mut self.known);
+                        process.follow(&self.layout, &motion, state, known);
                     }
-                    measuring.fill(&self.layout, &self.truth, &self.faults, &mut self.random, sample);
+                    measuring.fill(&self.layout, state, &self.faults, &mut self.random, sample);
                 }
                 Simulated::Reference(reference) => reference.sample(&motion, sample),
                 Simulated::Driving(_) => {}

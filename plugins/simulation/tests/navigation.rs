@@ -270,7 +270,7 @@ impl Sink for Definite {
 const DAY: &str = r#"
 [estimator]
 output_rate = "0.02 Hz"
-perturb = true
+draw = "start"
 [process.ins]
 attitude = { sigma = ["0.01 deg", "0.01 deg", "0.1 deg"] }
 velocity = { sigma = "5 mm/s" }
