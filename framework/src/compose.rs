@@ -267,6 +267,13 @@ pub struct Composition {
     pub seed: u64,
 }
 
+/// Which blocks the processes move, one a slot.
+pub(crate) fn moved(layout: &Layout, processes: &[Process]) -> Vec<bool> {
+    let (mut state, mut moved) = (layout.initial_state(), vec![false; layout.blocks.len()]);
+    processes.iter().for_each(|p| p.model.follow(layout, &Motion::at_rest(), &mut state, &mut moved));
+    moved
+}
+
 impl std::fmt::Debug for Composition {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Composition").field("name", &self.name).field("layout", &self.layout).finish_non_exhaustive()
@@ -277,6 +284,15 @@ impl Composition {
     /// The index of the sensor of that name.
     pub fn sensor(&self, name: &str) -> Option<usize> {
         self.sensors.iter().position(|s| s.info.name == name)
+    }
+
+    /// Which blocks' truth a run can know, one a slot: what the scenario states or draws, and what processes take from a
+    /// reference.
+    pub fn known(&self) -> Vec<bool> {
+        let told = self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)));
+        let moved = moved(&self.layout, &self.processes);
+        let stated = self.layout.blocks.iter().map(|b| b.spec.truth.is_some());
+        stated.zip(moved).map(|(stated, moved)| stated || (told && moved)).collect()
     }
 
     /// Makes it what the Cramer-Rao bound runs on: every block starts at its truth, sensors are simulated without noise and

@@ -1,10 +1,9 @@
 //! From a TOML document to a composition, its sources and its sinks.
 
-use crate::compose::{Composer, Composition, Process, Role, Sensor};
+use crate::compose::{self, Composer, Composition, Process, Role, Sensor};
 use crate::document::{Document, DocumentError, Node, did_you_mean};
 use crate::draw::{self, Draw};
 use crate::gate::Policy;
-use crate::motion::Motion;
 use crate::registry::{BuildError, Entry, Kind, Make, OpenContext, Registry};
 use crate::stream::{Purpose, SensorInfo, Sink, Source};
 use crate::time::Time;
@@ -236,8 +235,7 @@ impl<'a> Scenario<'a> {
         }
         let mut layout = layout;
         if estimator.draw == Draw::All {
-            let (mut state, mut moved) = (layout.initial_state(), vec![false; layout.blocks.len()]);
-            processes.iter().for_each(|p| p.model.follow(&layout, &Motion::at_rest(), &mut state, &mut moved));
+            let moved = compose::moved(&layout, &processes);
             draw::draw(&mut layout, &moved, seed);
         }
         let text = self.document.to_toml();
