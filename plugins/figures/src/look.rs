@@ -1,6 +1,6 @@
 //! Colours, strokes and sizes: one look for every figure.
 
-use crate::Look;
+use crate::{Band, Look};
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
 /// Units of the drawing in one pixel of the page: plotters rounds to whole units, which would show as steps in a curve.
@@ -43,7 +43,19 @@ pub fn units(pixels: f64) -> i32 {
     (pixels * UNITS).round() as i32
 }
 
-/// The colour of a curve.
+impl Look {
+    /// The colour, red, green and blue.
+    pub fn colour(self) -> [u8; 3] {
+        let RGBColor(red, green, blue) = colour(self);
+        [red, green, blue]
+    }
+}
+
+impl Band {
+    /// The colour of every band, red, green and blue: drawn pale.
+    pub const COLOUR: [u8; 3] = [BAND.0, BAND.1, BAND.2];
+}
+
 fn colour(look: Look) -> RGBColor {
     match look {
         Look::Data(k) | Look::Points(k) => DATA[k % DATA.len()],

@@ -26,49 +26,59 @@ const MAP_SCALE: f64 = 40_075_016.7 / 256.0;
 
 /// The messages of a layout for a run; with `ranges` after it, when it is known what the plots span.
 ///
-/// The builder of this version sets no properties of views: they are logged beside what it builds.
-///
 /// # Errors
 /// When the viewer's library cannot encode it.
 pub fn messages(run: &Run, ranges: bool) -> RecordingStreamResult<Vec<LogMsg>> {
-    let mut layout = Layout { properties: Vec::new(), ranges, legend: true };
+    let mut layout = Layout::new(ranges);
     let root = layout.root(run);
-    let blueprint = Blueprint::new(root)
-        .with_auto_views(false)
-        .with_auto_layout(false)
-        .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
-        .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
-        .with_time_panel(
-            TimePanel::new().with_timeline(TIMELINE).with_state(PanelState::Collapsed).with_play_state(if ranges {
-                PlayState::Paused
-            } else {
-                PlayState::Following
-            }),
-        );
-    let (carrier, stored) = RecordingStreamBuilder::new(APPLICATION).enabled(true).memory()?;
-    blueprint.send(&carrier, BlueprintActivation::default())?;
-    let of_layout =
-        |m: &LogMsg| m.store_id().kind() == StoreKind::Blueprint && !matches!(m, LogMsg::BlueprintActivationCommand(_));
-    let mut messages: Vec<LogMsg> = stored.take().into_iter().filter(of_layout).collect();
-    if let Some(id) = messages.first().map(|m| m.store_id().clone()) {
-        let (stream, stored) = RecordingStreamBuilder::from_store_id(&id).enabled(true).memory()?;
-        stream.set_time_sequence("blueprint", 0);
-        for (path, property) in &layout.properties {
-            stream.log(path.clone(), property.as_ref())?;
-        }
-        messages.extend(stored.take().into_iter().filter(|m| matches!(m, LogMsg::ArrowMsg(..))));
-    }
-    Ok(messages)
+    layout.messages(root)
 }
 
-struct Layout {
+/// A layout that is being made. The builder of this version sets no properties of views: they are logged beside what it
+/// builds.
+pub struct Layout {
     properties: Vec<(EntityPath, Box<dyn AsComponents>)>,
     ranges: bool,
     /// Whether the next plots have a legend: one a tab is enough, as the colours mean the same in all.
-    legend: bool,
+    pub legend: bool,
 }
 
 impl Layout {
+    /// A layout without views; with `ranges` where it is known what the plots span.
+    pub fn new(ranges: bool) -> Self {
+        Self { properties: Vec::new(), ranges, legend: true }
+    }
+
+    /// The messages of the layout with that container around everything.
+    ///
+    /// # Errors
+    /// When the viewer's library cannot encode it.
+    pub fn messages(self, root: ContainerLike) -> RecordingStreamResult<Vec<LogMsg>> {
+        let play = if self.ranges { PlayState::Paused } else { PlayState::Following };
+        let time = TimePanel::new().with_timeline(TIMELINE).with_state(PanelState::Collapsed).with_play_state(play);
+        let blueprint = Blueprint::new(root)
+            .with_auto_views(false)
+            .with_auto_layout(false)
+            .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
+            .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
+            .with_time_panel(time);
+        let (carrier, stored) = RecordingStreamBuilder::new(APPLICATION).enabled(true).memory()?;
+        blueprint.send(&carrier, BlueprintActivation::default())?;
+        let of_layout = |m: &LogMsg| {
+            m.store_id().kind() == StoreKind::Blueprint && !matches!(m, LogMsg::BlueprintActivationCommand(_))
+        };
+        let mut messages: Vec<LogMsg> = stored.take().into_iter().filter(of_layout).collect();
+        if let Some(id) = messages.first().map(|m| m.store_id().clone()) {
+            let (stream, stored) = RecordingStreamBuilder::from_store_id(&id).enabled(true).memory()?;
+            stream.set_time_sequence("blueprint", 0);
+            for (path, property) in &self.properties {
+                stream.log(path.clone(), property.as_ref())?;
+            }
+            messages.extend(stored.take().into_iter().filter(|m| matches!(m, LogMsg::ArrowMsg(..))));
+        }
+        Ok(messages)
+    }
+
     fn root(&mut self, run: &Run) -> ContainerLike {
         let mut right: Vec<ContainerLike> = Vec::new();
         let sensor = |name: &str| run.sensors.iter().any(|s| s.name == name);
@@ -168,7 +178,7 @@ impl Layout {
     }
 
     /// A plot of the whole run.
-    fn plot(&mut self, name: &str, contents: &[String], range: Option<[f64; 2]>) -> ContainerLike {
+    pub fn plot(&mut self, name: &str, contents: &[String], range: Option<[f64; 2]>) -> ContainerLike {
         let view = ContainerLike::from(TimeSeriesView::new(name).with_origin("/").with_contents(contents));
         let whole = TimeRange { start: TimeRangeBoundary::Infinite, end: TimeRangeBoundary::Infinite };
         self.set(&view, "TimeAxis", TimeAxis::new().with_view_range(whole));

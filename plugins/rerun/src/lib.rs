@@ -18,6 +18,7 @@
 
 mod blueprint;
 mod columns;
+pub mod figures;
 mod innovation;
 mod live;
 mod recording;

@@ -1,0 +1,202 @@
+//! Figures in a recording are what was given, and are seen in the real viewer; see `viewer.rs` for what that needs.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test ends where it fails")]
+
+mod driver;
+
+use driver::{Layout, Viewer};
+use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
+use navfuse_rerun::figures::record;
+use rerun::{ChunkStore, ChunkStoreConfig, Scalars, StoreKind, TimelineName};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::Path;
+
+const POINTS: usize = 300;
+const STEP: f64 = 6.9;
+
+fn curve(name: &str, look: Look, f: impl Fn(f64) -> f64) -> Curve {
+    let points = (0..POINTS).map(|k| STEP * k as f64).map(|t| [t, f(t)]).collect();
+    Curve { name: name.into(), look, points }
+}
+
+fn panel(title: &str, y: Axis, curves: Vec<Curve>) -> Panel {
+    Panel { title: title.into(), x: Axis::time(), y, curves, bands: Vec::new() }
+}
+
+/// The error of a state and its bounds; the mean NEES and its band; a track, which is not over time.
+fn figures() -> Vec<Figure> {
+    let sigma = |t: f64| 0.02 + (-t / 300.0).exp();
+    let error = |title: &str, phase: f64| {
+        let curves = vec![
+            curve("error", Look::Data(0), move |t| 1.5 * sigma(t) * (t / 40.0 + phase).sin()),
+            curve("±3 sigma", Look::Sigma, move |t| 3.0 * sigma(t)),
+            curve("±3 sigma", Look::Sigma, move |t| -3.0 * sigma(t)),
+        ];
+        panel(title, Axis::linear("error [deg]"), curves)
+    };
+    let decay = vec![
+        curve("rms error", Look::Data(1), move |t| sigma(t) * 1.3),
+        curve("mean sigma", Look::Sigma, sigma),
+        curve("limit", Look::Bound, |t| if t < 1000.0 { f64::NAN } else { 0.01 }),
+    ];
+    let mut errors: Vec<Panel> =
+        ["roll", "pitch", "yaw"].into_iter().zip([0.0, 1.0, 2.0]).map(|(n, p)| error(n, p)).collect();
+    errors.push(panel("yaw", Axis::logarithmic("sigma [deg]"), decay));
+    let nees = Panel {
+        bands: vec![Band { name: "95 %".into(), points: (0..2).map(|k| [2000.0 * f64::from(k), 0.8, 1.2]).collect() }],
+        ..panel(
+            "NEES",
+            Axis::linear("NEES / n"),
+            vec![curve("mean NEES", Look::Data(2), |t| 1.0 + 0.3 * (t / 17.0).sin())],
+        )
+    };
+    let track = Panel {
+        x: Axis::linear("east [m]"),
+        ..panel("track", Axis::linear("north [m]"), vec![curve("truth", Look::Truth, |t| t)])
+    };
+    let points = vec![
+        curve("innovation", Look::Points(0), |t| (t * t).sin()),
+        curve("truth", Look::Truth, |t| 0.5 * (t / 300.0).cos()),
+    ];
+    let figure =
+        |name: &str, title: &str, columns, panels| Figure { name: name.into(), title: title.into(), columns, panels };
+    vec![
+        figure("errors", "Errors", 2, errors),
+        figure(
+            "consistency",
+            "Consistency",
+            1,
+            vec![nees, track.clone(), panel("vel_x", Axis::linear("[m/s]"), points)],
+        ),
+        figure("track", "Track", 1, vec![track]),
+    ]
+}
+
+/// Times, s, and values of every entity, by its path as it is read.
+fn scalars(path: &Path) -> BTreeMap<String, Vec<(f64, f64)>> {
+    let stores = ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut File::open(path).unwrap()).unwrap();
+    let component = Scalars::descriptor_scalars().component;
+    let mut rows = BTreeMap::<_, Vec<_>>::new();
+    for store in stores.values().filter(|s| s.id().kind() == StoreKind::Recording) {
+        for chunk in store.iter_physical_chunks() {
+            let times = chunk.iter_component_indices(TimelineName::from("t"), component).map(|(t, _)| t.as_i64());
+            let values = chunk.iter_slices::<f64>(component).map(|v| v[0]);
+            let parts: Vec<_> = chunk.entity_path().iter().map(|part| part.unescaped_str()).collect();
+            let of = rows.entry(parts.join("/")).or_default();
+            of.extend(times.map(|t| t as f64 / 1e9).zip(values));
+        }
+    }
+    rows.retain(|_, r| !r.is_empty());
+    rows
+}
+
+/// Whether rows are points: times to the nanosecond that a recording counts, values to the bit.
+fn same(rows: &[(f64, f64)], points: &[[f64; 2]]) -> bool {
+    let equal = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());
+    rows.len() == points.len() && rows.iter().zip(points).all(|(r, p)| (r.0 - p[0]).abs() <= 1e-9 && equal(r.1, p[1]))
+}
+
+#[test]
+fn a_recording_holds_every_point_of_the_panels_over_time_and_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("new/figures.rrd");
+    let figures = figures();
+    record(&path, "a campaign", &figures).unwrap();
+    let rows = scalars(&path);
+    let expected = [
+        "consistency/NEES/95 %/lower",
+        "consistency/NEES/95 %/upper",
+        "consistency/NEES/mean NEES",
+        "consistency/vel_x/innovation",
+        "consistency/vel_x/truth",
+        "errors/pitch/error",
+        "errors/pitch/±3 sigma",
+        "errors/pitch/±3 sigma 2",
+        "errors/roll/error",
+        "errors/roll/±3 sigma",
+        "errors/roll/±3 sigma 2",
+        "errors/yaw 2/limit",
+        "errors/yaw 2/mean sigma",
+        "errors/yaw 2/rms error",
+        "errors/yaw/error",
+        "errors/yaw/±3 sigma",
+        "errors/yaw/±3 sigma 2",
+    ];
+    assert_eq!(rows.keys().collect::<Vec<_>>(), expected);
+    for (k, name) in ["error", "±3 sigma", "±3 sigma 2"].iter().enumerate() {
+        assert!(same(&rows[&format!("errors/pitch/{name}")], &figures[0].panels[1].curves[k].points), "{name}");
+    }
+    assert_eq!(rows["consistency/NEES/95 %/upper"], [(0.0, 1.2), (2000.0, 1.2)]);
+    // a logarithmic axis: decimal logarithms, and the gap is there
+    let limit: Vec<_> = figures[0].panels[3].curves[2].points.iter().map(|p| [p[0], p[1].log10()]).collect();
+    assert!(same(&rows["errors/yaw 2/limit"], &limit));
+    assert!(limit[0][1].is_nan() && limit[POINTS - 1][1] == -2.0);
+    let layout = Layout::read(&path);
+    assert!(layout.views.contains_key("roll: error [deg]") && layout.views.contains_key("yaw: log10 sigma [deg]"));
+    assert_eq!(layout.views.len(), 6, "the track is no series over time: {:?}", layout.views.keys());
+}
+
+#[test]
+fn what_has_no_time_breaks_a_line_after_the_point_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("figures.rrd");
+    let nan = f64::NAN;
+    let points = vec![[nan, nan], [1.0, 5.0], [nan, nan], [2.0, 6.0], [3.0, f64::INFINITY]];
+    let curve = Curve { name: String::new(), look: Look::Data(0), points };
+    let panel = panel("", Axis::linear(""), vec![curve]);
+    record(&path, "", &[Figure { name: "f".into(), title: String::new(), columns: 0, panels: vec![panel] }]).unwrap();
+    assert!(same(&scalars(&path)["f/1/1"], &[[1.0, 5.0], [1.0 + 1e-9, nan], [2.0, 6.0], [3.0, nan]]));
+}
+
+#[test]
+fn a_recording_without_figures_opens_and_one_that_cannot_be_written_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("figures.rrd");
+    record(&path, "nothing", &[]).unwrap();
+    assert!(scalars(&path).is_empty());
+    let error = record(Path::new("/dev/full"), "full", &figures()).unwrap_err().to_string();
+    assert!(error.contains("/dev/full"), "{error}");
+}
+
+#[test]
+fn every_curve_of_every_figure_is_drawn_in_its_colour() {
+    let Some(program) = driver::program() else { return };
+    let folder = driver::target("rerun-pictures/figures");
+    let path = folder.join("figures.rrd");
+    record(&path, "a campaign", &figures()).unwrap();
+    let layout = Layout::read(&path);
+    let mut viewer = Viewer::start(&program, Some(&path.display().to_string()), &folder);
+    // 299 steps of 6.9 s
+    let end = 2_063_100_000_000;
+    viewer.wait(end);
+    viewer.seek(end);
+    let (bound, band) = ([140, 148, 160], Band::COLOUR);
+    let [blue, red, green] = [0, 1, 2].map(|k| Look::Data(k).colour());
+    let (sigma, truth) = (Look::Sigma.colour(), Look::Truth.colour());
+    let errors = vec![
+        ("roll: error [deg]", vec![blue, sigma]),
+        ("pitch: error [deg]", vec![blue, sigma]),
+        ("yaw: error [deg]", vec![blue, sigma]),
+        ("yaw: log10 sigma [deg]", vec![red, sigma, bound]),
+    ];
+    let consistency = vec![("NEES: NEES / n", vec![green, band]), ("vel_x: [m/s]", vec![blue, truth])];
+    let mut missing = Vec::new();
+    for (tab, views) in [("Errors", errors), ("Consistency", consistency)] {
+        viewer.show(&layout, &[tab]);
+        viewer.screenshot(None, tab);
+        for (view, colours) in views {
+            let picture = viewer.screenshot(Some(&layout.views[view]), view);
+            for colour in colours {
+                // the colours are 60 or more apart in some channel; a line crosses a plot of 300 pixels or more, and a
+                // third of it is seen between others and grid
+                let near = |p: &&image::Rgb<u8>| (0..3).all(|k| p[k].abs_diff(colour[k]) <= 30);
+                let n = picture.pixels().filter(near).count();
+                if n < 100 {
+                    missing.push(format!("{view}: {n} pixels of {colour:?}"));
+                }
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{missing:#?}\nsee {}", folder.display());
+}
