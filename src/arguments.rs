@@ -13,7 +13,8 @@ Start here:
   navfuse run scenarios/quickstart.toml       the smallest useful scenario, on simulated sensors
   navfuse list                                what can be put into a scenario
   navfuse list dvl                            the parameters of one type
-  navfuse check my-scenario.toml              what a scenario composes, before it runs"
+  navfuse check my-scenario.toml              what a scenario composes, before it runs
+  navfuse monte-carlo my-scenario.toml        whether its sigma can be trusted"
 )]
 pub struct Arguments {
     /// What to do.
@@ -37,6 +38,14 @@ pub enum Command {
     Schema,
     /// Run the filter again on the samples of a log, with the scenario that is in it
     Replay(Replay),
+    /// Run a scenario many times and judge its sigma: errors against sigma, bound and chi-square bands
+    MonteCarlo(MonteCarlo),
+    /// Compute how good a scenario can ever be: its Cramer-Rao bound, filtered and smoothed
+    Bound(Bound),
+    /// Compute the bound, or run a campaign, for every combination of values of some keys
+    Sweep(Sweep),
+    /// Join the parts of a campaign that ran with --shard
+    Merge(Merge),
 }
 
 /// Arguments of `run`.
@@ -106,6 +115,151 @@ pub struct Live {
     /// Serve the run to web browsers until Ctrl-C
     #[arg(long)]
     pub serve: bool,
+}
+
+/// Arguments of `monte-carlo`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  navfuse monte-carlo scenarios/pan-wu-3d.toml
+  navfuse monte-carlo scenarios/pan-wu-3d.toml --runs 1000 --every \"10 s\"
+  navfuse monte-carlo scenarios/pan-wu-3d.toml --set sensor.imu.simulation.noise=2     is a wrong sigma noticed?
+  navfuse monte-carlo scenarios/pan-wu-3d.toml --shard 3/7 --out parts/3               one job of an array; then `merge`
+
+Each run draws the initial errors from the priors, fresh noise, and the truth of every state for which the scenario states
+none. What it writes:
+  report.json      the tables below
+  epochs.parquet   RMSE, sigma, bound, ANEES and NIS over time
+  runs.parquet     one row a run and epoch: errors, sigmas, NEES, NIS
+  bounds.parquet   the Cramer-Rao bound over time, filtered and smoothed
+  *.svg, *.rrd     plots of them, and the same for the rerun viewer")]
+pub struct MonteCarlo {
+    /// The scenario, a TOML file; its samples are simulated
+    pub scenario: PathBuf,
+    /// Runs
+    #[arg(long, default_value_t = 100)]
+    pub runs: usize,
+    /// What is drawn for each run.
+    #[command(flatten)]
+    pub draws: Draws,
+    /// How it is done.
+    #[command(flatten)]
+    pub options: CampaignOptions,
+}
+
+/// What is drawn for each run.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct Draws {
+    /// Seed of the campaign; run r has the seed 1000000 times that, plus r [default: that of the scenario]
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// What is drawn beside the noise
+    #[arg(long, value_enum, default_value_t = Start::Drawn)]
+    pub start: Start,
+}
+
+/// What is drawn beside the noise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Start {
+    /// Initial errors from the priors, and the truths that the scenario does not state
+    Drawn,
+    /// Only what the scenario's own `estimator.draw` says
+    Given,
+}
+
+/// Arguments of `bound`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  navfuse bound scenarios/pan-wu-3d.toml
+  navfuse bound scenarios/pan-wu-3d.toml --set \"sensor.dvl.noise=2 mm/s\"     would a better DVL help?
+
+The bound is the covariance of the best estimate that any filter can make of these sensors on this trajectory; the smoothed
+one is that of the best estimate from all samples, also later ones.")]
+pub struct Bound {
+    /// The scenario, a TOML file; its samples are simulated
+    pub scenario: PathBuf,
+    /// How it is done.
+    #[command(flatten)]
+    pub options: CampaignOptions,
+}
+
+/// Arguments of `sweep`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  navfuse sweep scenarios/pan-wu-3d.toml --vary \"sensor.dvl.noise=2 mm/s,5 mm/s,1 cm/s,2 cm/s\" --show dvl
+  navfuse sweep scenarios/pan-wu-3d.toml --show ins.attitude.yaw \\
+      --vary \"source.simulation.start.latitude=0 deg,30 deg,60 deg\" \\
+      --vary \"sensor.imu.gyro_noise=0.01 deg/h/sqrt(Hz),0.1 deg/h/sqrt(Hz),1 deg/h/sqrt(Hz)\"
+  navfuse sweep scenarios/pan-wu-3d.toml --vary sensor.dvl.simulation.noise=1,2,3 --runs 50     a campaign at each point")]
+pub struct Sweep {
+    /// The scenario, a TOML file; its samples are simulated
+    pub scenario: PathBuf,
+    /// A key and its values; may be given again, for every combination
+    #[arg(long, value_name = "KEY.PATH=V1,V2,...", required = true)]
+    pub vary: Vec<String>,
+    /// A state or component to show, such as dvl.scale or ins.attitude.yaw; may be given again [default: all]
+    #[arg(long, value_name = "STATE")]
+    pub show: Vec<String>,
+    /// Runs at each point; 0 is the bound alone
+    #[arg(long, default_value_t = 0)]
+    pub runs: usize,
+    /// What is drawn for each run.
+    #[command(flatten)]
+    pub draws: Draws,
+    /// How it is done.
+    #[command(flatten)]
+    pub options: CampaignOptions,
+}
+
+/// Arguments of `merge`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  for i in 1 2 3; do navfuse monte-carlo scenarios/pan-wu-3d.toml --shard $i/3 --out parts/$i; done
+  navfuse merge parts/* --out whole
+
+The parts may run on different machines and in any order. What comes out is what one machine would have written.")]
+pub struct Merge {
+    /// The folders of all parts
+    #[arg(required = true)]
+    pub parts: Vec<PathBuf>,
+    /// Folder for what they are together [default: runs/NAME-merged]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// A state or component to show of a sweep; may be given again [default: all]
+    #[arg(long, value_name = "STATE")]
+    pub show: Vec<String>,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub format: Format,
+}
+
+/// How a campaign is done.
+#[derive(Clone, Debug, Args)]
+pub struct CampaignOptions {
+    /// Change a value of the scenario; may be given again
+    #[arg(long, value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+    /// Threads [default: one a core]
+    #[arg(long)]
+    pub jobs: Option<usize>,
+    /// How often a run is looked at [default: so that there are about 300 epochs]
+    #[arg(long, value_name = "TIME")]
+    pub every: Option<String>,
+    /// Do only this part, such as 3/7, for `merge`
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<navfuse_campaign::Shard>,
+    /// Folder for the tables and plots [default: runs/NAME-COMMAND]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// How the result is printed
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub format: Format,
+    /// Write nothing
+    #[arg(long, conflicts_with_all = ["out", "shard"])]
+    pub no_output: bool,
 }
 
 /// Arguments of `check`.

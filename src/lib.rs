@@ -13,8 +13,11 @@
 //! ```
 
 mod arguments;
+mod campaign;
 mod inspect;
 mod print;
+mod print_campaign;
+mod progress;
 mod run;
 
 use arguments::{Arguments, Command};
@@ -42,6 +45,10 @@ pub fn command(registry: &Registry) -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Run(arguments) => run::run(registry, &arguments),
         Command::Replay(arguments) => run::replay(registry, &arguments),
+        Command::MonteCarlo(arguments) => campaign::monte_carlo(registry, &arguments),
+        Command::Bound(arguments) => campaign::bound(registry, &arguments),
+        Command::Sweep(arguments) => campaign::sweep(registry, &arguments),
+        Command::Merge(arguments) => campaign::merge(&arguments),
         Command::Check(arguments) => inspect::check(registry, &arguments),
         Command::List { name } => inspect::list(registry, name.as_deref()),
         Command::Schema => inspect::schema(registry),

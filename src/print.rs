@@ -27,6 +27,15 @@ pub fn table(headings: &[&str]) -> Table {
     table
 }
 
+/// Aligns columns of numbers.
+pub fn right(table: &mut Table, columns: std::ops::Range<usize>) {
+    for column in columns {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+}
+
 /// The result of a run.
 pub fn summary(summary: &Summary) {
     line(&summary.scenario);
@@ -34,11 +43,7 @@ pub fn summary(summary: &Summary) {
     for row in &summary.rows {
         state(row, &mut states);
     }
-    for column in 2..6 {
-        if let Some(column) = states.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
+    right(&mut states, 2..6);
     line(format_args!("{states}\n"));
     let mut sensors = table(&["sensor", "read", "used", "gated", "rejected", "mean NIS"]);
     for (name, value) in &summary.samples {
@@ -48,11 +53,7 @@ pub fn summary(summary: &Summary) {
             value.get("mean_nis").and_then(serde_json::Value::as_f64).map_or_else(String::new, |n| format!("{n:.2}"));
         sensors.add_row([name.clone(), text("read"), used, text("gated"), text("rejected"), nis]);
     }
-    for column in 1..6 {
-        if let Some(column) = sensors.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
+    right(&mut sensors, 1..6);
     line(format_args!("{sensors}\n"));
     line(format_args!("{:.0} s and {:.0} m in {:.2} s", summary.duration_s, summary.distance_m, summary.wall_s));
     if let Some(e) = &summary.horizontal_error_m {

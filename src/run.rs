@@ -2,22 +2,18 @@
 
 use crate::arguments::{Format, Replay, Run, RunOptions};
 use crate::print;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use navfuse_core::document::Document;
 use navfuse_core::record::Level;
 use navfuse_core::registry::{Kind, Registry};
-use navfuse_core::runner::{self, Finished, Progress};
+use navfuse_core::runner::{self, Finished};
 use navfuse_core::scenario::Scenario;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
-
-/// Exit code of a run that was interrupted, as a shell gives it.
-const INTERRUPTED: u8 = 130;
 
 /// `navfuse run`
 pub fn run(registry: &Registry, arguments: &Run) -> Result<ExitCode> {
@@ -54,13 +50,10 @@ fn go(registry: &Registry, document: Document, first: &[String], options: &RunOp
     let scenario = Scenario::new(registry, document, &settings)?;
     let output = output_folder(&scenario, options)?;
     let assembly = scenario.assemble(output.as_deref())?;
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    // without a handler Ctrl-C still ends the run, only less well
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).ok();
+    let stop = stop_on_ctrl_c();
     let text = options.format == Format::Text;
     let bar = Bar::new(text);
-    let finished = runner::run(assembly, &stop, |progress| bar.update(progress));
+    let finished = runner::run(assembly, &stop, |progress| bar.run(progress));
     bar.done();
     report(&finished, text)?;
     if options.live.serve && !finished.interrupted {
@@ -105,7 +98,7 @@ fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Result<Option
 }
 
 /// A scenario's name as the name of a folder: whatever else it holds, it does not lead out of `runs`.
-fn folder_name(name: &str) -> String {
+pub fn folder_name(name: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let name: String = name.chars().map(plain).collect();
     let name = name.trim_start_matches('.');
@@ -121,32 +114,4 @@ fn report(finished: &Finished, text: bool) -> Result<()> {
     }
     print::events(&finished.events);
     Ok(())
-}
-
-/// The progress bar, on standard error.
-struct Bar(ProgressBar);
-
-impl Bar {
-    fn new(shown: bool) -> Self {
-        let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-        Self(ProgressBar::with_draw_target(None, target))
-    }
-
-    fn update(&self, progress: Progress) {
-        let now = progress.now.seconds().max(0.0);
-        if let Some(end) = progress.end
-            && self.0.length().is_none()
-        {
-            self.0.set_length(end.seconds().max(0.0) as u64);
-            let template = "{bar:32.cyan} {pos} of {len} s of run time, {eta} left";
-            if let Ok(style) = ProgressStyle::with_template(template) {
-                self.0.set_style(style);
-            }
-        }
-        self.0.set_position(now as u64);
-    }
-
-    fn done(&self) {
-        self.0.finish_and_clear();
-    }
 }

@@ -11,7 +11,7 @@ use crate::sample::{MAX_CHANNELS, Sample};
 use crate::scenario::Initial;
 use crate::simulate::{Faults, Simulate};
 use crate::state::{Block, BlockSpec, Handle, Layout, MAX_BLOCKS, Mode, Signal, State};
-use crate::stream::SensorInfo;
+use crate::stream::{Purpose, SensorInfo};
 use crate::time::Time;
 use crate::units::Sigma;
 use std::any::Any;
@@ -316,6 +316,9 @@ impl Composition {
         }
         for (index, sensor) in self.sensors.iter_mut().enumerate() {
             let Some(faults) = &mut sensor.simulation else { continue };
+            if sensor.info.purpose == Purpose::Reference {
+                continue; // it has no noise
+            }
             sensor.noise = faults.noise.value().si();
             faults.noise = Sigma::from_si(0.0);
             faults.outliers = Sigma::from_si(0.0);

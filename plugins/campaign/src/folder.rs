@@ -206,6 +206,14 @@ fn read_log(folder: &Path) -> Result<Log, CampaignError> {
     serde_json::from_str(&text).map_err(|e| CampaignError::file(&path, &e))
 }
 
+/// The plan that a folder's campaign, or part of one, followed.
+///
+/// # Errors
+/// When there is none.
+pub fn plan_of(folder: &Path) -> Result<Plan, CampaignError> {
+    Ok(read_log(folder)?.plan)
+}
+
 /// Joins the shards of a campaign to what one machine would have written.
 ///
 /// # Errors

@@ -26,7 +26,7 @@ pub use bound::bound;
 pub use chi_square::{Band, band};
 pub use columns::{BlockColumns, Columns, Component};
 pub use execute::{Done, execute};
-pub use folder::{Folder, Results, merge};
+pub use folder::{Folder, Results, merge, plan_of};
 pub use plan::{Options, Plan, Point, Shard, Start, variation};
 pub use record::{BoundRecord, Record, Row, RunRecord};
 pub use report::{Anees, Nis, PointReport, Report, StateReport};

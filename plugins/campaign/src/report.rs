@@ -61,8 +61,8 @@ pub struct StateReport {
     pub bound: Option<f64>,
     /// RMSE over bound.
     pub rmse_over_bound: Option<f64>,
-    /// The best that a smoother reaches at any time of the run.
-    pub best_smoothed: Option<f64>,
+    /// The Cramer-Rao bound of a smoother, root mean square over the epochs.
+    pub smoothed: Option<f64>,
 }
 
 /// Average normalised estimation error squared.
@@ -128,7 +128,8 @@ impl PointReport {
                 let (rmse, mean_error, sigma) =
                     last.map_or((None, None, None), |(_, e)| (e.rmse(k), e.mean_error(k), e.sigma(k)));
                 let least = bound_row.and_then(|row| known(row.2[k]));
-                let smoothed = bound.map(|b| b.rows.iter().map(|r| r.3[k]).fold(f64::INFINITY, f64::min));
+                let smoothed =
+                    bound.map(|b| (b.rows.iter().map(|r| r.3[k] * r.3[k]).sum::<f64>() / b.rows.len() as f64).sqrt());
                 StateReport {
                     component: component.clone(),
                     rmse,
@@ -137,7 +138,7 @@ impl PointReport {
                     rmse_over_sigma: over(rmse, sigma),
                     bound: least,
                     rmse_over_bound: over(rmse, least),
-                    best_smoothed: smoothed.and_then(known),
+                    smoothed: smoothed.and_then(known),
                 }
             })
             .collect();

@@ -1,0 +1,145 @@
+//! `navfuse monte-carlo`, `bound`, `sweep` and `merge`.
+
+use crate::arguments::{Bound, CampaignOptions, Draws, Format, Merge, MonteCarlo, Start, Sweep};
+use crate::print;
+use crate::print_campaign::{self as show, Shown};
+use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
+use crate::run::folder_name;
+use navfuse_campaign::{Folder, Options, Plan, Results, execute, variation};
+use navfuse_core::document::Document;
+use navfuse_core::registry::Registry;
+use navfuse_core::units::Time as Duration;
+use serde::Deserialize;
+use serde::de::IntoDeserializer;
+use serde::de::value::Error as ValueError;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// What a campaign is called, and what of it is shown.
+struct Kind<'a> {
+    /// The command.
+    name: &'a str,
+    shown: Shown<'a>,
+}
+
+/// `navfuse monte-carlo`
+pub fn monte_carlo(registry: &Registry, arguments: &MonteCarlo) -> Result<ExitCode> {
+    if arguments.runs == 0 {
+        return Err("--runs 0: give at least one run; `navfuse bound` needs none".into());
+    }
+    let options = drawn(arguments.runs, arguments.draws, &[])?;
+    let kind = Kind { name: "monte-carlo", shown: Shown::Consistency };
+    go(registry, &arguments.scenario, &arguments.options, options, &kind)
+}
+
+/// `navfuse bound`
+pub fn bound(registry: &Registry, arguments: &Bound) -> Result<ExitCode> {
+    let kind = Kind { name: "bound", shown: Shown::Bound };
+    go(registry, &arguments.scenario, &arguments.options, Options::default(), &kind)
+}
+
+/// `navfuse sweep`
+pub fn sweep(registry: &Registry, arguments: &Sweep) -> Result<ExitCode> {
+    let options = drawn(arguments.runs, arguments.draws, &arguments.vary)?;
+    let kind = Kind { name: "sweep", shown: Shown::Grid(&arguments.show) };
+    go(registry, &arguments.scenario, &arguments.options, options, &kind)
+}
+
+fn drawn(runs: usize, draws: Draws, vary: &[String]) -> Result<Options> {
+    let start = match draws.start {
+        Start::Drawn => navfuse_campaign::Start::Drawn,
+        Start::Given => navfuse_campaign::Start::Given,
+    };
+    let vary = vary.iter().map(|v| variation(v)).collect::<std::result::Result<_, _>>()?;
+    Ok(Options { runs, seed: draws.seed, start, vary, every: None })
+}
+
+fn go(
+    registry: &Registry,
+    path: &Path,
+    settings: &CampaignOptions,
+    mut options: Options,
+    kind: &Kind<'_>,
+) -> Result<ExitCode> {
+    let mut document = Document::from_file(path)?;
+    settings.set.iter().try_for_each(|s| document.set(s))?;
+    options.every = settings.every.as_deref().map(seconds).transpose()?;
+    let plan = Plan::new(registry, &document, &options)?;
+    kind.shown.check(&plan)?;
+    let out = (!settings.no_output).then(|| {
+        let part = settings.shard.map_or_else(String::new, |s| format!("-{}-of-{}", s.index, s.count));
+        let name = format!("{}-{}{part}", plan.scenario, kind.name);
+        settings.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(folder_name(&name)))
+    });
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = settings.jobs.unwrap_or(cores).max(1);
+    let clock = Instant::now();
+    let stop = stop_on_ctrl_c();
+    let mut folder = Folder::create(out.as_deref(), &plan, settings.shard)?;
+    let text = settings.format == Format::Text;
+    let bar = Bar::new(text);
+    let how = (settings.shard, threads);
+    let done = execute(&plan, registry, &document, how, &stop, |d| bar.campaign(d), |record| folder.add(record));
+    bar.done();
+    let done = done?;
+    let results = folder.finish(done)?;
+    match (&results, &out) {
+        (Some(results), _) => report(&plan, results, kind, out.as_deref(), text)?,
+        (None, Some(out)) => {
+            let what = format!(
+                "{} of {} jobs are in {}; `navfuse merge` joins the parts",
+                done.done,
+                done.asked,
+                out.display()
+            );
+            if text { print::line(what) } else { print::warn(what) }
+        }
+        (None, None) => {}
+    }
+    if text {
+        print::line(format_args!("{} jobs on {threads} threads in {:.1} s", done.done, clock.elapsed().as_secs_f64()));
+    }
+    if done.interrupted() {
+        print::warn(format_args!("interrupted: {} of {} jobs were done, and are what is told", done.done, done.asked));
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// `navfuse merge`
+pub fn merge(arguments: &Merge) -> Result<ExitCode> {
+    let plan = navfuse_campaign::plan_of(&arguments.parts[0])?;
+    let name = format!("{}-merged", plan.scenario);
+    let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(folder_name(&name)));
+    let shown = match (plan.keys.is_empty(), plan.runs) {
+        (false, _) => Shown::Grid(&arguments.show),
+        (true, 0) => Shown::Bound,
+        (true, _) => Shown::Consistency,
+    };
+    shown.check(&plan)?;
+    let results = navfuse_campaign::merge(&arguments.parts, &out)?;
+    report(&plan, &results, &Kind { name: "merged", shown }, Some(&out), arguments.format == Format::Text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the results and draws them.
+fn report(plan: &Plan, results: &Results, kind: &Kind<'_>, out: Option<&Path>, text: bool) -> Result<()> {
+    let files = results.files.clone();
+    if text {
+        show::results(plan, results, kind.shown);
+        show::files(&files, out);
+    } else {
+        print::line(serde_json::to_string(&results.report)?);
+    }
+    Ok(())
+}
+
+/// A time with its unit, in seconds.
+fn seconds(text: &str) -> Result<f64> {
+    let deserializer = IntoDeserializer::<ValueError>::into_deserializer(text);
+    Ok(Duration::deserialize(deserializer).map_err(|e| format!("--every {text:?}: {e}"))?.si())
+}

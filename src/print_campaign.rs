@@ -1,0 +1,198 @@
+//! What a person reads of a campaign.
+
+use crate::print::{line, right, table};
+use comfy_table::Table;
+use navfuse_campaign::{Band, Component, Plan, PointReport, Results, StateReport};
+use std::path::{Path, PathBuf};
+
+/// What is shown.
+#[derive(Clone, Copy, Debug)]
+pub enum Shown<'a> {
+    /// Errors against sigma and bound.
+    Consistency,
+    /// The bound alone.
+    Bound,
+    /// A grid, of these states or components, or of all.
+    Grid(&'a [String]),
+}
+
+impl Shown<'_> {
+    /// Whether what is to be shown is there.
+    pub fn check(self, plan: &Plan) -> Result<(), String> {
+        let Self::Grid(names) = self else { return Ok(()) };
+        let components = &plan.columns.components;
+        match names.iter().find(|name| !components.iter().any(|c| is_of(c, name))) {
+            None => Ok(()),
+            Some(name) => {
+                let mut all: Vec<&str> = components.iter().map(|c| c.state.as_str()).collect();
+                all.dedup();
+                Err(format!("--show {name}: there is no such state; there are {}", all.join(", ")))
+            }
+        }
+    }
+
+    /// Whether a component is shown.
+    fn shows(self, component: &Component) -> bool {
+        match self {
+            Self::Grid(names) if !names.is_empty() => names.iter().any(|name| is_of(component, name)),
+            _ => true,
+        }
+    }
+}
+
+/// Whether a component is meant by that name: its owner's, its state's or its own.
+fn is_of(component: &Component, name: &str) -> bool {
+    let full = component.name();
+    full == name || full.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'))
+}
+
+/// The result of a campaign.
+pub fn results(plan: &Plan, results: &Results, shown: Shown<'_>) {
+    match (shown, results.report.points.first()) {
+        (Shown::Grid(_), _) => grid(plan, results, shown),
+        (Shown::Consistency, Some(point)) => consistency(plan, point),
+        (Shown::Bound, Some(_)) => bound(plan, results),
+        (_, None) => {}
+    }
+}
+
+/// Where it was written.
+pub fn files(files: &[PathBuf], out: Option<&Path>) {
+    let Some(out) = out else { return };
+    let names = files.iter().filter_map(|f| f.file_name()).map(|n| n.to_string_lossy().into_owned());
+    line(format_args!("{}: {}", out.display(), names.collect::<Vec<_>>().join(", ")));
+}
+
+/// Four significant digits.
+fn number(value: Option<f64>) -> String {
+    let Some(value) = value.filter(|v| v.is_finite()) else { return String::new() };
+    let decimals = (3.0 - value.abs().max(1e-12).log10().floor()).clamp(0.0, 9.0);
+    format!("{value:.*}", decimals as usize)
+}
+
+fn ratio(value: Option<f64>) -> String {
+    value.map_or_else(String::new, |v| format!("{v:.2}"))
+}
+
+fn band(band: Option<Band>) -> String {
+    band.map_or_else(String::new, |b| format!("{:.2} to {:.2}", b.low, b.high))
+}
+
+fn percent(share: Option<f64>) -> String {
+    share.map_or_else(String::new, |s| format!("{:.1} %", 100.0 * s))
+}
+
+/// The name of a state, once for its components.
+fn once(states: &[StateReport], k: usize) -> String {
+    let state = &states[k].component.state;
+    if k > 0 && states[k - 1].component.state == *state { String::new() } else { state.clone() }
+}
+
+fn consistency(plan: &Plan, point: &PointReport) {
+    let failed = if point.failed > 0 { format!(", {} failed", point.failed) } else { String::new() };
+    line(format_args!("{}: {} runs{failed}, seed {}; at {:.0} s:", plan.scenario, point.runs, plan.seed, point.end_s));
+    let mut rows = table(&["state", "", "RMSE", "1-sigma", "RMSE/sigma", "bound", "RMSE/bound", "mean error", "unit"]);
+    for (k, s) in point.states.iter().enumerate() {
+        rows.add_row([
+            once(&point.states, k),
+            s.component.component.clone(),
+            number(s.rmse),
+            number(s.sigma),
+            ratio(s.rmse_over_sigma),
+            number(s.bound),
+            ratio(s.rmse_over_bound),
+            number(s.mean_error),
+            s.component.unit.clone(),
+        ]);
+    }
+    right(&mut rows, 2..8);
+    line(format_args!("{rows}\n"));
+    let mut rows = table(&["NEES", "dim", "mean", "95 % band", "epochs inside", "RMSE/bound"]);
+    for a in &point.anees {
+        let mean = number(a.value);
+        let (dim, inside) = (a.dimension.to_string(), percent(a.inside));
+        rows.add_row([a.of.clone(), dim, mean, band(a.band), inside, ratio(a.rmse_over_bound)]);
+    }
+    right(&mut rows, 1..6);
+    line(format_args!("{rows}\n"));
+    if !point.nis.is_empty() {
+        let mut rows = table(&["NIS", "used", "gated", "mean", "expected", "95 % band"]);
+        for n in &point.nis {
+            let limits = n.band.map_or_else(String::new, |b| format!("{:.4} to {:.4}", b.low, b.high));
+            let value = |v: Option<f64>| v.map_or_else(String::new, |v| format!("{v:.4}"));
+            let (used, gated) = (n.used.to_string(), percent(Some(n.gated)));
+            rows.add_row([n.sensor.clone(), used, gated, value(n.mean), value(n.expected), limits]);
+        }
+        right(&mut rows, 1..6);
+        line(format_args!("{rows}\n"));
+    }
+    if let Some(verdict) = &point.verdict {
+        line(format_args!("verdict: {}", if verdict.consistent { "consistent" } else { "INCONSISTENT" }));
+        verdict.findings.iter().for_each(|f| line(format_args!("  {}", f.text)));
+    }
+}
+
+fn bound(plan: &Plan, results: &Results) {
+    let Some(bound) = results.points.first().and_then(|p| p.bound.as_ref()) else { return };
+    let (Some(first), Some(last)) = (bound.rows.first(), bound.rows.last()) else { return };
+    line(format_args!("{}: the least 1-sigma that a filter, or a smoother, can reach", plan.scenario));
+    let (start, end) = (format!("{:.0} s", first.1), format!("{:.0} s", last.1));
+    let mut rows = table(&["state", "", &start, &end, "smoothed, rms", "unit"]);
+    let states = &results.report.points[0].states;
+    for (k, s) in states.iter().enumerate() {
+        rows.add_row([
+            once(states, k),
+            s.component.component.clone(),
+            number(Some(first.2[k])),
+            number(Some(last.2[k])),
+            number(s.smoothed),
+            s.component.unit.clone(),
+        ]);
+    }
+    right(&mut rows, 2..5);
+    line(format_args!("{rows}\n"));
+}
+
+/// One table a state: a row a point, the components beside each other.
+fn grid(plan: &Plan, results: &Results, shown: Shown<'_>) {
+    let runs = plan.runs > 0;
+    let what = if runs { format!("RMSE of {} runs over 1-sigma bound", plan.runs) } else { "1-sigma bound".into() };
+    let points = &results.report.points;
+    line(format_args!("{}: {what} at the end, {} points", plan.scenario, points.len()));
+    for block in 0..plan.columns.blocks.len() {
+        let range: Vec<usize> =
+            plan.columns.of_block(block).filter(|k| shown.shows(&plan.columns.components[*k])).collect();
+        if range.is_empty() {
+            continue;
+        }
+        let mut headings: Vec<String> = plan.keys.clone();
+        for c in range.iter().map(|k| &plan.columns.components[*k]) {
+            headings.push(if c.unit.is_empty() {
+                c.component.clone()
+            } else {
+                format!("{} [{}]", c.component, c.unit)
+            });
+        }
+        let headings: Vec<&str> = headings.iter().map(String::as_str).collect();
+        let mut rows: Table = table(&headings);
+        for point in points {
+            let mut cells = point.values.clone();
+            for s in range.iter().map(|k| &point.states[*k]) {
+                cells.push(if runs { format!("{} / {}", number(s.rmse), number(s.bound)) } else { number(s.bound) });
+            }
+            rows.add_row(cells);
+        }
+        right(&mut rows, plan.keys.len()..plan.keys.len() + range.len());
+        line(format_args!("{}\n{rows}\n", plan.columns.blocks[block].name));
+    }
+    if runs {
+        let mut headings: Vec<&str> = plan.keys.iter().map(String::as_str).collect();
+        headings.push("verdict");
+        let mut rows = table(&headings);
+        for point in points {
+            let verdict = point.verdict.as_ref().map_or_else(String::new, |v| v.text.clone());
+            rows.add_row([point.values.as_slice(), &[verdict]].concat());
+        }
+        line(format_args!("{rows}\n"));
+    }
+}

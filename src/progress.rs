@@ -1,0 +1,59 @@
+//! Long work: a progress bar, and Ctrl-C.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use navfuse_campaign::Done;
+use navfuse_core::runner::Progress;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Exit code of a run that was interrupted, as a shell gives it.
+pub const INTERRUPTED: u8 = 130;
+
+/// A flag that Ctrl-C sets. Without a handler Ctrl-C still ends the run, only less well.
+pub fn stop_on_ctrl_c() -> Arc<AtomicBool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).ok();
+    stop
+}
+
+/// The progress bar, on standard error.
+pub struct Bar(ProgressBar);
+
+impl Bar {
+    /// A bar, or nothing.
+    pub fn new(shown: bool) -> Self {
+        let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        Self(ProgressBar::with_draw_target(None, target))
+    }
+
+    /// Shows the time that a run reached.
+    pub fn run(&self, progress: Progress) {
+        let now = progress.now.seconds().max(0.0);
+        if let Some(end) = progress.end {
+            self.length(end.seconds().max(0.0) as u64, "s of run time");
+        }
+        self.0.set_position(now as u64);
+    }
+
+    /// Shows the jobs that a campaign has done.
+    pub fn campaign(&self, done: Done) {
+        self.length(done.asked as u64, "jobs");
+        self.0.set_position(done.done as u64);
+    }
+
+    fn length(&self, length: u64, of: &str) {
+        if self.0.length().is_none() {
+            self.0.set_length(length);
+            let template = format!("{{bar:32.cyan}} {{pos}} of {{len}} {of}, {{eta}} left");
+            if let Ok(style) = ProgressStyle::with_template(&template) {
+                self.0.set_style(style);
+            }
+        }
+    }
+
+    /// Takes it away.
+    pub fn done(&self) {
+        self.0.finish_and_clear();
+    }
+}
