@@ -100,7 +100,8 @@ pub fn width(text: &str, pixels: f64) -> f64 {
         | ']' | '-' => 0.36,
         'm' | 'w' | 'M' | 'W' | '%' | '@' => 0.9,
         c if c.is_uppercase() => 0.7,
-        c if c.is_ascii() => 0.58,
+        c if c.is_ascii_digit() => 0.64,
+        c if c.is_ascii() => 0.6,
         _ => 1.0,
     };
     pixels * text.chars().map(letter).sum::<f64>()

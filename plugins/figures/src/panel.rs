@@ -16,7 +16,7 @@ const MARK: f64 = 4.0;
 /// Page pixels of a line of text.
 const TEXT: f64 = 16.0;
 /// Least page pixels from one number to the next: beside and above each other.
-const APART: [f64; 2] = [62.0, 29.0];
+const APART: [f64; 2] = [62.0, 32.0];
 
 /// A panel with its axes, before it has a place.
 pub struct Prepared<'a> {
@@ -47,6 +47,12 @@ impl<'a> Prepared<'a> {
         let numbers = self.y.ticks.iter().map(|t| width(&t.1, TICK)).fold(12.0, f64::max);
         let label = if self.panel.y.label.is_empty() { 0.0 } else { TEXT };
         label + numbers + MARK + 6.0
+    }
+
+    /// The width of what is right of the plot, page pixels: half of a number at its edge.
+    pub fn right(&self) -> f64 {
+        let at_edge = |t: &&(f64, String)| t.0 > self.x.high - 0.1 * (self.x.high - self.x.low);
+        self.x.ticks.last().filter(at_edge).map_or(0.0, |t| 0.5 * width(&t.1, TICK))
     }
 
     /// The height of what is below the plot, page pixels.

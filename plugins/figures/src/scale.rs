@@ -120,15 +120,17 @@ fn decades(low: f64, high: f64, count: f64) -> (Vec<(f64, String)>, Vec<f64>) {
     let times = |factors: &[f64]| -> Vec<f64> {
         powers.iter().flat_map(|p| factors.iter().map(move |f| p + f.log10())).filter(within).collect()
     };
-    let label = |v: f64| (v.clamp(low, high), decimal(10f64.powf(v)));
     let fine = if every > 1.0 { times(&[1.0]) } else { times(&[2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]) };
-    let whole: Vec<_> = multiples(low, high, every).collect();
-    if whole.len() > 2 {
-        return (whole.into_iter().map(label).collect(), fine);
-    }
-    let some = times(&[1.0, 2.0, 5.0]);
-    if some.len() > 2 {
-        return (some.into_iter().map(label).collect(), fine);
+    let (whole, some) = (multiples(low, high, every).collect::<Vec<_>>(), times(&[1.0, 2.0, 5.0]));
+    let chosen = if whole.len() > 2 {
+        whole
+    } else if some.len() > 2 && some.len() as f64 <= 2.0 * count.max(2.0) {
+        some
+    } else {
+        times(&[1.0])
+    };
+    if chosen.len() > 1 {
+        return (chosen.into_iter().map(|v| (v.clamp(low, high), decimal(10f64.powf(v)))).collect(), fine);
     }
     let ticks = linear(10f64.powf(low), 10f64.powf(high), count);
     (ticks.into_iter().filter(|t| t.0 > 0.0).map(|(v, text)| (v.log10().clamp(low, high), text)).collect(), Vec::new())
@@ -181,6 +183,7 @@ mod tests {
         assert_eq!(labels(Scale::Logarithmic, 1e-4, 1.0, 6.0), ["1e-4", "0.001", "0.01", "0.1", "1"]);
         assert_eq!(labels(Scale::Logarithmic, 1e-12, 1.0, 4.0), ["1e-12", "1e-9", "1e-6", "0.001", "1"]);
         assert_eq!(labels(Scale::Logarithmic, 0.9, 60.0, 4.0), ["1", "2", "5", "10", "20", "50"]);
+        assert_eq!(labels(Scale::Logarithmic, 0.9, 60.0, 1.0), ["1", "10"]);
         assert_eq!(labels(Scale::Logarithmic, 3.1, 3.4, 3.0), ["3.1", "3.2", "3.3", "3.4"]);
     }
 

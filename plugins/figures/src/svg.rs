@@ -60,8 +60,6 @@ struct Cell<'a> {
     panel: &'a Panel,
     prepared: Prepared<'a>,
     legend: Legend,
-    /// Where its title begins.
-    top: f64,
     /// Left, top, width and height of the plot.
     plot: [f64; 4],
     /// Whether the horizontal axis has a label: not where the panel below has the same.
@@ -75,9 +73,12 @@ impl<'a> Layout<'a> {
         let wide = (width - GAP) / columns as f64; // with the gap at its right
         let high = (0.5 * wide).clamp(130.0, 260.0);
         let prepared: Vec<_> = figure.panels.iter().map(|p| Prepared::new(p, [wide - 60.0, high])).collect();
-        let left: Vec<f64> = (0..columns)
-            .map(|c| prepared.iter().skip(c).step_by(columns).map(Prepared::left).fold(0.0, f64::max).min(0.5 * wide))
-            .collect();
+        // plots of a column are as wide as the widest numbers beside them allow
+        let widest = |of: fn(&Prepared<'a>) -> f64| -> Vec<f64> {
+            let column = |c| prepared.iter().skip(c).step_by(columns).map(of).fold(0.0, f64::max).min(0.5 * wide);
+            (0..columns).map(column).collect()
+        };
+        let (left, right) = (widest(Prepared::left), widest(Prepared::right));
         let mut y = if figure.title.is_empty() { GAP } else { GAP + TITLES[0] };
         let common = Legend::common(figure);
         let legend = common.clone().map(|l| (l, y));
@@ -88,7 +89,7 @@ impl<'a> Layout<'a> {
         let mut prepared = prepared.into_iter().enumerate();
         for row in figure.panels.chunks(columns) {
             let own = |p: &Panel| if common.is_some() { Legend::default() } else { Legend::of(p) };
-            let room = |c: usize| wide - left[c] - GAP;
+            let room = |c: usize| wide - left[c] - right[c].max(GAP);
             let tallest = row.iter().enumerate().map(|(c, p)| own(p).height(room(c))).fold(0.0, f64::max);
             let titles = if row.iter().all(|p| p.title.is_empty()) { 0.5 * GAP } else { TITLES[1] };
             let mut below: f64 = 0.0;
@@ -96,7 +97,7 @@ impl<'a> Layout<'a> {
                 let labelled = figure.panels.get(k + columns).is_none_or(|p| p.x.label != panel.x.label);
                 below = below.max(prepared.below(labelled));
                 let plot = [GAP + c as f64 * wide + left[c], y + titles + tallest, room(c), high];
-                cells.push(Cell { panel, prepared, legend: own(panel), top: y, plot, labelled });
+                cells.push(Cell { panel, prepared, legend: own(panel), plot, labelled });
             }
             y += titles + tallest + high + below + 0.5 * GAP;
         }
@@ -120,10 +121,11 @@ impl<'a> Layout<'a> {
         }
         for cell in &self.cells {
             let [left, top, wide, _] = cell.plot;
+            let top = top - cell.legend.height(wide);
+            cell.legend.draw(area, [left, top], wide)?;
             if !cell.panel.title.is_empty() {
-                title(&cell.panel.title, PANEL_TITLE, left, cell.top + 0.5 * TITLES[1], wide)?;
+                title(&cell.panel.title, PANEL_TITLE, left, top - 0.5 * TITLES[1], wide)?;
             }
-            cell.legend.draw(area, [left, top - cell.legend.height(wide)], wide)?;
             cell.prepared.draw(area, cell.plot, cell.labelled)?;
         }
         if self.cells.is_empty() {
