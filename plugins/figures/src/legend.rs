@@ -1,6 +1,6 @@
 //! Names of curves beside a piece of them: once for a figure where that is unambiguous, or once for each panel.
 
-use crate::look::{LABEL, band, clean, stroke, text, units, width};
+use crate::look::{LABEL, band, clean, dot, stroke, text, units, width};
 use crate::svg::{Area, Drawn};
 use crate::{Figure, Look, Panel};
 use plotters::element::{Circle, PathElement, Rectangle, Text};
@@ -76,7 +76,7 @@ impl Legend {
                 None => area.draw(&Rectangle::new([at(0.0, -5.0), at(PIECE, 5.0)], band()))?,
                 Some(look @ Look::Points(_)) => {
                     let radius = units(crate::panel::RADIUS);
-                    area.draw(&Circle::new(at(0.5 * PIECE, 0.0), radius, stroke(*look).filled()))?;
+                    area.draw(&Circle::new(at(0.5 * PIECE, 0.0), radius, dot(*look)))?;
                 }
                 Some(look) => area.draw(&PathElement::new([at(0.0, 0.0), at(PIECE, 0.0)], stroke(*look)))?,
             }

@@ -65,7 +65,7 @@ fn colour(look: Look) -> RGBColor {
     }
 }
 
-/// The stroke of a curve, or the filling of a point.
+/// The stroke of a curve.
 pub fn stroke(look: Look) -> ShapeStyle {
     let pixels = match look {
         Look::Bound => 1.0,
@@ -74,6 +74,11 @@ pub fn stroke(look: Look) -> ShapeStyle {
         Look::Data(_) | Look::Points(_) => 1.4,
     };
     line(colour(look), pixels)
+}
+
+/// The filling of a point.
+pub fn dot(look: Look) -> ShapeStyle {
+    ShapeStyle { color: colour(look).to_rgba(), filled: true, stroke_width: 0 }
 }
 
 /// A solid line of a width in page pixels.

@@ -1,6 +1,6 @@
 //! One panel.
 
-use crate::look::{FINE_GRID, FRAME, GRID, INK, LABEL, TICK, band, fit, line, stroke, text, units, width};
+use crate::look::{FINE_GRID, FRAME, GRID, INK, LABEL, TICK, band, dot, fit, line, stroke, text, units, width};
 use crate::scale::{Ruler, place};
 use crate::svg::{Area, Drawn};
 use crate::{Curve, Look, Panel};
@@ -79,15 +79,15 @@ impl<'a> Prepared<'a> {
             .label_style(text(TICK, FontStyle::Normal))
             .draw()?;
         for pieces in self.bands() {
-            chart.draw_series(pieces.into_iter().map(|p| Polygon::new(p, band())))?;
+            chart.draw_series(pieces.into_iter().map(|p| Polygon::new(without_level(p), band())))?;
         }
         for curve in &self.panel.curves {
             let style = stroke(curve.look);
             let points = matches!(curve.look, Look::Points(_));
             // a line of one point would not be seen
             let (dots, lines): (Vec<_>, Vec<_>) = self.pieces(curve).into_iter().partition(|p| points || p.len() == 1);
-            chart.draw_series(lines.into_iter().map(|p| PathElement::new(p, style)))?;
-            chart.draw_series(dots.into_iter().flatten().map(|p| Circle::new(p, units(RADIUS), style.filled())))?;
+            chart.draw_series(lines.into_iter().map(|p| PathElement::new(without_level(p), style)))?;
+            chart.draw_series(dots.into_iter().flatten().map(|p| Circle::new(p, units(RADIUS), dot(curve.look))))?;
         }
         let corner = |x: f64, y: f64| (units(x), units(y));
         area.draw(&Rectangle::new([corner(left, top), corner(left + wide, top + high)], line(FRAME, 0.75)))?;
@@ -135,6 +135,22 @@ impl<'a> Prepared<'a> {
             |b: &crate::Band| split(b.points.iter().map(|p| Some((place(x, p[0])?, edges(p)?)))).map(outline).collect();
         self.panel.bands.iter().map(pieces).collect()
     }
+}
+
+/// A line without the points inside its level pieces: a limit has two points, however often it was sampled.
+fn without_level(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let mut left: Vec<(f64, f64)> = Vec::with_capacity(points.len());
+    for (x, y) in points {
+        if let [.., (x0, y0), (x1, y1)] = left[..]
+            && y0 == y1
+            && y1 == y
+            && (x1 - x0) * (x - x1) >= 0.0
+        {
+            left.pop();
+        }
+        left.push((x, y));
+    }
+    left
 }
 
 /// The runs of what is there.

@@ -27,7 +27,7 @@ fn texts(picture: &str) -> Vec<String> {
     texts.map(|n| n.text().unwrap_or_default().trim().to_owned()).collect()
 }
 
-/// The vertices of each line of a colour that has other than two, which a piece in a legend has.
+/// The vertices of each line of a colour; the first, which is the piece in the legend, is left out.
 fn lines(picture: &str, colour: &str) -> Vec<Vec<[f64; 2]>> {
     let document = Document::parse(picture).unwrap();
     let point = |p: &str| -> [f64; 2] {
@@ -37,7 +37,7 @@ fn lines(picture: &str, colour: &str) -> Vec<Vec<[f64; 2]>> {
     (document.descendants())
         .filter(|n| n.has_tag_name("polyline") && n.attribute("stroke") == Some(colour))
         .map(|n| n.attribute("points").unwrap().split_whitespace().map(point).collect::<Vec<_>>())
-        .filter(|p| p.len() != 2)
+        .skip(1)
         .collect()
 }
 
@@ -118,16 +118,31 @@ fn decades_are_evenly_apart_on_a_logarithmic_axis_and_zero_breaks_the_line() {
 }
 
 #[test]
+fn a_line_there_and_back_on_one_level_keeps_its_ends() {
+    let points = vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [9.0, 0.0], [-5.0, 0.0], [1.0, 0.0], [1.0, 1.0]];
+    let line = Curve { name: "c".into(), look: Look::Data(0), points };
+    let picture = svg(&figure(1, vec![panel(Axis::linear("y"), vec![line], vec![])])).unwrap();
+    let lines = lines(&picture, BLUE);
+    // the ends at 0, 9, -5 and 1, and the last point
+    assert_eq!(lines[0].len(), 5);
+    let [a, b, c] = [0, 1, 2].map(|k| lines[0][k][0]);
+    // 0 to 9 and 9 to -5, each place rounded to a unit
+    assert!(((b - a) / 9.0 - (b - c) / 14.0).abs() < 1.0 / 9.0 + 1.0 / 14.0, "{lines:?}");
+}
+
+#[test]
 fn a_figure_of_19_states_is_small_enough_for_a_page() {
     let values = |k: usize| (0..300).map(|i| ((i * i + k) as f64).sin()).collect::<Vec<_>>();
-    let panels = (0..19).map(|k| {
-        let looks = [Look::Data(0), Look::Truth, Look::Sigma, Look::Sigma, Look::Bound];
-        let curves = looks.iter().map(|look| curve("c", *look, &values(k))).collect();
-        let points = (0..300).map(|i| [f64::from(i), -1.0, 1.0]).collect();
-        panel(Axis::linear("y"), curves, vec![Band { name: "b".into(), points }])
-    });
-    let picture = svg(&figure(4, panels.collect())).unwrap();
-    assert!(picture.len() < 500_000, "{} bytes", picture.len());
+    let lines = [Look::Data(0), Look::Truth, Look::Sigma, Look::Sigma, Look::Bound];
+    for looks in [&lines[..], &[Look::Points(0), Look::Sigma, Look::Bound]] {
+        let panels = (0..19).map(|k| {
+            let curves = looks.iter().map(|look| curve("c", *look, &values(k))).collect();
+            let points = (0..300).map(|i| [f64::from(i), -1.0, 1.0]).collect();
+            panel(Axis::linear("y"), curves, vec![Band { name: "b".into(), points }])
+        });
+        let picture = svg(&figure(4, panels.collect())).unwrap();
+        assert!(picture.len() < 500_000, "{} bytes", picture.len());
+    }
 }
 
 fn value() -> impl Strategy<Value = f64> {
