@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# Submits a Monte Carlo campaign as a job array, and the merge of its shards after it:
+#
+#   submit.sh OUT SCENARIO --runs N --seed S [--set KEY.PATH=VALUE ...]
+#
+#   SHARDS=20 submit.sh ...      so many tasks instead of those of campaign.sbatch
+#   CPUS=8 submit.sh ...         so many cores for each task
+#
+# The result is OUT/merged, the jobs' own output OUT/slurm-*.out. Account, partition and the like can be given in
+# Slurm's variables: SBATCH_ACCOUNT, SBATCH_PARTITION, SBATCH_TIMELIMIT.
+set -euo pipefail
+
+if [ $# -lt 2 ]; then
+  echo "usage: submit.sh OUT SCENARIO --runs N --seed S [--set KEY.PATH=VALUE ...]" >&2
+  exit 2
+fi
+here=$(cd "$(dirname "$0")" && pwd)
+out="$1"
+shift
+if [ -e "$out/shards" ] || [ -e "$out/merged" ]; then
+  echo "submit.sh: a campaign is already in $out; name another folder, or remove it" >&2
+  exit 2
+fi
+mkdir -p "$out/shards"
+
+array=$(sbatch --parsable ${SHARDS:+--array="1-$SHARDS"} ${CPUS:+--cpus-per-task="$CPUS"} \
+  --output="$out/slurm-%A_%a.out" "$here/campaign.sbatch" "$out" "$@")
+array=${array%%;*} # a federation appends its cluster's name
+echo "campaign  job $array"
+merge=$(sbatch --parsable --dependency="afterok:$array" --output="$out/slurm-%j.out" "$here/merge.sbatch" "$out")
+echo "merge     job ${merge%%;*}, after it; the result will be in $out/merged"

@@ -1,0 +1,193 @@
+//! The example of a campaign on a cluster, in a real Slurm on this machine.
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::{navfuse, root, scenario, stderr, stdout};
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+const INSTALL: &str = "apt-get install -y --no-install-recommends slurmctld slurmd slurm-client munge";
+
+/// Whether there is a Slurm, installed where this is CI. Says so where there is none, even if the test passes.
+fn has_slurm() -> bool {
+    static FOUND: OnceLock<bool> = OnceLock::new();
+    *FOUND.get_or_init(|| {
+        let tell = |message: String| drop(writeln!(std::io::stderr(), "skipped: {message}"));
+        let sh = |line: &str| Command::new("sh").args(["-c", line]).stdin(Stdio::null()).output();
+        let is_there = || {
+            let programs = "for p in munged slurmctld slurmd sbatch; do command -v $p || exit 1; done";
+            sh(&format!("PATH=$PATH:/usr/sbin; {programs}")).is_ok_and(|o| o.status.success())
+        };
+        if is_there() {
+            return true;
+        }
+        if std::env::var_os("CI").is_none() {
+            tell(format!("no Slurm here; {INSTALL}"));
+            return false;
+        }
+        // others may be installing at the same time, and the lists of a fresh container are empty
+        let install = format!("DEBIAN_FRONTEND=noninteractive {INSTALL} -o DPkg::Lock::Timeout=300");
+        match sh(&format!("{install} || {{ apt-get update && {install}; }}")) {
+            Err(e) => tell(format!("Slurm cannot be installed: {e}")),
+            Ok(output) if !is_there() => {
+                tell(format!("Slurm cannot be installed by `{INSTALL}`:\n{}{}", stdout(&output), stderr(&output)));
+            }
+            Ok(_) => return true,
+        }
+        false
+    })
+}
+
+/// A folder for the campaign, another for what Slurm leaves behind, and the scripts of the example.
+struct Cluster {
+    folder: tempfile::TempDir,
+}
+
+impl Cluster {
+    fn new() -> Self {
+        let cluster = Self { folder: tempfile::tempdir().expect("a folder for the test") };
+        std::fs::create_dir(cluster.temporary()).expect("a folder in the folder");
+        cluster
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn temporary(&self) -> PathBuf {
+        self.path("tmp")
+    }
+
+    /// `one-machine.sh`, with the command `navfuse` of this build on its path.
+    fn one_machine(&self) -> Command {
+        let built = Path::new(env!("CARGO_BIN_EXE_navfuse")).parent().expect("the program is in a folder");
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let path = std::iter::once(built.to_owned()).chain(std::env::split_paths(&path));
+        let mut command = Command::new(example("one-machine.sh"));
+        command
+            .current_dir(self.folder.path())
+            .env("PATH", std::env::join_paths(path).expect("a path"))
+            .env("TMPDIR", self.temporary())
+            .stdin(Stdio::null());
+        command
+    }
+
+    /// Submits a campaign of three shards into `campaign`, and waits for it.
+    fn submit(&self, arguments: &[&str]) -> Output {
+        let mut command = self.one_machine();
+        command.env("SHARDS", "3").arg(example("submit.sh")).arg("campaign").args(arguments);
+        command.output().expect("the script starts")
+    }
+
+    /// What the scripts and the jobs said.
+    fn told(&self, output: &Output) -> String {
+        let mut told = stdout(output) + &stderr(output);
+        for (name, bytes) in files(&self.path("campaign")) {
+            if name.ends_with(".out") {
+                told += &format!("{name}:\n{}", String::from_utf8_lossy(&bytes));
+            }
+        }
+        told
+    }
+
+    /// Whether Slurm is gone: no file, and no daemon or job.
+    fn assert_nothing_left(&self) {
+        let temporary = self.temporary().display().to_string();
+        assert_eq!(std::fs::read_dir(&temporary).expect("the folder is there").count(), 0, "in {temporary}");
+        for process in std::fs::read_dir("/proc").expect("Linux").flatten() {
+            for file in ["cmdline", "environ"] {
+                let text = std::fs::read(process.path().join(file)).unwrap_or_default();
+                let text = String::from_utf8_lossy(&text).replace('\0', " ");
+                assert!(!text.contains(&temporary), "{} is left: {text}", process.path().display());
+            }
+        }
+    }
+}
+
+fn example(name: &str) -> PathBuf {
+    root().join("docs/examples/slurm").join(name)
+}
+
+/// All files below a folder by their relative path, with their bytes.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if entry.path().is_dir() {
+            all.extend(files(&entry.path()).into_iter().map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
+        } else {
+            all.insert(name, std::fs::read(entry.path()).unwrap_or_default());
+        }
+    }
+    all
+}
+
+#[test]
+fn a_job_array_and_its_merge_write_the_bytes_of_one_machine() {
+    if !has_slurm() {
+        return;
+    }
+    let cluster = Cluster::new();
+    let quickstart = scenario("quickstart").display().to_string();
+    // five runs do not divide into three shards
+    let campaign = [&quickstart, "--runs", "5", "--seed", "3"];
+
+    let output = cluster.submit(&campaign);
+    assert!(output.status.success(), "{}", cluster.told(&output));
+    assert!(stdout(&output).contains("campaign  job 1\nmerge     job 2"), "{}", stdout(&output));
+
+    let alone = cluster.path("alone").display().to_string();
+    let output = navfuse(&[&["monte-carlo"], &campaign[..], &["--out", &alone]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let alone = files(Path::new(&alone));
+    let merged = files(&cluster.path("campaign/merged"));
+    assert!(!alone.is_empty());
+    assert_eq!(merged.keys().collect::<Vec<_>>(), alone.keys().collect::<Vec<_>>());
+    for (name, bytes) in &alone {
+        assert!(merged[name] == *bytes, "{name} differs from that of one machine");
+    }
+    cluster.assert_nothing_left();
+}
+
+#[test]
+fn where_shards_fail_nothing_is_merged_and_it_is_told() {
+    if !has_slurm() {
+        return;
+    }
+    let cluster = Cluster::new();
+    let output = cluster.submit(&["not-there.toml", "--runs", "5"]);
+    assert_eq!(output.status.code(), Some(1), "{}", cluster.told(&output));
+    for line in ["1_1 navfuse FAILED", "1_3 navfuse FAILED", "2 navfuse-merge CANCELLED"] {
+        assert!(stderr(&output).contains(line), "{}", stderr(&output));
+    }
+    assert!(cluster.told(&output).contains("not-there.toml"), "{}", cluster.told(&output));
+    assert!(!cluster.path("campaign/merged").exists());
+    cluster.assert_nothing_left();
+}
+
+#[test]
+fn an_interrupt_takes_the_jobs_and_slurm_down() {
+    if !has_slurm() {
+        return;
+    }
+    let cluster = Cluster::new();
+    let mut command = cluster.one_machine();
+    command.args(["sbatch", "--wrap", "touch started; sleep 1000"]).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut script = command.spawn().expect("the script starts");
+    let mut lines = BufReader::new(script.stderr.take().expect("a pipe")).lines().map_while(Result::ok);
+    assert!(lines.any(|line| line.contains("waiting for 1 jobs")));
+    let begun = Instant::now();
+    while !cluster.path("started").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "the job does not start");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let interrupted = Command::new("kill").args(["-INT", &script.id().to_string()]).status();
+    assert!(interrupted.is_ok_and(|s| s.success()));
+    assert_eq!(script.wait().expect("it ends").code(), Some(130));
+    cluster.assert_nothing_left();
+}
