@@ -128,7 +128,21 @@ pub fn merge(arguments: &Merge) -> Result<ExitCode> {
 
 /// Prints the results and draws them.
 fn report(plan: &Plan, results: &Results, kind: &Kind<'_>, out: Option<&Path>, text: bool) -> Result<()> {
-    let files = results.files.clone();
+    let mut files = results.files.clone();
+    if let Some(out) = out {
+        let figures = navfuse_campaign::figures(plan, results, |c| kind.shown.shows(c));
+        for figure in &figures {
+            let path = out.join(format!("{}.svg", figure.name));
+            std::fs::write(&path, navfuse_figures::svg(figure)?).map_err(|e| format!("{}: {e}", path.display()))?;
+            files.push(path);
+        }
+        #[cfg(feature = "rerun")]
+        if plan.keys.is_empty() {
+            let path = out.join("campaign.rrd");
+            navfuse_rerun::figures::record(&path, &format!("{} {}", plan.scenario, kind.name), &figures)?;
+            files.push(path);
+        }
+    }
     if text {
         show::results(plan, results, kind.shown);
         show::files(&files, out);

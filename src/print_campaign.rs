@@ -32,7 +32,7 @@ impl Shown<'_> {
     }
 
     /// Whether a component is shown.
-    fn shows(self, component: &Component) -> bool {
+    pub fn shows(self, component: &Component) -> bool {
         match self {
             Self::Grid(names) if !names.is_empty() => names.iter().any(|name| is_of(component, name)),
             _ => true,

@@ -7,6 +7,7 @@ use crate::plan::{Plan, Shard};
 use crate::record::{BoundRecord, Record, Row, RunRecord};
 use crate::report::Report;
 use crate::statistics::PointStatistics;
+use crate::sweep;
 use crate::tables::{Names, TableReader, TableWriter};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -16,6 +17,21 @@ const RUNS: &str = "runs.parquet";
 const BOUNDS: &str = "bounds.parquet";
 const EPOCHS: &str = "epochs.parquet";
 const REPORT: &str = "report.json";
+/// What a campaign of any kind writes.
+const ALL: [&str; 12] = [
+    CAMPAIGN,
+    RUNS,
+    BOUNDS,
+    EPOCHS,
+    REPORT,
+    sweep::CSV,
+    sweep::PARQUET,
+    "consistency.svg",
+    "states.svg",
+    "bound.svg",
+    "sweep.svg",
+    "campaign.rrd",
+];
 
 /// `campaign.json`: what was done.
 #[derive(Debug, Serialize, Deserialize)]
@@ -69,7 +85,7 @@ impl Folder {
         if let Some(path) = path {
             std::fs::create_dir_all(path).map_err(|e| CampaignError::file(path, &e))?;
             // nothing of an earlier campaign stays beside this one
-            for name in [CAMPAIGN, RUNS, BOUNDS, EPOCHS, REPORT] {
+            for name in ALL {
                 std::fs::remove_file(path.join(name)).ok();
             }
             runs = Some(TableWriter::create(&path.join(RUNS), &run_names(&plan.columns))?);
@@ -129,6 +145,9 @@ impl Folder {
             self.write_epochs(&path.join(EPOCHS))?;
             write_json(&path.join(REPORT), &report)?;
             files.extend([EPOCHS, REPORT].map(|name| path.join(name)));
+            if !self.plan.keys.is_empty() {
+                files.extend(sweep::write(path, &report)?);
+            }
         }
         Ok(Some(Results { report, points: self.points, files }))
     }

@@ -37,7 +37,7 @@ fn add<M: Manifold>(layout: &mut Layout, name: &str, initial: &[f64], truth: Opt
         dynamics: Dynamics::Constant,
         display,
     };
-    layout.blocks.push(Block { name: name.into(), spec, operations, offset: layout.ambient, tangent });
+    layout.blocks.push(Block { name: name.into(), spec, operations, offset: layout.ambient, tangent, wanders: false });
     layout.ambient += operations.ambient;
 }
 
