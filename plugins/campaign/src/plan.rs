@@ -222,7 +222,7 @@ impl Plan {
 fn grid(vary: &[(String, Vec<String>)]) -> Vec<Point> {
     vary.iter().fold(vec![Point::default()], |points, (_, values)| {
         let extended = points.iter().flat_map(|point| {
-            values.iter().map(|value| Point { values: [point.values.as_slice(), &[value.clone()]].concat() })
+            values.iter().map(|value| Point { values: [point.values.as_slice(), std::slice::from_ref(value)].concat() })
         });
         extended.collect()
     })
