@@ -3,7 +3,7 @@
 use crate::covariance::Transition;
 use crate::document::{DocumentError, Node};
 use crate::draw::Draw;
-use crate::manifold::{Manifold, Operations};
+use crate::manifold::{Manifold, Operations, Rotation};
 use crate::measurement::AnyMeasurement;
 use crate::motion::Motion;
 use crate::process::ProcessModel;
@@ -13,6 +13,8 @@ use crate::simulate::{Faults, Simulate};
 use crate::state::{Block, BlockSpec, Handle, Layout, MAX_BLOCKS, Mode, Signal, State};
 use crate::stream::{Purpose, SensorInfo};
 use crate::time::Time;
+pub use crate::turning::About;
+use crate::turning::Turning;
 use crate::units::Sigma;
 use std::any::Any;
 use std::marker::PhantomData;
@@ -202,6 +204,13 @@ impl Composer {
             return Err(ComposeError::new(key, format!("the state {full} is of another kind than is needed")));
         }
         Ok(Handle { slot, manifold: PhantomData })
+    }
+
+    /// Says that a vector in the axes to which `rotation` maps was found by integrating in the other ones, so that an error
+    /// of the attitude turns it along: see Barrau & Bonnabel (2017) on invariant errors.
+    pub fn turns_with<M: Manifold>(&mut self, vector: Handle<M>, rotation: Handle<Rotation>, about: About) {
+        const { assert!(M::TANGENT == 3) };
+        self.layout.turning.push(Turning { vector: vector.slot, rotation: rotation.slot, about });
     }
 
     /// Adds a signal `owner.name` of `N` numbers.

@@ -74,6 +74,29 @@ impl Covariance {
         self.symmetrise();
     }
 
+    /// `P = G P G'` with `G` the identity but for the block `g` at those rows and columns, which do not overlap.
+    pub(crate) fn shear(
+        &mut self,
+        rows: std::ops::Range<usize>,
+        columns: std::ops::Range<usize>,
+        g: &nalgebra::Matrix3<f64>,
+    ) {
+        let stride = self.stride;
+        for j in 0..self.n {
+            for (a, row) in rows.clone().enumerate() {
+                let sum: f64 = columns.clone().enumerate().map(|(b, k)| g[(a, b)] * self.p[k * stride + j]).sum();
+                self.p[row * stride + j] += sum;
+            }
+        }
+        for row in self.p.chunks_exact_mut(stride) {
+            for (a, j) in rows.clone().enumerate() {
+                let sum: f64 = columns.clone().enumerate().map(|(b, k)| g[(a, b)] * row[k]).sum();
+                row[j] += sum;
+            }
+        }
+        self.symmetrise();
+    }
+
     fn symmetrise(&mut self) {
         for i in 0..self.n {
             for j in 0..i {

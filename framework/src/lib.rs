@@ -29,6 +29,7 @@ pub mod state;
 pub mod stream;
 pub mod summary;
 pub mod time;
+mod turning;
 pub mod units;
 
 pub use nalgebra;

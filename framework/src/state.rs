@@ -3,6 +3,7 @@
 use crate::Real;
 use crate::manifold::{MAX_TANGENT, Manifold, Operations};
 use crate::time::Time;
+use crate::turning::Turning;
 use nalgebra::DMatrix;
 use std::cell::Cell;
 use std::marker::PhantomData;
@@ -124,6 +125,11 @@ impl Block {
         self.tangent.map_or(0..0, |t| t..t + self.operations.tangent)
     }
 
+    /// Whether updates correct it.
+    pub fn estimated(&self) -> bool {
+        self.tangent.is_some() && self.spec.mode == Mode::Estimate
+    }
+
     /// The block's coordinates in its display unit; latitude and longitude in degrees.
     pub fn show(&self, values: &[f64], out: &mut [f64]) {
         let n = self.operations.tangent;
@@ -222,6 +228,8 @@ pub struct Layout {
     pub tangent: usize,
     /// Length of [`State::signals`].
     pub signals: usize,
+    /// Vectors that turn with an attitude.
+    pub(crate) turning: Vec<Turning>,
 }
 
 impl Layout {
@@ -237,10 +245,12 @@ impl Layout {
 
     /// The state at every block's initial value, and which blocks have a `truth`, at that truth.
     pub fn initial_state(&self) -> State {
-        let mut state = State { time: Time::MIN, values: vec![0.0; self.ambient], signals: vec![0.0; self.signals] };
+        let (values, signals) = (vec![0.0; self.ambient], vec![0.0; self.signals]);
+        let mut state = State { time: Time::MIN, values, signals, origin: Vec::new() };
         for block in &self.blocks {
             (block.operations.from_coordinates)(&block.spec.initial, &mut state.values[block.range()]);
         }
+        state.origin.clone_from(&state.values);
         state
     }
 
@@ -267,6 +277,8 @@ pub struct State {
     pub values: Vec<f64>,
     /// The signals that process models publish.
     pub signals: Vec<f64>,
+    /// The blocks' values where the filter started.
+    pub origin: Vec<f64>,
 }
 
 impl State {

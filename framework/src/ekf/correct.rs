@@ -4,11 +4,9 @@ use super::{Ekf, EstimatorError, rejected};
 use crate::compose::Sensor;
 use crate::covariance::{Covariance, Reach, Update};
 use crate::gate::{Action, Recovery};
-use crate::manifold::MAX_TANGENT;
 use crate::measurement::AnyMeasurement;
 use crate::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};
 use crate::sample::{MAX_CHANNELS, Sample};
-use crate::state::Mode;
 use crate::time::Time;
 use std::mem::discriminant;
 
@@ -185,15 +183,7 @@ impl Ekf {
         for other in m.sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
             update.correct(&mut other.reach);
         }
-        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
-        for block in self.layout.blocks.iter().filter(|b| b.spec.mode == Mode::Estimate) {
-            let range = block.tangent_range();
-            let delta = &update.delta[range.clone()];
-            (block.operations.retract)(&mut m.state.values[block.range()], delta);
-            if (block.operations.reset)(delta, &mut jacobian) {
-                m.covariance.transform(range, &jacobian);
-            }
-        }
+        self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
         match m.covariance.first_invalid() {
             None => Ok(()),
             Some(i) => {

@@ -55,6 +55,7 @@ impl Ekf {
                 (block.operations.retract)(&mut m.state.values[block.range()], &delta[..range.len()]);
             }
         }
+        m.state.origin.clone_from(&m.state.values);
         m.processes.iter_mut().for_each(|p| p.restart());
         m.start = Start::Running;
         let text = format!("started with {} states", self.layout.tangent);

@@ -44,8 +44,9 @@ pub fn run(
     if finished.interrupted {
         return None;
     }
-    let rows = kept.lock().map(|mut rows| std::mem::take(&mut *rows)).unwrap_or_default();
-    let failure = finished.error.map(|e| e.to_string());
+    let rows: Vec<Row> = kept.lock().map(|mut rows| std::mem::take(&mut *rows)).unwrap_or_default();
+    let unseen = || rows.is_empty().then(|| "the truth was never known while the filter ran".to_owned());
+    let failure = finished.error.map(|e| e.to_string()).or_else(unseen);
     Some(RunRecord { point, run, seed, rows, failure })
 }
 
@@ -79,6 +80,7 @@ impl Collector {
         let nees_at = Row::nees_at(columns);
         let mut indices = Vec::with_capacity(epoch.layout.tangent);
         let mut errors = DVector::zeros(epoch.layout.tangent);
+        epoch.layout.error(truth.state, epoch.state, truth.known, errors.as_mut_slice());
         for &(slot, at, first) in &self.places.blocks {
             let block = &epoch.layout.blocks[slot];
             let n = block.operations.tangent;
@@ -91,8 +93,6 @@ impl Collector {
             block.show_error(&epoch.state.values, &truth.state.values, &mut error);
             (0..n).for_each(|k| values[2 * (first + k)] = error[k]);
             let range = block.tangent_range();
-            let (true_value, value) = (&truth.state.values[block.range()], &epoch.state.values[block.range()]);
-            (block.operations.local)(true_value, value, &mut errors.as_mut_slice()[range.clone()]);
             let own: Vec<usize> = range.collect();
             values[nees_at + 1 + at] = nees(&errors, epoch.covariance, &own);
             indices.extend(own);
