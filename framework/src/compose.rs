@@ -342,8 +342,8 @@ impl Composition {
         let count = info.channels.len();
         match role {
             _ if count > MAX_CHANNELS => Err(format!("{count} channels; at most {MAX_CHANNELS} fit a sample")),
-            Role::Measurement(model) if model.channels() != count => {
-                Err(format!("{count} channels are declared, the model has {}", model.channels()))
+            Role::Measurement(model) if model.channels() > count => {
+                Err(format!("{count} channels are declared, the model predicts {}", model.channels()))
             }
             _ => Ok(()),
         }

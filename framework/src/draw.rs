@@ -149,6 +149,7 @@ impl Wandering {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::expect_used, reason = "a test fails by panicking")]
     use super::*;
     use crate::compose::Composer;
     use crate::manifold::Scalar;

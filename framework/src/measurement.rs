@@ -3,12 +3,16 @@
 use crate::Real;
 use crate::covariance::Update;
 use crate::manifold::{MAX_TANGENT, Manifold, Position};
-use crate::sample::{MAX_CHANNELS, Sample};
+use crate::sample::{MAX_CHANNELS, Sample, SensorId};
+use crate::simulate::Scene;
 use crate::state::{Handle, Layout, State, View};
+use crate::time::Time;
 use nalgebra::{SMatrix, SVector};
 use num_dual::Dual64;
 
 /// How a sensor sees the state: `N` channels, `z [-] h(x) = v`, `v ~ N(0, R)`.
+///
+/// A sensor may have more than `N` channels: those that follow are not measured, but can be read by [`View::channel`].
 ///
 /// The author writes [`Self::predict`]; the framework differentiates it with respect to every block that it reads,
 /// leaves out channels that a sample lacks, simulates the sensor with it, and never lets the model touch `P`.
@@ -22,7 +26,7 @@ use num_dual::Dual64;
 ///     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
 ///         SVector::from([x.get(self.position).norm()])
 ///     }
-///     fn noise(&self) -> SMatrix<f64, 1, 1> {
+///     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
 ///         SMatrix::from_element(self.sigma * self.sigma)
 ///     }
 /// }
@@ -32,11 +36,17 @@ pub trait MeasurementModel<const N: usize>: Send + 'static {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, N>;
 
     /// `R`: covariance of the noise of the channels, SI squared.
-    fn noise(&self) -> SMatrix<f64, N, N>;
+    fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, N, N>;
 
     /// `z [-] h(x)` of one channel. The difference, unless a model says otherwise: of an angle, wrap it into +-pi.
     fn difference(&self, _channel: usize, measured: f64, predicted: f64) -> f64 {
         measured - predicted
+    }
+
+    /// Fills a simulated sample: what the model predicts of the truth, and noise of `R`. Override it for a sensor that loses
+    /// channels, or has more than `N`: set those first, then call [`Scene::measure`], then take away what is lost.
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        scene.measure(self, sample);
     }
 
     /// An analytic Jacobian in place of the dual numbers: fill every block that `predict` reads and return `true`.
@@ -71,20 +81,46 @@ impl<const N: usize> Jacobian<'_, N> {
 
 /// A measurement model whose type is no longer known: what the estimator and the simulator call.
 pub trait AnyMeasurement: Send {
-    /// Number of channels.
+    /// Number of channels that it predicts.
     fn channels(&self) -> usize;
     /// `h(x)` into `out`.
-    fn predict(&self, layout: &Layout, state: &State, out: &mut [f64]);
+    fn predict(&self, at: &At<'_>, out: &mut [f64]);
     /// `R`, row-major, into `out`.
-    fn noise(&self, out: &mut [f64]);
+    fn noise(&self, at: &At<'_>, out: &mut [f64]);
     /// Innovation, Jacobian and noise of the channels that the sample has, into the update's work space.
-    fn linearise(&self, layout: &Layout, state: &State, sample: &Sample, update: &mut Update);
-    /// The blocks that `h` reads at this state, one bit a slot.
-    fn blocks(&self, layout: &Layout, state: &State) -> u128;
+    fn linearise(&self, at: &At<'_>, update: &mut Update);
+    /// The blocks that `h` reads, one bit a slot.
+    fn blocks(&self, at: &At<'_>) -> u128;
     /// The Jacobian over `columns` (row-major, all channels) by dual numbers.
-    fn differentiate(&self, layout: &Layout, state: &State, columns: &[usize], read: u128, h: &mut [f64]);
+    fn differentiate(&self, at: &At<'_>, columns: &[usize], read: u128, h: &mut [f64]);
     /// The analytic Jacobian, if the model has one.
-    fn analytic(&self, layout: &Layout, state: &State, columns: &[usize], h: &mut [f64]) -> bool;
+    fn analytic(&self, at: &At<'_>, columns: &[usize], h: &mut [f64]) -> bool;
+    /// Fills a simulated sample.
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample);
+}
+
+/// Where a model is asked: a state, and the sample that it is to predict.
+#[derive(Clone, Copy, Debug)]
+pub struct At<'a> {
+    /// The layout of the state.
+    pub layout: &'a Layout,
+    /// The state.
+    pub state: &'a State,
+    /// The sample.
+    pub sample: &'a Sample,
+}
+
+static NO_SAMPLE: Sample = Sample::empty(Time::MIN, SensorId(0));
+
+impl<'a> At<'a> {
+    /// At a state, for a model that reads no channel.
+    pub fn state(layout: &'a Layout, state: &'a State) -> Self {
+        Self { layout, state, sample: &NO_SAMPLE }
+    }
+
+    fn view(&self) -> View<'a, f64> {
+        View::new(self.layout, self.state).with(self.sample)
+    }
 }
 
 /// Makes a model an [`AnyMeasurement`].
@@ -96,79 +132,84 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
         N
     }
 
-    fn predict(&self, layout: &Layout, state: &State, out: &mut [f64]) {
-        out.copy_from_slice(self.0.predict(&View::new(layout, state)).as_slice());
+    fn predict(&self, at: &At<'_>, out: &mut [f64]) {
+        out.copy_from_slice(self.0.predict(&at.view()).as_slice());
     }
 
-    fn noise(&self, out: &mut [f64]) {
-        out.copy_from_slice(self.0.noise().as_slice());
+    fn noise(&self, at: &At<'_>, out: &mut [f64]) {
+        out.copy_from_slice(self.0.noise(&at.view()).as_slice());
     }
 
-    fn blocks(&self, layout: &Layout, state: &State) -> u128 {
-        let view = View::new(layout, state);
+    fn blocks(&self, at: &At<'_>) -> u128 {
+        let view = at.view();
         self.0.predict(&view);
         view.blocks_read()
     }
 
-    fn linearise(&self, layout: &Layout, state: &State, sample: &Sample, update: &mut Update) {
+    fn linearise(&self, at: &At<'_>, update: &mut Update) {
         const { assert!(N <= MAX_CHANNELS) };
-        let view = View::new(layout, state);
+        let view = at.view();
         let predicted = self.0.predict(&view);
         let read = view.blocks_read();
         update.columns.clear();
         for slot in slots(read) {
-            update.columns.extend(layout.blocks[slot].tangent_range());
+            update.columns.extend(at.layout.blocks[slot].tangent_range());
         }
         let w = update.columns.len();
         update.h.clear();
         update.h.resize(N * w, 0.0);
-        if !self.analytic(layout, state, &update.columns, &mut update.h) {
-            self.differentiate(layout, state, &update.columns, read, &mut update.h);
+        if !self.analytic(at, &update.columns, &mut update.h) {
+            self.differentiate(at, &update.columns, read, &mut update.h);
         }
-        let noise = self.0.noise();
+        let noise = self.0.noise(&view);
         update.innovation.clear();
         update.r.clear();
         let mut m = 0;
         for i in 0..N {
-            let Some(z) = sample.get(i) else { continue };
+            let Some(z) = at.sample.get(i) else { continue };
             update.innovation.push(self.0.difference(i, z, predicted[i]));
-            update.r.extend((0..N).filter(|&j| sample.get(j).is_some()).map(|j| noise[(i, j)]));
+            update.r.extend((0..N).filter(|&j| at.sample.get(j).is_some()).map(|j| noise[(i, j)]));
             update.h.copy_within(i * w..(i + 1) * w, m * w);
             m += 1;
         }
         update.m = m;
     }
 
-    fn differentiate(&self, layout: &Layout, state: &State, columns: &[usize], read: u128, h: &mut [f64]) {
-        let mut at = 0;
+    fn differentiate(&self, at: &At<'_>, columns: &[usize], read: u128, h: &mut [f64]) {
+        let mut column = 0;
         for slot in slots(read) {
-            for k in 0..layout.blocks[slot].tangent_range().len() {
+            for k in 0..at.layout.blocks[slot].tangent_range().len() {
                 let mut delta = [Dual64::from(0.0); MAX_TANGENT];
                 delta[k] = delta[k].derivative();
-                let z = self.0.predict(&View::seeded(layout, state, slot, delta));
-                (0..N).for_each(|i| h[i * columns.len() + at] = z[i].eps);
-                at += 1;
+                let z = self.0.predict(&View::seeded(at.layout, at.state, slot, delta).with(at.sample));
+                (0..N).for_each(|i| h[i * columns.len() + column] = z[i].eps);
+                column += 1;
             }
         }
     }
 
-    fn analytic(&self, layout: &Layout, state: &State, columns: &[usize], h: &mut [f64]) -> bool {
-        self.0.jacobian(&View::new(layout, state), &mut Jacobian { layout, columns, values: h })
+    fn analytic(&self, at: &At<'_>, columns: &[usize], h: &mut [f64]) -> bool {
+        self.0.jacobian(&at.view(), &mut Jacobian { layout: at.layout, columns, values: h })
+    }
+
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        self.0.simulate(scene, sample);
     }
 }
 
 /// The largest error of a model's Jacobian at a state, relative to the largest derivative of the channel: against central
 /// differences along the tangents of the blocks. For the test of a sensor; 1e-6 is a good bound.
-pub fn jacobian_error(model: &dyn AnyMeasurement, layout: &Layout, state: &State) -> f64 {
-    let (n, read) = (model.channels(), model.blocks(layout, state));
+pub fn jacobian_error(model: &dyn AnyMeasurement, at: &At<'_>) -> f64 {
+    let &At { layout, state, sample } = at;
+    let (n, read) = (model.channels(), model.blocks(at));
     let columns: Vec<usize> = slots(read).flat_map(|slot| layout.blocks[slot].tangent_range()).collect();
     let w = columns.len();
     let mut used = vec![0.0; n * w];
-    if !model.analytic(layout, state, &columns, &mut used) {
-        model.differentiate(layout, state, &columns, read, &mut used);
+    if !model.analytic(at, &columns, &mut used) {
+        model.differentiate(at, &columns, read, &mut used);
     }
     let mut numeric = vec![0.0; n * w];
-    let mut at = 0;
+    let mut column = 0;
     for block in slots(read).map(|slot| &layout.blocks[slot]) {
         for k in 0..block.tangent_range().len() {
             // the cube root of the rounding, times the size of what is displaced; a position's tangent is metres
@@ -181,12 +222,12 @@ pub fn jacobian_error(model: &dyn AnyMeasurement, layout: &Layout, state: &State
                 let (mut moved, mut delta, mut z) = (state.clone(), [0.0; MAX_TANGENT], [0.0; MAX_CHANNELS]);
                 delta[k] = step;
                 (block.operations.retract)(&mut moved.values[block.range()], &delta[..block.operations.tangent]);
-                model.predict(layout, &moved, &mut z[..n]);
-                (0..n).for_each(|i| numeric[i * w + at] += z[i] / (2.0 * step));
+                model.predict(&At { layout, state: &moved, sample }, &mut z[..n]);
+                (0..n).for_each(|i| numeric[i * w + column] += z[i] / (2.0 * step));
             };
             slope(6e-6 * size);
             slope(-6e-6 * size);
-            at += 1;
+            column += 1;
         }
     }
     let row = |m: &[f64], i: usize| m[i * w..(i + 1) * w].to_vec();

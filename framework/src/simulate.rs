@@ -1,8 +1,9 @@
 //! Simulating sensors: what a driving sensor brings itself, and what every sensor gets for nothing.
 
+use crate::measurement::MeasurementModel;
 use crate::motion::Trajectory;
-use crate::sample::Sample;
-use crate::state::{Layout, State};
+use crate::sample::{MAX_CHANNELS, Sample};
+use crate::state::{Layout, State, View};
 use crate::time::Time;
 use crate::units::{Frequency, Positive, Ratio, Sigma, Time as Duration};
 use rand::{RngExt, SeedableRng};
@@ -49,8 +50,34 @@ pub struct Scene<'a> {
     pub to: Time,
     /// The simulated noise as a multiple of the model's.
     pub noise: f64,
+    /// By how many sigma this sample is an outlier.
+    pub outlier: f64,
     /// The sensor's own random numbers.
     pub random: &'a mut Random,
+}
+
+impl Scene<'_> {
+    /// Sets the `N` channels of a sample to what a model predicts of the truth, and noise of its `R`.
+    pub fn measure<M: MeasurementModel<N> + ?Sized, const N: usize>(&mut self, model: &M, sample: &mut Sample) {
+        let x = View::new(self.layout, self.truth).with(sample);
+        let (predicted, noise) = (model.predict(&x), model.noise(&x));
+        // a noise of zero on some channel is no obstacle to simulating it
+        let factor = match noise.cholesky() {
+            Some(c) => c.l(),
+            None => noise.map(|v| v.max(0.0).sqrt()),
+        };
+        let mut draw = [0.0; MAX_CHANNELS];
+        for d in &mut draw[..N] {
+            *d = self.random.normal() * self.noise;
+            if self.outlier > 0.0 {
+                *d += self.outlier * if self.random.uniform() < 0.5 { -1.0 } else { 1.0 };
+            }
+        }
+        for i in 0..N {
+            let noise: f64 = (0..N).map(|j| factor[(i, j)] * draw[j]).sum();
+            sample.set(i, predicted[i] + noise);
+        }
+    }
 }
 
 /// Simulates a driving sensor.

@@ -2,6 +2,7 @@
 
 use crate::Real;
 use crate::manifold::{MAX_TANGENT, Manifold, Operations};
+use crate::sample::Sample;
 use crate::time::Time;
 use crate::turning::Turning;
 use nalgebra::DMatrix;
@@ -305,6 +306,7 @@ impl State {
 pub struct View<'a, T: Real> {
     layout: &'a Layout,
     state: &'a State,
+    sample: Option<&'a Sample>,
     seeded: usize,
     delta: [T; MAX_TANGENT],
     read: Cell<u128>,
@@ -313,14 +315,26 @@ pub struct View<'a, T: Real> {
 impl<'a> View<'a, f64> {
     /// A view without derivatives.
     pub fn new(layout: &'a Layout, state: &'a State) -> Self {
-        Self { layout, state, seeded: usize::MAX, delta: [0.0; MAX_TANGENT], read: Cell::new(0) }
+        Self { layout, state, sample: None, seeded: usize::MAX, delta: [0.0; MAX_TANGENT], read: Cell::new(0) }
     }
 }
 
 impl<'a, T: Real> View<'a, T> {
     /// A view in which the block `slot` is displaced by `delta` along its tangent.
     pub fn seeded(layout: &'a Layout, state: &'a State, slot: usize, delta: [T; MAX_TANGENT]) -> Self {
-        Self { layout, state, seeded: slot, delta, read: Cell::new(0) }
+        Self { layout, state, sample: None, seeded: slot, delta, read: Cell::new(0) }
+    }
+
+    /// The view in which the sample's channels can be read too.
+    #[must_use]
+    pub fn with(self, sample: &'a Sample) -> Self {
+        Self { sample: Some(sample), ..self }
+    }
+
+    /// A channel of the sample that is predicted, if it is there: what a sensor tells beside what it measures, such as the
+    /// speed of sound that it assumed, or how good it believes to be. In a simulation, the simulator fills it first.
+    pub fn channel(&self, channel: usize) -> Option<f64> {
+        self.sample.and_then(|sample| sample.get(channel))
     }
 
     /// The value of a block.

@@ -125,6 +125,7 @@ impl Layout {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::expect_used, reason = "a test fails by panicking")]
     use super::*;
     use crate::calibration::display;
     use crate::compose::Composer;

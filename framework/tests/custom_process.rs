@@ -138,7 +138,7 @@ impl MeasurementModel<2> for RangesModel {
         SVector::from(BEACONS.map(|b| (place - Vector2::from(b).map(convert)).norm()))
     }
 
-    fn noise(&self) -> SMatrix<f64, 2, 2> {
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 2, 2> {
         SMatrix::identity() * self.sigma.powi(2)
     }
 }

@@ -12,7 +12,7 @@ use navfuse_core::covariance::Transition;
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
 use navfuse_core::manifold::{Position, Scalar};
-use navfuse_core::measurement::{Jacobian, MeasurementModel, jacobian_error};
+use navfuse_core::measurement::{At, Jacobian, MeasurementModel, jacobian_error};
 use navfuse_core::motion::Motion;
 use navfuse_core::nalgebra::{SMatrix, SVector};
 use navfuse_core::process::{Interval, ProcessError, ProcessModel};
@@ -74,7 +74,7 @@ impl MeasurementModel<1> for TapeModel {
         SVector::from([x.get(self.place) * x.get(self.scale)])
     }
 
-    fn noise(&self) -> SMatrix<f64, 1, 1> {
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
         SMatrix::from_element(self.sigma * self.sigma)
     }
 
@@ -124,7 +124,7 @@ fn its_jacobian_is_checked_by_one_call_that_finds_a_wrong_one() {
         }
         let tape = ekf.composition().sensor("tape").unwrap();
         let Role::Measurement(model) = &ekf.composition().sensors[tape].role else { panic!("it measures") };
-        jacobian_error(model.as_ref(), ekf.layout(), ekf.state())
+        jacobian_error(model.as_ref(), &At::state(ekf.layout(), ekf.state()))
     };
     assert!(error(&[]) < 1e-9, "{}", error(&[]));
     // relative to the largest derivative of the channel, the place, 10
@@ -138,8 +138,8 @@ fn a_scenario_that_does_not_fit_it_is_refused_with_line_key_and_remedy() {
     assert!(text.contains("sensor.tape.noise") && text.contains("a length is needed"), "{text}");
     let text = refused(&["sensor.tape.stretch=1"]);
     assert!(text.contains("stretch"), "{text}");
-    let text = refused(&["sensor.tape.channels=2"]);
-    assert!(text.contains("2 channels are declared, the model has 1"), "{text}");
+    let text = refused(&["sensor.tape.channels=0"]);
+    assert!(text.contains("0 channels are declared, the model predicts 1"), "{text}");
     let text = refused(&["sensor.tape.scale={ mode = \"consider\" }"]);
     assert!(text.contains("scale") && text.contains("needs a sigma"), "{text}");
 }
@@ -151,7 +151,7 @@ impl MeasurementModel<1> for Latitude {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
         SVector::from([x.get(self.0).latitude])
     }
-    fn noise(&self) -> SMatrix<f64, 1, 1> {
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
         SMatrix::from_element(1e-12)
     }
 }
@@ -214,6 +214,6 @@ fn the_jacobian_of_an_angle_with_respect_to_a_position_in_metres_is_checked_too(
     let ekf = Ekf::new(Scenario::new(&registry, document, &[]).unwrap().compose().unwrap());
     let Role::Measurement(model) = &ekf.composition().sensors[0].role else { panic!("it measures") };
     // the step is 6 mm, 1e-9 rad: the rounding of 0.8 rad, 1e-16, leaves 1e-7 of it
-    let error = jacobian_error(model.as_ref(), ekf.layout(), ekf.state());
+    let error = jacobian_error(model.as_ref(), &At::state(ekf.layout(), ekf.state()));
     assert!(error < 2e-7, "{error:e}");
 }

@@ -47,7 +47,7 @@ impl MeasurementModel<1> for DriftModel {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
         SVector::from([x.get(self.drift)])
     }
-    fn noise(&self) -> SMatrix<f64, 1, 1> {
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
         SMatrix::from([[self.sigma * self.sigma]])
     }
 }

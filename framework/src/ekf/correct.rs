@@ -1,10 +1,10 @@
 //! The update: gate, way out of lock-out, injection and reset.
 
 use super::{Ekf, EstimatorError, rejected};
-use crate::compose::Sensor;
+use crate::compose::{Role, Sensor};
 use crate::covariance::{Covariance, Reach, Update};
 use crate::gate::{Action, Recovery};
-use crate::measurement::AnyMeasurement;
+use crate::measurement::{AnyMeasurement, At};
 use crate::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};
 use crate::sample::{MAX_CHANNELS, Sample};
 use crate::time::Time;
@@ -20,7 +20,7 @@ const OUTLIERS: u64 = 2;
 #[derive(Clone)]
 pub(super) struct SensorSlot {
     pub(super) name: String,
-    /// The channels that it has, one bit each.
+    /// The channels that it measures or drives by, one bit each.
     pub(super) channels: u16,
     /// The time of its last sample.
     pub(super) last: Time,
@@ -46,9 +46,13 @@ pub(super) struct Streak {
 impl SensorSlot {
     /// For an error state of dimension `n`.
     pub(super) fn new(sensor: &Sensor, n: usize) -> Self {
+        let used = match &sensor.role {
+            Role::Measurement(model) => model.channels(),
+            Role::Input(_) | Role::Reference(_) => sensor.info.channels.len(),
+        };
         Self {
             name: sensor.info.name.clone(),
-            channels: ((1u32 << sensor.info.channels.len()) - 1) as u16,
+            channels: ((1u32 << used) - 1) as u16,
             last: Time::MIN,
             gated: None,
             reach: Reach::with_capacity(n, sensor.info.channels.len()),
@@ -141,7 +145,7 @@ impl Ekf {
     ) -> Result<(), EstimatorError> {
         let m = &mut self.memory;
         let update = &mut self.update;
-        model.linearise(&self.layout, &m.state, sample, update);
+        model.linearise(&At { layout: &self.layout, state: &m.state, sample }, update);
         let noise = self.composition.sensors[sample.sensor.0].noise;
         if noise != 1.0 {
             update.r.iter_mut().for_each(|r| *r *= noise * noise);

@@ -157,7 +157,7 @@ impl MeasurementModel<3> for FixModel {
         let (p, b) = (x.get(self.place), x.get(self.bias));
         SVector::from([p + b, p * convert(2.0) + b, p * p * convert(0.1) + b])
     }
-    fn noise(&self) -> SMatrix<f64, 3, 3> {
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
         SMatrix::identity() * (self.sigma * self.sigma)
     }
 }

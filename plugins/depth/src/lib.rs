@@ -69,7 +69,7 @@ impl MeasurementModel<1> for DepthModel {
         SVector::from([x.get(self.bias) - port.height])
     }
 
-    fn noise(&self) -> SMatrix<f64, 1, 1> {
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
         SMatrix::from_element(self.sigma * self.sigma)
     }
 

@@ -74,7 +74,7 @@ impl MeasurementModel<3> for DvlModel {
         x.get(self.c_b_d) * self.navigation.velocity_at(x, &x.get(self.lever_arm)) * x.get(self.scale)
     }
 
-    fn noise(&self) -> SMatrix<f64, 3, 3> {
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
         SMatrix::from_diagonal(&self.sigma.map(|s| s * s))
     }
 }

@@ -77,7 +77,7 @@ impl MeasurementModel<1> for AltimeterModel {
         SVector::from([(transducer.height - x.get(self.bottom)) / slope])
     }
 
-    fn noise(&self) -> SMatrix<f64, 1, 1> {
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
         SMatrix::from_element(self.sigma * self.sigma)
     }
 }
@@ -100,6 +100,7 @@ mod tests {
     #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
     use super::*;
     use navfuse_core::document::Document;
+    use navfuse_core::measurement::At;
     use navfuse_core::runner::{self, Finished};
     use navfuse_core::scenario::Scenario;
     use std::sync::atomic::AtomicBool;
@@ -204,7 +205,7 @@ mod tests {
             panic!("an altimeter measures");
         };
         let mut range = [0.0];
-        model.predict(layout, &state, &mut range);
+        model.predict(&At::state(layout, &state), &mut range);
         // 83 m to the bottom, seen at 20 deg from the vertical: 83 / cos(20 deg), less 0.2 m of lever arm along the beam.
         assert!((range[0] - (83.0 / 20_f64.to_radians().cos() - 0.2)).abs() < 1e-9, "{}", range[0]);
     }

@@ -9,9 +9,9 @@ use navfuse_core::motion::Motion;
 use navfuse_core::process::ProcessModel;
 use navfuse_core::record::{Event, Level};
 use navfuse_core::registry::{OpenContext, SourceType};
-use navfuse_core::sample::{MAX_CHANNELS, Sample, SensorId};
+use navfuse_core::sample::{Sample, SensorId};
 use navfuse_core::simulate::{Faults, Random, Scene, Simulate};
-use navfuse_core::state::{Layout, State};
+use navfuse_core::state::Layout;
 use navfuse_core::stream::{Purpose, SensorInfo, Source, StreamError};
 use navfuse_core::time::Time;
 use schemars::JsonSchema;
@@ -43,7 +43,7 @@ impl SourceType for Simulation {
             check(faults, &sensor.info)?;
             let kind = match (&sensor.role, &sensor.simulator) {
                 (_, Some(simulator)) => Simulated::Driving(simulator.boxed_clone()),
-                (Role::Measurement(model), None) => Simulated::Measuring(Measuring::new(Arc::clone(model))),
+                (Role::Measurement(model), None) => Simulated::Measuring(Arc::clone(model)),
                 (Role::Reference(reference), None) => Simulated::Reference(Arc::clone(reference)),
                 (Role::Input(_), None) => continue,
             };
@@ -100,49 +100,9 @@ enum Simulated {
     /// By itself.
     Driving(Box<dyn Simulate>),
     /// By its measurement model, from the true state.
-    Measuring(Measuring),
+    Measuring(Arc<dyn AnyMeasurement + Sync>),
     /// By the motion.
     Reference(Arc<dyn Reference>),
-}
-
-/// A measurement model and the factor of its noise.
-struct Measuring {
-    model: Arc<dyn AnyMeasurement + Sync>,
-    /// Lower Cholesky factor of `R`, row-major.
-    factor: Vec<f64>,
-    predicted: [f64; MAX_CHANNELS],
-}
-
-impl Measuring {
-    fn new(model: Arc<dyn AnyMeasurement + Sync>) -> Self {
-        let n = model.channels();
-        let mut r = vec![0.0; n * n];
-        model.noise(&mut r);
-        let r = nalgebra::DMatrix::from_row_slice(n, n, &r);
-        // a noise of zero on some channel is no obstacle to simulating it
-        let factor = match r.clone().cholesky() {
-            Some(c) => c.l(),
-            None => r.map(|v| v.max(0.0).sqrt()),
-        };
-        Self { model, factor: factor.transpose().as_slice().to_vec(), predicted: [0.0; MAX_CHANNELS] }
-    }
-
-    fn fill(&mut self, layout: &Layout, truth: &State, faults: &Faults, random: &mut Random, sample: &mut Sample) {
-        let n = self.model.channels();
-        self.model.predict(layout, truth, &mut self.predicted[..n]);
-        let outlier = random.uniform() < faults.outliers.value().si();
-        let mut draw = [0.0; MAX_CHANNELS];
-        for d in &mut draw[..n] {
-            *d = random.normal() * faults.noise.value().si();
-            if outlier {
-                *d += faults.outlier_size.value().si() * if random.uniform() < 0.5 { -1.0 } else { 1.0 };
-            }
-        }
-        for i in 0..n {
-            let noise: f64 = self.factor[i * n..i * n + n].iter().zip(&draw).map(|(l, d)| l * d).sum();
-            sample.set(i, self.predicted[i] + noise);
-        }
-    }
 }
 
 /// A cursor as the framework's trajectory.
@@ -244,7 +204,7 @@ impl Source for SensorStream {
                 let (layout, truth) = (&*self.layout, &self.truth.state);
                 let (noise, random) = (self.faults.noise.value().si(), &mut self.random);
                 simulator.simulate(
-                    &mut Scene { layout, truth, trajectory: &mut self.path, from, to, noise, random },
+                    &mut Scene { layout, truth, trajectory: &mut self.path, from, to, noise, outlier: 0.0, random },
                     sample,
                 );
                 if !self.lost(to) {
@@ -256,13 +216,18 @@ impl Source for SensorStream {
                 continue;
             }
             let motion = navfuse_core::motion::Trajectory::at(&mut self.path, to);
-            match &mut self.kind {
-                Simulated::Measuring(measuring) => {
+            match &self.kind {
+                Simulated::Measuring(model) => {
                     let TrueState { state, known, .. } = &mut self.truth;
                     for process in &self.processes {
                         process.follow(&self.layout, &motion, state, known);
                     }
-                    measuring.fill(&self.layout, state, &self.faults, &mut self.random, sample);
+                    let faults = &self.faults;
+                    let hit = self.random.uniform() < faults.outliers.value().si();
+                    let outlier = if hit { faults.outlier_size.value().si() } else { 0.0 };
+                    let (noise, random) = (faults.noise.value().si(), &mut self.random);
+                    let (layout, truth, trajectory) = (&*self.layout, &*state, &mut self.path);
+                    model.simulate(&mut Scene { layout, truth, trajectory, from, to, noise, outlier, random }, sample);
                 }
                 Simulated::Reference(reference) => reference.sample(&motion, sample),
                 Simulated::Driving(_) => {}

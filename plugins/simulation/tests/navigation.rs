@@ -5,7 +5,7 @@ use navfuse_core::compose::Role;
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
 use navfuse_core::manifold::{Manifold, Rotation};
-use navfuse_core::measurement::{jacobian_error, slots};
+use navfuse_core::measurement::{At, jacobian_error, slots};
 use navfuse_core::nalgebra::{DMatrix, Matrix3, Vector3};
 use navfuse_core::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
 use navfuse_core::registry::Registry;
@@ -89,7 +89,7 @@ fn the_jacobian_of_every_measurement_model_is_its_derivative_on_the_manifold() {
         for case in 0..200 {
             let state = random_state(&ekf, &mut random);
             // central differences: truncation (6e-6)^2 and rounding 1e-16/6e-6 of numbers up to 3000 (a depth) leave 1e-7
-            let error = jacobian_error(model.as_ref(), ekf.layout(), &state);
+            let error = jacobian_error(model.as_ref(), &At::state(ekf.layout(), &state));
             assert!(error < 1e-6, "{}, case {case}: {error:e}", sensor.info.name);
         }
     }
@@ -101,13 +101,14 @@ fn jacobians(ekf: &Ekf, name: &str, state: &State) -> (Vec<usize>, DMatrix<f64>,
     let sensor = &ekf.composition().sensors[ekf.composition().sensor(name).unwrap()];
     let Role::Measurement(model) = &sensor.role else { panic!("{name} measures") };
     let (layout, n) = (ekf.layout(), model.channels());
-    let read = model.blocks(layout, state);
+    let at = At::state(layout, state);
+    let read = model.blocks(&at);
     let columns: Vec<usize> = slots(read).flat_map(|s| layout.blocks[s].tangent_range()).collect();
     let mut h = vec![0.0; n * columns.len()];
-    model.differentiate(layout, state, &columns, read, &mut h);
+    model.differentiate(&at, &columns, read, &mut h);
     let dual = DMatrix::from_row_slice(n, columns.len(), &h);
     h.fill(0.0);
-    let analytic = model.analytic(layout, state, &columns, &mut h);
+    let analytic = model.analytic(&at, &columns, &mut h);
     let analytic = analytic.then(|| DMatrix::from_row_slice(n, columns.len(), &h));
     (columns, dual, analytic)
 }

@@ -62,7 +62,7 @@ impl MeasurementModel<1> for Place {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
         SVector::from([x.get(self.place)])
     }
-    fn noise(&self) -> SMatrix<f64, 1, 1> {
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
         SMatrix::from([[self.sigma * self.sigma]])
     }
 }
@@ -179,7 +179,7 @@ impl MeasurementModel<2> for LogModel {
         let bias = x.get(self.bias);
         SVector::from([x.get(self.scale) * x.get(self.speed) + bias, x.get(self.place) + bias * convert(0.5)])
     }
-    fn noise(&self) -> SMatrix<f64, 2, 2> {
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 2, 2> {
         SMatrix::from_row_slice(&LOG_NOISE)
     }
 }

@@ -48,7 +48,7 @@ fn block<M: Manifold>(layout: &mut Layout, name: &str, mode: Mode, display: Disp
     let zero = vec![0.0; operations.tangent];
     let spec =
         BlockSpec { mode, initial: zero.clone(), sigma: zero, truth: None, dynamics: Dynamics::Constant, display };
-    layout.blocks.push(Block { name: name.into(), spec, operations, offset: layout.ambient, tangent });
+    layout.blocks.push(Block { name: name.into(), spec, operations, offset: layout.ambient, tangent, wanders: false });
     layout.ambient += operations.ambient;
     layout.tangent += tangent.map_or(0, |_| operations.tangent);
 }
