@@ -5,7 +5,7 @@ use crate::print;
 use crate::print_campaign::{self as show, Shown};
 use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use crate::run::folder_name;
-use navfuse_campaign::{Folder, Options, Plan, Results, execute, variation};
+use navfuse_campaign::{Done, Folder, Options, Plan, Results, Shard, execute, variation};
 use navfuse_core::document::Document;
 use navfuse_core::registry::Registry;
 use navfuse_core::units::Time as Duration;
@@ -24,6 +24,8 @@ struct Kind<'a> {
     /// The command.
     name: &'a str,
     shown: Shown<'a>,
+    /// The scenario's file, as a person gave it.
+    scenario: &'a str,
 }
 
 /// `navfuse monte-carlo`
@@ -32,20 +34,23 @@ pub fn monte_carlo(registry: &Registry, arguments: &MonteCarlo) -> Result<ExitCo
         return Err("--runs 0: give at least one run; `navfuse bound` needs none".into());
     }
     let options = drawn(arguments.runs, arguments.draws, &[])?;
-    let kind = Kind { name: "monte-carlo", shown: Shown::Consistency };
+    let scenario = &arguments.scenario.display().to_string();
+    let kind = Kind { name: "monte-carlo", shown: Shown::Consistency, scenario };
     go(registry, &arguments.scenario, &arguments.options, options, &kind)
 }
 
 /// `navfuse bound`
 pub fn bound(registry: &Registry, arguments: &Bound) -> Result<ExitCode> {
-    let kind = Kind { name: "bound", shown: Shown::Bound };
+    let scenario = &arguments.scenario.display().to_string();
+    let kind = Kind { name: "bound", shown: Shown::Bound, scenario };
     go(registry, &arguments.scenario, &arguments.options, Options::default(), &kind)
 }
 
 /// `navfuse sweep`
 pub fn sweep(registry: &Registry, arguments: &Sweep) -> Result<ExitCode> {
     let options = drawn(arguments.runs, arguments.draws, &arguments.vary)?;
-    let kind = Kind { name: "sweep", shown: Shown::Grid(&arguments.show) };
+    let scenario = &arguments.scenario.display().to_string();
+    let kind = Kind { name: "sweep", shown: Shown::Grid(&arguments.show), scenario };
     go(registry, &arguments.scenario, &arguments.options, options, &kind)
 }
 
@@ -65,6 +70,9 @@ fn go(
     mut options: Options,
     kind: &Kind<'_>,
 ) -> Result<ExitCode> {
+    if settings.jobs == Some(0) {
+        return Err("--jobs 0: give at least one thread; without it there is one a core".into());
+    }
     let mut document = Document::from_file(path)?;
     settings.set.iter().try_for_each(|s| document.set(s))?;
     options.every = settings.every.as_deref().map(seconds).transpose()?;
@@ -76,7 +84,7 @@ fn go(
         settings.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(folder_name(&name)))
     });
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = settings.jobs.unwrap_or(cores).max(1);
+    let threads = settings.jobs.unwrap_or(cores);
     let clock = Instant::now();
     let stop = stop_on_ctrl_c();
     let mut folder = Folder::create(out.as_deref(), &plan, settings.shard)?;
@@ -89,25 +97,42 @@ fn go(
     let results = folder.finish(done)?;
     match (&results, &out) {
         (Some(results), _) => report(&plan, results, kind, out.as_deref(), text)?,
-        (None, Some(out)) => {
-            let what = format!(
-                "{} of {} jobs are in {}; `navfuse merge` joins the parts",
-                done.done,
-                done.asked,
-                out.display()
-            );
-            if text { print::line(what) } else { print::warn(what) }
-        }
+        (None, Some(out)) => part(settings.shard, done, out, text),
         (None, None) => {}
     }
     if text {
-        print::line(format_args!("{} jobs on {threads} threads in {:.1} s", done.done, clock.elapsed().as_secs_f64()));
+        let (jobs, threads) = (counted(done.done, "job"), counted(threads, "thread"));
+        print::line(format_args!("{jobs} on {threads} in {:.1} s", clock.elapsed().as_secs_f64()));
     }
     if done.interrupted() {
-        print::warn(format_args!("interrupted: {} of {} jobs were done, and are what is told", done.done, done.asked));
+        let Done { done, asked } = done;
+        let what = match settings.shard {
+            None => "and are what is told",
+            Some(_) => "and are what was written; `navfuse merge` needs the whole part, so run it again",
+        };
+        print::warn(format_args!("interrupted: {done} of {asked} jobs were done, {what}"));
         return Ok(ExitCode::from(INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Tells where a part is.
+fn part(shard: Option<Shard>, done: Done, out: &Path, text: bool) {
+    let shard = shard.map_or_else(String::new, |s| s.to_string());
+    let Done { done, asked } = done;
+    if text {
+        let next = if done == asked { "; `navfuse merge` joins the parts" } else { "" };
+        print::line(format_args!("part {shard}: {done} of {asked} jobs are in {}{next}", out.display()));
+    } else {
+        print::line(
+            serde_json::json!({ "shard": shard, "done": done, "asked": asked, "out": out.display().to_string() }),
+        );
+    }
+}
+
+/// `1 job`, `2 jobs`.
+fn counted(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }
 
 /// `navfuse merge`
@@ -115,14 +140,18 @@ pub fn merge(arguments: &Merge) -> Result<ExitCode> {
     let plan = navfuse_campaign::plan_of(&arguments.parts[0])?;
     let name = format!("{}-merged", plan.scenario);
     let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(folder_name(&name)));
-    let shown = match (plan.keys.is_empty(), plan.runs) {
-        (false, _) => Shown::Grid(&arguments.show),
-        (true, 0) => Shown::Bound,
-        (true, _) => Shown::Consistency,
+    // what the command that made the parts shows
+    let (name, shown) = match (plan.keys.is_empty(), plan.runs) {
+        (false, _) => ("sweep", Shown::Grid(&arguments.show)),
+        (true, 0) => ("bound", Shown::Bound),
+        (true, _) => ("monte-carlo", Shown::Consistency),
     };
     shown.check(&plan)?;
+    if let (Shown::Consistency | Shown::Bound, Some(state)) = (shown, arguments.show.first()) {
+        return Err(format!("--show {state}: only of a sweep, and these are parts of a `navfuse {name}`").into());
+    }
     let results = navfuse_campaign::merge(&arguments.parts, &out)?;
-    report(&plan, &results, &Kind { name: "merged", shown }, Some(&out), arguments.format == Format::Text)?;
+    report(&plan, &results, &Kind { name, shown, scenario: "SCENARIO" }, Some(&out), arguments.format == Format::Text)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -144,7 +173,7 @@ fn report(plan: &Plan, results: &Results, kind: &Kind<'_>, out: Option<&Path>, t
         }
     }
     if text {
-        show::results(plan, results, kind.shown);
+        show::results(plan, results, kind.shown, kind.scenario);
         show::files(&files, out);
     } else {
         print::line(serde_json::to_string(&results.report)?);

@@ -2,7 +2,7 @@
 
 use crate::print::{line, right, table};
 use comfy_table::Table;
-use navfuse_campaign::{Band, Component, Plan, PointReport, Results, StateReport};
+use navfuse_campaign::{Band, Component, Plan, PointReport, Results, StateReport, WorstRun};
 use std::path::{Path, PathBuf};
 
 /// What is shown.
@@ -46,14 +46,27 @@ fn is_of(component: &Component, name: &str) -> bool {
     full == name || full.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'))
 }
 
-/// The result of a campaign.
-pub fn results(plan: &Plan, results: &Results, shown: Shown<'_>) {
+/// The result of a campaign; `scenario` is the file to do a run of it again.
+pub fn results(plan: &Plan, results: &Results, shown: Shown<'_>, scenario: &str) {
     match (shown, results.report.points.first()) {
         (Shown::Grid(_), _) => grid(plan, results, shown),
         (Shown::Consistency, Some(point)) => consistency(plan, point),
         (Shown::Bound, Some(_)) => bound(plan, results),
         (_, None) => {}
     }
+    worst(&results.report.points, scenario);
+}
+
+/// How to do the run again that a person looks at first: of the first point with runs that failed, or where none did of the
+/// point with the largest NEES.
+fn worst(points: &[PointReport], scenario: &str) {
+    let all = points.iter().filter_map(|p| p.worst.as_ref());
+    let failed = all.clone().find(|w| w.failure.is_some());
+    let largest = || all.max_by(|a, b| a.nees.unwrap_or(f64::INFINITY).total_cmp(&b.nees.unwrap_or(f64::INFINITY)));
+    let Some(WorstRun { run, nees, again, .. }) = failed.or_else(largest) else { return };
+    let why = nees.map_or("ended early".to_owned(), |n| format!("has the largest NEES at the end, {n:.1}"));
+    let scenario = if scenario.contains(' ') { format!("{scenario:?}") } else { scenario.to_owned() };
+    line(format_args!("run {run} {why}; again: navfuse run {scenario} {again}"));
 }
 
 /// Where it was written.

@@ -28,6 +28,13 @@ pub fn band(expectation: f64, variance: f64, alpha: f64) -> Band {
     Band { low: scale * chi.inverse_cdf(0.5 * alpha), high: scale * chi.inverse_cdf(1.0 - 0.5 * alpha) }
 }
 
+/// Whether a sum is outside that band: one value of the distribution, where a band is two inverted ones.
+pub fn outside(sum: f64, expectation: f64, variance: f64, alpha: f64) -> bool {
+    let scale = variance / (2.0 * expectation);
+    let Ok(chi) = ChiSquared::new(expectation / scale) else { return true };
+    !sum.is_finite() || chi.cdf(sum / scale) < 0.5 * alpha || chi.sf(sum / scale) < 0.5 * alpha
+}
+
 /// Expectation and variance of a chi-square variable with `m` degrees of freedom, of which a gate passed those up to
 /// `threshold` (which may be infinite).
 pub fn gated_moments(m: usize, threshold: f64) -> (f64, f64) {
@@ -60,6 +67,18 @@ mod tests {
         // quantiles of 3 degrees of freedom: 0.2158 and 9.3484
         let b = band(3.0, 6.0, 0.05);
         assert!((b.low - 0.2158).abs() < 1e-4 && (b.high - 9.3484).abs() < 1e-4, "{b:?}");
+    }
+
+    #[test]
+    fn what_the_band_holds_is_not_outside() {
+        for (expectation, variance, alpha) in [(300.0, 600.0, 0.05), (3.0, 6.0, 1e-5), (2.4e4, 3.7e4, 1e-3)] {
+            let b = band(expectation, variance, alpha);
+            for (value, out) in [(b.low, -1.0), (b.high, 1.0)] {
+                assert!(outside(value * (1.0 + 1e-3 * out), expectation, variance, alpha), "{b:?}");
+                assert!(!outside(value * (1.0 - 1e-3 * out), expectation, variance, alpha), "{b:?}");
+            }
+        }
+        assert!(outside(f64::INFINITY, 3.0, 6.0, 0.05) && outside(f64::NAN, 3.0, 6.0, 0.05));
     }
 
     #[test]

@@ -15,7 +15,8 @@ pub fn figures(plan: &Plan, results: &Results, shown: impl Fn(&crate::Component)
     let ran = |p: &PointStatistics| p.epochs().next().is_some();
     match results.points.as_slice() {
         [point] if ran(point) => vec![consistency(plan, point), states(plan, point)],
-        [point] => vec![bound(plan, point)],
+        // none where it was interrupted before the bound was there
+        [point] => point.bound.iter().map(|_| bound(plan, point)).collect(),
         _ => grid(plan, results, shown),
     }
 }

@@ -15,6 +15,7 @@ mod execute;
 mod figures;
 mod folder;
 mod grid;
+mod merge;
 mod plan;
 mod record;
 mod report;
@@ -29,12 +30,13 @@ pub use chi_square::{Band, band};
 pub use columns::{BlockColumns, Columns, Component};
 pub use execute::{Done, execute};
 pub use figures::figures;
-pub use folder::{Folder, Results, merge, plan_of};
+pub use folder::{Folder, Results};
+pub use merge::{merge, plan_of};
 pub use plan::{Options, Plan, Point, Shard, Start, variation};
 pub use record::{BoundRecord, Record, Row, RunRecord};
-pub use report::{Anees, Nis, PointReport, Report, StateReport};
+pub use report::{Anees, Nis, PointReport, Report, StateReport, WorstRun};
 pub use statistics::{EpochStatistics, PointStatistics};
-pub use verdict::Verdict;
+pub use verdict::{Finding, Verdict};
 
 use navfuse_core::registry::BuildError;
 

@@ -84,7 +84,7 @@ pub struct Job {
     pub run: usize,
 }
 
-/// All that a campaign does. Two shards belong together when their plans are equal.
+/// All that a campaign does. Two shards belong together when their plans have no [`Plan::difference`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// The version of the program.
@@ -105,6 +105,8 @@ pub struct Plan {
     pub start: Start,
     /// What is compared.
     pub columns: Columns,
+    /// What was set on top of the scenario's file, as a person gave it.
+    pub overrides: Vec<String>,
     /// The scenario in TOML, with every override in place.
     pub text: String,
 }
@@ -116,15 +118,16 @@ impl Plan {
     /// When a point does not compose, nothing is simulated, or no truth is known.
     pub fn new(registry: &Registry, document: &Document, options: &Options) -> Result<Self, CampaignError> {
         if options.runs > MAX_RUNS {
-            return Err(CampaignError::other(format!("{} runs; at most {MAX_RUNS}", options.runs)));
+            return Err(CampaignError::other(format!("--runs {}: at most {MAX_RUNS}", options.runs)));
         }
+        check_keys(&options.vary, options.start)?;
         let base = Scenario::new(registry, document.clone(), &[]).map_err(BuildError::from)?;
         let seed = match options.seed {
             Some(seed) => seed,
             None => base.compose()?.seed,
         };
         if seed > i64::MAX as u64 / (MAX_RUNS as u64 + 1) {
-            return Err(CampaignError::other(format!("seed {seed}: a campaign's is at most 9e12")));
+            return Err(CampaignError::other(format!("--seed {seed}: a campaign's is at most 9e12")));
         }
         let mut plan = Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -136,6 +139,7 @@ impl Plan {
             every: 1,
             start: options.start,
             columns: Columns::default(),
+            overrides: document.overrides().to_vec(),
             text: document.to_toml(),
         };
         let mut longest = 0.0_f64;
@@ -161,7 +165,7 @@ impl Plan {
         }
         plan.every = match options.every {
             Some(every) if !(every > 0.0 && every < 1e9) => {
-                return Err(CampaignError::other(format!("every {every} s: give a positive time")));
+                return Err(CampaignError::other(format!("--every {every} s: give a positive time")));
             }
             Some(every) => Time::from_seconds(every).map_or(1, Time::nanos),
             None => interval(longest, EPOCHS),
@@ -198,15 +202,36 @@ impl Plan {
         self.keys.iter().zip(values).map(|(key, value)| format!("{key}={value}")).collect()
     }
 
-    /// How a person does one run again.
+    /// What a person gives to `navfuse run SCENARIO` to do one run again.
     pub fn again(&self, point: usize, run: usize) -> String {
-        let mut words = Vec::new();
+        let mut settings = self.overrides.clone();
+        settings.extend(self.settings(point));
         if self.start == Start::Drawn {
-            words.push("--set estimator.draw=all".to_owned());
+            settings.push("estimator.draw=all".into());
         }
-        words.push(format!("--set seed={}", self.seed_of(run)));
-        words.extend(self.settings(point).iter().map(|s| format!("--set {s:?}")));
-        words.join(" ")
+        settings.push(format!("seed={}", self.seed_of(run)));
+        let plain = |c: char| c.is_ascii_alphanumeric() || "._-+=/:,%".contains(c);
+        let word = |s: &String| if s.chars().all(plain) { format!("--set {s}") } else { format!("--set {s:?}") };
+        settings.iter().map(word).collect::<Vec<_>>().join(" ")
+    }
+
+    /// What tells this campaign from another, in words; none where parts of the two belong together.
+    pub fn difference(&self, other: &Self) -> Option<String> {
+        let told = |plan: &Self| {
+            [
+                ("version", plan.version.clone()),
+                ("scenario", plan.scenario.clone()),
+                ("--vary", format!("{:?} {:?}", plan.keys, plan.points.iter().map(|p| &p.values).collect::<Vec<_>>())),
+                ("--runs", plan.runs.to_string()),
+                ("--seed", plan.seed.to_string()),
+                ("--every", format!("{} s", Time::from_nanos(plan.every).seconds())),
+                ("--start", format!("{:?}", plan.start).to_lowercase()),
+            ]
+        };
+        let pairs = told(self).into_iter().zip(told(other));
+        let differing = pairs.into_iter().find(|(a, b)| a != b);
+        let text = (self.text != other.text || self.columns != other.columns).then_some("its scenario differs");
+        differing.map(|((what, a), (_, b))| format!("{what} is {a} and not {b}")).or_else(|| text.map(Into::into))
     }
 
     /// The jobs of a shard, or all of them, in order.
@@ -216,6 +241,27 @@ impl Plan {
         let range = shard.map_or(0..count, |s| (s.index - 1) * count / s.count..s.index * count / s.count);
         range.map(|k| Job { point: k / per_point, run: k % per_point }).collect()
     }
+}
+
+/// Whether every value of every key makes a point of its own.
+fn check_keys(vary: &[(String, Vec<String>)], start: Start) -> Result<(), CampaignError> {
+    for (k, (key, values)) in vary.iter().enumerate() {
+        let refused = |why: &str| Err(CampaignError::other(format!("--vary {key}: {why}")));
+        match key.as_str() {
+            "seed" => return refused("each run has a seed of its own; give that of the campaign with --seed"),
+            "estimator.draw" if start == Start::Drawn => {
+                return refused("all is drawn for each run, unless --start=given leaves it to the scenario");
+            }
+            _ if vary[..k].iter().any(|(other, _)| other == key) => {
+                return refused("it is there twice; give all its values at once, KEY=V1,V2");
+            }
+            _ => {}
+        }
+        if let Some(value) = values.iter().enumerate().find(|(k, v)| values[..*k].contains(v)) {
+            return refused(&format!("the value {} is there twice", value.1));
+        }
+    }
+    Ok(())
 }
 
 /// All combinations, the last key fastest.
@@ -233,7 +279,8 @@ fn grid(vary: &[(String, Vec<String>)]) -> Vec<Point> {
 /// # Errors
 /// When there is no key or no value.
 pub fn variation(text: &str) -> Result<(String, Vec<String>), String> {
-    let (key, values) = text.split_once('=').ok_or_else(|| format!("{text:?} is no key.path=v1,v2,..."))?;
+    let (key, values) =
+        text.split_once('=').ok_or_else(|| format!("--vary {text:?}: give values too, key.path=v1,v2,..."))?;
     let (mut depth, mut quote, mut parts) = (0_i32, None, vec![String::new()]);
     for c in values.chars() {
         match (quote, c) {
@@ -253,13 +300,14 @@ pub fn variation(text: &str) -> Result<(String, Vec<String>), String> {
     }
     let parts: Vec<String> = parts.iter().map(|p| p.trim().to_owned()).collect();
     if key.trim().is_empty() || parts.iter().any(String::is_empty) {
-        return Err(format!("{text:?}: a key and values that are not empty are needed, key.path=v1,v2,..."));
+        return Err(format!("--vary {text:?}: a key and values that are not empty are needed, key.path=v1,v2,..."));
     }
     Ok((key.trim().to_owned(), parts))
 }
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::expect_used, reason = "a test fails by panicking")]
     use super::*;
 
     #[test]
@@ -282,8 +330,13 @@ mod tests {
             every: 1,
             start: Start::Drawn,
             columns: Columns::default(),
+            overrides: vec!["sensor.dvl.noise=5 mm/s".into()],
             text: String::new(),
         };
+        assert_eq!(
+            plan.again(1, 5),
+            "--set \"sensor.dvl.noise=5 mm/s\" --set a=1 --set b=y --set estimator.draw=all --set seed=1000005"
+        );
         assert_eq!(plan.settings(1), ["a=1", "b=y"]);
         let all = plan.jobs(None);
         assert_eq!((all.len(), all[0], all[23]), (24, Job { point: 0, run: 0 }, Job { point: 3, run: 5 }));
@@ -291,6 +344,21 @@ mod tests {
             let parts = (1..=count).flat_map(|index| plan.jobs(Some(Shard { index, count })));
             assert_eq!(parts.collect::<Vec<_>>(), all);
         }
+    }
+
+    #[test]
+    fn a_value_of_a_key_that_makes_no_point_of_its_own_is_refused() {
+        let refused = |vary: &[(&str, &[&str])], start| {
+            let vary: Vec<_> =
+                vary.iter().map(|(k, v)| ((*k).to_owned(), v.iter().map(|v| (*v).to_owned()).collect())).collect();
+            check_keys(&vary, start).is_err()
+        };
+        assert!(!refused(&[("a", &["1", "2"]), ("b", &["1", "2"])], Start::Drawn));
+        assert!(refused(&[("a", &["1"]), ("a", &["2"])], Start::Drawn));
+        assert!(refused(&[("a", &["1", "2", "1"])], Start::Drawn));
+        assert!(refused(&[("seed", &["1", "2"])], Start::Given));
+        assert!(refused(&[("estimator.draw", &["none"])], Start::Drawn));
+        assert!(!refused(&[("estimator.draw", &["none", "start"])], Start::Given));
     }
 
     #[test]

@@ -39,8 +39,25 @@ pub struct PointReport {
     pub anees: Vec<Anees>,
     /// Every sensor that corrects the state.
     pub nis: Vec<Nis>,
+    /// The run to look at: the first that ended early, else that with the largest NEES at the end; none without runs.
+    pub worst: Option<WorstRun>,
     /// Whether errors and sigmas agree; none without runs.
     pub verdict: Option<Verdict>,
+}
+
+/// One run of a campaign, and how to do it again.
+#[derive(Clone, Debug, Serialize)]
+pub struct WorstRun {
+    /// Its number.
+    pub run: usize,
+    /// Its seed.
+    pub seed: u64,
+    /// NEES of the whole state at its end; null where it ended early.
+    pub nees: Option<f64>,
+    /// Why it ended early, if it did.
+    pub failure: Option<String>,
+    /// What to give to `navfuse run SCENARIO` to do it again.
+    pub again: String,
 }
 
 /// A component at the end; null where it is not known.
@@ -105,19 +122,19 @@ const ALPHA: f64 = 0.05;
 impl Report {
     /// The report on what the points' runs say.
     pub fn new(plan: &Plan, points: &[PointStatistics]) -> Self {
-        let columns = &plan.columns;
         Self {
             scenario: plan.scenario.clone(),
             keys: plan.keys.clone(),
             runs: plan.runs,
             seed: plan.seed,
-            points: plan.points.iter().zip(points).map(|(p, s)| PointReport::new(columns, &p.values, s)).collect(),
+            points: points.iter().enumerate().map(|(k, point)| PointReport::new(plan, k, point)).collect(),
         }
     }
 }
 
 impl PointReport {
-    fn new(columns: &Columns, values: &[String], point: &PointStatistics) -> Self {
+    fn new(plan: &Plan, number: usize, point: &PointStatistics) -> Self {
+        let columns = &plan.columns;
         let last = point.epochs().next_back();
         let bound = point.bound.as_ref();
         let bound_row = bound.and_then(|b| last.map_or(b.rows.last(), |(number, _)| b.at(number)));
@@ -147,15 +164,27 @@ impl PointReport {
         let end_s = last.map_or_else(|| bound_row.map_or(f64::NAN, |r| r.1), |(_, e)| e.time);
         let any = point.runs + point.failures.len() > 0;
         Self {
-            values: values.to_vec(),
+            values: plan.points[number].values.clone(),
             runs: point.runs,
             failed: point.failures.len(),
             end_s,
             states,
             anees,
             nis,
+            worst: WorstRun::new(plan, number, point),
             verdict: any.then(|| verdict(columns, point)),
         }
+    }
+}
+
+impl WorstRun {
+    fn new(plan: &Plan, number: usize, point: &PointStatistics) -> Option<Self> {
+        let (run, nees, failure) = match (point.failures.first(), point.worst) {
+            (Some((run, reason)), _) => (*run, None, Some(reason.clone())),
+            (None, Some((run, nees))) => (run, Some(nees), None),
+            (None, None) => return None,
+        };
+        Some(Self { run, seed: plan.seed_of(run), nees, failure, again: plan.again(number, run) })
     }
 }
 

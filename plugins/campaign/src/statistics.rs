@@ -11,6 +11,8 @@ pub struct PointStatistics {
     pub runs: usize,
     /// Runs that ended early: number and reason.
     pub failures: Vec<(usize, String)>,
+    /// The run that went to its end with the largest NEES of the whole state there, and that.
+    pub worst: Option<(usize, f64)>,
     /// The bound.
     pub bound: Option<BoundRecord>,
     epochs: BTreeMap<i64, EpochStatistics>,
@@ -66,13 +68,19 @@ impl NisSums {
 impl PointStatistics {
     /// No runs yet.
     pub fn new() -> Self {
-        Self { runs: 0, failures: Vec::new(), bound: None, epochs: BTreeMap::new() }
+        Self { runs: 0, failures: Vec::new(), worst: None, bound: None, epochs: BTreeMap::new() }
     }
 
     /// Adds a run. One that failed counts as far as it went.
     pub fn add(&mut self, columns: &Columns, run: &RunRecord) {
         match &run.failure {
-            None => self.runs += 1,
+            None => {
+                self.runs += 1;
+                let nees = run.rows.last().map_or(f64::NAN, |row| row.values[Row::nees_at(columns)]);
+                if !nees.is_nan() && self.worst.is_none_or(|(_, worst)| nees > worst) {
+                    self.worst = Some((run.run, nees));
+                }
+            }
             Some(reason) => {
                 self.failures.push((run.run, reason.clone()));
                 self.failures.sort_by_key(|f| f.0);

@@ -157,10 +157,11 @@ impl TableReader {
     /// # Errors
     /// When it cannot be read or has other columns.
     pub fn open(path: &Path, names: &Names) -> Result<Self, CampaignError> {
-        let file = File::open(path).map_err(|e| CampaignError::file(path, &e))?;
-        let file = SerializedFileReader::new(file).map_err(|e| {
+        let again = |e: &dyn std::fmt::Display| {
             CampaignError::file(path, &format!("{e}: it is not complete; make it again with the same command"))
-        })?;
+        };
+        let file = File::open(path).map_err(|e| again(&e))?;
+        let file = SerializedFileReader::new(file).map_err(|e| again(&e))?;
         let found = file.metadata().file_metadata().schema_descr().columns().iter().map(|c| c.name().to_owned());
         let wanted: Vec<&String> = names.text.iter().chain(&names.whole).chain(&names.real).collect();
         let found: Vec<String> = found.collect();

@@ -1,8 +1,8 @@
 //! Whether errors and sigmas agree, in words.
 
-use crate::chi_square::{Band, band};
+use crate::chi_square::{Band, band, outside};
 use crate::columns::Columns;
-use crate::statistics::{NisSums, PointStatistics};
+use crate::statistics::{EpochStatistics, NisSums, PointStatistics};
 use serde::Serialize;
 
 /// The probability with which a consistent filter is called inconsistent, shared by all that is looked at: one half by what
@@ -42,12 +42,22 @@ enum Test {
     Nis(usize),
 }
 
-/// A number, what it should be, and the number of degrees of freedom of its root as a ratio.
+/// A sum of squares of Gaussian numbers, what it should be, and of how many terms it is the sum.
 struct Seen {
-    ratio: f64,
-    value: f64,
-    expected: f64,
-    band: Band,
+    sum: f64,
+    expectation: f64,
+    variance: f64,
+    count: f64,
+}
+
+impl Seen {
+    fn ratio(&self) -> f64 {
+        (self.sum / self.expectation).sqrt()
+    }
+
+    fn outside(&self, alpha: f64) -> bool {
+        outside(self.sum, self.expectation, self.variance, alpha)
+    }
 }
 
 /// The band of a mean NEES over so many runs.
@@ -69,16 +79,15 @@ fn dimension(columns: &Columns, of: usize) -> usize {
     if of == 0 { columns.known() } else { columns.blocks[of - 1].dimension }
 }
 
-fn nees(columns: &Columns, of: usize, (value, runs): (f64, usize), alpha: f64) -> Seen {
-    let dimension = dimension(columns, of);
-    let expected = dimension as f64;
-    Seen { ratio: (value / expected).sqrt(), value, expected, band: anees_band(dimension, runs, alpha) }
+fn nees(columns: &Columns, of: usize, (mean, runs): (f64, usize)) -> Seen {
+    let count = runs as f64;
+    let expectation = dimension(columns, of) as f64 * count;
+    Seen { sum: mean * count, expectation, variance: 2.0 * expectation, count }
 }
 
-fn nis(sums: &NisSums, alpha: f64) -> Option<Seen> {
-    let band = nis_band(sums, alpha)?;
-    let (value, expected) = (sums.nis / sums.used, sums.expected / sums.used);
-    Some(Seen { ratio: (value / expected).sqrt(), value, expected, band })
+fn nis(sums: &NisSums) -> Option<Seen> {
+    let NisSums { used: count, nis: sum, expected: expectation, variance, .. } = *sums;
+    (count > 0.0 && variance > 0.0).then_some(Seen { sum, expectation, variance, count })
 }
 
 impl Test {
@@ -94,32 +103,33 @@ impl Test {
     fn find(self, columns: &Columns, point: &PointStatistics, tests: usize) -> Option<Finding> {
         let count = point.epochs().count().max(1);
         let (once, often) = (0.5 * FALSE_ALARM / tests as f64, 0.5 * FALSE_ALARM / (tests * count) as f64);
-        let at = |alpha: f64, epoch: Option<&crate::EpochStatistics>| match (self, epoch) {
-            (Self::Nees(of), Some(e)) => e.anees(of).map(|a| nees(columns, of, a, alpha)),
-            (Self::Nees(of), None) => {
-                let last = point.epochs().next_back()?.1;
-                last.anees(of).map(|a| nees(columns, of, a, alpha))
-            }
-            (Self::Nis(sensor), Some(e)) => nis(&e.nis(sensor), alpha),
-            (Self::Nis(sensor), None) => nis(&point.nis(sensor), alpha),
+        let at = |epoch: &EpochStatistics| match self {
+            Self::Nees(of) => epoch.anees(of).map(|mean| nees(columns, of, mean)),
+            Self::Nis(sensor) => nis(&epoch.nis(sensor)),
         };
-        let outside = |seen: &Seen| !seen.band.holds(seen.value);
-        let since = point.epochs().find_map(|(_, e)| at(often, Some(e)).filter(outside).map(|seen| (e.time, seen)));
-        let whole = at(once, None).filter(outside);
+        let whole = match self {
+            Self::Nees(_) => point.epochs().next_back().and_then(|(_, last)| at(last)),
+            Self::Nis(sensor) => nis(&point.nis(sensor)),
+        };
+        let whole = whole.filter(|seen| seen.outside(once));
+        let since =
+            point.epochs().find_map(|(_, e)| at(e).filter(|seen| seen.outside(often)).map(|seen| (e.time, seen)));
         let left = since.as_ref().map(|(time, _)| *time);
         let name = self.name(columns);
-        let (seen, when) = match (whole, since) {
+        let end = if matches!(self, Self::Nees(_)) { "at the end" } else { "over all samples" };
+        let (seen, alpha, when) = match (whole, since) {
             (Some(seen), _) => {
-                let when = if matches!(self, Self::Nees(_)) { "at the end" } else { "over all samples" };
                 let first = left.map_or_else(String::new, |t| format!(", outside for the first time at {t:.0} s"));
-                (seen, format!("{when}{first}"))
+                (seen, once, format!("{end}{first}"))
             }
-            (None, Some((time, seen))) => (seen, format!("at {time:.0} s for the first time, not at the end")),
+            (None, Some((time, seen))) => (seen, often, format!("at {time:.0} s for the first time, not {end}")),
             (None, None) => return None,
         };
-        let word = if seen.ratio > 1.0 { "overconfident" } else { "underconfident" };
-        let factor = if seen.ratio > 1.0 { seen.ratio } else { 1.0 / seen.ratio };
-        let Seen { value, expected, band, ratio } = seen;
+        let ratio = seen.ratio();
+        let word = if ratio > 1.0 { "overconfident" } else { "underconfident" };
+        let factor = if ratio > 1.0 { ratio } else { 1.0 / ratio };
+        let Band { low, high } = band(seen.expectation, seen.variance, alpha);
+        let [value, expected, low, high] = [seen.sum, seen.expectation, low, high].map(|sum| sum / seen.count);
         let of = match self {
             Self::Nees(0) => "as a whole".to_owned(),
             Self::Nees(_) => format!("in {name}"),
@@ -127,8 +137,7 @@ impl Test {
         };
         let what = if matches!(self, Self::Nees(_)) { "ANEES" } else { "mean NIS" };
         let text = format!(
-            "{word} {of} by {factor:.2} {when}: {what} {value:.2}, expected {expected:.2} ({:.2} to {:.2})",
-            band.low, band.high
+            "{word} {of} by {factor:.2} {when}: {what} {value:.2}, expected {expected:.2} ({low:.2} to {high:.2})"
         );
         Some(Finding { of: name, text, factor: ratio, since: left })
     }
@@ -154,3 +163,7 @@ pub fn verdict(columns: &Columns, point: &PointStatistics) -> Verdict {
     };
     Verdict { consistent: findings.is_empty() && point.runs > 0, text, findings }
 }
+
+#[cfg(test)]
+#[path = "verdict_tests.rs"]
+mod tests;
