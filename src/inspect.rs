@@ -60,6 +60,9 @@ pub fn check(registry: &Registry, arguments: &Check) -> Result<ExitCode> {
     sources.dedup();
     line(format_args!("sources: {} ({streams} streams)", sources.join(", ")));
     line(format_args!("sinks: {}", scenario.sinks()?.join(", ")));
+    for (about, text) in &composition.notes {
+        line(format_args!("note: {about}: {text}"));
+    }
     Ok(ExitCode::SUCCESS)
 }
 

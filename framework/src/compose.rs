@@ -3,7 +3,7 @@
 use crate::covariance::Transition;
 use crate::document::{DocumentError, Node};
 use crate::draw::Draw;
-use crate::manifold::{Manifold, Operations, Rotation};
+use crate::manifold::{Manifold, Operations, Rotation, Scalar};
 use crate::measurement::AnyMeasurement;
 use crate::motion::Motion;
 use crate::process::ProcessModel;
@@ -105,6 +105,8 @@ pub struct Sensor {
     pub simulator: Option<Box<dyn Simulate>>,
     /// Its noise, as the filter takes it, as a multiple of the model's.
     pub noise: f64,
+    /// By how much its samples lag, if they do: a sample stamped t tells of the state at t minus this.
+    pub time_offset: Option<Handle<Scalar>>,
 }
 
 /// A process model in its place.
@@ -128,6 +130,7 @@ pub struct Composer {
     signals: Vec<(String, usize, usize)>,
     inputs: Vec<(String, Box<dyn Any + Send>)>,
     needs_reference: Vec<String>,
+    notes: Vec<(String, String)>,
 }
 
 impl Composer {
@@ -139,6 +142,10 @@ impl Composer {
         self.inputs.push((name.to_owned(), config));
     }
 
+    pub(crate) fn take_notes(&mut self) -> Vec<(String, String)> {
+        std::mem::take(&mut self.notes)
+    }
+
     pub(crate) fn finish(self) -> (Layout, Transition, Vec<String>) {
         (self.layout, self.transition, self.needs_reference)
     }
@@ -146,6 +153,12 @@ impl Composer {
     /// Says that the part's key is not given, so that a reference must say where it starts.
     pub fn needs_reference(&mut self, key: &str) {
         self.needs_reference.push(format!("{}.{key}", self.owner));
+    }
+
+    /// Says something that a person should know of the part, and that is no mistake: `navfuse check` prints it, and every
+    /// run has it in its log.
+    pub fn note(&mut self, text: impl Into<String>) {
+        self.notes.push((self.owner.clone(), text.into()));
     }
 
     /// The name of the part that is being composed: its table in the scenario.
@@ -274,6 +287,8 @@ pub struct Composition {
     pub estimator: crate::scenario::EstimatorConfig,
     /// Seed of every random number.
     pub seed: u64,
+    /// What the parts said of themselves: the part and the text.
+    pub notes: Vec<(String, String)>,
 }
 
 /// Which blocks the processes move, one a slot.

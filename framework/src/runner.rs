@@ -71,6 +71,7 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
     let timeouts = composition.sensors.iter().map(|s| s.policy.timeout.map(|t| t.value().si())).collect();
     let mut fan = Fan { sinks, statistics: Statistics::new(&info), events: Vec::new(), next_epoch: Time::MIN };
     fan.each(Time::MIN, |sink| sink.start(&info));
+    let notes = composition.notes.clone();
     let mut ekf = Ekf::new(composition);
     let mut silence = Silence::new(timeouts, &info.sensors);
     let mut merge = Merge::new(sources, &info.sensors);
@@ -78,6 +79,10 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
     let (mut error, mut interrupted, mut count) = (None, false, 0_u64);
     if let Err(e) = merge.fill() {
         error = Some(e);
+    }
+    let time = merge.first(false).map_or(Time::MIN, |(sample, _)| sample.time);
+    for (about, text) in notes {
+        fan.event(Event { time, level: Level::Info, about, text });
     }
     while error.is_none() {
         let Some((sample, source)) = merge.first(ekf.running()) else { break };

@@ -3,6 +3,7 @@
 use crate::compose::{self, Composer, Composition, Process, Role, Sensor};
 use crate::document::{Document, DocumentError, Node, did_you_mean};
 use crate::draw::{self, Draw};
+use crate::ekf::delay;
 use crate::gate::Policy;
 use crate::registry::{BuildError, Entry, Kind, Make, OpenContext, Registry};
 use crate::stream::{Purpose, SensorInfo, Sink, Source};
@@ -90,7 +91,7 @@ pub const TOP_KEYS: [&str; 8] = ["name", "description", "seed", "estimator", "pr
 /// Keys that the framework takes from the tables of a kind, beside the type's own.
 pub fn common_keys(kind: Kind) -> &'static [&'static str] {
     match kind {
-        Kind::Sensor => &["type", "enabled", "gate", "recovery", "timeout", "simulation"],
+        Kind::Sensor => &["type", "enabled", "gate", "recovery", "timeout", "time_offset", "simulation"],
         _ => &["type", "enabled"],
     }
 }
@@ -211,6 +212,7 @@ impl<'a> Scenario<'a> {
         }
         self.build_sensors(&parts, false, &mut composer, &mut sensors)?;
         let sensors: Vec<Sensor> = sensors.into_iter().flatten().collect();
+        let notes = composer.take_notes();
         let (layout, transition, needing) = composer.finish();
         if layout.tangent == 0 {
             return Err(root.error("nothing is estimated: add a process model, such as [process.ins]").into());
@@ -239,7 +241,7 @@ impl<'a> Scenario<'a> {
             draw::draw(&mut layout, &moved, seed);
         }
         let text = self.document.to_toml();
-        Ok(Composition { name, text, layout: Arc::new(layout), transition, processes, sensors, estimator, seed })
+        Ok(Composition { name, text, layout: Arc::new(layout), transition, processes, sensors, estimator, seed, notes })
     }
 
     fn build_sensors(
@@ -255,7 +257,7 @@ impl<'a> Scenario<'a> {
                 continue;
             }
             composer.begin(part.name);
-            let policy: Policy = part.node.only(&["gate", "recovery", "timeout", "simulation"]).parse()?;
+            let policy: Policy = part.node.only(&["gate", "recovery", "timeout", "time_offset", "simulation"]).parse()?;
             let mut built = make(&part.node.without(common_keys(Kind::Sensor)), composer)?;
             let purpose = match &mut built.role {
                 Role::Input(config) => {
@@ -270,11 +272,18 @@ impl<'a> Scenario<'a> {
             {
                 return Err(node.error("only a sensor that corrects the state has a gate; remove it here").into());
             }
+            let time_offset = match part.node.get("time_offset") {
+                Some(node) if purpose != Purpose::Measurement => {
+                    return Err(node.error("only a sensor that corrects the state has a time offset; remove it here").into());
+                }
+                _ => policy.time_offset.map(|offset| delay::block(&offset, composer)).transpose(),
+            };
+            let time_offset = time_offset.map_err(|e| e.at(&part.node))?;
             let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
             let info = SensorInfo { name, kind, channels: built.channels, purpose };
             Composition::check_channels(&info, &built.role).map_err(|m| part.node.error(m))?;
             let simulation = policy.simulation.clone();
-            *place = Some(Sensor { info, role: built.role, policy, simulation, simulator: None, noise: 1.0 });
+            *place = Some(Sensor { info, role: built.role, policy, simulation, simulator: None, noise: 1.0, time_offset });
         }
         Ok(())
     }
