@@ -1,0 +1,88 @@
+//! Our own plugins conform.
+
+use navfuse_conformance::{Failed, check};
+use navfuse_core::registry::Plugin;
+
+/// A minute and a half of a vehicle that surges, descends and turns, and the sensor that is given.
+fn scenario(sensor: &str) -> String {
+    format!(
+        r#"
+        [process.ins]
+        attitude = {{ sigma = ["0.02 deg", "0.02 deg", "0.2 deg"] }}
+        velocity = {{ sigma = "1 cm/s" }}
+        position = {{ sigma = "1 m" }}
+        gyro_bias = {{ sigma = "1 deg/h" }}
+        accel_bias = {{ sigma = "100 ug" }}
+
+        [sensor.imu]
+        gyro_noise = "0.1 deg/h/sqrt(Hz)"
+        accel_noise = "10 ug/sqrt(Hz)"
+        simulation = {{ rate = "50 Hz" }}
+
+        [sensor.reference]
+        simulation = {{ rate = "1 Hz" }}
+
+        [source.simulation]
+        start = {{ latitude = "43 deg", heading = "30 deg" }}
+        segments = [
+            {{ type = "surge", duration = "20 s", speed = "2 m/s" }},
+            {{ type = "descend", duration = "30 s", rate = "0.5 m/s" }},
+            {{ type = "turn", duration = "20 s", angle = "90 deg", bank = "8 deg" }},
+            {{ type = "cruise", duration = "20 s" }},
+        ]
+        {sensor}
+        "#
+    )
+}
+
+fn conforms(plugin: &dyn Plugin, sensor: &str) -> Result<(), Failed> {
+    check(&[plugin], &scenario(sensor))
+}
+
+#[test]
+fn the_imu_the_strapdown_process_and_the_reference_conform() -> Result<(), Failed> {
+    conforms(&navfuse_ins::InsPlugin, "")
+}
+
+#[test]
+fn the_dvl_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_dvl::DvlPlugin,
+        r#"
+        [sensor.dvl]
+        noise = "1 cm/s"
+        scale = { sigma = "1 %" }
+        misalignment = { sigma = "0.5 deg" }
+        lever_arm = ["0.3 m", "0 m", "0.2 m"]
+        simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
+
+#[test]
+fn the_depth_sensor_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_depth::DepthPlugin,
+        r#"
+        [sensor.depth]
+        noise = "5 cm"
+        bias = { sigma = "20 cm", correlation_time = "10 min" }
+        lever_arm = { initial = ["0.3 m", "0 m", "0.2 m"], sigma = "2 cm" }
+        simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
+
+#[test]
+fn the_altimeter_of_the_tutorial_conforms() -> Result<(), Failed> {
+    conforms(
+        &first_plugin::AltimeterPlugin,
+        r#"
+        [sensor.altimeter]
+        noise = "5 cm"
+        bottom = { initial = "-80 m", sigma = "5 m" }
+        lever_arm = ["0.5 m", "0 m", "0.2 m"]
+        simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
