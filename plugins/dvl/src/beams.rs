@@ -1,0 +1,175 @@
+//! The velocity along each beam.
+
+use crate::geometry::{MAX_BEAMS, count, directions};
+use crate::instrument::{Instrument, Settings, Track, ins};
+use crate::sound::{Array, gains};
+use navfuse_core::Real;
+use navfuse_core::calibration::{LeverArm, Misalignment, ScaleFactor};
+use navfuse_core::compose::{ComposeError, Composer, Role};
+use navfuse_core::measurement::MeasurementModel;
+use navfuse_core::nalgebra::{SMatrix, SVector, Vector3, convert};
+use navfuse_core::registry::SensorType;
+use navfuse_core::sample::{Channel, Sample};
+use navfuse_core::simulate::Scene;
+use navfuse_core::state::View;
+use navfuse_core::units::{Angle, Positive, Ratio, Sigma, Speed};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Doppler velocity log that gives the velocity along each of its beams: what is left is used where beams are lost.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DvlBeams {
+    /// 1-sigma noise of one beam of one sample.
+    pub noise: Sigma<Speed>,
+    /// Angle between the beams and the instrument's down axis. Without it 30 deg.
+    pub slant: Option<Angle>,
+    /// Azimuths of the beams, from forward towards right, one to five. Without it an X: 45, 135, 225 and 315 deg.
+    pub azimuth: Option<Vec<Angle>>,
+    /// Or the direction of each beam in the instrument's axes [forward, right, down], of any length.
+    pub beams: Option<Vec<[f64; 3]>>,
+    /// Scale factor k: the output is k times the velocity. Without it k = 1.
+    #[serde(default)]
+    pub scale: ScaleFactor,
+    /// Roll, pitch and yaw of the instrument: C_d^b = R_x(roll) R_y(pitch) R_z(yaw). Without it they are zero.
+    #[serde(default)]
+    pub misalignment: Misalignment,
+    /// Where the instrument is, from the IMU, in body axes. Without it at the IMU.
+    #[serde(default)]
+    pub lever_arm: LeverArm,
+    /// The process whose motion it measures.
+    #[serde(default = "ins")]
+    pub navigation: String,
+    /// What the velocity is relative to: `bottom` or `water`.
+    #[serde(default)]
+    pub track: Track,
+    /// With track = "water", the current: the name of a `[process.NAME]` of type water-current.
+    pub current: Option<String>,
+    /// The speed of sound that the instrument was set to. With it there is one more channel, `sound_speed`: the true one at
+    /// the transducer. A sample without that channel is taken as if both were the same.
+    pub assumed_sound_speed: Option<Positive<Speed>>,
+    /// How the beams are made: `piston` (default) or `phased`, whose horizontal velocity is independent of the speed of
+    /// sound.
+    pub array: Option<Array>,
+    /// Simulation: the true speed of sound. Without it the assumed one.
+    pub simulated_sound_speed: Option<Positive<Speed>>,
+    /// Simulation: the probability that a beam is lost, each by itself.
+    #[serde(default = "none")]
+    pub beam_dropout: Sigma<Ratio>,
+}
+
+fn none() -> Sigma<Ratio> {
+    Sigma::from_si(0.0)
+}
+
+impl SensorType for DvlBeams {
+    const TYPE: &'static str = "dvl-beams";
+
+    fn channels(&self) -> Vec<Channel> {
+        let names: [&str; MAX_BEAMS] = ["beam_1", "beam_2", "beam_3", "beam_4", "beam_5"];
+        let beams = names.into_iter().take(count(self.azimuth.as_deref(), self.beams.as_deref()));
+        let sound = self.assumed_sound_speed.map(|_| "sound_speed");
+        beams.chain(sound).map(|name| Channel::new(name, "mps")).collect()
+    }
+
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let beams = directions(self.slant, self.azimuth.as_deref(), self.beams.as_deref())?;
+        match *beams.as_slice() {
+            [a] => self.role(&[a], composer),
+            [a, b] => self.role(&[a, b], composer),
+            [a, b, c] => self.role(&[a, b, c], composer),
+            [a, b, c, d] => self.role(&[a, b, c, d], composer),
+            [a, b, c, d, e] => self.role(&[a, b, c, d, e], composer),
+            _ => Err(ComposeError::new("", "the number of beams is not possible")),
+        }
+    }
+}
+
+impl DvlBeams {
+    fn role<const N: usize>(&self, beams: &[Vector3<f64>; N], composer: &mut Composer) -> Result<Role, ComposeError> {
+        let settings = Settings {
+            scale: self.scale,
+            misalignment: self.misalignment,
+            lever_arm: self.lever_arm,
+            navigation: &self.navigation,
+            track: self.track,
+            current: self.current.as_deref(),
+        };
+        let array = self.array.unwrap_or_default();
+        Ok(Role::measurement(DvlBeamsModel {
+            instrument: settings.build(composer)?,
+            beams: *beams,
+            sound: self.sound(array, beams)?,
+            sigma: self.noise.value().si(),
+            dropout: self.beam_dropout.value().si(),
+        }))
+    }
+
+    fn sound(&self, array: Array, beams: &[Vector3<f64>]) -> Result<Option<Sound>, ComposeError> {
+        let Some(set) = self.assumed_sound_speed else {
+            let given =
+                [("array", self.array.is_some()), ("simulated_sound_speed", self.simulated_sound_speed.is_some())];
+            return match given.iter().find(|(_, given)| *given) {
+                Some((key, _)) => Err(ComposeError::new(*key, "has no effect without `assumed_sound_speed`; add that")),
+                None => Ok(None),
+            };
+        };
+        if array == Array::Phased && beams.iter().any(|b| b.z == 0.0) {
+            let message = "a phased array normal to the down axis has no beam across that axis; give other `beams`";
+            return Err(ComposeError::new("array", message));
+        }
+        let set = set.value().si();
+        Ok(Some(Sound { array, set, simulated: self.simulated_sound_speed.map_or(set, |c| c.value().si()) }))
+    }
+}
+
+/// The speed of sound, m/s.
+#[derive(Clone, Copy, Debug)]
+struct Sound {
+    array: Array,
+    set: f64,
+    simulated: f64,
+}
+
+/// The measurement model of [`DvlBeams`] of `N` beams.
+#[derive(Clone, Debug)]
+pub struct DvlBeamsModel<const N: usize> {
+    instrument: Instrument,
+    /// Unit vectors in the instrument's axes.
+    beams: [Vector3<f64>; N],
+    sound: Option<Sound>,
+    sigma: f64,
+    dropout: f64,
+}
+
+impl<const N: usize> MeasurementModel<N> for DvlBeamsModel<N> {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, N> {
+        let v = self.instrument.velocity(x);
+        SVector::from_fn(|i, _| {
+            let mut beam = self.beams[i];
+            if let Some((sound, c)) = self.sound.zip(x.channel(N)) {
+                let (across, along) = gains(sound.array, &beam, sound.set, c);
+                beam.component_mul_assign(&Vector3::new(across, across, along));
+            }
+            beam.map(convert::<f64, T>).dot(&v)
+        })
+    }
+
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, N, N> {
+        SMatrix::from_diagonal_element(self.sigma * self.sigma)
+    }
+
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        if let Some(sound) = self.sound {
+            sample.set(N, sound.simulated);
+        }
+        scene.measure(self, sample);
+        if self.dropout > 0.0 {
+            (0..N).for_each(|i| {
+                if scene.random.uniform() < self.dropout {
+                    sample.clear(i);
+                }
+            });
+        }
+    }
+}

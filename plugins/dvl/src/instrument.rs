@@ -1,0 +1,86 @@
+//! What every Doppler velocity log has: where it is, how it is turned, how it is scaled, and what it sees.
+
+use navfuse_core::Real;
+use navfuse_core::calibration::{LeverArm, Misalignment, ScaleFactor, display};
+use navfuse_core::compose::{ComposeError, Composer};
+use navfuse_core::manifold::{Rotation, Scalar, Vector};
+use navfuse_core::nalgebra::Vector3;
+use navfuse_core::state::{Handle, View};
+use navfuse_ins::Navigation;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// What the velocity is relative to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Track {
+    /// The bottom.
+    #[default]
+    Bottom,
+    /// The water, which moves with the current.
+    Water,
+}
+
+/// The parameters that the types have in common.
+pub(crate) struct Settings<'a> {
+    pub scale: ScaleFactor,
+    pub misalignment: Misalignment,
+    pub lever_arm: LeverArm,
+    pub navigation: &'a str,
+    pub track: Track,
+    pub current: Option<&'a str>,
+}
+
+/// The instrument: its calibration states, and the motion that it sees.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Instrument {
+    navigation: Navigation,
+    scale: Handle<Scalar>,
+    c_b_d: Handle<Rotation>,
+    lever_arm: Handle<Vector<3>>,
+    current: Option<Handle<Vector<3>>>,
+}
+
+impl Settings<'_> {
+    /// Adds the calibration states, and finds the motion and the current.
+    pub fn build(&self, composer: &mut Composer) -> Result<Instrument, ComposeError> {
+        let navigation = Navigation::find(composer, "navigation", self.navigation)?;
+        let current = match (self.track, self.current) {
+            (Track::Bottom, None) => None,
+            (Track::Water, Some(name)) => Some(composer.find("current", &format!("{name}.current"))?),
+            (Track::Water, None) => {
+                let message = "water tracking needs the current of the water: add [process.water] type = \"water-current\" \
+                               and current = \"water\" here";
+                return Err(ComposeError::new("track", message));
+            }
+            (Track::Bottom, Some(_)) => {
+                let message =
+                    "the velocity over the bottom has no current in it; remove this key, or set track = \"water\"";
+                return Err(ComposeError::new("current", message));
+            }
+        };
+        Ok(Instrument {
+            navigation,
+            scale: self.scale.block(composer, "scale", &[1.0], display::RATIO)?,
+            c_b_d: self.misalignment.block(composer, "misalignment", &[0.0; 3], display::ANGLES)?,
+            lever_arm: self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
+            current,
+        })
+    }
+}
+
+impl Instrument {
+    /// The velocity in the instrument's axes as it reads it, m/s: `k C_b^d (C_n^b (v^n - c^n) + w_eb^b x l)`.
+    pub fn velocity<T: Real>(&self, x: &View<'_, T>) -> Vector3<T> {
+        let mut v_b = self.navigation.velocity_at(x, &x.get(self.lever_arm));
+        if let Some(current) = self.current {
+            v_b -= x.get(self.navigation.attitude).inverse() * x.get(current);
+        }
+        x.get(self.c_b_d) * v_b * x.get(self.scale)
+    }
+}
+
+/// The default of `navigation`.
+pub(crate) fn ins() -> String {
+    "ins".into()
+}
