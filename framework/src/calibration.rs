@@ -12,7 +12,7 @@ use crate::manifold::Manifold;
 use crate::state::{BlockSpec, Display, Dynamics, Handle, Mode};
 use crate::units::{
     Acceleration, AccelerationRandomWalk, Angle, AngularRate, AngularRateNoise, AngularRateRandomWalk, Components,
-    Length, LengthRandomWalk, Positive, Ratio, RatioRandomWalk, Sigma, Time as Duration, Triple,
+    Length, LengthRandomWalk, Positive, Ratio, RatioRandomWalk, Sigma, Time as Duration, TimeRandomWalk, Triple,
 };
 use schemars::JsonSchema;
 use serde::de::{IntoDeserializer, MapAccess, SeqAccess, Visitor};
@@ -51,6 +51,8 @@ pub type Misalignment = Calibration<Triple<Angle>, Triple<AngularRateNoise>>;
 pub type LeverArm = Calibration<Triple<Length>, Triple<LengthRandomWalk>>;
 /// Bias of a length, such as a depth.
 pub type LengthBias = Calibration<Length, LengthRandomWalk>;
+/// Offset of a sensor's clock or output.
+pub type TimeOffset = Calibration<Duration, TimeRandomWalk>;
 /// Bias of three gyros.
 pub type GyroBias = Calibration<Triple<AngularRate>, Triple<AngularRateRandomWalk>>;
 /// Bias of three accelerometers.
@@ -209,10 +211,14 @@ pub mod display {
     pub const RATIO: Display = Display { unit: "", scale: 1.0, components: &["k"] };
     /// Roll, pitch and yaw in degrees.
     pub const ANGLES: Display = Display { unit: "deg", scale: PI / 180.0, components: &["roll", "pitch", "yaw"] };
+    /// One angle in degrees.
+    pub const ANGLE: Display = Display { unit: "deg", scale: PI / 180.0, components: &["angle"] };
     /// Three body axes in metres.
     pub const LEVER_ARM: Display = Display { unit: "m", scale: 1.0, components: &["x", "y", "z"] };
     /// A length in metres.
     pub const LENGTH: Display = Display { unit: "m", scale: 1.0, components: &["bias"] };
+    /// A time in seconds.
+    pub const TIME: Display = Display { unit: "s", scale: 1.0, components: &["offset"] };
     /// North, east and down in metres a second.
     pub const VELOCITY: Display = Display { unit: "m/s", scale: 1.0, components: &["north", "east", "down"] };
     /// Latitude, longitude and height; sigma and error north, east and down in metres.

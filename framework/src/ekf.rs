@@ -5,6 +5,7 @@
 
 mod cadence;
 mod correct;
+pub(crate) mod delay;
 mod start;
 
 use crate::compose::{Composition, Role};
@@ -19,6 +20,7 @@ use crate::state::{Layout, Mode, State};
 use crate::time::Time;
 use cadence::Cadence;
 use correct::SensorSlot;
+use delay::History;
 use start::Start;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -74,6 +76,8 @@ struct Memory {
     dynamics: BlockDynamics,
     processes: Vec<Box<dyn ProcessModel>>,
     sensors: Vec<SensorSlot>,
+    /// Where the state was, if some sensor tells of that.
+    history: Option<History>,
     /// The time of the last driving sample.
     input: Option<Time>,
     cadence: Cadence,
@@ -118,6 +122,7 @@ impl Ekf {
                 draws: (composition.estimator.draw != Draw::Nothing).then(|| Random::new(composition.seed, "initial")),
                 state: layout.initial_state(),
                 covariance: Covariance::zero(n),
+                history: History::new(&composition),
                 transition,
                 dynamics,
                 processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
@@ -337,6 +342,9 @@ impl Ekf {
             m.transition.carry_reach(&mut slot.reach);
         }
         m.state.time = to;
+        if let Some(history) = &mut m.history {
+            history.moved(&m.state, &m.transition);
+        }
         Ok(())
     }
 

@@ -116,6 +116,9 @@ pub struct Policy {
     pub recovery: Recovery,
     /// How long the sensor may be silent before it is called lost. Default: three times its usual interval, at least 5 s.
     pub timeout: Option<Positive<Duration>>,
+    /// By how much its samples lag: one stamped t tells of the state at t - time_offset. A state of its own, as a scale factor
+    /// is one. Default: none, as if zero.
+    pub time_offset: Option<crate::calibration::TimeOffset>,
     /// How the sensor is simulated, where there is a simulated source.
     pub simulation: Option<crate::simulate::Faults>,
 }

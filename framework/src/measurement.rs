@@ -95,6 +95,8 @@ pub trait AnyMeasurement: Send {
     fn differentiate(&self, at: &At<'_>, columns: &[usize], read: u128, h: &mut [f64]);
     /// The analytic Jacobian, if the model has one.
     fn analytic(&self, at: &At<'_>, columns: &[usize], h: &mut [f64]) -> bool;
+    /// The change of each channel from one state to another, `h(to) [-] h(from)`, into `out`.
+    fn change(&self, from: &At<'_>, to: &At<'_>, out: &mut [f64]);
     /// Fills a simulated sample.
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample);
 }
@@ -190,6 +192,11 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
 
     fn analytic(&self, at: &At<'_>, columns: &[usize], h: &mut [f64]) -> bool {
         self.0.jacobian(&at.view(), &mut Jacobian { layout: at.layout, columns, values: h })
+    }
+
+    fn change(&self, from: &At<'_>, to: &At<'_>, out: &mut [f64]) {
+        let (from, to) = (self.0.predict(&from.view()), self.0.predict(&to.view()));
+        (0..N).for_each(|i| out[i] = self.0.difference(i, to[i], from[i]));
     }
 
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {

@@ -270,7 +270,7 @@ impl Layout {
 }
 
 /// The nominal state: every block's value, and the signals, at one time. Plain data: a snapshot is a clone.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
     /// The time of the values.
     pub time: Time,

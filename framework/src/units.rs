@@ -59,6 +59,8 @@ pub type Pressure = Quantity<-2, 2, -4, 0, 0>;
 pub type Density = Quantity<-6, 2, 0, 0, 0>;
 /// A difference of temperature, K.
 pub type Temperature = Quantity<0, 0, 0, 0, 2>;
+/// How a time random-walks, s/sqrt(s).
+pub type TimeRandomWalk = Quantity<0, 0, 1, 0, 0>;
 /// How a ratio random-walks, 1/sqrt(s).
 pub type RatioRandomWalk = Quantity<0, 0, -1, 0, 0>;
 

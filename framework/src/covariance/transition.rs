@@ -244,6 +244,21 @@ impl Transition {
         self.compiled.carried = work;
     }
 
+    /// `(row, column)` of each element of `Phi`, in the order of [`Self::add_to`].
+    pub(crate) fn places(&self) -> &[(usize, usize)] {
+        &self.places
+    }
+
+    /// Whether a process fills rows of that range.
+    pub(crate) fn moves(&self, rows: &std::ops::Range<usize>) -> bool {
+        self.places.iter().any(|p| rows.contains(&p.0)) || self.noise.iter().any(|n| rows.contains(&n.1))
+    }
+
+    /// Adds the values of the first places in `Phi` of the last step to `sum`.
+    pub(crate) fn add_to(&self, sum: &mut [f64]) {
+        sum.iter_mut().zip(&self.phi).for_each(|(sum, phi)| *sum += phi);
+    }
+
     /// Takes the process noise of the models as that multiple of what they give, in standard deviation.
     pub fn scale_noise(&mut self, factor: f64) {
         self.excess = factor * factor - 1.0;

@@ -145,8 +145,15 @@ impl Ekf {
     ) -> Result<(), EstimatorError> {
         let m = &mut self.memory;
         let update = &mut self.update;
-        model.linearise(&At { layout: &self.layout, state: &m.state, sample }, update);
-        let noise = self.composition.sensors[sample.sensor.0].noise;
+        let &Sensor { noise, time_offset, .. } = &self.composition.sensors[sample.sensor.0];
+        match time_offset.zip(m.history.as_mut()) {
+            None => model.linearise(&At { layout: &self.layout, state: &m.state, sample }, update),
+            Some((offset, history)) => {
+                if !history.linearise(model, offset, (&self.layout, &m.state), sample, update) {
+                    return Ok(()); // it tells of a time before the start
+                }
+            }
+        }
         if noise != 1.0 {
             update.r.iter_mut().for_each(|r| *r *= noise * noise);
         }
@@ -188,6 +195,9 @@ impl Ekf {
             update.correct(&mut other.reach);
         }
         self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
+        if let Some(history) = &mut m.history {
+            history.corrected(&update.delta);
+        }
         match m.covariance.first_invalid() {
             None => Ok(()),
             Some(i) => {

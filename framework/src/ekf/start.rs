@@ -57,6 +57,9 @@ impl Ekf {
         }
         m.state.origin.clone_from(&m.state.values);
         m.processes.iter_mut().for_each(|p| p.restart());
+        if let Some(history) = &mut m.history {
+            history.begin(&m.state);
+        }
         m.start = Start::Running;
         let text = format!("started with {} states", self.layout.tangent);
         observer.event(Event { time, level: Level::Info, about: "estimator".into(), text });

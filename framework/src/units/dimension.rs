@@ -23,7 +23,7 @@ const fn row(
 }
 
 #[rustfmt::skip]
-pub(super) const DIMENSIONS: [Dimension; 18] = [
+pub(super) const DIMENSIONS: [Dimension; 19] = [
     row([0, 0, 0, 0, 0], "a ratio", "200 ppm", &["", "ppm"]),
     row([0, 0, 0, 2, 0], "an angle", "-0.5 deg", &["deg", "mrad", "arcsec", "rad"]),
     row([0, 0, -2, 2, 0], "an angular rate", "0.01 deg/h", &["deg/s", "deg/h", "rad/s"]),
@@ -37,6 +37,7 @@ pub(super) const DIMENSIONS: [Dimension; 18] = [
     row([2, 0, -3, 0, 0], "an acceleration noise", "10 ug/sqrt(Hz)", &["ug/sqrt(Hz)", "m/s^2/sqrt(Hz)", "m/s/sqrt(h)"]),
     row([2, 0, -5, 0, 0], "an acceleration random walk", "1 ug/sqrt(h)", &["ug/sqrt(h)", "ug/sqrt(s)", "m/s^2/sqrt(s)"]),
     row([0, 0, 2, 0, 0], "a time", "10 ms", &["s", "ms", "min", "h", "us", "ns"]),
+    row([0, 0, 1, 0, 0], "a time random walk", "1 ms/sqrt(h)", &["ms/sqrt(h)", "us/sqrt(s)", "s/sqrt(s)"]),
     row([0, 0, -2, 0, 0], "a frequency", "5 Hz", &["Hz", "kHz"]),
     row([-2, 2, -4, 0, 0], "a pressure", "0.2 bar", &["Pa", "kPa", "dbar", "bar"]),
     row([-6, 2, 0, 0, 0], "a density", "1025 kg/m^3", &["kg/m^3"]),

@@ -4,6 +4,7 @@ use crate::{Cursor, Trajectory, TrajectoryConfig};
 use nalgebra::Vector3;
 use navfuse_core::compose::{Composition, Reference, Role};
 use navfuse_core::draw::TrueState;
+use navfuse_core::manifold::Scalar;
 use navfuse_core::measurement::AnyMeasurement;
 use navfuse_core::motion::Motion;
 use navfuse_core::process::ProcessModel;
@@ -11,7 +12,7 @@ use navfuse_core::record::{Event, Level};
 use navfuse_core::registry::{OpenContext, SourceType};
 use navfuse_core::sample::{Sample, SensorId};
 use navfuse_core::simulate::{Faults, Random, Scene, Simulate};
-use navfuse_core::state::Layout;
+use navfuse_core::state::{Handle, Layout};
 use navfuse_core::stream::{Purpose, SensorInfo, Source, StreamError};
 use navfuse_core::time::Time;
 use schemars::JsonSchema;
@@ -135,6 +136,8 @@ struct SensorStream {
     random: Random,
     faults: Faults,
     sensor: SensorId,
+    /// By how much its samples lag, and the truth at the time of a sample, which tells that.
+    lag: Option<(Handle<Scalar>, TrueState)>,
     kind: Simulated,
     /// Number of the next sample.
     count: i64,
@@ -145,10 +148,12 @@ struct SensorStream {
 impl SensorStream {
     fn new(composition: &Composition, index: usize, faults: &Faults, kind: Simulated, trajectory: &Trajectory) -> Self {
         let name = &composition.sensors[index].info.name;
+        let truth = TrueState::new(&composition.layout, composition.seed, composition.start());
         let mut stream = Self {
             layout: Arc::clone(&composition.layout),
             processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
-            truth: TrueState::new(&composition.layout, composition.seed, composition.start()),
+            lag: composition.sensors[index].time_offset.map(|offset| (offset, truth.clone())),
+            truth,
             path: Path(trajectory.cursor()),
             random: Random::new(composition.seed, name),
             faults: faults.clone(),
@@ -181,6 +186,13 @@ impl SensorStream {
         Time::from_seconds(seconds).unwrap_or(Time::MAX)
     }
 
+    /// By how much the sample of that time lags.
+    fn lag(&mut self, time: Time) -> Option<Time> {
+        let (offset, truth) = self.lag.as_mut()?;
+        truth.advance(&self.layout, time);
+        Time::from_seconds(truth.state.get(&self.layout, *offset))
+    }
+
     /// Whether this sample is lost.
     fn lost(&mut self, time: Time) -> bool {
         let t = time.seconds();
@@ -199,6 +211,11 @@ impl Source for SensorStream {
             }
             self.count += 1;
             *sample = Sample::empty(to, self.sensor);
+            // what lags is given what was
+            let (from, to) = match self.lag(to) {
+                Some(lag) => (from - lag, to - lag),
+                None => (from, to),
+            };
             self.truth.advance(&self.layout, to);
             if let Simulated::Driving(simulator) = &self.kind {
                 let (layout, truth) = (&*self.layout, &self.truth.state);
@@ -212,7 +229,7 @@ impl Source for SensorStream {
                 }
                 continue;
             }
-            if self.lost(to) {
+            if self.lost(sample.time) {
                 continue;
             }
             let motion = navfuse_core::motion::Trajectory::at(&mut self.path, to);
@@ -232,7 +249,10 @@ impl Source for SensorStream {
                 Simulated::Reference(reference) => reference.sample(&motion, sample),
                 Simulated::Driving(_) => {}
             }
-            return Ok(true);
+            // a sensor that has lost all of its channels says nothing
+            if sample.present() != 0 {
+                return Ok(true);
+            }
         }
     }
 

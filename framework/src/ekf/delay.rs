@@ -1,0 +1,320 @@
+//! Sensors that lag: where the state was, and what a sample of that time tells of the state now.
+//!
+//! A sample stamped `t` of a sensor with the time offset `tau` tells of the state at `t - tau`. The filter keeps where its
+//! state was, and asks the model there, as if nothing lagged:
+//! ```text
+//! z = h(x(t - tau)),   x(t - tau) between two entries of the history, along the manifold
+//! dz/dtau = -d/ds h(x(s)) at s = t - tau,   along the history
+//! H = dh/dx (I - A),   A = sum over the delay of (Phi_k - I): the error then is the error now, led back
+//! ```
+//! A correction of the state is one of its past too: entries are read with what was corrected since. So differences along the
+//! history are motion, never corrections.
+
+use crate::calibration::{TimeOffset, display};
+use crate::compose::{ComposeError, Composer, Composition, moved};
+use crate::covariance::{Transition, Update};
+use crate::manifold::{MAX_TANGENT, Scalar};
+use crate::measurement::{AnyMeasurement, At};
+use crate::sample::{MAX_CHANNELS, Sample};
+use crate::state::{Block, Dynamics, Handle, Layout, State};
+use crate::time::Time;
+
+/// The longest delay that is kept, s.
+const LONGEST: f64 = 10.0;
+
+/// Entries are at least so far apart: a motion of 5 m/s^3 is straight over it to 0.25 mm/s.
+const SPACING: Time = Time::from_nanos(20_000_000);
+
+/// So many sigma of the offset are kept.
+const SIGMAS: f64 = 5.0;
+
+/// Adds the block `time_offset` of the sensor that is being composed.
+///
+/// # Errors
+/// As [`TimeOffset::block`], and when it is beyond the longest delay.
+pub(crate) fn block(offset: &TimeOffset, composer: &mut Composer) -> Result<Handle<Scalar>, ComposeError> {
+    let handle = offset.block(composer, "time_offset", &[0.0], display::TIME)?;
+    let value = offset.initial.map_or(0.0, |v| v.si()).abs();
+    let (sigma, truth) = (offset.sigma.map_or(0.0, |s| s.si()), offset.truth.map_or(0.0, |v| v.si()).abs());
+    if value.max(truth) + SIGMAS * sigma > LONGEST {
+        let message = format!("the value and {SIGMAS} sigma are together beyond {LONGEST} s, the longest delay");
+        return Err(ComposeError::new("time_offset", message));
+    }
+    Ok(handle)
+}
+
+/// A block that processes move.
+#[derive(Clone, Copy)]
+struct Moving {
+    slot: usize,
+    estimated: bool,
+}
+
+/// Where the state was, of late: a ring of entries, the oldest of which gives way.
+#[derive(Clone)]
+pub(super) struct History {
+    moving: Vec<Moving>,
+    /// Row and column of the elements of `Phi` that processes fill, and what the identity has there.
+    places: Vec<(usize, usize, f64)>,
+    entries: Vec<Entry>,
+    /// The place of the oldest.
+    first: usize,
+    len: usize,
+    /// When the filter started.
+    start: Time,
+    /// The elements of `Phi` added up since the start, and the number of steps.
+    drift: Vec<f64>,
+    steps: f64,
+    /// The state of which a sample tells, and those shortly before and after.
+    at: State,
+    around: [State; 2],
+    scratch: Vec<f64>,
+    /// One row of the Jacobian.
+    row: Vec<f64>,
+    columns: Vec<usize>,
+    wide: Vec<f64>,
+}
+
+/// The state at one time.
+#[derive(Clone)]
+struct Entry {
+    time: Time,
+    values: Vec<f64>,
+    signals: Vec<f64>,
+    drift: Vec<f64>,
+    steps: f64,
+    /// What was corrected between this entry and the next, if anything was.
+    corrected: bool,
+    correction: Vec<f64>,
+}
+
+impl History {
+    /// A history for the sensors of a composition that have a time offset; `None` where none has.
+    pub(super) fn new(composition: &Composition) -> Option<Self> {
+        let layout = &*composition.layout;
+        let offsets = composition.sensors.iter().filter_map(|s| s.time_offset).map(|handle| layout.block(handle));
+        let spans = offsets.map(|block| match block.spec.dynamics {
+            Dynamics::RandomWalk(_) => LONGEST,
+            _ => block.spec.initial[0].abs() + SIGMAS * block.spec.sigma[0],
+        });
+        let span = spans.reduce(f64::max)?.min(LONGEST);
+        // two more, for the slope at the far end
+        let capacity = (span / SPACING.seconds()).ceil() as usize + 3;
+        let told = moved(layout, &composition.processes);
+        let moves = |slot: &usize| told[*slot] || composition.transition.moves(&layout.blocks[*slot].tangent_range());
+        let slots = (0..layout.blocks.len()).filter(moves);
+        let declared = composition.transition.places();
+        let places: Vec<(usize, usize, f64)> = (declared.iter().enumerate())
+            .map(|(n, &(i, j))| (i, j, f64::from(i == j && !declared[..n].contains(&(i, j)))))
+            .collect();
+        let state = layout.initial_state();
+        let entry = Entry {
+            time: Time::MIN,
+            values: state.values.clone(),
+            signals: state.signals.clone(),
+            drift: vec![0.0; places.len()],
+            steps: 0.0,
+            corrected: false,
+            correction: vec![0.0; layout.tangent],
+        };
+        Some(Self {
+            moving: slots.map(|slot| Moving { slot, estimated: layout.blocks[slot].estimated() }).collect(),
+            drift: vec![0.0; places.len()],
+            places,
+            entries: vec![entry; capacity],
+            first: 0,
+            len: 0,
+            start: Time::MIN,
+            steps: 0.0,
+            at: state.clone(),
+            around: [state.clone(), state],
+            scratch: vec![0.0; layout.ambient],
+            row: vec![0.0; layout.tangent],
+            columns: Vec::with_capacity(layout.tangent),
+            wide: Vec::with_capacity(layout.tangent * MAX_CHANNELS),
+        })
+    }
+
+    /// The filter started.
+    pub(super) fn begin(&mut self, state: &State) {
+        (self.first, self.len, self.start) = (0, 0, state.time);
+        self.drift.fill(0.0);
+        self.steps = 0.0;
+        self.push(state);
+    }
+
+    /// The state moved.
+    pub(super) fn moved(&mut self, state: &State, transition: &Transition) {
+        transition.add_to(&mut self.drift);
+        self.steps += 1.0;
+        if self.len == 0 || state.time - self.entry(self.len - 1).time >= SPACING {
+            self.push(state);
+        }
+    }
+
+    /// The state was corrected.
+    pub(super) fn corrected(&mut self, delta: &[f64]) {
+        let Some(newest) = self.len.checked_sub(1) else { return };
+        let at = (self.first + newest) % self.entries.len();
+        let entry = &mut self.entries[at];
+        entry.corrected = true;
+        entry.correction.iter_mut().zip(delta).for_each(|(sum, d)| *sum += d);
+    }
+
+    fn push(&mut self, state: &State) {
+        let capacity = self.entries.len();
+        if self.len == capacity {
+            self.first = (self.first + 1) % capacity;
+            self.len -= 1;
+        }
+        let entry = &mut self.entries[(self.first + self.len) % capacity];
+        entry.time = state.time;
+        entry.values.copy_from_slice(&state.values);
+        entry.signals.copy_from_slice(&state.signals);
+        entry.drift.copy_from_slice(&self.drift);
+        entry.steps = self.steps;
+        entry.corrected = false;
+        entry.correction.fill(0.0);
+        self.len += 1;
+    }
+
+    /// The entry `k` after the oldest.
+    fn entry(&self, k: usize) -> &Entry {
+        &self.entries[(self.first + k) % self.entries.len()]
+    }
+
+    /// A piece of the way: from one entry, to a later one or the state, and the share of it that leads to the state `back`
+    /// seconds ago. Before the first entry and after the state the motion goes on as it is there.
+    fn piece(&self, now: Time, back: f64) -> (usize, Option<usize>, f64) {
+        let newest = self.len - 1;
+        let age = |k: usize| now.since(self.entry(k).time);
+        // entries are in order of time: the newest that is old enough
+        let (mut low, mut high) = (0, newest);
+        while low < high {
+            let middle = (low + high).div_ceil(2);
+            if age(middle) >= back { low = middle } else { high = middle - 1 }
+        }
+        // the piece up to the state may be too short to go on from
+        if back < 0.0 && low > 0 && age(low) < 0.5 * SPACING.seconds() {
+            low -= 1;
+            return (low, None, (age(low) - back) / age(low));
+        }
+        let to = (low < newest).then_some(low + 1);
+        let length = age(low) - to.map_or(0.0, age);
+        (low, to, if length > 0.0 { (age(low) - back) / length } else { 0.0 })
+    }
+
+    /// The value of a block at an entry, as it is now thought to have been.
+    fn value(&self, block: &Block, estimated: bool, k: usize, out: &mut [f64]) {
+        out.copy_from_slice(&self.entry(k).values[block.range()]);
+        if estimated {
+            for entry in (k..self.len).map(|k| self.entry(k)).filter(|e| e.corrected) {
+                (block.operations.retract)(out, &entry.correction[block.tangent_range()]);
+            }
+        }
+    }
+
+    /// Where the state was `back` seconds ago, into `out`.
+    fn recall(&self, layout: &Layout, state: &State, back: f64, out: &mut State, from: &mut [f64]) {
+        let (k, to, share) = self.piece(state.time, back);
+        out.time = state.time - Time::from_seconds(back).unwrap_or_default();
+        out.values.copy_from_slice(&state.values);
+        out.origin.copy_from_slice(&state.origin);
+        for &Moving { slot, estimated } in &self.moving {
+            let block = &layout.blocks[slot];
+            let mut delta = [0.0; MAX_TANGENT];
+            let delta = &mut delta[..block.operations.tangent];
+            let (from, value) = (&mut from[block.range()], &mut out.values[block.range()]);
+            self.value(block, estimated, k, from);
+            if let Some(to) = to {
+                self.value(block, estimated, to, value);
+            }
+            (block.operations.local)(value, from, delta);
+            delta.iter_mut().for_each(|d| *d *= share);
+            value.copy_from_slice(from);
+            (block.operations.retract)(value, delta);
+        }
+        let (from, to) = (&self.entry(k).signals, to.map_or(&state.signals, |to| &self.entry(to).signals));
+        let signals = from.iter().zip(to).map(|(from, to)| from + share * (to - from));
+        out.signals.iter_mut().zip(signals).for_each(|(out, signal)| *out = signal);
+    }
+
+    /// Innovation, Jacobian and noise of a sample at the state's time from a sensor with that offset. `false` where it tells
+    /// of a time before the start, of which nothing is known.
+    pub(super) fn linearise(
+        &mut self,
+        model: &dyn AnyMeasurement,
+        offset: Handle<Scalar>,
+        (layout, state): (&Layout, &State),
+        sample: &Sample,
+        update: &mut Update,
+    ) -> bool {
+        let back = state.get(layout, offset);
+        let known = state.time.since(self.start);
+        if self.len == 0 || back > known || known < 0.5 * SPACING.seconds() {
+            return false;
+        }
+        let half = 0.5 * SPACING.seconds();
+        let (mut at, mut around) = (std::mem::take(&mut self.at), std::mem::take(&mut self.around));
+        let mut scratch = std::mem::take(&mut self.scratch);
+        self.recall(layout, state, back, &mut at, &mut scratch);
+        model.linearise(&At { layout, state: &at, sample }, update);
+        let column = layout.block(offset).tangent;
+        let mut change = [0.0; MAX_CHANNELS];
+        if column.is_some() {
+            self.recall(layout, state, back + half, &mut around[0], &mut scratch);
+            self.recall(layout, state, back - half, &mut around[1], &mut scratch);
+            let [from, to] = [&around[0], &around[1]].map(|state| At { layout, state, sample });
+            model.change(&from, &to, &mut change[..model.channels()]);
+        }
+        (self.at, self.around, self.scratch) = (at, around, scratch);
+        let slopes = change.map(|c| -c / SPACING.seconds());
+        self.lead_back(state.time, back, sample, column.map(|c| (c, slopes)), update);
+        true
+    }
+
+    /// Makes the Jacobian with respect to the state then one with respect to the state now and to the offset.
+    fn lead_back(
+        &mut self,
+        now: Time,
+        back: f64,
+        sample: &Sample,
+        offset: Option<(usize, [f64; MAX_CHANNELS])>,
+        update: &mut Update,
+    ) {
+        let (from, to, share) = self.piece(now, back);
+        let capacity = self.entries.len();
+        let entry = |k: usize| &self.entries[(self.first + k) % capacity];
+        let from = entry(from);
+        let (to, steps) = to.map_or((&self.drift, self.steps), |to| (&entry(to).drift, entry(to).steps));
+        let steps = self.steps - (from.steps + share * (steps - from.steps));
+        // the columns that are seen through those seen then
+        self.columns.clear();
+        self.columns.extend_from_slice(&update.columns);
+        let seen = self.places.iter().filter(|p| update.columns.contains(&p.0)).map(|p| p.1);
+        self.columns.extend(seen.chain(offset.map(|o| o.0)));
+        self.columns.sort_unstable();
+        self.columns.dedup();
+        let (w, wide) = (update.columns.len(), self.columns.len());
+        self.wide.clear();
+        let present = (0..MAX_CHANNELS).filter(|&i| sample.get(i).is_some());
+        for (a, channel) in (0..update.m).zip(present) {
+            self.row.fill(0.0);
+            let h = &update.h[a * w..][..w];
+            update.columns.iter().zip(h).for_each(|(&c, h)| self.row[c] = *h);
+            for (n, &(i, j, one)) in self.places.iter().enumerate() {
+                let Some(at) = update.columns.iter().position(|&c| c == i) else { continue };
+                let passed = self.drift[n] - (from.drift[n] + share * (to[n] - from.drift[n]));
+                self.row[j] -= h[at] * (passed - one * steps);
+            }
+            if let Some((column, slopes)) = &offset {
+                self.row[*column] = slopes[channel];
+            }
+            self.wide.extend(self.columns.iter().map(|&c| self.row[c]));
+        }
+        update.columns.clear();
+        update.columns.extend_from_slice(&self.columns);
+        update.h.clear();
+        update.h.extend_from_slice(&self.wide[..update.m * wide]);
+    }
+}
