@@ -363,8 +363,9 @@ impl Ekf {
                 Ok(())
             }
             Role::Measurement(model) => {
-                let model = Arc::clone(model);
-                self.correct(sample, model.as_ref(), observer)
+                let (model, mut sample) = (Arc::clone(model), *sample);
+                model.complete(&mut sample);
+                self.correct(&sample, model.as_ref(), observer)
             }
         }
     }
