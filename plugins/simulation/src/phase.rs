@@ -55,6 +55,8 @@ pub(crate) struct Phase {
     roll: Profile,
     pitch: Profile,
     heading: Profile,
+    /// Of the path, upwards, rad.
+    slope: Profile,
     /// The attitude, where it is constant.
     fixed: Option<Attitude>,
 }
@@ -73,6 +75,7 @@ impl Phase {
             roll: Profile::constant(pose.roll),
             pitch: Profile::constant(pose.pitch),
             heading: Profile::constant(pose.heading),
+            slope: Profile::default(),
             fixed: Some(Attitude::new(&Vector3::new(pose.roll, pose.pitch, pose.heading))),
         }
     }
@@ -86,6 +89,14 @@ impl Phase {
         self
     }
 
+    /// With a slope of the path that comes and goes, rad, which body and velocity follow.
+    pub(crate) fn sloping(mut self, angle: f64) -> Self {
+        self.slope.bump = angle;
+        self.pitch.bump = angle;
+        self.fixed = None;
+        self
+    }
+
     pub(crate) fn end_pose(&self) -> Pose {
         Pose { speed: self.speed.end(), roll: self.roll.end(), pitch: self.pitch.end(), heading: self.heading.end() }
     }
@@ -94,7 +105,19 @@ impl Phase {
     pub(crate) fn reach(&self) -> (f64, f64) {
         let duration = self.end - self.start;
         let speed = self.speed.start.abs() + self.speed.step.abs() + self.speed.bump.abs();
-        (speed * duration, self.down.bump.abs() * BUMP_MEAN * duration)
+        let climb = speed * self.slope.bump.abs().tan();
+        (speed * duration, (self.down.bump.abs() * BUMP_MEAN + climb) * duration)
+    }
+
+    /// Speed downwards and its derivative, by ballast and on a slope.
+    #[inline]
+    fn vertical(&self, shape: &Shape, speed: f64, speed_rate: f64) -> (f64, f64) {
+        let (down, rate) = (self.down.value(shape), self.down.rate(shape));
+        if self.slope.is_constant() {
+            return (down, rate);
+        }
+        let (tan, turn) = (self.slope.value(shape).tan(), self.slope.rate(shape));
+        (down - speed * tan, rate - speed_rate * tan - speed * turn * (1.0 + tan * tan))
     }
 
     /// Whether velocity and attitude are constant.
@@ -114,7 +137,8 @@ impl Phase {
         let shape = self.shape(t);
         let (sin, cos) = self.fixed.map_or_else(|| self.heading.value(&shape).sin_cos(), |a| (a.sin, a.cos));
         let speed = self.speed.value(&shape);
-        Vector3::new(speed * cos, speed * sin, self.down.value(&shape))
+        let (down, _) = self.vertical(&shape, speed, self.speed.rate(&shape));
+        Vector3::new(speed * cos, speed * sin, down)
     }
 
     /// Roll, pitch and heading (rad, the heading not wrapped), and their derivatives (rad/s).
@@ -148,13 +172,10 @@ impl Phase {
         let Attitude { sin, cos, c_b_n, .. } = attitude;
         let (speed, speed_rate) = (self.speed.value(&shape), self.speed.rate(&shape));
         let across = speed * turn;
+        let (down, down_rate) = self.vertical(&shape, speed, speed_rate);
         Motion {
-            velocity: Vector3::new(speed * cos, speed * sin, self.down.value(&shape)),
-            acceleration: Vector3::new(
-                speed_rate * cos - across * sin,
-                speed_rate * sin + across * cos,
-                self.down.rate(&shape),
-            ),
+            velocity: Vector3::new(speed * cos, speed * sin, down),
+            acceleration: Vector3::new(speed_rate * cos - across * sin, speed_rate * sin + across * cos, down_rate),
             c_b_n,
             w_nb_b,
         }

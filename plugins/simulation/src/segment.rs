@@ -58,6 +58,14 @@ pub enum SegmentConfig {
         /// The vertical speed in the middle, above zero.
         rate: Speed,
     },
+    /// Up a slope and level again, as on a road: the pitch comes and goes, and the velocity goes with it, at constant
+    /// horizontal speed.
+    Slope {
+        /// How long it takes.
+        duration: Time,
+        /// The slope in the middle: positive is up.
+        angle: Angle,
+    },
     /// A turn at constant speed; the velocity turns with the heading.
     Turn {
         /// How long it takes.
@@ -160,6 +168,7 @@ impl SegmentConfig {
             Self::Pulse { .. } => "pulse",
             Self::Descend { .. } => "descend",
             Self::Ascend { .. } => "ascend",
+            Self::Slope { .. } => "slope",
             Self::Turn { .. } => "turn",
             Self::Square { .. } => "square",
         }
@@ -174,6 +183,7 @@ impl SegmentConfig {
             | Self::Pulse { duration, .. }
             | Self::Descend { duration, .. }
             | Self::Ascend { duration, .. }
+            | Self::Slope { duration, .. }
             | Self::Turn { duration, .. }
             | Self::Square { duration, .. } => *duration,
         }
@@ -202,6 +212,7 @@ impl SegmentConfig {
             Self::Pulse { speed_change, .. } => phase.speed.bump = check.speed("speed_change", *speed_change)?,
             Self::Descend { rate, .. } => phase.down.bump = check.rate(*rate)?,
             Self::Ascend { rate, .. } => phase.down.bump = -check.rate(*rate)?,
+            Self::Slope { angle, .. } => phase = phase.sloping(check.angle("angle", *angle, MAX_TILT)?),
             Self::Turn { angle, bank, pitch, .. } => {
                 let angle = check.angle("angle", *angle, MAX_TURN)?;
                 let (bank, pitch) = check.tilt(*bank, *pitch)?;

@@ -105,6 +105,27 @@ fn angular_rate_is_the_derivative_of_attitude() {
     }
 }
 
+#[test]
+fn on_a_slope_the_velocity_is_along_the_body_and_its_derivative_is_the_acceleration() {
+    let start = json!({ "heading": "40 deg", "speed": "20 m/s" });
+    let t = trajectory(start, json!([{ "type": "slope", "duration": "60 s", "angle": "6 deg" }])).unwrap();
+    let (mut a, mut b, mut c) = (t.cursor(), t.cursor(), t.cursor());
+    let d = 0.01;
+    for time in (1..60).map(f64::from) {
+        let (before, here, after) = (a.at(time - d), b.at(time), c.at(time + d));
+        let along = here.c_b_n.inverse() * here.velocity;
+        assert!(along.y.abs() < 1e-13 && along.z.abs() < 1e-13, "{time}: {along}");
+        assert!((here.velocity.xy().norm() - 20.0).abs() < 1e-13, "the horizontal speed stays");
+        // v''' d^2 / 6 with v''' < 20 m/s * 0.105 * 64 * 72 / T^3 = 0.045 m/s^4: 7.5e-7 m/s^2
+        let acceleration = (after.velocity - before.velocity) / (2.0 * d);
+        assert!((acceleration - here.acceleration).amax() < 8e-7, "{time}");
+    }
+    let (middle, end) = (t.cursor().at(30.0), c.at(60.0));
+    assert!((middle.euler.y - 6_f64.to_radians()).abs() < 1e-15 && end.euler.y == 0.0);
+    // the mean of tan(6 deg B(x)) is 0.10472 * 16/35, and of its cube / 3 less than 0.0004: 57.4 to 57.9 m in 1200 m
+    assert!((57.4..57.9).contains(&end.position.height), "{}", end.position.height);
+}
+
 /// Position and attitude in inertial axes that coincided with those of the Earth at the start.
 fn inertial(k: &Kinematics) -> (Vector3<f64>, UnitQuaternion<f64>) {
     let p = k.position;
