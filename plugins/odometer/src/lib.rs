@@ -1,0 +1,129 @@
+//! Odometer of a wheeled vehicle: the speed of a wheel along the vehicle's axis, and the non-holonomic constraint, that the
+//! wheel neither slides sideways nor leaves the ground (Wu, Wu, Hu & Hu 2009; Dissanayake et al. 2001).
+//!
+//! `z = diag(k, 1, 1) C_b^v (C_n^b v^n + w_eb^b x l)` with `z = [speed, 0, 0]` of a real wheel.
+
+use navfuse_core::Real;
+use navfuse_core::calibration::{Calibration, LeverArm, ScaleFactor, display};
+use navfuse_core::compose::{ComposeError, Composer, Role};
+use navfuse_core::manifold::{Scalar, Vector};
+use navfuse_core::measurement::MeasurementModel;
+use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
+use navfuse_core::registry::{Plugin, Registry, SensorType};
+use navfuse_core::sample::{Channel, Sample};
+use navfuse_core::state::{Display, Handle, View};
+use navfuse_core::units::{Angle, AngularRateNoise, Sigma, Speed};
+use navfuse_ins::Navigation;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Odometer of a wheeled vehicle: speed of a wheel, which neither slides nor jumps. A recording needs the speed alone: the
+/// sideways and vertical speeds are then taken as zero, each with its own sigma.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Odometer {
+    /// 1-sigma noise of one speed.
+    pub noise: Sigma<Speed>,
+    /// 1-sigma of the sideways speed of the wheel: how far the constraint holds.
+    pub lateral_noise: Sigma<Speed>,
+    /// 1-sigma of the speed of the wheel across the road: suspension and bumps.
+    pub vertical_noise: Sigma<Speed>,
+    /// Scale factor k: the output is k times the speed. Without it k = 1.
+    #[serde(default)]
+    pub scale: ScaleFactor,
+    /// Pitch of the vehicle's axis against the IMU: C_b^v = R_y(pitch) R_z(yaw). Without it zero. There is no roll: about the
+    /// axis of motion it changes nothing.
+    #[serde(default)]
+    pub pitch: Calibration<Angle, AngularRateNoise>,
+    /// Yaw of the vehicle's axis against the IMU. Without it zero.
+    #[serde(default)]
+    pub yaw: Calibration<Angle, AngularRateNoise>,
+    /// Where the wheel is, from the IMU, in body axes: for the constraint to hold in turns, on the axle that is not steered.
+    /// Without it at the IMU.
+    #[serde(default)]
+    pub lever_arm: LeverArm,
+    /// The process whose motion it measures.
+    #[serde(default = "ins")]
+    pub navigation: String,
+}
+
+fn ins() -> String {
+    "ins".into()
+}
+
+const PITCH: Display = Display { components: &["pitch"], ..display::ANGLES };
+const YAW: Display = Display { components: &["yaw"], ..display::ANGLES };
+const LATERAL: usize = 1;
+const VERTICAL: usize = 2;
+
+impl SensorType for Odometer {
+    const TYPE: &'static str = "odometer";
+
+    fn channels(&self) -> Vec<Channel> {
+        ["speed", "lateral", "vertical"].map(|name| Channel::new(name, "mps")).to_vec()
+    }
+
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        Ok(Role::measurement(OdometerModel {
+            navigation: Navigation::find(composer, "navigation", &self.navigation)?,
+            scale: self.scale.block(composer, "scale", &[1.0], display::RATIO)?,
+            pitch: self.pitch.block(composer, "pitch", &[0.0], PITCH)?,
+            yaw: self.yaw.block(composer, "yaw", &[0.0], YAW)?,
+            lever_arm: self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
+            sigma: Vector3::new(
+                self.noise.value().si(),
+                self.lateral_noise.value().si(),
+                self.vertical_noise.value().si(),
+            ),
+        }))
+    }
+}
+
+/// The measurement model of an [`Odometer`].
+#[derive(Clone, Debug)]
+pub struct OdometerModel {
+    navigation: Navigation,
+    scale: Handle<Scalar>,
+    pitch: Handle<Scalar>,
+    yaw: Handle<Scalar>,
+    lever_arm: Handle<Vector<3>>,
+    sigma: Vector3<f64>,
+}
+
+impl MeasurementModel<3> for OdometerModel {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
+        let v = self.navigation.velocity_at(x, &x.get(self.lever_arm));
+        let (sin_pitch, cos_pitch) = x.get(self.pitch).sin_cos();
+        let (sin_yaw, cos_yaw) = x.get(self.yaw).sin_cos();
+        let along = cos_yaw * v.x + sin_yaw * v.y;
+        let forward = cos_pitch * along - sin_pitch * v.z;
+        let lateral = cos_yaw * v.y - sin_yaw * v.x;
+        let vertical = sin_pitch * along + cos_pitch * v.z;
+        SVector::from([x.get(self.scale) * forward, lateral, vertical])
+    }
+
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
+        SMatrix::from_diagonal(&self.sigma.map(|s| s * s))
+    }
+
+    /// The constraint: what no odometer measures is zero.
+    fn complete(&self, sample: &mut Sample) {
+        if sample.get(0).is_some() {
+            for channel in [LATERAL, VERTICAL] {
+                if sample.get(channel).is_none() {
+                    sample.set(channel, 0.0);
+                }
+            }
+        }
+    }
+}
+
+/// Registers the sensor type `odometer`.
+#[derive(Clone, Copy, Debug)]
+pub struct OdometerPlugin;
+
+impl Plugin for OdometerPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.sensor::<Odometer>();
+    }
+}
