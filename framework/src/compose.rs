@@ -219,6 +219,11 @@ impl Composer {
         Ok(Handle { slot, manifold: PhantomData })
     }
 
+    /// The full names of the states so far, such as `ins.velocity`.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.layout.blocks.iter().map(|b| b.name.as_str())
+    }
+
     /// Says that a vector in the axes to which `rotation` maps was found by integrating in the other ones, so that an error
     /// of the attitude turns it along: see Barrau & Bonnabel (2017) on invariant errors.
     pub fn turns_with<M: Manifold>(&mut self, vector: Handle<M>, rotation: Handle<Rotation>, about: About) {

@@ -36,8 +36,9 @@ mod repeat;
 mod transition;
 
 use lab::Lab;
-use navfuse_core::registry::Plugin;
+use navfuse_core::registry::{Plugin, Registry, SensorType};
 use std::fmt;
+use std::marker::PhantomData;
 
 /// Checks every sensor and process type that the plugins register and the scenario (TOML) uses.
 ///
@@ -47,6 +48,20 @@ pub fn check(plugins: &[&dyn Plugin], scenario: &str) -> Result<(), Failed> {
     let report = report(plugins, scenario);
     println!("{report}"); // shown by `cargo test -- --nocapture`
     if report.findings.iter().any(|f| f.outcome.is_err()) { Err(Failed(report)) } else { Ok(()) }
+}
+
+/// [`check`] of one sensor type that is in no plugin: of a program that registers it by itself.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_sensor<S: SensorType>(scenario: &str) -> Result<(), Failed> {
+    struct Only<S>(PhantomData<S>);
+    impl<S: SensorType> Plugin for Only<S> {
+        fn build(&self, registry: &mut Registry) {
+            registry.sensor::<S>();
+        }
+    }
+    check(&[&Only::<S>(PhantomData)], scenario)
 }
 
 /// As [`check`], with what passed.

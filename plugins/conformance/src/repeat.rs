@@ -167,7 +167,9 @@ fn partial(lab: &Lab<'_>, mut ekf: Ekf, samples: &[Sample], channel: usize) -> R
     let Role::Measurement(model) = &lab.composition.sensors[sample.sensor.0].role else { return Ok(()) };
     let mut part = sample;
     part.clear(channel);
-    let left = (0..model.channels()).filter(|&i| part.get(i).is_some()).count();
+    let mut completed = part;
+    model.complete(&mut completed);
+    let left = (0..model.channels()).filter(|&i| completed.get(i).is_some()).count();
     if left == 0 || part.present() == sample.present() {
         return Ok(());
     }

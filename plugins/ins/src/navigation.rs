@@ -42,6 +42,15 @@ impl Navigation {
         })
     }
 
+    /// The navigation state of the scenario's strapdown process: there is one, whatever its name.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn only(composer: &Composer) -> Result<Self, ComposeError> {
+        let owner = composer.names().find_map(|name| name.strip_suffix(".attitude")).unwrap_or("ins").to_owned();
+        Self::find(composer, "", &owner)
+    }
+
     /// Angular rate of the body with respect to the Earth in body axes, rad/s: `w_ib^b - b_g - C_n^b w_ie^n`.
     pub fn angular_rate<T: Real>(&self, x: &View<'_, T>) -> Vector3<T> {
         let measured = Vector3::from(x.signal(self.angular_rate)).map(nalgebra::convert::<f64, T>);
