@@ -32,6 +32,7 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_ins::InsPlugin)
         .add(&navfuse_dvl::DvlPlugin)
         .add(&navfuse_depth::DepthPlugin)
+        .add(&navfuse_laser_doppler::LaserDopplerPlugin)
         .add(&navfuse_gnss::GnssPlugin)
         .add(&navfuse_odometer::OdometerPlugin)
         .add(&navfuse_simulation::SimulationPlugin)

@@ -1,0 +1,190 @@
+//! Laser Doppler velocimeter: the velocity over the ground along one to four laser beams, with the scale factor,
+//! misalignment and lever arm that are calibrated in situ.
+//!
+//! `z_i = k u_i · C_b^d (C_n^b v^n + w_eb^b x l)`: Pan & Wu eq. (7), seen along the beams `u_i`. A velocity towards the
+//! ground spot is positive.
+
+mod beam;
+
+pub use beam::{Beam, PerBeam};
+
+use navfuse_core::Real;
+use navfuse_core::calibration::{LeverArm, Misalignment, ScaleFactor, display};
+use navfuse_core::compose::{ComposeError, Composer, Role};
+use navfuse_core::manifold::{Rotation, Scalar, Vector};
+use navfuse_core::measurement::MeasurementModel;
+use navfuse_core::nalgebra::{SMatrix, SVector, Vector3, convert};
+use navfuse_core::registry::{Plugin, Registry, SensorType};
+use navfuse_core::sample::{Channel, Sample};
+use navfuse_core::simulate::Scene;
+use navfuse_core::state::{Handle, View};
+use navfuse_core::units::{Positive, Ratio, Sigma, Speed};
+use navfuse_ins::Navigation;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Laser Doppler velocimeter: the velocity over the ground along each of its beams.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LaserDoppler {
+    /// One to four directions in which the beams leave the instrument, [forward, right, down] of any length, or
+    /// { azimuth, elevation }, the elevation negative towards the ground. A velocity along the beam is positive.
+    pub beams: Vec<Beam>,
+    /// 1-sigma noise of one sample, one value or one a beam.
+    pub noise: PerBeam<Sigma<Speed>>,
+    /// Scale factor k: the output is k times the velocity. Without it k = 1.
+    #[serde(default)]
+    pub scale: ScaleFactor,
+    /// Roll, pitch and yaw of the instrument: C_d^b = R_x(roll) R_y(pitch) R_z(yaw). Without it they are zero.
+    #[serde(default)]
+    pub misalignment: Misalignment,
+    /// Where the instrument is, from the IMU, in body axes. Without it at the IMU.
+    #[serde(default)]
+    pub lever_arm: LeverArm,
+    /// The process whose motion it measures.
+    #[serde(default = "ins")]
+    pub navigation: String,
+    /// Simulation: the probability that a beam finds no echo, one value or one a beam; each beam by itself.
+    #[serde(default = "none_lost")]
+    pub beam_dropout: PerBeam<Sigma<Ratio>>,
+    /// Simulation: the lowest speed along a beam that it can read, of either sign. Below it the beam is lost.
+    #[serde(default = "no_speed")]
+    pub min_speed: Sigma<Speed>,
+    /// Simulation: the highest speed along a beam that it can read, of either sign. Above it the beam is lost.
+    pub max_speed: Option<Positive<Speed>>,
+}
+
+fn ins() -> String {
+    "ins".into()
+}
+fn none_lost() -> PerBeam<Sigma<Ratio>> {
+    PerBeam::all(Sigma::from_si(0.0))
+}
+fn no_speed() -> Sigma<Speed> {
+    Sigma::from_si(0.0)
+}
+
+/// Beams closer than this, rad, are the same: what they tell apart is below a thousandth of a percent of the velocity.
+const SAME: f64 = 1e-5;
+
+impl SensorType for LaserDoppler {
+    const TYPE: &'static str = "laser-doppler";
+
+    fn channels(&self) -> Vec<Channel> {
+        ["beam_1", "beam_2", "beam_3", "beam_4"]
+            .map(|name| Channel::new(name, "mps"))
+            .into_iter()
+            .take(self.beams.len())
+            .collect()
+    }
+
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        match self.beams.len() {
+            1 => self.role::<1>(composer),
+            2 => self.role::<2>(composer),
+            3 => self.role::<3>(composer),
+            4 => self.role::<4>(composer),
+            n => Err(ComposeError::new("beams", format!("{n} beams; give one to four"))),
+        }
+    }
+}
+
+impl LaserDoppler {
+    fn role<const N: usize>(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let beams: [Vector3<f64>; N] = std::array::from_fn(|i| self.beams[i].direction());
+        let pairs = (0..N).flat_map(|i| (0..i).map(move |j| (j, i)));
+        if let Some((j, i)) = pairs.into_iter().find(|&(j, i)| beams[i].cross(&beams[j]).norm() < SAME) {
+            let message = format!(
+                "beams {} and {} are on one line and read the same; remove one (two instruments are two sensors)",
+                j + 1,
+                i + 1
+            );
+            return Err(ComposeError::new("beams", message));
+        }
+        let count =
+            |key: &str, n: usize| ComposeError::new(key, format!("{n} values for {N} beams; give one, or one a beam"));
+        let sigma = self.noise.values::<N>().map_err(|n| count("noise", n))?.map(|s| s.si());
+        let dropout = self.beam_dropout.values::<N>().map_err(|n| count("beam_dropout", n))?.map(|p| p.si());
+        if let Some(p) = dropout.iter().find(|p| **p > 1.0) {
+            return Err(ComposeError::new("beam_dropout", format!("a probability is at most 1, found {p}")));
+        }
+        let (min, max) = (self.min_speed.si(), self.max_speed.map_or(f64::INFINITY, |s| s.si()));
+        if min >= max {
+            return Err(ComposeError::new("max_speed", format!("{max} m/s is not above min_speed, {min} m/s")));
+        }
+        let model = LaserDopplerModel {
+            navigation: Navigation::find(composer, "navigation", &self.navigation)?,
+            scale: self.scale.block(composer, "scale", &[1.0], display::RATIO)?,
+            c_b_d: self.misalignment.block(composer, "misalignment", &[0.0; 3], display::ANGLES)?,
+            lever_arm: self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
+            beams,
+            sigma,
+            dropout,
+            readable: min..=max,
+        };
+        if N == 1 {
+            let [x, y, z] = <[f64; 3]>::from(beams[0]).map(|c| format!("{c:.3}"));
+            if composer.tangent(model.c_b_d).is_some() {
+                let text = format!(
+                    "one beam does not see a rotation about itself: about [{x}, {y}, {z}] in the instrument's axes the \
+                     misalignment stays as uncertain as its prior, whatever the motion"
+                );
+                composer.note(text);
+            }
+            if composer.tangent(model.lever_arm).is_some() {
+                composer.note(
+                    "one beam does not see a lever arm along itself: that part of it stays as uncertain as its prior",
+                );
+            }
+        }
+        Ok(Role::measurement(model))
+    }
+}
+
+/// The measurement model of a [`LaserDoppler`] of `N` beams.
+#[derive(Clone, Debug)]
+pub struct LaserDopplerModel<const N: usize> {
+    navigation: Navigation,
+    scale: Handle<Scalar>,
+    c_b_d: Handle<Rotation>,
+    lever_arm: Handle<Vector<3>>,
+    /// Unit vectors in the instrument's axes.
+    beams: [Vector3<f64>; N],
+    sigma: [f64; N],
+    dropout: [f64; N],
+    /// Speeds along a beam, m/s, that it can read.
+    readable: std::ops::RangeInclusive<f64>,
+}
+
+impl<const N: usize> MeasurementModel<N> for LaserDopplerModel<N> {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, N> {
+        let v_d = x.get(self.c_b_d) * self.navigation.velocity_at(x, &x.get(self.lever_arm)) * x.get(self.scale);
+        SVector::from(self.beams.map(|u| u.map(convert::<f64, T>).dot(&v_d)))
+    }
+
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, N, N> {
+        SMatrix::from_diagonal(&SVector::from(self.sigma.map(|s| s * s)))
+    }
+
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        scene.measure(self, sample);
+        // by the true speed: a beam that is kept or lost by what it reads would keep more of one sign of its noise
+        let truth = self.predict(&View::new(scene.layout, scene.truth));
+        for i in 0..N {
+            let lost = scene.random.uniform() < self.dropout[i];
+            if lost || !self.readable.contains(&truth[i].abs()) {
+                sample.clear(i);
+            }
+        }
+    }
+}
+
+/// Registers the sensor type `laser-doppler`.
+#[derive(Clone, Copy, Debug)]
+pub struct LaserDopplerPlugin;
+
+impl Plugin for LaserDopplerPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.sensor::<LaserDoppler>();
+    }
+}
