@@ -46,6 +46,8 @@ pub enum Command {
     Sweep(Sweep),
     /// Join the parts of a campaign that ran with --shard
     Merge(Merge),
+    /// Write a crate with a sensor of your own, which builds and runs at once
+    NewPlugin(NewPlugin),
 }
 
 /// Arguments of `run`.
@@ -122,7 +124,7 @@ pub struct Live {
 #[command(after_help = "\
 Examples:
   navfuse monte-carlo scenarios/pan-wu-3d.toml
-  navfuse monte-carlo scenarios/pan-wu-3d.toml --runs 1000 --every \"10 s\"
+  navfuse monte-carlo scenarios/pan-wu-3d.toml --runs 1000 --every \"10 s\" --from \"700 s\"
   navfuse monte-carlo scenarios/pan-wu-3d.toml --set sensor.imu.simulation.noise=2     is a wrong sigma noticed?
   navfuse monte-carlo scenarios/pan-wu-3d.toml --shard 3/7 --out parts/3               one job of an array; then `merge`
 
@@ -148,7 +150,7 @@ pub struct MonteCarlo {
 }
 
 /// What is drawn for each run.
-#[derive(Clone, Copy, Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Draws {
     /// Seed of the campaign; run r has the seed 1000000 times that, plus r [default: that of the scenario]
     #[arg(long)]
@@ -156,6 +158,9 @@ pub struct Draws {
     /// What is drawn beside the noise
     #[arg(long, value_enum, default_value_t = Start::Drawn)]
     pub start: Start,
+    /// Judge errors and sigmas from this time on: what comes before is recorded, but is no part of the verdict
+    #[arg(long, value_name = "TIME")]
+    pub from: Option<String>,
 }
 
 /// What is drawn beside the noise.
@@ -260,6 +265,23 @@ pub struct CampaignOptions {
     /// Write nothing
     #[arg(long, conflicts_with_all = ["out", "shard"])]
     pub no_output: bool,
+}
+
+/// Arguments of `new-plugin`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  navfuse new-plugin my-sensor
+  navfuse new-plugin my-sensor --path ../sensors/mine --navfuse ~/navfuse")]
+pub struct NewPlugin {
+    /// Name of the crate and of its sensor type: small letters, digits, - and _
+    pub name: String,
+    /// Folder to write it to [default: ./NAME]
+    #[arg(long, value_name = "DIR")]
+    pub path: Option<PathBuf>,
+    /// Folder of navfuse's source [default: that of which this program was built; where it is gone, its version]
+    #[arg(long, value_name = "PATH")]
+    pub navfuse: Option<PathBuf>,
 }
 
 /// Arguments of `check`.

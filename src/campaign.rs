@@ -33,7 +33,7 @@ pub fn monte_carlo(registry: &Registry, arguments: &MonteCarlo) -> Result<ExitCo
     if arguments.runs == 0 {
         return Err("--runs 0: give at least one run; `navfuse bound` needs none".into());
     }
-    let options = drawn(arguments.runs, arguments.draws, &[])?;
+    let options = drawn(arguments.runs, &arguments.draws, &[])?;
     let scenario = &arguments.scenario.display().to_string();
     let kind = Kind { name: "monte-carlo", shown: Shown::Consistency, scenario };
     go(registry, &arguments.scenario, &arguments.options, options, &kind)
@@ -48,19 +48,20 @@ pub fn bound(registry: &Registry, arguments: &Bound) -> Result<ExitCode> {
 
 /// `navfuse sweep`
 pub fn sweep(registry: &Registry, arguments: &Sweep) -> Result<ExitCode> {
-    let options = drawn(arguments.runs, arguments.draws, &arguments.vary)?;
+    let options = drawn(arguments.runs, &arguments.draws, &arguments.vary)?;
     let scenario = &arguments.scenario.display().to_string();
     let kind = Kind { name: "sweep", shown: Shown::Grid(&arguments.show), scenario };
     go(registry, &arguments.scenario, &arguments.options, options, &kind)
 }
 
-fn drawn(runs: usize, draws: Draws, vary: &[String]) -> Result<Options> {
+fn drawn(runs: usize, draws: &Draws, vary: &[String]) -> Result<Options> {
     let start = match draws.start {
         Start::Drawn => navfuse_campaign::Start::Drawn,
         Start::Given => navfuse_campaign::Start::Given,
     };
     let vary = vary.iter().map(|v| variation(v)).collect::<std::result::Result<_, _>>()?;
-    Ok(Options { runs, seed: draws.seed, start, vary, every: None })
+    let from = draws.from.as_deref().map(|text| seconds("--from", text)).transpose()?;
+    Ok(Options { runs, seed: draws.seed, start, vary, every: None, from })
 }
 
 fn go(
@@ -75,7 +76,7 @@ fn go(
     }
     let mut document = Document::from_file(path)?;
     settings.set.iter().try_for_each(|s| document.set(s))?;
-    options.every = settings.every.as_deref().map(seconds).transpose()?;
+    options.every = settings.every.as_deref().map(|text| seconds("--every", text)).transpose()?;
     let plan = Plan::new(registry, &document, &options)?;
     kind.shown.check(&plan)?;
     let out = (!settings.no_output).then(|| {
@@ -182,7 +183,7 @@ fn report(plan: &Plan, results: &Results, kind: &Kind<'_>, out: Option<&Path>, t
 }
 
 /// A time with its unit, in seconds.
-fn seconds(text: &str) -> Result<f64> {
+fn seconds(option: &str, text: &str) -> Result<f64> {
     let deserializer = IntoDeserializer::<ValueError>::into_deserializer(text);
-    Ok(Duration::deserialize(deserializer).map_err(|e| format!("--every {text:?}: {e}"))?.si())
+    Ok(Duration::deserialize(deserializer).map_err(|e| format!("{option} {text:?}: {e}"))?.si())
 }

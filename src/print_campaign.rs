@@ -140,7 +140,9 @@ fn consistency(plan: &Plan, point: &PointReport) {
         line(format_args!("{rows}\n"));
     }
     if let Some(verdict) = &point.verdict {
-        line(format_args!("verdict: {}", if verdict.consistent { "consistent" } else { "INCONSISTENT" }));
+        let from = plan.from.map_or_else(String::new, |t| format!(" from {t} s on"));
+        let word = if verdict.consistent { "consistent" } else { "INCONSISTENT" };
+        line(format_args!("verdict{from}: {word}"));
         verdict.findings.iter().for_each(|f| line(format_args!("  {}", f.text)));
     }
 }

@@ -6,6 +6,7 @@ mod common;
 
 mod again;
 mod bad_input;
+mod from;
 mod interrupted;
 mod json;
 mod readers;

@@ -94,7 +94,7 @@ impl Folder {
                 runs = Some(TableWriter::create(&path.join(RUNS), &run_names(&plan.columns))?);
             }
         }
-        let points = vec![PointStatistics::new(); plan.points.len()];
+        let points = vec![PointStatistics::new(plan.from); plan.points.len()];
         Ok(Self { path: path.map(Into::into), plan: plan.clone(), shard, runs, points, failures: Vec::new() })
     }
 

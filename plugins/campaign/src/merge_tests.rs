@@ -17,6 +17,7 @@ fn plan() -> Plan {
         runs: RUNS_ASKED,
         seed: 2,
         every: 1,
+        from: None,
         start: Start::Drawn,
         columns: Columns {
             components: vec![component],

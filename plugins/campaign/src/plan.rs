@@ -35,6 +35,8 @@ pub struct Options {
     pub seed: Option<u64>,
     /// Interval of the epochs that are kept, s; about 300 a run where there is none.
     pub every: Option<f64>,
+    /// The time from which errors and sigmas are judged, s; the start where there is none.
+    pub from: Option<f64>,
     /// What is drawn.
     pub start: Start,
     /// The grid: each key with its values, see [`variation`].
@@ -101,6 +103,8 @@ pub struct Plan {
     pub seed: u64,
     /// Interval of the epochs that are kept, ns.
     pub every: i64,
+    /// The time from which errors and sigmas are judged, s.
+    pub from: Option<f64>,
     /// What is drawn.
     pub start: Start,
     /// What is compared.
@@ -137,12 +141,14 @@ impl Plan {
             runs: options.runs,
             seed,
             every: 1,
+            from: None,
             start: options.start,
             columns: Columns::default(),
             overrides: document.overrides().to_vec(),
             text: document.to_toml(),
         };
-        let mut longest = 0.0_f64;
+        plan.from = options.from;
+        let (mut longest, mut last) = (0.0_f64, None);
         for point in 0..plan.points.len() {
             let scenario = plan.scenario(registry, document, Job { point, run: 1 })?;
             if !scenario.simulates().map_err(BuildError::from)? {
@@ -157,11 +163,15 @@ impl Plan {
             let end = assembly.sources.iter().filter_map(|(_, s)| s.end()).max();
             let end = [end, estimator.stop()].into_iter().flatten().min();
             longest = longest.max(end.map_or(0.0, |end| end.since(estimator.start().max(Time::default()))));
+            last = last.max(end);
         }
         if plan.columns.known() == 0 {
             return Err(CampaignError::other(
                 "no error can be computed: simulate a reference, [sensor.reference.simulation], which tells the truth",
             ));
+        }
+        if let Some((from, end)) = plan.from.zip(last).filter(|(from, end)| *from > end.seconds()) {
+            return Err(CampaignError::other(format!("--from {from} s: the runs end at {end}")));
         }
         plan.every = match options.every {
             Some(every) if !(every > 0.0 && every < 1e9) => {
@@ -225,6 +235,7 @@ impl Plan {
                 ("--runs", plan.runs.to_string()),
                 ("--seed", plan.seed.to_string()),
                 ("--every", format!("{} s", Time::from_nanos(plan.every).seconds())),
+                ("--from", format!("{:?}", plan.from)),
                 ("--start", format!("{:?}", plan.start).to_lowercase()),
             ]
         };
@@ -328,6 +339,7 @@ mod tests {
             runs: 5,
             seed: 1,
             every: 1,
+            from: None,
             start: Start::Drawn,
             columns: Columns::default(),
             overrides: vec!["sensor.dvl.noise=5 mm/s".into()],

@@ -196,7 +196,7 @@ impl Anees {
         };
         let band = |runs: usize| anees_band(dimension, runs, ALPHA);
         let last = point.epochs().next_back().and_then(|(_, e)| e.anees(of));
-        let over_time = point.epochs().filter_map(|(_, e)| e.anees(of));
+        let over_time = point.judged().filter_map(|e| e.anees(of));
         let (mut count, mut inside, mut known) = (0, 0, None);
         for (value, runs) in over_time {
             // the number of runs hardly changes, and a band is not cheap

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 /// The sums of one point; records are added in order, so that every sum is the same however they were made.
 #[derive(Clone, Debug)]
 pub struct PointStatistics {
+    from: f64,
     /// Runs that went to their end.
     pub runs: usize,
     /// Runs that ended early: number and reason.
@@ -66,9 +67,16 @@ impl NisSums {
 }
 
 impl PointStatistics {
-    /// No runs yet.
-    pub fn new() -> Self {
-        Self { runs: 0, failures: Vec::new(), worst: None, bound: None, epochs: BTreeMap::new() }
+    /// No runs yet; they are judged from that time on, s.
+    pub fn new(from: Option<f64>) -> Self {
+        Self {
+            from: from.unwrap_or(f64::NEG_INFINITY),
+            runs: 0,
+            failures: Vec::new(),
+            worst: None,
+            bound: None,
+            epochs: BTreeMap::new(),
+        }
     }
 
     /// Adds a run. One that failed counts as far as it went.
@@ -96,19 +104,18 @@ impl PointStatistics {
         self.epochs.iter().map(|(number, epoch)| (*number, epoch))
     }
 
-    /// The NIS of a sensor over all epochs.
+    /// The epochs that are judged.
+    pub fn judged(&self) -> impl DoubleEndedIterator<Item = &EpochStatistics> {
+        self.epochs.values().filter(|e| e.time >= self.from)
+    }
+
+    /// The NIS of a sensor over all epochs that are judged.
     pub fn nis(&self, sensor: usize) -> NisSums {
         let mut sums = [0.0; SENSOR.len()];
-        for epoch in self.epochs.values() {
+        for epoch in self.judged() {
             sums.iter_mut().zip(epoch.sensors[sensor]).for_each(|(s, x)| *s += x);
         }
         NisSums::new(sums)
-    }
-}
-
-impl Default for PointStatistics {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

@@ -101,19 +101,18 @@ impl Test {
 
     /// What is found of it: when it left the wide band for the first time, and where it ends.
     fn find(self, columns: &Columns, point: &PointStatistics, tests: usize) -> Option<Finding> {
-        let count = point.epochs().count().max(1);
+        let count = point.judged().count().max(1);
         let (once, often) = (0.5 * FALSE_ALARM / tests as f64, 0.5 * FALSE_ALARM / (tests * count) as f64);
         let at = |epoch: &EpochStatistics| match self {
             Self::Nees(of) => epoch.anees(of).map(|mean| nees(columns, of, mean)),
             Self::Nis(sensor) => nis(&epoch.nis(sensor)),
         };
         let whole = match self {
-            Self::Nees(_) => point.epochs().next_back().and_then(|(_, last)| at(last)),
+            Self::Nees(_) => point.judged().next_back().and_then(at),
             Self::Nis(sensor) => nis(&point.nis(sensor)),
         };
         let whole = whole.filter(|seen| seen.outside(once));
-        let since =
-            point.epochs().find_map(|(_, e)| at(e).filter(|seen| seen.outside(often)).map(|seen| (e.time, seen)));
+        let since = point.judged().find_map(|e| at(e).filter(|seen| seen.outside(often)).map(|seen| (e.time, seen)));
         let left = since.as_ref().map(|(time, _)| *time);
         let name = self.name(columns);
         let end = if matches!(self, Self::Nees(_)) { "at the end" } else { "over all samples" };

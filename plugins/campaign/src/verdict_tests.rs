@@ -29,7 +29,7 @@ fn chi_square(random: &mut Random, freedom: usize) -> f64 {
 fn campaign(number: u64, runs: usize, epochs: i64, wrong: (usize, f64)) -> Verdict {
     let columns = columns();
     let mut random = Random::new(number, "verdict");
-    let mut point = PointStatistics::new();
+    let mut point = PointStatistics::new(None);
     for run in 1..=runs {
         let row = |epoch| {
             let mut nees = BLOCKS.map(|(_, dimension)| chi_square(&mut random, dimension));
@@ -90,7 +90,7 @@ fn errors_that_are_too_small_are_found_too_and_by_how_much() {
 #[test]
 fn a_run_that_ended_early_is_the_first_finding() {
     let columns = columns();
-    let mut point = PointStatistics::new();
+    let mut point = PointStatistics::new(None);
     let failure = Some("at 3 s: the covariance lost its sense".to_owned());
     point.add(&columns, &RunRecord { point: 0, run: 7, seed: 7, rows: Vec::new(), failure });
     let v = verdict(&columns, &point);
