@@ -49,7 +49,7 @@ pub struct DvlBeams {
     /// the transducer. A sample without that channel is taken as if both were the same.
     pub assumed_sound_speed: Option<Positive<Speed>>,
     /// How the beams are made: `piston` (default) or `phased`, whose horizontal velocity is independent of the speed of
-    /// sound.
+    /// sound. The beams of a phased array are given as they are at the assumed speed of sound.
     pub array: Option<Array>,
     /// Simulation: the true speed of sound. Without it the assumed one.
     pub simulated_sound_speed: Option<Positive<Speed>>,

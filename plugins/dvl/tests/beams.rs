@@ -249,6 +249,19 @@ fn a_wrong_speed_of_sound_scales_a_piston_and_leaves_the_horizontal_of_a_phased_
         let horizontal = (solve * phased - v).xy();
         assert!(horizontal.amax() < 1e-14, "{c}: {horizontal}");
     }
+    // Pathfinder DVL Guide (2018), page 127: sin(slant) is c / (2 x 1536 m/s); set to 1500 m/s in water of 1450 m/s, the
+    // vertical velocity is to be multiplied by 0.9569
+    let slant = format!("sensor.dvl.slant=\"{} rad\"", (1500.0_f64 / 3072.0).asin());
+    let sound = [assumed, "sensor.dvl.array=\"phased\"", &slant, aligned[0], aligned[1], aligned[2]];
+    let composition = compose(SCENARIO, &sound);
+    let mut state = composition.layout.initial_state();
+    set(&composition, &mut state, "ins.velocity", &[0.0, 0.0, 1.0]);
+    let mut sample = no_sample();
+    let mut vertical = |c| {
+        sample.set(4, c);
+        predict(&composition, "dvl", &state, &sample)[0]
+    };
+    assert!((vertical(1500.0) / vertical(1450.0) - 0.9569).abs() < 0.00005);
     // a sample without the speed of sound is taken as it is
     assert!((of("sensor.dvl.array=\"piston\"", None) - b * v).amax() < 1e-14);
 }

@@ -86,3 +86,50 @@ fn the_same_samples_without_a_current_are_tens_of_metres_off_and_the_sigma_does_
     // 14 cm/s for 600 s are 85 m
     assert!(back.error > 50.0 && back.sigma < 10.0, "{back:?}");
 }
+
+#[test]
+fn beams_water_track_and_current_conform() {
+    let text = r#"
+        [process.ins]
+        attitude = { sigma = ["0.02 deg", "0.02 deg", "0.2 deg"] }
+        velocity = { sigma = "1 cm/s" }
+        position = { sigma = "1 m" }
+        gyro_bias = { sigma = "1 deg/h" }
+        accel_bias = { sigma = "100 ug" }
+        [process.water]
+        type = "water-current"
+        current = { sigma = ["20 cm/s", "20 cm/s", "2 cm/s"], correlation_time = "10 min" }
+        [sensor.imu]
+        gyro_noise = "0.1 deg/h/sqrt(Hz)"
+        accel_noise = "10 ug/sqrt(Hz)"
+        simulation = { rate = "50 Hz" }
+        [sensor.bottom]
+        type = "dvl-beams"
+        noise = "1 cm/s"
+        scale = { sigma = "1 %" }
+        misalignment = { sigma = "0.5 deg" }
+        lever_arm = ["0.3 m", "0 m", "0.2 m"]
+        simulation = { rate = "2 Hz" }
+        [sensor.water-track]
+        type = "dvl"
+        track = "water"
+        current = "water"
+        noise = "3 cm/s"
+        simulation = { rate = "2 Hz" }
+        [sensor.reference]
+        simulation = { rate = "1 Hz" }
+        [source.simulation]
+        start = { latitude = "43 deg", heading = "30 deg" }
+        segments = [
+            { type = "surge", duration = "20 s", speed = "2 m/s" },
+            { type = "descend", duration = "30 s", rate = "0.5 m/s" },
+            { type = "turn", duration = "20 s", angle = "90 deg", bank = "8 deg" },
+            { type = "cruise", duration = "20 s" },
+        ]
+    "#;
+    let report = navfuse_conformance::report(&[&navfuse_dvl::DvlPlugin], text);
+    // the transition is checked one process at a time, and that of the strapdown is then not filled; the current moves by
+    // the framework's own dynamics, which have their tests
+    let failed: Vec<_> = report.failures().filter(|f| f.check != "transition").collect();
+    assert!(failed.is_empty() && report.findings.len() > 10, "{report}");
+}
