@@ -257,7 +257,8 @@ impl<'a> Scenario<'a> {
                 continue;
             }
             composer.begin(part.name);
-            let policy: Policy = part.node.only(&["gate", "recovery", "timeout", "time_offset", "simulation"]).parse()?;
+            let policy: Policy =
+                part.node.only(&["gate", "recovery", "timeout", "time_offset", "simulation"]).parse()?;
             let mut built = make(&part.node.without(common_keys(Kind::Sensor)), composer)?;
             let purpose = match &mut built.role {
                 Role::Input(config) => {
@@ -274,7 +275,9 @@ impl<'a> Scenario<'a> {
             }
             let time_offset = match part.node.get("time_offset") {
                 Some(node) if purpose != Purpose::Measurement => {
-                    return Err(node.error("only a sensor that corrects the state has a time offset; remove it here").into());
+                    return Err(node
+                        .error("only a sensor that corrects the state has a time offset; remove it here")
+                        .into());
                 }
                 _ => policy.time_offset.map(|offset| delay::block(&offset, composer)).transpose(),
             };
@@ -283,7 +286,8 @@ impl<'a> Scenario<'a> {
             let info = SensorInfo { name, kind, channels: built.channels, purpose };
             Composition::check_channels(&info, &built.role).map_err(|m| part.node.error(m))?;
             let simulation = policy.simulation.clone();
-            *place = Some(Sensor { info, role: built.role, policy, simulation, simulator: None, noise: 1.0, time_offset });
+            *place =
+                Some(Sensor { info, role: built.role, policy, simulation, simulator: None, noise: 1.0, time_offset });
         }
         Ok(())
     }
