@@ -1,0 +1,6 @@
+//! What every sensor must hold.
+
+#[test]
+fn the_magnetometer_conforms() -> Result<(), navfuse_conformance::Failed> {
+    navfuse_conformance::check_sensor::<outside_sensor::Magnetometer>(include_str!("../scenario.toml"))
+}
