@@ -15,6 +15,7 @@
 mod arguments;
 mod campaign;
 mod inspect;
+mod new_plugin;
 mod print;
 mod print_campaign;
 mod progress;
@@ -52,6 +53,7 @@ pub fn command(registry: &Registry) -> ExitCode {
         Command::Bound(arguments) => campaign::bound(registry, &arguments),
         Command::Sweep(arguments) => campaign::sweep(registry, &arguments),
         Command::Merge(arguments) => campaign::merge(&arguments),
+        Command::NewPlugin(arguments) => new_plugin::new_plugin(registry, &arguments),
         Command::Check(arguments) => inspect::check(registry, &arguments),
         Command::List { name } => inspect::list(registry, name.as_deref()),
         Command::Schema => inspect::schema(registry),
