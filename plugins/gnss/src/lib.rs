@@ -1,6 +1,6 @@
 //! GNSS: position and velocity of the antenna, as a receiver gives them out (loosely coupled; Groves section 14.3).
 //!
-//! `p = p_imu [+] (C_b^n l + b)`, `v = v^n + C_b^n (w_eb^b x l)`: Groves eqs 14.101 to 14.103 with a bias `b`.
+//! `p = p_imu [+] (C_b^n l + b)`, `v = v^n + C_b^n (w_eb^b x l)`: Groves section 14.3.1, with a bias `b`.
 //!
 //! Latitude and longitude are in radians, and so are their innovations; the noise in metres becomes radians by the radii of
 //! curvature at the estimate. In double precision an angle of pi is good to 3 nm on the ground. The normalised innovation
