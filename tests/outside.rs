@@ -1,0 +1,75 @@
+//! Sensors in crates of their own, outside of the workspace: the one in `examples/outside-sensor`, and one that
+//! `navfuse new-plugin` writes. Both are built here, without a network, pass their test, and run their scenario.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::{navfuse, root, stderr, stdout};
+use std::path::Path;
+use std::process::{Command, Output};
+use std::sync::Mutex;
+
+/// One at a time: they share what is built of navfuse.
+static BUILDING: Mutex<()> = Mutex::new(());
+
+/// Calls cargo in a crate, with the versions of the workspace.
+fn cargo(folder: &Path, arguments: &[&str]) -> Output {
+    std::fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).expect("the workspace has a Cargo.lock");
+    let output = Command::new(env!("CARGO"))
+        .args(arguments)
+        .current_dir(folder)
+        .env("CARGO_TARGET_DIR", root().join("target/outside"))
+        .output()
+        .expect("cargo starts");
+    assert!(output.status.success(), "cargo {}:\n{}{}", arguments.join(" "), stdout(&output), stderr(&output));
+    output
+}
+
+/// Tests a crate and runs its scenario; gives what the run printed of a state.
+fn state(folder: &Path, name: &str) -> String {
+    let _one = BUILDING.lock();
+    let tested = cargo(folder, &["test", "--offline"]);
+    assert!(stdout(&tested).contains("test result: ok. 1 passed"), "{}", stdout(&tested));
+    let ran = cargo(folder, &["run", "--offline", "--quiet", "--", "run", "scenario.toml", "--no-output"]);
+    let printed = stdout(&ran);
+    let line = printed.lines().find(|l| l.contains(name));
+    line.unwrap_or_else(|| panic!("no {name} in:\n{printed}")).to_owned()
+}
+
+/// All lines of a file, with blank ones and comments.
+fn lines(path: &Path) -> usize {
+    std::fs::read_to_string(path).expect("the file is there").lines().count()
+}
+
+#[test]
+fn a_sensor_that_the_tree_does_not_contain_is_one_file_of_40_lines_and_a_main_of_10() {
+    let folder = root().join("examples/outside-sensor");
+    assert!(lines(&folder.join("src/lib.rs")) <= 40);
+    assert!(lines(&folder.join("src/main.rs")) < 10);
+    state(&folder, "magnetometer.declination");
+}
+
+#[test]
+fn a_new_plugin_builds_conforms_and_runs_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sea-log");
+    let made = navfuse(&["new-plugin", "sea-log", "--path", path.to_str().unwrap()]);
+    assert!(made.status.success(), "{}", stderr(&made));
+    assert!(lines(&path.join("src/lib.rs")) <= 40);
+    assert!(lines(&path.join("src/main.rs")) < 10);
+    state(&path, "sea-log.scale");
+}
+
+#[test]
+fn a_new_plugin_overwrites_nothing_and_has_a_name_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |name: &str, path: &Path, message: &str| {
+        let made = navfuse(&["new-plugin", name, "--path", path.to_str().unwrap()]);
+        assert!(!made.status.success() && stderr(&made).contains(message), "{}", stderr(&made));
+    };
+    refused("mine", folder.path(), "is there already; remove it, or give another --path");
+    let path = folder.path().join("new");
+    refused("dvl", &path, "there is a sensor type dvl already");
+    refused("Mine", &path, "\"Mine\" is no name of a crate: start with a small letter");
+    assert!(!path.exists());
+}
