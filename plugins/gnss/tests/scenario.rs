@@ -18,7 +18,7 @@ fn registry() -> Registry {
 
 fn document() -> Document {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/surface-dive.toml");
-    Document::parse("surface-dive.toml", &std::fs::read_to_string(path).expect("the scenario")).expect("TOML")
+    Document::parse("surface-dive.toml", std::fs::read_to_string(path).expect("the scenario")).expect("TOML")
 }
 
 /// Root mean square over runs of the horizontal error (m), and of its sigma, of a run until `stop`.

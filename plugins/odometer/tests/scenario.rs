@@ -18,7 +18,7 @@ fn registry() -> Registry {
 
 fn document() -> Document {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/land-odometer.toml");
-    Document::parse("land-odometer.toml", &std::fs::read_to_string(path).expect("the scenario")).expect("TOML")
+    Document::parse("land-odometer.toml", std::fs::read_to_string(path).expect("the scenario")).expect("TOML")
 }
 
 #[test]
