@@ -3,7 +3,7 @@
 use crate::covariance::Transition;
 use crate::document::{DocumentError, Node};
 use crate::draw::Draw;
-use crate::manifold::{Manifold, Operations, Rotation, Scalar};
+use crate::manifold::{Manifold, Operations, Rotation, Scalar, Vector};
 use crate::measurement::AnyMeasurement;
 use crate::motion::Motion;
 use crate::process::ProcessModel;
@@ -13,7 +13,6 @@ use crate::simulate::{Faults, Simulate};
 use crate::state::{Block, BlockSpec, Handle, Layout, MAX_BLOCKS, Mode, Signal, State};
 use crate::stream::{Purpose, SensorInfo};
 use crate::time::Time;
-pub use crate::turning::About;
 use crate::turning::Turning;
 use crate::units::Sigma;
 use std::any::Any;
@@ -224,11 +223,10 @@ impl Composer {
         self.layout.blocks.iter().map(|b| b.name.as_str())
     }
 
-    /// Says that a vector in the axes to which `rotation` maps was found by integrating in the other ones, so that an error
-    /// of the attitude turns it along: see Barrau & Bonnabel (2017) on invariant errors.
-    pub fn turns_with<M: Manifold>(&mut self, vector: Handle<M>, rotation: Handle<Rotation>, about: About) {
-        const { assert!(M::TANGENT == 3) };
-        self.layout.turning.push(Turning { vector: vector.slot, rotation: rotation.slot, about });
+    /// Says that a velocity in north, east, down was found by integrating in the axes from which `attitude` maps, so that an
+    /// error of the heading turns it along: see Barrau & Bonnabel (2017) on invariant errors.
+    pub fn turns_with_heading(&mut self, velocity: Handle<Vector<3>>, attitude: Handle<Rotation>) {
+        self.layout.turning.push(Turning { velocity: velocity.slot, attitude: attitude.slot });
     }
 
     /// Adds a signal `owner.name` of `N` numbers.

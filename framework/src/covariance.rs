@@ -74,25 +74,17 @@ impl Covariance {
         self.symmetrise();
     }
 
-    /// `P = G P G'` with `G` the identity but for the block `g` at those rows and columns, which do not overlap.
-    pub(crate) fn shear(
-        &mut self,
-        rows: std::ops::Range<usize>,
-        columns: std::ops::Range<usize>,
-        g: &nalgebra::Matrix3<f64>,
-    ) {
+    /// `P = G P G'` with `G` the identity but for `g` at those three rows of the column `k`, which is none of them.
+    pub(crate) fn shear(&mut self, rows: std::ops::Range<usize>, k: usize, g: &nalgebra::Vector3<f64>) {
         let stride = self.stride;
-        for j in 0..self.n {
-            for (a, row) in rows.clone().enumerate() {
-                let sum: f64 = columns.clone().enumerate().map(|(b, k)| g[(a, b)] * self.p[k * stride + j]).sum();
-                self.p[row * stride + j] += sum;
+        for (row, g) in rows.clone().zip(g) {
+            for j in 0..self.n {
+                self.p[row * stride + j] += g * self.p[k * stride + j];
             }
         }
         for row in self.p.chunks_exact_mut(stride) {
-            for (a, j) in rows.clone().enumerate() {
-                let sum: f64 = columns.clone().enumerate().map(|(b, k)| g[(a, b)] * row[k]).sum();
-                row[j] += sum;
-            }
+            let by = row[k];
+            row[rows.clone()].iter_mut().zip(g).for_each(|(p, g)| *p += g * by);
         }
         self.symmetrise();
     }

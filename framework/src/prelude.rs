@@ -10,7 +10,8 @@ pub use crate::sample::{Channel, Sample};
 pub use crate::simulate::Scene;
 pub use crate::state::{Display, Handle, View};
 pub use crate::units::{
-    Acceleration, Angle, AngularRate, AngularRateNoise, Frequency, Length, Positive, Pressure, Ratio, Sigma, Speed, Triple,
+    Acceleration, Angle, AngularRate, AngularRateNoise, Frequency, Length, Positive, Pressure, Ratio, Sigma, Speed,
+    Triple,
 };
 pub use nalgebra::{SMatrix, SVector, Vector3, convert};
 pub use schemars::JsonSchema;

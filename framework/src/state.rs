@@ -229,7 +229,7 @@ pub struct Layout {
     pub tangent: usize,
     /// Length of [`State::signals`].
     pub signals: usize,
-    /// Vectors that turn with an attitude.
+    /// Velocities that turn with the heading.
     pub(crate) turning: Vec<Turning>,
 }
 
@@ -247,11 +247,10 @@ impl Layout {
     /// The state at every block's initial value, and which blocks have a `truth`, at that truth.
     pub fn initial_state(&self) -> State {
         let (values, signals) = (vec![0.0; self.ambient], vec![0.0; self.signals]);
-        let mut state = State { time: Time::MIN, values, signals, origin: Vec::new() };
+        let mut state = State { time: Time::MIN, values, signals };
         for block in &self.blocks {
             (block.operations.from_coordinates)(&block.spec.initial, &mut state.values[block.range()]);
         }
-        state.origin.clone_from(&state.values);
         state
     }
 
@@ -278,8 +277,6 @@ pub struct State {
     pub values: Vec<f64>,
     /// The signals that process models publish.
     pub signals: Vec<f64>,
-    /// The blocks' values where the filter started.
-    pub origin: Vec<f64>,
 }
 
 impl State {

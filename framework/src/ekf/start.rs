@@ -55,7 +55,6 @@ impl Ekf {
                 (block.operations.retract)(&mut m.state.values[block.range()], &delta[..range.len()]);
             }
         }
-        m.state.origin.clone_from(&m.state.values);
         m.processes.iter_mut().for_each(|p| p.restart());
         if let Some(history) = &mut m.history {
             history.begin(&m.state);

@@ -6,7 +6,7 @@ use crate::mechanisation::{Increments, Mechanisation, NavState};
 use crate::navigation::Navigation;
 use nalgebra::{Matrix3, Vector3};
 use navfuse_core::calibration::{AccelBias, GyroBias, display};
-use navfuse_core::compose::{About, BuiltProcess, ComposeError, Composer, DrivingSensor};
+use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, DrivingSensor};
 use navfuse_core::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
 use navfuse_core::geodesy::Geodetic;
 use navfuse_core::manifold::{load_quaternion, store_quaternion};
@@ -115,8 +115,7 @@ impl ProcessType for Strapdown {
         let velocity = composer.block("velocity", velocity)?;
         let position = spec(composer, "position", p.sigma.value().si(), position, display::POSITION)?;
         let position = composer.block("position", position)?;
-        composer.turns_with(velocity, attitude, About::Zero);
-        composer.turns_with(position, attitude, About::Start);
+        composer.turns_with_heading(velocity, attitude);
         let gyro_bias = self.gyro_bias.block(composer, "gyro_bias", &[0.0; 3], display::GYRO_BIAS)?;
         let accel_bias = self.accel_bias.block(composer, "accel_bias", &[0.0; 3], display::ACCEL_BIAS)?;
         let angular_rate = composer.signal("angular_rate");
