@@ -21,7 +21,7 @@ fn offset(summary: &Summary) -> (f64, f64) {
 #[test]
 fn a_lag_of_300_ms_is_found_to_20_ms_and_errors_are_as_large_as_their_sigma() {
     let registry = navfuse::standard_plugins();
-    let document = Document::from_file(&scenario("time-offset")).expect("the scenario is there");
+    let document = Document::from_file(scenario("time-offset")).expect("the scenario is there");
     let options = Options { runs: 20, ..Options::default() };
     let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).unwrap_or_else(|e| panic!("{e}"));
