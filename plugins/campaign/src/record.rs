@@ -51,7 +51,7 @@ pub struct Row {
     /// Its time, s.
     pub time: f64,
     /// Errors and sigmas of the components in turn, NEES of the whole state, NEES of each block, and for each sensor since
-    /// the row before: [`SENSOR`].
+    /// the row before: samples used, samples gated, sum of the NIS, of its expectation and of its variance.
     pub values: Vec<f64>,
 }
 

@@ -182,7 +182,7 @@ fn the_antenna_is_at_its_lever_arm_and_moves_with_the_rotation_of_the_body() {
 
 #[test]
 fn the_jacobian_is_the_derivative_at_high_latitude_too() {
-    for position in [[1.22, 3.14, 0.0], [-1.5, 0.3, 8000.0], [0.0, -3.0, -20.0]] {
+    for position in [[1.22, 3.1, 0.0], [-1.5, 0.3, 8000.0], [0.0, -3.0, -20.0]] {
         let bench = Bench::new(&[], position);
         let error = jacobian_error(bench.model.as_ref(), &bench.at(&sample(&[])));
         // steps of 1 km: (1 km / R)^2 tan^2(latitude) / 3, tan(1.5) = 14: 1.6e-6; the others 6e-8
