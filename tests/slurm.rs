@@ -187,8 +187,9 @@ fn an_interrupt_takes_the_jobs_and_slurm_down() {
         assert!(begun.elapsed() < Duration::from_secs(60), "the job does not start");
         std::thread::sleep(Duration::from_millis(50));
     }
-    let interrupted = Command::new("kill").args(["-INT", &script.id().to_string()]).status();
+    // not INT, which a shell in the background ignores, and every script that it starts
+    let interrupted = Command::new("kill").args(["-TERM", &script.id().to_string()]).status();
     assert!(interrupted.is_ok_and(|s| s.success()));
-    assert_eq!(script.wait().expect("it ends").code(), Some(130));
+    assert_eq!(script.wait().expect("it ends").code(), Some(143));
     cluster.assert_nothing_left();
 }
