@@ -52,6 +52,8 @@ pub(crate) struct Phase {
     x_rate: f64,
     pub speed: Profile,
     pub down: Profile,
+    /// To starboard of the heading, horizontal, m/s.
+    pub side: Profile,
     roll: Profile,
     pitch: Profile,
     heading: Profile,
@@ -72,6 +74,7 @@ impl Phase {
             x_rate: 1.0 / duration,
             speed: Profile::constant(pose.speed),
             down: Profile::default(),
+            side: Profile::default(),
             roll: Profile::constant(pose.roll),
             pitch: Profile::constant(pose.pitch),
             heading: Profile::constant(pose.heading),
@@ -105,8 +108,9 @@ impl Phase {
     pub(crate) fn reach(&self) -> (f64, f64) {
         let duration = self.end - self.start;
         let speed = self.speed.start.abs() + self.speed.step.abs() + self.speed.bump.abs();
+        let side = self.side.bump.abs() * BUMP_MEAN;
         let climb = speed * self.slope.bump.abs().tan();
-        (speed * duration, (self.down.bump.abs() * BUMP_MEAN + climb) * duration)
+        ((speed + side) * duration, (self.down.bump.abs() * BUMP_MEAN + climb) * duration)
     }
 
     /// Speed downwards and its derivative, by ballast and on a slope.
@@ -123,7 +127,7 @@ impl Phase {
     /// Whether velocity and attitude are constant.
     #[inline]
     pub(crate) fn is_steady(&self) -> bool {
-        self.fixed.is_some() && self.speed.is_constant() && self.down.is_constant()
+        self.fixed.is_some() && [&self.speed, &self.down, &self.side].into_iter().all(Profile::is_constant)
     }
 
     #[inline]
@@ -138,7 +142,8 @@ impl Phase {
         let (sin, cos) = self.fixed.map_or_else(|| self.heading.value(&shape).sin_cos(), |a| (a.sin, a.cos));
         let speed = self.speed.value(&shape);
         let (down, _) = self.vertical(&shape, speed, self.speed.rate(&shape));
-        Vector3::new(speed * cos, speed * sin, down)
+        let side = self.side.value(&shape);
+        Vector3::new(speed * cos - side * sin, speed * sin + side * cos, down)
     }
 
     /// Roll, pitch and heading (rad, the heading not wrapped), and their derivatives (rad/s).
@@ -171,10 +176,11 @@ impl Phase {
         };
         let Attitude { sin, cos, c_b_n, .. } = attitude;
         let (speed, speed_rate) = (self.speed.value(&shape), self.speed.rate(&shape));
-        let across = speed * turn;
+        let side = self.side.value(&shape);
+        let across = speed * turn + self.side.rate(&shape); // a phase that goes sideways does not turn
         let (down, down_rate) = self.vertical(&shape, speed, speed_rate);
         Motion {
-            velocity: Vector3::new(speed * cos, speed * sin, down),
+            velocity: Vector3::new(speed * cos - side * sin, speed * sin + side * cos, down),
             acceleration: Vector3::new(speed_rate * cos - across * sin, speed_rate * sin + across * cos, down_rate),
             c_b_n,
             w_nb_b,

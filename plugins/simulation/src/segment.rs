@@ -58,6 +58,14 @@ pub enum SegmentConfig {
         /// The vertical speed in the middle, above zero.
         rate: Speed,
     },
+    /// Sideways at constant attitude, by thrusters: the speed to starboard comes and goes, the forward speed stays. The way
+    /// to starboard is 16/35 of the peak speed times the duration.
+    Sway {
+        /// How long it takes.
+        duration: Time,
+        /// The speed to starboard in the middle: negative is to port.
+        speed: Speed,
+    },
     /// Up a slope and level again, as on a road: the pitch comes and goes, and the velocity goes with it, at constant
     /// horizontal speed.
     Slope {
@@ -168,6 +176,7 @@ impl SegmentConfig {
             Self::Pulse { .. } => "pulse",
             Self::Descend { .. } => "descend",
             Self::Ascend { .. } => "ascend",
+            Self::Sway { .. } => "sway",
             Self::Slope { .. } => "slope",
             Self::Turn { .. } => "turn",
             Self::Square { .. } => "square",
@@ -183,6 +192,7 @@ impl SegmentConfig {
             | Self::Pulse { duration, .. }
             | Self::Descend { duration, .. }
             | Self::Ascend { duration, .. }
+            | Self::Sway { duration, .. }
             | Self::Slope { duration, .. }
             | Self::Turn { duration, .. }
             | Self::Square { duration, .. } => *duration,
@@ -212,6 +222,7 @@ impl SegmentConfig {
             Self::Pulse { speed_change, .. } => phase.speed.bump = check.speed("speed_change", *speed_change)?,
             Self::Descend { rate, .. } => phase.down.bump = check.rate(*rate)?,
             Self::Ascend { rate, .. } => phase.down.bump = -check.rate(*rate)?,
+            Self::Sway { speed, .. } => phase.side.bump = check.speed("speed", *speed)?,
             Self::Slope { angle, .. } => phase = phase.sloping(check.angle("angle", *angle, MAX_TILT)?),
             Self::Turn { angle, bank, pitch, .. } => {
                 let angle = check.angle("angle", *angle, MAX_TURN)?;

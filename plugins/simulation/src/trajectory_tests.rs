@@ -126,6 +126,26 @@ fn on_a_slope_the_velocity_is_along_the_body_and_its_derivative_is_the_accelerat
     assert!((57.4..57.9).contains(&end.position.height), "{}", end.position.height);
 }
 
+#[test]
+fn sideways_the_attitude_and_the_forward_speed_stay() {
+    let start = json!({ "heading": "40 deg", "roll": "5 deg", "speed": "2 m/s" });
+    let t = trajectory(start, json!([{ "type": "sway", "duration": "60 s", "speed": "-1 m/s" }])).unwrap();
+    let (mut a, mut b, mut c) = (t.cursor(), t.cursor(), t.cursor());
+    let d = 0.01;
+    let heading = UnitQuaternion::from_euler_angles(0.0, 0.0, 40_f64.to_radians());
+    for time in (1..60).map(f64::from) {
+        let (before, here, after) = (a.at(time - d), b.at(time), c.at(time + d));
+        let along = heading.inverse() * here.velocity;
+        assert!((along.x - 2.0).abs() < 1e-14 && along.z == 0.0 && here.w_nb_b == Vector3::zeros(), "{time}: {along}");
+        // v''' d^2 / 6 with v''' < 64 * 72 / T^3 = 0.022 m/s^4: 3.6e-7 m/s^2
+        let acceleration = (after.velocity - before.velocity) / (2.0 * d);
+        assert!((acceleration - here.acceleration).amax() < 4e-7, "{time}");
+    }
+    let way = heading.inverse() * c.at(60.0).position.ned_from(&t.cursor().at(0.0).position);
+    // 16/35 of 1 m/s in 60 s; the way is 120 m, on a sphere: 120^2 / 6.4e6 m = 2 mm
+    assert!((way.y + 60.0 * 16.0 / 35.0).abs() < 5e-3, "{way}");
+}
+
 /// Position and attitude in inertial axes that coincided with those of the Earth at the start.
 fn inertial(k: &Kinematics) -> (Vector3<f64>, UnitQuaternion<f64>) {
     let p = k.position;
