@@ -46,7 +46,12 @@ pub fn standard_plugins() -> Registry {
 
 /// Parses the arguments of the process and does what they say.
 pub fn command(registry: &Registry) -> ExitCode {
-    let done = match Arguments::parse().command {
+    let command = Arguments::parse().command;
+    if let Err(error) = registry.check() {
+        print::warn(format_args!("error: {error}"));
+        return ExitCode::FAILURE;
+    }
+    let done = match command {
         Command::Run(arguments) => run::run(registry, &arguments),
         Command::Replay(arguments) => run::replay(registry, &arguments),
         Command::MonteCarlo(arguments) => campaign::monte_carlo(registry, &arguments),

@@ -17,6 +17,7 @@ pub mod geodesy;
 pub mod manifold;
 pub mod measurement;
 pub mod motion;
+pub mod plugin;
 pub mod prelude;
 pub mod process;
 pub mod record;

@@ -1,4 +1,4 @@
-//! Plugins, and the types they register.
+//! The types that a scenario can name, and what registers them.
 
 use crate::compose::{BuiltProcess, ComposeError, Composer, Composition, Role};
 use crate::document::{DocumentError, Node};
@@ -6,14 +6,12 @@ use crate::sample::Channel;
 use crate::stream::{Sink, Source, StreamError};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::DeserializeOwned;
+use std::any::TypeId;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Adds types to the registry.
-pub trait Plugin {
-    /// Registers what the plugin brings.
-    fn build(&self, registry: &mut Registry);
-}
+use crate::plugin::Members;
+pub use crate::plugin::{Need, Plugin, PluginError};
 
 /// A type of sensor. Its fields are the parameters in TOML: their documentation, units and defaults are the type's.
 pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
@@ -115,6 +113,9 @@ pub enum BuildError {
     /// A source or sink.
     #[error(transparent)]
     Stream(#[from] StreamError),
+    /// The plugins.
+    #[error(transparent)]
+    Plugin(#[from] PluginError),
 }
 
 type ForComposer<T> = Box<dyn for<'a, 'b> Fn(&Node<'a>, &'b mut Composer) -> Result<T, BuildError> + Send + Sync>;
@@ -141,6 +142,8 @@ pub struct Entry {
     /// The JSON Schema of its parameters.
     pub schema: Schema,
     pub(crate) make: Make,
+    /// The plugin that registered it, if a plugin did.
+    owner: Option<TypeId>,
 }
 
 impl std::fmt::Debug for Entry {
@@ -149,11 +152,29 @@ impl std::fmt::Debug for Entry {
     }
 }
 
-/// Every type that a scenario can name.
+/// Every type that a scenario can name, with the plugins that registered them.
+///
+/// Plugins are members: one can be replaced, disabled, or added anew with other settings.
+/// ```
+/// # use navfuse_core::registry::{Plugin, Registry};
+/// # struct Sonar;
+/// # impl Plugin for Sonar { fn build(&self, _: &mut Registry) {} }
+/// # struct Compass;
+/// # impl Plugin for Compass { fn build(&self, _: &mut Registry) {} }
+/// # struct MyCompass { declination: f64 }
+/// # impl Plugin for MyCompass { fn build(&self, _: &mut Registry) {} }
+/// let mut registry = Registry::new();
+/// registry.add(&Sonar).add(&Compass);
+/// registry.replace::<Compass>(&MyCompass { declination: 0.0 }); // another plugin in its place
+/// registry.set(&MyCompass { declination: 0.1 });                // the same with other settings
+/// registry.disable::<Sonar>();
+/// assert!(registry.check().is_ok());
+/// ```
 #[derive(Debug, Default)]
 pub struct Registry {
-    entries: BTreeMap<(Kind, &'static str), Entry>,
-    twice: Vec<(Kind, &'static str)>,
+    /// More than one of a kind and name is an error, which [`Registry::check`] tells.
+    entries: BTreeMap<(Kind, &'static str), Vec<Entry>>,
+    members: Members,
 }
 
 impl Registry {
@@ -162,10 +183,47 @@ impl Registry {
         Self::default()
     }
 
-    /// Adds a plugin.
+    /// Adds a plugin, and those that it adds itself.
     pub fn add(&mut self, plugin: &dyn Plugin) -> &mut Self {
+        self.members.begin(plugin);
         plugin.build(self);
+        self.members.end();
         self
+    }
+
+    /// Removes plugin `P`, and what it registered.
+    pub fn disable<P: Plugin>(&mut self) -> &mut Self {
+        self.remove(TypeId::of::<P>(), std::any::type_name::<P>());
+        self
+    }
+
+    /// Removes plugin `P`, and adds another in its place.
+    pub fn replace<P: Plugin>(&mut self, by: &dyn Plugin) -> &mut Self {
+        self.disable::<P>().add(by)
+    }
+
+    /// Adds a plugin anew, with other settings than those with which it is there.
+    pub fn set<P: Plugin>(&mut self, plugin: &P) -> &mut Self {
+        self.replace::<P>(plugin)
+    }
+
+    fn remove(&mut self, plugin: TypeId, name: &'static str) {
+        for gone in self.members.remove(plugin, name) {
+            self.entries.values_mut().for_each(|same| same.retain(|entry| entry.owner != Some(gone)));
+        }
+    }
+
+    /// Whether the plugins fit together. [`crate::scenario::Scenario::compose`] asks it too.
+    ///
+    /// # Errors
+    /// When one is added twice, two register the same type, one needs another that is not there or is there in another
+    /// version, or one was to be replaced or disabled that is not there.
+    pub fn check(&self) -> Result<(), PluginError> {
+        let clashes = self.entries.values().filter_map(|same| match &same[..] {
+            [first, second, ..] => Some((first, [first.owner, second.owner])),
+            _ => None,
+        });
+        self.members.check(clashes)
     }
 
     /// Registers a type of sensor.
@@ -200,23 +258,17 @@ impl Registry {
 
     fn insert<T: JsonSchema>(&mut self, kind: Kind, name: &'static str, make: Make) {
         let schema = SchemaGenerator::default().into_root_schema_for::<T>();
-        if self.entries.insert((kind, name), Entry { kind, name, schema, make }).is_some() {
-            self.twice.push((kind, name));
-        }
+        let owner = self.members.current();
+        self.entries.entry((kind, name)).or_default().push(Entry { kind, name, schema, make, owner });
     }
 
     /// The registered types, by kind and name.
     pub fn entries(&self) -> impl Iterator<Item = &Entry> {
-        self.entries.values()
+        self.entries.values().flatten()
     }
 
     /// The type of that kind and name.
     pub fn get(&self, kind: Kind, name: &str) -> Option<&Entry> {
-        self.entries.values().find(|e| e.kind == kind && e.name == name)
-    }
-
-    /// Names that two plugins registered: one of them would silently win.
-    pub fn registered_twice(&self) -> &[(Kind, &'static str)] {
-        &self.twice
+        self.entries().find(|e| e.kind == kind && e.name == name)
     }
 }

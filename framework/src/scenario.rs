@@ -165,9 +165,7 @@ impl<'a> Scenario<'a> {
     pub fn compose(&self) -> Result<Composition, BuildError> {
         let root = self.document.root();
         root.check_keys(&TOP_KEYS)?;
-        if let Some((kind, name)) = self.registry.registered_twice().first() {
-            return Err(root.error(format!("two plugins register the {} type {name:?}", kind.table())).into());
-        }
+        self.registry.check()?;
         let mut estimator: EstimatorConfig =
             root.get("estimator").map_or_else(|| Ok(EstimatorConfig::default()), |n| n.parse())?;
         for (key, time) in [("start", estimator.start), ("stop", estimator.stop)] {

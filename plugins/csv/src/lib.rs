@@ -30,4 +30,6 @@ impl Plugin for CsvPlugin {
         registry.source::<Csv>();
         registry.sink::<CsvSink>();
     }
+
+    navfuse_core::named_after_crate!();
 }

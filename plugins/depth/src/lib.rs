@@ -8,7 +8,7 @@ use navfuse_core::compose::{ComposeError, Composer, Role};
 use navfuse_core::manifold::{Scalar, Vector};
 use navfuse_core::measurement::{Jacobian, MeasurementModel};
 use navfuse_core::nalgebra::{SMatrix, SVector};
-use navfuse_core::registry::{Plugin, Registry, SensorType};
+use navfuse_core::registry::{Need, Plugin, Registry, SensorType};
 use navfuse_core::sample::Channel;
 use navfuse_core::state::{Handle, View};
 use navfuse_core::units::{Length, Sigma};
@@ -92,5 +92,11 @@ pub struct DepthPlugin;
 impl Plugin for DepthPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.sensor::<Depth>();
+    }
+
+    navfuse_core::named_after_crate!();
+
+    fn needs(&self) -> &[Need] {
+        &[Need { plugin: "navfuse-ins", version: "0.1" }]
     }
 }

@@ -21,7 +21,7 @@ pub use instrument::Track;
 pub use sound::Array;
 pub use water::WaterCurrent;
 
-use navfuse_core::registry::{Plugin, Registry};
+use navfuse_core::registry::{Need, Plugin, Registry};
 
 /// Registers the sensor types `dvl` and `dvl-beams` and the process type `water-current`.
 #[derive(Clone, Copy, Debug)]
@@ -32,5 +32,11 @@ impl Plugin for DvlPlugin {
         registry.sensor::<Dvl>();
         registry.sensor::<DvlBeams>();
         registry.process::<WaterCurrent>();
+    }
+
+    navfuse_core::named_after_crate!();
+
+    fn needs(&self) -> &[Need] {
+        &[Need { plugin: "navfuse-ins", version: "0.1" }]
     }
 }

@@ -13,7 +13,7 @@ use navfuse_core::geodesy::radii_of_curvature;
 use navfuse_core::manifold::Vector;
 use navfuse_core::measurement::MeasurementModel;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
-use navfuse_core::registry::{Plugin, Registry, SensorType};
+use navfuse_core::registry::{Need, Plugin, Registry, SensorType};
 use navfuse_core::sample::{Channel, Sample};
 use navfuse_core::simulate::Scene;
 use navfuse_core::state::{Display, Handle, View};
@@ -196,5 +196,11 @@ pub struct GnssPlugin;
 impl Plugin for GnssPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.sensor::<Gnss>();
+    }
+
+    navfuse_core::named_after_crate!();
+
+    fn needs(&self) -> &[Need] {
+        &[Need { plugin: "navfuse-ins", version: "0.1" }]
     }
 }

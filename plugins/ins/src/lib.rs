@@ -30,4 +30,6 @@ impl Plugin for InsPlugin {
         registry.process::<Strapdown>();
         registry.sensor::<ReferenceSolution>();
     }
+
+    navfuse_core::named_after_crate!();
 }

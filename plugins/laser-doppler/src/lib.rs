@@ -14,7 +14,7 @@ use navfuse_core::compose::{ComposeError, Composer, Role};
 use navfuse_core::manifold::{Rotation, Scalar, Vector};
 use navfuse_core::measurement::MeasurementModel;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3, convert};
-use navfuse_core::registry::{Plugin, Registry, SensorType};
+use navfuse_core::registry::{Need, Plugin, Registry, SensorType};
 use navfuse_core::sample::{Channel, Sample};
 use navfuse_core::simulate::Scene;
 use navfuse_core::state::{Handle, View};
@@ -186,5 +186,11 @@ pub struct LaserDopplerPlugin;
 impl Plugin for LaserDopplerPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.sensor::<LaserDoppler>();
+    }
+
+    navfuse_core::named_after_crate!();
+
+    fn needs(&self) -> &[Need] {
+        &[Need { plugin: "navfuse-ins", version: "0.1" }]
     }
 }

@@ -50,4 +50,6 @@ impl Plugin for McapPlugin {
         registry.source::<McapLog>();
         registry.sink::<Mcap>();
     }
+
+    navfuse_core::named_after_crate!();
 }

@@ -9,7 +9,7 @@ use navfuse_core::compose::{ComposeError, Composer, Role};
 use navfuse_core::manifold::{Scalar, Vector};
 use navfuse_core::measurement::MeasurementModel;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
-use navfuse_core::registry::{Plugin, Registry, SensorType};
+use navfuse_core::registry::{Need, Plugin, Registry, SensorType};
 use navfuse_core::sample::{Channel, Sample};
 use navfuse_core::state::{Display, Handle, View};
 use navfuse_core::units::{Angle, AngularRateNoise, Sigma, Speed};
@@ -125,5 +125,11 @@ pub struct OdometerPlugin;
 impl Plugin for OdometerPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.sensor::<Odometer>();
+    }
+
+    navfuse_core::named_after_crate!();
+
+    fn needs(&self) -> &[Need] {
+        &[Need { plugin: "navfuse-ins", version: "0.1" }]
     }
 }

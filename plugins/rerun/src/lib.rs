@@ -102,4 +102,6 @@ impl Plugin for RerunPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.sink::<Rerun>();
     }
+
+    navfuse_core::named_after_crate!();
 }

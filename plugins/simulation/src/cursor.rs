@@ -1,6 +1,6 @@
 //! The values of a trajectory, in the order of time.
 
-use crate::phase::{Motion, Phase};
+use crate::phase::{Motion, Phase, Piece};
 use crate::trajectory::Trajectory;
 use nalgebra::{UnitQuaternion, Vector3, Vector4};
 use navfuse_core::geodesy::Geodetic;
@@ -59,29 +59,35 @@ struct Node {
 /// Runge-Kutta method on a fixed grid, by cubic Hermite interpolation between its nodes: it depends on the time alone,
 /// so that all cursors agree to the bit. A time before the present cell of the grid starts the integration again.
 /// Times before the start or after the end are taken as those.
-#[derive(Clone, Debug)]
-pub struct Cursor {
-    trajectory: Trajectory,
-    phase: usize,
+#[derive(Debug)]
+pub struct Cursor<P: Piece = Phase> {
+    trajectory: Trajectory<P>,
+    piece: usize,
     /// The present cell is from this node of the grid to the next.
     cell: u64,
     from: Node,
     to: Node,
 }
 
-impl Cursor {
-    pub(crate) fn new(trajectory: Trajectory) -> Self {
+impl<P: Piece> Clone for Cursor<P> {
+    fn clone(&self) -> Self {
+        Self { trajectory: self.trajectory.clone(), ..*self }
+    }
+}
+
+impl<P: Piece> Cursor<P> {
+    pub(crate) fn new(trajectory: Trajectory<P>) -> Self {
         let o = trajectory.origin;
         let path = Path::new(o.latitude, o.longitude, o.height, 0.0);
         let node = Node { path, rate: Path::zeros() };
-        let mut cursor = Self { trajectory, phase: 0, cell: 0, from: node, to: node };
+        let mut cursor = Self { trajectory, piece: 0, cell: 0, from: node, to: node };
         cursor.from.rate = cursor.rate(0.0, &path);
         cursor.to = cursor.step();
         cursor
     }
 
     /// The trajectory that it reads.
-    pub fn trajectory(&self) -> &Trajectory {
+    pub fn trajectory(&self) -> &Trajectory<P> {
         &self.trajectory
     }
 
@@ -114,8 +120,8 @@ impl Cursor {
         let (mut t, to) = (self.clamp(from), self.clamp(to));
         let (mut angle, mut velocity) = (Vector3::zeros(), Vector3::zeros());
         while t < to {
-            // A phase is a polynomial of time: no quadrature reaches over its end.
-            let end = to.min(t + QUADRATURE).min(self.seek(t).end);
+            // A piece is smooth: no quadrature reaches over its end.
+            let end = to.min(t + QUADRATURE).min(self.seek(t).span().1);
             let (length, middle) = (end - t, t + 0.5 * (end - t));
             // Latitude and height change by 1e-7 rad and 1 m at most: their effect is linear, and that of the middle.
             let path = self.path(middle);
@@ -138,17 +144,17 @@ impl Cursor {
         time.max(0.0).min(self.trajectory.duration())
     }
 
-    /// The phase of a time; from the phase before it takes a step or none.
+    /// The piece of a time; from the piece before it takes a step or none.
     #[inline]
-    fn seek(&mut self, time: f64) -> &Phase {
-        let phases = &self.trajectory.phases;
-        while self.phase > 0 && time < phases[self.phase].start {
-            self.phase -= 1;
+    fn seek(&mut self, time: f64) -> &P {
+        let pieces = &self.trajectory.pieces;
+        while self.piece > 0 && time < pieces[self.piece].span().0 {
+            self.piece -= 1;
         }
-        while self.phase + 1 < phases.len() && time >= phases[self.phase].end {
-            self.phase += 1;
+        while self.piece + 1 < pieces.len() && time >= pieces[self.piece].span().1 {
+            self.piece += 1;
         }
-        &phases[self.phase]
+        &pieces[self.piece]
     }
 
     /// The path at a time within the trajectory.

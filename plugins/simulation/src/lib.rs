@@ -1,5 +1,6 @@
-//! Simulation: a trajectory made of motion segments, and every sensor of a scenario on it.
+//! Simulation: a trajectory made of motion segments, or one of your own, and every sensor of a scenario on it.
 
+mod course;
 pub mod cursor;
 mod phase;
 mod profile;
@@ -9,9 +10,11 @@ pub mod trajectory;
 #[cfg(test)]
 mod trajectory_tests;
 
+pub use course::{On, Stretch, TrajectoryType};
 pub use cursor::{Cursor, Kinematics};
+pub use phase::{Motion, Phase, Piece};
 pub use segment::{Direction, SegmentConfig};
-pub use source::Simulation;
+pub use source::{Simulation, simulate};
 pub use trajectory::{Span, StartConfig, Trajectory, TrajectoryConfig, TrajectoryError};
 
 use navfuse_core::registry::{Plugin, Registry};
@@ -24,4 +27,6 @@ impl Plugin for SimulationPlugin {
     fn build(&self, registry: &mut Registry) {
         registry.source::<Simulation>();
     }
+
+    navfuse_core::named_after_crate!();
 }

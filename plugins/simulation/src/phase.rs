@@ -18,7 +18,7 @@ pub(crate) struct Pose {
 
 /// Velocity and attitude, and their rates, at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Motion {
+pub struct Motion {
     /// NED, m/s.
     pub velocity: Vector3<f64>,
     /// Derivative of the velocity's components, m/s^2.
@@ -27,6 +27,31 @@ pub(crate) struct Motion {
     pub c_b_n: Matrix3<f64>,
     /// Rad/s.
     pub w_nb_b: Vector3<f64>,
+}
+
+/// One smooth piece of a trajectory. All times are since the trajectory's start, s.
+pub trait Piece: Send + Sync + 'static {
+    /// Row of the table that it comes from, from 1.
+    fn number(&self) -> usize;
+    /// What a log calls it.
+    fn label(&self) -> &str;
+    /// Where it starts and ends, s.
+    fn span(&self) -> (f64, f64);
+    /// Whether velocity and attitude are constant.
+    fn is_steady(&self) -> bool;
+    /// Velocity, NED, m/s.
+    fn velocity(&self, time: f64) -> Vector3<f64>;
+    /// Roll, pitch and heading (rad, the heading not wrapped), and their derivatives (rad/s).
+    fn euler(&self, time: f64) -> (Vector3<f64>, Vector3<f64>);
+    /// Velocity and attitude, and their rates.
+    fn motion(&self, time: f64) -> Motion;
+}
+
+/// The rate of the body relative to NED from the derivatives of roll, pitch and heading: Groves eq. 2.58 read backwards, as
+/// the third row of `c_b_n` is the down axis in the body.
+#[inline]
+pub(crate) fn rate_of(c_b_n: &Matrix3<f64>, (sin_roll, cos_roll): (f64, f64), rates: &Vector3<f64>) -> Vector3<f64> {
+    c_b_n.row(2).transpose() * rates.z + Vector3::new(rates.x, rates.y * cos_roll, -rates.y * sin_roll)
 }
 
 /// Sine and cosine of the heading and of the roll, and `c_b_n`.
@@ -39,21 +64,18 @@ struct Attitude {
     c_b_n: Matrix3<f64>,
 }
 
-/// One smooth piece of the trajectory.
+/// The piece that a segment of the table makes.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Phase {
-    /// Row of the table, from 1.
-    pub number: usize,
-    pub label: String,
-    /// S.
-    pub start: f64,
-    /// S.
-    pub end: f64,
+pub struct Phase {
+    number: usize,
+    label: String,
+    start: f64,
+    pub(crate) end: f64,
     x_rate: f64,
-    pub speed: Profile,
-    pub down: Profile,
+    pub(crate) speed: Profile,
+    pub(crate) down: Profile,
     /// To starboard of the heading, horizontal, m/s.
-    pub side: Profile,
+    pub(crate) side: Profile,
     roll: Profile,
     pitch: Profile,
     heading: Profile,
@@ -124,31 +146,9 @@ impl Phase {
         (down - speed * tan, rate - speed_rate * tan - speed * turn * (1.0 + tan * tan))
     }
 
-    /// Whether velocity and attitude are constant.
-    #[inline]
-    pub(crate) fn is_steady(&self) -> bool {
-        self.fixed.is_some() && [&self.speed, &self.down, &self.side].into_iter().all(Profile::is_constant)
-    }
-
     #[inline]
     fn shape(&self, t: f64) -> Shape {
         Shape::at(((t - self.start) * self.x_rate).clamp(0.0, 1.0), self.x_rate)
-    }
-
-    /// Velocity, NED, m/s.
-    #[inline]
-    pub(crate) fn velocity(&self, t: f64) -> Vector3<f64> {
-        let shape = self.shape(t);
-        let (sin, cos) = self.fixed.map_or_else(|| self.heading.value(&shape).sin_cos(), |a| (a.sin, a.cos));
-        let speed = self.speed.value(&shape);
-        let (down, _) = self.vertical(&shape, speed, self.speed.rate(&shape));
-        let side = self.side.value(&shape);
-        Vector3::new(speed * cos - side * sin, speed * sin + side * cos, down)
-    }
-
-    /// Roll, pitch and heading (rad, the heading not wrapped), and their derivatives (rad/s).
-    pub(crate) fn euler(&self, t: f64) -> (Vector3<f64>, Vector3<f64>) {
-        self.euler_at(&self.shape(t))
     }
 
     #[inline]
@@ -158,19 +158,50 @@ impl Phase {
             Vector3::new(self.roll.rate(shape), self.pitch.rate(shape), self.heading.rate(shape)),
         )
     }
+}
 
-    /// Velocity and attitude.
+impl Piece for Phase {
+    fn number(&self) -> usize {
+        self.number
+    }
+
+    fn label(&self) -> &str {
+        &self.label
+    }
+
     #[inline]
-    pub(crate) fn motion(&self, t: f64) -> Motion {
+    fn span(&self) -> (f64, f64) {
+        (self.start, self.end)
+    }
+
+    #[inline]
+    fn is_steady(&self) -> bool {
+        self.fixed.is_some() && [&self.speed, &self.down, &self.side].into_iter().all(Profile::is_constant)
+    }
+
+    #[inline]
+    fn velocity(&self, t: f64) -> Vector3<f64> {
+        let shape = self.shape(t);
+        let (sin, cos) = self.fixed.map_or_else(|| self.heading.value(&shape).sin_cos(), |a| (a.sin, a.cos));
+        let speed = self.speed.value(&shape);
+        let (down, _) = self.vertical(&shape, speed, self.speed.rate(&shape));
+        let side = self.side.value(&shape);
+        Vector3::new(speed * cos - side * sin, speed * sin + side * cos, down)
+    }
+
+    fn euler(&self, t: f64) -> (Vector3<f64>, Vector3<f64>) {
+        self.euler_at(&self.shape(t))
+    }
+
+    #[inline]
+    fn motion(&self, t: f64) -> Motion {
         let shape = self.shape(t);
         let (attitude, turn, w_nb_b) = match self.fixed {
             Some(fixed) => (fixed, 0.0, Vector3::zeros()),
             None => {
                 let (euler, rates) = self.euler_at(&shape);
                 let attitude = Attitude::new(&euler);
-                // Groves eq. 2.58 read backwards: the third row of c_b_n is the down axis in the body.
-                let w = attitude.c_b_n.row(2).transpose() * rates.z
-                    + Vector3::new(rates.x, rates.y * attitude.cos_roll, -rates.y * attitude.sin_roll);
+                let w = rate_of(&attitude.c_b_n, (attitude.sin_roll, attitude.cos_roll), &rates);
                 (attitude, rates.z, w)
             }
         };

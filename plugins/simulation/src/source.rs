@@ -1,5 +1,6 @@
 //! The simulated source: every sensor of the scenario on one trajectory.
 
+use crate::phase::Piece;
 use crate::{Cursor, Trajectory, TrajectoryConfig};
 use nalgebra::Vector3;
 use navfuse_core::compose::{Composition, Reference, Role};
@@ -37,26 +38,37 @@ impl SourceType for Simulation {
     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
         let config = TrajectoryConfig { start: self.start, segments: self.segments };
         let trajectory = Trajectory::new(&config).map_err(|e| StreamError(e.to_string()))?;
-        let composition = context.composition;
-        let mut streams: Vec<Box<dyn Source>> = Vec::new();
-        for (index, sensor) in composition.sensors.iter().enumerate() {
-            let Some(faults) = &sensor.simulation else { continue };
-            check(faults, &sensor.info)?;
-            let kind = match (&sensor.role, &sensor.simulator) {
-                (_, Some(simulator)) => Simulated::Driving(simulator.boxed_clone()),
-                (Role::Measurement(model), None) => Simulated::Measuring(Arc::clone(model)),
-                (Role::Reference(reference), None) => Simulated::Reference(Arc::clone(reference)),
-                (Role::Input(_), None) => continue,
-            };
-            streams.push(Box::new(SensorStream::new(composition, index, faults, kind, &trajectory)));
-        }
-        if streams.is_empty() {
-            return Err(StreamError(
-                "no sensor is simulated: give one a rate, such as [sensor.imu.simulation] rate = \"100 Hz\"".into(),
-            ));
-        }
-        Ok(streams)
+        simulate(&trajectory, context)
     }
+}
+
+/// A stream for every sensor that has a `simulation` table, on the trajectory.
+///
+/// # Errors
+/// When no sensor is simulated, or one in a way that cannot be.
+pub fn simulate<P: Piece>(
+    trajectory: &Trajectory<P>,
+    context: &OpenContext<'_>,
+) -> Result<Vec<Box<dyn Source>>, StreamError> {
+    let composition = context.composition;
+    let mut streams: Vec<Box<dyn Source>> = Vec::new();
+    for (index, sensor) in composition.sensors.iter().enumerate() {
+        let Some(faults) = &sensor.simulation else { continue };
+        check(faults, &sensor.info)?;
+        let kind = match (&sensor.role, &sensor.simulator) {
+            (_, Some(simulator)) => Simulated::Driving(simulator.boxed_clone()),
+            (Role::Measurement(model), None) => Simulated::Measuring(Arc::clone(model)),
+            (Role::Reference(reference), None) => Simulated::Reference(Arc::clone(reference)),
+            (Role::Input(_), None) => continue,
+        };
+        streams.push(Box::new(SensorStream::new(composition, index, faults, kind, trajectory)));
+    }
+    if streams.is_empty() {
+        return Err(StreamError(
+            "no sensor is simulated: give one a rate, such as [sensor.imu.simulation] rate = \"100 Hz\"".into(),
+        ));
+    }
+    Ok(streams)
 }
 
 /// The greatest rate, Hz: times are whole nanoseconds, and a run is finite.
@@ -107,9 +119,9 @@ enum Simulated {
 }
 
 /// A cursor as the framework's trajectory.
-struct Path(Cursor);
+struct Path<P: Piece>(Cursor<P>);
 
-impl navfuse_core::motion::Trajectory for Path {
+impl<P: Piece> navfuse_core::motion::Trajectory for Path<P> {
     fn at(&mut self, time: Time) -> Motion {
         let k = self.0.at(time.seconds());
         Motion {
@@ -128,11 +140,11 @@ impl navfuse_core::motion::Trajectory for Path {
 }
 
 /// One simulated sensor.
-struct SensorStream {
+struct SensorStream<P: Piece> {
     layout: Arc<Layout>,
     processes: Vec<Box<dyn ProcessModel>>,
     truth: TrueState,
-    path: Path,
+    path: Path<P>,
     random: Random,
     faults: Faults,
     sensor: SensorId,
@@ -145,8 +157,14 @@ struct SensorStream {
     schedule: Vec<Event>,
 }
 
-impl SensorStream {
-    fn new(composition: &Composition, index: usize, faults: &Faults, kind: Simulated, trajectory: &Trajectory) -> Self {
+impl<P: Piece> SensorStream<P> {
+    fn new(
+        composition: &Composition,
+        index: usize,
+        faults: &Faults,
+        kind: Simulated,
+        trajectory: &Trajectory<P>,
+    ) -> Self {
         let name = &composition.sensors[index].info.name;
         let truth = TrueState::new(&composition.layout, composition.seed, composition.start());
         let mut stream = Self {
@@ -202,7 +220,7 @@ impl SensorStream {
     }
 }
 
-impl Source for SensorStream {
+impl<P: Piece> Source for SensorStream<P> {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
         loop {
             let (from, to) = (self.time(self.count - 1), self.time(self.count));

@@ -1,7 +1,7 @@
 //! A trajectory from a table of motion segments (as Pan & Wu 2016, Table 1).
 
 use crate::cursor::Cursor;
-use crate::phase::{Phase, Pose};
+use crate::phase::{Phase, Piece, Pose};
 use crate::segment::{MAX_SPEED, SegmentConfig};
 use navfuse_core::geodesy::Geodetic;
 use navfuse_core::units::{Angle, Length, Quantity, Speed};
@@ -11,11 +11,11 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
 /// The latitude beyond which north and east lose their meaning for a vehicle, deg.
-const MAX_LATITUDE: f64 = 89.0;
+pub(crate) const MAX_LATITUDE: f64 = 89.0;
 /// The greatest height above or depth below the ellipsoid, m.
-const MAX_HEIGHT: f64 = 1e5;
+pub(crate) const MAX_HEIGHT: f64 = 1e5;
 /// Less than any radius of curvature within [`MAX_HEIGHT`] of the ellipsoid, m.
-const LEAST_RADIUS: f64 = 6.2e6;
+pub(crate) const LEAST_RADIUS: f64 = 6.2e6;
 
 /// Where a trajectory starts, and the table of its segments.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
@@ -141,12 +141,17 @@ pub struct Span<'a> {
 }
 
 /// A smooth motion over the ellipsoid; see [`Cursor`] for its values. Cheap to clone.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Trajectory {
+#[derive(Debug, PartialEq)]
+pub struct Trajectory<P: Piece = Phase> {
     pub(crate) origin: Geodetic,
     /// Not empty; each starts where the one before ends, the first at zero.
-    pub(crate) phases: Arc<[Phase]>,
-    duration: f64,
+    pub(crate) pieces: Arc<[P]>,
+}
+
+impl<P: Piece> Clone for Trajectory<P> {
+    fn clone(&self) -> Self {
+        Self { origin: self.origin, pieces: Arc::clone(&self.pieces) }
+    }
 }
 
 impl Trajectory {
@@ -192,21 +197,23 @@ impl Trajectory {
         if phases.is_empty() {
             return Err(TrajectoryError::Empty);
         }
-        Ok(Self { origin, phases: phases.into(), duration })
+        Ok(Self { origin, pieces: phases.into() })
     }
+}
 
+impl<P: Piece> Trajectory<P> {
     /// How long it takes, s.
     pub fn duration(&self) -> f64 {
-        self.duration
+        self.pieces.last().map_or(0.0, |piece| piece.span().1)
     }
 
     /// Its parts, in order and without gaps.
     pub fn segments(&self) -> impl Iterator<Item = Span<'_>> {
-        self.phases.iter().map(|p| Span { number: p.number, start: p.start, end: p.end, label: &p.label })
+        self.pieces.iter().map(|p| Span { number: p.number(), start: p.span().0, end: p.span().1, label: p.label() })
     }
 
     /// A reader of its values, at the start.
-    pub fn cursor(&self) -> Cursor {
+    pub fn cursor(&self) -> Cursor<P> {
         Cursor::new(self.clone())
     }
 }

@@ -1,0 +1,212 @@
+//! Plugins as the author of a program puts them together: groups, members replaced, disabled and configured, and what is
+//! told where they do not fit.
+#![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+use navfuse_core::prelude::*;
+use navfuse_core::registry::{Kind, Need};
+
+/// A sensor of a type that only stands in the registry.
+#[derive(Debug, Deserialize, JsonSchema)]
+struct Sonar {}
+
+impl SensorType for Sonar {
+    const TYPE: &'static str = "sonar";
+    fn channels(&self) -> Vec<Channel> {
+        vec![Channel::new("range", "m")]
+    }
+    fn build(self, _: &mut Composer) -> Result<Role, ComposeError> {
+        Err(ComposeError::new("range", "never composed"))
+    }
+}
+
+/// The same under the same name, by somebody else.
+#[derive(Debug, Deserialize, JsonSchema)]
+struct BetterSonar {
+    /// What it can more.
+    #[allow(dead_code, reason = "read from TOML, to be told from the other")]
+    beams: u8,
+}
+
+impl SensorType for BetterSonar {
+    const TYPE: &'static str = "sonar";
+    fn channels(&self) -> Vec<Channel> {
+        vec![Channel::new("range", "m")]
+    }
+    fn build(self, _: &mut Composer) -> Result<Role, ComposeError> {
+        Err(ComposeError::new("range", "never composed"))
+    }
+}
+
+/// A compass that is registered only where it is switched on.
+#[derive(Debug, Deserialize, JsonSchema)]
+struct Compass {}
+
+impl SensorType for Compass {
+    const TYPE: &'static str = "compass";
+    fn channels(&self) -> Vec<Channel> {
+        vec![Channel::new("heading", "rad")]
+    }
+    fn build(self, _: &mut Composer) -> Result<Role, ComposeError> {
+        Err(ComposeError::new("heading", "never composed"))
+    }
+}
+
+struct SonarPlugin;
+impl Plugin for SonarPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.sensor::<Sonar>();
+    }
+    fn name(&self) -> &'static str {
+        "sonar"
+    }
+    fn version(&self) -> &'static str {
+        "0.3.1"
+    }
+}
+
+struct BetterSonarPlugin;
+impl Plugin for BetterSonarPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.sensor::<BetterSonar>();
+    }
+    fn name(&self) -> &'static str {
+        "better-sonar"
+    }
+}
+
+struct CompassPlugin {
+    compass: bool,
+}
+impl Plugin for CompassPlugin {
+    fn build(&self, registry: &mut Registry) {
+        if self.compass {
+            registry.sensor::<Compass>();
+        }
+    }
+}
+
+/// Two plugins as one.
+struct Acoustics;
+impl Plugin for Acoustics {
+    fn build(&self, registry: &mut Registry) {
+        registry.add(&SonarPlugin).add(&CompassPlugin { compass: false });
+    }
+}
+
+struct Needing(Need);
+impl Plugin for Needing {
+    fn build(&self, _: &mut Registry) {}
+    fn name(&self) -> &'static str {
+        "terrain"
+    }
+    fn version(&self) -> &'static str {
+        "1.2.0"
+    }
+    fn needs(&self) -> &[Need] {
+        std::slice::from_ref(&self.0)
+    }
+}
+
+fn names(registry: &Registry) -> Vec<&str> {
+    registry.entries().map(|e| e.name).collect()
+}
+
+fn wrong(registry: &Registry) -> String {
+    registry.check().unwrap_err().to_string()
+}
+
+/// Whether the sonar is the one with beams.
+fn better(registry: &Registry) -> bool {
+    let schema = serde_json::to_string(&registry.get(Kind::Sensor, "sonar").unwrap().schema).unwrap();
+    schema.contains("beams")
+}
+
+#[test]
+fn a_group_is_a_plugin_that_adds_others() {
+    let mut registry = Registry::new();
+    registry.add(&Acoustics);
+    assert_eq!(names(&registry), ["sonar"]);
+    registry.check().unwrap();
+}
+
+#[test]
+fn a_member_of_a_group_is_replaced_disabled_and_configured() {
+    let mut registry = Registry::new();
+    registry.add(&Acoustics).replace::<SonarPlugin>(&BetterSonarPlugin).set(&CompassPlugin { compass: true });
+    assert_eq!(names(&registry), ["compass", "sonar"]);
+    assert!(better(&registry));
+    registry.disable::<BetterSonarPlugin>();
+    assert_eq!(names(&registry), ["compass"]);
+    registry.check().unwrap();
+}
+
+#[test]
+fn a_group_is_disabled_with_its_members() {
+    let mut registry = Registry::new();
+    registry.add(&Acoustics).add(&BetterSonarPlugin).disable::<Acoustics>();
+    assert!(better(&registry));
+    registry.check().unwrap();
+}
+
+#[test]
+fn a_type_that_two_plugins_register_is_told_with_both_and_mended_by_disabling_either() {
+    let both = || {
+        let mut registry = Registry::new();
+        registry.add(&SonarPlugin).add(&BetterSonarPlugin);
+        registry
+    };
+    let told = "better-sonar registers the sensor type \"sonar\", which sonar has registered; rename it, or `replace` the plugin";
+    assert_eq!(wrong(&both()), told);
+    for keep_the_better in [true, false] {
+        let mut registry = both();
+        if keep_the_better {
+            registry.disable::<SonarPlugin>();
+        } else {
+            registry.disable::<BetterSonarPlugin>();
+        }
+        registry.check().unwrap();
+        assert_eq!(better(&registry), keep_the_better);
+    }
+    // a program that registers a type by itself
+    let mut registry = Registry::new();
+    registry.add(&SonarPlugin);
+    registry.sensor::<BetterSonar>();
+    assert!(wrong(&registry).starts_with("this program registers the sensor type \"sonar\", which sonar has"));
+}
+
+#[test]
+fn a_plugin_that_is_added_twice_is_told_once() {
+    let mut registry = Registry::new();
+    registry.add(&Acoustics).add(&SonarPlugin);
+    assert_eq!(wrong(&registry), "the plugin sonar is added twice; add it once, or `set` it for other settings");
+}
+
+#[test]
+fn a_plugin_that_is_needed_and_not_there_is_told_and_so_is_a_wrong_version() {
+    let terrain = |plugin: &'static str, version: &'static str| {
+        let mut registry = Registry::new();
+        registry.add(&SonarPlugin).add(&Needing(Need { plugin, version }));
+        registry
+    };
+    terrain("sonar", "0.3").check().unwrap();
+    terrain("navfuse-core", env!("CARGO_PKG_VERSION")).check().unwrap();
+    let told = "the plugin terrain 1.2.0 needs the plugin ";
+    assert_eq!(
+        wrong(&terrain("lidar", "2")),
+        format!("{told}lidar 2, which is not there; add that one, or disable this")
+    );
+    assert_eq!(
+        wrong(&terrain("sonar", "0.4")),
+        format!("{told}sonar 0.4, but 0.3.1 is there; take versions that fit together")
+    );
+    assert!(wrong(&terrain("navfuse-core", ">=99")).starts_with(&format!("{told}navfuse-core >=99, but ")));
+    assert!(wrong(&terrain("sonar", "new")).starts_with(&format!("{told}sonar in the version \"new\", which is none")));
+}
+
+#[test]
+fn what_is_replaced_and_is_not_there_is_told() {
+    let mut registry = Registry::new();
+    registry.replace::<SonarPlugin>(&BetterSonarPlugin);
+    let message = wrong(&registry);
+    assert!(message.contains("SonarPlugin is to be replaced or disabled, but is no plugin here"), "{message}");
+}
