@@ -21,7 +21,7 @@ use std::fmt;
 use std::marker::PhantomData;
 
 /// A calibration state: a value alone is held fixed; with a sigma it is estimated unless `mode` says otherwise.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration<V: Components, W: Components> {
     /// Estimate, fixed or consider; by default `estimate` where there is a sigma, else `fixed`.
     pub mode: Option<Mode>,

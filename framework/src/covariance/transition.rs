@@ -259,6 +259,15 @@ impl Transition {
         sum.iter_mut().zip(&self.phi).for_each(|(sum, phi)| *sum += phi);
     }
 
+    /// The density of the models' process noise in a step of `dt` seconds: its variance of each error, over `dt`.
+    pub(crate) fn noise_density(&self, dt: f64, density: &mut [f64]) {
+        for &(at, row, size) in &self.noise {
+            for i in 0..size {
+                density[row + i] = (1.0 + self.excess) * self.q[at + i * size + i] / dt;
+            }
+        }
+    }
+
     /// Takes the process noise of the models as that multiple of what they give, in standard deviation.
     pub fn scale_noise(&mut self, factor: f64) {
         self.excess = factor * factor - 1.0;

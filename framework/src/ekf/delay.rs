@@ -9,6 +9,14 @@
 //! ```
 //! A correction of the state is one of its past too: entries are read with what was corrected since. So differences along the
 //! history are motion, never corrections.
+//!
+//! The slope has the noise of the driving sensor in it. Taken for motion, it would tell of `tau` in every sample, also of a
+//! vehicle that moves straight on, of which nothing can be told. It is therefore taken over 0.2 s, where some of the noise
+//! averages out, and shrunk by what noise explains of it: with the information `I = sum (dz/dtau)^2 / R` over the channels, and `I_n`
+//! that which the process noise gives on average,
+//! ```text
+//! dz/dtau := max(0, 1 - 5 I_n / I) dz/dtau
+//! ```
 
 use crate::calibration::{TimeOffset, display};
 use crate::compose::{ComposeError, Composer, Composition, moved};
@@ -24,6 +32,12 @@ const LONGEST: f64 = 10.0;
 
 /// Entries are at least so far apart: a motion of 5 m/s^3 is straight over it to 0.25 mm/s.
 const SPACING: Time = Time::from_nanos(20_000_000);
+
+/// The slope is taken over twice this, s. Of a motion that comes and goes in 1 s it is then 6 % too small.
+const HALF: f64 = 0.1;
+
+/// So many times what noise explains does a slope tell nothing.
+const SURE: f64 = 5.0;
 
 /// So many sigma of the offset are kept.
 const SIGMAS: f64 = 5.0;
@@ -65,7 +79,10 @@ pub(super) struct History {
     /// The elements of `Phi` added up since the start, and the number of steps.
     drift: Vec<f64>,
     steps: f64,
-    /// The state of which a sample tells, and those shortly before and after.
+    /// When the state last moved, and the density of the process noise then: of each error, unit^2/s.
+    last: Time,
+    density: Vec<f64>,
+    /// The state of which a sample tells, and those at the ends of the slope.
     at: State,
     around: [State; 2],
     scratch: Vec<f64>,
@@ -98,8 +115,8 @@ impl History {
             _ => block.spec.initial[0].abs() + SIGMAS * block.spec.sigma[0],
         });
         let span = spans.reduce(f64::max)?.min(LONGEST);
-        // two more, for the slope at the far end
-        let capacity = (span / SPACING.seconds()).ceil() as usize + 3;
+        // the slope reaches beyond, and two more for what is between entries
+        let capacity = ((span.max(HALF) + HALF) / SPACING.seconds()).ceil() as usize + 3;
         let told = moved(layout, &composition.processes);
         let moves = |slot: &usize| told[*slot] || composition.transition.moves(&layout.blocks[*slot].tangent_range());
         let slots = (0..layout.blocks.len()).filter(moves);
@@ -126,6 +143,8 @@ impl History {
             len: 0,
             start: Time::MIN,
             steps: 0.0,
+            last: Time::MIN,
+            density: vec![0.0; layout.tangent],
             at: state.clone(),
             around: [state.clone(), state],
             scratch: vec![0.0; layout.ambient],
@@ -137,7 +156,7 @@ impl History {
 
     /// The filter started.
     pub(super) fn begin(&mut self, state: &State) {
-        (self.first, self.len, self.start) = (0, 0, state.time);
+        (self.first, self.len, self.start, self.last) = (0, 0, state.time, state.time);
         self.drift.fill(0.0);
         self.steps = 0.0;
         self.push(state);
@@ -147,6 +166,8 @@ impl History {
     pub(super) fn moved(&mut self, state: &State, transition: &Transition) {
         transition.add_to(&mut self.drift);
         self.steps += 1.0;
+        transition.noise_density(state.time.since(self.last), &mut self.density);
+        self.last = state.time;
         if self.len == 0 || state.time - self.entry(self.len - 1).time >= SPACING {
             self.push(state);
         }
@@ -253,23 +274,39 @@ impl History {
         if self.len == 0 || back > known || known < 0.5 * SPACING.seconds() {
             return false;
         }
-        let half = 0.5 * SPACING.seconds();
+        let near = (back - HALF).max(0.0);
+        let far = (near + 2.0 * HALF).min(known);
         let (mut at, mut around) = (std::mem::take(&mut self.at), std::mem::take(&mut self.around));
         let mut scratch = std::mem::take(&mut self.scratch);
         self.recall(layout, state, back, &mut at, &mut scratch);
         model.linearise(&At { layout, state: &at, sample }, update);
         let column = layout.block(offset).tangent;
-        let mut change = [0.0; MAX_CHANNELS];
+        let mut slopes = [0.0; MAX_CHANNELS];
         if column.is_some() {
-            self.recall(layout, state, back + half, &mut around[0], &mut scratch);
-            self.recall(layout, state, back - half, &mut around[1], &mut scratch);
+            self.recall(layout, state, far, &mut around[0], &mut scratch);
+            self.recall(layout, state, near, &mut around[1], &mut scratch);
             let [from, to] = [&around[0], &around[1]].map(|state| At { layout, state, sample });
-            model.change(&from, &to, &mut change[..model.channels()]);
+            model.change(&from, &to, &mut slopes[..model.channels()]);
+            let share = self.told(&slopes, far - near, sample, update);
+            slopes.iter_mut().for_each(|slope| *slope *= -share / (far - near));
         }
         (self.at, self.around, self.scratch) = (at, around, scratch);
-        let slopes = change.map(|c| -c / SPACING.seconds());
         self.lead_back(state.time, back, sample, column.map(|c| (c, slopes)), update);
         true
+    }
+
+    /// The share of a change over `span` seconds that the noise of the process does not explain.
+    fn told(&self, change: &[f64; MAX_CHANNELS], span: f64, sample: &Sample, update: &Update) -> f64 {
+        let (m, w) = (update.m, update.columns.len());
+        let present = (0..MAX_CHANNELS).filter(|&i| sample.get(i).is_some());
+        let (mut all, mut noise) = (0.0, 0.0);
+        for (a, channel) in (0..m).zip(present) {
+            let r = update.r[a * m + a];
+            let seen = update.columns.iter().zip(&update.h[a * w..a * w + w]);
+            noise += seen.map(|(&c, h)| h * h * self.density[c]).sum::<f64>() * span / r;
+            all += change[channel] * change[channel] / r;
+        }
+        if all > 0.0 { (1.0 - SURE * noise / all).max(0.0) } else { 0.0 }
     }
 
     /// Makes the Jacobian with respect to the state then one with respect to the state now and to the offset.

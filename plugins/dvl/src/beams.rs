@@ -37,6 +37,9 @@ pub struct DvlBeams {
     /// Where the instrument is, from the IMU, in body axes. Without it at the IMU.
     #[serde(default)]
     pub lever_arm: LeverArm,
+    /// Another DVL, above this one, of the same transducer: its misalignment and lever arm are those of this one too. For
+    /// one instrument that tracks both bottom and water.
+    pub transducer: Option<String>,
     /// The process whose motion it measures.
     #[serde(default = "ins")]
     pub navigation: String,
@@ -91,6 +94,7 @@ impl DvlBeams {
             scale: self.scale,
             misalignment: self.misalignment,
             lever_arm: self.lever_arm,
+            transducer: self.transducer.as_deref(),
             navigation: &self.navigation,
             track: self.track,
             current: self.current.as_deref(),

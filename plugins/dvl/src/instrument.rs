@@ -26,6 +26,7 @@ pub(crate) struct Settings<'a> {
     pub scale: ScaleFactor,
     pub misalignment: Misalignment,
     pub lever_arm: LeverArm,
+    pub transducer: Option<&'a str>,
     pub navigation: &'a str,
     pub track: Track,
     pub current: Option<&'a str>,
@@ -59,13 +60,30 @@ impl Settings<'_> {
                 return Err(ComposeError::new("current", message));
             }
         };
-        Ok(Instrument {
-            navigation,
-            scale: self.scale.block(composer, "scale", &[1.0], display::RATIO)?,
-            c_b_d: self.misalignment.block(composer, "misalignment", &[0.0; 3], display::ANGLES)?,
-            lever_arm: self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
-            current,
-        })
+        let scale = self.scale.block(composer, "scale", &[1.0], display::RATIO)?;
+        let (c_b_d, lever_arm) = self.mounting(composer)?;
+        Ok(Instrument { navigation, scale, c_b_d, lever_arm, current })
+    }
+
+    /// Misalignment and lever arm: states of its own, or those of another sensor.
+    fn mounting(&self, composer: &mut Composer) -> Result<(Handle<Rotation>, Handle<Vector<3>>), ComposeError> {
+        let Some(name) = self.transducer else {
+            let c_b_d = self.misalignment.block(composer, "misalignment", &[0.0; 3], display::ANGLES)?;
+            return Ok((c_b_d, self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?));
+        };
+        let given = [("misalignment", self.misalignment != Misalignment::default())];
+        for (key, given) in given.into_iter().chain([("lever_arm", self.lever_arm != LeverArm::default())]) {
+            if given {
+                let message = format!("it is that of [sensor.{name}], which `transducer` names; remove one of the two");
+                return Err(ComposeError::new(key, message));
+            }
+        }
+        let misalignment = composer.find("transducer", &format!("{name}.misalignment"));
+        let misalignment = misalignment.map_err(|_| {
+            let message = format!("there is no DVL [sensor.{name}] above this one; name one, or put it first");
+            ComposeError::new("transducer", message)
+        })?;
+        Ok((misalignment, composer.find("transducer", &format!("{name}.lever_arm"))?))
     }
 }
 

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{bound, compose, no_sample, predict, run, set};
+use common::{bound, compose, no_sample, predict, refused, run, set};
 use navfuse_core::nalgebra::Vector3;
 use navfuse_core::state::Dynamics;
 
@@ -23,6 +23,30 @@ fn the_current_is_taken_off_in_north_east_down() {
     let z = Vector3::from_vec(predict(&composition, "water-track", &state, &no_sample()));
     // forward is east, right is south
     assert!((z - Vector3::new(1.5, 0.3, -0.1)).amax() < 1e-15, "{z}");
+}
+
+const SAME: &str = "sensor.water-track={ type = \"dvl-beams\", noise = \"3 cm/s\", scale = { sigma = 0.01 }, track = \"water\", \
+                    current = \"water\", transducer = \"bottom-track\"";
+
+#[test]
+fn one_transducer_has_one_misalignment_and_one_lever_arm_whatever_it_tracks() {
+    let composition = compose(SCENARIO, &[&format!("{SAME} }}")]);
+    let of = |sensor: &str| composition.layout.blocks.iter().filter(|b| b.name.starts_with(sensor)).count();
+    assert_eq!((of("bottom-track."), of("water-track.")), (3, 1), "the scale factor is its own");
+    let mut state = composition.layout.initial_state();
+    set(&composition, &mut state, "ins.velocity", &[2.0, 0.3, -0.1]);
+    set(&composition, &mut state, "bottom-track.misalignment", &[0.01, -0.02, 0.05]);
+    // no current, no error of scale: both read the same
+    let [bottom, water] = ["bottom-track", "water-track"].map(|s| predict(&composition, s, &state, &no_sample()));
+    assert_eq!(bottom, water);
+}
+
+#[test]
+fn a_transducer_that_is_not_there_or_is_mounted_twice_is_refused() {
+    let twice = refused(SCENARIO, &[&format!("{SAME}, lever_arm = [\"1 m\", \"0 m\", \"0 m\"] }}")]);
+    assert!(twice.contains("lever_arm") && twice.contains("it is that of [sensor.bottom-track]"), "{twice}");
+    let none = refused(SCENARIO, &[&format!("{SAME} }}").replace("bottom-track", "botom")]);
+    assert!(none.contains("there is no DVL [sensor.botom] above this one"), "{none}");
 }
 
 #[test]
