@@ -1,5 +1,5 @@
-//! Sensors in crates of their own, outside of the workspace: the one in `examples/outside-sensor`, and one that
-//! `navfuse new-plugin` writes. Both are built here, without a network, pass their test, and run their scenario.
+//! Plugins in crates of their own, outside of the workspace: those in `examples`, and one that `navfuse new-plugin` writes.
+//! All are built here, without a network, pass their tests, and run their scenarios.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
@@ -47,6 +47,31 @@ fn a_sensor_that_the_tree_does_not_contain_is_one_file_of_40_lines_and_a_main_of
     assert!(lines(&folder.join("src/lib.rs")) <= 40);
     assert!(lines(&folder.join("src/main.rs")) < 10);
     state(&folder, "magnetometer.declination");
+}
+
+#[test]
+fn process_manifold_trajectory_source_and_sink_are_pluggable_from_outside() {
+    let _one = BUILDING.lock();
+    let folder = root().join("examples/outside-vehicle");
+    let tested = cargo(&folder, &["test", "--offline"]);
+    assert!(stdout(&tested).contains("test result: ok. 1 passed"), "{}", stdout(&tested));
+    let out = tempfile::tempdir().unwrap();
+    let run = |name: &str, source: Option<String>| {
+        let path = out.path().join(name).display().to_string();
+        let mut arguments = vec!["run", "--offline", "--quiet", "--", "run", "scenario.toml", "--out", &path];
+        arguments.extend(["--format", "json"]);
+        if let Some(source) = &source {
+            arguments.extend(["--set", source]);
+        }
+        let summary: serde_json::Value = serde_json::from_slice(&cargo(&folder, &arguments).stdout).unwrap();
+        summary["states"].clone()
+    };
+    let first = run("first", None);
+    assert!(first.to_string().contains("steady.course"), "{first}");
+    let samples = out.path().join("first/samples.txt");
+    let again = run("again", Some(format!("source={{ lines = {{ path = {:?} }} }}", samples.display().to_string())));
+    assert_eq!(first, again, "the source reads what the sink wrote, to the bit");
+    assert_eq!(std::fs::read(&samples).unwrap(), std::fs::read(out.path().join("again/samples.txt")).unwrap());
 }
 
 #[test]

@@ -67,6 +67,29 @@ impl Role {
 }
 
 /// Reads the motion of the body from a reference's sample.
+///
+/// ```
+/// use navfuse_core::{compose::Reference, nalgebra::{UnitQuaternion, Vector3}, prelude::*};
+/// /// Fixes of a tracking station: position alone.
+/// struct Fixes;
+/// impl Reference for Fixes {
+///     fn motion(&self, _: &Layout, _: &State, sample: &Sample) -> Option<Motion> {
+///         let [latitude, longitude, height] = sample.array(0)?;
+///         Some(Motion {
+///             time: sample.time,
+///             position: Geodetic { latitude, longitude, height },
+///             velocity: Vector3::zeros(),
+///             c_b_n: UnitQuaternion::identity(),
+///             w_ib_b: Vector3::zeros(),
+///             f_ib_b: Vector3::zeros(),
+///         })
+///     }
+///     fn sample(&self, motion: &Motion, sample: &mut Sample) {
+///         let p = motion.position;
+///         [p.latitude, p.longitude, p.height].into_iter().enumerate().for_each(|(k, x)| sample.set(k, x));
+///     }
+/// }
+/// ```
 pub trait Reference: Send + Sync {
     /// The motion of the body's origin; the state's signals may be used. `None` if channels are missing.
     fn motion(&self, layout: &Layout, state: &State, sample: &Sample) -> Option<Motion>;

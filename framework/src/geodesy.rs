@@ -35,6 +35,14 @@ pub fn radii_of_curvature<T: Real>(latitude: T) -> (T, T) {
     (r_n, r_e)
 }
 
+impl Geodetic {
+    /// The position with scalars of type `T`, of which it is a constant.
+    pub fn cast<T: Real>(&self) -> Geodetic<T> {
+        let Self { latitude, longitude, height } = *self;
+        Geodetic { latitude: convert(latitude), longitude: convert(longitude), height: convert(height) }
+    }
+}
+
 impl<T: Real> Geodetic<T> {
     /// The position displaced by north, east and down metres along the local tangent.
     pub fn displaced(&self, ned: &Vector3<T>) -> Self {

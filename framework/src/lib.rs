@@ -37,5 +37,15 @@ pub mod units;
 pub use nalgebra;
 
 /// A real scalar that a model is generic over: `f64`, or a dual number that carries a derivative.
+///
+/// ```
+/// use navfuse_core::{Real, nalgebra::convert};
+/// /// Speed of sound in fresh water (m/s) at a temperature (deg C), to the second order.
+/// fn speed_of_sound<T: Real>(temperature: T) -> T {
+///     let [a, b, c] = [1402.4, 5.04, -0.058].map(convert::<f64, T>);
+///     a + temperature * (b + temperature * c)
+/// }
+/// assert!((speed_of_sound(10.0_f64) - 1447.0).abs() < 1.0);
+/// ```
 pub trait Real: nalgebra::RealField + Copy {}
 impl<T: nalgebra::RealField + Copy> Real for T {}

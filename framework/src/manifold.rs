@@ -12,6 +12,38 @@ use num_dual::Dual64;
 pub const MAX_TANGENT: usize = 16;
 
 /// A manifold: where the value of a state block lives.
+///
+/// A positive number, whose error is a ratio:
+/// ```
+/// use navfuse_core::prelude::*;
+/// struct PositiveNumber;
+/// impl Manifold for PositiveNumber {
+///     const AMBIENT: usize = 1;
+///     const TANGENT: usize = 1;
+///     type Value<T: Real> = T;
+///     fn load<T: Real>(ambient: &[f64]) -> T {
+///         convert(ambient[0])
+///     }
+///     fn store(value: &f64, ambient: &mut [f64]) {
+///         ambient[0] = *value;
+///     }
+///     fn retract<T: Real>(x: &T, delta: &[T]) -> T {
+///         *x * delta[0].exp()
+///     }
+///     fn local(to: &f64, from: &f64, delta: &mut [f64]) {
+///         delta[0] = (to / from).ln();
+///     }
+///     fn coordinates<T: Real>(x: &T, out: &mut [T]) {
+///         out[0] = *x;
+///     }
+///     fn from_coordinates(coordinates: &[f64]) -> f64 {
+///         coordinates[0]
+///     }
+/// }
+/// let mut delta = [0.0];
+/// PositiveNumber::local(&3.0, &2.0, &mut delta);
+/// assert!((PositiveNumber::retract::<f64>(&2.0, &delta) - 3.0).abs() < 1e-15);
+/// ```
 pub trait Manifold: Send + Sync + 'static {
     /// Numbers that hold a value.
     const AMBIENT: usize;

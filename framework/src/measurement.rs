@@ -84,6 +84,19 @@ impl<const N: usize> Jacobian<'_, N> {
 }
 
 /// A measurement model whose type is no longer known: what the estimator and the simulator call.
+///
+/// ```
+/// use navfuse_core::measurement::{AnyMeasurement, At};
+/// use navfuse_core::prelude::*;
+/// /// What a sensor of any type would read at a state, and with which 1-sigma.
+/// fn reading(model: &dyn AnyMeasurement, layout: &Layout, state: &State) -> Vec<(f64, f64)> {
+///     let (n, at) = (model.channels(), At::state(layout, state));
+///     let (mut h, mut r) = (vec![0.0; n], vec![0.0; n * n]);
+///     model.predict(&at, &mut h);
+///     model.noise(&at, &mut r);
+///     (0..n).map(|i| (h[i], r[i * n + i].sqrt())).collect()
+/// }
+/// ```
 pub trait AnyMeasurement: Send {
     /// Number of channels that it predicts.
     fn channels(&self) -> usize;

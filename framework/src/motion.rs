@@ -36,6 +36,30 @@ impl Motion {
 }
 
 /// A known motion that sensors are simulated on. Times asked for do not decrease.
+///
+/// ```
+/// use navfuse_core::motion::{Motion, Trajectory};
+/// use navfuse_core::nalgebra::{UnitQuaternion, Vector3};
+/// use navfuse_core::{geodesy::Geodetic, time::Time};
+/// /// At rest on a planet that does not turn.
+/// struct Bench;
+/// const GRAVITY: f64 = 9.8;
+/// impl Trajectory for Bench {
+///     fn at(&mut self, time: Time) -> Motion {
+///         Motion {
+///             time,
+///             position: Geodetic { latitude: 0.5, longitude: 0.0, height: 0.0 },
+///             velocity: Vector3::zeros(),
+///             c_b_n: UnitQuaternion::identity(),
+///             w_ib_b: Vector3::zeros(),
+///             f_ib_b: Vector3::new(0.0, 0.0, -GRAVITY),
+///         }
+///     }
+///     fn increments(&mut self, from: Time, to: Time) -> (Vector3<f64>, Vector3<f64>) {
+///         (Vector3::zeros(), Vector3::new(0.0, 0.0, -GRAVITY * to.since(from)))
+///     }
+/// }
+/// ```
 pub trait Trajectory: Send {
     /// The motion at a time.
     fn at(&mut self, time: Time) -> Motion;

@@ -44,6 +44,51 @@ pub struct ProcessError(pub String);
 ///
 /// The places it fills were declared when it was composed ([`crate::compose::Composer::transition`]). A row of the
 /// error state of which it declares any part is replaced as a whole; all others move by their block's own dynamics.
+///
+/// A place on a line that moves with a speed:
+/// ```
+/// use navfuse_core::nalgebra::Vector1;
+/// use navfuse_core::prelude::*;
+///
+/// #[derive(Clone)]
+/// struct Cart {
+///     place: Handle<Scalar>,
+///     speed: Handle<Scalar>,
+///     phi: [PhiSlot<1, 1>; 2],
+/// }
+///
+/// impl Cart {
+///     fn new(composer: &mut Composer, place: Handle<Scalar>, speed: Handle<Scalar>) -> Self {
+///         let (p, v) = (composer.tangent(place), composer.tangent(speed));
+///         let t = composer.transition();
+///         Self { place, speed, phi: [t.phi(p, p), t.phi(p, v)] } // the row of the place; that of the speed is the framework's
+///     }
+/// }
+///
+/// impl ProcessModel for Cart {
+///     fn propagate(
+///         &mut self,
+///         layout: &Layout,
+///         state: &mut State,
+///         interval: &Interval<'_>,
+///         transition: &mut Transition,
+///     ) -> Result<(), ProcessError> {
+///         let dt = interval.duration();
+///         let place = state.get(layout, self.place) + state.get(layout, self.speed) * dt;
+///         state.set(layout, self.place, &place);
+///         transition.set(self.phi[0], &Vector1::new(1.0));
+///         transition.set(self.phi[1], &Vector1::new(dt));
+///         Ok(())
+///     }
+///     fn follow(&self, layout: &Layout, motion: &Motion, state: &mut State, known: &mut [bool]) {
+///         state.set(layout, self.speed, &motion.velocity.x);
+///         known[self.speed.slot()] = true;
+///     }
+///     fn boxed_clone(&self) -> Box<dyn ProcessModel> {
+///         Box::new(self.clone())
+///     }
+/// }
+/// ```
 pub trait ProcessModel: Send {
     /// Moves the state over the interval and fills `Phi` and `Q`.
     ///

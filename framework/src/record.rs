@@ -113,6 +113,22 @@ pub struct Event {
 }
 
 /// Who listens to a run.
+///
+/// ```
+/// use navfuse_core::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
+/// use navfuse_core::sample::Sample;
+/// /// Counts what the gate turned away.
+/// #[derive(Default)]
+/// struct Gated(usize);
+/// impl Observer for Gated {
+///     fn epoch(&mut self, _: &Epoch<'_>) {}
+///     fn update(&mut self, update: &UpdateRecord<'_>) {
+///         self.0 += usize::from(update.outcome == Outcome::Gated);
+///     }
+///     fn input(&mut self, _: &Sample, _: Option<Rejection>) {}
+///     fn event(&mut self, _: Event) {}
+/// }
+/// ```
 pub trait Observer {
     /// An estimate, at the output rate and wherever a reference is known.
     fn epoch(&mut self, epoch: &Epoch<'_>);

@@ -14,6 +14,42 @@ use crate::plugin::Members;
 pub use crate::plugin::{Need, Plugin, PluginError};
 
 /// A type of sensor. Its fields are the parameters in TOML: their documentation, units and defaults are the type's.
+///
+/// ```
+/// use navfuse_core::prelude::*;
+/// /// Height above the ellipsoid, by some means.
+/// #[derive(Clone, Debug, Deserialize, JsonSchema)]
+/// #[serde(deny_unknown_fields)]
+/// struct Altitude {
+///     /// 1-sigma noise.
+///     noise: Sigma<Length>,
+/// }
+///
+/// struct Model(Altitude, Handle<Position>);
+///
+/// impl SensorType for Altitude {
+///     const TYPE: &'static str = "altitude";
+///     fn channels(&self) -> Vec<Channel> {
+///         vec![Channel::new("height", "m")]
+///     }
+///     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+///         let position = composer.find("position", "ins.position")?;
+///         Ok(Role::measurement(Model(self, position)))
+///     }
+/// }
+///
+/// impl MeasurementModel<1> for Model {
+///     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
+///         SVector::from([x.get(self.1).height])
+///     }
+///     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
+///         SMatrix::from_element(self.0.noise.value().si().powi(2))
+///     }
+/// }
+///
+/// let mut registry = Registry::new();
+/// registry.sensor::<Altitude>(); // [sensor.altitude]
+/// ```
 pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
@@ -29,6 +65,41 @@ pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
 }
 
 /// A type of process model.
+///
+/// One that moves nothing itself, and brings a state that wanders by the framework's own dynamics:
+/// ```
+/// use navfuse_core::prelude::*;
+/// /// Height of the sea surface.
+/// #[derive(Clone, Debug, Deserialize, JsonSchema)]
+/// #[serde(deny_unknown_fields)]
+/// struct Tide {
+///     /// Height above the ellipsoid, with `sigma` and `correlation_time`.
+///     height: LengthBias,
+/// }
+///
+/// #[derive(Clone)]
+/// struct Model;
+///
+/// impl ProcessType for Tide {
+///     const TYPE: &'static str = "tide";
+///     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
+///         self.height.block::<Scalar>(composer, "height", &[0.0], display::LENGTH)?; // others find it as tide.height
+///         Ok(BuiltProcess { model: Box::new(Model), input: None })
+///     }
+/// }
+///
+/// impl ProcessModel for Model {
+///     fn propagate(&mut self, _: &Layout, _: &mut State, _: &Interval<'_>, _: &mut Transition) -> Result<(), ProcessError> {
+///         Ok(())
+///     }
+///     fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
+///     fn boxed_clone(&self) -> Box<dyn ProcessModel> {
+///         Box::new(self.clone())
+///     }
+/// }
+/// let mut registry = Registry::new();
+/// registry.process::<Tide>(); // [process.tide]
+/// ```
 pub trait ProcessType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
@@ -51,6 +122,27 @@ pub struct OpenContext<'a> {
 }
 
 /// A type of source.
+///
+/// ```
+/// use navfuse_core::prelude::*;
+/// /// Nothing: a scenario that only composes.
+/// #[derive(Clone, Debug, Deserialize, JsonSchema)]
+/// struct Silence {}
+/// struct Silent;
+/// impl SourceType for Silence {
+///     const TYPE: &'static str = "silence";
+///     fn open(self, _: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
+///         Ok(vec![Box::new(Silent)])
+///     }
+/// }
+/// impl Source for Silent {
+///     fn next(&mut self, _: &mut Sample) -> Result<bool, StreamError> {
+///         Ok(false)
+///     }
+/// }
+/// let mut registry = Registry::new();
+/// registry.source::<Silence>(); // [source.silence]
+/// ```
 pub trait SourceType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
@@ -64,6 +156,35 @@ pub trait SourceType: DeserializeOwned + JsonSchema + 'static {
 }
 
 /// A type of sink.
+///
+/// ```
+/// use navfuse_core::prelude::*;
+/// /// Prints every event to the terminal.
+/// #[derive(Clone, Debug, Deserialize, JsonSchema)]
+/// struct Terminal {}
+/// struct Printing;
+/// impl SinkType for Terminal {
+///     const TYPE: &'static str = "terminal";
+///     const DEFAULT: bool = false; // only where the scenario has [sink.terminal]
+///     fn open(self, _: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
+///         Ok(Box::new(Printing))
+///     }
+/// }
+/// impl Sink for Printing {
+///     fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
+///         Ok(())
+///     }
+///     fn event(&mut self, event: &navfuse_core::record::Event) -> Result<(), StreamError> {
+///         println!("{} {}: {}", event.time, event.about, event.text);
+///         Ok(())
+///     }
+///     fn finish(&mut self) -> Result<Option<String>, StreamError> {
+///         Ok(None)
+///     }
+/// }
+/// let mut registry = Registry::new();
+/// registry.sink::<Terminal>();
+/// ```
 pub trait SinkType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;

@@ -81,6 +81,28 @@ impl Scene<'_> {
 }
 
 /// Simulates a driving sensor.
+///
+/// ```
+/// use navfuse_core::{prelude::*, simulate::Simulate};
+/// /// The mean angular rate over the interval, with white noise (rad/s/sqrt(Hz)).
+/// #[derive(Clone)]
+/// struct Gyros {
+///     noise: f64,
+/// }
+/// impl Simulate for Gyros {
+///     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+///         let dt = scene.to.since(scene.from);
+///         let (angle, _) = scene.trajectory.increments(scene.from, scene.to);
+///         for axis in 0..3 {
+///             let noise = self.noise / dt.sqrt() * scene.noise * scene.random.normal();
+///             sample.set(axis, angle[axis] / dt + noise);
+///         }
+///     }
+///     fn boxed_clone(&self) -> Box<dyn Simulate> {
+///         Box::new(self.clone())
+///     }
+/// }
+/// ```
 pub trait Simulate: Send + Sync {
     /// Fills the sample's channels.
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample);

@@ -12,6 +12,21 @@ use crate::time::Time;
 pub struct StreamError(pub String);
 
 /// Gives samples in order of time.
+///
+/// ```
+/// use navfuse_core::prelude::*;
+/// /// Samples that are there already.
+/// struct Recorded(std::vec::IntoIter<Sample>);
+/// impl Source for Recorded {
+///     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+///         let next = self.0.next();
+///         if let Some(next) = next {
+///             *sample = next;
+///         }
+///         Ok(next.is_some())
+///     }
+/// }
+/// ```
 pub trait Source: Send {
     /// Writes the next sample; `false` at the end.
     ///
@@ -75,6 +90,26 @@ pub enum Purpose {
 }
 
 /// Takes what a run tells. Every method but [`Sink::finish`] may do nothing.
+///
+/// ```
+/// use navfuse_core::{prelude::*, record::Epoch};
+/// /// Keeps the trace of the covariance over time.
+/// #[derive(Default)]
+/// struct Traces(Vec<(Time, f64)>);
+/// impl Sink for Traces {
+///     fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
+///         Ok(())
+///     }
+///     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+///         let trace = (0..epoch.layout.tangent).map(|i| epoch.covariance.get(i, i)).sum();
+///         self.0.push((epoch.state.time, trace));
+///         Ok(())
+///     }
+///     fn finish(&mut self) -> Result<Option<String>, StreamError> {
+///         Ok(None)
+///     }
+/// }
+/// ```
 ///
 /// # Errors
 /// A sink that fails is closed and named in an event; the run and the other sinks go on.

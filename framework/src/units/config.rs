@@ -11,6 +11,12 @@ use std::fmt;
 use std::marker::PhantomData;
 
 /// A configured value of one or three components.
+///
+/// ```
+/// use navfuse_core::units::{Components, Length, Triple};
+/// assert_eq!(Length::from_si(2.0).components(), [2.0]);
+/// assert_eq!(Triple::new([Length::from_si(1.0); 3]).components(), [1.0; 3]);
+/// ```
 pub trait Components: Copy + fmt::Debug + fmt::Display + Serialize + DeserializeOwned + JsonSchema {
     /// The components in SI.
     fn components(&self) -> Vec<f64>;

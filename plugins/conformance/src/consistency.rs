@@ -28,15 +28,16 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
         Ok(runs) => runs,
         Err(message) => return report.add("consistency", parts.join(", "), Err(message)),
     };
+    let assumes = lab.assumes();
     for (part, model) in lab.models() {
-        report.add("nis", part.about, nis(&runs, part.index, model.channels()));
+        report.add("nis", part.about, nis(&runs, part.index, model.channels(), assumes));
     }
     let layout = &lab.composition.layout;
     for (name, about) in names.iter().zip(parts) {
         let own = |b: &&Block| b.name.split('.').next() == Some(name);
         let own: Vec<&Block> = layout.blocks.iter().filter(own).filter(|b| b.tangent.is_some() && random(b)).collect();
         if !own.is_empty() {
-            report.add("nees", about, nees(&runs, &own));
+            report.add("nees", about, nees(&runs, &own, assumes));
         }
     }
 }
@@ -143,15 +144,19 @@ impl Sink for Listener {
     }
 }
 
-/// Whether a sum of squares is in the band of the chi-square distribution, and the band of its mean per degree of freedom.
-fn judge(sum: f64, freedom: usize) -> Option<(bool, [f64; 2])> {
+/// Whether a sum of squares is in the band of the chi-square distribution, and the band of its mean per degree of freedom;
+/// from zero on, where it `may_be_less`.
+fn judge(sum: f64, freedom: usize, may_be_less: bool) -> Option<(bool, [f64; 2])> {
     let chi = ChiSquared::new(freedom as f64).ok()?;
-    let band = [0.5 * ALPHA, 1.0 - 0.5 * ALPHA].map(|p| chi.inverse_cdf(p) / freedom as f64);
+    let mut band = [0.5 * ALPHA, 1.0 - 0.5 * ALPHA].map(|p| chi.inverse_cdf(p) / freedom as f64);
+    if may_be_less {
+        band[0] = 0.0;
+    }
     let mean = sum / freedom as f64;
     Some((mean.is_finite() && mean >= band[0] && mean <= band[1], band))
 }
 
-fn nis(runs: &[Run], sensor: usize, channels: usize) -> Result<String, String> {
+fn nis(runs: &[Run], sensor: usize, channels: usize, may_be_less: bool) -> Result<String, String> {
     let gated: usize = runs.iter().map(|r| r.gated[sensor]).sum();
     if gated > 0 {
         return Err(format!(
@@ -165,7 +170,7 @@ fn nis(runs: &[Run], sensor: usize, channels: usize) -> Result<String, String> {
     };
     let counted: Vec<(f64, usize)> = runs.iter().flat_map(thin).collect();
     let (sum, freedom) = counted.iter().fold((0.0, 0), |(s, f), (nis, m)| (s + nis, f + m));
-    let Some((holds, [low, high])) = judge(sum, freedom) else {
+    let Some((holds, [low, high])) = judge(sum, freedom, may_be_less) else {
         return Err("none of its samples corrects the state; simulate it, at a time when the filter runs".into());
     };
     let mean = sum / freedom as f64;
@@ -189,7 +194,7 @@ fn nis(runs: &[Run], sensor: usize, channels: usize) -> Result<String, String> {
 }
 
 /// The errors of blocks at the end of all runs.
-fn nees(runs: &[Run], blocks: &[&Block]) -> Result<String, String> {
+fn nees(runs: &[Run], blocks: &[&Block], may_be_less: bool) -> Result<String, String> {
     let (mut sum, mut freedom) = (0.0, 0);
     let mut alone: Vec<(String, f64, usize)> = blocks.iter().map(|b| (b.name.clone(), 0.0, 0)).collect();
     for run in runs {
@@ -208,7 +213,7 @@ fn nees(runs: &[Run], blocks: &[&Block]) -> Result<String, String> {
         sum += squared.ok_or_else(|| singular("its states"))?;
         freedom += all.len();
     }
-    let Some((holds, [low, high])) = judge(sum, freedom) else {
+    let Some((holds, [low, high])) = judge(sum, freedom, may_be_less) else {
         return Err("no true value of its states is known; add [sensor.reference] with a simulation".into());
     };
     let numbers = format!(
@@ -216,7 +221,8 @@ fn nees(runs: &[Run], blocks: &[&Block]) -> Result<String, String> {
         sum / freedom as f64,
         runs.len()
     );
-    let worst = alone.iter().find(|(_, sum, freedom)| judge(*sum, *freedom).is_some_and(|(holds, _)| !holds));
+    let worst =
+        alone.iter().find(|(_, sum, freedom)| judge(*sum, *freedom, may_be_less).is_some_and(|(holds, _)| !holds));
     if holds && worst.is_none() {
         return Ok(numbers);
     }

@@ -3,8 +3,11 @@
 use navfuse_core::compose::{Composition, Role};
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
+use navfuse_core::geodesy::Geodetic;
 use navfuse_core::manifold::{MAX_TANGENT, Position, Rotation};
 use navfuse_core::measurement::AnyMeasurement;
+use navfuse_core::motion::Motion;
+use navfuse_core::nalgebra::{UnitQuaternion, Vector3};
 use navfuse_core::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
 use navfuse_core::registry::{Kind, Plugin, Registry};
 use navfuse_core::sample::Sample;
@@ -136,6 +139,25 @@ impl<'a> Lab<'a> {
             index,
         };
         checked.map(part).collect()
+    }
+
+    /// Whether a process moves states with the vehicle and no sensor drives it. Then its `Q` stands for manoeuvres, of which
+    /// the simulated ones are no draw: errors and innovations may be smaller than the filter says.
+    pub fn assumes(&self) -> bool {
+        let (layout, mut state) = (&self.composition.layout, self.moments[0].state.clone());
+        let motion = Motion {
+            time: state.time,
+            position: Geodetic { latitude: 0.5, longitude: 0.0, height: 0.0 },
+            velocity: Vector3::x(),
+            c_b_n: UnitQuaternion::identity(),
+            w_ib_b: Vector3::zeros(),
+            f_ib_b: Vector3::zeros(),
+        };
+        let mut moved = vec![false; layout.blocks.len()];
+        for process in self.composition.processes.iter().filter(|p| p.input.is_none()) {
+            process.model.follow(layout, &motion, &mut state, &mut moved);
+        }
+        moved.contains(&true)
     }
 
     /// Moments of the run at a sensor's samples, evenly over the run, each state displaced at random.

@@ -4,9 +4,9 @@
 //! leave out terms of the second order in the step.
 
 use crate::Report;
-use crate::lab::{Lab, Part, reach};
+use crate::lab::{Lab, reach};
 use crate::noise::fault;
-use navfuse_core::manifold::MAX_TANGENT;
+use navfuse_core::manifold::{MAX_TANGENT, Reading};
 use navfuse_core::nalgebra::DMatrix;
 use navfuse_core::process::{Input, Interval};
 use navfuse_core::sample::Sample;
@@ -22,15 +22,14 @@ const STEPS: usize = 12;
 
 pub fn check(lab: &Lab<'_>, report: &mut Report) {
     for part in lab.processes() {
-        let outcome = of_process(lab, &part);
+        let outcome = of_process(lab);
         report.add("transition", part.about, outcome);
     }
 }
 
-/// One step of a process model: where it goes from a state.
+/// One step of the composition's process models, which share `Phi`: where it goes from a state.
 struct Step<'a> {
     lab: &'a Lab<'a>,
-    process: usize,
     interval: Interval<'a>,
 }
 
@@ -38,13 +37,16 @@ impl Step<'_> {
     /// The state after the step, `Phi` and `Q`.
     fn from(&self, state: &State) -> Result<(State, DMatrix<f64>, DMatrix<f64>), String> {
         let composition = &self.lab.composition;
-        let mut model = composition.processes[self.process].model.boxed_clone();
-        model.restart();
         let mut transition = composition.transition.clone();
         transition.compile(&composition.layout);
         let mut state = state.clone();
-        (model.propagate(&composition.layout, &mut state, &self.interval, &mut transition))
-            .map_err(|e| format!("propagate fails near the run, at {}: {e}", self.interval.to))?;
+        for process in &composition.processes {
+            let mut model = process.model.boxed_clone();
+            model.restart();
+            (model.propagate(&composition.layout, &mut state, &self.interval, &mut transition)).map_err(|e| {
+                format!("propagate of {} fails near the run, at {}: {e}", process.name, self.interval.to)
+            })?;
+        }
         let n = composition.layout.tangent;
         Ok((state, transition.phi_dense(n), transition.noise_dense(n)))
     }
@@ -63,9 +65,9 @@ impl Step<'_> {
     }
 }
 
-fn of_process(lab: &Lab<'_>, part: &Part) -> Result<String, String> {
+fn of_process(lab: &Lab<'_>) -> Result<String, String> {
     let layout = &*lab.composition.layout;
-    let driver = lab.composition.processes[part.index].input;
+    let driver = lab.composition.processes.iter().find_map(|p| p.input);
     let steps: Vec<(&State, &Sample)> = (lab.moments.windows(2))
         .filter(|w| w[1].sample.time > w[0].state.time && driver.is_none_or(|d| w[1].sample.sensor.0 == d))
         .map(|w| (&w[0].state, &w[1].sample))
@@ -81,7 +83,7 @@ fn of_process(lab: &Lab<'_>, part: &Part) -> Result<String, String> {
         let input = driver.map(|_| Input { sample, duration, usual: duration });
         let rates = |to: Time| {
             let interval = Interval { from: state.time, to, input };
-            Step { lab, process: part.index, interval }.rates(state)
+            Step { lab, interval }.rates(state)
         };
         let ([given, numeric], [given_half, numeric_half]) = (rates(sample.time)?, rates(half)?);
         let (given, numeric) = (given_half * 2.0 - given, numeric_half * 2.0 - numeric);
@@ -95,7 +97,10 @@ fn numeric(layout: &Layout, step: &Step<'_>, state: &State, after: &State) -> Re
     let mut phi = DMatrix::zeros(layout.tangent, layout.tangent);
     for block in layout.blocks.iter().filter(|b| b.tangent.is_some()) {
         for (axis, column) in block.tangent_range().enumerate() {
-            let size = block.spec.sigma[axis].max(1e-2 * reach(block, &state.values[block.range()], axis));
+            let mut size = block.spec.sigma[axis].max(1e-2 * reach(block, &state.values[block.range()], axis));
+            if block.operations.reading == Reading::Angles {
+                size = size.min(0.05); // a sine is straight that far, to 0.05^2 / 6
+            }
             for size in [size, -size] {
                 let (mut moved, mut delta) = (state.clone(), [0.0; MAX_TANGENT]);
                 delta[axis] = size;

@@ -21,7 +21,7 @@ use std::sync::Arc;
 pub struct ReferenceSolution {
     /// Where the reference's point is, from the IMU, in body axes. Default: at the IMU.
     pub lever_arm: Option<Triple<Length>>,
-    /// The process whose state it tells.
+    /// The process whose state it tells. A vehicle without an IMU has none, and a reference without a lever arm.
     #[serde(default = "ins")]
     pub navigation: String,
 }
@@ -50,14 +50,20 @@ impl SensorType for ReferenceSolution {
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
-        let navigation = Navigation::find(composer, "navigation", &self.navigation)?;
+        let navigation = match Navigation::find(composer, "navigation", &self.navigation) {
+            Err(error) if self.lever_arm.is_some() || composer.names().any(|n| n.ends_with(".attitude")) => {
+                return Err(error);
+            }
+            found => found.ok(),
+        };
         let lever_arm = self.lever_arm.map_or_else(Vector3::zeros, |l| l.si());
         Ok(Role::Reference(Arc::new(ReferenceModel { navigation, lever_arm })))
     }
 }
 
 struct ReferenceModel {
-    navigation: Navigation,
+    /// Where the angular rate is from, which a lever arm needs.
+    navigation: Option<Navigation>,
     lever_arm: Vector3<f64>,
 }
 
@@ -66,9 +72,12 @@ impl Reference for ReferenceModel {
         let c: [f64; 9] = sample.array(0)?;
         let c_b_n = UnitQuaternion::from_euler_angles(c[6], c[7], c[8]);
         let point = Geodetic { latitude: c[0], longitude: c[1], height: c[2] };
-        let signal = navfuse_core::state::View::new(layout, state).signal(self.navigation.angular_rate);
-        let w_ib_b = Vector3::from(signal) - state.get(layout, self.navigation.gyro_bias);
-        let w_eb_b = w_ib_b - c_b_n.inverse_transform_vector(&earth_rate_ned(c[0]));
+        let w_ie_b = c_b_n.inverse_transform_vector(&earth_rate_ned(c[0]));
+        let w_ib_b = self.navigation.map_or(w_ie_b, |navigation| {
+            let signal = navfuse_core::state::View::new(layout, state).signal(navigation.angular_rate);
+            Vector3::from(signal) - state.get(layout, navigation.gyro_bias)
+        });
+        let w_eb_b = w_ib_b - w_ie_b;
         Some(Motion {
             time: sample.time,
             position: point.displaced(&-(c_b_n * self.lever_arm)),

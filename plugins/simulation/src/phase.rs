@@ -30,6 +30,15 @@ pub struct Motion {
 }
 
 /// One smooth piece of a trajectory. All times are since the trajectory's start, s.
+///
+/// ```
+/// use navfuse_simulation::Piece;
+/// /// How far a piece leads at the speed of its middle, m.
+/// fn length(piece: &impl Piece) -> f64 {
+///     let (start, end) = piece.span();
+///     piece.velocity(0.5 * (start + end)).norm() * (end - start)
+/// }
+/// ```
 pub trait Piece: Send + Sync + 'static {
     /// Row of the table that it comes from, from 1.
     fn number(&self) -> usize;

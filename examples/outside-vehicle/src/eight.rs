@@ -1,0 +1,49 @@
+//! A trajectory: a lying eight, up and down.
+
+use navfuse_core::prelude::*;
+use navfuse_core::units::Time as Duration;
+use navfuse_simulation::TrajectoryType;
+use std::f64::consts::TAU;
+
+/// Round an eight at constant speed, diving to twice the amplitude and coming up once a round.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Eight {
+    /// Latitude of the start.
+    pub latitude: Angle,
+    /// Longitude of the start.
+    pub longitude: Angle,
+    /// Horizontal speed.
+    pub speed: Speed,
+    /// Time of one round.
+    pub round: Positive<Duration>,
+    /// How many rounds.
+    pub rounds: u32,
+    /// Amplitude of the depth.
+    pub amplitude: Length,
+}
+
+// ANCHOR: eight
+/// The first zero of the Bessel function J_0: with a heading that swings by this the eight closes.
+const SWING: f64 = 2.404_825_557_695_773;
+
+impl TrajectoryType for Eight {
+    const TYPE: &'static str = "eight";
+
+    fn start(&self) -> Geodetic<f64> {
+        Geodetic { latitude: self.latitude.si(), longitude: self.longitude.si(), height: 0.0 }
+    }
+
+    fn duration(&self) -> f64 {
+        self.round.value().si() * f64::from(self.rounds)
+    }
+
+    fn motion<T: Real>(&self, time: T) -> (Vector3<T>, Vector3<T>) {
+        let rate = TAU / self.round.value().si();
+        let (sin, _) = (time * convert(rate)).sin_cos();
+        let (heading, speed) = (sin * convert(SWING), convert::<f64, T>(self.speed.si()));
+        let down = sin * convert(self.amplitude.si() * rate);
+        (Vector3::new(heading.cos() * speed, heading.sin() * speed, down), Vector3::new(T::zero(), T::zero(), heading))
+    }
+}
+// ANCHOR_END: eight

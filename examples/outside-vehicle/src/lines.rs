@@ -1,0 +1,114 @@
+//! A source and a sink: samples as lines of text, `TIME_NS SENSOR VALUE VALUE ...`, with `-` for a channel that is missing.
+
+use navfuse_core::prelude::*;
+use navfuse_core::stream::SensorInfo;
+use std::fs::File;
+use std::io::{BufRead, BufReader, BufWriter, Lines, Write};
+use std::path::PathBuf;
+
+fn failed(path: &std::path::Path, what: impl std::fmt::Display) -> StreamError {
+    StreamError(format!("{}: {what}", path.display()))
+}
+
+/// Reads samples from lines of text.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LinesSource {
+    /// The file; relative to the scenario's folder.
+    pub path: PathBuf,
+}
+
+// ANCHOR: source
+impl SourceType for LinesSource {
+    const TYPE: &'static str = "lines";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
+        let path = context.base.join(self.path);
+        let file = File::open(&path).map_err(|e| failed(&path, e))?;
+        let sensors = context.composition.sensors.iter().map(|s| s.info.clone()).collect();
+        Ok(vec![Box::new(Reading { lines: BufReader::new(file).lines(), number: 0, path, sensors })])
+    }
+}
+
+struct Reading {
+    lines: Lines<BufReader<File>>,
+    number: usize,
+    path: PathBuf,
+    sensors: Vec<SensorInfo>,
+}
+
+impl Source for Reading {
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+        let Some(line) = self.lines.next() else { return Ok(false) };
+        self.number += 1;
+        let line = line.map_err(|e| failed(&self.path, e))?;
+        let read = parse(&line, &self.sensors);
+        *sample = read.map_err(|what| failed(&self.path, format_args!("line {}: {what}: {line:?}", self.number)))?;
+        Ok(true)
+    }
+}
+// ANCHOR_END: source
+
+fn parse(line: &str, sensors: &[SensorInfo]) -> Result<Sample, String> {
+    let mut words = line.split_whitespace();
+    let time = words.next().and_then(|w| w.parse().ok()).ok_or("no time in nanoseconds")?;
+    let name = words.next().unwrap_or_default();
+    let id = sensors.iter().position(|s| s.name == name).ok_or("no sensor of the scenario")?;
+    let mut sample = Sample::empty(Time::from_nanos(time), SensorId(id));
+    for (channel, word) in words.enumerate().filter(|(_, word)| *word != "-") {
+        sample.set(channel, word.parse().map_err(|_| format!("{word:?} is no number"))?);
+    }
+    Ok(sample)
+}
+
+/// Writes all samples to samples.txt in the folder of the run.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LinesSink {}
+
+// ANCHOR: sink
+impl SinkType for LinesSink {
+    const TYPE: &'static str = "lines";
+    const DEFAULT: bool = false; // only where the scenario has [sink.lines]
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
+        let path = context.output.join("samples.txt");
+        let file = File::create(&path).map_err(|e| failed(&path, e))?;
+        Ok(Box::new(Writing { file: BufWriter::new(file), path, sensors: Vec::new() }))
+    }
+}
+
+struct Writing {
+    file: BufWriter<File>,
+    path: PathBuf,
+    sensors: Vec<SensorInfo>,
+}
+
+impl Writing {
+    fn line(&mut self, sample: &Sample) -> std::io::Result<()> {
+        let sensor = &self.sensors[sample.sensor.0];
+        write!(self.file, "{} {}", sample.time.nanos(), sensor.name)?;
+        for channel in 0..sensor.channels.len() {
+            match sample.get(channel) {
+                Some(value) => write!(self.file, " {value}")?, // as many digits as it takes
+                None => write!(self.file, " -")?,
+            }
+        }
+        writeln!(self.file)
+    }
+}
+
+impl Sink for Writing {
+    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
+        self.sensors = run.sensors.clone();
+        Ok(())
+    }
+    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+        self.line(sample).map_err(|e| failed(&self.path, e))
+    }
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        self.file.flush().map_err(|e| failed(&self.path, e))?;
+        Ok(Some(self.path.display().to_string()))
+    }
+}
+// ANCHOR_END: sink

@@ -1,0 +1,10 @@
+//! What every process and sensor must hold; and that the source reads what the sink wrote.
+
+use navfuse_conformance::{Failed, check};
+use outside_vehicle::VehiclePlugin;
+
+#[test]
+fn vehicle_and_sensors_conform() -> Result<(), Failed> {
+    let scenario = include_str!("../scenario.toml").replace("[sink.lines]", "");
+    check(&[&VehiclePlugin], &scenario)
+}
