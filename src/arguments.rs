@@ -46,6 +46,8 @@ pub enum Command {
     Sweep(Sweep),
     /// Join the parts of a campaign that ran with --shard
     Merge(Merge),
+    /// Calibrate the DVL: IO-DVLC of Pan & Wu, the methods that they compare with, and the filter
+    Calibrate(crate::calibrate::Calibrate),
     /// Write a crate with a sensor of your own, which builds and runs at once
     NewPlugin(NewPlugin),
 }

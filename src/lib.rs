@@ -13,6 +13,7 @@
 //! ```
 
 mod arguments;
+mod calibrate;
 mod campaign;
 mod inspect;
 mod new_plugin;
@@ -58,6 +59,7 @@ pub fn command(registry: &Registry) -> ExitCode {
         Command::Bound(arguments) => campaign::bound(registry, &arguments),
         Command::Sweep(arguments) => campaign::sweep(registry, &arguments),
         Command::Merge(arguments) => campaign::merge(&arguments),
+        Command::Calibrate(arguments) => calibrate::calibrate(registry, &arguments),
         Command::NewPlugin(arguments) => new_plugin::new_plugin(registry, &arguments),
         Command::Check(arguments) => inspect::check(registry, &arguments),
         Command::List { name } => inspect::list(registry, name.as_deref()),

@@ -23,24 +23,28 @@ pub fn run(registry: &Registry, arguments: &Run) -> Result<ExitCode> {
 
 /// `navfuse replay`
 pub fn replay(registry: &Registry, arguments: &Replay) -> Result<ExitCode> {
-    let log = std::fs::canonicalize(&arguments.log)
-        .map_err(|e| format!("{}: cannot be read: {e}", arguments.log.display()))?;
-    let document = match &arguments.scenario {
-        Some(path) => Document::from_file(path)?,
-        None => {
-            let info = navfuse_mcap::read_scenario(&arguments.log)?;
-            Document::parse(
-                log.with_file_name(format!("{}.toml", folder_name(&info.name))).display().to_string(),
-                info.scenario,
-            )?
-        }
-    };
-    let source = format!("source={{ mcap = {{ path = {:?} }} }}", log.display().to_string());
+    let (document, source) = of_log(&arguments.log, arguments.scenario.as_deref())?;
     let mut options = arguments.options.clone();
     if options.out.is_none() {
         options.out = Some(PathBuf::from("runs").join(folder_name(&format!("{}-replay", document.stem()))));
     }
     go(registry, document, &[source], &options)
+}
+
+/// The scenario of a log, or another one, and the setting that makes the log its source.
+pub fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)> {
+    let path = std::fs::canonicalize(log).map_err(|e| format!("{}: cannot be read: {e}", log.display()))?;
+    let document = match scenario {
+        Some(path) => Document::from_file(path)?,
+        None => {
+            let info = navfuse_mcap::read_scenario(log)?;
+            Document::parse(
+                path.with_file_name(format!("{}.toml", folder_name(&info.name))).display().to_string(),
+                info.scenario,
+            )?
+        }
+    };
+    Ok((document, format!("source={{ mcap = {{ path = {:?} }} }}", path.display().to_string())))
 }
 
 fn go(registry: &Registry, document: Document, first: &[String], options: &RunOptions) -> Result<ExitCode> {

@@ -104,6 +104,21 @@ impl Attitude {
         Self { start, gyro_bias, time: imu.time.clone(), c_b_n, w_nb_b }
     }
 
+    /// Takes the reference's attitude at each of its samples, and the gyros between them and where there are none.
+    pub fn anchor(&mut self, recording: &Recording) {
+        let Some(reference) = &recording.reference else { return };
+        let mut next = 0;
+        let mut off = UnitQuaternion::identity(); // what the reference adds, body axes
+        for (k, c) in self.c_b_n.iter_mut().enumerate() {
+            while let Some(t) = reference.time.get(next).filter(|t| **t <= self.time[k]) {
+                let then = *c * UnitQuaternion::from_scaled_axis(self.w_nb_b[k] * (t - self.time[k]));
+                off = then.inverse() * reference.value[next].c_b_n;
+                next += 1;
+            }
+            *c *= off;
+        }
+    }
+
     /// The gyro bias over spans of time at rest: the mean rate less that of the Earth, rad/s. `None` without such spans. An
     /// error of the heading is in it as far as the Earth's rate has it: at that attitude both cancel.
     pub fn bias_at_rest(recording: &Recording, start: &AttitudeStart, spans: &[[f64; 2]]) -> Option<Vector3<f64>> {

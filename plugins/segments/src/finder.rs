@@ -56,6 +56,8 @@ pub struct Settings {
     pub bin: f64,
     /// The rate of the specific force is the slope over so many bins.
     pub slope_bins: usize,
+    /// The rate of turn is the mean over so many bins: a vehicle that rolls and pitches in the sea does not turn.
+    pub turn_bins: usize,
     /// Above this rate the attitude is not constant, rad/s; it is again below half of it.
     pub turn_rate: f64,
     /// A segment of constant attitude ends where the attitude is off that of its beginning by more than this, rad.
@@ -88,6 +90,7 @@ impl Settings {
         Self {
             bin,
             slope_bins,
+            turn_bins: 9,
             turn_rate: 0.3_f64.to_radians().max(6.0 * gyro + 3.0 * imu.gyro_bias.amax()),
             turn_angle: 2_f64.to_radians(),
             force_rate: 6.0 * force.hypot(leak),
@@ -135,9 +138,7 @@ pub fn find(recording: &Recording, settings: &Settings) -> Result<(Vec<Segment>,
 fn label(recording: &Recording, settings: &Settings, attitude: &Attitude) -> Vec<Segment> {
     let bins = bins(recording, settings, attitude);
     let slopes = slopes(&bins, settings);
-    let turning = hysteresis(bins.iter().map(|b| b.rate.norm()), settings.turn_rate);
-    // a slope that reaches into a turn is of the turn
-    let turning = widened(&turning, settings.slope_bins / 2);
+    let turning = turning(&bins, settings);
     let varying = hysteresis(slopes.iter().map(Vector3::norm), settings.force_rate);
     let velocity = recording.velocities.first().filter(|v| !v.water && !v.samples.is_empty());
     let resting = |bin: &Bin| {
@@ -214,9 +215,15 @@ fn hysteresis(values: impl Iterator<Item = f64>, threshold: f64) -> Vec<bool> {
     on
 }
 
-/// True also within `reach` of what is.
-fn widened(on: &[bool], reach: usize) -> Vec<bool> {
-    (0..on.len()).map(|k| on[k.saturating_sub(reach)..(k + reach + 1).min(on.len())].contains(&true)).collect()
+/// Where the mean rate over some bins is that of a turn. The bins reach farther than those of a slope, so that no slope of what
+/// is left reaches into a turn.
+fn turning(bins: &[Bin], settings: &Settings) -> Vec<bool> {
+    let reach = settings.turn_bins / 2;
+    let mean = |k: usize| {
+        let around = &bins[k.saturating_sub(reach)..(k + reach + 1).min(bins.len())];
+        (around.iter().map(|b| b.rate).sum::<Vector3<f64>>() / around.len() as f64).norm()
+    };
+    hysteresis((0..bins.len()).map(mean), settings.turn_rate)
 }
 
 /// What is too short for its kind becomes what it lies in: a break in a turn or in a Type I is part of it, and a
