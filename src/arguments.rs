@@ -48,6 +48,10 @@ pub enum Command {
     Merge(Merge),
     /// Calibrate the DVL: IO-DVLC of Pan & Wu, the methods that they compare with, and the filter
     Calibrate(crate::calibrate::Calibrate),
+    /// Write one page about a run, which opens offline: track, states, innovations, calibration before and after
+    Report(crate::report::Report),
+    /// Make the figures of a paper from runs of its scenarios
+    Figures(crate::figures::Figures),
     /// Write a crate with a sensor of your own, which builds and runs at once
     NewPlugin(NewPlugin),
 }

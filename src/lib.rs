@@ -15,11 +15,13 @@
 mod arguments;
 mod calibrate;
 mod campaign;
+mod figures;
 mod inspect;
 mod new_plugin;
 mod print;
 mod print_campaign;
 mod progress;
+mod report;
 mod run;
 
 use arguments::{Arguments, Command};
@@ -61,6 +63,8 @@ pub fn command(registry: &Registry) -> ExitCode {
         Command::Merge(arguments) => campaign::merge(&arguments),
         Command::Calibrate(arguments) => calibrate::calibrate(registry, &arguments),
         Command::NewPlugin(arguments) => new_plugin::new_plugin(registry, &arguments),
+        Command::Report(arguments) => report::report(registry, &arguments),
+        Command::Figures(arguments) => figures::figures(registry, &arguments),
         Command::Check(arguments) => inspect::check(registry, &arguments),
         Command::List { name } => inspect::list(registry, name.as_deref()),
         Command::Schema => inspect::schema(registry),

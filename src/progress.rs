@@ -36,6 +36,12 @@ impl Bar {
         self.0.set_position(now as u64);
     }
 
+    /// Shows how many bytes of how many of a log were read.
+    pub fn log(&self, [read, length]: [u64; 2]) {
+        self.length(length >> 20, "MiB");
+        self.0.set_position(read >> 20);
+    }
+
     /// Shows the jobs that a campaign has done.
     pub fn campaign(&self, done: Done) {
         self.length(done.asked as u64, "jobs");

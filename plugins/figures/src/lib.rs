@@ -71,6 +71,8 @@ pub enum Scale {
     Logarithmic,
     /// Evenly, and in seconds of the run's clock, so that a viewer can put it on its timeline.
     Time,
+    /// Evenly, and where both axes of a panel have it, with the same length for a unit: a map.
+    Map,
 }
 
 impl Axis {
@@ -82,6 +84,11 @@ impl Axis {
     /// A linear axis.
     pub fn linear(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: Scale::Linear }
+    }
+
+    /// An axis of a map.
+    pub fn map(label: impl Into<String>) -> Self {
+        Self { label: label.into(), scale: Scale::Map }
     }
 
     /// A logarithmic axis.

@@ -1,9 +1,9 @@
 //! One panel.
 
 use crate::look::{FINE_GRID, FRAME, GRID, INK, LABEL, TICK, band, dot, fit, line, stroke, text, units, width};
-use crate::scale::{Ruler, place};
+use crate::scale::{Ruler, place, same_unit};
 use crate::svg::{Area, Drawn};
-use crate::{Curve, Look, Panel};
+use crate::{Curve, Look, Panel, Scale};
 use plotters::chart::ChartBuilder;
 use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -17,6 +17,11 @@ const MARK: f64 = 4.0;
 const TEXT: f64 = 16.0;
 /// Least page pixels from one number to the next: beside and above each other.
 const APART: [f64; 2] = [62.0, 32.0];
+
+/// Whether a unit is as long on both axes.
+pub fn is_map(panel: &Panel) -> bool {
+    panel.x.scale == Scale::Map && panel.y.scale == Scale::Map
+}
 
 /// A panel with its axes, before it has a place.
 pub struct Prepared<'a> {
@@ -34,11 +39,26 @@ impl<'a> Prepared<'a> {
         let bands = panel.bands.iter().flat_map(|b| b.points.iter().flat_map(|p| [[p[0], p[1]], [p[0], p[2]]]));
         let points: Vec<[f64; 2]> = curves.chain(bands).filter(|p| there(p[0], p[1])).collect();
         let has_points = panel.curves.iter().any(|c| matches!(c.look, Look::Points(_)));
-        let margin = if has_points { 0.02 } else { 0.0 };
-        Self {
-            panel,
-            x: Ruler::new(panel.x.scale, points.iter().map(|p| p[0]), margin, wide / APART[0]),
-            y: Ruler::new(panel.y.scale, points.iter().map(|p| p[1]), 0.05, high / APART[1]),
+        let map = is_map(panel);
+        let margin = if map {
+            0.05
+        } else if has_points {
+            0.02
+        } else {
+            0.0
+        };
+        let counts = [wide / APART[0], high / APART[1]];
+        let x = Ruler::new(panel.x.scale, points.iter().map(|p| p[0]), margin, counts[0]);
+        let y = Ruler::new(panel.y.scale, points.iter().map(|p| p[1]), 0.05, counts[1]);
+        let mut prepared = Self { panel, x, y };
+        prepared.fit([wide, high]);
+        prepared
+    }
+
+    /// Fits a map into a plot of that size in page pixels; nothing else depends on it so much.
+    pub fn fit(&mut self, size: [f64; 2]) {
+        if is_map(self.panel) {
+            same_unit([&mut self.x, &mut self.y], size, [size[0] / APART[0], size[1] / APART[1]]);
         }
     }
 

@@ -11,7 +11,7 @@ const LARGEST: f64 = 1e100;
 pub fn place(scale: Scale, value: f64) -> Option<f64> {
     let there = value.abs() < LARGEST; // NaN is not
     match scale {
-        Scale::Linear | Scale::Time => there.then_some(value),
+        Scale::Linear | Scale::Time | Scale::Map => there.then_some(value),
         Scale::Logarithmic => (there && value > 1.0 / LARGEST).then(|| value.log10()),
     }
 }
@@ -38,12 +38,29 @@ impl Ruler {
         }
         let (low, high) = spread(scale, low, high);
         let margin = margin * (high - low);
-        let (low, high) = (low - margin, high + margin);
+        Self::spanning(scale, low - margin, high + margin, count)
+    }
+
+    /// The axis from `low` to `high`, in its own measure, with about so many ticks.
+    fn spanning(scale: Scale, low: f64, high: f64, count: f64) -> Self {
         let (ticks, fine) = match scale {
             Scale::Logarithmic => decades(low, high, count),
-            Scale::Linear | Scale::Time => (linear(low, high, count), Vec::new()),
+            Scale::Linear | Scale::Time | Scale::Map => (linear(low, high, count), Vec::new()),
         };
         Self { low, high, ticks, fine }
+    }
+}
+
+/// Widens one of two axes so that a unit is as long on both, in a plot of that size in page pixels, which has about so
+/// many ticks.
+pub fn same_unit(rulers: [&mut Ruler; 2], size: [f64; 2], counts: [f64; 2]) {
+    let per_pixel = |k: usize| (rulers[k].high - rulers[k].low) / size[k];
+    let unit = per_pixel(0).max(per_pixel(1));
+    for ((ruler, size), count) in rulers.into_iter().zip(size).zip(counts) {
+        let (middle, half) = (0.5 * (ruler.low + ruler.high), 0.5 * unit * size);
+        if !ruler.ticks.is_empty() {
+            *ruler = Ruler::spanning(Scale::Map, middle - half, middle + half, count);
+        }
     }
 }
 
@@ -77,7 +94,7 @@ fn spread(scale: Scale, low: f64, high: f64) -> (f64, f64) {
     let (least, half) = match scale {
         Scale::Logarithmic => (0.02, 0.2),
         // 1e-12: a tick's number would need more digits than a reader compares
-        Scale::Linear | Scale::Time => (1e-12 * size, if size > 1.0 / LARGEST { 0.1 * size } else { 1.0 }),
+        Scale::Linear | Scale::Time | Scale::Map => (1e-12 * size, if size > 1.0 / LARGEST { 0.1 * size } else { 1.0 }),
     };
     if high - low > least { (low, high) } else { (low - half, high + half) }
 }

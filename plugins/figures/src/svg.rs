@@ -2,7 +2,7 @@
 
 use crate::legend::Legend;
 use crate::look::{FIGURE_TITLE, PANEL_TITLE, UNITS, fit, style_sheet, text, units};
-use crate::panel::Prepared;
+use crate::panel::{Prepared, is_map};
 use crate::{Figure, FigureError, Panel};
 use plotters::backend::SVGBackend;
 use plotters::coord::Shift;
@@ -76,7 +76,8 @@ impl<'a> Layout<'a> {
         let columns = figure.columns.clamp(1, figure.panels.len().max(1));
         let width = WIDTH.max(NARROWEST * columns as f64);
         let wide = (width - GAP) / columns as f64; // with the gap at its right
-        let high = (0.5 * wide).clamp(130.0, 260.0);
+        let maps = figure.panels.iter().any(is_map);
+        let high = if maps { (0.75 * wide).clamp(130.0, 460.0) } else { (0.5 * wide).clamp(130.0, 260.0) };
         let prepared: Vec<_> = figure.panels.iter().map(|p| Prepared::new(p, [wide - 60.0, high])).collect();
         // plots of a column are as wide as the widest numbers beside them allow
         let widest = |of: fn(&Prepared<'a>) -> f64| -> Vec<f64> {
@@ -98,10 +99,11 @@ impl<'a> Layout<'a> {
             let tallest = row.iter().enumerate().map(|(c, p)| own(p).height(room(c))).fold(0.0, f64::max);
             let titles = if row.iter().all(|p| p.title.is_empty()) { 0.5 * GAP } else { TITLES[1] };
             let mut below: f64 = 0.0;
-            for (c, (panel, (k, prepared))) in row.iter().zip(prepared.by_ref()).enumerate() {
+            for (c, (panel, (k, mut prepared))) in row.iter().zip(prepared.by_ref()).enumerate() {
                 let labelled = figure.panels.get(k + columns).is_none_or(|p| p.x.label != panel.x.label);
                 below = below.max(prepared.below(labelled));
                 let plot = [GAP + c as f64 * wide + left[c], y + titles + tallest, room(c), high];
+                prepared.fit([plot[2], plot[3]]);
                 cells.push(Cell { panel, prepared, legend: own(panel), plot, labelled });
             }
             y += titles + tallest + high + below + 0.5 * GAP;

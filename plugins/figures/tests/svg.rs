@@ -118,6 +118,30 @@ fn decades_are_evenly_apart_on_a_logarithmic_axis_and_zero_breaks_the_line() {
 }
 
 #[test]
+fn a_square_on_a_map_is_square_whatever_the_room() {
+    for columns in [1, 2, 3] {
+        let square = Curve {
+            name: "track".into(),
+            look: Look::Data(0),
+            points: vec![[0.0, 0.0], [0.0, 400.0], [400.0, 400.0], [400.0, 0.0]],
+        };
+        let map = Panel {
+            title: String::new(),
+            x: Axis::map("east [m]"),
+            y: Axis::map("north [m]"),
+            curves: vec![square],
+            bands: vec![],
+        };
+        let picture = svg(&figure(columns, vec![map; columns])).unwrap();
+        for line in lines(&picture, BLUE).iter().filter(|l| l.len() == 4) {
+            let (wide, high) = (line[2][0] - line[1][0], line[0][1] - line[1][1]);
+            // to a unit of the drawing at each end
+            assert!(wide > 100.0 && (wide - high).abs() <= 2.0, "{columns} columns: {wide} by {high}");
+        }
+    }
+}
+
+#[test]
 fn a_line_there_and_back_on_one_level_keeps_its_ends() {
     let points = vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [9.0, 0.0], [-5.0, 0.0], [1.0, 0.0], [1.0, 1.0]];
     let line = Curve { name: "c".into(), look: Look::Data(0), points };

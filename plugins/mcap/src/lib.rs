@@ -26,16 +26,22 @@
 //! **Scenario.** The metadata record `navfuse`, the first record of the file, has `name`, `version`, `seed`,
 //! `log_time_offset_ns` and `scenario`, the TOML as it was run; the attachment `scenario.toml` has that too.
 //!
+//! The channel of a sensor's samples has in its metadata the sensor's `type` and its `purpose` (`input`, `measurement` or
+//! `reference`). [`LogReader`] reads all that the log tells of the estimate, for reports.
+//!
 //! The same run gives the same bytes. A log that was cut off is read up to the cut.
 
 mod log;
 mod message;
+mod reader;
 mod schema;
 mod sink;
 mod source;
 mod topics;
 
 pub use log::{LogInfo, read_scenario};
+pub use message::reason;
+pub use reader::{BlockEntry, Entry, InnovationEntry, LogReader, SensorEntry};
 pub use sink::{Compression, Mcap, McapSink};
 pub use source::{McapLog, McapSource};
 

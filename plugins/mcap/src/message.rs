@@ -207,7 +207,8 @@ impl<'a> Encoder<'a> {
     }
 }
 
-fn reason(why: Rejection, columns: &[String]) -> String {
+/// Why a sample was rejected, as it stands in the log; `columns` are the names of the sensor's channels.
+pub fn reason(why: Rejection, columns: &[String]) -> String {
     match why {
         Rejection::NotFinite(i) => format!("{} is not finite", columns.get(i).map_or("a channel", String::as_str)),
         Rejection::Missing => "channels are missing".into(),

@@ -175,8 +175,18 @@ impl std::fmt::Debug for LogWriter {
 impl LogWriter {
     /// Opens a topic.
     pub(crate) fn topic(&mut self, name: &str, schema: &crate::schema::Schema) -> Result<Topic, StreamFailure> {
+        self.described(name, schema, BTreeMap::new())
+    }
+
+    /// Opens a topic, and says something of it that is in no message.
+    pub(crate) fn described(
+        &mut self,
+        name: &str,
+        schema: &crate::schema::Schema,
+        metadata: BTreeMap<String, String>,
+    ) -> Result<Topic, StreamFailure> {
         let schema = self.writer.add_schema(schema.name, "ros2msg", schema.text.as_bytes())?;
-        Ok(Topic { channel: self.writer.add_channel(schema, name, "cdr", &BTreeMap::new())?, sequence: 0 })
+        Ok(Topic { channel: self.writer.add_channel(schema, name, "cdr", &metadata)?, sequence: 0 })
     }
 
     /// Writes a message.

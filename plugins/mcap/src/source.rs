@@ -274,13 +274,13 @@ impl Router {
     }
 }
 
-fn read_time<O: ByteOrder>(r: &mut CdrReader<'_, O>) -> re_cdr::Result<Time> {
+pub(crate) fn read_time<O: ByteOrder>(r: &mut CdrReader<'_, O>) -> re_cdr::Result<Time> {
     let stamp = Stamp { sec: r.read_i32()?, nanosec: r.read_u32()? };
     r.read_str()?; // the frame
     Ok(stamp.time())
 }
 
-fn read_imu<O: ByteOrder>(r: &mut CdrReader<'_, O>, sensor: SensorId) -> re_cdr::Result<Sample> {
+pub(crate) fn read_imu<O: ByteOrder>(r: &mut CdrReader<'_, O>, sensor: SensorId) -> re_cdr::Result<Sample> {
     let mut sample = Sample::empty(read_time(r)?, sensor);
     let skip = |r: &mut CdrReader<'_, O>, n: usize| (0..n).try_for_each(|_| r.read_f64().map(drop));
     skip(r, 4 + 9)?; // orientation and its covariance
@@ -297,7 +297,7 @@ fn read_imu<O: ByteOrder>(r: &mut CdrReader<'_, O>, sensor: SensorId) -> re_cdr:
 }
 
 /// The sample and the number of its channels, whose names are written to `names`.
-fn read_sample<'a, O: ByteOrder>(
+pub(crate) fn read_sample<'a, O: ByteOrder>(
     r: &mut CdrReader<'a, O>,
     sensor: SensorId,
     names: &mut [&'a str; MAX_CHANNELS],

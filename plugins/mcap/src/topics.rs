@@ -42,6 +42,24 @@ impl Topics {
     }
 }
 
+/// What the channel of a sensor's samples has in its metadata: the sensor's registered type, and what it is for.
+pub const KIND: &str = "type";
+/// See [`KIND`]: `input`, `measurement` or `reference`.
+pub const PURPOSE: &str = "purpose";
+
+fn purpose_word(purpose: Purpose) -> &'static str {
+    match purpose {
+        Purpose::Input => "input",
+        Purpose::Measurement => "measurement",
+        Purpose::Reference => "reference",
+    }
+}
+
+/// The purpose of that word.
+pub fn purpose(word: &str) -> Option<Purpose> {
+    [Purpose::Input, Purpose::Measurement, Purpose::Reference].into_iter().find(|p| purpose_word(*p) == word)
+}
+
 /// The channels that a `sensor_msgs/Imu` holds, in its order.
 pub const RATES: [Channel; 6] = [
     Channel::new("gyro_x", "radps"),
@@ -79,7 +97,10 @@ impl SensorTopics {
     fn open(log: &mut LogWriter, info: &SensorInfo) -> Result<Self, StreamFailure> {
         let name = &info.name;
         let imu = info.channels == RATES;
-        let samples = log.topic(&format!("/sensor/{name}"), if imu { &schema::IMU } else { &schema::SAMPLE })?;
+        let of = [(KIND, info.kind.clone()), (PURPOSE, purpose_word(info.purpose).to_owned())];
+        let of = of.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+        let samples =
+            log.described(&format!("/sensor/{name}"), if imu { &schema::IMU } else { &schema::SAMPLE }, of)?;
         let find = |name, unit| info.channels.iter().position(|c| *c == Channel::new(name, unit));
         let also = if info.channels == [Channel::new("depth", "m")] {
             Also::Pressure(log.topic(&format!("/sensor/{name}/pressure"), &schema::PRESSURE)?)

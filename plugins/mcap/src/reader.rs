@@ -1,0 +1,276 @@
+//! A log read for what it tells of the run, without composing the scenario: for reports and tables.
+
+use crate::log::{LogInfo, Records, Step, StreamFailure, read_info};
+use crate::message::Stamp;
+use crate::schema;
+use crate::source::{read_imu, read_sample, read_time};
+use crate::topics::{KIND, PURPOSE, RATES, purpose};
+use mcap::records::{Record, op};
+use navfuse_core::record::{Event, Level};
+use navfuse_core::sample::{MAX_CHANNELS, Sample, SensorId};
+use navfuse_core::state::Mode;
+use navfuse_core::stream::{Purpose, StreamError};
+use navfuse_core::time::Time;
+use re_cdr::{CdrReader, LittleEndian};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What a log tells, one at a time, in its order.
+#[derive(Clone, Debug)]
+pub enum Entry<'a> {
+    /// There is a sensor; its id counts from 0 in the order of these.
+    Sensor(SensorEntry<'a>),
+    /// A sample: its id is that of the sensor; with the names of its channels, such as `vel_x_mps`.
+    Sample(Sample, Vec<&'a str>),
+    /// The estimate of one block at one epoch.
+    Block(BlockEntry<'a>),
+    /// What became of a sample of a measuring sensor.
+    Innovation(InnovationEntry<'a>),
+    /// Something to read.
+    Event(Event),
+}
+
+/// A sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SensorEntry<'a> {
+    /// Its name in the scenario.
+    pub name: &'a str,
+    /// Its registered type; none in a log that was written before it was recorded.
+    pub kind: Option<&'a str>,
+    /// What it is for; none as above.
+    pub purpose: Option<Purpose>,
+}
+
+/// The estimate of one block: the message `navfuse_msgs/BlockState`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlockEntry<'a> {
+    /// The epoch.
+    pub time: Time,
+    /// `owner.name`, such as `dvl.scale`.
+    pub name: &'a str,
+    /// What the filter does with it.
+    pub mode: Mode,
+    /// One name a component.
+    pub components: Vec<&'a str>,
+    /// Whether the estimate is latitude and longitude (deg) and height (m).
+    pub geodetic: bool,
+    /// The unit of sigma and error, and of the estimate where it is not geodetic; empty for a ratio.
+    pub unit: &'a str,
+    /// One a component.
+    pub estimate: Vec<f64>,
+    /// 1-sigma; zero where fixed. Of a position north, east, down.
+    pub sigma: Vec<f64>,
+    /// Estimate minus truth; empty where the truth is not known.
+    pub error: Vec<f64>,
+}
+
+/// What became of a sample: the message `navfuse_msgs/Innovation`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InnovationEntry<'a> {
+    /// The sample's time.
+    pub time: Time,
+    /// The sensor's name.
+    pub sensor: &'a str,
+    /// `accepted`, `gated`, or `rejected: ` and why.
+    pub outcome: &'a str,
+    /// Normalised innovation squared; NaN where none was computed.
+    pub nis: f64,
+    /// The gate's threshold on it; infinite where the gate is off.
+    pub threshold: f64,
+    /// The channels that were used.
+    pub channels: Vec<&'a str>,
+    /// Sample minus prediction, SI.
+    pub innovation: Vec<f64>,
+    /// 1-sigma of the innovation, SI.
+    pub sigma: Vec<f64>,
+}
+
+/// Reads a log from its beginning to its end.
+pub struct LogReader {
+    records: Records,
+    info: LogInfo,
+    length: u64,
+    schemas: BTreeMap<u16, String>,
+    topics: BTreeMap<u16, Kind>,
+    sensors: usize,
+    cut: bool,
+}
+
+/// What the messages of a topic are.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Imu(SensorId),
+    Sample(SensorId),
+    Block,
+    Innovation,
+    Event,
+}
+
+impl LogReader {
+    /// Opens a log that navfuse recorded.
+    ///
+    /// # Errors
+    /// When the file cannot be read, is not an MCAP file, or was not recorded by navfuse.
+    pub fn open(path: &Path) -> Result<Self, StreamError> {
+        let records = Records::open(path, false)?;
+        let length = std::fs::metadata(path).map_or(0, |m| m.len());
+        let info = read_info(path, true)?.ok_or_else(|| {
+            records.error("navfuse did not record it: it holds no scenario; a log of navfuse is called run.mcap")
+        })?;
+        let (schemas, topics) = Default::default();
+        Ok(Self { records, info, length, schemas, topics, sensors: 0, cut: false })
+    }
+
+    /// What the log tells of its run.
+    pub fn info(&self) -> &LogInfo {
+        &self.info
+    }
+
+    /// How many bytes of how many were read.
+    pub fn progress(&self) -> [u64; 2] {
+        [self.records.position.min(self.length), self.length]
+    }
+
+    /// Tells the next entry; `false` at the end.
+    ///
+    /// # Errors
+    /// When the log is damaged. One that was cut off ends there, and [`Self::warning`] says so.
+    pub fn next(&mut self, mut take: impl FnMut(Entry<'_>)) -> Result<bool, StreamError> {
+        let (schemas, topics, sensors) = (&mut self.schemas, &mut self.topics, &mut self.sensors);
+        let step = self.records.find(|opcode, data| {
+            if ![op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&opcode) {
+                return Ok(None);
+            }
+            match mcap::parse_record(opcode, data).map_err(|e| format!("damaged record: {}", StreamFailure::from(e)))? {
+                Record::Schema { header, .. } => {
+                    schemas.insert(header.id, header.name);
+                    Ok(None)
+                }
+                // a channel is told again in the summary
+                Record::Channel(c) if !topics.contains_key(&c.id) => {
+                    let schema = schemas.get(&c.schema_id).map_or("", String::as_str);
+                    let Some(kind) = kind(&c.topic, schema, SensorId(*sensors)) else { return Ok(None) };
+                    topics.insert(c.id, kind);
+                    if !matches!(kind, Kind::Imu(_) | Kind::Sample(_)) {
+                        return Ok(None);
+                    }
+                    *sensors += 1;
+                    take(Entry::Sensor(SensorEntry {
+                        name: c.topic.strip_prefix(SENSOR).unwrap_or_default(),
+                        kind: c.metadata.get(KIND).map(String::as_str),
+                        purpose: c.metadata.get(PURPOSE).and_then(|word| purpose(word)),
+                    }));
+                    Ok(Some(()))
+                }
+                Record::Message { header, data } => {
+                    let Some(kind) = topics.get(&header.channel_id) else { return Ok(None) };
+                    let Some((&[0, 1, 0, 0], body)) = data.split_first_chunk::<4>() else {
+                        return Err(format!("message {}: its encoding is not the one of navfuse", header.sequence));
+                    };
+                    let entry = entry(*kind, &mut CdrReader::new(body));
+                    take(entry.map_err(|why| format!("message {}: {why}", header.sequence))?);
+                    Ok(Some(()))
+                }
+                _ => Ok(None),
+            }
+        })?;
+        self.cut |= step == Step::Cut;
+        Ok(step == Step::Found(()))
+    }
+
+    /// What a person should know at the end: that the log was cut off.
+    pub fn warning(&self) -> Option<String> {
+        self.cut.then(|| format!("the log was cut off at byte {}; everything before was read", self.records.position))
+    }
+}
+
+const SENSOR: &str = "/sensor/";
+
+fn kind(topic: &str, schema: &str, next: SensorId) -> Option<Kind> {
+    if topic.starts_with(SENSOR) && schema == schema::IMU.name {
+        Some(Kind::Imu(next))
+    } else if topic.starts_with(SENSOR) && schema == schema::SAMPLE.name {
+        Some(Kind::Sample(next))
+    } else if schema == schema::BLOCK.name {
+        Some(Kind::Block)
+    } else if schema == schema::INNOVATION.name {
+        Some(Kind::Innovation)
+    } else {
+        (schema == schema::LOG.name).then_some(Kind::Event)
+    }
+}
+
+type Reader<'a> = CdrReader<'a, LittleEndian>;
+
+fn entry<'a>(kind: Kind, r: &mut Reader<'a>) -> re_cdr::Result<Entry<'a>> {
+    Ok(match kind {
+        Kind::Imu(sensor) => Entry::Sample(read_imu(r, sensor)?, IMU_COLUMNS.to_vec()),
+        Kind::Sample(sensor) => {
+            let mut names = [""; MAX_CHANNELS];
+            let (sample, count) = read_sample(r, sensor, &mut names)?;
+            Entry::Sample(sample, names[..count].to_vec())
+        }
+        Kind::Block => Entry::Block(block(r)?),
+        Kind::Innovation => Entry::Innovation(innovation(r)?),
+        Kind::Event => Entry::Event(event(r)?),
+    })
+}
+
+/// The columns of [`RATES`].
+const IMU_COLUMNS: [&str; RATES.len()] =
+    ["gyro_x_radps", "gyro_y_radps", "gyro_z_radps", "accel_x_mps2", "accel_y_mps2", "accel_z_mps2"];
+
+fn block<'a>(r: &mut Reader<'a>) -> re_cdr::Result<BlockEntry<'a>> {
+    let time = read_time(r)?;
+    let name = r.read_str()?;
+    let mode = match r.read_str()? {
+        "fixed" => Mode::Fixed,
+        "consider" => Mode::Consider,
+        _ => Mode::Estimate,
+    };
+    let components = texts(r)?;
+    let units = texts(r)?;
+    let estimate = numbers(r)?;
+    let unit = r.read_str()?;
+    let geodetic = units.first() == Some(&"deg") && unit == "m";
+    let (sigma, error) = (numbers(r)?, numbers(r)?);
+    let n = estimate.len();
+    if components.len() != n || sigma.len() != n || ![0, n].contains(&error.len()) {
+        return Err(re_cdr::Error::Custom(format!("the components of {name} differ in number")));
+    }
+    Ok(BlockEntry { time, name, mode, components, geodetic, unit, estimate, sigma, error })
+}
+
+fn innovation<'a>(r: &mut Reader<'a>) -> re_cdr::Result<InnovationEntry<'a>> {
+    let time = Stamp { sec: r.read_i32()?, nanosec: r.read_u32()? }.time();
+    let sensor = r.read_str()?;
+    let outcome = r.read_str()?;
+    let (nis, threshold) = (r.read_f64()?, r.read_f64()?);
+    r.read_u32()?; // the number of channels
+    let channels = texts(r)?;
+    let (innovation, sigma) = (numbers(r)?, numbers(r)?);
+    if innovation.len() != channels.len() || sigma.len() != channels.len() {
+        return Err(re_cdr::Error::Custom(format!("the channels of {sensor} differ in number")));
+    }
+    Ok(InnovationEntry { time, sensor, outcome, nis, threshold, channels, innovation, sigma })
+}
+
+fn event(r: &mut Reader<'_>) -> re_cdr::Result<Event> {
+    let time = Stamp { sec: r.read_i32()?, nanosec: r.read_u32()? }.time();
+    let level = match r.read_u8()? {
+        40 => Level::Error,
+        30 => Level::Warning,
+        _ => Level::Info,
+    };
+    Ok(Event { time, level, about: r.read_str()?.to_owned(), text: r.read_str()?.to_owned() })
+}
+
+fn texts<'a>(r: &mut Reader<'a>) -> re_cdr::Result<Vec<&'a str>> {
+    let length = r.read_sequence_length()?;
+    (0..length).map(|_| r.read_str()).collect()
+}
+
+fn numbers(r: &mut Reader<'_>) -> re_cdr::Result<Vec<f64>> {
+    let length = r.read_sequence_length()?;
+    (0..length).map(|_| r.read_f64()).collect()
+}

@@ -1,0 +1,98 @@
+//! `navfuse report`.
+
+use crate::print;
+use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
+use crate::run::folder_name;
+use clap::Args;
+use navfuse_core::document::Document;
+use navfuse_core::registry::Registry;
+use navfuse_core::runner;
+use navfuse_core::scenario::Scenario;
+use navfuse_report::{History, Recorder};
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  navfuse report runs/pan-wu-3d/run.mcap                     writes runs/pan-wu-3d/report.html
+  navfuse report scenarios/pan-wu-3d.toml --set seed=7       runs it first; writes runs/pan-wu-3d/report.html
+  navfuse report dive.mcap --out dive.html
+
+The page has the track, every state with its bounds of 3 sigma and the truth where that is known, the innovations with their
+gates, what became of each sensor's samples, the calibration before and after, the events and the scenario. It is one file
+that needs neither network nor script; print it to have it on paper.")]
+pub struct Report {
+    /// A log, which is an MCAP file that navfuse wrote, or a scenario, a TOML file
+    pub of: PathBuf,
+    /// The page [default: report.html beside the log, or in runs/NAME of the scenario]
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Change a value of the scenario; may be given again
+    #[arg(long, value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// `navfuse report`
+pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
+    let stop = stop_on_ctrl_c();
+    let bar = Bar::new(true);
+    let of = &arguments.of;
+    let (history, folder, interrupted) = if of.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        let document = Document::from_file(of)?;
+        let (history, interrupted) = run(registry, document, &arguments.set, &stop, &bar)?;
+        let folder = Path::new("runs").join(folder_name(&history.name));
+        (history, folder, interrupted)
+    } else {
+        if !arguments.set.is_empty() {
+            let message = "a log is told as it was recorded; `navfuse replay` runs the filter again";
+            return Err(format!("--set: {message}").into());
+        }
+        let history = navfuse_report::read_log(of, |read| bar.log(read))?;
+        (history, of.parent().map_or_else(PathBuf::new, Path::to_path_buf), false)
+    };
+    bar.done();
+    let page = navfuse_report::page::report(&history)?;
+    let out = arguments.out.clone().unwrap_or_else(|| folder.join("report.html"));
+    write(&out, &page)?;
+    for warning in &history.warnings {
+        print::warn(format_args!("warning: {warning}"));
+    }
+    print::line(out.display());
+    Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+/// Runs a scenario for its history, and whether it was interrupted.
+pub fn run(
+    registry: &Registry,
+    document: Document,
+    settings: &[String],
+    stop: &AtomicBool,
+    bar: &Bar,
+) -> Result<(History, bool)> {
+    let scenario = Scenario::new(registry, document, settings)?;
+    let mut assembly = scenario.assemble(None)?;
+    let (recorder, history) = Recorder::new();
+    assembly.sinks.push(("report".to_owned(), Box::new(recorder)));
+    let finished = runner::run(assembly, stop, |progress| bar.run(progress));
+    bar.done();
+    print::events(&finished.events);
+    let history = history.recv()?;
+    match finished.error {
+        // what was estimated until then is told
+        Some(error) if history.blocks.is_empty() => Err(error.into()),
+        _ => Ok((history, finished.interrupted)),
+    }
+}
+
+/// Writes a file, and the folder that it is in.
+pub fn write(path: &Path, text: &str) -> Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    let written = folder.map_or(Ok(()), std::fs::create_dir_all).and_then(|()| std::fs::write(path, text));
+    Ok(written.map_err(|e| format!("{}: cannot be written: {e}; give another place with --out", path.display()))?)
+}
