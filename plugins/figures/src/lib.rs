@@ -18,6 +18,7 @@
 //! ```
 
 mod legend;
+mod line;
 mod look;
 mod panel;
 mod scale;
@@ -54,12 +55,14 @@ pub struct Panel {
 }
 
 /// An axis.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// With its unit: `error [m]`.
     pub label: String,
     /// How values lie on it.
     pub scale: Scale,
+    /// Of a vertical axis: from where to where it goes; what lies beyond is cut off. Without it goes as far as the values.
+    pub limits: Option<[f64; 2]>,
 }
 
 /// How values lie on an axis.
@@ -76,24 +79,34 @@ pub enum Scale {
 }
 
 impl Axis {
+    fn new(label: impl Into<String>, scale: Scale) -> Self {
+        Self { label: label.into(), scale, limits: None }
+    }
+
+    /// The same axis between limits; without them where the lower one is not below the other.
+    #[must_use]
+    pub fn within(self, limits: [f64; 2]) -> Self {
+        Self { limits: (limits[0] < limits[1]).then_some(limits), ..self }
+    }
+
     /// The run's clock, s.
     pub fn time() -> Self {
-        Self { label: "time [s]".into(), scale: Scale::Time }
+        Self::new("time [s]", Scale::Time)
     }
 
     /// A linear axis.
     pub fn linear(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Linear }
+        Self::new(label, Scale::Linear)
     }
 
     /// An axis of a map.
     pub fn map(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Map }
+        Self::new(label, Scale::Map)
     }
 
     /// A logarithmic axis.
     pub fn logarithmic(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Logarithmic }
+        Self::new(label, Scale::Logarithmic)
     }
 }
 

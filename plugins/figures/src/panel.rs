@@ -1,5 +1,6 @@
 //! One panel.
 
+use crate::line::{clipped, simplified};
 use crate::look::{FINE_GRID, FRAME, GRID, INK, LABEL, TICK, band, dot, fit, line, stroke, text, units, width};
 use crate::scale::{Ruler, place, same_unit};
 use crate::svg::{Area, Drawn};
@@ -49,7 +50,10 @@ impl<'a> Prepared<'a> {
         };
         let counts = [wide / APART[0], high / APART[1]];
         let x = Ruler::new(panel.x.scale, points.iter().map(|p| p[0]), margin, counts[0]);
-        let y = Ruler::new(panel.y.scale, points.iter().map(|p| p[1]), 0.05, counts[1]);
+        let y = match panel.y.limits {
+            Some(limits) if !points.is_empty() => Ruler::new(panel.y.scale, limits.into_iter(), 0.0, counts[1]),
+            _ => Ruler::new(panel.y.scale, points.iter().map(|p| p[1]), 0.05, counts[1]),
+        };
         let mut prepared = Self { panel, x, y };
         prepared.fit([wide, high]);
         prepared
@@ -98,15 +102,16 @@ impl<'a> Prepared<'a> {
             .set_all_tick_mark_size(units(MARK))
             .label_style(text(TICK, FontStyle::Normal))
             .draw()?;
+        let unit = [(self.x.high - self.x.low) / wide, (self.y.high - self.y.low) / high];
         for pieces in self.bands() {
-            chart.draw_series(pieces.into_iter().map(|p| Polygon::new(without_level(p), band())))?;
+            chart.draw_series(pieces.into_iter().map(|p| Polygon::new(simplified(p, unit), band())))?;
         }
         for curve in &self.panel.curves {
             let style = stroke(curve.look);
             let points = matches!(curve.look, Look::Points(_));
             // a line of one point would not be seen
             let (dots, lines): (Vec<_>, Vec<_>) = self.pieces(curve).into_iter().partition(|p| points || p.len() == 1);
-            chart.draw_series(lines.into_iter().map(|p| PathElement::new(without_level(p), style)))?;
+            chart.draw_series(lines.into_iter().map(|p| PathElement::new(simplified(p, unit), style)))?;
             chart.draw_series(dots.into_iter().flatten().map(|p| Circle::new(p, units(RADIUS), dot(curve.look))))?;
         }
         let corner = |x: f64, y: f64| (units(x), units(y));
@@ -136,7 +141,15 @@ impl<'a> Prepared<'a> {
     fn pieces(&self, curve: &Curve) -> Vec<Vec<(f64, f64)>> {
         let (x, y) = (self.panel.x.scale, self.panel.y.scale);
         let points = curve.points.iter().map(|p| Some((place(x, p[0])?, place(y, p[1])?)));
-        split(points).collect()
+        let pieces = split(points);
+        match (self.panel.y.limits, curve.look) {
+            (None, _) => pieces.collect(),
+            (Some(_), Look::Points(_)) => {
+                let within = |p: &(f64, f64)| (self.y.low..=self.y.high).contains(&p.1);
+                pieces.map(|piece| piece.into_iter().filter(within).collect()).collect()
+            }
+            (Some(_), _) => pieces.flat_map(|piece| clipped(&piece, [self.y.low, self.y.high])).collect(),
+        }
     }
 
     /// The outlines of the pieces of the bands: where only one edge lies somewhere, the other is the side of the plot.
@@ -145,7 +158,10 @@ impl<'a> Prepared<'a> {
         let edges = |[_, low, high]: &[f64; 3]| match (place(y, *low), place(y, *high)) {
             (None, None) => None,
             _ if low.is_nan() || high.is_nan() => None,
-            (low, high) => Some([low.unwrap_or(self.y.low), high.unwrap_or(self.y.high)]),
+            (low, high) => {
+                let [low, high] = [low.unwrap_or(self.y.low), high.unwrap_or(self.y.high)];
+                Some([low, high].map(|v| v.clamp(self.y.low, self.y.high)))
+            }
         };
         let outline = |b: Vec<(f64, [f64; 2])>| -> Vec<(f64, f64)> {
             let lower = b.iter().map(|(x, [low, _])| (*x, *low));
@@ -155,22 +171,6 @@ impl<'a> Prepared<'a> {
             |b: &crate::Band| split(b.points.iter().map(|p| Some((place(x, p[0])?, edges(p)?)))).map(outline).collect();
         self.panel.bands.iter().map(pieces).collect()
     }
-}
-
-/// A line without the points inside its level pieces: a limit has two points, however often it was sampled.
-fn without_level(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    let mut left: Vec<(f64, f64)> = Vec::with_capacity(points.len());
-    for (x, y) in points {
-        if let [.., (x0, y0), (x1, y1)] = left[..]
-            && y0 == y1
-            && y1 == y
-            && (x1 - x0) * (x - x1) >= 0.0
-        {
-            left.pop();
-        }
-        left.push((x, y));
-    }
-    left
 }
 
 /// The runs of what is there.

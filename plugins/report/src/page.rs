@@ -71,7 +71,7 @@ pub fn report(history: &History) -> Result<String, FigureError> {
             @if let Some(figure) = plots::trajectory(history) {
                 section {
                     h2 { "Trajectory" }
-                    (picture(&figure, &html! { "North, east and up from the first estimate." })?)
+                    (picture(&figure, &html! { "North, east and up from the first position: the true one, where it is known." })?)
                 }
             }
             section #calibration {
@@ -94,8 +94,9 @@ pub fn report(history: &History) -> Result<String, FigureError> {
             section #states {
                 h2 { "States" }
                 p.note {
-                    "Above: a constant between its bounds of 3 sigma, beside the truth where that is known; of what moves, the "
-                    "error. Below: sigma and the size of the error by decades."
+                    "Above: a constant between its bounds of 3 sigma, beside the truth where that is known, and near where it ended; of what "
+                    "moves, the error. Below: the whole run, sigma and the size of the error by decades; where an "
+                    "error goes through zero it is cut off."
                 }
                 @for block in history.blocks.iter().filter(|b| b.uncertain()) {
                     @if let Some(figure) = plots::state(block) {
@@ -252,6 +253,7 @@ fn worst(history: &History) -> Option<(String, f64)> {
 fn number(value: f64, sigma: f64) -> String {
     let decimals = if sigma > 0.0 && sigma.is_finite() { (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) } else { 6.0 };
     let text = format!("{value:.*}", decimals as usize);
+    let text = if sigma > 0.0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() };
     if text.trim_start_matches(['-', '0', '.']).is_empty() { text.trim_start_matches('-').to_owned() } else { text }
 }
 
@@ -276,7 +278,7 @@ fn last_error(block: &BlockHistory, k: usize) -> Option<(f64, f64)> {
 fn end(blocks: &[&BlockHistory]) -> Markup {
     html! {
         div.wide { table {
-            thead { tr { th { "state" } th {} th { "estimate" } th { "1-sigma" } th { "error" } th { "error/sigma" } th { "unit" } } }
+            thead { tr { th { "state" } th {} th { "estimate" } th { "1-sigma" } th { "error" } th { "error/sigma" } th.name { "unit" } } }
             tbody {
                 @for block in blocks {
                     @for k in 0..block.components.len() {
@@ -307,7 +309,7 @@ fn calibration(blocks: &[&BlockHistory]) -> Markup {
                 thead { tr {
                     th { "state" } th {} th { "before" } th { "after" }
                     @if with_truth { th { "truth" } th { "error" } th { "error/sigma" } }
-                    th { "sigma left" } th { "unit" }
+                    th { "sigma left" } th.name { "unit" }
                 } }
                 tbody {
                     @for block in blocks {
@@ -338,9 +340,9 @@ fn calibration(blocks: &[&BlockHistory]) -> Markup {
     }
 }
 
-/// A part of one: three digits at most.
+/// A part of one: two digits.
 fn part(ratio: f64) -> String {
-    if ratio < 0.001 { format!("{ratio:.0e}") } else { format!("{ratio:.3}") }
+    number(ratio, ratio)
 }
 
 /// What became of each sensor's samples.
@@ -354,7 +356,7 @@ fn sensors(history: &History) -> Markup {
     let measures = |s: &SensorHistory| s.updates != crate::Updates::default();
     html! {
         div.wide { table {
-            thead { tr { th { "sensor" } th { "type" } th { "for" } th { "read" } th { "used" } th { "gated" } th { "rejected" }
+            thead { tr { th { "sensor" } th.name { "type" } th.name { "for" } th { "read" } th { "used" } th { "gated" } th { "rejected" }
                 th { "NIS a channel" } th { "95 % band" } } }
             tbody {
                 @for sensor in &history.sensors {

@@ -26,15 +26,20 @@ pub(crate) fn label(what: &str, unit: &str) -> String {
     }
 }
 
-/// North, east and down (m) from the first estimate, of the estimates and of the truth where it is known, with their times.
+/// North, east and down (m) from the first position, with their times.
 pub(crate) type Track = Vec<(f64, [f64; 3])>;
 
-/// The tracks of the estimate and of the truth.
+/// The tracks of the estimate and of the truth, from the first position: the true one, where it is known.
 pub(crate) fn tracks(position: &BlockHistory) -> (Track, Track) {
     let origin = &position.first.estimate;
-    let estimate = position.shown().map(|r| (r.time, displacement(&r.estimate, origin)));
+    let off = position.first.error.first_chunk::<3>().copied().unwrap_or_default();
+    let place = |r: &Row| {
+        let from = displacement(&r.estimate, origin);
+        std::array::from_fn(|k| from[k] + off[k])
+    };
+    let estimate = position.shown().map(|r| (r.time, place(r)));
     let truth = position.shown().filter_map(|r| {
-        let (place, error) = (displacement(&r.estimate, origin), r.error.first_chunk::<3>()?);
+        let (place, error): ([f64; 3], _) = (place(r), r.error.first_chunk::<3>()?);
         Some((r.time, std::array::from_fn(|k| place[k] - error[k])))
     });
     (estimate.collect(), truth.collect())
@@ -65,7 +70,7 @@ pub fn state(block: &BlockHistory) -> Option<Figure> {
     }
     let n = block.components.len();
     let constant = block.constant();
-    let value = |k| if constant { beside_truth(block, k, 1.0) } else { error(block, k, 1.0) };
+    let value = |k| if constant { close(block, k, beside_truth(block, k, 1.0)) } else { error(block, k, 1.0) };
     // the two rows of few components, and of many the two panels of each side by side
     let (columns, panels): (usize, Vec<Panel>) = if n <= 4 {
         (n.max(1), (0..n).map(value).chain((0..n).map(|k| convergence(block, k))).collect())
@@ -88,6 +93,24 @@ pub(crate) fn beside_truth(block: &BlockHistory, k: usize, sign: f64) -> Panel {
     }
     let bands = vec![Band { name: "±3 sigma".into(), points: bounds.collect() }];
     over_time(block.component(k), Axis::linear(label("", &block.unit)), curves, bands)
+}
+
+/// A panel of a component near where it ended: 12 sigmas of the end to each side, with all that was estimated in the second
+/// half of the run, and the truth; the whole panel where that is no more.
+fn close(block: &BlockHistory, k: usize, panel: Panel) -> Panel {
+    let half = 0.5 * (block.first.time + block.last.time);
+    let (end, sigma) = (block.last.estimate[k], block.last.sigma[k]);
+    let later = block.shown().filter(|r| r.time >= half);
+    let values = later.flat_map(|r| [r.estimate[k], r.estimate[k] - r.error.get(k).unwrap_or(&0.0)]);
+    let ends = [end - 12.0 * sigma, end + 12.0 * sigma].into_iter().chain(values);
+    let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
+    let all = panel.curves.iter().flat_map(|c| c.points.iter().map(|p| p[1]));
+    let all = all.chain(panel.bands.iter().flat_map(|b| b.points.iter().flat_map(|p| [p[1], p[2]])));
+    let [least, most] = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
+    if high - low >= 0.8 * (most - least) {
+        return panel;
+    }
+    Panel { y: panel.y.within([low, high]), ..panel }
 }
 
 /// The error of a component between its bounds of 3 sigma; where no truth is known, the estimate between them.
@@ -114,12 +137,18 @@ fn displaced(block: &BlockHistory, k: usize) -> Panel {
 
 /// Sigma and the size of the error of a component, by decades.
 pub(crate) fn convergence(block: &BlockHistory, k: usize) -> Panel {
+    let sigma = || block.shown().map(|r| [r.time, r.sigma[k]]);
     let error = block.shown().filter(|r| !r.error.is_empty()).map(|r| [r.time, r.error[k].abs()]);
-    let mut curves = vec![curve("1-sigma", Look::Sigma, block.shown().map(|r| [r.time, r.sigma[k]]))];
+    let mut curves = vec![curve("1-sigma", Look::Sigma, sigma())];
     if block.compared.is_some() {
         curves.insert(0, curve("size of the error", Look::Data(0), error));
     }
-    over_time("", Axis::logarithmic(label("", &block.unit)), curves, Vec::new())
+    // where an error goes through zero its logarithm has no end: it is cut off well below sigma
+    let least = sigma().map(|p| p[1]).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+    let most = curves.iter().flat_map(|c| c.points.iter().map(|p| p[1])).fold(0.0, f64::max);
+    let y = Axis::logarithmic(label("", &block.unit)).within([least / 20.0, 1.3 * most]);
+    let y = if block.compared.is_some() { y } else { Axis { limits: None, ..y } };
+    over_time("", y, curves, Vec::new())
 }
 
 /// Every component's sigma as a part of its first one, a panel a block: what falls was observed, from when on, and with what.
@@ -207,7 +236,15 @@ fn bins(rows: &[Consistency]) -> Vec<Consistency> {
         nis: c.iter().map(|c| c.nis).sum(),
         expected: c.iter().map(|c| c.expected).sum(),
     };
-    rows.chunks(each).map(join).filter(|c| c.expected > 0.0).collect()
+    let mut bins: Vec<Consistency> = rows.chunks(each).map(join).filter(|c| c.expected > 0.0).collect();
+    // what is left over is no mean of its own
+    if let [.., before, last] = bins[..]
+        && last.expected < 0.5 * before.expected
+    {
+        bins.truncate(bins.len() - 2);
+        bins.push(join(&[before, last]));
+    }
+    bins
 }
 
 /// Where the mean of so many squares of independent Gaussian numbers is in nineteen cases of twenty.
