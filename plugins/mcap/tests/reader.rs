@@ -22,8 +22,11 @@ fn texts(all: &[&str]) -> Value {
     all.iter().map(|t| text(t)).collect()
 }
 
+/// Name, type and purpose of a sensor.
+type Known = (String, String, Purpose);
+
 /// What the reader tells of the log's messages, in the form of [`common::Logged`] as far as both have it.
-fn told(path: &Path) -> (Vec<Value>, Vec<(String, String, Purpose)>, Option<String>) {
+fn told(path: &Path) -> (Vec<Value>, Vec<Known>, Option<String>) {
     let mut log = LogReader::open(path).unwrap();
     let (mut messages, mut sensors) = (Vec::new(), Vec::new());
     let mut take = |entry: Entry<'_>| {

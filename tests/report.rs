@@ -1,0 +1,119 @@
+//! `navfuse report` and `navfuse figures` as a user calls them, and the page in a browser.
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::{command, navfuse, scenario, stderr, stdout};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+#[test]
+fn a_scenario_and_the_log_of_its_run_give_the_same_page() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, direct) = (folder.path().join("run"), folder.path().join("direct.html"));
+    let short = ["--set", "estimator.stop=200 s"];
+    let output = command().arg("run").arg(scenario("quickstart")).args(short).arg("--out").arg(&run).output();
+    assert!(output.is_ok_and(|o| o.status.success()));
+    let output = command().arg("report").arg(run.join("run.mcap")).output().expect("the command starts");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let page = run.join("report.html");
+    assert_eq!(stdout(&output).trim(), page.display().to_string(), "it says where the page is, beside the log");
+    let output = command().arg("report").arg(scenario("quickstart")).args(short).arg("--out").arg(&direct).output();
+    assert!(output.is_ok_and(|o| o.status.success()));
+    assert!(read(&page) == read(&direct), "the pages differ");
+}
+
+#[test]
+fn what_is_no_log_and_settings_of_a_log_are_refused_with_a_remedy() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("notes.txt");
+    std::fs::write(&path, "no log at all, but long enough to be one").expect("the test can write");
+    let output = navfuse(&["report", &path.display().to_string()]);
+    assert!(!output.status.success());
+    let said = stderr(&output);
+    assert!(said.contains("notes.txt") && said.contains("not an MCAP file"), "{said}");
+    let output = navfuse(&["report", &path.display().to_string(), "--set", "seed=2"]);
+    assert!(stderr(&output).contains("navfuse replay"), "{}", stderr(&output));
+}
+
+/// The figures of the paper by their numbers, and what its text says of them that can be read off a drawing: which it is.
+#[test]
+fn the_figures_of_pan_wu_are_made_by_an_installed_program() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("figures");
+    // somewhere without the repository's scenarios
+    let output = command().current_dir(folder.path()).args(["figures", "pan-wu", "--out"]).arg(&out).output();
+    let output = output.expect("the command starts");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let titles = [
+        (1, "trajectory"),
+        (2, "DVL outputs"),
+        (3, "gyroscope and accelerometer outputs"),
+        (6, "DVL scale factor by the EKF, 3D run"),
+        (7, "DVL misalignment by the EKF, 3D run"),
+        (8, "gyroscope bias"),
+        (9, "accelerometer bias"),
+        (10, "attitude error by the EKF, 3D run"),
+        (11, "horizontal position error by the EKF, 3D run"),
+        (12, "normalised standard deviations"),
+        (13, "DVL scale factor by the EKF, 2D run"),
+        (14, "DVL misalignment by the EKF, 2D run"),
+        (15, "attitude error by the EKF, 2D run"),
+        (16, "horizontal position error by the EKF, 2D run"),
+    ];
+    let index = read(&out.join("index.html"));
+    for (number, title) in titles {
+        let figure = read(&out.join(format!("figure-{number:02}.svg")));
+        assert!(figure.contains(&format!("Figure {number}: {title}")), "{number}");
+        assert!(figure.len() < 150_000 && !figure.contains("no data"), "{number}: {} bytes", figure.len());
+        assert!(index.contains(&format!("Figure {number}. ")), "{number}");
+    }
+    #[cfg(feature = "rerun")]
+    assert!(out.join("figures.rrd").is_file());
+}
+
+/// Chromium, if there is one.
+fn chromium() -> Option<PathBuf> {
+    let paths = std::env::var_os("PATH")?;
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    std::env::split_paths(&paths).flat_map(|folder| names.map(|n| folder.join(n))).find(|p| p.is_file())
+}
+
+/// The page as a browser makes it, without a network, after adding a script that counts what is drawn: every drawing has a
+/// size, no text of the page is wider than the window, and nothing was loaded.
+#[test]
+fn a_browser_opens_the_page_offline_and_draws_every_figure() {
+    let Some(chromium) = chromium() else {
+        println!("skipped: there is no Chromium here; install one to have the page opened in it");
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("report.html");
+    let short = ["--set", "estimator.stop=200 s"];
+    let output = command().arg("report").arg(scenario("quickstart")).args(short).arg("--out").arg(&path).output();
+    assert!(output.is_ok_and(|o| o.status.success()));
+    let count = "<script>window.onerror = e => { document.title = 'error ' + e };\
+        addEventListener('load', () => {\
+        document.querySelectorAll('details').forEach(d => d.open = true);\
+        const drawn = [...document.querySelectorAll('figure svg')].filter(s => s.getBoundingClientRect().height > 50);\
+        const wide = document.documentElement.scrollWidth > innerWidth;\
+        const loaded = performance.getEntriesByType('resource').length;\
+        document.title = `drawn ${drawn.length} wide ${wide} loaded ${loaded}`; });</script></head>";
+    let page = read(&path);
+    let figures = page.matches("<figure").count();
+    let probed = folder.path().join("probed.html");
+    std::fs::write(&probed, page.replacen("</head>", count, 1)).expect("the test can write");
+    let profile = format!("--user-data-dir={}", folder.path().join("profile").display());
+    let offline = "--host-resolver-rules=MAP * ~NOTFOUND";
+    let headless = ["--headless", "--no-sandbox", "--disable-gpu", "--window-size=1000,1200", "--dump-dom", offline];
+    let url = format!("file://{}", probed.display());
+    let output = Command::new(chromium).args(headless).arg(profile).arg(url).output().expect("Chromium starts");
+    let dom = stdout(&output);
+    let from = dom.find("<title>").unwrap_or_else(|| panic!("no page: {}", stderr(&output)));
+    let title = &dom[from + 7..from + dom[from..].find("</title>").expect("a title ends")];
+    assert_eq!(title, format!("drawn {figures} wide false loaded 0"));
+}
