@@ -60,6 +60,74 @@ fn the_dvl_conforms() -> Result<(), Failed> {
 }
 
 #[test]
+fn the_dvl_by_beams_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_dvl::DvlPlugin,
+        r#"
+        [sensor.dvl-beams]
+        noise = "1 cm/s"
+        scale = { sigma = "1 %" }
+        misalignment = { sigma = "0.5 deg" }
+        lever_arm = { initial = ["0.3 m", "0 m", "0.2 m"], sigma = "2 cm" }
+        simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
+
+#[test]
+fn the_laser_doppler_conforms_with_one_two_and_three_beams() -> Result<(), Failed> {
+    for beams in ["[[1, 0, 1]]", "[[1, 0, 1], [-1, 0, 1]]", "[[1, 0, 1], [-1, 0, 1], [0, 1, 1]]"] {
+        let sensor = format!(
+            r#"
+            [sensor.laser-doppler]
+            beams = {beams}
+            noise = "5 mm/s"
+            scale = {{ sigma = "0.5 %" }}
+            misalignment = {{ sigma = "0.3 deg" }}
+            lever_arm = ["0.3 m", "0 m", "0.2 m"]
+            simulation = {{ rate = "2 Hz" }}
+            "#
+        );
+        conforms(&navfuse_laser_doppler::LaserDopplerPlugin, &sensor)?;
+    }
+    Ok(())
+}
+
+#[test]
+fn gnss_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_gnss::GnssPlugin,
+        r#"
+        [sensor.gnss]
+        horizontal_noise = "1 m"
+        vertical_noise = "2 m"
+        velocity_noise = "5 cm/s"
+        bias = { sigma = ["1 m", "1 m", "2 m"], correlation_time = "10 min" }
+        lever_arm = { initial = ["-0.4 m", "0 m", "-0.8 m"], sigma = "10 cm" }
+        simulation = { rate = "1 Hz" }
+        "#,
+    )
+}
+
+#[test]
+fn the_odometer_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_odometer::OdometerPlugin,
+        r#"
+        [sensor.odometer]
+        noise = "5 cm/s"
+        lateral_noise = "5 cm/s"
+        vertical_noise = "10 cm/s"
+        scale = { sigma = "1 %" }
+        pitch = { sigma = "0.5 deg" }
+        yaw = { sigma = "0.5 deg" }
+        lever_arm = { initial = ["-1 m", "0.5 m", "0.5 m"], sigma = "10 cm" }
+        simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
+
+#[test]
 fn the_depth_sensor_conforms() -> Result<(), Failed> {
     conforms(
         &navfuse_depth::DepthPlugin,
