@@ -196,17 +196,7 @@ impl Manifold for Rotation {
     }
     fn reset(delta: &[f64], jacobian: &mut [f64]) -> bool {
         // error' = log(exp(error) exp(-delta)), so that its derivative at error = delta is the left Jacobian of SO(3)
-        let d = Vector3::new(delta[0], delta[1], delta[2]);
-        let angle2 = d.norm_squared();
-        let (a, b) = if angle2 < 1e-8 {
-            (0.5 - angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0)
-        } else {
-            let angle = angle2.sqrt();
-            // 1 - cos by the half angle, which keeps its digits
-            (2.0 * ((0.5 * angle).sin() / angle).powi(2), (angle - angle.sin()) / (angle2 * angle))
-        };
-        let skew = d.cross_matrix();
-        let g = Matrix3::identity() + skew * a + skew * skew * b;
+        let g = left_jacobian(&Vector3::new(delta[0], delta[1], delta[2]));
         for i in 0..3 {
             for j in 0..3 {
                 jacobian[3 * i + j] = g[(i, j)];
@@ -220,6 +210,20 @@ impl Manifold for Rotation {
     fn from_coordinates(c: &[f64]) -> Rotation3<f64> {
         Rotation3::from_euler_angles(c[0], c[1], c[2])
     }
+}
+
+/// The left Jacobian `J` of SO(3) at a rotation vector: `J [phi x] = exp([phi x]) - I`.
+pub(crate) fn left_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
+    let angle2 = phi.norm_squared();
+    let (a, b) = if angle2 < 1e-8 {
+        (0.5 - angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0)
+    } else {
+        let angle = angle2.sqrt();
+        // 1 - cos by the half angle, which keeps its digits
+        (2.0 * ((0.5 * angle).sin() / angle).powi(2), (angle - angle.sin()) / (angle2 * angle))
+    };
+    let skew = phi.cross_matrix();
+    Matrix3::identity() + skew * a + skew * skew * b
 }
 
 /// Writes a quaternion as a [`Rotation`] block holds it.

@@ -13,9 +13,9 @@
 //! depth alone grows overconfident instead.
 
 use crate::covariance::Covariance;
-use crate::manifold::MAX_TANGENT;
+use crate::manifold::{MAX_TANGENT, left_jacobian};
 use crate::state::{Layout, State};
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 /// A velocity block that turns with the heading of an attitude.
 #[derive(Clone, Copy, Debug)]
@@ -33,20 +33,10 @@ impl Turning {
     }
 }
 
-/// `exp([phi x]) - I` and the left Jacobian of SO(3).
+/// `exp([phi x]) - I`, which keeps the digits of a small angle, and the left Jacobian of SO(3).
 fn turn(phi: &Vector3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
-    let exp = Rotation3::new(*phi);
-    let angle = phi.norm();
-    let skew = phi.cross_matrix();
-    let (a, b) = if angle < 1e-4 {
-        (0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0)
-    } else {
-        (2.0 * ((0.5 * angle).sin() / angle).powi(2), (angle - angle.sin()) / angle.powi(3))
-    };
-    let jacobian = Matrix3::identity() + skew * a + skew * skew * b;
-    // J phi x = exp - I, which keeps the digits of a small angle
-    debug_assert!((jacobian * skew - (exp.matrix() - Matrix3::identity())).norm() < 1e-12);
-    (jacobian * skew, jacobian)
+    let jacobian = left_jacobian(phi);
+    (jacobian * phi.cross_matrix(), jacobian)
 }
 
 impl Layout {
@@ -110,7 +100,7 @@ mod tests {
     use crate::simulate::Random;
     use crate::state::{BlockSpec, Display, Dynamics, Mode};
     use crate::time::Time;
-    use nalgebra::{DMatrix, Vector6};
+    use nalgebra::{DMatrix, Rotation3, Vector6};
 
     /// Attitude, velocity and position, of which the second turns with the first or does not.
     fn layout(turns: bool) -> Layout {
