@@ -44,6 +44,8 @@ pub enum Command {
     Bound(Bound),
     /// Compute the bound, or run a campaign, for every combination of values of some keys
     Sweep(Sweep),
+    /// Say what a scenario or a log determines of each state, when it became so, and what is missing
+    Observability(crate::observability::Observability),
     /// Join the parts of a campaign that ran with --shard
     Merge(Merge),
     /// Calibrate the DVL: IO-DVLC of Pan & Wu, the methods that they compare with, and the filter

@@ -183,7 +183,7 @@ fn report(plan: &Plan, results: &Results, kind: &Kind<'_>, out: Option<&Path>, t
 }
 
 /// A time with its unit, in seconds.
-fn seconds(option: &str, text: &str) -> Result<f64> {
+pub fn seconds(option: &str, text: &str) -> Result<f64> {
     let deserializer = IntoDeserializer::<ValueError>::into_deserializer(text);
     Ok(Duration::deserialize(deserializer).map_err(|e| format!("{option} {text:?}: {e}"))?.si())
 }

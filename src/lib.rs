@@ -18,6 +18,7 @@ mod campaign;
 mod figures;
 mod inspect;
 mod new_plugin;
+mod observability;
 mod print;
 mod print_campaign;
 mod progress;
@@ -60,6 +61,7 @@ pub fn command(registry: &Registry) -> ExitCode {
         Command::MonteCarlo(arguments) => campaign::monte_carlo(registry, &arguments),
         Command::Bound(arguments) => campaign::bound(registry, &arguments),
         Command::Sweep(arguments) => campaign::sweep(registry, &arguments),
+        Command::Observability(arguments) => observability::observability(registry, &arguments),
         Command::Merge(arguments) => campaign::merge(&arguments),
         Command::Calibrate(arguments) => calibrate::calibrate(registry, &arguments),
         Command::NewPlugin(arguments) => new_plugin::new_plugin(registry, &arguments),

@@ -47,6 +47,15 @@ pub fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)>
     Ok((document, format!("source={{ mcap = {{ path = {:?} }} }}", path.display().to_string())))
 }
 
+/// The document of a scenario; of a log, as [`of_log`] with the settings.
+pub fn document_of(path: &Path) -> Result<(Document, Vec<String>)> {
+    if path.extension().is_none_or(|e| e != "mcap") {
+        return Ok((Document::from_file(path)?, Vec::new()));
+    }
+    let (document, source) = of_log(path, None)?;
+    Ok((document, vec![source]))
+}
+
 fn go(registry: &Registry, document: Document, first: &[String], options: &RunOptions) -> Result<ExitCode> {
     let mut settings = first.to_vec();
     settings.extend(options.set.iter().cloned());

@@ -66,6 +66,38 @@ impl Layout {
         }
     }
 
+    /// Moves the covariance of the error with anything else, `G` with one row a state (row-major, rows of `stride`), to the error
+    /// about the estimate after `delta` was injected: what the injection does to the filter's own covariance, to first order in
+    /// `delta` for velocities that turn.
+    pub fn reset_rows(&self, delta: &[f64], g: &mut [f64], stride: usize) {
+        for t in &self.turning {
+            if !self.blocks[t.velocity].estimated() || !self.blocks[t.attitude].estimated() {
+                continue;
+            }
+            let (v, a) = (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());
+            let by = Vector3::z().cross(&Vector3::from_column_slice(&delta[v.clone()]));
+            for (row, by) in v.zip(by.iter()) {
+                for j in 0..stride {
+                    g[row * stride + j] += by * g[(a.start + 2) * stride + j];
+                }
+            }
+        }
+        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
+        let mut column = [0.0; MAX_TANGENT];
+        for block in self.blocks.iter().filter(|b| b.estimated()) {
+            let (first, w) = (block.tangent_range().start, block.operations.tangent);
+            if !(block.operations.reset)(&delta[first..first + w], &mut jacobian) {
+                continue;
+            }
+            for j in 0..stride {
+                for (a, c) in column[..w].iter_mut().enumerate() {
+                    *c = (0..w).map(|b| jacobian[a * w + b] * g[(first + b) * stride + j]).sum();
+                }
+                (0..w).for_each(|a| g[(first + a) * stride + j] = column[a]);
+            }
+        }
+    }
+
     /// The error of an estimate that its covariance is about, `truth [-] estimate`: one number a tangent component. Blocks that
     /// are not `known` have none; a velocity then turns with no heading.
     pub fn error(&self, truth: &State, estimate: &State, known: &[bool], out: &mut [f64]) {

@@ -273,29 +273,34 @@ impl Transition {
         self.excess = factor * factor - 1.0;
     }
 
+    /// The declared elements of `Phi`, as row, column and value; a row that has none is that of the identity.
+    pub fn elements(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        self.places.iter().zip(&self.phi).map(|(&(i, j), &value)| (i, j, value))
+    }
+
+    /// The declared elements of `Q`, as row, column and value.
+    pub fn noise_elements(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        let share = 1.0 + self.excess;
+        let blocks = self.noise.iter().flat_map(move |&(at, row, size)| {
+            (0..size * size).map(move |k| (row + k / size, row + k % size, share * self.q[at + k]))
+        });
+        blocks.chain(self.own.iter().map(|own| (own.row, own.row, own.q)))
+    }
+
     /// `Phi` as a dense matrix: the identity but for the declared places.
     pub fn phi_dense(&self, n: usize) -> nalgebra::DMatrix<f64> {
         let mut phi = nalgebra::DMatrix::identity(n, n);
         for &row in &self.compiled.rows {
             phi[(row, row)] = 0.0;
         }
-        for (&(i, j), v) in self.places.iter().zip(&self.phi) {
-            phi[(i, j)] += v;
-        }
+        self.elements().for_each(|(i, j, value)| phi[(i, j)] += value);
         phi
     }
 
     /// `Q` as a dense matrix.
     pub fn noise_dense(&self, n: usize) -> nalgebra::DMatrix<f64> {
         let mut q = nalgebra::DMatrix::zeros(n, n);
-        for &(at, row, size) in &self.noise {
-            for k in 0..size * size {
-                q[(row + k / size, row + k % size)] += (1.0 + self.excess) * self.q[at + k];
-            }
-        }
-        for own in &self.own {
-            q[(own.row, own.row)] += own.q;
-        }
+        self.noise_elements().for_each(|(i, j, value)| q[(i, j)] += value);
         q
     }
 }

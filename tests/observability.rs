@@ -1,0 +1,318 @@
+//! What is observable: Theorem 1 of Pan & Wu (2016) and its remarks, each by a scenario whose report agrees with it; and that
+//! the report is right where it can be checked otherwise.
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::{command, navfuse, parallel, root, stderr, stdout};
+use navfuse_campaign::{Columns, bound};
+use navfuse_core::document::Document;
+use navfuse_core::runner;
+use navfuse_core::scenario::Scenario;
+use navfuse_observability::plan::{self, Options};
+use navfuse_observability::{Report, Tracker, Verdict, Watch};
+use navfuse_segments::Recording;
+use serde_json::Value;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+const SEEDS: [u64; 3] = [1, 2, 3];
+
+fn path(name: &str) -> PathBuf {
+    root().join("scenarios").join(format!("{name}.toml"))
+}
+
+/// Runs a scenario, as it is or at the truth.
+fn tracked(name: &str, settings: &[String], at_truth: bool) -> Tracker {
+    let registry = navfuse::standard_plugins();
+    let document = Document::from_file(path(name)).expect("the scenario is there");
+    let scenario = Scenario::new(&registry, document, settings).expect("the settings fit");
+    let assembly = if at_truth { scenario.assemble_at_truth() } else { scenario.assemble(None) };
+    let mut assembly = assembly.unwrap_or_else(|e| panic!("{e}"));
+    let (watch, kept) = Watch::new(1.0);
+    assembly.sinks.push(("watch".into(), Box::new(watch)));
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let tracker = kept.lock().expect("no panic").take();
+    tracker.expect("the run is over")
+}
+
+fn report(name: &str, settings: &[&str]) -> Report {
+    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
+    let tracker = tracked(name, &settings, false);
+    let registry = navfuse::standard_plugins();
+    let document = Document::from_file(path(name)).expect("the scenario is there");
+    let recording = Recording::read(&Scenario::new(&registry, document, &settings).expect("the settings fit"));
+    let mut report = Report::new(name, &tracker);
+    report.judge(recording, &tracker);
+    report
+}
+
+/// Reports of several seeds.
+fn reports(name: &str) -> Vec<Report> {
+    parallel(&SEEDS, |seed| report(name, &[&format!("seed={seed}")]))
+}
+
+fn verdict(report: &Report, title: &str) -> Verdict {
+    report.state(title).unwrap_or_else(|| panic!("{title}")).verdict
+}
+
+/// The verdicts about the theorem and the remarks, and that the filter agrees with each.
+fn agreed(report: &Report) -> Vec<&str> {
+    let view = report.segments.as_ref().expect("there are segments");
+    for v in &view.verdicts {
+        assert!(v.agrees, "{}: {}: {}", report.scenario, v.about, v.text);
+    }
+    view.verdicts.iter().map(|v| v.about).collect()
+}
+
+fn all_determined(report: &Report, titles: &[&str]) {
+    for title in titles {
+        assert_eq!(verdict(report, title), Verdict::Determined, "{}: {title}", report.scenario);
+    }
+}
+
+const ROLL: &str = "dvl.misalignment roll";
+const PITCH_YAW_K: [&str; 3] = ["dvl.misalignment pitch", "dvl.misalignment yaw", "dvl.scale"];
+const ACCEL: [&str; 3] = ["ins.accel_bias x", "ins.accel_bias y", "ins.accel_bias z"];
+const ATTITUDE: [&str; 3] = ["ins.attitude roll", "ins.attitude pitch", "ins.attitude yaw"];
+const VELOCITY: [&str; 3] = ["ins.velocity north", "ins.velocity east", "ins.velocity down"];
+
+#[test]
+fn theorem_1_both_conditions_and_all_but_slow_gyro_biases_are_determined() {
+    for r in reports("observability/theorem-1") {
+        assert!(agreed(&r).contains(&"theorem-1"));
+        let view = r.segments.as_ref().expect("segments");
+        assert_eq!(view.type_i.rank, 2);
+        assert_eq!(view.type_ii.as_ref().expect("turns").rank, 3);
+        // the dive begins at 180 s; the second of the turns that differ ends at 380 s
+        let (one, two) = (view.type_i_since_s.expect("met"), view.type_ii_since_s.expect("met"));
+        assert!((180.0..240.0).contains(&one) && (280.0..=381.0).contains(&two), "{one} {two}");
+        for titles in [&PITCH_YAW_K[..], &[ROLL], &ACCEL, &ATTITUDE, &VELOCITY] {
+            all_determined(&r, titles);
+        }
+        // nothing tells where it began
+        assert_eq!(verdict(&r, "ins.position north"), Verdict::NotDetermined);
+        // roll of the DVL only with the dive: Remark 4
+        let since = r.state(ROLL).and_then(|s| s.since_s).expect("determined");
+        assert!(since > 180.0, "{since}");
+    }
+}
+
+#[test]
+fn remark_1_thrust_ahead_and_sideways_determines_the_whole_misalignment() {
+    for r in reports("observability/remark-1") {
+        assert!(agreed(&r).contains(&"remark-1"));
+        all_determined(&r, &PITCH_YAW_K);
+        // sideways from 180 s on
+        assert!(r.state(ROLL).and_then(|s| s.since_s).expect("determined") > 180.0);
+    }
+}
+
+#[test]
+fn remark_2_one_thruster_does_not_tell_the_angle_about_it() {
+    for r in reports("observability/remark-2") {
+        assert!(agreed(&r).contains(&"remark-2"));
+        assert_eq!(r.segments.as_ref().expect("segments").type_i.rank, 1);
+        all_determined(&r, &PITCH_YAW_K);
+        let roll = r.state(ROLL).expect("it is estimated");
+        assert_eq!(roll.verdict, Verdict::NotDetermined);
+        let why = roll.missing.as_deref().expect("something is missing");
+        assert_eq!(why, "every specific-force rate so far is along the body's x axis; thrust sideways or dive");
+        // it is a direction that nothing tells, by itself
+        let alone = r.undetermined.iter().find(|d| d.text == ROLL).expect("named");
+        assert!(alone.left > 0.9, "{}", alone.left);
+        // and without a turn a tilt is not told from an accelerometer's bias
+        for title in &ACCEL[..2] {
+            let state = r.state(title).expect("it is estimated");
+            assert!(
+                state.verdict != Verdict::Determined
+                    && state.missing.as_deref().expect("why").contains("turn by 90 deg")
+            );
+        }
+    }
+}
+
+#[test]
+fn remark_3_with_turns_all_else_is_determined() {
+    for r in reports("observability/remark-3").into_iter().chain([report("pan-wu-2d", &[])]) {
+        let verdicts = agreed(&r);
+        assert!(verdicts.contains(&"remark-2") && verdicts.contains(&"remark-3"), "{verdicts:?}");
+        for titles in [&PITCH_YAW_K[..], &ACCEL, &ATTITUDE, &VELOCITY] {
+            all_determined(&r, titles);
+        }
+        assert_ne!(verdict(&r, ROLL), Verdict::Determined, "{}", r.scenario);
+    }
+}
+
+#[test]
+fn remark_4_a_dive_gives_the_second_direction() {
+    for r in reports("observability/remark-4").into_iter().chain([report("pan-wu-3d", &[])]) {
+        assert!(agreed(&r).contains(&"remark-4"));
+        all_determined(&r, &PITCH_YAW_K);
+        let dive = if r.scenario == "pan-wu-3d" { 660.0 } else { 180.0 };
+        let since = r.state(ROLL).and_then(|s| s.since_s).expect("determined");
+        assert!((dive..dive + 60.0).contains(&since), "{}: {since}", r.scenario);
+    }
+}
+
+/// Theorem 1 is sufficient, not necessary: with a bank of 0.01 deg in the turns the points alpha are in a plane.
+#[test]
+fn flat_turns_determine_the_accelerometer_biases_though_alpha_is_coplanar() {
+    for r in reports("observability/not-necessary") {
+        assert!(agreed(&r).contains(&"not-necessary"));
+        let view = r.segments.as_ref().expect("segments");
+        let sphere = view.type_ii.as_ref().expect("turns");
+        assert!(sphere.rank < 3 && sphere.singular_values[2] < sphere.noise, "{sphere:?}");
+        all_determined(&r, &ACCEL);
+        // the first turn is from 360 s to 390 s
+        for title in &ACCEL[..2] {
+            let since = r.state(title).and_then(|s| s.since_s).expect("determined");
+            assert!((360.0..510.0).contains(&since), "{title}: {since}");
+        }
+    }
+}
+
+/// Of a constant what is left of the error at the start is what is left now: `M_ii = P_ii / P_0ii`, exactly where the filter is at
+/// the truth. The tolerance is the rounding of 7300 corrections.
+#[test]
+fn what_is_left_of_a_constant_is_its_variance_over_its_prior() {
+    let t = tracked("pan-wu-3d", &["estimator.stop=1100 s".to_owned()], true);
+    let n = t.components().len();
+    let mut checked = 0;
+    for (i, (c, now)) in t.components().iter().zip(t.now()).enumerate() {
+        if t.driven(c.slot) {
+            continue;
+        }
+        let (left, ratio) = (t.left()[i * n + i], (now.sigma / now.prior).powi(2));
+        println!("{} {}: {left:.6e} {ratio:.6e}", c.state, c.name);
+        // below that a subtraction from 1 has no digits left
+        assert!((left - ratio).abs() < 1e-5 * ratio + 1e-11, "{} {}: {left} {ratio}", c.state, c.name);
+        checked += 1;
+    }
+    assert_eq!(checked, 10);
+}
+
+/// A filter in steady motion hardly knows of its injections, but one that starts 0.2 off in scale and a degree off in angles does:
+/// what is left of the error at the start follows the covariance through them.
+#[test]
+fn corrections_of_a_degree_do_not_break_what_is_left() {
+    let t = tracked("pan-wu-3d", &["estimator.stop=1100 s".to_owned()], false);
+    let n = t.components().len();
+    for (i, (c, now)) in t.components().iter().zip(t.now()).enumerate().filter(|(_, (c, _))| !t.driven(c.slot)) {
+        let (left, ratio) = (t.left()[i * n + i], (now.sigma / now.prior).powi(2));
+        println!("{} {}: {left:.3e} {ratio:.3e}", c.state, c.name);
+        assert!((left / ratio).ln().abs() < 0.3, "{} {}: {left} {ratio}", c.state, c.name);
+    }
+}
+
+#[test]
+fn the_planner_ranks_by_the_bound_and_sends_the_single_thruster_down_or_sideways() {
+    let registry = navfuse::standard_plugins();
+    let document = Document::from_file(path("observability/remark-2")).expect("the scenario is there");
+    let options = Options { at: None, of: vec!["dvl.misalignment".into()], threads: 2 };
+    let plan = plan::suggest(&registry, &document, &options, &AtomicBool::new(false), |_, _| {});
+    let plan = plan.unwrap_or_else(|e| panic!("{e}")).expect("not stopped");
+    let best = &plan.suggestions[0];
+    assert!(best.name.contains("thrust to starboard") || best.name.contains("dive"), "{}", best.name);
+    assert_eq!(best.improves[0].title, ROLL);
+    // straight on there is nothing to be had, and a roll about the thrust does not help either
+    for useless in ["accelerate ahead", "roll to 15 deg"] {
+        let s = plan.suggestions.iter().find(|s| s.name.starts_with(useless)).expect("a candidate");
+        assert!(s.bits < 0.2 * best.bits, "{}: {} against {}", s.name, s.bits, best.bits);
+    }
+    // what it says a manoeuvre reaches is the Cramer-Rao bound of the scenario with it
+    let dive = plan.suggestions.iter().find(|s| s.name == "dive").expect("a candidate");
+    let says = dive.improves.iter().find(|i| i.title == ROLL).expect("it improves the roll").with;
+    let mut document = document;
+    let node = document.root().get("source").and_then(|s| s.get("simulation")).and_then(|s| s.get("segments"));
+    let rows = node.expect("segments").value().as_array().expect("a list").clone();
+    let rows: Vec<String> = rows.iter().map(ToString::to_string).chain(dive.segments.iter().cloned()).collect();
+    document.set(&format!("source.simulation.segments=[{}]", rows.join(", "))).expect("it is TOML");
+    let assembly = Scenario::new(&registry, document, &[]).expect("it fits").assemble_at_truth();
+    let assembly = assembly.unwrap_or_else(|e| panic!("{e}"));
+    let mut columns = Columns::default();
+    columns.add(&assembly.composition);
+    let record = bound(assembly, &columns, 0, 1_000_000_000, &AtomicBool::new(false));
+    let record = record.unwrap_or_else(|e| panic!("{e}")).expect("not stopped");
+    let roll = columns.components.iter().position(|c| c.name() == "dvl.misalignment.roll").expect("it is there");
+    let least = record.rows.last().expect("rows").2[roll];
+    assert!((says / least - 1.0).abs() < 1e-9, "{says} deg, the bound is {least} deg");
+}
+
+#[test]
+fn wrong_use_is_told() {
+    let told = |settings: &[&str], what: &str| {
+        let r = report("observability/remark-4", settings);
+        let view = r.segments.as_ref().expect("segments");
+        assert!(view.warnings.iter().any(|w| w.contains(what)), "{what}: {:?}", view.warnings);
+        r
+    };
+    let gap = "sensor.dvl.simulation={ rate = \"5 Hz\", outages = [[\"150 s\", \"155 s\"]] }";
+    told(&[gap], "dvl is silent from 150 s to 155 s, inside the type I segment");
+    let rest = |seconds: u32| format!("{{ type = \"static\", duration = \"{seconds} s\" }}");
+    let surge = |seconds: u32| format!("{{ type = \"surge\", duration = \"{seconds} s\", speed = \"2 m/s\" }}");
+    let of = |rest: String, surge: String| {
+        format!("source.simulation.segments=[{rest}, {surge}, {{ type = \"cruise\", duration = \"100 s\" }}]")
+    };
+    told(&[&of(rest(15), surge(60)), "estimator.start=10 s"], "no static time to align in");
+    let r = told(&[&of(rest(120), surge(3))], "a segment of Type I takes 10 s");
+    let why = r.state("dvl.misalignment roll").and_then(|s| s.missing.clone()).expect("it is missing");
+    assert!(why.contains("never varied at constant attitude"), "{why}");
+    // fewer than two directions
+    let r = report("observability/remark-4", &[&of(rest(120), surge(60))]);
+    let view = r.segments.as_ref().expect("segments");
+    assert!(view.verdicts[0].text.contains("every specific-force rate is along one direction, the body's x axis"));
+}
+
+#[test]
+fn a_composition_without_dvl_is_told_of_what_its_sensors_read() {
+    let without = ["sensor.dvl.enabled=false", "estimator.stop=300 s"];
+    let r = report("surface-dive", &without);
+    assert!(r.segments.as_ref().is_none_or(|s| s.sensor.is_none() && s.verdicts.is_empty()));
+    all_determined(&r, &["ins.position north", "ins.position down"]);
+    // a sensor that says nothing, and one that only reads the height
+    let silent =
+        ["sensor.gnss.simulation={ rate = \"1 Hz\", outages = [[\"0 s\", \"9999 s\"]] }", "estimator.stop=200 s"];
+    let r = report("surface-dive", &silent);
+    let why = |title: &str| r.state(title).and_then(|s| s.missing.clone()).unwrap_or_else(|| panic!("{title}"));
+    assert_eq!(why("gnss.bias north"), "gnss gave no sample that was used");
+    assert!(
+        why("ins.position north").starts_with("no enabled sensor reads ins.position north"),
+        "{}",
+        why("ins.position north")
+    );
+    assert_eq!(verdict(&r, "ins.position down"), Verdict::Determined);
+}
+
+#[test]
+fn a_log_is_told_what_the_run_was_and_the_figure_is_drawn() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scenario = path("observability/remark-4");
+    let json = |arguments: &[&str]| -> Value {
+        let output = navfuse(arguments);
+        assert!(output.status.success(), "{}", stderr(&output));
+        serde_json::from_str(&stdout(&output)).expect("one JSON object")
+    };
+    let out = folder.path().join("out");
+    let (scenario, out) = (scenario.display().to_string(), out.display().to_string());
+    let direct = json(&["observability", &scenario, "--format", "json", "--out", &out]);
+    let run = command().args(["run", &scenario, "--out"]).arg(folder.path()).output().expect("it starts");
+    assert!(run.status.success(), "{}", stderr(&run));
+    let log = folder.path().join("run.mcap").display().to_string();
+    let replayed = json(&["observability", &log, "--format", "json"]);
+    for (a, b) in
+        direct["states"].as_array().expect("states").iter().zip(replayed["states"].as_array().expect("states"))
+    {
+        let (x, y) = (a["sigma"].as_f64().expect("sigma"), b["sigma"].as_f64().expect("sigma"));
+        assert!((x / y - 1.0).abs() < 1e-6, "{}: {x} {y}", a["title"]);
+        assert_eq!(a["verdict"], b["verdict"]);
+    }
+    assert_eq!(direct["segments"]["type_i"]["rank"], replayed["segments"]["type_i"]["rank"]);
+    let svg = std::fs::read_to_string(folder.path().join("out/normalised-sigma.svg")).expect("the figure");
+    for state in ["ins.attitude", "dvl.misalignment"] {
+        assert!(svg.contains(state));
+    }
+    let refused = navfuse(&["observability", &log, "--suggest", "--set", "source={ csv = { directory = \"x\" } }"]);
+    assert!(!refused.status.success() && stderr(&refused).contains("nothing can be suggested after a recording"));
+}
