@@ -55,6 +55,9 @@ pub fn summary(summary: &Summary) {
     }
     right(&mut sensors, 1..6);
     line(format_args!("{sensors}\n"));
+    for (name, start) in &summary.starts {
+        line(format_args!("{name} {}", start["text"].as_str().unwrap_or_default()));
+    }
     line(format_args!("{:.0} s and {:.0} m in {:.2} s", summary.duration_s, summary.distance_m, summary.wall_s));
     if let Some(e) = &summary.horizontal_error_m {
         let percent = e.percent_of_distance.map_or_else(String::new, |p| format!(", {p:.3} % of the distance"));

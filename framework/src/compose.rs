@@ -3,11 +3,12 @@
 use crate::covariance::Transition;
 use crate::document::{DocumentError, Node};
 use crate::draw::Draw;
+use crate::gate::{Action, Policy};
 use crate::manifold::{Manifold, Operations, Rotation, Scalar, Vector};
 use crate::measurement::AnyMeasurement;
 use crate::motion::Motion;
 use crate::process::ProcessModel;
-use crate::sample::{MAX_CHANNELS, Sample};
+use crate::sample::{Channel, MAX_CHANNELS, Sample};
 use crate::scenario::Initial;
 use crate::simulate::{Faults, Simulate};
 use crate::state::{Block, BlockSpec, Handle, Layout, MAX_BLOCKS, Mode, Signal, State};
@@ -120,7 +121,7 @@ pub struct Sensor {
     /// What it is to the estimator.
     pub role: Role,
     /// Gate, recovery and time-out.
-    pub policy: crate::gate::Policy,
+    pub policy: Policy,
     /// What goes wrong with it in a simulation, and how often it speaks; `None` if it is not simulated.
     pub simulation: Option<Faults>,
     /// How a driving sensor is simulated; a measuring one is by its model.
@@ -129,6 +130,31 @@ pub struct Sensor {
     pub noise: f64,
     /// By how much its samples lag, if they do: a sample stamped t tells of the state at t minus this.
     pub time_offset: Option<Handle<Scalar>>,
+    /// Whether it is a constraint of a process, which no source gives.
+    pub constraint: bool,
+}
+
+impl Sensor {
+    /// A sensor without policy or simulation.
+    pub(crate) fn new(info: SensorInfo, role: Role) -> Self {
+        Self {
+            info,
+            role,
+            policy: Policy::default(),
+            simulation: None,
+            simulator: None,
+            noise: 1.0,
+            time_offset: None,
+            constraint: false,
+        }
+    }
+
+    /// What a process knows: where it does not hold any more, the process must hear of it, so nothing is inflated.
+    pub(crate) fn constraint(info: SensorInfo, role: Role) -> Self {
+        let mut sensor = Self { constraint: true, ..Self::new(info, role) };
+        sensor.policy.recovery.action = Action::Report;
+        sensor
+    }
 }
 
 /// A process model in its place.
@@ -141,7 +167,14 @@ pub struct Process {
     pub model: Box<dyn ProcessModel>,
     /// The index of the sensor that drives it.
     pub input: Option<usize>,
+    /// The index of its constraint among the sensors.
+    pub constraint: Option<usize>,
+    /// Whether it finds its initial values itself.
+    pub searches: bool,
 }
+
+/// Something known without a sensor: its channels, and the model that says what of the state they are.
+type Constraint = (SensorInfo, Role);
 
 /// Collects the blocks, signals and the transition of a composition.
 #[derive(Default)]
@@ -153,6 +186,7 @@ pub struct Composer {
     inputs: Vec<(String, Box<dyn Any + Send>)>,
     needs_reference: Vec<String>,
     notes: Vec<(String, String)>,
+    constraints: Vec<(String, Constraint)>,
 }
 
 impl Composer {
@@ -166,6 +200,10 @@ impl Composer {
 
     pub(crate) fn take_notes(&mut self) -> Vec<(String, String)> {
         std::mem::take(&mut self.notes)
+    }
+
+    pub(crate) fn take_constraints(&mut self) -> Vec<(String, Constraint)> {
+        std::mem::take(&mut self.constraints)
     }
 
     pub(crate) fn finish(self) -> (Layout, Transition, Vec<String>) {
@@ -250,6 +288,22 @@ impl Composer {
     /// error of the heading turns it along: see Barrau & Bonnabel (2017) on invariant errors.
     pub fn turns_with_heading(&mut self, velocity: Handle<Vector<3>>, attitude: Handle<Rotation>) {
         self.layout.turning.push(Turning { velocity: velocity.slot, attitude: attitude.slot });
+    }
+
+    /// Adds something that is known without a sensor, such as that the vehicle is at rest: `0 = h(x) + v`, `v ~ N(0, R)`. The
+    /// filter is corrected by it when the process says so ([`crate::process::Watch`]); it is gated, recorded and counted as a
+    /// sensor of that name is. A process has one at most.
+    pub fn constraint<M, const N: usize>(&mut self, name: &str, channels: [Channel; N], model: M)
+    where
+        M: crate::measurement::MeasurementModel<N> + Sync,
+    {
+        let info = SensorInfo {
+            name: name.to_owned(),
+            kind: "constraint".to_owned(),
+            channels: channels.to_vec(),
+            purpose: Purpose::Measurement,
+        };
+        self.constraints.push((self.owner.clone(), (info, Role::measurement(model))));
     }
 
     /// Adds a signal `owner.name` of `N` numbers.
@@ -361,6 +415,7 @@ impl Composition {
         }
         self.layout = Arc::new(layout);
         self.estimator.draw = Draw::Nothing;
+        self.processes.iter_mut().for_each(|p| p.searches = false);
         if self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_))) {
             self.estimator.initial = Some(Initial::Reference);
         }

@@ -164,6 +164,14 @@ impl Ekf {
         matches!(self.memory.start, Start::Running)
     }
 
+    fn searching(&self) -> bool {
+        matches!(self.memory.start, Start::Searching(_))
+    }
+
+    fn has_reference(&self) -> bool {
+        self.composition.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)))
+    }
+
     /// The whole filter as it is now.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot(self.memory.clone())
@@ -181,7 +189,7 @@ impl Ekf {
 
     /// The estimate now; with the truth where there is no reference to tell it but the scenario does.
     pub(crate) fn epoch(&mut self) -> Epoch<'_> {
-        let told = self.composition.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)));
+        let told = self.has_reference();
         let m = &mut self.memory;
         let stated = !told && m.constants.known.contains(&true);
         if stated {
@@ -198,6 +206,9 @@ impl Ekf {
     /// # Errors
     /// When the filter cannot go on; what it was until then stays.
     pub fn process(&mut self, sample: &Sample, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
+        if self.searching() {
+            return self.search(sample, observer);
+        }
         let index = sample.sensor.0;
         let is_input = matches!(self.composition.sensors[index].role, Role::Input(_));
         if is_input && self.driver != Some(index) {
@@ -248,8 +259,9 @@ impl Ekf {
         while let Some(sample) = self.memory.pending.pop_front() {
             observer.update(&rejected(&sample, Rejection::NoInput));
         }
-        for slot in &self.memory.sensors {
-            if let Some(streak) = slot.gated {
+        for (slot, sensor) in self.memory.sensors.iter().zip(&self.composition.sensors) {
+            // a process that knows something until then has told of it
+            if let Some(streak) = slot.gated.filter(|_| !sensor.constraint) {
                 let text = format!("the last {} samples were gated, since {}", streak.count, streak.since);
                 observer.event(Event { time: slot.last, level: Level::Warning, about: slot.name.clone(), text });
             }
@@ -305,15 +317,20 @@ impl Ekf {
                 self.initialise(sample.time, false, observer);
             }
         }
-        while self.memory.pending.front().is_some_and(|waiting| waiting.time <= sample.time) {
+        while !self.searching() && self.memory.pending.front().is_some_and(|waiting| waiting.time <= sample.time) {
             let Some(waiting) = self.memory.pending.pop_front() else { break };
             self.advance(waiting.time, Some(input), observer)?;
             self.use_sample(&waiting, observer)?;
         }
+        if self.searching() && self.memory.state.time < sample.time {
+            // the search began within this sample's interval: it is the first that it sees
+            self.memory.sensors[sample.sensor.0].last = self.memory.input.unwrap_or(Time::MIN);
+            return self.search(sample, observer);
+        }
         self.memory.input = Some(sample.time);
         self.advance(sample.time, Some(input), observer)?;
         observer.input(sample, None);
-        Ok(())
+        if self.running() { self.watch(observer) } else { Ok(()) }
     }
 
     /// Moves the state and its covariance to a time, if it is ahead.

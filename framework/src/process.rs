@@ -1,7 +1,9 @@
 //! Process models: how blocks move.
 
-use crate::covariance::Transition;
+use crate::compose::{ComposeError, Sensor};
+use crate::covariance::{Covariance, Transition};
 use crate::motion::Motion;
+use crate::record::Level;
 use crate::sample::Sample;
 use crate::state::{Layout, State};
 use crate::time::Time;
@@ -33,6 +35,37 @@ impl Interval<'_> {
     pub fn duration(&self) -> f64 {
         self.to.since(self.from)
     }
+}
+
+/// The filter as it is, for a process that watches it.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment<'a> {
+    /// The layout of the state.
+    pub layout: &'a Layout,
+    /// The estimate.
+    pub state: &'a State,
+    /// Its covariance.
+    pub covariance: &'a Covariance,
+    /// Since when every sample of the process's constraint was gated, and how many, if the last one was.
+    pub gated: Option<(Time, u64)>,
+}
+
+/// What a process that watches wants.
+#[derive(Clone, Debug, Default)]
+pub struct Watch {
+    /// Its constraint holds now: the filter is corrected by it.
+    pub constrain: bool,
+    /// What a person should read.
+    pub said: Option<(Level, String)>,
+}
+
+/// How a process found its start: for a person, and in numbers.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// One line.
+    pub text: String,
+    /// The same for a program.
+    pub values: serde_json::Value,
 }
 
 /// Why a process model could not go on.
@@ -104,6 +137,49 @@ pub trait ProcessModel: Send {
 
     /// Sees a driving sample before the filter has started: a model may publish its signals.
     fn prepare(&mut self, _layout: &Layout, _state: &mut State, _input: &Input<'_>) {}
+
+    /// Called once, when every sensor is composed: where a model finds those that it names.
+    ///
+    /// # Errors
+    /// When one that it needs is not there, or is of no use to it.
+    fn connect(&mut self, _sensors: &[Sensor]) -> Result<(), ComposeError> {
+        Ok(())
+    }
+
+    /// Whether it finds the initial values of its blocks itself, from samples. Such a process is driven.
+    fn searches(&self) -> bool {
+        false
+    }
+
+    /// Sees the next sample, of any sensor, while it searches, and says whether it has found: then its blocks in `state` are
+    /// as they were at the state's time, where the search began, with the prior sigma that they were composed with. The
+    /// filter starts there, and takes all that was seen, as if it came only now. So what is found shall not be better known
+    /// than the prior says by much: it is the same samples that are used again.
+    ///
+    /// # Errors
+    /// When the samples do not allow it: what is wrong, and what to do.
+    fn search(&mut self, _layout: &Layout, _state: &mut State, _sample: &Sample) -> Result<bool, ProcessError> {
+        Ok(true)
+    }
+
+    /// Looks at the filter after every driving sample. It may say that its constraint holds now
+    /// ([`crate::compose::Composer::constraint`]), and tell what a person should know.
+    ///
+    /// # Errors
+    /// When the run is of no use from here on.
+    fn watch(&mut self, _now: &Moment<'_>) -> Result<Watch, ProcessError> {
+        Ok(Watch::default())
+    }
+
+    /// What is not finished when there are no more samples; an error, if the result is of no use without it.
+    fn unfinished(&self, _now: &Moment<'_>) -> Option<(Level, String)> {
+        None
+    }
+
+    /// How it found its start.
+    fn report(&self) -> Option<Report> {
+        None
+    }
 
     /// Called when the state was set or corrected from outside, with what remains of the model's own memory invalid.
     fn restart(&mut self) {}

@@ -25,6 +25,9 @@ pub enum RunError {
     /// The filter cannot go on.
     #[error(transparent)]
     Estimator(#[from] EstimatorError),
+    /// The samples end before a process has found its start.
+    #[error("{0}")]
+    Unfinished(String),
     /// The filter never started.
     #[error("{0}")]
     NeverStarted(String),
@@ -119,6 +122,17 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
     }
     ekf.finish(&mut fan);
     merge.warnings(&mut fan);
+    let mut unfinished: Vec<Event> = ekf.unfinished().collect();
+    if error.is_none()
+        && !interrupted
+        && let Some(at) = unfinished.iter().position(|e| e.level == Level::Error)
+    {
+        let Event { about, text, .. } = unfinished.remove(at);
+        error = Some(RunError::Unfinished(format!("{about}: {text}")));
+    }
+    if error.is_none() {
+        unfinished.into_iter().for_each(|event| fan.event(event));
+    }
     if error.is_none() && !ekf.running() && !interrupted {
         error = Some(RunError::NeverStarted(never_started(&ekf)));
     }

@@ -202,14 +202,30 @@ impl<'a> Scenario<'a> {
                 }
             };
             let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
-            processes.push(Process { name, kind, model: built.model, input });
+            let searches = built.model.searches();
+            processes.push(Process { name, kind, model: built.model, input, constraint: None, searches });
         }
         if processes.iter().filter(|p| p.input.is_some()).count() > 1 {
             let message = "two process models are driven by sensors; at most one can be";
             return Err(root.get("process").unwrap_or(root).error(message).into());
         }
         self.build_sensors(&parts, false, &mut composer, &mut sensors)?;
-        let sensors: Vec<Sensor> = sensors.into_iter().flatten().collect();
+        let mut sensors: Vec<Sensor> = sensors.into_iter().flatten().collect();
+        let place = |name: &str| root.get("process").and_then(|p| p.get(name)).unwrap_or_else(|| root.clone());
+        for process in &mut processes {
+            process.model.connect(&sensors).map_err(|e| e.at(&place(&process.name)))?;
+        }
+        for (owner, (info, role)) in composer.take_constraints() {
+            if sensors.iter().any(|s| s.info.name == info.name) {
+                let message =
+                    format!("[sensor.{}] has the name of what this process knows; rename the sensor", info.name);
+                return Err(place(&owner).error(message).into());
+            }
+            if let Some(process) = processes.iter_mut().find(|p| p.name == owner) {
+                process.constraint = Some(sensors.len());
+            }
+            sensors.push(Sensor::constraint(info, role));
+        }
         let notes = composer.take_notes();
         let (layout, transition, needing) = composer.finish();
         if layout.tangent == 0 {
@@ -284,8 +300,7 @@ impl<'a> Scenario<'a> {
             let info = SensorInfo { name, kind, channels: built.channels, purpose };
             Composition::check_channels(&info, &built.role).map_err(|m| part.node.error(m))?;
             let simulation = policy.simulation.clone();
-            *place =
-                Some(Sensor { info, role: built.role, policy, simulation, simulator: None, noise: 1.0, time_offset });
+            *place = Some(Sensor { simulation, time_offset, policy, ..Sensor::new(info, built.role) });
         }
         Ok(())
     }

@@ -34,6 +34,9 @@ pub struct Summary {
     pub wall_s: f64,
     /// What became of each sensor's samples.
     pub samples: Map<String, Value>,
+    /// How each process that finds its own start did so, by name; not there without one.
+    #[serde(skip_serializing_if = "Map::is_empty")]
+    pub starts: Map<String, Value>,
     /// Every block's final estimate, by name.
     pub states: Map<String, Value>,
     /// Estimated against true position, at the references; null without one.
@@ -207,9 +210,10 @@ impl Statistics {
 
     /// Sensors that never spoke.
     pub(crate) fn unheard(&self, ekf: &Ekf) -> Vec<Event> {
-        let silent = self.sensors.iter().filter(|(_, _, c)| c.read == 0);
-        silent
-            .map(|(name, _, _)| {
+        let sensors = self.sensors.iter().zip(&ekf.composition().sensors);
+        sensors
+            .filter(|((_, _, counts), sensor)| counts.read == 0 && !sensor.constraint)
+            .map(|((name, _, _), _)| {
                 let text = format!(
                     "no sample of [sensor.{name}] in any source: check the source's files and columns, or remove the sensor"
                 );
@@ -263,14 +267,22 @@ impl Statistics {
         let mut samples = Map::new();
         for ((name, _, c), sensor) in self.sensors.iter().zip(&ekf.composition().sensors) {
             let mean_nis = if c.used > 0 { json!(c.nis / c.used as f64) } else { Value::Null };
+            // a constraint is read nowhere
+            let read = if sensor.constraint { c.used + c.gated + c.rejected } else { c.read };
             let value = match sensor.role {
                 Role::Input(_) => json!({ "read": c.read, "used": c.used, "rejected": c.rejected }),
                 Role::Reference(_) => json!({ "read": c.read }),
-                Role::Measurement(_) => json!({ "read": c.read, "accepted": c.used, "gated": c.gated,
+                Role::Measurement(_) => json!({ "read": read, "accepted": c.used, "gated": c.gated,
                     "rejected": c.rejected, "mean_nis": mean_nis }),
             };
             samples.insert(name.clone(), value);
         }
+        let starts = ekf.reports().map(|(name, report)| {
+            let mut values = report.values;
+            values["text"] = json!(report.text);
+            (name.to_owned(), values)
+        });
+        let starts = starts.collect();
         let (count, squares, last) = self.errors;
         let position = self.position.and_then(|slot| self.compared[slot].as_ref());
         let to_the_end = count > 1 && position.is_some_and(|c| c.tells(end));
@@ -280,6 +292,7 @@ impl Statistics {
             distance_m: if to_the_end { self.true_distance } else { self.distance },
             wall_s: 0.0,
             samples,
+            starts,
             states,
             horizontal_error_m: (count > 0).then(|| HorizontalError {
                 last,

@@ -1,11 +1,13 @@
 //! How the filter starts, and what a reference tells it.
 
-use super::Ekf;
-use crate::compose::Reference;
+use super::{Ekf, EstimatorError};
+use crate::compose::{Reference, Role};
 use crate::draw::displacement;
+use crate::process::{Moment, ProcessError, Report};
 use crate::record::{Epoch, Event, Level, Observer, Truth};
-use crate::sample::Sample;
+use crate::sample::{MAX_CHANNELS, Sample, SensorId};
 use crate::time::Time;
+use std::sync::Arc;
 
 /// When the filter starts.
 #[derive(Clone)]
@@ -14,6 +16,8 @@ pub(super) enum Start {
     At(Time),
     /// At the first reference from this time on.
     FromReference(Time),
+    /// A process searches for its initial values from the state's time on: what came since then.
+    Searching(Vec<Sample>),
     /// It has.
     Running,
 }
@@ -55,13 +59,104 @@ impl Ekf {
                 (block.operations.retract)(&mut m.state.values[block.range()], &delta[..range.len()]);
             }
         }
+        if self.composition.processes.iter().any(|p| p.searches) {
+            self.memory.start = Start::Searching(Vec::new());
+        } else {
+            self.begin(observer);
+        }
+    }
+
+    /// The filter runs from here on.
+    fn begin(&mut self, observer: &mut dyn Observer) {
+        let m = &mut self.memory;
         m.processes.iter_mut().for_each(|p| p.restart());
         if let Some(history) = &mut m.history {
             history.begin(&m.state);
         }
         m.start = Start::Running;
+        let time = m.state.time;
         let text = format!("started with {} states", self.layout.tangent);
         observer.event(Event { time, level: Level::Info, about: "estimator".into(), text });
+    }
+
+    /// Keeps a sample while a process searches, and shows it to the process. When that has found, the filter starts where the
+    /// search began, and takes all samples since.
+    pub(super) fn search(&mut self, sample: &Sample, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
+        let good = self.refuse(sample, self.driver == Some(sample.sensor.0)).is_none();
+        let m = &mut self.memory;
+        let Start::Searching(held) = &mut m.start else { return Ok(()) };
+        held.push(*sample);
+        let Some(k) = self.composition.processes.iter().position(|p| p.searches) else { return Ok(()) };
+        // what is wrong with a sample is told when it is used
+        if !good
+            || !m.processes[k].search(&self.layout, &mut m.state, sample).map_err(|e| self.failed(k, sample.time, e))?
+        {
+            return Ok(());
+        }
+        let Start::Searching(held) = std::mem::replace(&mut self.memory.start, Start::Running) else { return Ok(()) };
+        self.begin(observer);
+        let m = &self.memory;
+        let told = m.truth.time == m.state.time;
+        let truth = told.then_some(Truth { state: &m.truth, known: &m.known });
+        observer.epoch(&Epoch { layout: &self.layout, state: &m.state, covariance: &m.covariance, truth });
+        let period = self.composition.estimator.output_period();
+        let mut next = self.memory.state.time;
+        for sample in &held {
+            let now = self.memory.state.time;
+            // a reference tells the epochs at its own times
+            if !self.has_reference() && now >= next && sample.time > now {
+                next = Time::from_nanos((now.nanos().div_euclid(period) + 1) * period);
+                observer.epoch(&self.epoch());
+            }
+            self.process(sample, observer)?;
+        }
+        Ok(())
+    }
+
+    /// Asks the processes that watch, and corrects the state by the constraint of one that says that it holds.
+    pub(super) fn watch(&mut self, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
+        for k in 0..self.memory.processes.len() {
+            let constraint = self.composition.processes[k].constraint;
+            let m = &mut self.memory;
+            let gated = constraint.and_then(|c| m.sensors[c].gated).map(|streak| (streak.since, streak.count));
+            let now = Moment { layout: &self.layout, state: &m.state, covariance: &m.covariance, gated };
+            let watch = m.processes[k].watch(&now).map_err(|e| self.failed(k, self.memory.state.time, e))?;
+            let time = self.memory.state.time;
+            if let Some((level, text)) = watch.said {
+                observer.event(Event { time, level, about: self.composition.processes[k].name.clone(), text });
+            }
+            if let Some(index) = constraint.filter(|_| watch.constrain)
+                && let Role::Measurement(model) = &self.composition.sensors[index].role
+            {
+                let model = Arc::clone(model);
+                let sample = Sample::new(time, SensorId(index), &[0.0; MAX_CHANNELS][..model.channels()]);
+                self.memory.sensors[index].last = time;
+                self.correct(&sample, model.as_ref(), observer)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn failed(&self, k: usize, time: Time, error: ProcessError) -> EstimatorError {
+        let process = self.composition.processes[k].name.clone();
+        EstimatorError::Process { time, process, error }
+    }
+
+    /// What a process has not finished.
+    pub(crate) fn unfinished(&self) -> impl Iterator<Item = Event> + '_ {
+        let m = &self.memory;
+        let now = Moment { layout: &self.layout, state: &m.state, covariance: &m.covariance, gated: None };
+        let parts = m.processes.iter().zip(&self.composition.processes);
+        parts.filter_map(move |(model, part)| {
+            let (level, text) = model.unfinished(&now)?;
+            Some(Event { time: now.state.time, level, about: part.name.clone(), text })
+        })
+    }
+
+    /// How processes found their start, each with its name.
+    pub(crate) fn reports(&self) -> impl Iterator<Item = (&str, Report)> + '_ {
+        let parts = self.memory.processes.iter().zip(&self.composition.processes);
+        parts.filter_map(|(model, part)| Some((part.name.as_str(), model.report()?)))
     }
 
     /// A reference's sample: the filter starts from it if it waits for one, and is compared with it at its own time.
@@ -71,7 +166,7 @@ impl Ekf {
         let (starts, compares) = match m.start {
             // one that comes after later driving samples is too late: they could not be used again
             Start::FromReference(start) => (sample.time >= start && !behind, false),
-            Start::At(_) => (false, false),
+            Start::At(_) | Start::Searching(_) => (false, false),
             Start::Running => (false, sample.time == m.state.time),
         };
         if !starts && !compares {
@@ -88,6 +183,9 @@ impl Ekf {
         }
         if starts {
             self.initialise(sample.time, true, observer);
+        }
+        if !self.running() {
+            return; // nothing to compare before a process has found its start
         }
         let m = &self.memory;
         let truth = Some(Truth { state: &m.truth, known: &m.known });

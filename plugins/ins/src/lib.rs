@@ -3,6 +3,7 @@
 //!
 //! [`Navigation`] is what other plugins share: the navigation state that a sensor on the same body is predicted from.
 
+pub mod alignment;
 pub mod earth;
 pub mod error_model;
 mod imu;

@@ -149,6 +149,13 @@ impl Mechanisation {
         Ok((next, rates))
     }
 
+    /// As [`Self::coning_sculling`] of the whole next sample, which is then the previous one.
+    pub(crate) fn compensate(&mut self, sample: &Increments) -> (Vector3<f64>, Vector3<f64>) {
+        let equivalent = self.coning_sculling(sample, sample.dt);
+        self.remember(sample, sample.dt);
+        equivalent
+    }
+
     /// The rotation vector and velocity increment of an interval at constant body rates that are equivalent to
     /// the increments: Savage's two-sample coning and sculling, `phi = a2 + a1 x a2 / 12` and
     /// `dv = v2 + (a1 x v2 + v1 x a2) / 12` (compare Groves section 5.5), for unequal intervals.

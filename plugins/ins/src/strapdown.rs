@@ -1,18 +1,21 @@
 //! The strapdown process: mechanisation and error model as a process model of the framework.
 
+use crate::alignment::{Aligner, Alignment, AtRest, NAME};
 use crate::error_model::transition;
 use crate::imu::{Imu, SimulatedImu};
 use crate::mechanisation::{Increments, Mechanisation, NavState};
 use crate::navigation::Navigation;
 use nalgebra::{Matrix3, Vector3};
 use navfuse_core::calibration::{AccelBias, GyroBias, display};
-use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, DrivingSensor};
+use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, DrivingSensor, Sensor};
 use navfuse_core::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
 use navfuse_core::geodesy::Geodetic;
 use navfuse_core::manifold::{load_quaternion, store_quaternion};
 use navfuse_core::motion::Motion;
-use navfuse_core::process::{Input, Interval, ProcessError, ProcessModel};
+use navfuse_core::process::{Input, Interval, Moment, ProcessError, ProcessModel, Report, Watch};
+use navfuse_core::record::Level;
 use navfuse_core::registry::ProcessType;
+use navfuse_core::sample::Sample;
 use navfuse_core::state::{BlockSpec, Display, Dynamics, Layout, Mode, State};
 use navfuse_core::time::Time;
 use navfuse_core::units::{Angle, Components, Length, Sigma, Speed, Triple};
@@ -27,10 +30,14 @@ pub struct Strapdown {
     /// The IMU that drives it: the name of its `[sensor.NAME]` table.
     #[serde(default = "imu")]
     pub imu: String,
-    /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it.
-    pub attitude: Start<Triple<Angle>>,
-    /// Velocity north, east, down: prior sigma, and the initial value where no reference gives it.
-    pub velocity: Start<Triple<Speed>>,
+    /// How attitude and velocity at the start are found: `given` (default), `static` or `in-motion`, or a table with that
+    /// `method` and its keys.
+    #[serde(default)]
+    pub alignment: Alignment,
+    /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it. Not used with an alignment.
+    pub attitude: Option<Start<Triple<Angle>>>,
+    /// Velocity north, east, down: prior sigma, and the initial value where no reference gives it. Not used with an alignment.
+    pub velocity: Option<Start<Triple<Speed>>>,
     /// Position: prior sigma north, east, down, and the initial value where no reference gives it.
     pub position: PositionStart,
     /// Gyro bias.
@@ -95,23 +102,54 @@ fn spec(
     })
 }
 
+/// As [`spec`], of a state that is given, or found with that prior sigma.
+fn start<V: Components>(
+    composer: &mut Composer,
+    name: &str,
+    given: Option<Start<V>>,
+    found: Option<Vector3<f64>>,
+    display: Display,
+) -> Result<BlockSpec, ComposeError> {
+    match (given, found) {
+        (Some(given), None) => {
+            let three = |v: V| Vector3::from_iterator(v.components());
+            let initial = given.initial.map(|v| three(v).into());
+            spec(composer, name, three(given.sigma.value()), initial, display)
+        }
+        (None, None) => {
+            let text = format!("missing: give {name} = {{ sigma = ... }}, or let it be found: alignment = \"static\"");
+            Err(ComposeError::new("", text))
+        }
+        (given, Some(sigma)) => {
+            if given.is_some() {
+                composer.note(format!("{name} is found by the alignment: its sigma and initial value are not used"));
+            }
+            spec(composer, name, sigma, Some([0.0; 3]), display)
+        }
+    }
+}
+
 impl ProcessType for Strapdown {
     const TYPE: &'static str = "ins";
 
     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
         let imu: Imu = composer.input::<Imu>("imu", &self.imu)?.clone();
-        let triple = |v: Vector3<f64>| [v.x, v.y, v.z];
-        let attitude = self.attitude.initial.map(|v| triple(v.si()));
-        let velocity = self.velocity.initial.map(|v| triple(v.si()));
+        let bias = (
+            self.gyro_bias.sigma.map_or(0.0, |s| s.value().si().amax()),
+            self.accel_bias.sigma.map_or(0.0, |s| s.value().si().amax()),
+        );
+        let plan = Aligner::plan(&self.alignment, bias)?;
         let p = &self.position;
         let position = match (p.latitude, p.longitude, p.height) {
             (Some(latitude), Some(longitude), Some(height)) => Some([latitude.si(), longitude.si(), height.si()]),
             (None, None, None) => None,
             _ => return Err(ComposeError::new("position", "give latitude, longitude and height, or none of them")),
         };
-        let attitude = spec(composer, "attitude", self.attitude.sigma.value().si(), attitude, display::ANGLES)?;
+        let found = plan.as_ref().map(|plan| plan.attitude_prior(&imu));
+        let attitude = start(composer, "attitude", self.attitude, found, display::ANGLES)?;
         let attitude = composer.block("attitude", attitude)?;
-        let velocity = spec(composer, "velocity", self.velocity.sigma.value().si(), velocity, display::VELOCITY)?;
+        let found = plan.as_ref().map(|plan| Vector3::repeat(plan.velocity_prior()));
+        let velocity = start(composer, "velocity", self.velocity, found, display::VELOCITY)?;
         let velocity = composer.block("velocity", velocity)?;
         let position = spec(composer, "position", p.sigma.value().si(), position, display::POSITION)?;
         let position = composer.block("position", position)?;
@@ -121,13 +159,19 @@ impl ProcessType for Strapdown {
         let angular_rate = composer.signal("angular_rate");
         let navigation = Navigation { attitude, velocity, position, gyro_bias, accel_bias, angular_rate };
         let places = Places::new(composer, &navigation);
+        if let Some(at_rest) = plan.as_ref().and_then(|plan| plan.constraint(velocity)) {
+            composer.constraint(NAME, AtRest::CHANNELS, at_rest);
+        }
+        let aligner =
+            plan.map(|plan| Box::new(Aligner::new(&self.alignment, plan, (self.imu.clone(), imu.clone()), navigation)));
         let simulator = Box::new(SimulatedImu { imu: imu.clone(), gyro_bias, accel_bias });
         let gyro = imu.gyro_noise.value().si();
         let accel = imu.accel_noise.value().si();
         let isotropic = gyro.x == gyro.y && gyro.y == gyro.z && accel.x == accel.y && accel.y == accel.z;
         let none = (Time::MIN, Vector3::zeros(), Vector3::zeros());
         let mechanisation = Mechanisation::default();
-        let model = StrapdownModel { imu, navigation, places, mechanisation, isotropic, sample: none, before: none };
+        let model =
+            StrapdownModel { imu, navigation, places, mechanisation, isotropic, sample: none, before: none, aligner };
         Ok(BuiltProcess { model: Box::new(model), input: Some(DrivingSensor { name: self.imu, simulator }) })
     }
 }
@@ -171,7 +215,7 @@ impl Places {
     }
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 struct StrapdownModel {
     imu: Imu,
     navigation: Navigation,
@@ -181,6 +225,8 @@ struct StrapdownModel {
     /// The time, angular rate and specific force of the sample being used, and of the one before.
     sample: (Time, Vector3<f64>, Vector3<f64>),
     before: (Time, Vector3<f64>, Vector3<f64>),
+    /// What finds attitude and velocity at the start, where they are not given.
+    aligner: Option<Box<Aligner>>,
 }
 
 impl StrapdownModel {
@@ -209,6 +255,30 @@ impl ProcessModel for StrapdownModel {
         if let Some((w, _)) = self.imu.rates(input.sample, dt) {
             self.publish(state, &w);
         }
+    }
+
+    fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
+        self.aligner.as_mut().map_or(Ok(()), |aligner| aligner.connect(sensors))
+    }
+
+    fn searches(&self) -> bool {
+        self.aligner.is_some()
+    }
+
+    fn search(&mut self, layout: &Layout, state: &mut State, sample: &Sample) -> Result<bool, ProcessError> {
+        self.aligner.as_mut().map_or(Ok(true), |aligner| aligner.search(layout, state, sample))
+    }
+
+    fn watch(&mut self, now: &Moment<'_>) -> Result<Watch, ProcessError> {
+        self.aligner.as_mut().map_or_else(|| Ok(Watch::default()), |aligner| aligner.watch(now))
+    }
+
+    fn unfinished(&self, now: &Moment<'_>) -> Option<(Level, String)> {
+        self.aligner.as_ref()?.unfinished(now)
+    }
+
+    fn report(&self) -> Option<Report> {
+        self.aligner.as_ref()?.report()
     }
 
     fn restart(&mut self) {
