@@ -37,6 +37,18 @@ impl Interval<'_> {
     }
 }
 
+/// How far a search is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Search {
+    /// More samples are needed.
+    On,
+    /// Found well enough for a trial: the filter runs through all that was seen, and nobody hears of it but
+    /// [`ProcessModel::search_again`]. For a start so far off that the filter would linearise in the wrong place.
+    Trial,
+    /// Found.
+    Found,
+}
+
 /// The filter as it is, for a process that watches it.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment<'a> {
@@ -151,15 +163,24 @@ pub trait ProcessModel: Send {
         false
     }
 
-    /// Sees the next sample, of any sensor, while it searches, and says whether it has found: then its blocks in `state` are
-    /// as they were at the state's time, where the search began, with the prior sigma that they were composed with. The
-    /// filter starts there, and takes all that was seen, as if it came only now. So what is found shall not be better known
-    /// than the prior says by much: it is the same samples that are used again.
+    /// Sees the next sample, of any sensor, while it searches. When it has found, its blocks in `state` are as they were at the
+    /// state's time, where the search began, with the prior sigma that they were composed with. The filter starts there,
+    /// and takes all that was seen, as if it came only now: so the prior must be wide enough to tell nothing, since the same
+    /// samples are used again.
     ///
     /// # Errors
     /// When the samples do not allow it: what is wrong, and what to do.
-    fn search(&mut self, _layout: &Layout, _state: &mut State, _sample: &Sample) -> Result<bool, ProcessError> {
-        Ok(true)
+    fn search(&mut self, _layout: &Layout, _state: &mut State, _sample: &Sample) -> Result<Search, ProcessError> {
+        Ok(Search::Found)
+    }
+
+    /// After a trial: searches once more in what it has seen, with what the trial found out about the blocks that no process
+    /// moves already in `state`.
+    ///
+    /// # Errors
+    /// As [`Self::search`].
+    fn search_again(&mut self, _layout: &Layout, _state: &mut State) -> Result<Search, ProcessError> {
+        Ok(Search::Found)
     }
 
     /// Looks at the filter after every driving sample. It may say that its constraint holds now

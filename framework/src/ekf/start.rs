@@ -1,13 +1,31 @@
 //! How the filter starts, and what a reference tells it.
 
-use super::{Ekf, EstimatorError};
-use crate::compose::{Reference, Role};
+use super::{Ekf, EstimatorError, Snapshot};
+use crate::compose::{Reference, Role, moved};
 use crate::draw::displacement;
-use crate::process::{Moment, ProcessError, Report};
-use crate::record::{Epoch, Event, Level, Observer, Truth};
+use crate::manifold::MAX_TANGENT;
+use crate::process::{Moment, ProcessError, Report, Search};
+use crate::record::{Epoch, Event, Level, Observer, Rejection, Truth, UpdateRecord};
 use crate::sample::{MAX_CHANNELS, Sample, SensorId};
 use crate::time::Time;
 use std::sync::Arc;
+
+/// The most trials of a search.
+const TRIALS: usize = 8;
+
+/// A trial that leaves less than this part of a prior sigma has learnt the value: as the place where to linearise it brings a
+/// 25th of the prior's information, and that a second time.
+const LEARNT: f64 = 0.2;
+
+/// Hears nothing.
+struct Nobody;
+
+impl Observer for Nobody {
+    fn epoch(&mut self, _: &Epoch<'_>) {}
+    fn update(&mut self, _: &UpdateRecord<'_>) {}
+    fn input(&mut self, _: &Sample, _: Option<Rejection>) {}
+    fn event(&mut self, _: Event) {}
+}
 
 /// When the filter starts.
 #[derive(Clone)]
@@ -88,10 +106,14 @@ impl Ekf {
         held.push(*sample);
         let Some(k) = self.composition.processes.iter().position(|p| p.searches) else { return Ok(()) };
         // what is wrong with a sample is told when it is used
-        if !good
-            || !m.processes[k].search(&self.layout, &mut m.state, sample).map_err(|e| self.failed(k, sample.time, e))?
-        {
+        if !good {
             return Ok(());
+        }
+        let search = m.processes[k].search(&self.layout, &mut m.state, sample);
+        match search.map_err(|e| self.failed(k, sample.time, e))? {
+            Search::On => return Ok(()),
+            Search::Trial => self.trials(k, sample.time)?,
+            Search::Found => {}
         }
         let Start::Searching(held) = std::mem::replace(&mut self.memory.start, Start::Running) else { return Ok(()) };
         self.begin(observer);
@@ -111,6 +133,47 @@ impl Ekf {
             self.process(sample, observer)?;
         }
         Ok(())
+    }
+
+    /// Runs through what was seen until the process is content with the start that it finds.
+    fn trials(&mut self, k: usize, time: Time) -> Result<(), EstimatorError> {
+        for _ in 0..TRIALS {
+            let before = self.snapshot();
+            let Start::Searching(held) = std::mem::replace(&mut self.memory.start, Start::Running) else { break };
+            self.begin(&mut Nobody);
+            let ended = held.iter().try_for_each(|sample| self.process(sample, &mut Nobody));
+            let after = self.snapshot();
+            self.restore(&before);
+            // of a trial that ends before its end nothing is learnt
+            if ended.is_ok() {
+                self.learn(&after);
+            }
+            let m = &mut self.memory;
+            let search = m.processes[k].search_again(&self.layout, &mut m.state);
+            if search.map_err(|e| self.failed(k, time, e))? != Search::Trial {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes over, of the blocks that no process moves, the components of which a trial knows far more than their prior does.
+    /// Their prior stays as wide as it was: to the filter they are the place where it linearises.
+    fn learn(&mut self, Snapshot(after): &Snapshot) {
+        let moved = moved(&self.layout, &self.composition.processes);
+        let m = &mut self.memory;
+        for (block, _) in self.layout.blocks.iter().zip(moved).filter(|(block, moved)| block.estimated() && !moved) {
+            let mut delta = [0.0; MAX_TANGENT];
+            let (value, range) = (&mut m.state.values[block.range()], block.tangent_range());
+            let delta = &mut delta[..range.len()];
+            (block.operations.local)(&after.state.values[block.range()], value, delta);
+            for (d, i) in delta.iter_mut().zip(range) {
+                if after.covariance.get(i, i) > LEARNT * LEARNT * m.covariance.get(i, i) {
+                    *d = 0.0;
+                }
+            }
+            (block.operations.retract)(value, delta);
+        }
     }
 
     /// Asks the processes that watch, and corrects the state by the constraint of one that says that it holds.

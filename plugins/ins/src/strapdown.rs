@@ -12,7 +12,7 @@ use navfuse_core::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
 use navfuse_core::geodesy::Geodetic;
 use navfuse_core::manifold::{load_quaternion, store_quaternion};
 use navfuse_core::motion::Motion;
-use navfuse_core::process::{Input, Interval, Moment, ProcessError, ProcessModel, Report, Watch};
+use navfuse_core::process::{Input, Interval, Moment, ProcessError, ProcessModel, Report, Search, Watch};
 use navfuse_core::record::Level;
 use navfuse_core::registry::ProcessType;
 use navfuse_core::sample::Sample;
@@ -265,8 +265,12 @@ impl ProcessModel for StrapdownModel {
         self.aligner.is_some()
     }
 
-    fn search(&mut self, layout: &Layout, state: &mut State, sample: &Sample) -> Result<bool, ProcessError> {
-        self.aligner.as_mut().map_or(Ok(true), |aligner| aligner.search(layout, state, sample))
+    fn search(&mut self, layout: &Layout, state: &mut State, sample: &Sample) -> Result<Search, ProcessError> {
+        self.aligner.as_mut().map_or(Ok(Search::Found), |aligner| aligner.search(layout, state, sample))
+    }
+
+    fn search_again(&mut self, layout: &Layout, state: &mut State) -> Result<Search, ProcessError> {
+        self.aligner.as_mut().map_or(Ok(Search::Found), |aligner| aligner.search_again(layout, state))
     }
 
     fn watch(&mut self, now: &Moment<'_>) -> Result<Watch, ProcessError> {

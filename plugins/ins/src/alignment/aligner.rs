@@ -1,17 +1,17 @@
 //! The alignment from its beginning to its end.
 
-use super::search::{Found, Search};
+use super::search::Search;
 use super::{Alignment, Coarse, Method};
 use crate::earth::EARTH_RATE;
 use crate::imu::Imu;
 use crate::navigation::Navigation;
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use navfuse_core::Real;
 use navfuse_core::calibration::display;
 use navfuse_core::compose::{ComposeError, Role, Sensor};
 use navfuse_core::manifold::Vector;
 use navfuse_core::measurement::{AnyMeasurement, MeasurementModel};
-use navfuse_core::process::{Moment, ProcessError, Report, Watch};
+use navfuse_core::process::{Moment, ProcessError, Report, Search as Progress, Watch};
 use navfuse_core::record::Level;
 use navfuse_core::sample::{Channel, Sample};
 use navfuse_core::state::{Handle, Layout, State, View};
@@ -32,6 +32,9 @@ const SHORTEST: f64 = 10.0;
 const PRIOR: f64 = 10.0;
 /// Beyond that error of the heading, rad, nothing can be linearised.
 const HOPELESS: f64 = 0.5;
+
+/// Trials end when the attitude changes by less, rad: half of what 240 s of a good IMU leave.
+const SETTLED: f64 = 3.5e-4;
 
 /// Zero velocity as if it were measured.
 pub(crate) struct AtRest {
@@ -113,7 +116,9 @@ pub(crate) struct Aligner {
     imu: (String, Imu),
     sensed: Option<Sensed>,
     phase: Phase,
-    coarse: Option<Found>,
+    /// The attitude that was found coarsely, and the one after the last trial.
+    coarse: Option<UnitQuaternion<f64>>,
+    before: Option<UnitQuaternion<f64>>,
     report: Option<Report>,
 }
 
@@ -173,7 +178,17 @@ impl Aligner {
 
     pub fn new(config: &Alignment, plan: Plan, imu: (String, Imu), navigation: Navigation) -> Self {
         let wanted = config.0.velocity.clone();
-        Self { plan, navigation, wanted, imu, sensed: None, phase: Phase::Waiting, coarse: None, report: None }
+        Self {
+            plan,
+            navigation,
+            wanted,
+            imu,
+            sensed: None,
+            phase: Phase::Waiting,
+            coarse: None,
+            before: None,
+            report: None,
+        }
     }
 
     /// Finds the sensors.
@@ -217,8 +232,8 @@ impl Aligner {
     }
 
     /// Sees a sample before the filter starts: whether attitude and velocity are found and set.
-    pub fn search(&mut self, layout: &Layout, state: &mut State, sample: &Sample) -> Result<bool, ProcessError> {
-        let Some(sensed) = &self.sensed else { return Ok(true) };
+    pub fn search(&mut self, layout: &Layout, state: &mut State, sample: &Sample) -> Result<Progress, ProcessError> {
+        let Some(sensed) = &self.sensed else { return Ok(Progress::Found) };
         if matches!(self.phase, Phase::Waiting) {
             let latitude = state.get(layout, self.navigation.position).latitude;
             let error = self.plan.heading_error(&sensed.imu, EARTH_RATE * latitude.cos());
@@ -233,15 +248,29 @@ impl Aligner {
             }
             self.phase = Phase::Searching(Box::new(Search::new(layout, state, self.navigation)));
         }
-        let Phase::Searching(search) = &mut self.phase else { return Ok(true) };
-        let Some(found) = search.take(layout, sensed, &self.plan, sample).map_err(ProcessError)? else {
-            return Ok(false);
+        let Phase::Searching(search) = &mut self.phase else { return Ok(Progress::Found) };
+        if !search.take(layout, sensed, &self.plan, sample).map_err(ProcessError)? {
+            return Ok(Progress::On);
+        }
+        let found = search.find(sensed, &self.plan).map_err(ProcessError)?;
+        found.set(layout, &self.navigation, state);
+        self.coarse = Some(found.c_b_n);
+        self.before = Some(found.c_b_n);
+        // at rest nothing else is uncertain that could be in the way
+        Ok(if self.plan.method == Method::InMotion { Progress::Trial } else { Progress::Found })
+    }
+
+    /// Searches again with what a trial has found of the velocity sensor.
+    pub fn search_again(&mut self, layout: &Layout, state: &mut State) -> Result<Progress, ProcessError> {
+        let (Some(sensed), Phase::Searching(search)) = (&self.sensed, &mut self.phase) else {
+            return Ok(Progress::Found);
         };
-        state.set(layout, self.navigation.attitude, &found.c_b_n.to_rotation_matrix());
-        state.set(layout, self.navigation.velocity, &found.velocity);
-        self.coarse = Some(found);
-        self.phase = Phase::Waiting;
-        Ok(true)
+        search.measure_again(layout, sensed, state);
+        let found = search.find(sensed, &self.plan).map_err(ProcessError)?;
+        found.set(layout, &self.navigation, state);
+        let before = self.before.replace(found.c_b_n);
+        let settled = before.is_some_and(|before| before.angle_to(&found.c_b_n) < SETTLED);
+        Ok(if settled { Progress::Found } else { Progress::Trial })
     }
 
     /// Looks at the filter.
@@ -250,7 +279,7 @@ impl Aligner {
         if matches!(self.phase, Phase::Waiting | Phase::Searching(_)) {
             self.phase = Phase::Fine { begin: time, next: time + PERIOD, late: false };
             let found = self.coarse.as_ref().map(|found| {
-                let yaw = found.c_b_n.euler_angles().2.to_degrees().rem_euclid(360.0);
+                let yaw = found.euler_angles().2.to_degrees().rem_euclid(360.0);
                 (
                     Level::Info,
                     format!("coarse alignment: heading {yaw:.2} deg, from {:.1} s", self.plan.coarse_duration),
@@ -354,7 +383,7 @@ impl Aligner {
         let degrees = |rad: f64| rad.to_degrees().rem_euclid(360.0);
         let (heading, sigma) = (degrees(heading), sigma.to_degrees());
         let method = if self.plan.method == Method::Static { "static" } else { "in-motion" };
-        let coarse = self.coarse.as_ref().map(|found| degrees(found.c_b_n.euler_angles().2));
+        let coarse = self.coarse.as_ref().map(|found| degrees(found.euler_angles().2));
         let from = coarse.map_or_else(String::new, |c| format!(" (coarse, at the start: {c:.2} deg)"));
         let text = format!("aligned, {method}, {elapsed:.0} s: heading {heading:.3} deg{from}, 1-sigma {sigma:.3} deg");
         let values = serde_json::json!({

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use navfuse_core::covariance::Update;
 use navfuse_core::measurement::{AnyMeasurement, At};
 use navfuse_core::sample::{MAX_CHANNELS, Sample};
-use navfuse_core::state::{Layout, State};
+use navfuse_core::state::{Layout, State, View};
 use navfuse_core::time::Time;
 use std::collections::VecDeque;
 
@@ -29,6 +29,13 @@ pub(crate) struct Found {
     pub velocity: Vector3<f64>,
 }
 
+impl Found {
+    pub fn set(&self, layout: &Layout, navigation: &Navigation, state: &mut State) {
+        state.set(layout, navigation.attitude, &self.c_b_n.to_rotation_matrix());
+        state.set(layout, navigation.velocity, &self.velocity);
+    }
+}
+
 /// Goes through the samples, and notes what the attitude follows from.
 #[derive(Clone)]
 pub(crate) struct Search {
@@ -43,6 +50,8 @@ pub(crate) struct Search {
     /// Sums of angles and velocity increments, for the analytic alignment.
     sums: (Vector3<f64>, Vector3<f64>),
     instants: Vec<Instant>,
+    /// In motion, the velocity sensor's sample at each instant, and the angular rate then.
+    told: Vec<(Sample, [f64; 3])>,
     /// Velocities that the driving sensor has not reached.
     waiting: VecDeque<Sample>,
 }
@@ -62,6 +71,7 @@ impl Search {
             integral: Integral::default(),
             sums: (Vector3::zeros(), Vector3::zeros()),
             instants: Vec::new(),
+            told: Vec::new(),
             waiting: VecDeque::new(),
         }
     }
@@ -72,22 +82,16 @@ impl Search {
     }
 
     /// Takes a sample; the result when there are enough.
-    pub fn take(
-        &mut self,
-        layout: &Layout,
-        sensed: &Sensed,
-        plan: &Plan,
-        sample: &Sample,
-    ) -> Result<Option<Found>, String> {
+    pub fn take(&mut self, layout: &Layout, sensed: &Sensed, plan: &Plan, sample: &Sample) -> Result<bool, String> {
         let sensor = sample.sensor.0;
         if sensed.velocity.as_ref().is_some_and(|(index, _)| *index == sensor) {
             self.waiting.push_back(*sample);
         }
         let dt = sample.time.since(self.last);
         if sensor != sensed.driver || dt <= 0.0 {
-            return Ok(None);
+            return Ok(false);
         }
-        let Some((w, f)) = sensed.imu.rates(sample, dt) else { return Ok(None) };
+        let Some((w, f)) = sensed.imu.rates(sample, dt) else { return Ok(false) };
         self.state.publish(self.navigation.angular_rate, &[w.x, w.y, w.z]);
         let bias = |block| self.state.get(layout, block);
         let (w, f) = (w - bias(self.navigation.gyro_bias), f - bias(self.navigation.accel_bias));
@@ -110,14 +114,30 @@ impl Search {
         {
             self.note(self.elapsed(), Vector3::zeros());
         }
-        if self.elapsed() < plan.coarse_duration {
-            return Ok(None);
-        }
+        Ok(self.elapsed() >= plan.coarse_duration)
+    }
+
+    /// Attitude and velocity at the beginning from what was seen.
+    pub fn find(&self, sensed: &Sensed, plan: &Plan) -> Result<Found, String> {
         match plan.method {
             Method::InMotion => self.in_motion(plan),
             Method::Given | Method::Static => self.at_rest(sensed, plan),
         }
-        .map(Some)
+    }
+
+    /// Asks the velocity sensor again, with the calibration of a state.
+    pub fn measure_again(&mut self, layout: &Layout, sensed: &Sensed, state: &State) {
+        let Some((_, model)) = &sensed.velocity else { return };
+        let navigation = self.navigation;
+        self.state.values.copy_from_slice(&state.values);
+        self.state.set(layout, navigation.attitude, &Rotation3::identity());
+        self.state.set(layout, navigation.velocity, &Vector3::zeros());
+        for (instant, (sample, rate)) in self.instants.iter_mut().zip(&self.told) {
+            self.state.publish(navigation.angular_rate, rate);
+            if let Some(velocity) = body_velocity(layout, model.as_ref(), &self.state, sample, navigation) {
+                instant.velocity = velocity;
+            }
+        }
     }
 
     fn note(&mut self, time: f64, velocity: Vector3<f64>) {
@@ -143,6 +163,7 @@ impl Search {
             then.advance(before);
         }
         self.instants.push(Instant { time, c_b_b0: then.c_b_b0, dvel: then.dvel, velocity });
+        self.told.push((sample, View::new(layout, &self.state).signal(self.navigation.angular_rate)));
         Ok(())
     }
 
