@@ -49,19 +49,22 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The folder of the recorded Snapir runs; says where they are from, and `None`, where they are not.
-pub fn snapir() -> Option<PathBuf> {
+/// The folder of recorded data of that name; says where the public original is, and `None`, where it is not.
+pub fn data(name: &str, origin: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("NAVFUSE_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
-    let folder = folder.join("snapir");
+    let folder = folder.join(name);
     if folder.is_dir() {
         return Some(folder);
     }
-    println!(
-        "skipped: {} is not there. The recordings are runs T01, T06, T10 and T12 of the public repository ansfl/A-KIT \
-         (Cohen & Klein 2025), made tidy as docs/src/validation.md tells; set NAVFUSE_DATA to their folder's parent",
-        folder.display()
-    );
+    println!("skipped: {} is not there. {origin}; set NAVFUSE_DATA to its folder's parent", folder.display());
     None
+}
+
+/// The folder of the recorded Snapir runs.
+pub fn snapir() -> Option<PathBuf> {
+    let origin = "The recordings are runs T01, T06, T10 and T12 of the public repository ansfl/A-KIT (Cohen & Klein 2025), \
+                  made tidy as docs/src/validation.md tells";
+    data("snapir", origin)
 }
 
 /// Runs `job` for every item on all cores, in order.
