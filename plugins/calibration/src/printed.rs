@@ -32,6 +32,15 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
     if history.is_empty() || mounting.k <= 0.0 {
         return Err(Need::new("the DVL has no samples on the segments of Type I: check its times"));
     }
+    let (ratio, fit) =
+        (mounting.k / initial.k, (mounting.c_b_d.matrix().transpose() * b).trace() / (beta2 * gamma2).sqrt());
+    if !(0.5..2.0).contains(&ratio) || fit < 0.5 {
+        return Err(Need(format!(
+            "β and γ do not belong together (k = {:.3}, correlation {fit:.2}): the anchors are single samples, and where a \
+             segment does not begin in steady motion they are wrong; use io-dvlc",
+            mounting.k
+        )));
+    }
     notes.push("as printed: single samples as anchors, the Earth's rate dropped, no sigma".into());
     let used = [segments[0].from, segments[segments.len() - 1].to];
     let mut determined = [true; 4];

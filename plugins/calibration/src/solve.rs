@@ -24,7 +24,7 @@ pub fn sensitivity(m: &Mounting, y: &Vector3<f64>) -> Matrix3x4<f64> {
 /// do not tell. `k`, and each angle in rad.
 const WIDE: (f64, f64) = (0.5, 20.0 * std::f64::consts::PI / 180.0);
 /// With a sigma below these `k` and an angle count as determined.
-const DETERMINED: (f64, f64) = (0.1, 5.0 * std::f64::consts::PI / 180.0);
+const DETERMINED: (f64, f64) = (0.1, 1.0 * std::f64::consts::PI / 180.0);
 
 /// The wide prior's information and what it asks for, at an estimate.
 pub fn prior(initial: &Mounting, at: &Mounting) -> (Matrix4<f64>, Vector4<f64>) {

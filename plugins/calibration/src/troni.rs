@@ -4,7 +4,7 @@
 //! a^b = X ydot + w_nb^b x X y          a^b = f^b + C_n^b g^n - constant, X = C_d^b / k
 //! d(depth)/dt = e_3 . C_b^n X y
 //! ```
-//! with attitude and angular rate taken as known and the Earth's rate left out. (Their `R` is `X` without `k`; their lever arm is
+//! with attitude and angular rate taken as known and the Earth's rate left out: 2 w_ie x v is 0.4 mm/s^2 at 2.5 m/s. (Their `R` is `X` without `k`; their lever arm is
 //! taken from the scenario.) `a` is free of gravity only if the attitude is good: 1 mrad is 1 mg. Pan & Wu (after eq. 9) say
 //! that the term `C_n^b g^n` is neglected: then what the constant mean does not take with it is left in.
 
@@ -24,9 +24,10 @@ struct Window {
     /// Slope and mean of the DVL, instrument axes.
     ydot: Vector3<f64>,
     y: Vector3<f64>,
-    /// Acceleration and angular rate, body axes, as the slope sees them.
+    /// Acceleration, body axes, as the slope sees it.
     a: Vector3<f64>,
-    rate: Vector3<f64>,
+    /// Angular rates, with the weight that the slope gives them, and the samples of the DVL that they turn: `Σ w x X y`.
+    turns: Vec<(Vector3<f64>, Vector3<f64>)>,
     /// The down axis in body axes, and the rate of the depth, m/s, with its sigma.
     down: Vector3<f64>,
     depth_rate: Option<(f64, f64)>,
@@ -119,22 +120,31 @@ fn windows(data: &Data, gravity: bool) -> Result<Vec<Window>, Need> {
         let time = 0.5 * (start + to);
         let middle = velocity.samples.time[range.clone()].iter().sum::<f64>() / n as f64;
         let spread: f64 = velocity.samples.time[range.clone()].iter().map(|t| (t - middle).powi(2)).sum();
-        // slopes of y and of the integral of a by the same weights: the same filter on both sides
-        let (mut ydot, mut y) = (Vector3::zeros(), Vector3::zeros());
-        let (mut integral, mut a, mut k, mut reached) = (Vector3::zeros(), Vector3::zeros(), inside.start, start);
-        for (t, sample) in velocity.samples.samples(start, to) {
-            while imu.time.get(k).is_some_and(|end| *end <= t) {
-                let free = acceleration(data, k, gravity, &down_gravity);
-                integral += free * (imu.time[k] - reached);
-                reached = imu.time[k];
-                k += 1;
+        // slopes of y and of the integrals of a and of w x X y by the same weights: the same filter on both sides
+        let (times, ys) = (&velocity.samples.time[range.clone()], &velocity.samples.value[range.clone()]);
+        let weights: Vec<f64> = times.iter().map(|t| (t - middle) / spread).collect();
+        let ydot = ys.iter().zip(&weights).map(|(y, w)| y * *w).sum();
+        let y = ys.iter().sum::<Vector3<f64>>() / n as f64;
+        let (mut a, mut turns, mut k) = (Vector3::zeros(), Vec::new(), imu.time.partition_point(|t| *t <= times[0]));
+        let mut after: f64 = weights.iter().sum();
+        for j in 1..n {
+            // an integral up to here is in all slopes from here on
+            after -= weights[j - 1];
+            let (begin, end) = (times[j - 1], times[j]);
+            let (mut first, mut second, mut reached) = (Vector3::zeros(), Vector3::zeros(), begin);
+            while reached < end && k < imu.time.len() {
+                let until = imu.time[k].min(end);
+                let (dt, share) = (until - reached, (0.5 * (until + reached) - begin) / (end - begin));
+                let w = attitude.w_nb_b[k];
+                a += acceleration(data, k, gravity, &down_gravity) * (dt * after);
+                first += w * ((1.0 - share) * dt * after);
+                second += w * (share * dt * after);
+                reached = until;
+                k += usize::from(until >= imu.time[k]);
             }
-            let weight = (t - middle) / spread;
-            ydot += sample * weight;
-            a += integral * weight;
-            y += sample / n as f64;
+            turns.push((first, ys[j - 1]));
+            turns.push((second, ys[j]));
         }
-        let rate = attitude.w_nb_b[inside.clone()].iter().sum::<Vector3<f64>>() / inside.len() as f64;
         let depth_rate = depth.and_then(|(series, sigma)| {
             let d = series.within(start, to);
             let count = d.len() as f64;
@@ -144,7 +154,7 @@ fn windows(data: &Data, gravity: bool) -> Result<Vec<Window>, Need> {
             })
         });
         let down = attitude.at(time).inverse_transform_vector(&Vector3::z());
-        out.push(Window { time, ydot, y, a, rate, down, depth_rate, count: n as f64 });
+        out.push(Window { time, ydot, y, a, turns, down, depth_rate, count: n as f64 });
     }
     Ok(out)
 }
@@ -173,8 +183,10 @@ struct Fit {
 fn fit_at(windows: &[Window], m: &Mounting, velocity: &navfuse_segments::BodyVelocity) -> Fit {
     let rows: Vec<(Matrix3x4<f64>, Vector3<f64>)> = (windows.iter())
         .map(|w| {
-            let h = sensitivity(m, &w.ydot) + w.rate.cross_matrix() * sensitivity(m, &w.y);
-            (h, w.a - m.body(&w.ydot) - w.rate.cross(&m.body(&w.y)))
+            let start = (sensitivity(m, &w.ydot), w.a - m.body(&w.ydot));
+            w.turns.iter().fold(start, |(h, z), (rate, y)| {
+                (h + rate.cross_matrix() * sensitivity(m, y), z - rate.cross(&m.body(y)))
+            })
         })
         .collect();
     // a constant is estimated too: the accelerometers' bias and, without gravity's change, gravity

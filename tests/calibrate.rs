@@ -1,0 +1,143 @@
+//! `navfuse calibrate` as a user calls it.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::{navfuse, parallel, run_without_sinks, scenario, snapir, stderr, stdout};
+use serde_json::Value;
+use std::path::Path;
+
+fn path(name: &str) -> String {
+    scenario(name).display().to_string()
+}
+
+/// The JSON of a call that succeeds.
+fn json(arguments: &[&str]) -> Value {
+    let output = navfuse(&[&["calibrate", "--format", "json"], arguments].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    serde_json::from_str(&stdout(&output)).expect("JSON")
+}
+
+#[test]
+fn a_log_gives_what_its_scenario_gives() {
+    let folder = tempfile::tempdir().unwrap();
+    let (pan_wu, out) = (path("pan-wu-3d"), folder.path().display().to_string());
+    let run = navfuse(&["run", &pan_wu, "--set", "estimator.stop=730 s", "--out", &out]);
+    assert!(run.status.success(), "{}", stderr(&run));
+    let log = folder.path().join("run.mcap").display().to_string();
+    let (of_scenario, of_log) = (json(&[&pan_wu, "--set", "estimator.stop=730 s"]), json(&[&log]));
+    assert_eq!(of_scenario["methods"][0]["estimate"], of_log["methods"][0]["estimate"]);
+    assert_eq!(of_scenario["segments"], of_log["segments"]);
+    let yaw = |v: &Value, key: &str| v["methods"][0][key]["yaw_deg"].as_f64().unwrap();
+    assert!(yaw(&of_log, "error").abs() < 4.0 * yaw(&of_log, "sigma"), "{of_log}");
+}
+
+#[test]
+fn the_table_has_every_method_and_the_filter_and_says_what_the_others_need() {
+    let output = navfuse(&["calibrate", &path("calibration"), "--method", "all"]);
+    let text = stdout(&output);
+    println!("{text}");
+    assert!(output.status.success(), "{}", stderr(&output));
+    for word in [
+        "io-dvlc",
+        "io-dvlc-printed",
+        "troni",
+        "troni-printed",
+        "kinsey-2006",
+        "kinsey-2007",
+        "joyce",
+        "tang",
+        "ekf, IMU and DVL",
+        "truth: k 1.00800",
+    ] {
+        assert!(text.contains(word), "{word}");
+    }
+    let output = navfuse(&["calibrate", &path("pan-wu-3d"), "--method", "all", "--set", "estimator.stop=730 s"]);
+    assert!(
+        output.status.success() && stdout(&output).contains("tang: not possible: this method needs position fixes")
+    );
+}
+
+#[test]
+fn what_cannot_be_done_ends_with_an_error_that_says_what_to_do() {
+    let pan_wu = path("pan-wu-3d");
+    for (arguments, words) in [
+        (vec!["--method", "tang"], vec!["tang: this method needs position fixes", "[sensor.gnss]"]),
+        (vec!["--method", "tong"], vec!["there is no method \"tong\"", "io-dvlc", "ekf and all"]),
+        (vec!["--set", "sensor.dvl.enabled=false"], vec!["add [sensor.dvl]"]),
+        (vec!["--set", "estimator.stop=600 s"], vec!["no segment of Type I", "accelerate"]),
+        (vec!["--method", "io-dvlc-printed", "--write", "/dev/null"], vec!["no sigma to write", "--initialise"]),
+    ] {
+        let output = navfuse(&[&["calibrate", &pan_wu], &arguments[..]].concat());
+        assert!(!output.status.success(), "{arguments:?}");
+        for word in words {
+            assert!(stderr(&output).contains(word), "{arguments:?}: {word:?} is not in: {}", stderr(&output));
+        }
+    }
+}
+
+/// Mean of (error/sigma)^2 of k, roll, pitch and yaw of a filter that starts from what was written, over seeds. `option` tells how
+/// it was written, `other` adds to the seed of the filter's run.
+fn consistency(option: &str, other: u64) -> f64 {
+    let seeds: Vec<u64> = (1..=6).collect();
+    let squares = parallel(&seeds, |seed| {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scenario.toml");
+        let (name, setting) = (file.display().to_string(), format!("seed={seed}"));
+        let stop = "estimator.stop=760 s";
+        json(&[&path("pan-wu-3d"), "--set", &setting, "--set", stop, option, &name]);
+        let settings = [format!("seed={}", seed + other), "estimator.stop=1100 s".to_owned()];
+        let finished = run_without_sinks(Path::new(&name), &settings);
+        assert!(finished.error.is_none(), "{:?}", finished.error);
+        let dvl = finished.summary.rows.iter().filter(|r| ["dvl.scale", "dvl.misalignment"].contains(&r.name.as_str()));
+        dvl.flat_map(|r| {
+            let error = r.error.clone().expect("the truth is known");
+            (0..error.len()).map(|i| (error[i] / r.sigma[i]).powi(2)).collect::<Vec<_>>()
+        })
+        .collect::<Vec<f64>>()
+    });
+    let all: Vec<f64> = squares.into_iter().flatten().collect();
+    assert_eq!(all.len(), 24);
+    all.iter().sum::<f64>() / 24.0
+}
+
+/// 24 squares of error over sigma have a mean of 1 with sigma sqrt(2 / 24) = 0.29; 3.3 sigma are one in a thousand.
+#[test]
+fn the_filter_that_starts_from_an_estimate_is_consistent_on_the_same_data_and_on_others() {
+    let (same, others) = (consistency("--initialise", 0), consistency("--write", 100));
+    println!("mean square of error over sigma: same data {same:.2}, other data {others:.2}");
+    assert!((same - 1.0).abs() < 0.95, "the same data, counted once: {same}");
+    assert!((others - 1.0).abs() < 0.95, "other data, with the estimate's sigma: {others}");
+}
+
+/// The dives have no rest, no GNSS and hardly any segment in which the force varies: what can be told is told with a sigma that
+/// the filter's estimate from the whole dive is within, and the rest is refused.
+#[test]
+fn the_recorded_dives_give_an_estimate_within_its_sigma_of_the_filters_or_say_why_not() {
+    let Some(folder) = snapir() else { return };
+    for dive in ["T01", "T06", "T10", "T12"] {
+        let directory = folder.join(dive).canonicalize().unwrap();
+        let setting = format!("source.csv.directory={}", directory.display());
+        let result = json(&[&path("snapir"), "--method", "all", "--set", &setting]);
+        let methods = result["methods"].as_array().unwrap();
+        let of = |name: &str| methods.iter().find(|m| m["method"] == name).unwrap();
+        assert!(of("tang")["needs"].as_str().unwrap().contains("position fixes"));
+        let (own, ekf) = (of("io-dvlc"), of("ekf, IMU and DVL"));
+        println!("{dive}: {}", own["estimate"]);
+        if own["needs"].is_string() {
+            assert!(own["needs"].as_str().unwrap().contains("Type I"), "{own}");
+            continue;
+        }
+        assert!(own["notes"].to_string().contains("no time at rest"), "{own}");
+        for (i, key) in ["k", "roll_deg", "pitch_deg", "yaw_deg"].into_iter().enumerate() {
+            let number = |of: &Value, what: &str| of[what][key].as_f64().unwrap();
+            let sigma = number(own, "sigma").hypot(number(ekf, "sigma"));
+            let off = number(own, "estimate") - number(ekf, "estimate");
+            println!("{dive} {key}: {off:.4}, sigma {sigma:.4}");
+            assert!(
+                !own["determined"][i].as_bool().unwrap() || off.abs() < 4.0 * sigma,
+                "{dive} {key}: {off} of {sigma}"
+            );
+        }
+    }
+}
