@@ -4,9 +4,13 @@ use crate::print;
 use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use crate::report::{run, write};
 use clap::{Args, ValueEnum};
+use navfuse_calibration::{AttitudeSource, Data, Method};
 use navfuse_core::document::Document;
 use navfuse_core::registry::Registry;
-use navfuse_report::pan_wu::{self, Runs};
+use navfuse_core::runner::Progress;
+use navfuse_core::scenario::Scenario;
+use navfuse_report::pan_wu::{self, Observer, Runs};
+use navfuse_segments::Recording;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -61,8 +65,9 @@ pub fn figures(registry: &Registry, arguments: &Figures) -> Result<ExitCode> {
         }
         histories.push(history);
     }
+    let observers = observers(registry, &arguments.set)?;
     let [three, two] = <[_; 2]>::try_from(histories).map_err(|_| "two runs are needed")?;
-    let figures = pan_wu::figures(&Runs { three, two })?;
+    let figures = pan_wu::figures(&Runs { three, two, observers })?;
     for (_, figure) in &figures {
         let path = out.join(format!("{}.svg", figure.name));
         write(&path, &navfuse_figures::svg(figure)?)?;
@@ -79,4 +84,23 @@ pub fn figures(registry: &Registry, arguments: &Figures) -> Result<ExitCode> {
         print::line(path.display());
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// IO-DVLC of the paper on the samples of its 3D run: by eq. (18) as it is printed, and improved.
+fn observers(registry: &Registry, settings: &[String]) -> Result<Vec<Observer>> {
+    let scenario = Scenario::new(registry, Document::parse("pan-wu-3d.toml", PAN_WU_3D.to_owned())?, settings)?;
+    let bar = Bar::new(true);
+    let recording = Recording::gather(scenario.assemble(None)?, |now, end| bar.run(Progress { now, end }));
+    bar.done();
+    let data = Data::new(recording?, AttitudeSource::Gyros)?;
+    let methods = [(Method::IoDvlcPrinted, "eq. (18) as printed"), (Method::IoDvlc, "improved")];
+    let observers = methods.map(|(method, name)| -> Result<Observer> {
+        let estimate = method.estimate(&data)?;
+        let steps = estimate.history.iter().map(|step| {
+            let angles = step.mounting.angles().map(f64::to_degrees);
+            (data.recording.clock(step.time), [step.mounting.k, angles.x, angles.y, angles.z])
+        });
+        Ok(Observer { name: name.into(), steps: steps.collect() })
+    });
+    observers.into_iter().collect()
 }

@@ -53,6 +53,8 @@ fn the_figures_of_pan_wu_are_made_by_an_installed_program() {
         (1, "trajectory"),
         (2, "DVL outputs"),
         (3, "gyroscope and accelerometer outputs"),
+        (4, "DVL scale factor by the ideal observer IO-DVLC, 3D run"),
+        (5, "DVL misalignment by the ideal observer IO-DVLC, 3D run"),
         (6, "DVL scale factor by the EKF, 3D run"),
         (7, "DVL misalignment by the EKF, 3D run"),
         (8, "gyroscope bias"),

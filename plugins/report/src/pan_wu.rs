@@ -45,6 +45,17 @@ pub struct Runs {
     pub three: History,
     /// Without.
     pub two: History,
+    /// What ideal observers found on the samples of the 3D run; without any there are no Figures 4 and 5.
+    pub observers: Vec<Observer>,
+}
+
+/// What an ideal observer found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observer {
+    /// Its name, such as `as printed`.
+    pub name: String,
+    /// The time (s), the scale factor, and roll, pitch and yaw (deg) of the DVL about forward, right, down.
+    pub steps: Vec<(f64, [f64; 4])>,
 }
 
 /// A run that is not one of the paper's.
@@ -62,12 +73,12 @@ pub struct Missing {
 /// # Errors
 /// When a run has not the states and sensors of the paper.
 pub fn figures(runs: &Runs) -> Result<Vec<(usize, Figure)>, Missing> {
-    let Runs { three, two } = runs;
+    let Runs { three, two, observers } = runs;
     let figure = |number: usize, columns: usize, title: &str, panels: Vec<Panel>| {
         let title = format!("Figure {number}: {title}");
         (number, Figure { name: format!("figure-{number:02}"), title, columns, panels })
     };
-    Ok(vec![
+    let mut figures = vec![
         figure(1, 2, "trajectory", trajectory(three, two)?),
         figure(2, 3, "DVL outputs, 3D run", profiles(sensor(three, "dvl")?, &[0])),
         figure(3, 3, "gyroscope and accelerometer outputs, 3D run", profiles(sensor(three, "imu")?, &[0, 3])),
@@ -82,7 +93,38 @@ pub fn figures(runs: &Runs) -> Result<Vec<(usize, Figure)>, Missing> {
         figure(14, 3, "DVL misalignment by the EKF, 2D run", misalignment(two)?),
         figure(15, 3, "attitude error by the EKF, 2D run", attitude(two)?),
         figure(16, 2, "horizontal position error by the EKF, 2D run", position(two)?),
-    ])
+    ];
+    if !observers.is_empty() {
+        let (scale, angles) = observed(three, observers)?;
+        figures.insert(3, figure(4, 1, "DVL scale factor by the ideal observer IO-DVLC, 3D run", vec![scale]));
+        figures.insert(4, figure(5, 3, "DVL misalignment by the ideal observer IO-DVLC, 3D run", angles));
+    }
+    Ok(figures)
+}
+
+/// From where to where the observers are drawn about the truth: the first samples of a segment tell next to nothing, and what
+/// they give is anywhere.
+const OBSERVED: [f64; 2] = [0.05, 3.0];
+
+/// The scale factor and the angles that the observers found, with the truth.
+fn observed(run: &History, observers: &[Observer]) -> Result<(Panel, Vec<Panel>), Missing> {
+    let panel = |title: &str, block: &BlockHistory, (k, sign): (usize, f64), place: usize, about: f64| {
+        let last = &block.last;
+        let truth = sign * (last.estimate[k] - last.error.get(k).copied().unwrap_or(f64::NAN));
+        // as the filter, from the end of the rest on: before there is nothing to observe
+        let steps = |o: &'_ Observer| o.steps.iter().copied().filter(|s| s.0 >= block.first.time).collect::<Vec<_>>();
+        let times = || observers.iter().flat_map(|o| steps(o).into_iter().map(|s| s.0));
+        let mut curves = vec![curve("truth", Look::Truth, times().map(|t| [t, truth]))];
+        curves[0].points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        curves.extend(observers.iter().enumerate().map(|(number, o)| {
+            curve(&o.name, Look::Data(1 - number.min(1)), steps(o).iter().map(|s| [s.0, sign * s.1[place]]))
+        }));
+        let y = Axis::linear(label("", &block.unit)).within([truth - about, truth + about]);
+        over_time(title, y, curves, Vec::new())
+    };
+    let (scale, angles) = (block(run, "dvl.scale")?, block(run, "dvl.misalignment")?);
+    let of_angles = ANGLES.map(|(name, k, sign)| panel(name, angles, (k, sign), k + 1, OBSERVED[1]));
+    Ok((panel("scale factor k", scale, (0, 1.0), 0, OBSERVED[0]), of_angles.into()))
 }
 
 fn block<'a>(run: &'a History, name: &'static str) -> Result<&'a BlockHistory, Missing> {
