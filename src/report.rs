@@ -2,12 +2,13 @@
 
 use crate::print;
 use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
-use crate::run::folder_name;
+use crate::run::{document_of, folder_name};
 use clap::Args;
 use navfuse_core::document::Document;
 use navfuse_core::registry::Registry;
 use navfuse_core::runner;
 use navfuse_core::scenario::Scenario;
+use navfuse_observability::{Report as Observed, Tracker, Watch};
 use navfuse_report::{History, Recorder};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -15,6 +16,9 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// How often what is determined is looked at, s.
+const EVERY: f64 = 1.0;
 
 /// Arguments of `report`.
 #[derive(Debug, Args)]
@@ -57,7 +61,8 @@ pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
         (history, of.parent().map_or_else(PathBuf::new, Path::to_path_buf), false)
     };
     bar.done();
-    let page = navfuse_report::page::report(&history)?;
+    let observed = if interrupted { None } else { observed(registry, arguments, &stop, &bar)? };
+    let page = navfuse_report::page::report(&history, observed.as_ref())?;
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("report.html"));
     write(&out, &page)?;
     for warning in &history.warnings {
@@ -65,6 +70,33 @@ pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
     }
     print::line(out.display());
     Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+/// What the run determines of each state; of a log by running the filter again on its samples. None where that cannot be, as of
+/// a log that another program with more types wrote.
+fn observed(registry: &Registry, arguments: &Report, stop: &AtomicBool, bar: &Bar) -> Result<Option<Observed>> {
+    let (document, mut settings) = match document_of(&arguments.of) {
+        Ok(found) => found,
+        Err(error) => return unjudged(&*error),
+    };
+    settings.extend(arguments.set.iter().cloned());
+    let scenario = Scenario::new(registry, document, &settings)?;
+    let mut assembly = match scenario.assemble(None) {
+        Ok(assembly) => assembly,
+        Err(error) => return unjudged(&error),
+    };
+    let (watch, kept) = Watch::new(EVERY);
+    assembly.sinks.push(("observability".to_owned(), Box::new(watch)));
+    runner::run(assembly, stop, |progress| bar.run(progress));
+    bar.done();
+    let tracker = kept.lock().ok().and_then(|mut kept| kept.take());
+    Ok(tracker.filter(Tracker::started).map(|tracker| Observed::new(&scenario.name(), &tracker)))
+}
+
+/// Says why the states are not judged.
+fn unjudged(why: &dyn std::fmt::Display) -> Result<Option<Observed>> {
+    print::warn(format_args!("warning: the page is without verdicts of observability: {why}"));
+    Ok(None)
 }
 
 /// Runs a scenario for its history, and whether it was interrupted.

@@ -6,6 +6,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use navfuse_core::record::Level;
 use navfuse_core::stream::Purpose;
 use navfuse_figures::{Figure, FigureError, svg};
+use navfuse_observability::{Report as Observed, Verdict};
 
 /// The style of every page.
 const STYLE: &str = include_str!("page.css");
@@ -39,11 +40,11 @@ pub(crate) fn picture(figure: &Figure, caption: &Markup) -> Result<Markup, Figur
     })
 }
 
-/// The report of a run.
+/// The report of a run, with what it determined of each state where that was judged.
 ///
 /// # Errors
 /// When the drawing library gives up.
-pub fn report(history: &History) -> Result<String, FigureError> {
+pub fn report(history: &History, observed: Option<&Observed>) -> Result<String, FigureError> {
     let facts = Facts::of(history);
     let (constant, moving): (Vec<&BlockHistory>, Vec<&BlockHistory>) =
         history.blocks.iter().partition(|b| b.constant());
@@ -118,6 +119,7 @@ pub fn report(history: &History) -> Result<String, FigureError> {
             }
             section #observability {
                 h2 { "Observability" }
+                @if let Some(observed) = observed { (verdicts(observed)) }
                 (picture(&plots::normalised(history), &html! {
                     "Sigma as a part of the first sigma: what falls was observed, from then on. What stays at 1 was not."
                 })?)
@@ -380,6 +382,42 @@ fn sensors(history: &History) -> Markup {
                 }
             }
         } }
+    }
+}
+
+/// What the run determined, since when and by what, and what is missing.
+fn verdicts(observed: &Observed) -> Markup {
+    let told = |by: &std::collections::BTreeMap<String, f64>| {
+        let mut by: Vec<_> = by.iter().filter(|(_, part)| **part >= 0.01).collect();
+        by.sort_by(|a, b| b.1.total_cmp(a.1));
+        by.iter().map(|(name, part)| format!("{name} {:.0} %", 100.0 * **part)).collect::<Vec<_>>().join(", ")
+    };
+    html! {
+        div.wide { table {
+            thead { tr { th { "state" } th.name { "verdict" } th { "since" } th { "sigma left" } th { "bits" }
+                th.name { "told by" } th.name { "missing" } } }
+            tbody {
+                @for state in &observed.states {
+                    tr.first {
+                        th { (state.title) }
+                        td.name class=[(state.verdict != Verdict::Determined).then_some("bad")] { (state.verdict.text()) }
+                        td { @if let Some(since) = state.since_s { (seconds(since)) } }
+                        td { (number(state.normalised, state.normalised)) }
+                        td { (format!("{:.1}", state.bits)) }
+                        td.name { (told(&state.told_by)) }
+                        td.text { (state.missing.as_deref().unwrap_or_default()) }
+                    }
+                }
+            }
+        } }
+        p.note {
+            "Sigma left: at the end, over what it would be by the state's own dynamics if nothing had been measured. Bits: how many "
+            "times sigma was halved. `navfuse observability` tells more, and which manoeuvre would help."
+        }
+        @if !observed.undetermined.is_empty() {
+            p { "What is left of the errors at the start:" }
+            ul { @for direction in &observed.undetermined { li { (direction.text) } } }
+        }
     }
 }
 

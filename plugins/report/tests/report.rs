@@ -93,7 +93,7 @@ fn a_log_tells_the_same_history_as_the_run_that_wrote_it() {
     let read = read_log(&folder.path().join("run.mcap"), |_| ()).unwrap();
     // as texts: a NaN is not equal to itself
     assert_eq!(format!("{told:#?}"), format!("{read:#?}"));
-    assert_eq!(page::report(&told).unwrap(), page::report(&read).unwrap());
+    assert_eq!(page::report(&told, None).unwrap(), page::report(&read, None).unwrap());
 }
 
 #[test]
@@ -142,7 +142,7 @@ fn what_is_a_calibration_has_a_row_of_before_and_after_and_what_moves_has_not() 
 fn every_state_has_its_plots_and_every_measuring_sensor_its_innovations() {
     let folder = tempfile::tempdir().unwrap();
     let (told, _) = run(&[], folder.path());
-    let page = page::report(&told).unwrap();
+    let page = page::report(&told, None).unwrap();
     let mut components = 0;
     for block in told.blocks.iter().filter(|b| b.uncertain()) {
         let from = page.find(&format!("id=\"state-{}\"", block.name)).unwrap_or_else(|| panic!("{}", block.name));
@@ -168,7 +168,7 @@ fn every_state_has_its_plots_and_every_measuring_sensor_its_innovations() {
 fn the_page_is_one_file_that_loads_nothing_and_escapes_what_it_shows() {
     let folder = tempfile::tempdir().unwrap();
     let (told, _) = run(&["description=\"<script>alert(1)</script>\""], folder.path());
-    let page = page::report(&told).unwrap();
+    let page = page::report(&told, None).unwrap();
     for loading in ["<script", "<link", "<img", "<iframe", "<object", "<embed", "src=", "@import", "url(", "xlink:href"]
     {
         assert!(!page.contains(loading), "{loading}");
@@ -197,7 +197,7 @@ fn a_run_without_truth_and_without_measurements_has_a_page_too() {
         "process.ins.accel_bias={ sigma = \"50 ug\" }",
     ];
     let (told, _) = run(&settings, folder.path());
-    let page = page::report(&told).unwrap();
+    let page = page::report(&told, None).unwrap();
     assert!(page.contains("No truth is known") && page.contains("No sensor corrected the state"));
     assert!(page.contains("id=\"state-ins.position\"") && !page.contains("NaN"));
 }
