@@ -388,19 +388,19 @@ fn sensors(history: &History) -> Markup {
 /// What the run determined, since when and by what, and what is missing.
 fn verdicts(observed: &Observed) -> Markup {
     let told = |by: &std::collections::BTreeMap<String, f64>| {
-        let mut by: Vec<_> = by.iter().filter(|(_, part)| **part >= 0.01).collect();
+        let mut by: Vec<_> = by.iter().filter(|(_, bits)| **bits >= 0.05).collect();
         by.sort_by(|a, b| b.1.total_cmp(a.1));
-        by.iter().map(|(name, part)| format!("{name} {:.0} %", 100.0 * **part)).collect::<Vec<_>>().join(", ")
+        by.iter().map(|(name, bits)| format!("{name} {bits:.1}")).collect::<Vec<_>>().join(", ")
     };
     html! {
         div.wide { table {
             thead { tr { th { "state" } th.name { "verdict" } th { "since" } th { "sigma left" } th { "bits" }
-                th.name { "told by" } th.name { "missing" } } }
+                th.name { "told by, bits" } th.name { "missing" } } }
             tbody {
                 @for state in &observed.states {
                     tr.first {
                         th { (state.title) }
-                        td.name class=[(state.verdict != Verdict::Determined).then_some("bad")] { (state.verdict.text()) }
+                        td.name { span class=[(state.verdict != Verdict::Determined).then_some("bad")] { (state.verdict.text()) } }
                         td { @if let Some(since) = state.since_s { (seconds(since)) } }
                         td { (number(state.normalised, state.normalised)) }
                         td { (format!("{:.1}", state.bits)) }
