@@ -47,6 +47,8 @@ pub struct StateReport {
     pub title: String,
     /// Unit of the sigmas; empty for a ratio.
     pub unit: String,
+    /// Whether the errors of other states flow into it: then it is judged by what is left of its error at the start.
+    pub driven: bool,
     /// 1-sigma at the start.
     pub prior: f64,
     /// 1-sigma at the end.
@@ -115,6 +117,7 @@ impl Report {
                 component: c.name.clone(),
                 title: titles[i].clone(),
                 unit: c.unit.to_owned(),
+                driven: tracker.driven(c.slot),
                 prior: now.prior,
                 sigma: now.sigma,
                 reference: now.reference,
@@ -173,17 +176,18 @@ impl Report {
         for (state, (_, values)) in self.states.iter().zip(&self.history.normalised) {
             if panels.last().is_none_or(|(name, _)| *name != state.state) {
                 let y = Axis::logarithmic("sigma / prior");
-                let limit = |w: f64, name: &str| Curve {
-                    name: name.into(),
+                let limit = |w: f64| Curve {
+                    name: "determined".into(),
                     look: Look::Bound,
                     points: [self.start_s, self.end_s].map(|t| [t, w]).to_vec(),
                 };
-                let curves = vec![limit(crate::DETERMINED.sqrt(), "determined")];
+                // of what others drive, this sigma does not decide
+                let curves = if state.driven { Vec::new() } else { vec![limit(crate::DETERMINED.sqrt())] };
                 let panel = Panel { title: state.state.clone(), x: Axis::time(), y, curves, bands: Vec::new() };
                 panels.push((state.state.clone(), panel));
             }
             let Some((_, panel)) = panels.last_mut() else { continue };
-            let k = panel.curves.len() - 1;
+            let k = panel.curves.iter().filter(|c| matches!(c.look, Look::Data(_))).count();
             let points = self.history.time_s.iter().zip(values).map(|(&t, &v)| [t, v]).collect();
             panel.curves.push(Curve { name: state.component.clone(), look: Look::Data(k), points });
         }

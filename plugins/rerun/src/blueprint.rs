@@ -1,5 +1,6 @@
 //! The layout: track and map at the left, one tab for each block, calibration and sensor at the right, the log below.
 
+use crate::observability::Observability;
 use crate::recording::{APPLICATION, TIMELINE};
 use crate::sink::Run;
 use crate::state::BlockSeries;
@@ -7,8 +8,8 @@ use crate::style::title;
 use crate::track::Extent;
 use rerun::blueprint::components::{Corner2D, PanelState, PlayState};
 use rerun::blueprint::{
-    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, MapView, SelectionPanel, Spatial3DView,
-    Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
+    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Grid, Horizontal, MapView, SelectionPanel,
+    Spatial3DView, Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
 };
 use rerun::datatypes::{TimeRange, TimeRangeBoundary};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
@@ -107,6 +108,7 @@ impl Layout {
             }
             right.push(Vertical::new(plots).with_name(format!("{} innovations", s.name)).into());
         }
+        right.extend(self.observability(run));
         self.legend = true; // channels differ from sensor to sensor
         let samples: Vec<_> = (run.sensors.iter())
             .filter_map(|s| s.samples.as_ref().map(|series| (&s.name, format!("+ {}", series.path))))
@@ -129,6 +131,24 @@ impl Layout {
             (None, _) => Tabs::new(right).into(),
         };
         Vertical::new([top, Tabs::new([log, scenario]).into()]).with_row_shares(vec![4.5, 1.0]).into()
+    }
+
+    /// The bits gained of each state, and beside them what is determined and what is missing.
+    fn observability(&mut self, run: &Run) -> Option<ContainerLike> {
+        let followed = run.observability.as_ref()?;
+        let mut plots = Vec::new();
+        for block in &followed.blocks {
+            self.legend = true;
+            plots.push(self.plot(
+                &format!("{} bits", block.name),
+                &[format!("+ {}/**", block.path)],
+                block.range.axis(),
+            ));
+        }
+        let page = TextDocumentView::new("What is determined").with_origin(Observability::page()).into();
+        let bits = Grid::new(plots).with_grid_columns(2).into();
+        let both = Horizontal::new([bits, page]).with_column_shares(vec![1.0, 1.0]);
+        Some(both.with_name("Observability").into())
     }
 
     /// Track and map.

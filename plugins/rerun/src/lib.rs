@@ -14,6 +14,8 @@
 //! | `/innovation/SENSOR/CHANNEL` | innovation and its bounds of 3 sigma; below it `gated` |
 //! | `/innovation/SENSOR/nis` | normalised innovation squared and the gate's threshold; below it `gated` |
 //! | `/samples/SENSOR` | the samples, one instance a channel, SI |
+//! | `/observability/OWNER/BLOCK/COMPONENT` | bits gained: how many times sigma was halved |
+//! | `/observability/verdicts` | what is determined, and what is missing |
 //! | `/events`, `/scenario` | the log, and the scenario in TOML |
 
 mod blueprint;
@@ -21,6 +23,7 @@ mod columns;
 pub mod figures;
 mod innovation;
 mod live;
+mod observability;
 mod recording;
 mod sink;
 mod state;
@@ -50,6 +53,8 @@ pub struct Rerun {
     pub serve: Serve,
     /// Record the samples of driving and reference sensors too; those of measuring sensors always are.
     pub samples: bool,
+    /// Follow what the run determines of each state, and what is missing.
+    pub observability: bool,
 }
 
 /// Whether and where the run is shown in a browser.
@@ -64,7 +69,14 @@ pub enum Serve {
 
 impl Default for Rerun {
     fn default() -> Self {
-        Self { path: "run.rrd".into(), connect: None, spawn: false, serve: Serve::Local(false), samples: false }
+        Self {
+            path: "run.rrd".into(),
+            connect: None,
+            spawn: false,
+            serve: Serve::Local(false),
+            samples: false,
+            observability: true,
+        }
     }
 }
 
@@ -82,7 +94,7 @@ impl Rerun {
         };
         let live = Live { connect: self.connect, spawn: self.spawn, serve };
         let recording = Recording::open(output.join(self.path), &live)?;
-        Ok(Box::new(sink::RerunSink::new(recording, self.samples)))
+        Ok(Box::new(sink::RerunSink::new(recording, self.samples, self.observability)))
     }
 }
 

@@ -3,10 +3,12 @@
 use crate::blueprint;
 use crate::columns::{ROWS, Series};
 use crate::innovation::SensorSeries;
+use crate::observability::Observability;
 use crate::recording::Recording;
 use crate::state::{self, BlockSeries};
 use crate::style::path;
 use crate::track::Track;
+use navfuse_core::covariance::{Transition, Update};
 use navfuse_core::record::{Epoch, Event, Level, UpdateRecord};
 use navfuse_core::sample::Sample;
 use navfuse_core::stream::{Purpose, RunInfo, Sink, StreamError};
@@ -27,12 +29,15 @@ pub struct Run {
     pub track: Option<Track>,
     /// Whether a reference tells the truth about processes' blocks.
     pub reference: bool,
+    /// What it determines, where that is followed.
+    pub observability: Option<Observability>,
 }
 
 /// Records a run for the viewer.
 pub struct RerunSink {
     recording: Recording,
     samples: bool,
+    observability: bool,
     run: Option<Run>,
     epochs: usize,
     last: Option<Time>,
@@ -42,10 +47,19 @@ pub struct RerunSink {
 }
 
 impl RerunSink {
-    /// Records into an open file.
-    pub fn new(recording: Recording, samples: bool) -> Self {
-        let refreshed = Instant::now();
-        Self { recording, samples, run: None, epochs: 0, last: None, waiting: Vec::new(), refreshed, place: None }
+    /// Records into an open file; with the samples of driving and reference sensors, and what the run determines, or not.
+    pub fn new(recording: Recording, samples: bool, observability: bool) -> Self {
+        Self {
+            recording,
+            samples,
+            observability,
+            run: None,
+            epochs: 0,
+            last: None,
+            waiting: Vec::new(),
+            refreshed: Instant::now(),
+            place: None,
+        }
     }
 
     /// Sends everything that is buffered, and the tracks so far.
@@ -78,6 +92,9 @@ impl RerunSink {
 
     fn close(&mut self) -> Result<String, StreamError> {
         self.write_waiting(self.last.unwrap_or_default())?;
+        if let Some(o) = self.run.as_mut().and_then(|r| r.observability.as_mut()) {
+            o.write(&self.recording)?;
+        }
         self.refresh()?;
         if let Some(run) = &self.run {
             let layout = blueprint::messages(run, true).map_err(|e| self.recording.error(&e))?;
@@ -91,7 +108,8 @@ impl RerunSink {
 impl Run {
     fn series(&mut self) -> impl Iterator<Item = &mut Series> {
         let blocks = self.blocks.iter_mut().flat_map(BlockSeries::series);
-        blocks.chain(self.sensors.iter_mut().flat_map(SensorSeries::series))
+        let sensors = self.sensors.iter_mut().flat_map(SensorSeries::series);
+        blocks.chain(sensors).chain(self.observability.iter_mut().flat_map(Observability::series))
     }
 }
 
@@ -102,6 +120,7 @@ impl Sink for RerunSink {
             sensors: info.sensors.iter().map(|s| SensorSeries::new(s, self.samples)).collect(),
             track: Track::new(&info.layout),
             reference: info.sensors.iter().any(|s| s.purpose == Purpose::Reference),
+            observability: self.observability.then(|| Observability::new(info)),
         };
         self.recording.name(&info.name)?;
         let scenario = format!("```toml\n{}\n```\n\nnavfuse {}\n", info.scenario, info.version);
@@ -129,6 +148,9 @@ impl Sink for RerunSink {
         for block in &mut run.blocks {
             block.epoch(&self.recording, epoch)?;
         }
+        if let Some(observability) = &mut run.observability {
+            observability.epoch(&self.recording, epoch)?;
+        }
         if let Some(track) = &mut run.track {
             track.epoch(&self.recording, epoch)?;
         }
@@ -137,7 +159,24 @@ impl Sink for RerunSink {
         if watched || self.epochs.is_multiple_of(ROWS) { self.refresh() } else { Ok(()) }
     }
 
+    fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
+        if let Some(o) = self.run.as_mut().and_then(|r| r.observability.as_mut()) {
+            o.tracker.transition(transition);
+        }
+        Ok(())
+    }
+
+    fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
+        if let Some(o) = self.run.as_mut().and_then(|r| r.observability.as_mut()) {
+            o.tracker.correction(update);
+        }
+        Ok(())
+    }
+
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        if let Some(o) = self.run.as_mut().and_then(|r| r.observability.as_mut()) {
+            o.tracker.update(update);
+        }
         let sensor = self.run.as_mut().and_then(|r| r.sensors.get_mut(update.sensor.0));
         sensor.map_or(Ok(()), |s| s.update(&self.recording, update))
     }

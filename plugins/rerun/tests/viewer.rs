@@ -50,6 +50,11 @@ const TABS: &[(&str, Views)] = &[
     ),
     ("dvl innovations", &[("vel_x [m/s]", &[RED, BOUND, GATED]), ("dvl NIS", &[BLUE, BOUND, GATED])]),
     ("depth innovations", &[("depth [m]", &[RED, BOUND])]),
+    (
+        "Observability",
+        // roll and pitch of the run have the same sigma: one line hides the other
+        &[("ins.attitude bits", &[RED, BLUE]), ("dvl.scale bits", &[RED]), ("What is determined", &[])],
+    ),
     ("Samples", &[("dvl", &[RED, GREEN, BLUE])]),
 ];
 
