@@ -5,16 +5,10 @@ use crate::tracker::{Now, Tracker};
 use crate::words::{self, short};
 use std::fmt::Write;
 
-/// A table of all states, and under it what is missing.
+/// What is missing, and under it a table of all states.
 pub fn markdown(tracker: &Tracker) -> String {
-    let mut page =
-        format!("at {:.0} s\n\n| state | prior | now | bits | |\n|---|--:|--:|--:|---|\n", tracker.span().1.seconds());
     let title = |i: usize| tracker.components()[i].title(tracker.layout());
-    for (i, (component, now)) in tracker.components().iter().zip(tracker.now()).enumerate() {
-        let unit = component.unit;
-        let (prior, sigma, bits, verdict) = (short(now.prior), short(now.sigma), now.bits() + 0.0, verdict(now));
-        let _ = writeln!(page, "| {} | {prior} | {sigma} {unit} | {bits:.1} | {verdict} |", title(i));
-    }
+    let mut page = format!("at {:.0} s\n", tracker.span().1.seconds());
     let missing: Vec<(usize, String)> =
         (0..tracker.components().len()).filter_map(|i| Some((i, words::missing(tracker, i)?))).collect();
     if !missing.is_empty() {
@@ -22,6 +16,12 @@ pub fn markdown(tracker: &Tracker) -> String {
     }
     for (i, why) in missing {
         let _ = writeln!(page, "- **{}**: {why}", title(i));
+    }
+    page += "\n| state | prior | now | bits | |\n|---|--:|--:|--:|---|\n";
+    for (i, (component, now)) in tracker.components().iter().zip(tracker.now()).enumerate() {
+        let unit = component.unit;
+        let (prior, sigma, bits, verdict) = (short(now.prior), short(now.sigma), now.bits() + 0.0, verdict(now));
+        let _ = writeln!(page, "| {} | {prior} | {sigma} {unit} | {bits:.1} | {verdict} |", title(i));
     }
     page
 }
