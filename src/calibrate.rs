@@ -256,7 +256,8 @@ fn table(data: &Data, outcomes: &[Outcome]) {
         };
         let settled = e.settled_after().map_or_else(String::new, |t| format!("{t:.0} s"));
         let cells: Vec<String> = (0..4).map(|i| cell(i, values[i])).collect();
-        table.add_row([&[outcome.name.clone()], &cells[..], &[settled, outcome.sensors.clone()]].concat());
+        let sensors = [settled, outcome.sensors.clone()];
+        table.add_row([std::slice::from_ref(&outcome.name), &cells[..], &sensors].concat());
         if let Some(truth) = &truth {
             let error = e.error(truth);
             let cell = |i: usize| {
