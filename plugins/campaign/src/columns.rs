@@ -1,6 +1,6 @@
 //! What is compared: the uncertain components of a state, its blocks and its sensors.
 
-use navfuse_core::compose::Composition;
+use navfuse_core::compose::{Composition, Sensor};
 use navfuse_core::manifold::Reading;
 use navfuse_core::state::Layout;
 use navfuse_core::stream::Purpose;
@@ -80,7 +80,9 @@ impl Columns {
                 unit: block.spec.display.unit.to_owned(),
             }));
         }
-        for sensor in composition.sensors.iter().filter(|s| s.info.purpose == Purpose::Measurement) {
+        // a constraint is no sensor with a noise: a vehicle at rest is slower than the constraint allows it to be
+        let measures = |s: &&Sensor| s.info.purpose == Purpose::Measurement && !s.constraint;
+        for sensor in composition.sensors.iter().filter(measures) {
             if !self.sensors.contains(&sensor.info.name) {
                 self.sensors.push(sensor.info.name.clone());
             }
