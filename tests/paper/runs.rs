@@ -1,0 +1,134 @@
+//! Runs of the paper's scenarios: sigma and error of every state once a second.
+
+use navfuse_core::document::Document;
+use navfuse_core::manifold::MAX_TANGENT;
+use navfuse_core::record::Epoch;
+use navfuse_core::runner;
+use navfuse_core::scenario::Scenario;
+use navfuse_core::stream::{RunInfo, Sink, StreamError};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+
+/// The seeds of the runs.
+pub const SEEDS: std::ops::RangeInclusive<u64> = 1..=8;
+/// The settings of all runs but the seed.
+const SETTINGS: [&str; 2] = ["sensor.imu.simulation.rate=20 Hz", "estimator.output_rate=1 Hz"];
+
+/// What one run gave.
+#[derive(Clone, Debug, Default)]
+pub struct Run {
+    /// `dvl.misalignment.roll` and so on.
+    names: Vec<String>,
+    /// Time (s), sigma and error of every component, in the units of the summary.
+    rows: Vec<(f64, Vec<f64>, Vec<f64>)>,
+}
+
+impl Run {
+    fn row(&self, time: f64) -> &(f64, Vec<f64>, Vec<f64>) {
+        let row = self.rows.iter().find(|row| row.0 >= time - 1e-6);
+        row.unwrap_or_else(|| panic!("no epoch from {time} s on"))
+    }
+
+    fn index(&self, name: &str) -> usize {
+        self.names.iter().position(|n| n == name).unwrap_or_else(|| panic!("no state {name}: {:?}", self.names))
+    }
+
+    /// 1-sigma of a component at a time, in the unit of the summary.
+    pub fn sigma(&self, name: &str, time: f64) -> f64 {
+        self.row(time).1[self.index(name)]
+    }
+
+    /// The error of a component at a time.
+    pub fn error(&self, name: &str, time: f64) -> f64 {
+        self.row(time).2[self.index(name)]
+    }
+
+    /// 1-sigma as a share of that at the start: Figure 12.
+    pub fn normalised(&self, name: &str, time: f64) -> f64 {
+        self.sigma(name, time) / self.rows[0].1[self.index(name)]
+    }
+}
+
+/// The root mean square of the errors of a component at a time.
+pub fn rms(runs: &[Run], name: &str, time: f64) -> f64 {
+    let squares: f64 = runs.iter().map(|r| r.error(name, time).powi(2)).sum();
+    (squares / runs.len() as f64).sqrt()
+}
+
+/// The 3-D runs.
+pub fn dives() -> &'static [Run] {
+    static RUNS: LazyLock<Vec<Run>> = LazyLock::new(|| all("pan-wu-3d"));
+    &RUNS
+}
+
+/// The 2-D runs.
+pub fn flat() -> &'static [Run] {
+    static RUNS: LazyLock<Vec<Run>> = LazyLock::new(|| all("pan-wu-2d"));
+    &RUNS
+}
+
+/// A scenario of the repository, with settings.
+pub fn with<T>(name: &str, settings: &[String], job: impl FnOnce(&Scenario<'_>) -> T) -> T {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios").join(format!("{name}.toml"));
+    let registry = navfuse::standard_plugins();
+    let document = Document::from_file(&path).expect("the scenario is there");
+    job(&Scenario::new(&registry, document, settings).expect("the settings fit"))
+}
+
+/// A job for every seed, on two threads.
+pub fn for_seeds<T: Send>(job: impl Fn(Vec<String>) -> T + Sync) -> Vec<T> {
+    let settings = |seed: u64| SETTINGS.iter().map(|s| (*s).to_owned()).chain([format!("seed={seed}")]).collect();
+    let (job, seeds) = (&job, SEEDS.collect::<Vec<u64>>());
+    std::thread::scope(|scope| {
+        let halves: Vec<_> = (seeds.chunks(seeds.len().div_ceil(2)))
+            .map(|half| scope.spawn(move || half.iter().map(|seed| job(settings(*seed))).collect::<Vec<T>>()))
+            .collect();
+        halves.into_iter().flat_map(|half| half.join().expect("no run panics")).collect()
+    })
+}
+
+fn all(name: &str) -> Vec<Run> {
+    for_seeds(|settings| run(name, &settings))
+}
+
+fn run(name: &str, settings: &[String]) -> Run {
+    let kept = Arc::new(Mutex::new(Run::default()));
+    let mut assembly = with(name, settings, |s| s.assemble(None)).unwrap_or_else(|e| panic!("{e}"));
+    assembly.sinks.push(("kept".into(), Box::new(Keeper(Arc::clone(&kept)))));
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    std::mem::take(&mut *kept.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+struct Keeper(Arc<Mutex<Run>>);
+
+impl Sink for Keeper {
+    fn start(&mut self, info: &RunInfo) -> Result<(), StreamError> {
+        let names = info.layout.blocks.iter().flat_map(|block| {
+            let components = block.spec.display.components.iter();
+            components.map(|c| format!("{}.{c}", block.name))
+        });
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).names = names.collect();
+        Ok(())
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        let Some(truth) = epoch.truth else { return Ok(()) };
+        let (mut sigmas, mut errors) = (Vec::new(), Vec::new());
+        for block in &epoch.layout.blocks {
+            let (n, mut sigma, mut error) = (block.operations.tangent, [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+            block.show_sigma(&epoch.state.values, epoch.covariance, &mut sigma);
+            block.show_error(&epoch.state.values, &truth.state.values, &mut error);
+            sigmas.extend_from_slice(&sigma[..n]);
+            errors.extend_from_slice(&error[..n]);
+        }
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.rows.push((epoch.state.time.seconds(), sigmas, errors));
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(None)
+    }
+}
