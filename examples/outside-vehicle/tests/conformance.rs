@@ -1,4 +1,4 @@
-//! What every process and sensor must hold; and that the source reads what the sink wrote.
+//! What every process and sensor must hold. That the source reads what the sink wrote is shown by a run of the command.
 
 use navfuse_conformance::{Failed, check};
 use outside_vehicle::VehiclePlugin;

@@ -43,7 +43,7 @@ pub struct DvlBeams {
     /// The process whose motion it measures.
     #[serde(default = "ins")]
     pub navigation: String,
-    /// What the velocity is relative to: `bottom` or `water`.
+    /// What the velocity is relative to: `bottom` (default) or `water`.
     #[serde(default)]
     pub track: Track,
     /// With track = "water", the current: the name of a `[process.NAME]` of type water-current.
