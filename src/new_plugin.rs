@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// The files of the crate, and their templates.
-const FILES: [(&str, &str); 7] = [
+const FILES: [(&str, &str); 8] = [
     ("Cargo.toml", include_str!("templates/plugin/cargo.txt")),
     ("README.md", include_str!("templates/plugin/readme.txt")),
     ("scenario.toml", include_str!("templates/plugin/scenario.txt")),
@@ -16,10 +16,11 @@ const FILES: [(&str, &str); 7] = [
     ("src/main.rs", include_str!("templates/plugin/main.txt")),
     ("tests/conformance.rs", include_str!("templates/plugin/test.txt")),
     ("rustfmt.toml", include_str!("templates/plugin/rustfmt.txt")),
+    (".cargo/config.toml", include_str!("templates/plugin/alias.txt")),
 ];
 
 /// Names that a crate cannot have: words of the language, and what the crate itself uses.
-const TAKEN: [&str; 49] = [
+const TAKEN: [&str; 50] = [
     "as",
     "async",
     "await",
@@ -66,6 +67,7 @@ const TAKEN: [&str; 49] = [
     "test",
     "navfuse",
     "navfuse-core",
+    "navfuse-conformance",
     "navfuse-ins",
     "schemars",
     "serde",
@@ -100,8 +102,8 @@ pub fn new_plugin(registry: &Registry, arguments: &NewPlugin) -> Result<ExitCode
     ));
     line(format_args!("  cd {}", folder.display()));
     line("  cargo test                              what every sensor must hold");
-    line("  cargo run -- run scenario.toml          a run with it");
-    line(format_args!("  cargo run -- list {name:<22}its parameters"));
+    line("  cargo navfuse run scenario.toml         a run with it, simulated");
+    line(format_args!("  cargo navfuse list {name:<21}its parameters"));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -117,7 +119,7 @@ fn check_name(name: &str) -> Result<(), String> {
     if name.len() > 64 {
         return refuse("give at most 64 characters");
     }
-    if TAKEN.contains(&name) || name == "navfuse-conformance" || name == "navfuse_core" || name == "navfuse_ins" {
+    if TAKEN.contains(&name.replace('_', "-").as_str()) {
         return refuse("it is taken");
     }
     Ok(())

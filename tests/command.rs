@@ -176,8 +176,10 @@ fn list_prints_every_type_and_the_parameters_of_one_with_unit_default_and_meanin
 fn every_scenario_fits_the_schema_and_a_misspelt_key_does_not() {
     let schema: Value = serde_json::from_str(&stdout(&navfuse(&["schema"]))).expect("the schema is JSON");
     let validator = jsonschema::validator_for(&schema).expect("the schema is one");
-    for entry in std::fs::read_dir(root().join("scenarios")).expect("the scenarios") {
-        let path = entry.expect("a file").path();
+    let folders =
+        ["scenarios", "scenarios/observability"].map(|f| std::fs::read_dir(root().join(f)).expect("a folder"));
+    let paths = folders.into_iter().flatten().map(|entry| entry.expect("a file").path());
+    for path in paths.filter(|path| path.extension().is_some_and(|e| e == "toml")) {
         let text = std::fs::read_to_string(&path).expect("a scenario");
         let value = serde_json::to_value(toml::from_str::<toml::Table>(&text).expect("TOML")).expect("JSON");
         let errors: Vec<String> =
@@ -193,6 +195,8 @@ fn every_scenario_fits_the_schema_and_a_misspelt_key_does_not() {
 fn help_teaches_with_examples() {
     for (arguments, part) in
         [(vec!["--help"], "Start here"), (vec!["run", "--help"], "Examples"), (vec!["replay", "--help"], "Examples")]
+            .into_iter()
+            .chain(["report", "figures", "observability", "calibrate"].map(|c| (vec![c, "--help"], "Examples")))
     {
         assert!(stdout(&navfuse(&arguments)).contains(part), "{arguments:?}");
     }

@@ -28,9 +28,10 @@ fn cargo(folder: &Path, arguments: &[&str]) -> Output {
 /// Tests a crate and runs its scenario; gives what the run printed of a state.
 fn state(folder: &Path, name: &str) -> String {
     let _one = BUILDING.lock();
+    cargo(folder, &["fmt", "--check"]);
     let tested = cargo(folder, &["test", "--offline"]);
     assert!(stdout(&tested).contains("test result: ok. 1 passed"), "{}", stdout(&tested));
-    let ran = cargo(folder, &["run", "--offline", "--quiet", "--", "run", "scenario.toml", "--no-output"]);
+    let ran = cargo(folder, &["--offline", "navfuse", "run", "scenario.toml", "--no-output"]);
     let printed = stdout(&ran);
     let line = printed.lines().find(|l| l.contains(name));
     line.unwrap_or_else(|| panic!("no {name} in:\n{printed}")).to_owned()
@@ -53,12 +54,13 @@ fn a_sensor_that_the_tree_does_not_contain_is_one_file_of_40_lines_and_a_main_of
 fn process_manifold_trajectory_source_and_sink_are_pluggable_from_outside() {
     let _one = BUILDING.lock();
     let folder = root().join("examples/outside-vehicle");
+    cargo(&folder, &["fmt", "--check"]);
     let tested = cargo(&folder, &["test", "--offline"]);
     assert!(stdout(&tested).contains("test result: ok. 1 passed"), "{}", stdout(&tested));
     let out = tempfile::tempdir().unwrap();
     let run = |name: &str, source: Option<String>| {
         let path = out.path().join(name).display().to_string();
-        let mut arguments = vec!["run", "--offline", "--quiet", "--", "run", "scenario.toml", "--out", &path];
+        let mut arguments = vec!["--offline", "navfuse", "run", "scenario.toml", "--out", &path];
         arguments.extend(["--format", "json"]);
         if let Some(source) = &source {
             arguments.extend(["--set", source]);

@@ -92,7 +92,7 @@ struct Member {
 pub(crate) struct Members {
     members: Vec<Member>,
     /// Those whose `build` runs, the innermost last.
-    building: Vec<TypeId>,
+    building: Vec<Option<TypeId>>,
     /// What was to be replaced or disabled and is not there.
     absent: Vec<&'static str>,
 }
@@ -107,16 +107,22 @@ impl Members {
             version: plugin.version(),
             needs: plugin.needs().to_vec(),
         });
-        self.building.push(id);
+        self.building.push(Some(id));
     }
 
     pub(crate) fn end(&mut self) {
         self.building.pop();
     }
 
+    /// What is added until [`Self::end`] belongs to the group of a plugin.
+    pub(crate) fn begin_beside(&mut self, plugin: TypeId) {
+        let group = self.members.iter().find(|m| m.plugin == plugin).and_then(|m| m.group);
+        self.building.push(group);
+    }
+
     /// The plugin that registers now.
     pub(crate) fn current(&self) -> Option<TypeId> {
-        self.building.last().copied()
+        self.building.last().copied().flatten()
     }
 
     /// Forgets a plugin and those that it added; gives all that are gone.
@@ -128,7 +134,9 @@ impl Members {
         let mut gone = vec![plugin];
         let mut k = 0;
         while let Some(group) = gone.get(k).copied() {
-            gone.extend(self.members.iter().filter(|m| m.group == Some(group)).map(|m| m.plugin));
+            let inside = self.members.iter().filter(|m| m.group == Some(group)).map(|m| m.plugin);
+            let more: Vec<TypeId> = inside.filter(|plugin| !gone.contains(plugin)).collect();
+            gone.extend(more);
             k += 1;
         }
         self.members.retain(|m| !gone.contains(&m.plugin));

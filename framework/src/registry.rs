@@ -318,9 +318,12 @@ impl Registry {
         self
     }
 
-    /// Removes plugin `P`, and adds another in its place.
+    /// Removes plugin `P`, and adds another in its place: in its group, if it is in one.
     pub fn replace<P: Plugin>(&mut self, by: &dyn Plugin) -> &mut Self {
-        self.disable::<P>().add(by)
+        self.members.begin_beside(TypeId::of::<P>());
+        self.disable::<P>().add(by);
+        self.members.end();
+        self
     }
 
     /// Adds a plugin anew, with other settings than those with which it is there.

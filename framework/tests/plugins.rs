@@ -140,6 +140,35 @@ fn a_member_of_a_group_is_replaced_disabled_and_configured() {
     registry.check().unwrap();
 }
 
+/// A plugin that adds itself once more.
+struct Again {
+    more: bool,
+}
+impl Plugin for Again {
+    fn build(&self, registry: &mut Registry) {
+        if self.more {
+            registry.add(&Self { more: false });
+        }
+    }
+}
+
+#[test]
+fn a_plugin_that_adds_itself_is_told_and_can_be_disabled() {
+    let mut registry = Registry::new();
+    registry.add(&Again { more: true });
+    assert!(wrong(&registry).contains("is added twice"), "{}", wrong(&registry));
+    registry.disable::<Again>();
+    registry.check().unwrap();
+}
+
+#[test]
+fn what_replaces_a_member_of_a_group_is_one() {
+    let mut registry = Registry::new();
+    registry.add(&Acoustics).replace::<SonarPlugin>(&BetterSonarPlugin).disable::<Acoustics>();
+    assert_eq!(names(&registry), [""; 0]);
+    registry.check().unwrap();
+}
+
 #[test]
 fn a_group_is_disabled_with_its_members() {
     let mut registry = Registry::new();

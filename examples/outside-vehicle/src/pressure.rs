@@ -32,7 +32,7 @@ impl SensorType for PressureGauge {
         vec![Channel::new("depth", "m")]
     }
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
-            const TIDE: Display = Display { unit: "m", scale: 1.0, components: &["height"] };
+        const TIDE: Display = Display { unit: "m", scale: 1.0, components: &["height"] };
         let tide = self.tide.block(composer, "tide", &[0.0], TIDE)?;
         let position = composer.find("vehicle", &format!("{}.position", self.vehicle))?;
         Ok(Role::measurement(Model { noise: self.noise.value().si(), position, tide }))

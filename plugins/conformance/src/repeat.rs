@@ -55,6 +55,13 @@ fn determinism(lab: &Lab<'_>) -> Result<String, String> {
     let mut again = assemble(lab.types, lab.text, &[])?;
     let samples = merged(&mut again.sources, &again.composition)?;
     let name = |s: &Sample| lab.composition.sensors[s.sensor.0].info.name.as_str();
+    if lab.samples.len() != samples.len() {
+        return Err(format!(
+            "the same scenario with the same seed gives {} samples, and then {}; draw from the random numbers of the scene alone",
+            lab.samples.len(),
+            samples.len()
+        ));
+    }
     if let Some((first, _)) = lab.samples.iter().zip(&samples).find(|(a, b)| !same(a, b)) {
         return Err(format!(
             "the sample of [sensor.{}] at {} is another one when the same scenario is simulated again with the same seed; draw from \

@@ -4,6 +4,17 @@
 pub const ROWS: usize = 1024;
 
 /// Something that can stand for two of its kind.
+///
+/// ```
+/// use navfuse_report::Merge;
+/// /// The largest of what it stands for.
+/// struct Peak(f64);
+/// impl Merge for Peak {
+///     fn merge(&mut self, next: Self) {
+///         self.0 = self.0.max(next.0);
+///     }
+/// }
+/// ```
 pub trait Merge {
     /// What stands for this row and the one after it.
     fn merge(&mut self, next: Self);
