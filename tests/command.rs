@@ -193,12 +193,11 @@ fn every_scenario_fits_the_schema_and_a_misspelt_key_does_not() {
 
 #[test]
 fn help_teaches_with_examples() {
-    for (arguments, part) in
-        [(vec!["--help"], "Start here"), (vec!["run", "--help"], "Examples"), (vec!["replay", "--help"], "Examples")]
-            .into_iter()
-            .chain(["report", "figures", "observability", "calibrate"].map(|c| (vec![c, "--help"], "Examples")))
-    {
-        assert!(stdout(&navfuse(&arguments)).contains(part), "{arguments:?}");
+    assert!(stdout(&navfuse(&["--help"])).contains("Start here"));
+    let commands =
+        ["run", "replay", "report", "figures", "observability", "calibrate", "monte-carlo", "bound", "sweep"];
+    for command in commands {
+        assert!(stdout(&navfuse(&[command, "--help"])).contains("Examples"), "{command}");
     }
 }
 
