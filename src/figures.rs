@@ -1,8 +1,8 @@
 //! `navfuse figures`.
 
 use crate::print;
-use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
-use crate::report::{run, write};
+use crate::progress::{Bar, stop_on_ctrl_c};
+use crate::report::{End, run, write};
 use clap::{Args, ValueEnum};
 use navfuse_calibration::{AttitudeSource, Data, Method};
 use navfuse_core::document::Document;
@@ -59,9 +59,9 @@ pub fn figures(registry: &Registry, arguments: &Figures) -> Result<ExitCode> {
     let mut histories = Vec::new();
     for (file, text) in [("pan-wu-3d.toml", PAN_WU_3D), ("pan-wu-2d.toml", PAN_WU_2D)] {
         let document = Document::parse(file, text.to_owned())?;
-        let (history, interrupted) = run(registry, document, &arguments.set, &stop, &Bar::new(true))?;
-        if interrupted {
-            return Ok(ExitCode::from(INTERRUPTED));
+        let (history, end) = run(registry, document, &arguments.set, &stop, &Bar::new(true))?;
+        if end != End::Whole {
+            return Ok(end.code());
         }
         histories.push(history);
     }

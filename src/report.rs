@@ -47,21 +47,21 @@ pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
     let stop = stop_on_ctrl_c();
     let bar = Bar::new(true);
     let of = &arguments.of;
-    let (history, folder, interrupted) = if of.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+    let (history, folder, end) = if of.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         let document = Document::from_file(of)?;
-        let (history, interrupted) = run(registry, document, &arguments.set, &stop, &bar)?;
+        let (history, end) = run(registry, document, &arguments.set, &stop, &bar)?;
         let folder = Path::new("runs").join(folder_name(&history.name));
-        (history, folder, interrupted)
+        (history, folder, end)
     } else {
         if !arguments.set.is_empty() {
             let message = "a log is told as it was recorded; `navfuse replay` runs the filter again";
             return Err(format!("--set: {message}").into());
         }
         let history = navfuse_report::read_log(of, |read| bar.log(read))?;
-        (history, of.parent().map_or_else(PathBuf::new, Path::to_path_buf), false)
+        (history, of.parent().map_or_else(PathBuf::new, Path::to_path_buf), End::Whole)
     };
     bar.done();
-    let observed = if interrupted { None } else { observed(registry, arguments, &stop, &bar)? };
+    let observed = if end == End::Interrupted { None } else { observed(registry, arguments, &stop, &bar)? };
     let page = navfuse_report::page::report(&history, observed.as_ref())?;
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("report.html"));
     write(&out, &page)?;
@@ -69,7 +69,7 @@ pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
         print::warn(format_args!("warning: {warning}"));
     }
     print::line(out.display());
-    Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+    Ok(end.code())
 }
 
 /// What the run determines of each state; of a log by running the filter again on its samples. None where that cannot be, as of
@@ -99,14 +99,36 @@ fn unjudged(why: &dyn std::fmt::Display) -> Result<Option<Observed>> {
     Ok(None)
 }
 
-/// Runs a scenario for its history, and whether it was interrupted.
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// With its last sample.
+    Whole,
+    /// By Ctrl-C.
+    Interrupted,
+    /// By an error, which has been printed.
+    Failed,
+}
+
+impl End {
+    /// What the command exits with.
+    pub fn code(self) -> ExitCode {
+        match self {
+            Self::Whole => ExitCode::SUCCESS,
+            Self::Interrupted => ExitCode::from(INTERRUPTED),
+            Self::Failed => ExitCode::FAILURE,
+        }
+    }
+}
+
+/// Runs a scenario for its history.
 pub fn run(
     registry: &Registry,
     document: Document,
     settings: &[String],
     stop: &AtomicBool,
     bar: &Bar,
-) -> Result<(History, bool)> {
+) -> Result<(History, End)> {
     let scenario = Scenario::new(registry, document, settings)?;
     let mut assembly = scenario.assemble(None)?;
     let (recorder, history) = Recorder::new();
@@ -118,7 +140,9 @@ pub fn run(
     match finished.error {
         // what was estimated until then is told
         Some(error) if history.blocks.is_empty() => Err(error.into()),
-        _ => Ok((history, finished.interrupted)),
+        Some(_) => Ok((history, End::Failed)),
+        None if finished.interrupted => Ok((history, End::Interrupted)),
+        None => Ok((history, End::Whole)),
     }
 }
 

@@ -3,6 +3,7 @@
 
 mod common;
 
+use common::recording::Recording;
 use common::{command, navfuse, scenario, stderr, stdout};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -25,6 +26,17 @@ fn a_scenario_and_the_log_of_its_run_give_the_same_page() {
     let output = command().arg("report").arg(scenario("quickstart")).args(short).arg("--out").arg(&direct).output();
     assert!(output.is_ok_and(|o| o.status.success()));
     assert!(read(&page) == read(&direct), "the pages differ");
+}
+
+#[test]
+fn a_run_that_ends_in_an_error_has_its_page_and_a_failure() {
+    let recording = Recording::new();
+    recording.replace_line("dvl.csv", 15, "14.0,0.001,north,0.001");
+    let page = recording.path("page.html");
+    let output = command().arg("report").arg(recording.path("rest.toml")).arg("--out").arg(&page).output();
+    let output = output.expect("the command starts");
+    assert!(!output.status.success() && stderr(&output).contains("dvl.csv"), "{}", stderr(&output));
+    assert!(read(&page).contains("dvl.scale"), "what was estimated until then is told");
 }
 
 #[test]
