@@ -18,7 +18,8 @@ pub enum Draw {
     /// What the filter takes from a reference is displaced by a draw from its prior.
     Start,
     /// All that is uncertain: as `start`, and a state with a `truth` starts from a draw about it, while the truth of
-    /// any other is drawn about its initial value and moves as the state does.
+    /// any other is drawn about its initial value. Both truths move from there as the state does: a stated one is that of the
+    /// start. A Gauss-Markov state starts at its initial value all the same, which is the mean that its truth returns to.
     All,
 }
 
@@ -40,12 +41,15 @@ pub(crate) fn draw(layout: &mut Layout, moved: &[bool], seed: u64) {
             continue;
         }
         let stated = block.spec.truth.is_some();
+        let wanders = !moved && block.spec.dynamics != Dynamics::Constant;
         if stated && matches!(block.spec.dynamics, Dynamics::GaussMarkov { .. }) {
+            block.wanders = wanders;
             continue; // its initial value is the mean to which it returns
         }
         let mut state = if stated { truth.clone() } else { initial.clone() };
         let mut random = Random::new(seed, &format!("prior of {}", block.name));
         let Some(delta) = displacement(block, &state.values, &mut random) else { continue };
+        block.wanders = wanders;
         let n = block.operations.tangent;
         (block.operations.retract)(&mut state.values[block.range()], &delta[..n]);
         let mut drawn = vec![0.0; n];
@@ -54,7 +58,6 @@ pub(crate) fn draw(layout: &mut Layout, moved: &[bool], seed: u64) {
             block.spec.initial = drawn;
         } else {
             block.spec.truth = Some(drawn);
-            block.wanders = block.spec.dynamics != Dynamics::Constant;
         }
     }
 }
@@ -221,6 +224,38 @@ mod tests {
         let correlation = pairs.iter().map(|(a, b)| (a - 2.0) * (b - 2.0)).sum::<f64>() / 2000.0 / 0.25;
         // 4 sigma of a correlation of 2000 pairs is 0.09
         assert!((correlation - (-1.0_f64).exp()).abs() < 0.09, "{correlation}");
+    }
+
+    /// From 4 about a mean of 2, with a sigma of 0.5 and 20 s: after a time `t` the mean is `2 + 2 exp(-t/20)` and sigma
+    /// `0.5 sqrt(1 - exp(-t/10))`. A random walk of 0.01 /s has a sigma of 1 after 100 s, about the 4 where it started.
+    #[test]
+    fn a_stated_truth_is_that_of_the_start_and_wanders_from_there() {
+        let at = |dynamics: &Dynamics, seed: u64, seconds: i64| {
+            let layout = drawn(dynamics.clone(), Some(4.0), seed);
+            let mut truth = TrueState::new(&layout, seed, Time::default());
+            assert_eq!(truth.state.values[0], 4.0);
+            truth.advance(&layout, Time::from_nanos(seconds * 1_000_000_000));
+            (layout.blocks[0].spec.initial[0], truth.state.values[0])
+        };
+        let markov = Dynamics::GaussMarkov { sigma: vec![0.5], time: 20.0 };
+        let walk = Dynamics::RandomWalk(vec![0.01]);
+        let part = (-1.0_f64).exp();
+        let cases = [
+            (&markov, 20, 2.0 + 2.0 * part, 0.5 * (1.0 - part * part).sqrt()),
+            (&markov, 400, 2.0, 0.5),
+            (&walk, 100, 4.0, 1.0),
+        ];
+        for (dynamics, seconds, mean, sigma) in cases {
+            let drawn: Vec<(f64, f64)> = (0..2000).map(|seed| at(dynamics, seed, seconds)).collect();
+            let truths = moments(&drawn.iter().map(|d| d.1).collect::<Vec<_>>());
+            // 4 sigma of a mean of 2000 is 0.09 of their sigma, of their standard deviation 0.064
+            assert!((truths.0 - mean).abs() < 0.09 * sigma, "{dynamics:?} {seconds} s: {truths:?}");
+            assert!((truths.1 / sigma - 1.0).abs() < 0.064, "{dynamics:?} {seconds} s: {truths:?}");
+            // a Gauss-Markov state starts at its mean, a random walk from a draw of 0.5 about its truth
+            let starts = moments(&drawn.iter().map(|d| d.0).collect::<Vec<_>>());
+            let expected = if dynamics == &walk { (4.0, 0.5) } else { (2.0, 0.0) };
+            assert!((starts.0 - expected.0).abs() < 0.045 && (starts.1 - expected.1).abs() < 0.032, "{starts:?}");
+        }
     }
 
     #[test]

@@ -111,7 +111,7 @@ pub struct Block {
     pub offset: usize,
     /// Where its error starts in the error state; `None` when fixed.
     pub tangent: Option<usize>,
-    /// Whether its truth was drawn and moves as the dynamics say.
+    /// Whether its truth moves as the dynamics say.
     pub wanders: bool,
 }
 
