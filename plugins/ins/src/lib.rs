@@ -9,6 +9,7 @@ pub mod error_model;
 mod imu;
 pub mod mechanisation;
 mod navigation;
+mod rates;
 mod reference;
 mod strapdown;
 #[cfg(test)]

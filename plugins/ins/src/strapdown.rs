@@ -5,6 +5,7 @@ use crate::error_model::transition;
 use crate::imu::{Imu, SimulatedImu};
 use crate::mechanisation::{Increments, Mechanisation, NavState};
 use crate::navigation::Navigation;
+use crate::rates::{LastRates, Rates};
 use nalgebra::{Matrix3, Vector3};
 use navfuse_core::calibration::{AccelBias, GyroBias, display};
 use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, DrivingSensor, Sensor};
@@ -168,10 +169,9 @@ impl ProcessType for Strapdown {
         let gyro = imu.gyro_noise.value().si();
         let accel = imu.accel_noise.value().si();
         let isotropic = gyro.x == gyro.y && gyro.y == gyro.z && accel.x == accel.y && accel.y == accel.z;
-        let none = (Time::MIN, Vector3::zeros(), Vector3::zeros());
         let mechanisation = Mechanisation::default();
-        let model =
-            StrapdownModel { imu, navigation, places, mechanisation, isotropic, sample: none, before: none, aligner };
+        let rates = LastRates::default();
+        let model = StrapdownModel { imu, navigation, places, mechanisation, isotropic, rates, aligner };
         Ok(BuiltProcess { model: Box::new(model), input: Some(DrivingSensor { name: self.imu, simulator }) })
     }
 }
@@ -222,9 +222,8 @@ struct StrapdownModel {
     places: Places,
     mechanisation: Mechanisation,
     isotropic: bool,
-    /// The time, angular rate and specific force of the sample being used, and of the one before.
-    sample: (Time, Vector3<f64>, Vector3<f64>),
-    before: (Time, Vector3<f64>, Vector3<f64>),
+    /// Those of the sample being used, and of the one before.
+    rates: LastRates,
     /// What finds attitude and velocity at the start, where they are not given.
     aligner: Option<Box<Aligner>>,
 }
@@ -244,16 +243,21 @@ impl StrapdownModel {
         Matrix3::identity() * (change.norm_squared() * hole * hole * dt / duration)
     }
 
-    fn publish(&self, state: &mut State, w: &Vector3<f64>) {
-        state.publish(self.navigation.angular_rate, &[w.x, w.y, w.z]);
+    /// The angular rate at a time, for the sensors that read it then.
+    fn publish(&self, state: &mut State, at: Time) {
+        if let Some(w) = self.rates.angular_rate(at) {
+            state.publish(self.navigation.angular_rate, &[w.x, w.y, w.z]);
+        }
     }
 }
 
 impl ProcessModel for StrapdownModel {
     fn prepare(&mut self, _layout: &Layout, state: &mut State, input: &Input<'_>) {
         let dt = if input.usual > 0.0 { input.usual } else { 1.0 };
-        if let Some((w, _)) = self.imu.rates(input.sample, dt) {
-            self.publish(state, &w);
+        if let Some((w, f)) = self.imu.rates(input.sample, dt) {
+            let time = input.sample.time;
+            self.rates.take(Rates { time, duration: input.usual, w, f });
+            self.publish(state, time);
         }
     }
 
@@ -315,10 +319,7 @@ impl ProcessModel for StrapdownModel {
         let Some((w, f)) = self.imu.rates(input.sample, usual) else {
             return Err(ProcessError("channels of the IMU are missing".into()));
         };
-        if self.sample.0 != input.sample.time {
-            self.before = self.sample;
-            self.sample = (input.sample.time, w, f);
-        }
+        self.rates.take(Rates { time: input.sample.time, duration: usual, w, f });
         let n = &self.navigation;
         let at = |slot: usize| layout.blocks[slot].offset;
         let (a, v, p) = (at(n.attitude.slot()), at(n.velocity.slot()), at(n.position.slot()));
@@ -336,7 +337,7 @@ impl ProcessModel for StrapdownModel {
         store_quaternion(&next.c_b_n, &mut x[a..a + 4]);
         x[v..v + 3].copy_from_slice(next.velocity.as_slice());
         x[p..p + 3].copy_from_slice(&[next.position.latitude, next.position.longitude, next.position.height]);
-        self.publish(state, &w);
+        self.publish(state, interval.to);
         let phi = transition(&rates);
         let s = &self.places;
         out.set(s.phi_phi, &phi.phi_phi);
@@ -353,7 +354,7 @@ impl ProcessModel for StrapdownModel {
         let mut q_phi = self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt, duration);
         let mut q_v = self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt, duration);
         if usual < duration {
-            let (_, w_before, f_before) = self.before;
+            let (w_before, f_before) = self.rates.before().map_or_else(Default::default, |before| (before.w, before.f));
             q_phi += Self::bridged(&(w - w_before), duration - usual, dt, duration);
             q_v += Self::bridged(&(f - f_before), duration - usual, dt, duration);
         }
