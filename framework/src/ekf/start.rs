@@ -1,21 +1,22 @@
 //! How the filter starts, and what a reference tells it.
 
-use super::{Ekf, EstimatorError, Snapshot};
+use super::{Ekf, EstimatorError, Memory, Snapshot};
 use crate::compose::{Reference, Role, moved};
 use crate::draw::displacement;
 use crate::manifold::MAX_TANGENT;
 use crate::process::{Moment, ProcessError, Report, Search};
 use crate::record::{Epoch, Event, Level, Observer, Rejection, Truth, UpdateRecord};
 use crate::sample::{MAX_CHANNELS, Sample, SensorId};
+use crate::state::Dynamics;
 use crate::time::Time;
 use std::sync::Arc;
 
 /// The most trials of a search.
 const TRIALS: usize = 8;
 
-/// A trial that leaves less than this part of a prior sigma has learnt the value: as the place where to linearise it brings a
-/// 25th of the prior's information, and that a second time.
-const LEARNT: f64 = 0.2;
+/// What a trial leaves with a sigma `s` starts again where the trial found it, with a prior of so many `s` if that is less than
+/// its own. So the samples are used twice, the first time for `1/WIDER^2` of what they tell: 1 % of the information.
+const WIDER: f64 = 10.0;
 
 /// Hears nothing.
 struct Nobody;
@@ -158,21 +159,34 @@ impl Ekf {
     }
 
     /// Takes over, of the blocks that no process moves, the components of which a trial knows far more than their prior does.
-    /// Their prior stays as wide as it was: to the filter they are the place where it linearises.
+    ///
+    /// The prior of a constant becomes narrow too, which holds it where the trial has found it: with all of a wide prior the
+    /// first samples, which tell little of it, would carry it off, and the filter would linearise in the wrong place after
+    /// all. What wanders keeps its prior: what a trial finds at its end it need not have been at the start.
     fn learn(&mut self, Snapshot(after): &Snapshot) {
         let moved = moved(&self.layout, &self.composition.processes);
-        let m = &mut self.memory;
+        let Memory { state, covariance, .. } = &mut self.memory;
         for (block, _) in self.layout.blocks.iter().zip(moved).filter(|(block, moved)| block.estimated() && !moved) {
-            let mut delta = [0.0; MAX_TANGENT];
-            let (value, range) = (&mut m.state.values[block.range()], block.tangent_range());
-            let delta = &mut delta[..range.len()];
-            (block.operations.local)(&after.state.values[block.range()], value, delta);
-            for (d, i) in delta.iter_mut().zip(range) {
-                if after.covariance.get(i, i) > LEARNT * LEARNT * m.covariance.get(i, i) {
-                    *d = 0.0;
+            let (n, first) = (block.operations.tangent, block.tangent_range().start);
+            let (mut delta, mut narrow) = ([0.0; MAX_TANGENT], [1.0; MAX_TANGENT]);
+            let value = &mut state.values[block.range()];
+            (block.operations.local)(&after.state.values[block.range()], value, &mut delta[..n]);
+            let prior = block.prior(&state.values);
+            for k in 0..n {
+                let part = (after.covariance.get(first + k, first + k) / prior[(k, k)]).sqrt();
+                match &block.spec.dynamics {
+                    _ if part * WIDER > 1.0 => delta[k] = 0.0,
+                    Dynamics::Constant => narrow[k] = part * WIDER,
+                    Dynamics::RandomWalk(_) | Dynamics::GaussMarkov { .. } => {}
                 }
             }
-            (block.operations.retract)(value, delta);
+            (block.operations.retract)(&mut state.values[block.range()], &delta[..n]);
+            let prior = block.prior(&state.values);
+            for i in 0..n {
+                for j in 0..=i {
+                    covariance.set(first + i, first + j, narrow[i] * narrow[j] * prior[(i, j)]);
+                }
+            }
         }
     }
 
