@@ -136,7 +136,8 @@ pub trait Observer {
     fn update(&mut self, update: &UpdateRecord<'_>);
     /// The error state moved by `Phi` and gathered `Q`: what a backward pass needs.
     fn transition(&mut self, _transition: &Transition) {}
-    /// A measurement corrected the state by the Jacobian, gain and innovation covariance in the update's work space.
+    /// A measurement corrected the state by the Jacobian, gain and innovation covariance in the update's work space; its `delta`
+    /// is what was injected, as [`crate::state::Layout::reset_rows`] takes it.
     fn correction(&mut self, _update: &Update) {}
     /// A sample of the driving sensor was used, or not.
     fn input(&mut self, sample: &Sample, rejected: Option<Rejection>);

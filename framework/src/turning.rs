@@ -41,7 +41,7 @@ fn turn(phi: &Vector3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
 
 impl Layout {
     /// Injects a correction of the error state into the estimated blocks, and moves the covariance to the error about the
-    /// new estimate.
+    /// new estimate. In `delta` a velocity that turns gets by how much it moved.
     pub(crate) fn inject(&self, state: &mut State, delta: &mut [f64], covariance: &mut Covariance) {
         let turns = |t: &&Turning| self.blocks[t.velocity].estimated() && self.blocks[t.attitude].estimated();
         for t in self.turning.iter().filter(turns) {
@@ -67,8 +67,8 @@ impl Layout {
     }
 
     /// Moves the covariance of the error with anything else, `G` with one row a state (row-major, rows of `stride`), to the error
-    /// about the estimate after `delta` was injected: what the injection does to the filter's own covariance, to first order in
-    /// `delta` for velocities that turn.
+    /// about the estimate after `delta` was injected: what the injection does to the filter's own covariance, by the `delta` that
+    /// [`crate::record::Observer::correction`] is given. Any other breaks the joint covariance of both.
     pub fn reset_rows(&self, delta: &[f64], g: &mut [f64], stride: usize) {
         for t in &self.turning {
             if !self.blocks[t.velocity].estimated() || !self.blocks[t.attitude].estimated() {
@@ -182,6 +182,30 @@ mod tests {
             layout.error(&truth, &estimate, &[true; 3], &mut left);
             // rounding of a position of 6e6 m in radians is 1e-9 m
             assert!(left.iter().all(|e| e.abs() < 1e-8), "{left:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_carried_beside_the_covariance_stays_its_factor() {
+        let layout = layout(true);
+        let mut random = Random::new(4, "turning");
+        for _ in 0..50 {
+            let mut state = displaced(&layout, &layout.initial_state(), &mut random, [1.0, 5.0, 1e3]);
+            // G G' = P, after a heading correction of some 10 degrees as before
+            let mut g: Vec<f64> = (0..9 * 9).map(|_| random.normal()).collect();
+            let product = |g: &[f64], i: usize, j: usize| (0..9).map(|k| g[i * 9 + k] * g[j * 9 + k]).sum::<f64>();
+            let mut covariance = Covariance::zero(9);
+            for (i, j) in (0..9).flat_map(|i| (0..9).map(move |j| (i, j))) {
+                covariance.set(i, j, product(&g, i, j));
+            }
+            let mut delta: Vec<f64> = (0..9).map(|_| 0.2 * random.normal()).collect();
+            layout.inject(&mut state, &mut delta, &mut covariance);
+            layout.reset_rows(&delta, &mut g, 9);
+            for (i, j) in (0..9).flat_map(|i| (0..9).map(move |j| (i, j))) {
+                let (p, of_g) = (covariance.get(i, j), product(&g, i, j));
+                // rounding of elements of some 100
+                assert!((p - of_g).abs() < 1e-11, "{i} {j}: {p} {of_g}");
+            }
         }
     }
 

@@ -190,11 +190,12 @@ impl Ekf {
         }
         slot.reach.clear();
         update.apply(&mut m.covariance, &self.considered);
-        observer.correction(update);
         for other in m.sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
             update.correct(&mut other.reach);
         }
         self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
+        // with what was injected: a velocity that turns moves by more than the gain says
+        observer.correction(update);
         if let Some(history) = &mut m.history {
             history.corrected(&update.delta);
         }
