@@ -133,8 +133,8 @@ fn suggest(registry: &Registry, arguments: &Observability) -> Result<ExitCode> {
         table.add_row([
             s.name.clone(),
             format!("{:.0} s", s.duration_s),
-            format!("{:.1}", s.bits + 0.0),
-            format!("{:.1}", s.bits / minutes + 0.0),
+            tenths(s.bits),
+            tenths(s.bits / minutes),
             most.join("\n"),
         ]);
     }
@@ -145,6 +145,11 @@ fn suggest(registry: &Registry, arguments: &Observability) -> Result<ExitCode> {
         best.segments.iter().for_each(|s| print::line(format_args!("  {s}")));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// With one decimal, and no sign before a zero.
+fn tenths(value: f64) -> String {
+    format!("{:.1}", (10.0 * value).round() / 10.0 + 0.0)
 }
 
 /// The report for a person.
@@ -164,7 +169,7 @@ fn show(report: &Report) {
             words::short(s.prior),
             words::short(s.sigma),
             s.unit.clone(),
-            format!("{:.1}", s.bits + 0.0),
+            tenths(s.bits),
             format!("{:.0} %", 100.0 * s.prior_weight),
             verdict,
         ]);

@@ -206,6 +206,27 @@ fn corrections_of_a_degree_do_not_break_what_is_left() {
     }
 }
 
+/// A heading of which 5 or 10 degrees are unknown turns the velocity far with each correction. What is left of the error at the
+/// start is a covariance all the same: no component gains variance, no correlation exceeds one.
+#[test]
+fn what_is_left_of_a_wide_heading_prior_is_a_covariance() {
+    for (name, stop) in [("tactical", "estimator.stop=760 s"), ("alignment-in-motion", "estimator.stop=460 s")] {
+        let t = tracked(name, &[stop.to_owned()], false);
+        let (n, left) = (t.components().len(), t.left());
+        let title = |i: usize| t.components()[i].title(t.layout());
+        let variance = |i: usize| left[i * n + i];
+        assert!((0..n).any(|i| variance(i) < 0.5), "{name}: nothing was told");
+        for i in 0..n {
+            // both are exact but for the rounding of thousands of updates
+            assert!(variance(i) <= 1.0 + 1e-6, "{name}: {} of {} is left", variance(i), title(i));
+            for j in 0..n {
+                let (both, most) = (left[i * n + j], (variance(i) * variance(j)).sqrt());
+                assert!(both.abs() <= most * (1.0 + 1e-6), "{name}: {} with {}: {}", title(i), title(j), both / most);
+            }
+        }
+    }
+}
+
 #[test]
 fn the_planner_ranks_by_the_bound_and_sends_the_single_thruster_down_or_sideways() {
     let registry = navfuse::standard_plugins();

@@ -41,7 +41,9 @@ pub fn undetermined(n: usize, left: &[f64], of: impl Fn(usize) -> bool) -> Vec<D
             Direction { left: (v.transpose() * &m * v)[(0, 0)].clamp(0.0, 1.0), parts }
         })
         .collect();
-    directions.sort_by(|a, b| b.left.total_cmp(&a.left).then(a.parts[0].0.cmp(&b.parts[0].0)));
+    // a direction of many small weights has no part
+    let heaviest = |d: &Direction| d.parts.first().map(|p| p.0);
+    directions.sort_by(|a, b| b.left.total_cmp(&a.left).then(heaviest(a).cmp(&heaviest(b))));
     directions
 }
 
@@ -89,6 +91,17 @@ mod tests {
         let named: Vec<usize> = found.iter().map(|d| d.parts[0].0).collect();
         assert_eq!(named, [0, 2, 4]);
         assert!(found.iter().all(|d| d.parts.len() == 1 && (d.left - 1.0).abs() < 1e-12));
+    }
+
+    #[test]
+    fn a_direction_of_many_small_weights_names_none() {
+        // what is left is the mean of 16: each weighs a quarter
+        let found = undetermined(16, &[1.0 / 16.0; 256], |_| true);
+        assert_eq!(found.len(), 1);
+        assert!(found[0].parts.is_empty() && (found[0].left - 1.0).abs() < 1e-9, "{found:?}");
+        // two of them, equally unknown, are sorted
+        let left: Vec<f64> = (0..1024).map(|k| if k / 32 / 16 == k % 32 / 16 { 1.0 / 16.0 } else { 0.0 }).collect();
+        assert_eq!(undetermined(32, &left, |_| true).len(), 2);
     }
 
     #[test]
