@@ -95,7 +95,14 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
         From::Gyros => AttitudeSource::Gyros,
         From::Reference => AttitudeSource::Reference,
     };
-    let data = Data::new(recording?, source)?;
+    let recording = recording?;
+    recording.warnings.iter().for_each(|w| print::warn(format_args!("warning: {w}")));
+    let data = Data::new(recording, source)?;
+    if data.rest() == 0.0 {
+        print::warn(
+            "warning: there is no time at rest: the gyro bias is not known, and the methods' sigma is optimistic",
+        );
+    }
     let methods: Vec<Method> = match arguments.method.as_str() {
         "all" => Method::ALL.to_vec(),
         "ekf" => Vec::new(),
@@ -103,6 +110,15 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
             vec![name.parse().map_err(|e: String| format!("--method: {}", e.replace(", and all", ", ekf and all")))?]
         }
     };
+    if let (Some(_), Some(method)) = (&arguments.write, methods.first())
+        && let Some(why) = method.sigma_not_a_prior()
+    {
+        return Err(format!(
+            "--write: the sigma of {} is not to be a prior: {why}; use --method io-dvlc, or --initialise, which keeps the prior's",
+            method.name()
+        )
+        .into());
+    }
     let mut outcomes: Vec<Outcome> = (methods.iter())
         .map(|m| Outcome {
             name: m.name().into(),

@@ -1,7 +1,7 @@
 //! What the methods work on: a recording, its segments, and an attitude.
 
 use crate::Need;
-use nalgebra::Vector3;
+use nalgebra::{Matrix4, Vector3};
 use navfuse_segments::{
     Attitude, AttitudeStart, BodyVelocity, Directions, Kind, Mounting, Recording, Segment, SegmentError, Settings, find,
 };
@@ -167,7 +167,8 @@ impl Data {
         }
         if self.rest() == 0.0 {
             notes.push(format!(
-                "there is no time at rest (below {:.0} mm/s for {:.0} s): the gyro bias is taken as zero, within its prior",
+                "there is no time at rest (below {:.0} mm/s for {:.0} s): the gyro bias is taken as zero, within its prior; \
+                 the sigma is optimistic",
                 1e3 * self.settings.rest_speed,
                 self.settings.shortest[0]
             ));
@@ -200,6 +201,21 @@ impl Data {
             0.0 => imu.gyro_bias,
             rest => imu.gyro_noise / rest.sqrt(),
         }
+    }
+
+    /// What the error of the heading adds to the covariance of a method that takes it as known, by `k` and `δ`: the sigma
+    /// that the scenario starts with, the gyros' noise and what is left of their bias. Nothing where the attitude is the
+    /// reference's, whose error no scenario tells.
+    pub(crate) fn heading_covariance(&self, mounting: &Mounting, used: [f64; 2]) -> Matrix4<f64> {
+        let mut covariance = Matrix4::zeros();
+        if self.source == AttitudeSource::Gyros {
+            let time = (0.5 * (used[0] + used[1]) - self.attitude.start.time).abs();
+            let drift = (self.gyro_bias_sigma().z * time).powi(2) + self.recording.imu.gyro_noise.z.powi(2) * time;
+            let variance = self.recording.attitude_sigma.z.powi(2) + drift;
+            let down = mounting.c_b_d * Vector3::z();
+            covariance.fixed_view_mut::<3, 3>(1, 1).copy_from(&(down * down.transpose() * variance));
+        }
+        covariance
     }
 
     /// The start of the attitude, in words.

@@ -62,7 +62,7 @@ pub fn blocks(data: &Data) -> Result<Vec<Vec<Fix>>, Need> {
         });
     }
     blocks.retain(|b| b.len() >= 3);
-    let covered: f64 = blocks.iter().map(|b| b[b.len() - 1].time - b[0].time).sum();
+    let covered = blocks.iter().map(|b| b[b.len() - 1].time - b[0].time).fold(0.0, |sum, t| sum + t);
     if covered < 60.0 {
         return Err(Need(format!(
             "[sensor.{}] and [sensor.{}] speak together for {covered:.0} s: a minute at least is needed; stay at the surface \

@@ -42,14 +42,15 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
     let left: f64 = sides.iter().map(|(v, d)| (v - turn * d * gain).norm_squared()).sum();
     let variance = left / (2.0 * pairs.len() as f64 - 2.0).max(1.0) / ground;
     let wide = 20_f64.to_radians().powi(2);
+    let used = [pairs[0].time, pairs[pairs.len() - 1].time];
     let covariance =
-        Matrix4::from_diagonal(&nalgebra::Vector4::new(variance * mounting.k.powi(2), wide, wide, variance));
+        Matrix4::from_diagonal(&nalgebra::Vector4::new(variance * mounting.k.powi(2), wide, wide, variance))
+            + data.heading_covariance(&mounting, used);
     let notes = vec![
         data.attitude_told(),
         velocities(own),
         "scale factor and yaw only: roll and pitch keep their initial values; sigma from the residuals, as if they were white".into(),
     ];
-    let used = [pairs[0].time, pairs[pairs.len() - 1].time];
     let determined = [true, false, false, true];
     Ok(Estimate { mounting, covariance: Some(covariance), determined, history, used, notes })
 }

@@ -93,9 +93,12 @@ pub fn displacements(data: &Data) -> Result<Estimate, Need> {
     let mounting =
         fit(&cross, square).ok_or_else(|| Need::new("the way keeps one direction in the instrument: turn or dive"))?;
     let rows: Vec<_> = points.iter().map(|(_, a, b)| (sensitivity(&mounting, b), a - mounting.body(b))).collect();
-    let covariance = shown(&rows, &velocity.initial, &mounting);
-    let notes = vec![data.attitude_told(), "sigma from the residuals and their correlation".into()];
     let used = [points[0].0, points[points.len() - 1].0];
+    let covariance = shown(&rows, &velocity.initial, &mounting) + data.heading_covariance(&mounting, used);
+    let notes = vec![
+        data.attitude_told(),
+        "sigma from the residuals, their correlation and the heading: too small in k".into(),
+    ];
     Ok(Estimate { mounting, determined: determined(&covariance), covariance: Some(covariance), history, used, notes })
 }
 

@@ -94,6 +94,21 @@ impl Method {
         }
     }
 
+    /// Why its sigma is no prior for a filter; `None` where it may be one.
+    pub const fn sigma_not_a_prior(self) -> Option<&'static str> {
+        match self {
+            Self::Troni | Self::TroniPrinted => Some(
+                "its sigma takes the residuals as white, and knows nothing of the attitude's error and of the noise in \
+                 the DVL's derivative: the errors are larger",
+            ),
+            Self::Kinsey2007 => Some(
+                "its residuals are an integrated random walk, and its sigma takes them as correlated from one fix to the \
+                 next only: the errors are several times larger",
+            ),
+            _ => None,
+        }
+    }
+
     /// Calibrates the first body velocity of the data.
     ///
     /// # Errors

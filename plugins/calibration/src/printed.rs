@@ -13,7 +13,6 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
     let (segments, directions, mut notes) = data.type_one(Gaps::Refused)?;
     let mut history = Vec::new();
     let (mut beta2, mut gamma2, mut b) = (0.0, 0.0, Matrix3::zeros());
-    let sign = 1.0; // b and d are roughly aligned, as the paper takes them
     let initial = velocity.initial;
     let mut mounting = initial;
     for segment in &segments {
@@ -23,7 +22,7 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
             gamma2 += gamma.norm_squared();
             b += gamma * beta.transpose();
             if beta2 > 0.0 {
-                mounting.k = sign * (gamma2 / beta2).sqrt();
+                mounting.k = (gamma2 / beta2).sqrt();
                 mounting.c_b_d = solve_rotation(&b, directions.rank, &directions.axes.column(0).into_owned(), &initial);
                 history.push(Step { time: segment.from + t, mounting });
             }

@@ -65,6 +65,8 @@ impl<'a> Builder<'a> {
             start,
             initial_attitude,
             initial_position,
+            attitude_sigma: self.sigma(".attitude"),
+            warnings: Vec::new(),
         };
         for (index, sensor) in self.composition.sensors.iter().enumerate() {
             let Role::Measurement(model) = &sensor.role else { continue };
@@ -145,18 +147,19 @@ impl<'a> Builder<'a> {
         if series.time.len() < 2 {
             return Err(SegmentError::Missing(format!("[sensor.{name}] has no samples: check its source")));
         }
-        let triple = |c: Vec<f64>| Vector3::from_fn(|i, _| c.get(i).or(c.first()).copied().unwrap_or(0.0));
-        let sigma = |ending: &str| {
-            let block = self.layout.blocks.iter().find(|b| b.name.ends_with(ending));
-            block.map_or_else(Vector3::zeros, |b| triple(b.spec.sigma.clone()))
-        };
         Ok(Imu {
             samples: series,
-            gyro_noise: triple(config.gyro_noise.value().components()),
-            accel_noise: triple(config.accel_noise.value().components()),
-            gyro_bias: sigma(".gyro_bias"),
-            accel_bias: sigma(".accel_bias"),
+            gyro_noise: triple(&config.gyro_noise.value().components()),
+            accel_noise: triple(&config.accel_noise.value().components()),
+            gyro_bias: self.sigma(".gyro_bias"),
+            accel_bias: self.sigma(".accel_bias"),
         })
+    }
+
+    /// The prior sigma of the first block whose name ends so; zero where there is none.
+    fn sigma(&self, ending: &str) -> Vector3<f64> {
+        let block = self.layout.blocks.iter().find(|b| b.name.ends_with(ending));
+        block.map_or_else(Vector3::zeros, |b| triple(&b.spec.sigma))
     }
 
     fn is_imu(&self, index: usize) -> bool {
@@ -254,6 +257,11 @@ impl<'a> Builder<'a> {
         let lever_arm = self.layout.find(&format!("{}.lever_arm", sensor.info.name));
         (series, lever_arm.map_or_else(Vector3::zeros, |b| Vector3::from_column_slice(&b.spec.initial)))
     }
+}
+
+/// Three of what is given for three axes, or for all of them at once.
+fn triple(c: &[f64]) -> Vector3<f64> {
+    Vector3::from_fn(|i, _| c.get(i).or(c.first()).copied().unwrap_or(0.0))
 }
 
 impl Series<Inertial> {

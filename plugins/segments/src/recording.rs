@@ -113,6 +113,10 @@ pub struct Recording {
     pub initial_attitude: Option<UnitQuaternion<f64>>,
     /// The position that the filter starts from where no reference tells it.
     pub initial_position: Geodetic,
+    /// 1-sigma of roll, pitch and yaw that the filter starts with, rad; zero where they are not states.
+    pub attitude_sigma: Vector3<f64>,
+    /// What the sources warned of, and how many samples of each sensor were left out as not finite.
+    pub warnings: Vec<String>,
 }
 
 impl Recording {
@@ -134,6 +138,8 @@ impl Recording {
         let end = sources.iter().filter_map(|(_, s)| s.end()).max();
         let end = stop.map_or(end, |stop| Some(end.map_or(stop, |end| end.min(stop))));
         let mut samples: Vec<Vec<Sample>> = composition.sensors.iter().map(|_| Vec::new()).collect();
+        let mut dropped = vec![0_usize; samples.len()];
+        let mut warnings = Vec::new();
         let mut count = 0_u64;
         for (name, mut source) in sources {
             let mut sample = Sample::empty(Time::MIN, SensorId(0));
@@ -141,19 +147,27 @@ impl Recording {
                 if stop.is_some_and(|stop| sample.time > stop) {
                     break;
                 }
-                if sample.not_finite().is_none()
-                    && let Some(list) = samples.get_mut(sample.sensor.0)
-                {
-                    list.push(sample);
+                if let Some((list, dropped)) = samples.get_mut(sample.sensor.0).zip(dropped.get_mut(sample.sensor.0)) {
+                    if sample.not_finite().is_none() {
+                        list.push(sample);
+                    } else {
+                        *dropped += 1;
+                    }
                 }
                 count += 1;
                 if count.is_multiple_of(16384) {
                     progress(sample.time, end);
                 }
             }
+            warnings.extend(source.warning().map(|text| format!("{name}: {text}")));
         }
         samples.iter_mut().for_each(|list| list.sort_by_key(|s| s.time));
-        Builder::new(&composition, samples)?.build()
+        for (sensor, count) in composition.sensors.iter().zip(dropped).filter(|(_, count)| *count > 0) {
+            let name = &sensor.info.name;
+            warnings
+                .push(format!("[sensor.{name}]: {count} samples are not finite and were left out: check its source"));
+        }
+        Ok(Self { warnings, ..Builder::new(&composition, samples)?.build()? })
     }
 
     /// The time on the run's clock, s, of a time on the recording's.
