@@ -189,7 +189,9 @@ mod tests {
             assert_eq!(check_name(good), Ok(()));
         }
         let long = "a".repeat(65);
-        for bad in ["", "2d", "-a", "My", "a b", "../a", "fn", "serde", "navfuse-core", "é", &long] {
+        for bad in
+            ["", "2d", "-a", "My", "a b", "../a", "fn", "serde", "navfuse-core", "navfuse_conformance", "é", &long]
+        {
             assert!(check_name(bad).is_err(), "{bad}");
         }
     }
@@ -199,7 +201,10 @@ mod tests {
         let cargo = FILES[0].1;
         let text = filled(cargo, "usbl", Some(Path::new("/a b/navfuse"))).unwrap();
         assert!(text.contains("name = \"usbl\"\n"), "{text}");
-        assert!(text.contains("navfuse = { path = \"/a b/navfuse\", default-features = false }"), "{text}");
+        assert!(
+            text.contains("navfuse = { path = \"/a b/navfuse\", default-features = false, optional = true }"),
+            "{text}"
+        );
         assert!(text.contains("navfuse-ins = { path = \"/a b/navfuse/plugins/ins\" }\n"), "{text}");
         let text = filled(cargo, "usbl", None).unwrap();
         assert!(text.contains(concat!("navfuse-core = { version = \"", env!("CARGO_PKG_VERSION"), "\" }\n")), "{text}");
