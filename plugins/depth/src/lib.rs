@@ -29,12 +29,8 @@ pub struct Depth {
     #[serde(default)]
     pub lever_arm: LeverArm,
     /// The process whose motion it measures.
-    #[serde(default = "ins")]
+    #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
-}
-
-fn ins() -> String {
-    "ins".into()
 }
 
 impl SensorType for Depth {

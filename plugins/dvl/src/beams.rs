@@ -1,7 +1,7 @@
 //! The velocity along each beam.
 
 use crate::geometry::{MAX_BEAMS, count, directions};
-use crate::instrument::{Instrument, Settings, Track, ins};
+use crate::instrument::{Instrument, Settings, Track};
 use crate::sound::{Array, gains};
 use navfuse_core::Real;
 use navfuse_core::calibration::{LeverArm, Misalignment, ScaleFactor};
@@ -41,7 +41,7 @@ pub struct DvlBeams {
     /// one instrument that tracks both bottom and water.
     pub transducer: Option<String>,
     /// The process whose motion it measures.
-    #[serde(default = "ins")]
+    #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
     /// What the velocity is relative to: `bottom` (default) or `water`.
     #[serde(default)]

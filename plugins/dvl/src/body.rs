@@ -1,6 +1,6 @@
 //! The velocity along the instrument's own three axes.
 
-use crate::instrument::{Instrument, Settings, Track, ins};
+use crate::instrument::{Instrument, Settings, Track};
 use navfuse_core::Real;
 use navfuse_core::calibration::{LeverArm, Misalignment, ScaleFactor};
 use navfuse_core::compose::{ComposeError, Composer, Role};
@@ -32,7 +32,7 @@ pub struct Dvl {
     /// one instrument that tracks both bottom and water.
     pub transducer: Option<String>,
     /// The process whose motion it measures.
-    #[serde(default = "ins")]
+    #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
     /// What the velocity is relative to: `bottom` (default) or `water`.
     #[serde(default)]

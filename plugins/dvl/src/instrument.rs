@@ -97,8 +97,3 @@ impl Instrument {
         x.get(self.c_b_d) * v_b * x.get(self.scale)
     }
 }
-
-/// The default of `navigation`.
-pub(crate) fn ins() -> String {
-    "ins".into()
-}

@@ -45,12 +45,8 @@ pub struct Gnss {
     #[serde(default)]
     pub lever_arm: LeverArm,
     /// The process whose motion it measures.
-    #[serde(default = "ins")]
+    #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
-}
-
-fn ins() -> String {
-    "ins".into()
 }
 fn one() -> Positive<Ratio> {
     Positive::from_si(1.0)

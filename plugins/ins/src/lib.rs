@@ -16,7 +16,7 @@ mod strapdown;
 mod testing;
 
 pub use imu::{Imu, Output};
-pub use navigation::Navigation;
+pub use navigation::{Navigation, default_name};
 pub use reference::ReferenceSolution;
 pub use strapdown::Strapdown;
 

@@ -26,6 +26,11 @@ pub struct Navigation {
     pub angular_rate: Signal<3>,
 }
 
+/// The name that a strapdown process has where a scenario gives it none: the default of a sensor's parameter that names it.
+pub fn default_name() -> String {
+    "ins".to_owned()
+}
+
 impl Navigation {
     /// The navigation state of the process `name`; `key` is the parameter that named it.
     ///

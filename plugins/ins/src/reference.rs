@@ -22,12 +22,8 @@ pub struct ReferenceSolution {
     /// Where the reference's point is, from the IMU, in body axes. Default: at the IMU.
     pub lever_arm: Option<Triple<Length>>,
     /// The process whose state it tells. A vehicle without an IMU has none, and a reference without a lever arm.
-    #[serde(default = "ins")]
+    #[serde(default = "crate::default_name")]
     pub navigation: String,
-}
-
-fn ins() -> String {
-    "ins".into()
 }
 
 const CHANNELS: [Channel; 9] = [

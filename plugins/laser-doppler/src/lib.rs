@@ -42,7 +42,7 @@ pub struct LaserDoppler {
     #[serde(default)]
     pub lever_arm: LeverArm,
     /// The process whose motion it measures.
-    #[serde(default = "ins")]
+    #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
     /// Simulation: the probability that a beam finds no echo, one value or one a beam; each beam by itself.
     #[serde(default = "none_lost")]
@@ -52,10 +52,6 @@ pub struct LaserDoppler {
     pub min_speed: Sigma<Speed>,
     /// Simulation: the highest speed along a beam that it can read, of either sign. Above it the beam is lost.
     pub max_speed: Option<Positive<Speed>>,
-}
-
-fn ins() -> String {
-    "ins".into()
 }
 fn none_lost() -> PerBeam<Sigma<Ratio>> {
     PerBeam::all(Sigma::from_si(0.0))

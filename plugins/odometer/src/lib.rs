@@ -43,12 +43,8 @@ pub struct Odometer {
     #[serde(default)]
     pub lever_arm: LeverArm,
     /// The process whose motion it measures.
-    #[serde(default = "ins")]
+    #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
-}
-
-fn ins() -> String {
-    "ins".into()
 }
 
 const PITCH: Display = Display { components: &["pitch"], ..display::ANGLES };
