@@ -40,11 +40,15 @@ fn turn(phi: &Vector3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
 }
 
 impl Layout {
+    /// The velocities that turn with the heading when a correction moves both.
+    fn corrected(&self) -> impl Iterator<Item = &Turning> {
+        self.turning.iter().filter(|t| self.blocks[t.velocity].estimated() && self.blocks[t.attitude].estimated())
+    }
+
     /// Injects a correction of the error state into the estimated blocks, and moves the covariance to the error about the
     /// new estimate. In `delta` a velocity that turns gets by how much it moved.
     pub(crate) fn inject(&self, state: &mut State, delta: &mut [f64], covariance: &mut Covariance) {
-        let turns = |t: &&Turning| self.blocks[t.velocity].estimated() && self.blocks[t.attitude].estimated();
-        for t in self.turning.iter().filter(turns) {
+        for t in self.corrected() {
             let (v, a) = (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());
             let psi = Vector3::new(0.0, 0.0, delta[a.start + 2]);
             let given = Vector3::from_column_slice(&delta[v.clone()]);
@@ -70,10 +74,7 @@ impl Layout {
     /// about the estimate after `delta` was injected: what the injection does to the filter's own covariance, by the `delta` that
     /// [`crate::record::Observer::correction`] is given. Any other breaks the joint covariance of both.
     pub fn reset_rows(&self, delta: &[f64], g: &mut [f64], stride: usize) {
-        for t in &self.turning {
-            if !self.blocks[t.velocity].estimated() || !self.blocks[t.attitude].estimated() {
-                continue;
-            }
+        for t in self.corrected() {
             let (v, a) = (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());
             let by = Vector3::z().cross(&Vector3::from_column_slice(&delta[v.clone()]));
             for (row, by) in v.zip(by.iter()) {
