@@ -3,7 +3,7 @@
 use crate::arguments::Format;
 use crate::print;
 use crate::progress::Bar;
-use crate::run::of_log;
+use crate::run::document_of;
 use clap::{Args, ValueEnum};
 use navfuse_calibration::{AttitudeSource, Data, Estimate, Method, Step};
 use navfuse_core::document::Document;
@@ -87,7 +87,8 @@ struct Outcome {
 /// `navfuse calibrate`
 pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode> {
     let text = arguments.format == Format::Text;
-    let mut document = open(arguments)?;
+    let (mut document, settings) = document_of(&arguments.source)?;
+    settings.iter().chain(&arguments.set).try_for_each(|s| document.set(s))?;
     let bar = Bar::new(text);
     let scenario = Scenario::new(registry, document.clone(), &[])?;
     let recording = Recording::gather(scenario.assemble(None)?, |now, end| bar.run(Progress { now, end }));
@@ -146,20 +147,6 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
         }
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// The scenario with every setting in place.
-fn open(arguments: &Calibrate) -> Result<Document> {
-    let log = arguments.source.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
-    let mut document = if log {
-        let (mut document, source) = of_log(&arguments.source, None)?;
-        document.set(&source)?;
-        document
-    } else {
-        Document::from_file(&arguments.source)?
-    };
-    arguments.set.iter().try_for_each(|s| document.set(s))?;
-    Ok(document)
 }
 
 /// The scenario's filter; and where it has other sensors than IMU and DVL, the filter without them too.

@@ -59,7 +59,7 @@ pub fn figures(registry: &Registry, arguments: &Figures) -> Result<ExitCode> {
     let mut histories = Vec::new();
     for (file, text) in [("pan-wu-3d.toml", PAN_WU_3D), ("pan-wu-2d.toml", PAN_WU_2D)] {
         let document = Document::parse(file, text.to_owned())?;
-        let (history, end) = run(registry, document, &arguments.set, &stop, &Bar::new(true))?;
+        let (history, end) = run(registry, document, &arguments.set, [], &stop, &Bar::new(true))?;
         if end != End::Whole {
             return Ok(end.code());
         }

@@ -8,11 +8,13 @@ use navfuse_core::document::Document;
 use navfuse_core::registry::Registry;
 use navfuse_core::runner;
 use navfuse_core::scenario::Scenario;
+use navfuse_core::stream::Sink;
 use navfuse_observability::{Report as Observed, Tracker, Watch};
 use navfuse_report::{History, Recorder};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -47,21 +49,24 @@ pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
     let stop = stop_on_ctrl_c();
     let bar = Bar::new(true);
     let of = &arguments.of;
-    let (history, folder, end) = if of.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+    let (history, observed, folder, end) = if of.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         let document = Document::from_file(of)?;
-        let (history, end) = run(registry, document, &arguments.set, &stop, &bar)?;
+        let (watch, kept) = Watch::new(EVERY);
+        let sinks: [(String, Box<dyn Sink>); 1] = [("observability".to_owned(), Box::new(watch))];
+        let (history, end) = run(registry, document, &arguments.set, sinks, &stop, &bar)?;
+        let observed = if end == End::Interrupted { None } else { judged(&history.name, &kept) };
         let folder = Path::new("runs").join(folder_name(&history.name));
-        (history, folder, end)
+        (history, observed, folder, end)
     } else {
         if !arguments.set.is_empty() {
             let message = "a log is told as it was recorded; `navfuse replay` runs the filter again";
             return Err(format!("--set: {message}").into());
         }
         let history = navfuse_report::read_log(of, |read| bar.log(read))?;
-        (history, of.parent().map_or_else(PathBuf::new, Path::to_path_buf), End::Whole)
+        let observed = observed(registry, of, &stop, &bar)?;
+        (history, observed, of.parent().map_or_else(PathBuf::new, Path::to_path_buf), End::Whole)
     };
     bar.done();
-    let observed = if end == End::Interrupted { None } else { observed(registry, arguments, &stop, &bar)? };
     let page = navfuse_report::page::report(&history, observed.as_ref())?;
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("report.html"));
     write(&out, &page)?;
@@ -72,14 +77,13 @@ pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
     Ok(end.code())
 }
 
-/// What the run determines of each state; of a log by running the filter again on its samples. None where that cannot be, as of
+/// What the run of a log determines of each state, by running the filter again on its samples. None where that cannot be, as of
 /// a log that another program with more types wrote.
-fn observed(registry: &Registry, arguments: &Report, stop: &AtomicBool, bar: &Bar) -> Result<Option<Observed>> {
-    let (document, mut settings) = match document_of(&arguments.of) {
+fn observed(registry: &Registry, log: &Path, stop: &AtomicBool, bar: &Bar) -> Result<Option<Observed>> {
+    let (document, settings) = match document_of(log) {
         Ok(found) => found,
         Err(error) => return unjudged(&*error),
     };
-    settings.extend(arguments.set.iter().cloned());
     let scenario = Scenario::new(registry, document, &settings)?;
     let mut assembly = match scenario.assemble(None) {
         Ok(assembly) => assembly,
@@ -89,8 +93,13 @@ fn observed(registry: &Registry, arguments: &Report, stop: &AtomicBool, bar: &Ba
     assembly.sinks.push(("observability".to_owned(), Box::new(watch)));
     runner::run(assembly, stop, |progress| bar.run(progress));
     bar.done();
+    Ok(judged(&scenario.name(), &kept))
+}
+
+/// What a watched run determined; nothing where the filter did not start.
+fn judged(name: &str, kept: &Mutex<Option<Tracker>>) -> Option<Observed> {
     let tracker = kept.lock().ok().and_then(|mut kept| kept.take());
-    Ok(tracker.filter(Tracker::started).map(|tracker| Observed::new(&scenario.name(), &tracker)))
+    tracker.filter(Tracker::started).map(|tracker| Observed::new(name, &tracker))
 }
 
 /// Says why the states are not judged.
@@ -121,11 +130,12 @@ impl End {
     }
 }
 
-/// Runs a scenario for its history.
+/// Runs a scenario for its history, with more sinks.
 pub fn run(
     registry: &Registry,
     document: Document,
     settings: &[String],
+    sinks: impl IntoIterator<Item = (String, Box<dyn Sink>)>,
     stop: &AtomicBool,
     bar: &Bar,
 ) -> Result<(History, End)> {
@@ -133,6 +143,7 @@ pub fn run(
     let mut assembly = scenario.assemble(None)?;
     let (recorder, history) = Recorder::new();
     assembly.sinks.push(("report".to_owned(), Box::new(recorder)));
+    assembly.sinks.extend(sinks);
     let finished = runner::run(assembly, stop, |progress| bar.run(progress));
     bar.done();
     print::events(&finished.events);

@@ -32,7 +32,7 @@ pub fn replay(registry: &Registry, arguments: &Replay) -> Result<ExitCode> {
 }
 
 /// The scenario of a log, or another one, and the setting that makes the log its source.
-pub fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)> {
+fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)> {
     let path = std::fs::canonicalize(log).map_err(|e| format!("{}: cannot be read: {e}", log.display()))?;
     let document = match scenario {
         Some(path) => Document::from_file(path)?,
@@ -49,7 +49,7 @@ pub fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)>
 
 /// The document of a scenario; of a log, as [`of_log`] with the settings.
 pub fn document_of(path: &Path) -> Result<(Document, Vec<String>)> {
-    if path.extension().is_none_or(|e| e != "mcap") {
+    if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
         return Ok((Document::from_file(path)?, Vec::new()));
     }
     let (document, source) = of_log(path, None)?;
