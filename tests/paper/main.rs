@@ -5,6 +5,8 @@
 //! on chance but for the linearisation, so their bounds hold for each seed; those of errors are root mean squares over the seeds.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
+#[path = "../common/mod.rs"]
+mod common;
 mod filter;
 mod observer;
 mod runs;

@@ -1,12 +1,12 @@
 //! Runs of the paper's scenarios: sigma and error of every state once a second.
 
+use crate::common::{parallel, scenario};
 use navfuse_core::document::Document;
 use navfuse_core::manifold::MAX_TANGENT;
 use navfuse_core::record::Epoch;
 use navfuse_core::runner;
 use navfuse_core::scenario::Scenario;
 use navfuse_core::stream::{RunInfo, Sink, StreamError};
-use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
@@ -70,22 +70,15 @@ pub fn flat() -> &'static [Run] {
 
 /// A scenario of the repository, with settings.
 pub fn with<T>(name: &str, settings: &[String], job: impl FnOnce(&Scenario<'_>) -> T) -> T {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios").join(format!("{name}.toml"));
     let registry = navfuse::standard_plugins();
-    let document = Document::from_file(&path).expect("the scenario is there");
+    let document = Document::from_file(scenario(name)).expect("the scenario is there");
     job(&Scenario::new(&registry, document, settings).expect("the settings fit"))
 }
 
-/// A job for every seed, on two threads.
+/// A job for every seed, on all cores.
 pub fn for_seeds<T: Send>(job: impl Fn(Vec<String>) -> T + Sync) -> Vec<T> {
     let settings = |seed: u64| SETTINGS.iter().map(|s| (*s).to_owned()).chain([format!("seed={seed}")]).collect();
-    let (job, seeds) = (&job, SEEDS.collect::<Vec<u64>>());
-    std::thread::scope(|scope| {
-        let halves: Vec<_> = (seeds.chunks(seeds.len().div_ceil(2)))
-            .map(|half| scope.spawn(move || half.iter().map(|seed| job(settings(*seed))).collect::<Vec<T>>()))
-            .collect();
-        halves.into_iter().flat_map(|half| half.join().expect("no run panics")).collect()
-    })
+    parallel(&SEEDS.collect::<Vec<u64>>(), |seed| job(settings(seed)))
 }
 
 fn all(name: &str) -> Vec<Run> {
