@@ -4,13 +4,15 @@ use crate::Scale;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use std::ops::Range;
 
-/// What is larger is no number of navigation and would overflow in the arithmetic of an axis.
+/// What is larger is no number of navigation and would overflow in the arithmetic of an axis; what is smaller than its
+/// inverse would underflow there, and is zero.
 const LARGEST: f64 = 1e100;
 
 /// Where a value lies on an axis, in the axis's own measure: the value, or its decade. `None` where it lies nowhere.
 pub fn place(scale: Scale, value: f64) -> Option<f64> {
     let there = value.abs() < LARGEST; // NaN is not
     match scale {
+        Scale::Linear | Scale::Time | Scale::Map if value.abs() < 1.0 / LARGEST => Some(0.0),
         Scale::Linear | Scale::Time | Scale::Map => there.then_some(value),
         Scale::Logarithmic => (there && value > 1.0 / LARGEST).then(|| value.log10()),
     }
@@ -94,7 +96,7 @@ fn spread(scale: Scale, low: f64, high: f64) -> (f64, f64) {
     let (least, half) = match scale {
         Scale::Logarithmic => (0.02, 0.2),
         // 1e-12: a tick's number would need more digits than a reader compares
-        Scale::Linear | Scale::Time | Scale::Map => (1e-12 * size, if size > 1.0 / LARGEST { 0.1 * size } else { 1.0 }),
+        Scale::Linear | Scale::Time | Scale::Map => (1e-12 * size, if size > 0.0 { 0.1 * size } else { 1.0 }),
     };
     if high - low > least { (low, high) } else { (low - half, high + half) }
 }

@@ -72,6 +72,16 @@ fn a_constant_a_single_point_and_a_title_of_markup_are_drawn() {
 }
 
 #[test]
+fn a_range_too_small_for_the_arithmetic_of_an_axis_is_one_of_zeros() {
+    let curve = || curve("c", Look::Data(0), &[0.0, 1.0]);
+    for least in [-3.063140057416345e-309, 4.9e-324, 2e-308, 1e-200, 1e-101] {
+        let picture =
+            svg(&figure(1, vec![panel(Axis::linear("y").within([0.0, least]), vec![curve()], vec![])])).unwrap();
+        assert!(!picture.contains("NaN") && !picture.contains("inf"), "{least}");
+    }
+}
+
+#[test]
 fn every_name_title_and_label_is_written() {
     let looks = [Look::Data(0), Look::Data(1), Look::Sigma, Look::Bound, Look::Truth, Look::Points(2)];
     let names = ["error of x", "error of y", "sigma", "limit", "truth", "samples"];
