@@ -103,8 +103,7 @@ fn suggest(registry: &Registry, arguments: &Observability) -> Result<ExitCode> {
     let (mut document, _) = run::document_of(&arguments.scenario)?;
     arguments.set.iter().try_for_each(|s| document.set(s))?;
     let at = arguments.at.as_deref().map(|text| seconds("--at", text)).transpose()?;
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let options = plan::Options { at, of: arguments.of.clone(), threads };
+    let options = plan::Options { at, of: arguments.of.clone() };
     let text = arguments.format == Format::Text;
     let (bar, stop) = (Bar::new(text), stop_on_ctrl_c());
     let tell = |done, asked| bar.campaign(Done { done, asked });

@@ -231,7 +231,7 @@ fn what_is_left_of_a_wide_heading_prior_is_a_covariance() {
 fn the_planner_ranks_by_the_bound_and_sends_the_single_thruster_down_or_sideways() {
     let registry = navfuse::standard_plugins();
     let document = Document::from_file(path("observability/remark-2")).expect("the scenario is there");
-    let options = Options { at: None, of: vec!["dvl.misalignment".into()], threads: 2 };
+    let options = Options { at: None, of: vec!["dvl.misalignment".into()] };
     let plan = plan::suggest(&registry, &document, &options, &AtomicBool::new(false), |_, _| {});
     let plan = plan.unwrap_or_else(|e| panic!("{e}")).expect("not stopped");
     let best = &plan.suggestions[0];

@@ -6,6 +6,7 @@ pub mod recording;
 use navfuse_core::document::Document;
 use navfuse_core::runner::{self, Finished};
 use navfuse_core::scenario::Scenario;
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
@@ -69,13 +70,5 @@ pub fn snapir() -> Option<PathBuf> {
 
 /// Runs `job` for every item on all cores, in order.
 pub fn parallel<T: Send, I: Send + Sync + Copy>(items: &[I], job: impl Fn(I) -> T + Sync) -> Vec<T> {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut results: Vec<Option<T>> = items.iter().map(|_| None).collect();
-    let share = items.len().div_ceil(cores).max(1);
-    std::thread::scope(|scope| {
-        for (items, results) in items.chunks(share).zip(results.chunks_mut(share)) {
-            scope.spawn(|| items.iter().zip(results).for_each(|(item, result)| *result = Some(job(*item))));
-        }
-    });
-    results.into_iter().flatten().collect()
+    items.par_iter().map(|item| job(*item)).collect()
 }

@@ -1,7 +1,7 @@
 //! What the methods work on: a recording, its segments, and an attitude.
 
 use crate::Need;
-use nalgebra::{Matrix4, Vector3};
+use nalgebra::{Matrix3, Matrix4, Vector3};
 use navfuse_segments::{
     Attitude, AttitudeStart, BodyVelocity, Directions, Kind, Mounting, Recording, Segment, SegmentError, Settings, find,
 };
@@ -203,17 +203,18 @@ impl Data {
         }
     }
 
-    /// What the error of the heading adds to the covariance of a method that takes it as known, by `k` and `δ`: the sigma
-    /// that the scenario starts with, the gyros' noise and what is left of their bias. Nothing where the attitude is the
-    /// reference's, whose error no scenario tells.
-    pub(crate) fn heading_covariance(&self, mounting: &Mounting, used: [f64; 2]) -> Matrix4<f64> {
+    /// What the error of the attitude adds to the covariance of a method that takes it as known, by `k` and `δ`: the sigma
+    /// that the scenario starts with, the gyros' noise and what is left of their bias, as if the course were one. Nothing where
+    /// the attitude is the reference's, whose error no scenario tells.
+    pub(crate) fn attitude_covariance(&self, mounting: &Mounting, used: [f64; 2]) -> Matrix4<f64> {
         let mut covariance = Matrix4::zeros();
         if self.source == AttitudeSource::Gyros {
             let time = (0.5 * (used[0] + used[1]) - self.attitude.start.time).abs();
-            let drift = (self.gyro_bias_sigma().z * time).powi(2) + self.recording.imu.gyro_noise.z.powi(2) * time;
-            let variance = self.recording.attitude_sigma.z.powi(2) + drift;
-            let down = mounting.c_b_d * Vector3::z();
-            covariance.fixed_view_mut::<3, 3>(1, 1).copy_from(&(down * down.transpose() * variance));
+            let square = |v: Vector3<f64>| v.component_mul(&v);
+            let drift = square(self.gyro_bias_sigma() * time) + square(self.recording.imu.gyro_noise) * time;
+            let body = Matrix3::from_diagonal(&(square(self.recording.attitude_sigma) + drift));
+            let turned = mounting.c_b_d * body * mounting.c_b_d.inverse();
+            covariance.fixed_view_mut::<3, 3>(1, 1).copy_from(&turned);
         }
         covariance
     }

@@ -2,7 +2,7 @@
 
 use crate::{Data, Need};
 use nalgebra::{UnitQuaternion, Vector3};
-use navfuse_segments::Series;
+use navfuse_segments::{Positions, Series};
 
 /// One fix.
 #[derive(Clone, Copy, Debug)]
@@ -23,7 +23,7 @@ pub struct Fix {
 /// When there is no sensor of the position, or too few fixes.
 pub fn blocks(data: &Data) -> Result<Vec<Vec<Fix>>, Need> {
     let velocity = data.over_ground()?;
-    let Some((series, lever)) = data.recording.positions.first() else {
+    let Some(Positions { fixes: series, lever_arm: lever, .. }) = data.recording.positions.first() else {
         return Err(Need::new(
             "this method needs position fixes, and no sensor of the scenario has latitude and longitude: add [sensor.gnss], \
              or use io-dvlc, which needs none",

@@ -3,7 +3,7 @@
 use crate::fixes::pairs;
 use crate::kinsey::velocities;
 use crate::{Data, Estimate, Need, Step};
-use nalgebra::{Matrix4, Rotation3, Vector3};
+use nalgebra::{Matrix4, Rotation3, Vector3, Vector4};
 use navfuse_segments::Mounting;
 
 /// With `(u_d, v_d)` the DVL's velocity in north and east at its initial mounting and `(u, v)` that over the ground,
@@ -13,7 +13,8 @@ use navfuse_segments::Mounting;
 /// ```
 /// `v^n = A R(a) v_d^n`: the instrument's yaw is less by `a`, and `k` by `A`. Roll and pitch stay.
 pub fn estimate(data: &Data) -> Result<Estimate, Need> {
-    let initial = data.over_ground()?.initial;
+    let velocity = data.over_ground()?;
+    let initial = velocity.initial;
     let (pairs, own) = pairs(data)?;
     let flat = |v: Vector3<f64>| Vector3::new(v.x, v.y, 0.0);
     let (mut sine, mut cosine, mut ground, mut doppler) = (0.0, 0.0, 0.0, 0.0);
@@ -41,15 +42,16 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
     let gain = (ground / doppler).sqrt();
     let left: f64 = sides.iter().map(|(v, d)| (v - turn * d * gain).norm_squared()).sum();
     let variance = left / (2.0 * pairs.len() as f64 - 2.0).max(1.0) / ground;
-    let wide = 20_f64.to_radians().powi(2);
+    // roll and pitch stay as uncertain as they were; a pitch p makes the horizontal speed less by p^2 / 2
+    let tilt = velocity.angle_sigma.map(|s| s * s);
+    let scale = (variance + 0.75 * tilt.y.powi(2)) * mounting.k.powi(2);
     let used = [pairs[0].time, pairs[pairs.len() - 1].time];
-    let covariance =
-        Matrix4::from_diagonal(&nalgebra::Vector4::new(variance * mounting.k.powi(2), wide, wide, variance))
-            + data.heading_covariance(&mounting, used);
+    let covariance = Matrix4::from_diagonal(&Vector4::new(scale, tilt.x, tilt.y, variance))
+        + data.attitude_covariance(&mounting, used);
     let notes = vec![
         data.attitude_told(),
         velocities(own),
-        "scale factor and yaw only: roll and pitch keep their initial values; sigma from the residuals, as if they were white".into(),
+        "scale factor and yaw only: roll and pitch keep their initial values and their prior; sigma from the residuals, as if they were white, and of that tilt".into(),
     ];
     let determined = [true, false, false, true];
     Ok(Estimate { mounting, covariance: Some(covariance), determined, history, used, notes })

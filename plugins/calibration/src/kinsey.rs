@@ -1,7 +1,7 @@
 //! Kinsey & Whitcomb (2006): an adaptive identifier on SO(3); (2007): displacements by position fixes.
 
-use crate::fixes::{blocks, instrument, pairs};
-use crate::solve::{determined, sensitivity, shown, wahba};
+use crate::fixes::{Fix, blocks, instrument, pairs};
+use crate::solve::{Residual, determined, sensitivity, shown_by_integrals, wahba};
 use crate::{Data, Estimate, Need, Step};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use navfuse_segments::Mounting;
@@ -55,12 +55,19 @@ fn spread(units: &[Vector3<f64>]) -> f64 {
     (1.0 - square.symmetric_eigenvalues().max()).max(0.0)
 }
 
+/// Both sides at a fix, less their block's mean, m.
+struct Point {
+    time: f64,
+    a: Vector3<f64>,
+    b: Vector3<f64>,
+}
+
 /// `a(t) = C_d^b b(t) / k` with both sides displacements in instrument axes ([`instrument`]): least squares over `k` and
 /// SO(3), each block of fixes about its own mean. (Kinsey & Whitcomb's `R` has no `k`.)
 pub fn displacements(data: &Data) -> Result<Estimate, Need> {
     let velocity = data.over_ground()?;
     let blocks = blocks(data)?;
-    let mut points: Vec<(f64, Vector3<f64>, Vector3<f64>)> = Vec::new();
+    let mut points: Vec<Vec<Point>> = Vec::new();
     let mut history = Vec::new();
     let (mut cross, mut square) = (Matrix3::zeros(), 0.0);
     for block in &blocks {
@@ -81,23 +88,42 @@ pub fn displacements(data: &Data) -> Result<Estimate, Need> {
         }
         cross += sab - sa * sb.transpose() / n;
         square += sbb - sb.norm_squared() / n;
-        points.extend(block.iter().zip(&a).zip(&b).map(|((f, a), b)| (f.time, a - sa / n, b - sb / n)));
+        let centred = |((fix, a), b): ((&Fix, _), _)| Point { time: fix.time, a: a - sa / n, b: b - sb / n };
+        points.push(block.iter().zip(a).zip(b).map(centred).collect());
     }
-    let way = square.sqrt();
-    if way < 100.0 * blocks[0][0].sigma {
+    let way = (square / points.iter().flatten().count() as f64).sqrt();
+    if way < 10.0 * blocks[0][0].sigma {
         return Err(Need(format!(
-            "the way is {way:.0} m r.m.s. about its mean, less than a hundred times the fixes' noise of {:.1} m: go farther",
+            "the way is {way:.0} m r.m.s. about its mean, less than ten times the fixes' error of {:.1} m: go farther",
             blocks[0][0].sigma
         )));
     }
     let mounting =
         fit(&cross, square).ok_or_else(|| Need::new("the way keeps one direction in the instrument: turn or dive"))?;
-    let rows: Vec<_> = points.iter().map(|(_, a, b)| (sensitivity(&mounting, b), a - mounting.body(b))).collect();
-    let used = [points[0].0, points[points.len() - 1].0];
-    let covariance = shown(&rows, &velocity.initial, &mounting) + data.heading_covariance(&mounting, used);
+    let residuals: Vec<Vec<Residual>> = (points.iter())
+        .map(|block| {
+            let turned = |from: usize, to: usize| {
+                let between = data.attitude.at(block[from].time).inverse() * data.attitude.at(block[to].time);
+                between.scaled_axis() * 0.5
+            };
+            let row = |(i, p): (usize, &Point)| Residual {
+                time: p.time,
+                h: sensitivity(&mounting, &p.b),
+                z: p.a - mounting.body(&p.b),
+                turn: turned(i.saturating_sub(1), (i + 1).min(block.len() - 1)),
+            };
+            block.iter().enumerate().map(row).collect()
+        })
+        .collect();
+    let (first, last) = (&blocks[0], &blocks[blocks.len() - 1]);
+    let used = [first[0].time, last[last.len() - 1].time];
+    let walk = data.recording.positions.first().map_or_else(Vector3::zeros, |p| p.bias_walk);
+    let walk = Vector3::new(walk.x.max(walk.y), walk.x.max(walk.y), walk.z); // of a vehicle that is about level
+    let covariance =
+        shown_by_integrals(&residuals, walk, &velocity.initial, &mounting) + data.attitude_covariance(&mounting, used);
     let notes = vec![
         data.attitude_told(),
-        "sigma from the residuals, their correlation and the heading: too small in k".into(),
+        "sigma from the residuals as white noise and a random walk, the bias of the fixes, and the attitude".into(),
     ];
     Ok(Estimate { mounting, determined: determined(&covariance), covariance: Some(covariance), history, used, notes })
 }

@@ -98,12 +98,7 @@ impl Method {
     pub const fn sigma_not_a_prior(self) -> Option<&'static str> {
         match self {
             Self::Troni | Self::TroniPrinted => Some(
-                "its sigma takes the residuals as white, and knows nothing of the attitude's error and of the noise in \
-                 the DVL's derivative: the errors are larger",
-            ),
-            Self::Kinsey2007 => Some(
-                "its residuals are an integrated random walk, and its sigma takes them as correlated from one fix to the \
-                 next only: the errors are several times larger",
+                "its sigma takes the attitude as exact, and 1 mrad of tilt is 1 mg of acceleration: the errors may be larger",
             ),
             _ => None,
         }

@@ -67,3 +67,78 @@ pub fn shown(rows: &[(Matrix3x4<f64>, Vector3<f64>)], initial: &Mounting, at: &M
     let information: Matrix4<f64> = rows.iter().map(|(h, _)| h.transpose() * h / variance).sum();
     (information + prior(initial, at).0).try_inverse().unwrap_or_else(Matrix4::zeros)
 }
+
+/// A row of a fit of integrals: the derivative by `k` and `δ`, and the residual, both less their block's mean.
+pub struct Residual {
+    /// s
+    pub time: f64,
+    pub h: Matrix3x4<f64>,
+    pub z: Vector3<f64>,
+    /// How the body turns while this sample is the nearest, a rotation vector: later integrals keep that much of its noise.
+    pub turn: Vector3<f64>,
+}
+
+/// The covariance of a fit of equal weights to integrals over time, whose errors are white noise and a random walk, and
+/// far from the white noise of one variance that the fit takes them for. On each axis their variances `s` and `q` are read off the
+/// residuals, `<|z(t + L) - z(t)|^2> = 2 s + q L` at two lags, and `q` is at least what is stated, m^2/s: over a run the
+/// residuals tell it badly, as the fit takes a part of it away. What they do to the estimate follows from the fit's
+/// normal equations, as it is linear in the errors:
+///
+/// ```text
+/// δ = A^-1 Σ h' z     A = Σ h' h     c_j = Σ_(t > j) h     cov(Σ h' z) = Σ_j g_j' s g_j + c_j' q c_j dt_j
+/// g_j = h_j + [turn_j x]' c_j
+/// ```
+pub fn shown_by_integrals(
+    blocks: &[Vec<Residual>],
+    stated: Vector3<f64>,
+    initial: &Mounting,
+    at: &Mounting,
+) -> Matrix4<f64> {
+    let rows = || blocks.iter().flatten();
+    let count = rows().count().max(1) as f64;
+    let variance = (rows().map(|r| r.z.norm_squared()).sum::<f64>() / (3.0 * count)).max(1e-24);
+    let prior = prior(initial, at).0;
+    let normal = rows().map(|r| r.h.transpose() * r.h).sum::<Matrix4<f64>>() / variance + prior;
+    let Some(inverse) = normal.try_inverse() else { return Matrix4::zeros() };
+    let noise: [(f64, f64); 3] = std::array::from_fn(|axis| white_and_walk(blocks, axis));
+    let white = Matrix3::from_diagonal(&Vector3::from_fn(|i, _| noise[i].0));
+    let walk = Matrix3::from_diagonal(&Vector3::from_fn(|i, _| noise[i].1.max(stated[i])));
+    let mut score = Matrix4::zeros();
+    for block in blocks {
+        let (mut after, mut next) = (Matrix3x4::zeros(), None);
+        for row in block.iter().rev() {
+            let dt = next.map_or(0.0, |t: f64| t - row.time);
+            let g = row.h + row.turn.cross_matrix().transpose() * after;
+            score += g.transpose() * white * g + after.transpose() * walk * after * dt;
+            after += row.h;
+            next = Some(row.time);
+        }
+    }
+    inverse * (score / variance.powi(2) + prior) * inverse
+}
+
+/// Variance of the white noise, m^2, and of the random walk, m^2/s, in the residuals of one axis, by their variogram at one step
+/// and at a tenth of the time that they cover: long enough for what drifts, short enough for ten of them.
+fn white_and_walk(blocks: &[Vec<Residual>], axis: usize) -> (f64, f64) {
+    let covered: f64 = blocks.iter().filter_map(|b| Some(b.last()?.time - b.first()?.time)).sum();
+    let at = |lag: f64| {
+        let (mut sum, mut length, mut count) = (0.0, 0.0, 0.0);
+        for block in blocks {
+            let mut k = 0;
+            for first in block {
+                while k < block.len() && block[k].time < first.time + lag {
+                    k += 1;
+                }
+                let Some(second) = block.get(k) else { break };
+                sum += (second.z[axis] - first.z[axis]).powi(2);
+                length += second.time - first.time;
+                count += 1.0;
+            }
+        }
+        (count > 0.0).then(|| (sum / count, length / count))
+    };
+    let Some((near, step)) = at(1e-9) else { return (0.0, 0.0) };
+    let (far, lag) = at((0.1 * covered).max(2.0 * step)).unwrap_or((near, step));
+    let walk = if lag > step { ((far - near) / (lag - step)).max(0.0) } else { 0.0 };
+    ((0.5 * (near - walk * step)).max(0.0), walk)
+}

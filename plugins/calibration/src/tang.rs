@@ -67,7 +67,7 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
     });
     covariance[(0, 0)] = along;
     let used = [pairs[0].time, pairs[pairs.len() - 1].time];
-    covariance += data.heading_covariance(&mounting, used);
+    covariance += data.attitude_covariance(&mounting, used);
     let told = format!("scale factor by a displacement of {distance:.0} m; sigma of the angles from the residuals");
     let notes = vec![data.attitude_told(), velocities(own), told];
     Ok(Estimate { mounting, determined: determined(&covariance), covariance: Some(covariance), history, used, notes })

@@ -73,17 +73,17 @@ pub fn estimate(data: &Data, gravity: bool) -> Result<Estimate, Need> {
     if !gravity {
         notes.push("the change of C_n^b g is left in the accelerations, as Pan & Wu describe the method".into());
     }
-    let shrink = 3.0 * noise / still;
-    if shrink > 1e-3 {
-        notes.push(format!(
-            "the noise of the DVL's derivative is {:.1} % of its mean square: the estimate of 1/k is too small by about as much",
-            100.0 * shrink
-        ));
+    // the noise of a regressor, which least squares take as exact, makes 1/k too small: E[dH' dz], dH = -X n / k
+    let asked = 3.0 * noise * windows.len() as f64 / (mounting.k.powi(3) * fit.variance);
+    let shift = fit.covariance.column(0) * asked;
+    fit.covariance += shift * shift.transpose();
+    if shift[0] > 1e-3 {
+        notes.push(format!("the noise of the DVL's derivative makes k too large by about {:.4}", shift[0]));
     }
     if windows.iter().all(|w| w.depth_rate.is_none()) {
         notes.push("no depth: its rows are left out".into());
     }
-    notes.push("sigma from the residuals".into());
+    notes.push("sigma from the residuals, as if they were white, and the noise of the derivative".into());
     let used = [windows[0].time, windows[windows.len() - 1].time];
     let determined = determined(&fit.covariance);
     Ok(Estimate { mounting, covariance: Some(fit.covariance), determined, history: fit.history, used, notes })
@@ -176,6 +176,8 @@ fn line(times: &[f64], values: &[f64]) -> f64 {
 struct Fit {
     step: Vector4<f64>,
     covariance: Matrix4<f64>,
+    /// Of the accelerations' residuals, (m/s^2)^2.
+    variance: f64,
     history: Vec<Step>,
 }
 
@@ -214,5 +216,5 @@ fn fit_at(windows: &[Window], m: &Mounting, velocity: &navfuse_segments::BodyVel
     }
     let cholesky = information.cholesky();
     let (step, covariance) = cholesky.map_or_else(Default::default, |c| (c.solve(&right), c.inverse()));
-    Fit { step, covariance, history }
+    Fit { step, covariance, variance, history }
 }

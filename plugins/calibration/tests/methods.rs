@@ -7,7 +7,8 @@ use common::{data, read};
 use navfuse_calibration::{AttitudeSource, Data, Estimate, Method};
 
 /// No noise, no biases, and the attitude known: what the methods of an AHRS take for granted.
-const EXACT: [&str; 7] = [
+const EXACT: [&str; 8] = [
+    "estimator.draw=start",
     "sensor.imu.simulation.noise=0",
     "sensor.dvl.simulation.noise=0",
     "sensor.gnss.simulation.noise=0",

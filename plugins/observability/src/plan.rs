@@ -10,9 +10,9 @@ use navfuse_core::registry::{BuildError, Registry};
 use navfuse_core::runner;
 use navfuse_core::scenario::Scenario;
 use navfuse_core::units::{Speed, Time};
+use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 /// Why nothing can be suggested.
 #[derive(Debug, thiserror::Error)]
@@ -39,8 +39,6 @@ pub struct Options {
     /// States or components that count, such as `dvl.misalignment` or `dvl.misalignment.roll`; those that are not determined
     /// when the manoeuvre begins where there are none.
     pub of: Vec<String>,
-    /// Threads.
-    pub threads: usize,
 }
 
 /// What the planner says.
@@ -244,31 +242,16 @@ pub fn suggest(
     // the scenario as it is, straight on, and the candidates
     let mut jobs: Vec<Vec<(String, f64)>> = vec![Vec::new(), vec![segment(on, longest, "")]];
     jobs.extend(candidates.iter().map(|c| c.segments.clone()));
-    let next = AtomicUsize::new(0);
-    let done = Mutex::new((0, jobs.iter().map(|_| None).collect::<Vec<_>>()));
-    std::thread::scope(|scope| {
-        for _ in 0..options.threads.clamp(1, jobs.len()) {
-            scope.spawn(|| {
-                while let Some((k, job)) =
-                    Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|k| Some((k, jobs.get(k)?)))
-                {
-                    let result = run(registry, document, &base.settings(job), stop);
-                    let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
-                    done.1[k] = Some(result);
-                    done.0 += 1;
-                    progress(done.0, jobs.len());
-                }
-            });
-        }
-    });
-    let results = done.into_inner().unwrap_or_else(PoisonError::into_inner).1;
-    let mut trackers = Vec::new();
-    for result in results.into_iter().flatten() {
-        match result? {
-            Some(tracker) => trackers.push(tracker),
-            None => return Ok(None),
-        }
-    }
+    let done = AtomicUsize::new(0);
+    let run = |job: &Vec<(String, f64)>| {
+        let result = run(registry, document, &base.settings(job), stop);
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
+        result
+    };
+    // `None`, where a run was stopped, ends them all
+    let Some(trackers) = jobs.par_iter().map(run).collect::<Result<Option<Vec<Tracker>>, _>>()? else {
+        return Ok(None);
+    };
     let [before, straight, after @ ..] = trackers.as_slice() else { return Ok(None) };
     let counts = counting(before, &options.of)?;
     let mut suggestions: Vec<Suggestion> =

@@ -1,6 +1,6 @@
 //! Finds what each sensor of a composition is, and gathers its samples in SI.
 
-use crate::recording::{BodyVelocity, Imu, Inertial, Mounting, PositionFix, Recording};
+use crate::recording::{BodyVelocity, Imu, Inertial, Mounting, PositionFix, Positions, Recording};
 use crate::{SegmentError, Series};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use navfuse_core::compose::{Composition, Role, Sensor};
@@ -12,7 +12,7 @@ use navfuse_core::motion::Motion;
 use navfuse_core::registry::Kind;
 use navfuse_core::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::scenario::common_keys;
-use navfuse_core::state::{Layout, State};
+use navfuse_core::state::{Dynamics, Layout, State};
 use navfuse_core::time::Time;
 use navfuse_core::units::Components;
 use navfuse_ins::Output;
@@ -232,11 +232,21 @@ impl<'a> Builder<'a> {
         sensor: &Sensor,
         model: &dyn AnyMeasurement,
         [lat, lon]: [usize; 2],
-    ) -> (Series<PositionFix>, Vector3<f64>) {
+    ) -> Positions {
         let place = |name: &str| sensor.info.channels.iter().position(|c| c.name == name);
         let height = place("height");
         let velocity = place("vel_n").zip(place("vel_e")).zip(place("vel_d"));
-        let mut series = Series::new(&sensor.info.name);
+        let name = &sensor.info.name;
+        let dynamics = self.layout.find(&format!("{name}.bias")).map(|b| &b.spec.dynamics);
+        let (bias, bias_walk) = match dynamics {
+            Some(Dynamics::GaussMarkov { sigma, time }) => {
+                let sigma = triple(sigma);
+                (sigma, sigma.map(|s| 2.0 * s * s / time))
+            }
+            Some(Dynamics::RandomWalk(density)) => (Vector3::zeros(), triple(density)),
+            Some(Dynamics::Constant) | None => Default::default(),
+        };
+        let mut series = Series::new(name);
         for sample in &self.samples[index] {
             let Some((latitude, longitude)) = sample.get(lat).zip(sample.get(lon)) else { continue };
             let r = self.noise(model, sample);
@@ -249,13 +259,14 @@ impl<'a> Builder<'a> {
                 PositionFix {
                     position: Geodetic { latitude, longitude, height: h.unwrap_or(f64::NAN) },
                     velocity,
-                    sigma: r[(lat, lat)].sqrt() * r_n,
-                    sigma_height: height.map_or(f64::INFINITY, |k| r[(k, k)].sqrt()),
+                    sigma: (r[(lat, lat)].sqrt() * r_n).hypot(bias.x.max(bias.y)),
+                    sigma_height: height.map_or(f64::INFINITY, |k| r[(k, k)].sqrt().hypot(bias.z)),
                 },
             );
         }
-        let lever_arm = self.layout.find(&format!("{}.lever_arm", sensor.info.name));
-        (series, lever_arm.map_or_else(Vector3::zeros, |b| Vector3::from_column_slice(&b.spec.initial)))
+        let lever_arm = self.layout.find(&format!("{name}.lever_arm"));
+        let lever_arm = lever_arm.map_or_else(Vector3::zeros, |b| Vector3::from_column_slice(&b.spec.initial));
+        Positions { fixes: series, lever_arm, bias_walk }
     }
 }
 

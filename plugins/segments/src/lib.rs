@@ -20,7 +20,7 @@ pub use attitude::{Attitude, AttitudeStart};
 pub use directions::Directions;
 pub use finder::{Kind, Segment, Settings, find};
 pub use increments::Increments;
-pub use recording::{BodyVelocity, Imu, Inertial, Mounting, PositionFix, Recording};
+pub use recording::{BodyVelocity, Imu, Inertial, Mounting, PositionFix, Positions, Recording};
 pub use series::Series;
 pub use sphere::Sphere;
 

@@ -77,6 +77,17 @@ pub struct BodyVelocity {
     pub water: bool,
 }
 
+/// A sensor of the position.
+#[derive(Clone, Debug)]
+pub struct Positions {
+    /// Its samples.
+    pub fixes: Series<PositionFix>,
+    /// Its point from the IMU, body axes, m.
+    pub lever_arm: Vector3<f64>,
+    /// How fast its bias wanders at first, north, east, down, m^2/s: the variance of its change over a second.
+    pub bias_walk: Vector3<f64>,
+}
+
 /// One fix of the position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PositionFix {
@@ -84,9 +95,9 @@ pub struct PositionFix {
     pub position: Geodetic,
     /// Velocity north, east, down, m/s, where the sensor gives it.
     pub velocity: Option<Vector3<f64>>,
-    /// 1-sigma north and east, m.
+    /// 1-sigma north and east, m: of the noise, and of a bias that wanders.
     pub sigma: f64,
-    /// 1-sigma of the height, m.
+    /// 1-sigma of the height, m, likewise.
     pub sigma_height: f64,
 }
 
@@ -103,8 +114,8 @@ pub struct Recording {
     pub velocities: Vec<BodyVelocity>,
     /// Depths, m, positive down, with their 1-sigma.
     pub depths: Vec<(Series<f64>, f64)>,
-    /// Position fixes, with the lever arm of the sensor's point from the IMU, body axes, m.
-    pub positions: Vec<(Series<PositionFix>, Vector3<f64>)>,
+    /// Sensors of the position.
+    pub positions: Vec<Positions>,
     /// The reference, at the IMU's point: the truth, or the best that there is. Its rates and forces are not set.
     pub reference: Option<Series<Motion>>,
     /// When the filter starts, s.

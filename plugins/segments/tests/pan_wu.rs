@@ -4,7 +4,7 @@
 use navfuse_core::document::Document;
 use navfuse_core::registry::Registry;
 use navfuse_core::scenario::Scenario;
-use navfuse_segments::{Attitude, Directions, Increments, Kind, Recording, Segment, Settings, Sphere, find};
+use navfuse_segments::{Attitude, Directions, Increments, Kind, Positions, Recording, Segment, Settings, Sphere, find};
 use std::path::Path;
 
 fn registry() -> Registry {
@@ -162,7 +162,7 @@ fn beams_give_the_velocity_that_the_axes_do() {
 fn gnss_and_depth_are_found_by_what_they_measure() {
     let recording = read("surface-dive.toml", &["estimator.stop=100 s"]);
     assert_eq!((recording.velocities.len(), recording.depths.len(), recording.positions.len()), (1, 1, 1));
-    let (fixes, lever) = &recording.positions[0];
+    let Positions { fixes, lever_arm: lever, .. } = &recording.positions[0];
     assert_eq!(fixes.name, "gnss");
     assert!((lever.x + 0.4).abs() < 1e-12);
     let fix = fixes.value[10];

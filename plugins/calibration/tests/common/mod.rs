@@ -6,6 +6,7 @@ use navfuse_core::document::Document;
 use navfuse_core::registry::Registry;
 use navfuse_core::scenario::Scenario;
 use navfuse_segments::Recording;
+use rayon::prelude::*;
 use std::path::Path;
 
 pub fn read(name: &str, settings: &[&str]) -> Recording {
@@ -27,16 +28,6 @@ pub fn data(name: &str, settings: &[&str]) -> Data {
 }
 
 /// Runs `job` for seeds 1 to `count` on all cores.
-pub fn seeds<T: Send>(count: u64, job: impl Fn(u64) -> T + Sync) -> Vec<T> {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from) as u64;
-    std::thread::scope(|scope| {
-        let job = &job;
-        let workers: Vec<_> = (0..cores)
-            .map(|c| scope.spawn(move || (c + 1..=count).step_by(cores as usize).map(|s| (s, job(s))).collect()))
-            .collect();
-        let mut all: Vec<(u64, T)> =
-            workers.into_iter().flat_map(|w| w.join().unwrap_or_else(|_: _| Vec::new())).collect();
-        all.sort_by_key(|a| a.0);
-        all.into_iter().map(|a| a.1).collect()
-    })
+pub fn seeds<T: Send>(count: u64, job: impl Fn(u64) -> T + Sync + Send) -> Vec<T> {
+    (1..=count).into_par_iter().map(job).collect()
 }

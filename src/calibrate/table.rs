@@ -1,0 +1,98 @@
+//! What a person and a program read of the outcomes on one recording.
+
+use super::{Outcome, decimals, unit};
+use crate::print;
+use navfuse_calibration::{Data, Estimate};
+use navfuse_segments::Kind;
+use serde_json::{Value, json};
+
+/// The headings of the columns, in which numbers are [`NUMBERS`].
+pub const HEADINGS: [&str; 7] = ["method", "k", "roll deg", "pitch deg", "yaw deg", "settles after", "sensors"];
+/// The columns of numbers.
+pub const NUMBERS: std::ops::Range<usize> = 1..6;
+
+/// Prints the table, and the notes below it.
+pub fn print(data: &Data, outcomes: &[Outcome]) {
+    print::line(format_args!("{}: {}", data.recording.name, found(data)));
+    let truth = data.velocity().ok().and_then(|v| v.truth);
+    let mut table = print::table(&HEADINGS);
+    for outcome in outcomes {
+        let Ok(e) = &outcome.result else { continue };
+        let (values, sigma) = (e.values(), e.sigma());
+        let cell = |i: usize, v: f64| {
+            let decimals = decimals(i);
+            let sigma = sigma
+                .filter(|_| e.determined[i])
+                .map_or_else(String::new, |s| format!(" ± {:.decimals$}", s[i] * unit(i)));
+            if e.determined[i] { format!("{:.decimals$}{sigma}", v * unit(i)) } else { "-".to_owned() }
+        };
+        let settled = e.settled_after().map_or_else(String::new, |t| format!("{t:.0} s"));
+        let cells: Vec<String> = (0..4).map(|i| cell(i, values[i])).collect();
+        let sensors = [settled, outcome.sensors.clone()];
+        table.add_row([std::slice::from_ref(&outcome.name), &cells[..], &sensors].concat());
+        if let Some(truth) = &truth {
+            let error = e.error(truth);
+            let cell = |i: usize| {
+                let decimals = decimals(i);
+                if e.determined[i] { format!("{:+.decimals$}", error[i] * unit(i)) } else { String::new() }
+            };
+            let cells: Vec<String> = (0..4).map(cell).collect();
+            table.add_row([&["  error".to_owned()], &cells[..], &[String::new(), String::new()]].concat());
+        }
+    }
+    print::right(&mut table, NUMBERS);
+    print::line(&table);
+    if let Some(t) = truth {
+        let a = t.angles().map(f64::to_degrees);
+        print::line(format_args!("truth: k {:.5}, roll {:.3}, pitch {:.3}, yaw {:.3} deg", t.k, a.x, a.y, a.z));
+    }
+    print::line(settles());
+    for outcome in outcomes {
+        match &outcome.result {
+            Ok(e) => e.notes.iter().for_each(|n| print::line(format_args!("{}: {n}", outcome.name))),
+            Err(why) => print::line(format_args!("{}: not possible: {why}", outcome.name)),
+        }
+    }
+}
+
+/// What "settles after" is, and what a dash is.
+pub fn settles() -> String {
+    let (k, yaw) = Estimate::SETTLED;
+    let yaw = yaw.to_degrees();
+    format!("settles: k within {k} and yaw within {yaw:.1} deg of the end from then on; -: not determined")
+}
+
+/// The segments that were found, in words.
+fn found(data: &Data) -> String {
+    let of = |kind: Kind| format!("{kind} {:.0} s ({})", data.duration(kind), data.of(kind).count());
+    let kinds = [Kind::Static, Kind::TypeI, Kind::TypeII, Kind::Steady].map(of);
+    kinds.join(", ")
+}
+
+/// The same for a program.
+pub fn in_json(data: &Data, outcomes: &[Outcome]) -> Value {
+    let truth = data.velocity().ok().and_then(|v| v.truth);
+    let methods: Vec<Value> = (outcomes.iter())
+        .map(|o| match &o.result {
+            Err(why) => json!({ "method": o.name, "sensors": o.sensors, "needs": why }),
+            Ok(e) => json!({
+                "method": o.name,
+                "sensors": o.sensors,
+                "estimate": named(e.values()),
+                "sigma": e.sigma().map(named::<f64>),
+                "error": truth.as_ref().map(|t| named(e.error(t))),
+                "determined": e.determined,
+                "settled_after_s": e.settled_after(),
+                "used_s": e.used.map(|t| data.recording.clock(t)),
+                "notes": e.notes,
+            }),
+        })
+        .collect();
+    json!({ "scenario": data.recording.name, "segments": data.segments, "attitude": data.attitude_told(), "methods": methods })
+}
+
+/// `k` and angles, rad, by their names, in deg.
+pub fn named<T: Copy + Into<Option<f64>>>(v: [T; 4]) -> Value {
+    let deg = |i: usize| v[i].into().map(|v| v * unit(i));
+    json!({ "k": deg(0), "roll_deg": deg(1), "pitch_deg": deg(2), "yaw_deg": deg(3) })
+}
