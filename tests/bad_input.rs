@@ -288,3 +288,21 @@ fn a_gate_on_a_sensor_that_corrects_nothing_is_refused() {
     recording.change("accel_noise = \"10 ug/sqrt(Hz)\"", "accel_noise = \"10 ug/sqrt(Hz)\"\ngate = 0.99");
     fails_with(&run(&recording, &[]), &["rest.toml:11", "sensor.imu.gate = 0.99", "corrects the state"]);
 }
+
+#[test]
+fn what_a_source_refuses_is_named_with_the_line_of_its_table() {
+    let recording = Recording::new();
+    std::fs::remove_file(recording.path("imu.csv")).expect("it is there");
+    fails_with(&run(&recording, &[]), &["rest.toml:", "source.csv: [sensor.imu]", "imu.csv", "files.imu.path"]);
+    let pan_wu = common::scenario("pan-wu-3d").display().to_string();
+    for (setting, parts) in [
+        ("source.simulation.segments=[]", ["pan-wu-3d.toml:", "source.simulation: segments", "at least one segment"]),
+        (
+            "source.simulation.start.latitude=95 deg",
+            ["pan-wu-3d.toml:", "source.simulation: start: latitude = \"95 deg\""],
+        ),
+        ("estimator.stop=10 s", ["estimator.stop = \"10 s\"", "starts at 600 s"]),
+    ] {
+        fails_with(&navfuse(&["run", &pan_wu, "--no-output", "--set", setting]), &parts);
+    }
+}

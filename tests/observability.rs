@@ -284,6 +284,13 @@ fn wrong_use_is_told() {
     let r = report("observability/remark-4", &[&of(rest(120), surge(60))]);
     let view = r.segments.as_ref().expect("segments");
     assert!(view.verdicts[0].text.contains("every specific-force rate is along one direction, the body's x axis"));
+    // a manoeuvre after the end
+    let document = Document::from_file(path("observability/remark-4")).expect("the scenario is there");
+    let options = Options { at: Some(1e5), of: Vec::new() };
+    let registry = navfuse::standard_plugins();
+    let refused = plan::suggest(&registry, &document, &options, &AtomicBool::new(false), |_, _| {});
+    let why = refused.expect_err("there is nothing at that time").to_string();
+    assert!(why.contains("--at 100000 s: the segments end at"), "{why}");
 }
 
 #[test]

@@ -228,12 +228,9 @@ impl Kind {
 /// Why a composed part could not be built: a place in the document, or a stream.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
-    /// The scenario.
+    /// The scenario, also where a source or sink cannot be opened.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// A source or sink.
-    #[error(transparent)]
-    Stream(#[from] StreamError),
     /// The plugins.
     #[error(transparent)]
     Plugin(#[from] PluginError),
@@ -370,13 +367,15 @@ impl Registry {
 
     /// Registers a type of source.
     pub fn source<S: SourceType>(&mut self) {
-        let make: ForContext<Vec<Box<dyn Source>>> = Box::new(|node, context| Ok(node.parse::<S>()?.open(context)?));
+        let make: ForContext<Vec<Box<dyn Source>>> =
+            Box::new(|node, context| Ok(node.parse::<S>()?.open(context).map_err(|e| node.error(e))?));
         self.insert::<S>(Kind::Source, S::TYPE, Make::Source { make, simulates: S::SIMULATES });
     }
 
     /// Registers a type of sink.
     pub fn sink<S: SinkType>(&mut self) {
-        let make: ForContext<Box<dyn Sink>> = Box::new(|node, context| Ok(node.parse::<S>()?.open(context)?));
+        let make: ForContext<Box<dyn Sink>> =
+            Box::new(|node, context| Ok(node.parse::<S>()?.open(context).map_err(|e| node.error(e))?));
         self.insert::<S>(Kind::Sink, S::TYPE, Make::Sink { make, default: S::DEFAULT });
     }
 

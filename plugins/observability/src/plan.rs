@@ -189,6 +189,7 @@ impl Base {
             speed: start.map_or(0.0, |s| s.si()),
         };
         let rows = segments.value().as_array().map_or(0, Vec::len);
+        let mut whole = true;
         for k in 0..rows {
             let Some(row) = segments.get(&k.to_string()) else { break };
             let kind: String = row.get("type").ok_or_else(refuse)?.parse()?;
@@ -200,6 +201,7 @@ impl Base {
                     base.segments.push(segment(&kind, left, "").0);
                     base.end = limit;
                 }
+                whole = false;
                 break;
             }
             base.segments.push(row.value().to_string());
@@ -207,6 +209,10 @@ impl Base {
             if let Some(speed) = row.get("speed").filter(|_| kind == "surge") {
                 base.speed = speed.parse::<Speed>()?.si();
             }
+        }
+        if let Some(at) = at.filter(|at| whole && *at > base.end + 1e-9) {
+            let end = base.end;
+            return Err(PlanError::Asked(format!("--at {at} s: the segments end at {end} s; give a time up to then")));
         }
         if base.segments.is_empty() {
             return Err(PlanError::Asked(format!(
