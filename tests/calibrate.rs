@@ -67,6 +67,9 @@ fn the_table_has_every_method_and_the_filter_and_says_what_the_others_need() {
 #[test]
 fn what_cannot_be_done_ends_with_an_error_that_says_what_to_do() {
     let pan_wu = path("pan-wu-3d");
+    let surface = path("surface-dive");
+    let output = navfuse(&["calibrate", &surface, "--set", "estimator.stop=340 s", "--write", "/dev/null"]);
+    assert!(!output.status.success() && stderr(&output).contains("without rest"), "{}", stderr(&output));
     for (arguments, words) in [
         (vec!["--method", "tang"], vec!["tang: this method needs position fixes", "[sensor.gnss]"]),
         (vec!["--runs", "1"], vec!["--runs 1", "at least two"]),

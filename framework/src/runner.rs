@@ -158,6 +158,9 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
 fn never_started(ekf: &Ekf) -> String {
     let start = ekf.composition().start();
     let reference = ekf.composition().sensors.iter().find(|s| matches!(s.role, Role::Reference(_)));
+    if let Some(stop) = ekf.composition().estimator.stop().filter(|stop| *stop < start) {
+        return format!("the filter never started: estimator.stop = {stop} is before estimator.start = {start}");
+    }
     match reference {
         Some(r) if ekf.composition().estimator.from_reference() => format!(
             "the filter never started: no sample of [sensor.{}] at or after estimator.start = {start}; check the time \

@@ -174,12 +174,6 @@ impl<'a> Scenario<'a> {
                 return Err(place.error("beyond 73 years, which no clock here can show").into());
             }
         }
-        if let (Some(start), Some(stop)) = (estimator.start, estimator.stop)
-            && stop.si() <= start.si()
-        {
-            let place = root.get("estimator").and_then(|n| n.get("stop")).unwrap_or_else(|| root.clone());
-            return Err(place.error(format!("the filter starts at {start} only; give a later time")).into());
-        }
         if let Some(name) = root.get("name") {
             name.parse::<String>()?;
         }

@@ -112,6 +112,14 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
             "warning: there is no time at rest: the gyro bias is not known, and the methods' sigma is optimistic",
         );
     }
+    if let (Some(_), Some(method), true) = (&arguments.write, methods.first(), data.rest() == 0.0) {
+        return Err(format!(
+            "--write: the sigma of {} is not to be a prior: without rest the gyro bias is not known, and the errors may be \
+             several times larger; use --method ekf, which estimates the bias, or --initialise, which keeps the prior's",
+            method.name()
+        )
+        .into());
+    }
     if let [Outcome { name, result: Err(why), .. }] = &outcomes[..] {
         return Err(format!("{name}: {why}").into());
     }

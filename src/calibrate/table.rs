@@ -47,12 +47,20 @@ pub fn print(data: &Data, outcomes: &[Outcome]) {
         print::line(format_args!("truth: k {:.5}, roll {:.3}, pitch {:.3}, yaw {:.3} deg", t.k, a.x, a.y, a.z));
     }
     print::line(settles());
+    let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
     for outcome in outcomes {
-        match &outcome.result {
-            Ok(e) => e.notes.iter().for_each(|n| print::line(format_args!("{}: {n}", outcome.name))),
-            Err(why) => print::line(format_args!("{}: not possible: {why}", outcome.name)),
+        let told = match &outcome.result {
+            Ok(e) => e.notes.clone(),
+            Err(why) => vec![format!("not possible: {why}")],
+        };
+        for note in told {
+            match notes.iter_mut().find(|(text, _)| *text == note) {
+                Some((_, names)) => names.push(&outcome.name),
+                None => notes.push((note, vec![&outcome.name])),
+            }
         }
     }
+    notes.iter().for_each(|(note, names)| print::line(format_args!("{}: {note}", names.join(", "))));
 }
 
 /// What "settles after" is, and what a dash is.
