@@ -45,7 +45,7 @@ pub fn missing(tracker: &Tracker, i: usize) -> Option<String> {
     if alone < 1.0 {
         let left = 100.0 / (1.0 + alone).sqrt();
         let so = match readers.as_slice() {
-            [] => "and what they read hardly depends on it",
+            [] => "and what the sensors read hardly depends on it",
             _ => "but it made little difference to what they read",
         };
         let if_known = match left {

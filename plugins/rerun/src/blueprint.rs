@@ -42,12 +42,14 @@ pub struct Layout {
     ranges: bool,
     /// Whether the next plots have a legend: one a tab is enough, as the colours mean the same in all.
     pub legend: bool,
+    /// The corner of the legend.
+    corner: Corner2D,
 }
 
 impl Layout {
     /// A layout without views; with `ranges` where it is known what the plots span.
     pub fn new(ranges: bool) -> Self {
-        Self { properties: Vec::new(), ranges, legend: true }
+        Self { properties: Vec::new(), ranges, legend: true, corner: Corner2D::RightTop }
     }
 
     /// The messages of the layout with that container around everything.
@@ -125,7 +127,7 @@ impl Layout {
         let left = self.left(run);
         let top = match (left, right.is_empty()) {
             (Some(left), false) => {
-                Horizontal::new([left, Tabs::new(right).into()]).with_column_shares(vec![1.0, 1.4]).into()
+                Horizontal::new([left, Tabs::new(right).into()]).with_column_shares(vec![1.0, 1.6]).into()
             }
             (Some(only), true) => only,
             (None, _) => Tabs::new(right).into(),
@@ -137,6 +139,7 @@ impl Layout {
     fn observability(&mut self, run: &Run) -> Option<ContainerLike> {
         let followed = run.observability.as_ref()?;
         let mut plots = Vec::new();
+        self.corner = Corner2D::LeftTop; // bits begin low and are read at the end
         for block in &followed.blocks {
             self.legend = true;
             plots.push(self.plot(
@@ -145,9 +148,10 @@ impl Layout {
                 block.range.axis(),
             ));
         }
+        self.corner = Corner2D::RightTop;
         let page = TextDocumentView::new("What is determined").with_origin(Observability::page()).into();
         let bits = Grid::new(plots).with_grid_columns(2).into();
-        let both = Horizontal::new([bits, page]).with_column_shares(vec![1.0, 1.0]);
+        let both = Horizontal::new([bits, page]).with_column_shares(vec![1.0, 1.05]);
         Some(both.with_name("Observability").into())
     }
 
@@ -202,7 +206,7 @@ impl Layout {
         let view = ContainerLike::from(TimeSeriesView::new(name).with_origin("/").with_contents(contents));
         let whole = TimeRange { start: TimeRangeBoundary::Infinite, end: TimeRangeBoundary::Infinite };
         self.set(&view, "TimeAxis", TimeAxis::new().with_view_range(whole));
-        let corner = PlotLegend::new().with_corner(Corner2D::RightTop);
+        let corner = PlotLegend::new().with_corner(self.corner);
         self.set(&view, "PlotLegend", corner.with_visible(self.legend));
         if let Some(range) = range.filter(|_| self.ranges) {
             self.set(&view, "ScalarAxis", ScalarAxis::new().with_range(range));

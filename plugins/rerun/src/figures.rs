@@ -15,6 +15,9 @@ use navfuse_figures::{Band, Figure, Look, Panel, Scale};
 use rerun::blueprint::{ContainerLike, Grid, Tabs};
 use std::path::Path;
 
+/// Letters that a bar of tabs has room for. Where the titles have more, the tabs have the figures' names.
+const TABS: usize = 160;
+
 /// Writes figures as a recording for the viewer, with its layout. `name` is what the viewer calls the recording.
 ///
 /// Only panels whose horizontal axis is time are recorded: the viewer draws series over its timeline and nothing else.
@@ -28,6 +31,7 @@ pub fn record(path: &Path, name: &str, figures: &[Figure]) -> Result<(), StreamE
     let mut layout = Layout::new(true);
     let mut tabs: Vec<ContainerLike> = Vec::new();
     let mut names = Names::default();
+    let long = figures.iter().map(|f| f.title.chars().count()).sum::<usize>() > TABS;
     for figure in figures {
         let stem = names.unique(&figure.name);
         let mut plots = Vec::new();
@@ -44,7 +48,7 @@ pub fn record(path: &Path, name: &str, figures: &[Figure]) -> Result<(), StreamE
         }
         if !plots.is_empty() {
             let columns = u32::try_from(figure.columns.clamp(1, plots.len())).unwrap_or(1);
-            let title = if figure.title.is_empty() { &figure.name } else { &figure.title };
+            let title = if long || figure.title.is_empty() { &figure.name } else { &figure.title };
             tabs.push(Grid::new(plots).with_grid_columns(columns).with_name(title.as_str()).into());
         }
     }
@@ -86,6 +90,7 @@ fn title(panel: &Panel) -> String {
     match (panel.title.is_empty(), panel.y.label.is_empty()) {
         (true, _) => label,
         (false, true) if logarithm.is_empty() => panel.title.clone(),
+        (false, _) if label.starts_with('[') => format!("{} {label}", panel.title),
         (false, _) => format!("{}: {label}", panel.title),
     }
 }

@@ -160,6 +160,19 @@ fn a_recording_without_figures_opens_and_one_that_cannot_be_written_is_named() {
 }
 
 #[test]
+fn tabs_have_the_names_of_figures_whose_titles_need_more_than_a_bar() {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("tabs.rrd");
+    let tabs = |count: usize| {
+        let figure = |k: usize| Figure { name: format!("figure-{k}"), title: "x".repeat(40), ..figures().remove(0) };
+        record(&path, "", &(0..count).map(figure).collect::<Vec<_>>()).unwrap();
+        Layout::read(&path).tabs.into_iter().map(|(_, name, _)| name).collect::<Vec<_>>()
+    };
+    assert!(tabs(4).contains(&"x".repeat(40)));
+    let names = tabs(5);
+    assert!(names.contains(&"figure-4".into()) && !names.contains(&"x".repeat(40)), "{names:?}");
+}
+
+#[test]
 fn every_curve_of_every_figure_is_drawn_in_its_colour() {
     let Some(program) = driver::program() else { return };
     let folder = driver::target("rerun-pictures/figures");
@@ -180,7 +193,7 @@ fn every_curve_of_every_figure_is_drawn_in_its_colour() {
         ("yaw: error [deg]", vec![blue, sigma]),
         ("yaw: log10 sigma [deg]", vec![red, sigma, bound]),
     ];
-    let consistency = vec![("NEES: NEES / n", vec![green, band]), ("vel_x: [m/s]", vec![blue, truth])];
+    let consistency = vec![("NEES: NEES / n", vec![green, band]), ("vel_x [m/s]", vec![blue, truth])];
     let mut missing = Vec::new();
     for (tab, views) in [("Errors", errors), ("Consistency", consistency)] {
         viewer.show(&layout, &[tab]);

@@ -190,7 +190,7 @@ pub struct Layout {
     /// The views' ids by their names.
     pub views: BTreeMap<String, String>,
     /// The tabs: their container, name and path.
-    tabs: Vec<(String, String, String)>,
+    pub tabs: Vec<(String, String, String)>,
 }
 
 impl Layout {
