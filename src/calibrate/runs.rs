@@ -4,7 +4,7 @@ use super::table::{HEADINGS, NUMBERS, named, settles};
 use super::{Calibrate, Outcome, Result, decimals, outcomes, unit};
 use crate::arguments::Format;
 use crate::print;
-use crate::progress::Bar;
+use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use navfuse_calibration::Method;
 use navfuse_campaign::Done;
 use navfuse_core::document::Document;
@@ -82,19 +82,25 @@ pub fn repeat(
     let (bar, done) = (Bar::new(text), AtomicUsize::new(0));
     let progress = |done| bar.campaign(Done { done, asked: seeds.len() });
     progress(0);
+    let stop = stop_on_ctrl_c();
     let results: std::result::Result<Vec<_>, String> = (seeds.par_iter())
         .map(|seed| {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
             let mut document = document.clone();
             let result = (document.set(&format!("seed={seed}")).map_err(Into::into))
                 .and_then(|()| outcomes(registry, &document, methods, arguments, &|_| {}));
             progress(done.fetch_add(1, Ordering::Relaxed) + 1);
             let (data, outcomes) = result.map_err(|e| format!("with --set seed={seed}: {e}"))?;
             let truth = data.velocity().ok().and_then(|v| v.truth).ok_or("--runs: the DVL's truth is not known")?;
-            Ok((outcomes, truth))
+            Ok(Some((*seed, outcomes, truth)))
         })
         .collect();
     bar.done();
-    let rows = joined(results?);
+    let results: Vec<_> = results?.into_iter().flatten().collect();
+    let (asked, seeds) = (seeds.len(), results.iter().map(|r| r.0).collect::<Vec<u64>>());
+    let rows = joined(results);
     if let [Row { name, refused: Some(why), runs, .. }] = &rows[..]
         && runs.is_empty()
     {
@@ -105,13 +111,17 @@ pub fn repeat(
     } else {
         print::line(in_json(&scenario.name(), &rows, &seeds));
     }
+    if seeds.len() < asked {
+        print::warn(format_args!("interrupted: {} of {asked} runs were done, and are what is told", seeds.len()));
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
     Ok(ExitCode::SUCCESS)
 }
 
 /// The rows, from each run's outcomes.
-fn joined(runs: Vec<(Vec<Outcome>, Mounting)>) -> Vec<Row> {
+fn joined(runs: Vec<(u64, Vec<Outcome>, Mounting)>) -> Vec<Row> {
     let mut rows: Vec<Row> = Vec::new();
-    for (outcomes, truth) in runs {
+    for (_, outcomes, truth) in runs {
         for (k, outcome) in outcomes.into_iter().enumerate() {
             if rows.len() == k {
                 rows.push(Row { name: outcome.name, sensors: outcome.sensors, runs: Vec::new(), refused: None });
