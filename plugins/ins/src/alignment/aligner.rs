@@ -119,6 +119,8 @@ pub(crate) struct Aligner {
     /// The attitude that was found coarsely, and the one after the last trial.
     coarse: Option<UnitQuaternion<f64>>,
     before: Option<UnitQuaternion<f64>>,
+    /// What is to be said at the start, beside the coarse attitude.
+    warning: Option<String>,
     report: Option<Report>,
 }
 
@@ -187,6 +189,7 @@ impl Aligner {
             phase: Phase::Waiting,
             coarse: None,
             before: None,
+            warning: None,
             report: None,
         }
     }
@@ -254,6 +257,7 @@ impl Aligner {
         }
         let found = search.find(sensed, &self.plan).map_err(ProcessError)?;
         found.set(layout, &self.navigation, state);
+        self.warning = search.unverified(layout, sensed);
         self.coarse = Some(found.c_b_n);
         self.before = Some(found.c_b_n);
         // at rest nothing else is uncertain that could be in the way
@@ -286,6 +290,9 @@ impl Aligner {
                 )
             });
             return Ok(Watch { constrain: false, said: found });
+        }
+        if let Some(text) = self.warning.take() {
+            return Ok(Watch { constrain: false, said: Some((Level::Warning, text)) });
         }
         let Phase::Fine { begin, next, late } = &mut self.phase else { return Ok(Watch::default()) };
         if time < *next {
