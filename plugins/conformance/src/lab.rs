@@ -1,7 +1,7 @@
 //! What the checks work on: the scenario composed, its samples, and states at which models are asked.
 
 use navfuse_core::compose::{Composition, Role};
-use navfuse_core::document::Document;
+use navfuse_core::document::{Document, Node};
 use navfuse_core::ekf::Ekf;
 use navfuse_core::geodesy::Geodetic;
 use navfuse_core::manifold::{MAX_TANGENT, Position, Rotation};
@@ -17,6 +17,7 @@ use navfuse_core::state::{Block, Layout, State};
 use navfuse_core::stream::Source;
 use navfuse_core::time::Time;
 use std::any::TypeId;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Random states at which a model is asked.
@@ -62,6 +63,16 @@ pub struct Lab<'a> {
     pub ended: Option<String>,
 }
 
+/// A source or sink of the scenario that is checked.
+pub struct Stream {
+    /// Its type and its table, for the report.
+    pub about: String,
+    /// Its registered type.
+    pub kind: String,
+    /// The name of its table.
+    pub name: String,
+}
+
 /// A sensor or process of the scenario that is checked.
 pub struct Part {
     /// Its type and its table, for the report.
@@ -72,10 +83,12 @@ pub struct Part {
 
 impl<'a> Lab<'a> {
     pub fn new(types: &'a Types, text: &'a str) -> Result<Self, String> {
-        let Assembly { composition, mut sources, .. } = assemble(types, text, &[])?;
+        let Assembly { composition, mut sources, .. } = assemble_to(types, text, None)?;
         let samples = merged(&mut sources, &composition)?;
         let mut lab = Self { types, text, composition, samples, moments: Vec::new(), ended: None };
-        if lab.sensors().is_empty() && lab.processes().is_empty() {
+        if lab.has_models() {
+            assemble(types, text, &[])?; // what is drawn again and again must be simulated
+        } else if lab.streams(Kind::Source).is_empty() && lab.streams(Kind::Sink).is_empty() {
             let names: Vec<&str> = types.checked.iter().map(|(_, name)| *name).collect();
             return Err(format!(
                 "no type of the plugins is in the scenario, so nothing is checked; add a table for one of: {}",
@@ -108,6 +121,27 @@ impl<'a> Lab<'a> {
 
     fn is_checked(&self, kind: Kind, name: &str) -> bool {
         self.types.checked.iter().any(|(k, n)| *k == kind && *n == name)
+    }
+
+    /// Whether a sensor or process is checked, not sources and sinks alone.
+    pub fn has_models(&self) -> bool {
+        !self.sensors().is_empty() || !self.processes().is_empty()
+    }
+
+    /// The sources, or the sinks, of the scenario that are checked.
+    pub fn streams(&self, kind: Kind) -> Vec<Stream> {
+        let Ok(document) = Document::parse("scenario", self.text) else { return Vec::new() };
+        let root = document.root();
+        let tables = root.get(kind.table()).and_then(|node| node.entries().ok()).unwrap_or_default();
+        let stream = |(name, node): (&str, Node<'_>)| {
+            let own = node.get("type").and_then(|t| t.parse().ok()).unwrap_or_else(|| name.to_owned());
+            self.is_checked(kind, &own).then(|| Stream {
+                about: format!("{0} type {own} ([{0}.{name}])", kind.table()),
+                kind: own,
+                name: name.to_owned(),
+            })
+        };
+        tables.into_iter().filter_map(stream).collect()
     }
 
     /// The sensors that are checked.
@@ -222,6 +256,13 @@ pub fn assemble(types: &Types, text: &str, settings: &[String]) -> Result<Assemb
     scenario.assemble(None).map_err(|e| e.to_string())
 }
 
+/// The scenario as it is, also where its samples are recorded; with the sinks that it names, where there is a folder for them.
+pub fn assemble_to(types: &Types, text: &str, output: Option<&Path>) -> Result<Assembly, String> {
+    let document = Document::parse("scenario", text).map_err(|e| e.to_string())?;
+    let scenario = Scenario::new(&types.registry, document, &[]).map_err(|e| e.to_string())?;
+    scenario.assemble(output).map_err(|e| e.to_string())
+}
+
 /// All samples in order of time; a reference's after what else comes then, but not before the first driving sample.
 pub fn merged(sources: &mut [(String, Box<dyn Source>)], composition: &Composition) -> Result<Vec<Sample>, String> {
     let mut samples = Vec::new();
@@ -229,6 +270,13 @@ pub fn merged(sources: &mut [(String, Box<dyn Source>)], composition: &Compositi
     for (name, source) in sources {
         let mut sample = Sample::empty(Time::MIN, navfuse_core::sample::SensorId(0));
         while source.next(&mut sample).map_err(|e| format!("source {name}: {e}"))? && sample.time <= until {
+            let (time, index, known) = (sample.time, sample.sensor.0, composition.sensors.len());
+            if index >= known {
+                return Err(format!(
+                    "source {name}: a sample at {time} is of sensor number {index}, and the scenario has {known}; give the \
+                     sensor's place in context.composition.sensors"
+                ));
+            }
             samples.push(sample);
         }
     }

@@ -10,7 +10,7 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
         let used = match entry.kind {
             Kind::Sensor => lab.sensors().iter().any(|p| lab.composition.sensors[p.index].info.kind == entry.name),
             Kind::Process => lab.processes().iter().any(|p| lab.composition.processes[p.index].kind == entry.name),
-            Kind::Source | Kind::Sink => false,
+            Kind::Source | Kind::Sink => lab.streams(entry.kind).iter().any(|s| s.kind == entry.name),
         };
         if used {
             report.add("parameters", format!("{} type {}", entry.kind.table(), entry.name), of_type(entry));

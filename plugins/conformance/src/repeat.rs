@@ -2,16 +2,21 @@
 //! and a filter after a sample that it rejects.
 
 use crate::Report;
-use crate::lab::{Heard, Lab, assemble, merged};
+use crate::lab::{Heard, Lab, assemble_to, merged};
 use navfuse_core::compose::Role;
 use navfuse_core::ekf::Ekf;
 use navfuse_core::record::Rejection;
+use navfuse_core::registry::Kind;
 use navfuse_core::sample::{MAX_CHANNELS, Sample};
 use navfuse_core::time::Time;
 
 pub fn check(lab: &Lab<'_>, report: &mut Report) {
     let parts: Vec<String> = lab.sensors().into_iter().chain(lab.processes()).map(|p| p.about).collect();
-    let all = parts.join(", ");
+    let sources = lab.streams(Kind::Source).into_iter().map(|s| s.about);
+    let all = if parts.is_empty() { sources.collect() } else { parts }.join(", ");
+    if all.is_empty() {
+        return; // sinks alone
+    }
     report.add("determinism", all.clone(), determinism(lab));
     report.add("snapshot", all, snapshot(lab));
     for part in lab.sensors() {
@@ -52,7 +57,7 @@ fn same(a: &Sample, b: &Sample) -> bool {
 }
 
 fn determinism(lab: &Lab<'_>) -> Result<String, String> {
-    let mut again = assemble(lab.types, lab.text, &[])?;
+    let mut again = assemble_to(lab.types, lab.text, None)?;
     let samples = merged(&mut again.sources, &again.composition)?;
     let name = |s: &Sample| lab.composition.sensors[s.sensor.0].info.name.as_str();
     if lab.samples.len() != samples.len() {

@@ -2,6 +2,7 @@
 
 mod bad;
 
+use bad::streams::BadStreams;
 use bad::{BadPlugin, Bare, Undocumented};
 use navfuse_conformance::{Report, report};
 use navfuse_core::registry::{Plugin, Registry};
@@ -166,4 +167,52 @@ fn a_process_whose_copy_forgets() {
 fn a_scenario_in_which_nothing_is_checked() {
     tells(&report_on(&BadPlugin, ""), "scenario", "add a table for one of: cart, bad, fix");
     tells(&report_on(&BadPlugin, "[sensor.bda]"), "scenario", "did you mean \"bad\"?");
+}
+
+fn streams(source: &str, sink: &str) -> Report {
+    report(
+        &[&BadStreams],
+        &format!(
+            r#"
+            [process.ins]
+            attitude = {{ sigma = "1 deg", initial = "0 deg" }}
+            velocity = {{ sigma = "1 cm/s", initial = "0 m/s" }}
+            position = {{ sigma = "1 m", latitude = "32 deg", longitude = "34 deg", height = "0 m" }}
+            [sensor.imu]
+            gyro_noise = "0.1 deg/h/sqrt(Hz)"
+            accel_noise = "10 ug/sqrt(Hz)"
+            [source.rest]
+            fault = "{source}"
+            [sink.last]
+            fault = "{sink}"
+            "#
+        ),
+    )
+}
+
+#[test]
+fn a_source_and_a_sink_without_a_fault_pass() {
+    let report = streams("none", "none");
+    assert_eq!(report.failures().count(), 0, "{report}");
+    let names: Vec<_> = report.findings.iter().map(|f| f.check).collect();
+    assert_eq!(names, ["parameters", "parameters", "determinism", "snapshot", "source", "sink"]);
+}
+
+#[test]
+fn samples_that_no_filter_can_take() {
+    tells(&streams("back", "none"), "source", "the samples of [sensor.imu] go from 14.900");
+    tells(&streams("nan", "none"), "source", "channel gyro_x of [sensor.imu] at 15.000");
+    tells(&streams("channel", "none"), "source", "has channel number 9, and 6 are declared");
+    tells(&streams("end", "none"), "source", "after the end that it tells");
+    tells(&streams("again", "none"), "source", "a sample after it said that there is none");
+    tells(&streams("stranger", "none"), "scenario", "is of sensor number 7, and the scenario has 1");
+    tells(&streams("nothing", "none"), "scenario", "the filter never starts");
+}
+
+#[test]
+fn a_sink_that_fails_or_that_another_run_cannot_be_compared_with() {
+    tells(&streams("none", "full"), "sink", "it fails at");
+    tells(&streams("none", "clock"), "sink", "two runs with the same seed write files that differ from byte");
+    tells(&streams("none", "cut"), "sink", "of a run that is interrupted it leaves no file");
+    tells(&streams("none", "empty"), "sink", "the file that it wrote is empty");
 }

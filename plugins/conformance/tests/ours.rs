@@ -1,7 +1,14 @@
 //! Our own plugins conform.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use navfuse_conformance::{Failed, check};
-use navfuse_core::registry::Plugin;
+use navfuse_core::document::Document;
+use navfuse_core::registry::{Plugin, Registry};
+use navfuse_core::runner;
+use navfuse_core::scenario::Scenario;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 /// A minute and a half of a vehicle that surges, descends and turns, and the sensor that is given.
 fn scenario(sensor: &str) -> String {
@@ -153,4 +160,49 @@ fn the_altimeter_of_the_tutorial_conforms() -> Result<(), Failed> {
         simulation = { rate = "2 Hz" }
         "#,
     )
+}
+
+#[test]
+fn the_simulation_conforms() -> Result<(), Failed> {
+    conforms(&navfuse_simulation::SimulationPlugin, "")
+}
+
+/// What a sink wrote of a run, its source reads.
+fn streams_conform(plugin: &dyn Plugin, sink: &str, source: impl Fn(&Path) -> String) -> Result<(), Failed> {
+    check(&[plugin], &scenario(sink))?;
+    let folder = tempfile::tempdir().unwrap();
+    let mut registry = Registry::new();
+    registry.add(&navfuse_ins::InsPlugin).add(&navfuse_simulation::SimulationPlugin).add(plugin);
+    let document = Document::parse("scenario", scenario(sink)).unwrap();
+    let assembly = Scenario::new(&registry, document, &[]).unwrap().assemble(Some(folder.path())).unwrap();
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let simulated = scenario("");
+    let (filter, _) = simulated.split_once("[source.simulation]").unwrap();
+    check(&[plugin], &format!("{filter}\n{}", source(folder.path())))
+}
+
+#[test]
+fn logs_conform() -> Result<(), Failed> {
+    let source = |folder: &Path| format!("[source.mcap]\npath = {:?}", folder.join("run.mcap"));
+    streams_conform(&navfuse_mcap::McapPlugin, "[sink.mcap]", source)
+}
+
+#[test]
+fn csv_conforms() -> Result<(), Failed> {
+    check(&[&navfuse_csv::CsvPlugin], &scenario("[sink.csv]"))?;
+    let folder = tempfile::tempdir().unwrap();
+    let row = |k: i32| format!("{},0,0,0,0,0,-9.8\n", f64::from(k) * 0.1);
+    let heading = "time_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,accel_x_mps2,accel_y_mps2,accel_z_mps2\n".to_owned();
+    std::fs::write(folder.path().join("imu.csv"), (1..=200).map(row).fold(heading, |all, row| all + &row)).unwrap();
+    let filter = r#"
+        [process.ins]
+        attitude = { sigma = "1 deg", initial = "0 deg" }
+        velocity = { sigma = "1 cm/s", initial = "0 m/s" }
+        position = { sigma = "1 m", latitude = "32 deg", longitude = "34 deg", height = "0 m" }
+        [sensor.imu]
+        gyro_noise = "0.1 deg/h/sqrt(Hz)"
+        accel_noise = "10 ug/sqrt(Hz)"
+    "#;
+    check(&[&navfuse_csv::CsvPlugin], &format!("{filter}\n[source.csv]\ndirectory = {:?}", folder.path()))
 }

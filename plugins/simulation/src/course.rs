@@ -10,9 +10,10 @@ use navfuse_core::geodesy::Geodetic;
 use navfuse_core::registry::{OpenContext, SourceType};
 use navfuse_core::stream::{Source, StreamError};
 use num_dual::Dual64;
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// A type of trajectory. Its fields are the parameters in TOML; [`On`] makes a source of it:
@@ -52,6 +53,9 @@ use std::sync::Arc;
 ///
 /// let mut registry = Registry::new();
 /// registry.source::<On<Circle>>(); // [source.circle]
+/// # // what `navfuse list circle` prints, and the conformance kit checks
+/// # let entry = registry.get(navfuse_core::registry::Kind::Source, "circle").unwrap();
+/// # assert!(navfuse_core::schema::parameters(entry).iter().any(|p| p.key == "round"));
 /// ```
 pub trait TrajectoryType: DeserializeOwned + JsonSchema + Send + Sync + 'static {
     /// The name in TOML.
@@ -83,9 +87,22 @@ pub trait TrajectoryType: DeserializeOwned + JsonSchema + Send + Sync + 'static 
 }
 
 /// The source that simulates every sensor on a trajectory of type `C`.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(transparent)]
 pub struct On<C>(pub C);
+
+// its parameters are those of the trajectory, not a reference to them
+impl<C: JsonSchema> JsonSchema for On<C> {
+    fn schema_name() -> Cow<'static, str> {
+        C::schema_name()
+    }
+    fn schema_id() -> Cow<'static, str> {
+        C::schema_id()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        C::json_schema(generator)
+    }
+}
 
 impl<C: TrajectoryType> SourceType for On<C> {
     const TYPE: &'static str = C::TYPE;

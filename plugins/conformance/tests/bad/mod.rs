@@ -1,5 +1,7 @@
 //! A sensor and a process with a fault that the scenario names.
 
+pub mod streams;
+
 use navfuse_core::Real;
 use navfuse_core::calibration::{LengthBias, display};
 use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, Role};
