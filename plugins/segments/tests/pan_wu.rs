@@ -162,10 +162,13 @@ fn beams_give_the_velocity_that_the_axes_do() {
 fn gnss_and_depth_are_found_by_what_they_measure() {
     let recording = read("surface-dive.toml", &["estimator.stop=100 s"]);
     assert_eq!((recording.velocities.len(), recording.depths.len(), recording.positions.len()), (1, 1, 1));
-    let Positions { fixes, lever_arm: lever, .. } = &recording.positions[0];
+    let Positions { fixes, lever_arm: lever, bias_walk } = &recording.positions[0];
     assert_eq!(fixes.name, "gnss");
     assert!((lever.x + 0.4).abs() < 1e-12);
     let fix = fixes.value[10];
-    assert!((fix.sigma - 1.0).abs() < 0.01 && (fix.sigma_height - 2.0).abs() < 1e-9 && fix.velocity.is_some());
+    // a noise of 1 m and 2 m, and a bias of as much again, which changes in 10 minutes: 2 sigma^2 / 600 s
+    let near = |a: f64, b: f64| (a - b).abs() < 0.01 * b;
+    assert!(near(fix.sigma, 2_f64.sqrt()) && near(fix.sigma_height, 8_f64.sqrt()) && fix.velocity.is_some());
+    assert!(near(bias_walk.x, 2.0 / 600.0) && near(bias_walk.z, 8.0 / 600.0), "{bias_walk}");
     assert!(recording.depths[0].1 == 0.05 && recording.reference.is_some());
 }
