@@ -75,7 +75,7 @@ fn state(row: &StateRow, table: &mut Table) {
         let estimate = if angle { format!("{:.7} deg", row.estimate[k]) } else { number(row.estimate[k], sigma) };
         let error = row.error.as_ref().map(|e| e[k]);
         let then = row.error_sigma[k]; // at the error's time
-        let ratio = error.filter(|_| then > 0.0).map_or_else(String::new, |e| format!("{:.1}", e / then));
+        let ratio = error.filter(|_| then > 0.0).map_or_else(String::new, |e| fixed(e / then, 1));
         let sigma_text = match row.mode {
             Mode::Fixed => "fixed".to_owned(),
             Mode::Consider => format!("{} considered", number(sigma, sigma)),
@@ -96,7 +96,14 @@ fn state(row: &StateRow, table: &mut Table) {
 /// A number with the digits that its sigma leaves a meaning, and one more.
 fn number(value: f64, sigma: f64) -> String {
     let decimals = if sigma > 0.0 && sigma.is_finite() { (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) } else { 6.0 };
-    format!("{value:.*}", decimals as usize)
+    fixed(value, decimals as usize)
+}
+
+/// A number with so many decimals; what they show as zero has no sign.
+fn fixed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    let zero = value.is_finite() && !text.contains(|c: char| c.is_ascii_digit() && c != '0');
+    if zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
 /// Where the sinks wrote.
