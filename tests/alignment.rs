@@ -171,7 +171,7 @@ fn in_motion_sigma_covers_the_error_of_a_dvl_far_off() {
 }
 
 /// The mean over 60 runs of the squared error over sigma squared of some components; chi-square of 60 degrees of freedom leaves
-/// 0.51 to 1.67 of its mean once in a thousand times on either side. The runs are the first of `navfuse monte-carlo`.
+/// 0.51 to 1.67 of its mean less than once in a thousand times on either side. The seeds are the first of `navfuse monte-carlo`.
 fn squares(settings: &[&str], components: &[(&str, usize)]) -> Vec<f64> {
     let seeds: Vec<u64> = (1_000_001..=1_000_060).collect();
     let of_runs = parallel(&seeds, |seed| {

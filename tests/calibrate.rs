@@ -73,6 +73,8 @@ fn what_cannot_be_done_ends_with_an_error_that_says_what_to_do() {
     for (arguments, words) in [
         (vec!["--method", "tang"], vec!["tang: this method needs position fixes", "[sensor.gnss]"]),
         (vec!["--runs", "1"], vec!["--runs 1", "at least two"]),
+        (vec!["--runs", "18446744073709551615"], vec!["at most"]),
+        (vec!["--runs", "2", "--set", "sensor.dvl.enabled=false"], vec!["add [sensor.dvl]"]),
         (vec!["--runs", "2", "--write", "/dev/null"], vec!["cannot be used with"]),
         (vec!["--method", "tong"], vec!["there is no method \"tong\"", "io-dvlc", "ekf and all"]),
         (vec!["--set", "sensor.dvl.enabled=false"], vec!["add [sensor.dvl]"]),

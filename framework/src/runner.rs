@@ -159,7 +159,9 @@ fn never_started(ekf: &Ekf) -> String {
     let start = ekf.composition().start();
     let reference = ekf.composition().sensors.iter().find(|s| matches!(s.role, Role::Reference(_)));
     if let Some(stop) = ekf.composition().estimator.stop().filter(|stop| *stop < start) {
-        return format!("the filter never started: estimator.stop = {stop} is before estimator.start = {start}");
+        return format!(
+            "the filter never started: estimator.stop = {stop} is before estimator.start = {start}; give a later one"
+        );
     }
     match reference {
         Some(r) if ekf.composition().estimator.from_reference() => format!(

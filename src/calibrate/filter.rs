@@ -63,7 +63,7 @@ fn filter(
         (None, None) => Err(format!("the filter has no {dvl}.scale and {dvl}.misalignment")),
         (None, Some((first, last))) => {
             let (mounting, used) = (last.mounting, [first.time, last.time]);
-            let determined = std::array::from_fn(|i| kept.told[i]);
+            let determined = kept.told;
             Ok(Estimate { mounting, covariance: Some(kept.covariance), determined, history, used, notes: Vec::new() })
         }
     };

@@ -107,12 +107,13 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
     let (data, outcomes) = outcomes(registry, &document, &methods, arguments, &|p| bar.run(p))?;
     bar.done();
     data.recording.warnings.iter().for_each(|w| print::warn(format_args!("warning: {w}")));
-    if data.rest() == 0.0 {
+    if data.rest() == 0.0 && !methods.is_empty() {
         print::warn(
             "warning: there is no time at rest: the gyro bias is not known, and the methods' sigma is optimistic",
         );
     }
-    if let (Some(_), Some(method), true) = (&arguments.write, methods.first(), data.rest() == 0.0) {
+    let needs_rest = |m: &&Method| **m == Method::IoDvlc || arguments.attitude == From::Gyros;
+    if let (Some(_), Some(method), true) = (&arguments.write, methods.first().filter(needs_rest), data.rest() == 0.0) {
         return Err(format!(
             "--write: the sigma of {} is not to be a prior: without rest the gyro bias is not known, and the errors may be \
              several times larger; use --method ekf, which estimates the bias, or --initialise, which keeps the prior's",

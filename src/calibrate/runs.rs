@@ -16,6 +16,9 @@ use serde_json::{Value, json};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+/// The most runs: their table is of no use beyond.
+const MAX_RUNS: u64 = 100_000;
+
 /// What a method did on all runs.
 struct Row {
     name: String,
@@ -70,6 +73,9 @@ pub fn repeat(
     if count < 2 {
         return Err(format!("--runs {count}: give at least two; without it there is one, and its table").into());
     }
+    if count > MAX_RUNS {
+        return Err(format!("--runs {count}: at most {MAX_RUNS}").into());
+    }
     let scenario = Scenario::new(registry, document.clone(), &[])?;
     if !scenario.simulates()? {
         return Err("--runs: a recording has only the noise that it has: this needs a scenario whose sources are \
@@ -77,7 +83,12 @@ pub fn repeat(
             .into());
     }
     let first = scenario.compose()?.seed;
-    let seeds: Vec<u64> = (0..count).map(|k| first.saturating_add(k)).collect();
+    let Some(end) = first.checked_add(count).filter(|end| i64::try_from(*end).is_ok()) else {
+        return Err(
+            format!("seed = {first}: --runs {count} goes on beyond the largest seed; give a smaller one").into()
+        );
+    };
+    let seeds: Vec<u64> = (first..end).collect();
     let text = arguments.format == Format::Text;
     let (bar, done) = (Bar::new(text), AtomicUsize::new(0));
     let progress = |done| bar.campaign(Done { done, asked: seeds.len() });
@@ -93,13 +104,24 @@ pub fn repeat(
                 .and_then(|()| outcomes(registry, &document, methods, arguments, &|_| {}));
             progress(done.fetch_add(1, Ordering::Relaxed) + 1);
             let (data, outcomes) = result.map_err(|e| format!("with --set seed={seed}: {e}"))?;
-            let truth = data.velocity().ok().and_then(|v| v.truth).ok_or("--runs: the DVL's truth is not known")?;
+            let velocity = data.velocity().map_err(|e| e.to_string())?;
+            let truth = velocity.truth.ok_or_else(|| {
+                let name = &velocity.samples.name;
+                format!("--runs: no truth to compare with; state sensor.{name}.scale.truth and sensor.{name}.misalignment.truth")
+            })?;
             Ok(Some((*seed, outcomes, truth)))
         })
         .collect();
     bar.done();
     let results: Vec<_> = results?.into_iter().flatten().collect();
     let (asked, seeds) = (seeds.len(), results.iter().map(|r| r.0).collect::<Vec<u64>>());
+    let interrupted = || {
+        print::warn(format_args!("interrupted: {} of {asked} runs were done, and are what is told", seeds.len()));
+        Ok(ExitCode::from(INTERRUPTED))
+    };
+    if seeds.is_empty() {
+        return interrupted();
+    }
     let rows = joined(results);
     if let [Row { name, refused: Some(why), runs, .. }] = &rows[..]
         && runs.is_empty()
@@ -111,11 +133,7 @@ pub fn repeat(
     } else {
         print::line(in_json(&scenario.name(), &rows, &seeds));
     }
-    if seeds.len() < asked {
-        print::warn(format_args!("interrupted: {} of {asked} runs were done, and are what is told", seeds.len()));
-        return Ok(ExitCode::from(INTERRUPTED));
-    }
-    Ok(ExitCode::SUCCESS)
+    if seeds.len() < asked { interrupted() } else { Ok(ExitCode::SUCCESS) }
 }
 
 /// The rows, from each run's outcomes.
@@ -161,8 +179,11 @@ fn table(name: &str, rows: &[Row], seeds: &[u64]) {
     print::line(&table);
     // the mean square of n ratios scatters by sqrt(2/n), its root by half of that
     let scatter = (0.5 / seeds.len() as f64).sqrt();
-    let (first, last) = (seeds.first().copied().unwrap_or(0), seeds.last().copied().unwrap_or(0));
-    print::line(format_args!("seeds {first} to {last}; error/sigma of an honest sigma is 1 +- {scatter:.2}"));
+    // an interrupted list has gaps
+    let whole = seeds.last().zip(seeds.first()).filter(|(last, first)| *last - *first + 1 == seeds.len() as u64);
+    let list = || seeds.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
+    let told = whole.map_or_else(list, |(last, first)| format!("{first} to {last}"));
+    print::line(format_args!("seeds {told}; error/sigma of an honest sigma is 1 +- {scatter:.2}"));
     print::line(settles() + "; its median");
     for row in rows {
         if let Some(why) = &row.refused {

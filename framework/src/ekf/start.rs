@@ -17,8 +17,8 @@ const TRIALS: usize = 8;
 
 /// What a trial leaves with a sigma `s` starts again where the trial found it, with a prior of so many `s` if that is less than
 /// its own. So the samples are used twice, the first time for `1/WIDER^2` of what they tell: 4 % of the information, 2 % in
-/// sigma. More of it, and what is known three times better than before, such as the pitch of a DVL, stays where it was stated,
-/// degrees off: what is found with it is then wrong by more than sigma.
+/// sigma. With ten, what is known five to ten times better than before, such as the pitch of a DVL, would stay where it was
+/// stated, degrees off: what is found with it is then wrong by more than sigma.
 const WIDER: f64 = 5.0;
 
 /// The symmetric root of a covariance and its inverse, which is zero where the covariance is.

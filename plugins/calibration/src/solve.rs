@@ -118,9 +118,10 @@ pub fn shown_by_integrals(
 }
 
 /// Variance of the white noise, m^2, and of the random walk, m^2/s, in the residuals of one axis, by their variogram at one step
-/// and at a tenth of the time that they cover: long enough for what drifts, short enough for ten of them.
+/// and at a tenth of the time that they cover, or half of the longest block: long enough for what drifts, short enough for several.
 fn white_and_walk(blocks: &[Vec<Residual>], axis: usize) -> (f64, f64) {
-    let covered: f64 = blocks.iter().filter_map(|b| Some(b.last()?.time - b.first()?.time)).sum();
+    let spans = || blocks.iter().filter_map(|b| Some(b.last()?.time - b.first()?.time));
+    let (covered, longest) = (spans().sum::<f64>(), spans().fold(0.0, f64::max));
     let at = |lag: f64| {
         let (mut sum, mut length, mut count) = (0.0, 0.0, 0.0);
         for block in blocks {
@@ -138,7 +139,45 @@ fn white_and_walk(blocks: &[Vec<Residual>], axis: usize) -> (f64, f64) {
         (count > 0.0).then(|| (sum / count, length / count))
     };
     let Some((near, step)) = at(1e-9) else { return (0.0, 0.0) };
-    let (far, lag) = at((0.1 * covered).max(2.0 * step)).unwrap_or((near, step));
+    let (far, lag) = at((0.1 * covered).min(0.5 * longest).max(2.0 * step)).unwrap_or((near, step));
     let walk = if lag > step { ((far - near) / (lag - step)).max(0.0) } else { 0.0 };
     ((0.5 * (near - walk * step)).max(0.0), walk)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Blocks of one-second steps whose errors on all axes are white noise of 1 m and a random walk of 0.1 m^2/s. Numbers in
+    /// -1..1 have a variance of 1/3.
+    fn noisy(blocks: usize, length: usize) -> Vec<Vec<Residual>> {
+        let mut seed = 1_u64;
+        let mut number = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((seed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0) * 3_f64.sqrt()
+        };
+        let block = |_| {
+            let mut walk = Vector3::zeros();
+            let row = |k: usize| {
+                walk += Vector3::from_fn(|_, _| number() * 0.1_f64.sqrt());
+                let z = walk + Vector3::from_fn(|_, _| number());
+                Residual { time: k as f64, h: Matrix3x4::zeros(), z, turn: Vector3::zeros() }
+            };
+            (0..length).map(row).collect()
+        };
+        (0..blocks).map(block).collect()
+    }
+
+    /// The random walk is read to a factor of two, the white noise to a quarter: 1000 s are ten of the lag of 100 s, and twenty
+    /// blocks of 50 s are forty of half of their length.
+    #[test]
+    fn white_noise_and_random_walk_are_told_apart_in_one_block_and_in_many_short_ones() {
+        for (blocks, length) in [(1, 1000), (20, 50)] {
+            let residuals = noisy(blocks, length);
+            for axis in 0..3 {
+                let (white, walk) = white_and_walk(&residuals, axis);
+                assert!((0.75..1.25).contains(&white) && (0.05..0.2).contains(&walk), "{blocks}: {white} {walk}");
+            }
+        }
+    }
 }

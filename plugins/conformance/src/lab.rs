@@ -270,12 +270,8 @@ pub fn merged(sources: &mut [(String, Box<dyn Source>)], composition: &Compositi
     for (name, source) in sources {
         let mut sample = Sample::empty(Time::MIN, navfuse_core::sample::SensorId(0));
         while source.next(&mut sample).map_err(|e| format!("source {name}: {e}"))? && sample.time <= until {
-            let (time, index, known) = (sample.time, sample.sensor.0, composition.sensors.len());
-            if index >= known {
-                return Err(format!(
-                    "source {name}: a sample at {time} is of sensor number {index}, and the scenario has {known}; give the \
-                     sensor's place in context.composition.sensors"
-                ));
+            if sample.sensor.0 >= composition.sensors.len() {
+                return Err(format!("source {name}: {}", stranger(&sample, composition.sensors.len())));
             }
             samples.push(sample);
         }
@@ -283,6 +279,15 @@ pub fn merged(sources: &mut [(String, Box<dyn Source>)], composition: &Compositi
     let reference = |s: &Sample| matches!(composition.sensors[s.sensor.0].role, Role::Reference(_));
     samples.sort_by_key(|s| (s.time, reference(s)));
     Ok(samples)
+}
+
+/// What to say of a sample of a sensor that is not there.
+pub fn stranger(sample: &Sample, known: usize) -> String {
+    let (time, index) = (sample.time, sample.sensor.0);
+    format!(
+        "a sample at {time} is of sensor number {index}, and the scenario has {known}; give the sensor's place in \
+         context.composition.sensors"
+    )
 }
 
 /// An observer that keeps what became of the last sample.

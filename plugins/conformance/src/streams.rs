@@ -1,14 +1,15 @@
-//! Sources: samples that a filter can take. Sinks: they write what a run tells, the same for the same run, and close what they
-//! began when it is interrupted.
+//! Sources: samples that a filter can take. Sinks: they write what a run tells, the same for the same run, and leave a file
+//! when it is interrupted.
 
 use crate::Report;
-use crate::lab::{Lab, Stream, assemble_to};
+use crate::lab::{Lab, Stream, assemble_to, stranger};
 use navfuse_core::record::Level;
 use navfuse_core::registry::Kind;
 use navfuse_core::runner::{self, Finished};
 use navfuse_core::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::stream::{RunInfo, Sink, Source, StreamError};
 use navfuse_core::time::Time;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -44,10 +45,15 @@ fn one_stream(lab: &Lab<'_>, stream: &mut dyn Source) -> Result<usize, String> {
     let sensors = &lab.composition.sensors;
     let (mut last, mut count, end) = (vec![None::<Time>; sensors.len()], 0, stream.end());
     let mut sample = Sample::empty(Time::MIN, SensorId(0));
+    // a source without an end is cut by the filter's
+    let until = lab.composition.estimator.stop().unwrap_or(Time::MAX);
     while stream.next(&mut sample).map_err(|e| format!("it fails: {e}"))? {
-        count += 1;
         let (time, index) = (sample.time, sample.sensor.0);
-        let sensor = &sensors[index];
+        if time > until {
+            return Ok(count);
+        }
+        count += 1;
+        let Some(sensor) = sensors.get(index) else { return Err(stranger(&sample, sensors.len())) };
         let name = &sensor.info.name;
         let before = last[index].replace(time);
         if let Some(before) = before.filter(|before| *before >= time) {
@@ -85,35 +91,62 @@ fn one_stream(lab: &Lab<'_>, stream: &mut dyn Source) -> Result<usize, String> {
 }
 
 fn sink(lab: &Lab<'_>, part: &Stream) -> Result<String, String> {
-    let folders = [tempfile::tempdir(), tempfile::tempdir(), tempfile::tempdir()];
-    let [first, second, cut] = folders;
-    let failed = |e: std::io::Error| format!("no folder for its output: {e}");
-    let (first, second, cut) = (first.map_err(failed)?, second.map_err(failed)?, cut.map_err(failed)?);
-    let one = place(part, &run(lab, first.path(), false)?)?;
-    let two = place(part, &run(lab, second.path(), false)?)?;
-    let short = place(part, &run(lab, cut.path(), true)?).map_err(|e| format!("of a run that is interrupted: {e}"))?;
-    let written = |place: &str| std::fs::read(place).ok();
-    match (written(&one), written(&two), written(&short)) {
-        (None, _, _) => {
-            Ok("it takes whole runs and one that is interrupted; what it wrote is no file, and not looked at".into())
-        }
-        (Some(a), Some(b), _) if a != b => {
-            let at = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
+    let once = |half: bool| -> Result<(String, Files), String> {
+        let failed = |e: std::io::Error| format!("the folder for its output: {e}");
+        let folder = tempfile::tempdir().map_err(failed)?;
+        let told = place(part, &run(lab, folder.path(), half)?)?;
+        Ok((told, files(folder.path()).map_err(failed)?))
+    };
+    let ((told, first), (_, second)) = (once(false)?, once(false)?);
+    let (_, cut) = once(true).map_err(|e| format!("of a run that is interrupted: {e}"))?;
+    if first.is_empty() {
+        return if told.is_empty() || told.contains("://") || Path::new(&told).exists() {
+            Ok("it takes whole runs and one that is interrupted; it writes nothing into the folder of the run".into())
+        } else {
             Err(format!(
-                "two runs with the same seed write files that differ from byte {at} on; write no clock, path, random id or hash \
-                 order, so that a run can be compared with another"
+                "it tells that it wrote to {told}, and there is no such file; return the place of what was written, or None"
             ))
-        }
-        (Some(_), _, None) => {
-            Err("of a run that is interrupted it leaves no file; create it when it is opened, and write what \
-                                   is left in finish"
-                .into())
-        }
-        (Some(a), _, Some(_)) if a.is_empty() => {
-            Err("the file that it wrote is empty; write what is left in finish".into())
-        }
-        (Some(a), _, _) => Ok(format!("{} bytes, the same again; a run that is interrupted leaves a file", a.len())),
+        };
     }
+    for (name, bytes) in &first {
+        if bytes.is_empty() {
+            return Err(format!("the file {name} that it wrote is empty; write what is left in finish"));
+        }
+        if !cut.contains_key(name) {
+            return Err(format!(
+                "of a run that is interrupted it leaves no {name}; create it when it is opened, and write what is left in finish"
+            ));
+        }
+        let again = second.get(name).map_or(&[][..], Vec::as_slice);
+        if bytes != again {
+            let at = bytes.iter().zip(again).take_while(|(a, b)| a == b).count();
+            return Err(format!(
+                "two runs with the same seed write {name} differently from byte {at} on; write no clock, path, random id or \
+                 hash order, so that a run can be compared with another"
+            ));
+        }
+    }
+    let bytes: usize = first.values().map(Vec::len).sum();
+    Ok(format!("{bytes} bytes in {}, the same again; a run that is interrupted leaves them too", names(&first)))
+}
+
+/// The files of a folder and what is in them.
+type Files = BTreeMap<String, Vec<u8>>;
+
+fn files(folder: &Path) -> std::io::Result<Files> {
+    let mut files = Files::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_file() {
+            let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+            files.insert(name, std::fs::read(&path)?);
+        }
+    }
+    Ok(files)
+}
+
+fn names(files: &Files) -> String {
+    files.keys().map(String::as_str).collect::<Vec<_>>().join(", ")
 }
 
 /// Runs the scenario with its sinks; or until its middle, as Ctrl-C ends it.
@@ -151,6 +184,9 @@ impl Sink for Interruption {
 /// Where a sink says that it wrote.
 fn place(part: &Stream, finished: &Finished) -> Result<String, String> {
     let own = finished.events.iter().find(|e| e.level == Level::Error && e.about == part.name);
+    if let Some(error) = &finished.error {
+        return Err(format!("the run ends early: {error}"));
+    }
     if let Some(event) = own {
         return Err(format!("it fails at {}: {}", event.time, event.text));
     }

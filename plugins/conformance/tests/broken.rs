@@ -212,7 +212,12 @@ fn samples_that_no_filter_can_take() {
 #[test]
 fn a_sink_that_fails_or_that_another_run_cannot_be_compared_with() {
     tells(&streams("none", "full"), "sink", "it fails at");
-    tells(&streams("none", "clock"), "sink", "two runs with the same seed write files that differ from byte");
-    tells(&streams("none", "cut"), "sink", "of a run that is interrupted it leaves no file");
-    tells(&streams("none", "empty"), "sink", "the file that it wrote is empty");
+    tells(&streams("none", "clock"), "sink", "two runs with the same seed write last.txt differently from byte");
+    tells(&streams("none", "cut"), "sink", "of a run that is interrupted it leaves no last.txt");
+    tells(&streams("none", "empty"), "sink", "the file last.txt that it wrote is empty");
+    tells(
+        &streams("none", "nowhere"),
+        "sink",
+        "it tells that it wrote to /nowhere/last.txt, and there is no such file",
+    );
 }
