@@ -7,7 +7,7 @@ use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use crate::run::folder_name;
 use navfuse_campaign::{Done, Folder, Options, Plan, Results, Shard, execute, variation};
 use navfuse_core::document::Document;
-use navfuse_core::registry::Registry;
+use navfuse_core::plugin::Registry;
 use navfuse_core::units::Time as Duration;
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
@@ -80,7 +80,8 @@ fn go(
     let plan = Plan::new(registry, &document, &options)?;
     kind.shown.check(&plan)?;
     let out = (!settings.no_output).then(|| {
-        let part = settings.shard.map_or_else(String::new, |s| format!("-{}-of-{}", s.index, s.count));
+        let part =
+            settings.shard.map_or_else(String::new, |s| format!("-{}-of-{}", s.index, s.count));
         let name = format!("{}-{}{part}", plan.scenario, kind.name);
         settings.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(folder_name(&name)))
     });
@@ -92,7 +93,15 @@ fn go(
     let text = settings.format == Format::Text;
     let bar = Bar::new(text);
     let how = (settings.shard, threads);
-    let done = execute(&plan, registry, &document, how, &stop, |d| bar.campaign(d), |record| folder.add(record));
+    let done = execute(
+        &plan,
+        registry,
+        &document,
+        how,
+        &stop,
+        |d| bar.campaign(d),
+        |record| folder.add(record),
+    );
     bar.done();
     let done = done?;
     let results = folder.finish(done)?;
@@ -109,7 +118,9 @@ fn go(
         let Done { done, asked } = done;
         let what = match settings.shard {
             None => "and are what is told",
-            Some(_) => "and are what was written; `navfuse merge` needs the whole part, so run it again",
+            Some(_) => {
+                "and are what was written; `navfuse merge` needs the whole part, so run it again"
+            }
         };
         print::warn(format_args!("interrupted: {done} of {asked} jobs were done, {what}"));
         return Ok(ExitCode::from(INTERRUPTED));
@@ -123,7 +134,10 @@ fn part(shard: Option<Shard>, done: Done, out: &Path, text: bool) {
     let Done { done, asked } = done;
     if text {
         let next = if done == asked { "; `navfuse merge` joins the parts" } else { "" };
-        print::line(format_args!("part {shard}: {done} of {asked} jobs are in {}{next}", out.display()));
+        print::line(format_args!(
+            "part {shard}: {done} of {asked} jobs are in {}{next}",
+            out.display()
+        ));
     } else {
         print::line(
             serde_json::json!({ "shard": shard, "done": done, "asked": asked, "out": out.display().to_string() }),
@@ -140,7 +154,8 @@ fn counted(count: usize, what: &str) -> String {
 pub fn merge(arguments: &Merge) -> Result<ExitCode> {
     let plan = navfuse_campaign::plan_of(&arguments.parts[0])?;
     let name = format!("{}-merged", plan.scenario);
-    let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(folder_name(&name)));
+    let out =
+        arguments.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(folder_name(&name)));
     // what the command that made the parts shows
     let (name, shown) = match (plan.keys.is_empty(), plan.runs) {
         (false, _) => ("sweep", Shown::Grid(&arguments.show)),
@@ -149,27 +164,47 @@ pub fn merge(arguments: &Merge) -> Result<ExitCode> {
     };
     shown.check(&plan)?;
     if let (Shown::Consistency | Shown::Bound, Some(state)) = (shown, arguments.show.first()) {
-        return Err(format!("--show {state}: only of a sweep, and these are parts of a `navfuse {name}`").into());
+        return Err(format!(
+            "--show {state}: only of a sweep, and these are parts of a `navfuse {name}`"
+        )
+        .into());
     }
     let results = navfuse_campaign::merge(&arguments.parts, &out)?;
-    report(&plan, &results, &Kind { name, shown, scenario: "SCENARIO" }, Some(&out), arguments.format == Format::Text)?;
+    report(
+        &plan,
+        &results,
+        &Kind { name, shown, scenario: "SCENARIO" },
+        Some(&out),
+        arguments.format == Format::Text,
+    )?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// Prints the results and draws them.
-fn report(plan: &Plan, results: &Results, kind: &Kind<'_>, out: Option<&Path>, text: bool) -> Result<()> {
+fn report(
+    plan: &Plan,
+    results: &Results,
+    kind: &Kind<'_>,
+    out: Option<&Path>,
+    text: bool,
+) -> Result<()> {
     let mut files = results.files.clone();
     if let Some(out) = out {
         let figures = navfuse_campaign::figures(plan, results, |c| kind.shown.shows(c));
         for figure in &figures {
             let path = out.join(format!("{}.svg", figure.name));
-            std::fs::write(&path, navfuse_figures::svg(figure)?).map_err(|e| format!("{}: {e}", path.display()))?;
+            std::fs::write(&path, navfuse_figures::svg(figure)?)
+                .map_err(|e| format!("{}: {e}", path.display()))?;
             files.push(path);
         }
         #[cfg(feature = "rerun")]
         if plan.keys.is_empty() {
             let path = out.join("campaign.rrd");
-            navfuse_rerun::figures::record(&path, &format!("{} {}", plan.scenario, kind.name), &figures)?;
+            navfuse_rerun::figures::record(
+                &path,
+                &format!("{} {}", plan.scenario, kind.name),
+                &figures,
+            )?;
             files.push(path);
         }
     }

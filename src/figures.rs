@@ -6,9 +6,9 @@ use crate::report::{End, run, write};
 use clap::{Args, ValueEnum};
 use navfuse_calibration::{AttitudeSource, Data, Method};
 use navfuse_core::document::Document;
-use navfuse_core::registry::Registry;
-use navfuse_core::runner::Progress;
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner::Progress;
+use navfuse_core::run::scenario::Scenario;
 use navfuse_report::pan_wu::{self, Observer, Runs};
 use navfuse_segments::Recording;
 use std::error::Error;
@@ -88,9 +88,14 @@ pub fn figures(registry: &Registry, arguments: &Figures) -> Result<ExitCode> {
 
 /// IO-DVLC of the paper on the samples of its 3D run: by eq. (18) as it is printed, and improved.
 fn observers(registry: &Registry, settings: &[String]) -> Result<Vec<Observer>> {
-    let scenario = Scenario::new(registry, Document::parse("pan-wu-3d.toml", PAN_WU_3D.to_owned())?, settings)?;
+    let scenario = Scenario::new(
+        registry,
+        Document::parse("pan-wu-3d.toml", PAN_WU_3D.to_owned())?,
+        settings,
+    )?;
     let bar = Bar::new(true);
-    let recording = Recording::gather(scenario.assemble(None)?, |now, end| bar.run(Progress { now, end }));
+    let recording =
+        Recording::gather(scenario.assemble(None)?, |now, end| bar.run(Progress { now, end }));
     bar.done();
     let data = Data::new(recording?, AttitudeSource::Gyros)?;
     let methods = [(Method::IoDvlcPrinted, "eq. (18) as printed"), (Method::IoDvlc, "improved")];

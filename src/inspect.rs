@@ -3,11 +3,11 @@
 use crate::arguments::Check;
 use crate::print::{line, table};
 use navfuse_core::document::{Document, did_you_mean};
-use navfuse_core::registry::{Entry, Kind, Registry};
-use navfuse_core::scenario::Scenario;
-use navfuse_core::schema::{parameters, scenario_schema};
+use navfuse_core::model::sensor::Purpose;
+use navfuse_core::plugin::{Entry, Kind, Registry};
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::run::schema::{parameters, scenario_schema};
 use navfuse_core::state::{Block, Dynamics, Mode};
-use navfuse_core::stream::Purpose;
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -15,11 +15,17 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// `navfuse check`
 pub fn check(registry: &Registry, arguments: &Check) -> Result<ExitCode> {
-    let scenario = Scenario::new(registry, Document::from_file(&arguments.scenario)?, &arguments.set)?;
+    let scenario =
+        Scenario::new(registry, Document::from_file(&arguments.scenario)?, &arguments.set)?;
     let assembly = scenario.assemble(None)?;
     let composition = &assembly.composition;
     let layout = &composition.layout;
-    line(format_args!("{}: {} error states in {} blocks", composition.name, layout.tangent, layout.blocks.len()));
+    line(format_args!(
+        "{}: {} error states in {} blocks",
+        composition.name,
+        layout.tangent,
+        layout.blocks.len()
+    ));
     let mut blocks = table(&["state", "dim", "mode", "prior 1-sigma", "unit", "moves by"]);
     for block in &layout.blocks {
         let dimension = block.tangent_range().len();
@@ -46,7 +52,8 @@ pub fn check(registry: &Registry, arguments: &Check) -> Result<ExitCode> {
             (Purpose::Measurement, None) => "off".to_owned(),
             _ => String::new(),
         };
-        let rate = sensor.simulation.as_ref().map_or_else(String::new, |s| s.rate.value().to_string());
+        let rate =
+            sensor.simulation.as_ref().map_or_else(String::new, |s| s.rate.value().to_string());
         let (name, kind) = (sensor.info.name.clone(), sensor.info.kind.clone());
         sensors.add_row([name, kind, purpose.to_owned(), channels.join(" "), gate, rate]);
     }
@@ -71,7 +78,8 @@ fn prior(block: &Block) -> String {
     if block.spec.mode == Mode::Fixed {
         return "exact".to_owned();
     }
-    let sigma: Vec<String> = block.spec.sigma.iter().map(|s| short(s / block.spec.display.scale)).collect();
+    let sigma: Vec<String> =
+        block.spec.sigma.iter().map(|s| short(s / block.spec.display.scale)).collect();
     if sigma.windows(2).all(|w| w[0] == w[1]) { sigma[0].clone() } else { sigma.join(", ") }
 }
 
@@ -109,7 +117,9 @@ pub fn list(registry: &Registry, name: Option<&str>) -> Result<ExitCode> {
     if entries.is_empty() {
         let hint = did_you_mean(name, registry.entries().map(|e| e.name));
         let hint = hint.map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
-        return Err(format!("no type is called {name:?}{hint} `navfuse list` prints them all").into());
+        return Err(
+            format!("no type is called {name:?}{hint} `navfuse list` prints them all").into()
+        );
     }
     for entry in entries {
         line(format_args!("[{}.{}]\n{}\n", entry.kind.table(), entry.name, description(entry)));

@@ -2,7 +2,7 @@
 //!
 //! A program with one more plugin:
 //! ```no_run
-//! # use navfuse_core::registry::{Plugin, Registry};
+//! # use navfuse_core::plugin::{Plugin, Registry};
 //! # struct MyPlugin;
 //! # impl Plugin for MyPlugin { fn build(&self, _: &mut Registry) {} }
 //! fn main() -> std::process::ExitCode {
@@ -27,7 +27,7 @@ mod run;
 
 use arguments::{Arguments, Command};
 use clap::Parser;
-use navfuse_core::registry::Registry;
+use navfuse_core::plugin::Registry;
 use std::process::ExitCode;
 
 /// The registry with the plugins that ship with navfuse.

@@ -2,7 +2,7 @@
 
 use crate::arguments::NewPlugin;
 use crate::print::line;
-use navfuse_core::registry::{Kind, Registry};
+use navfuse_core::plugin::{Kind, Registry};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -78,22 +78,31 @@ pub fn new_plugin(registry: &Registry, arguments: &NewPlugin) -> Result<ExitCode
     let name = arguments.name.as_str();
     check_name(name)?;
     if registry.get(Kind::Sensor, name).is_some() {
-        return Err(format!("there is a sensor type {name} already; see `navfuse list {name}`").into());
+        return Err(
+            format!("there is a sensor type {name} already; see `navfuse list {name}`").into()
+        );
     }
     let folder = arguments.path.clone().unwrap_or_else(|| PathBuf::from(name));
     if folder.exists() {
-        return Err(format!("{} is there already; remove it, or give another --path", folder.display()).into());
+        return Err(format!(
+            "{} is there already; remove it, or give another --path",
+            folder.display()
+        )
+        .into());
     }
     let checkout = checkout(arguments.navfuse.as_deref())?;
     for (file, template) in FILES {
         let path = folder.join(file);
         let written = path.parent().map_or(Ok(()), std::fs::create_dir_all);
         let text = filled(template, name, checkout.as_deref())?;
-        written.and_then(|()| std::fs::write(&path, text)).map_err(|e| format!("{}: {e}", path.display()))?;
+        written
+            .and_then(|()| std::fs::write(&path, text))
+            .map_err(|e| format!("{}: {e}", path.display()))?;
     }
     // the versions that the checkout was built with: they are there, also without a network
     if let Some(lock) = checkout.map(|c| c.join("Cargo.lock")).filter(|l| l.is_file()) {
-        std::fs::copy(&lock, folder.join("Cargo.lock")).map_err(|e| format!("{}: {e}", lock.display()))?;
+        std::fs::copy(&lock, folder.join("Cargo.lock"))
+            .map_err(|e| format!("{}: {e}", lock.display()))?;
     }
     line(format_args!(
         "{} is a plugin with one sensor, {}. Next:",
@@ -127,7 +136,9 @@ fn check_name(name: &str) -> Result<(), String> {
 
 /// The folder of navfuse's source: the one given, or the one that this program was built from, if it is still there.
 fn checkout(given: Option<&Path>) -> Result<Option<PathBuf>, String> {
-    let is_one = |path: &Path| path.join("framework/Cargo.toml").is_file() && path.join("plugins/ins").is_dir();
+    let is_one = |path: &Path| {
+        path.join("framework/Cargo.toml").is_file() && path.join("plugins/ins").is_dir()
+    };
     match given {
         None => {
             let built = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
@@ -136,9 +147,10 @@ fn checkout(given: Option<&Path>) -> Result<Option<PathBuf>, String> {
         Some(path) if is_one(path) => {
             path.canonicalize().map(Some).map_err(|e| format!("--navfuse {}: {e}", path.display()))
         }
-        Some(path) => {
-            Err(format!("--navfuse {}: this is no checkout of navfuse (framework/ is not there)", path.display()))
-        }
+        Some(path) => Err(format!(
+            "--navfuse {}: this is no checkout of navfuse (framework/ is not there)",
+            path.display()
+        )),
     }
 }
 
@@ -167,14 +179,20 @@ fn filled(template: &str, name: &str, checkout: Option<&Path>) -> Result<String,
     if !camel.ends_with("Sensor") {
         camel.push_str("Sensor"); // so that it hides nothing that it uses: Speed, Rotation, Sample
     }
-    Ok(text.replace("my_sensor", &name.replace('-', "_")).replace("my-sensor", name).replace("MySensor", &camel))
+    Ok(text
+        .replace("my_sensor", &name.replace('-', "_"))
+        .replace("my-sensor", name)
+        .replace("MySensor", &camel))
 }
 
 /// A dependency: a path in the checkout, or the version of this program.
 fn place(checkout: Option<&Path>, folder: &str) -> Result<String, String> {
-    let Some(checkout) = checkout else { return Ok(format!("version = \"{}\"", env!("CARGO_PKG_VERSION"))) };
+    let Some(checkout) = checkout else {
+        return Ok(format!("version = \"{}\"", env!("CARGO_PKG_VERSION")));
+    };
     let path = if folder.is_empty() { checkout.to_owned() } else { checkout.join(folder) };
-    let text = path.to_str().ok_or_else(|| format!("{}: a path that is no text", path.display()))?;
+    let text =
+        path.to_str().ok_or_else(|| format!("{}: a path that is no text", path.display()))?;
     serde_json::to_string(text).map(|quoted| format!("path = {quoted}")).map_err(|e| e.to_string())
 }
 
@@ -189,9 +207,20 @@ mod tests {
             assert_eq!(check_name(good), Ok(()));
         }
         let long = "a".repeat(65);
-        for bad in
-            ["", "2d", "-a", "My", "a b", "../a", "fn", "serde", "navfuse-core", "navfuse_conformance", "é", &long]
-        {
+        for bad in [
+            "",
+            "2d",
+            "-a",
+            "My",
+            "a b",
+            "../a",
+            "fn",
+            "serde",
+            "navfuse-core",
+            "navfuse_conformance",
+            "é",
+            &long,
+        ] {
             assert!(check_name(bad).is_err(), "{bad}");
         }
     }
@@ -202,18 +231,29 @@ mod tests {
         let text = filled(cargo, "usbl", Some(Path::new("/a b/navfuse"))).unwrap();
         assert!(text.contains("name = \"usbl\"\n"), "{text}");
         assert!(
-            text.contains("navfuse = { path = \"/a b/navfuse\", default-features = false, optional = true }"),
+            text.contains(
+                "navfuse = { path = \"/a b/navfuse\", default-features = false, optional = true }"
+            ),
             "{text}"
         );
         assert!(text.contains("navfuse-ins = { path = \"/a b/navfuse/plugins/ins\" }\n"), "{text}");
         let text = filled(cargo, "usbl", None).unwrap();
-        assert!(text.contains(concat!("navfuse-core = { version = \"", env!("CARGO_PKG_VERSION"), "\" }\n")), "{text}");
+        assert!(
+            text.contains(concat!(
+                "navfuse-core = { version = \"",
+                env!("CARGO_PKG_VERSION"),
+                "\" }\n"
+            )),
+            "{text}"
+        );
     }
 
     #[test]
     fn the_type_is_named_after_the_crate_and_hides_nothing() {
         assert!(filled(FILES[3].1, "speed", None).unwrap().contains("pub struct SpeedSensor {"));
-        assert!(filled(FILES[4].1, "sea-sensor", None).unwrap().contains("<sea_sensor::SeaSensor>"));
+        assert!(
+            filled(FILES[4].1, "sea-sensor", None).unwrap().contains("<sea_sensor::SeaSensor>")
+        );
     }
 
     #[test]

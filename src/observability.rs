@@ -7,9 +7,9 @@ use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use crate::run;
 use clap::Args;
 use navfuse_campaign::Done;
-use navfuse_core::registry::Registry;
-use navfuse_core::runner;
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
 use navfuse_observability::{Report, Verdict, Watch, plan, words};
 use navfuse_segments::{Kind, Recording};
 use std::error::Error;
@@ -79,8 +79,13 @@ pub fn observability(registry: &Registry, arguments: &Observability) -> Result<E
     let tracker = kept.lock().ok().and_then(|mut kept| kept.take());
     if let (Some(tracker), None) = (tracker.as_ref().filter(|t| t.started()), &finished.error) {
         let mut report = Report::new(&name, tracker);
-        report
-            .judge(scenario.assemble(None).map_err(Into::into).and_then(|a| Recording::gather(a, |_, _| {})), tracker);
+        report.judge(
+            scenario
+                .assemble(None)
+                .map_err(Into::into)
+                .and_then(|a| Recording::gather(a, |_, _| {})),
+            tracker,
+        );
         if text {
             show(&report);
         } else {
@@ -124,10 +129,16 @@ fn suggest(registry: &Registry, arguments: &Observability) -> Result<ExitCode> {
         plan.speed,
         plan.of.join(", ")
     ));
-    let mut table =
-        print::table(&["manoeuvre", "time", "bits", "bits a minute", "it improves most, against going straight on"]);
+    let mut table = print::table(&[
+        "manoeuvre",
+        "time",
+        "bits",
+        "bits a minute",
+        "it improves most, against going straight on",
+    ]);
     for s in &plan.suggestions {
-        let most: Vec<String> = s.improves.iter().take(IMPROVED).map(plan::Improvement::text).collect();
+        let most: Vec<String> =
+            s.improves.iter().take(IMPROVED).map(plan::Improvement::text).collect();
         let minutes = s.duration_s / 60.0;
         table.add_row([
             s.name.clone(),
@@ -153,8 +164,12 @@ fn tenths(value: f64) -> String {
 
 /// The report for a person.
 fn show(report: &Report) {
-    print::line(format_args!("{}, {:.0} s to {:.0} s", report.scenario, report.start_s, report.end_s));
-    let mut table = print::table(&["state", "", "prior", "now", "unit", "bits", "still prior", "verdict"]);
+    print::line(format_args!(
+        "{}, {:.0} s to {:.0} s",
+        report.scenario, report.start_s, report.end_s
+    ));
+    let mut table =
+        print::table(&["state", "", "prior", "now", "unit", "bits", "still prior", "verdict"]);
     let mut before = "";
     for s in &report.states {
         let verdict = match (s.verdict, s.since_s, s.lost_s) {
@@ -178,7 +193,8 @@ fn show(report: &Report) {
     print::right(&mut table, 5..7);
     print::line(format_args!("{table}"));
     segments(report);
-    let missing: Vec<_> = report.states.iter().filter(|s| s.verdict != Verdict::Determined).collect();
+    let missing: Vec<_> =
+        report.states.iter().filter(|s| s.verdict != Verdict::Determined).collect();
     if !missing.is_empty() {
         print::line("\nWhat is missing");
     }
@@ -187,7 +203,9 @@ fn show(report: &Report) {
         print::line(format_args!("  {}: {}: {why}", s.title, s.verdict.text()));
     }
     if !report.undetermined.is_empty() {
-        print::line("\nDirections that the measurements left open, and how much of their prior variance is left");
+        print::line(
+            "\nDirections that the measurements left open, and how much of their prior variance is left",
+        );
     }
     for d in &report.undetermined {
         print::line(format_args!("  {:>4.0} %  {}", 100.0 * d.left, d.text));
@@ -206,12 +224,20 @@ fn segments(report: &Report) {
     for s in view.segments.iter().filter(|s| s.kind != Kind::Steady) {
         let what = match (s.force_rate, s.heading_change_deg) {
             (Some((rate, [x, y, z])), _) => {
-                format!("specific-force rate {} mm/s^3 along [{x:.2} {y:.2} {z:.2}]", words::short(1e3 * rate))
+                format!(
+                    "specific-force rate {} mm/s^3 along [{x:.2} {y:.2} {z:.2}]",
+                    words::short(1e3 * rate)
+                )
             }
             (_, Some(turn)) => format!("heading {turn:+.0} deg"),
             _ => String::new(),
         };
-        table.add_row([s.kind.to_string(), format!("{:.0} s", s.from_s), format!("{:.0} s", s.to_s), what]);
+        table.add_row([
+            s.kind.to_string(),
+            format!("{:.0} s", s.from_s),
+            format!("{:.0} s", s.to_s),
+            what,
+        ]);
     }
     print::right(&mut table, 1..3);
     print::line(format_args!("\n{table}"));
@@ -259,8 +285,13 @@ fn write(report: &Report, out: &Path, text: bool) -> Result<()> {
     write_files(out, files, text)
 }
 
-fn write_files(out: &Path, files: impl IntoIterator<Item = (String, String)>, text: bool) -> Result<()> {
-    std::fs::create_dir_all(out).map_err(|e| format!("{}: the folder cannot be made: {e}", out.display()))?;
+fn write_files(
+    out: &Path,
+    files: impl IntoIterator<Item = (String, String)>,
+    text: bool,
+) -> Result<()> {
+    std::fs::create_dir_all(out)
+        .map_err(|e| format!("{}: the folder cannot be made: {e}", out.display()))?;
     for (name, content) in files {
         let path = out.join(name);
         std::fs::write(&path, content).map_err(|e| format!("{}: {e}", path.display()))?;

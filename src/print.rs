@@ -1,10 +1,10 @@
 //! What a person reads.
 
 use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
-use navfuse_core::record::{Event, Level};
+use navfuse_core::model::record::{Event, Level};
+use navfuse_core::run::summary::{Recorded, StateRow, Summary};
 use navfuse_core::state::Mode;
-use navfuse_core::summary::{Recorded, StateRow, Summary};
-use navfuse_core::time::Time;
+use navfuse_core::units::time::Time;
 use std::io::Write;
 
 /// Prints a line on standard output. Whoever reads it may close it early: that is no error of ours.
@@ -48,9 +48,14 @@ pub fn summary(summary: &Summary) {
     let mut sensors = table(&["sensor", "read", "used", "gated", "rejected", "mean NIS"]);
     for (name, value) in &summary.samples {
         let text = |key: &str| value.get(key).map_or_else(String::new, ToString::to_string);
-        let used = value.get("used").or_else(|| value.get("accepted")).map_or_else(String::new, ToString::to_string);
-        let nis =
-            value.get("mean_nis").and_then(serde_json::Value::as_f64).map_or_else(String::new, |n| format!("{n:.2}"));
+        let used = value
+            .get("used")
+            .or_else(|| value.get("accepted"))
+            .map_or_else(String::new, ToString::to_string);
+        let nis = value
+            .get("mean_nis")
+            .and_then(serde_json::Value::as_f64)
+            .map_or_else(String::new, |n| format!("{n:.2}"));
         sensors.add_row([name.clone(), text("read"), used, text("gated"), text("rejected"), nis]);
     }
     right(&mut sensors, 1..6);
@@ -58,10 +63,18 @@ pub fn summary(summary: &Summary) {
     for (name, start) in &summary.starts {
         line(format_args!("{name} {}", start["text"].as_str().unwrap_or_default()));
     }
-    line(format_args!("{:.0} s and {:.0} m in {:.2} s", summary.duration_s, summary.distance_m, summary.wall_s));
+    line(format_args!(
+        "{:.0} s and {:.0} m in {:.2} s",
+        summary.duration_s, summary.distance_m, summary.wall_s
+    ));
     if let Some(e) = &summary.horizontal_error_m {
-        let percent = e.percent_of_distance.map_or_else(String::new, |p| format!(", {p:.3} % of the distance"));
-        line(format_args!("horizontal error {:.2} m at the end{percent}; {:.2} m rms", e.last, e.rms));
+        let percent = e
+            .percent_of_distance
+            .map_or_else(String::new, |p| format!(", {p:.3} % of the distance"));
+        line(format_args!(
+            "horizontal error {:.2} m at the end{percent}; {:.2} m rms",
+            e.last, e.rms
+        ));
     }
 }
 
@@ -71,8 +84,13 @@ fn state(row: &StateRow, table: &mut Table) {
     }
     for (k, component) in row.components.iter().enumerate() {
         let sigma = row.sigma[k];
-        let angle = row.estimate.len() == 3 && row.unit == "m" && k < 2 && component.ends_with("itude");
-        let estimate = if angle { format!("{:.7} deg", row.estimate[k]) } else { number(row.estimate[k], sigma) };
+        let angle =
+            row.estimate.len() == 3 && row.unit == "m" && k < 2 && component.ends_with("itude");
+        let estimate = if angle {
+            format!("{:.7} deg", row.estimate[k])
+        } else {
+            number(row.estimate[k], sigma)
+        };
         let error = row.error.as_ref().map(|e| e[k]);
         let then = row.error_sigma[k]; // at the error's time
         let ratio = error.filter(|_| then > 0.0).map_or_else(String::new, |e| fixed(e / then, 1));
@@ -95,7 +113,11 @@ fn state(row: &StateRow, table: &mut Table) {
 
 /// A number with the digits that its sigma leaves a meaning, and one more.
 fn number(value: f64, sigma: f64) -> String {
-    let decimals = if sigma > 0.0 && sigma.is_finite() { (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) } else { 6.0 };
+    let decimals = if sigma > 0.0 && sigma.is_finite() {
+        (1.0 - sigma.log10().floor()).clamp(0.0, 9.0)
+    } else {
+        6.0
+    };
     fixed(value, decimals as usize)
 }
 

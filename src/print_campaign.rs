@@ -34,7 +34,9 @@ impl Shown<'_> {
     /// Whether a component is shown.
     pub fn shows(self, component: &Component) -> bool {
         match self {
-            Self::Grid(names) if !names.is_empty() => names.iter().any(|name| is_of(component, name)),
+            Self::Grid(names) if !names.is_empty() => {
+                names.iter().any(|name| is_of(component, name))
+            }
             _ => true,
         }
     }
@@ -62,17 +64,24 @@ pub fn results(plan: &Plan, results: &Results, shown: Shown<'_>, scenario: &str)
 fn worst(points: &[PointReport], scenario: &str) {
     let all = points.iter().filter_map(|p| p.worst.as_ref());
     let failed = all.clone().find(|w| w.failure.is_some());
-    let largest = || all.max_by(|a, b| a.nees.unwrap_or(f64::INFINITY).total_cmp(&b.nees.unwrap_or(f64::INFINITY)));
+    let largest = || {
+        all.max_by(|a, b| {
+            a.nees.unwrap_or(f64::INFINITY).total_cmp(&b.nees.unwrap_or(f64::INFINITY))
+        })
+    };
     let Some(WorstRun { run, nees, again, .. }) = failed.or_else(largest) else { return };
-    let why = nees.map_or("ended early".to_owned(), |n| format!("has the largest NEES at the end, {n:.1}"));
-    let scenario = if scenario.contains(' ') { format!("{scenario:?}") } else { scenario.to_owned() };
+    let why = nees
+        .map_or("ended early".to_owned(), |n| format!("has the largest NEES at the end, {n:.1}"));
+    let scenario =
+        if scenario.contains(' ') { format!("{scenario:?}") } else { scenario.to_owned() };
     line(format_args!("run {run} {why}; again: navfuse run {scenario} {again}"));
 }
 
 /// Where it was written.
 pub fn files(files: &[PathBuf], out: Option<&Path>) {
     let Some(out) = out else { return };
-    let names = files.iter().filter_map(|f| f.file_name()).map(|n| n.to_string_lossy().into_owned());
+    let names =
+        files.iter().filter_map(|f| f.file_name()).map(|n| n.to_string_lossy().into_owned());
     line(format_args!("{}: {}", out.display(), names.collect::<Vec<_>>().join(", ")));
 }
 
@@ -102,9 +111,23 @@ fn once(states: &[StateReport], k: usize) -> String {
 }
 
 fn consistency(plan: &Plan, point: &PointReport) {
-    let failed = if point.failed > 0 { format!(", {} failed", point.failed) } else { String::new() };
-    line(format_args!("{}: {} runs{failed}, seed {}; at {:.0} s:", plan.scenario, point.runs, plan.seed, point.end_s));
-    let mut rows = table(&["state", "", "RMSE", "1-sigma", "RMSE/sigma", "bound", "RMSE/bound", "mean error", "unit"]);
+    let failed =
+        if point.failed > 0 { format!(", {} failed", point.failed) } else { String::new() };
+    line(format_args!(
+        "{}: {} runs{failed}, seed {}; at {:.0} s:",
+        plan.scenario, point.runs, plan.seed, point.end_s
+    ));
+    let mut rows = table(&[
+        "state",
+        "",
+        "RMSE",
+        "1-sigma",
+        "RMSE/sigma",
+        "bound",
+        "RMSE/bound",
+        "mean error",
+        "unit",
+    ]);
     for (k, s) in point.states.iter().enumerate() {
         rows.add_row([
             once(&point.states, k),
@@ -131,7 +154,8 @@ fn consistency(plan: &Plan, point: &PointReport) {
     if !point.nis.is_empty() {
         let mut rows = table(&["NIS", "used", "gated", "mean", "expected", "95 % band"]);
         for n in &point.nis {
-            let limits = n.band.map_or_else(String::new, |b| format!("{:.4} to {:.4}", b.low, b.high));
+            let limits =
+                n.band.map_or_else(String::new, |b| format!("{:.4} to {:.4}", b.low, b.high));
             let value = |v: Option<f64>| v.map_or_else(String::new, |v| format!("{v:.4}"));
             let (used, gated) = (n.used.to_string(), percent(Some(n.gated)));
             rows.add_row([n.sensor.clone(), used, gated, value(n.mean), value(n.expected), limits]);
@@ -150,7 +174,10 @@ fn consistency(plan: &Plan, point: &PointReport) {
 fn bound(plan: &Plan, results: &Results) {
     let Some(bound) = results.points.first().and_then(|p| p.bound.as_ref()) else { return };
     let (Some(first), Some(last)) = (bound.rows.first(), bound.rows.last()) else { return };
-    line(format_args!("{}: the least 1-sigma that a filter, or a smoother, can reach", plan.scenario));
+    line(format_args!(
+        "{}: the least 1-sigma that a filter, or a smoother, can reach",
+        plan.scenario
+    ));
     let (start, end) = (format!("{:.0} s", first.1), format!("{:.0} s", last.1));
     let mut rows = table(&["state", "", &start, &end, "smoothed, rms", "unit"]);
     let states = &results.report.points[0].states;
@@ -171,12 +198,19 @@ fn bound(plan: &Plan, results: &Results) {
 /// One table a state: a row a point, the components beside each other.
 fn grid(plan: &Plan, results: &Results, shown: Shown<'_>) {
     let runs = plan.runs > 0;
-    let what = if runs { format!("RMSE of {} runs over 1-sigma bound", plan.runs) } else { "1-sigma bound".into() };
+    let what = if runs {
+        format!("RMSE of {} runs over 1-sigma bound", plan.runs)
+    } else {
+        "1-sigma bound".into()
+    };
     let points = &results.report.points;
     line(format_args!("{}: {what} at the end, {} points", plan.scenario, points.len()));
     for block in 0..plan.columns.blocks.len() {
-        let range: Vec<usize> =
-            plan.columns.of_block(block).filter(|k| shown.shows(&plan.columns.components[*k])).collect();
+        let range: Vec<usize> = plan
+            .columns
+            .of_block(block)
+            .filter(|k| shown.shows(&plan.columns.components[*k]))
+            .collect();
         if range.is_empty() {
             continue;
         }
@@ -193,7 +227,11 @@ fn grid(plan: &Plan, results: &Results, shown: Shown<'_>) {
         for point in points {
             let mut cells = point.values.clone();
             for s in range.iter().map(|k| &point.states[*k]) {
-                cells.push(if runs { format!("{} / {}", number(s.rmse), number(s.bound)) } else { number(s.bound) });
+                cells.push(if runs {
+                    format!("{} / {}", number(s.rmse), number(s.bound))
+                } else {
+                    number(s.bound)
+                });
             }
             rows.add_row(cells);
         }

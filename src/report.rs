@@ -5,10 +5,10 @@ use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use crate::run::{document_of, folder_name};
 use clap::Args;
 use navfuse_core::document::Document;
-use navfuse_core::registry::Registry;
-use navfuse_core::runner;
-use navfuse_core::scenario::Scenario;
-use navfuse_core::stream::Sink;
+use navfuse_core::model::stream::Sink;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
 use navfuse_observability::{Report as Observed, Tracker, Watch};
 use navfuse_report::{History, Recorder};
 use std::error::Error;
@@ -49,7 +49,10 @@ pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
     let stop = stop_on_ctrl_c();
     let bar = Bar::new(true);
     let of = &arguments.of;
-    let (history, observed, folder, end) = if of.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+    let (history, observed, folder, end) = if of
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+    {
         let document = Document::from_file(of)?;
         let (watch, kept) = Watch::new(EVERY);
         let sinks: [(String, Box<dyn Sink>); 1] = [("observability".to_owned(), Box::new(watch))];
@@ -59,7 +62,8 @@ pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
         (history, observed, folder, end)
     } else {
         if !arguments.set.is_empty() {
-            let message = "a log is told as it was recorded; `navfuse replay` runs the filter again";
+            let message =
+                "a log is told as it was recorded; `navfuse replay` runs the filter again";
             return Err(format!("--set: {message}").into());
         }
         let history = navfuse_report::read_log(of, |read| bar.log(read))?;
@@ -79,7 +83,12 @@ pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
 
 /// What the run of a log determines of each state, by running the filter again on its samples. None where that cannot be, as of
 /// a log that another program with more types wrote.
-fn observed(registry: &Registry, log: &Path, stop: &AtomicBool, bar: &Bar) -> Result<Option<Observed>> {
+fn observed(
+    registry: &Registry,
+    log: &Path,
+    stop: &AtomicBool,
+    bar: &Bar,
+) -> Result<Option<Observed>> {
     let (document, settings) = match document_of(log) {
         Ok(found) => found,
         Err(error) => return unjudged(&*error),
@@ -160,6 +169,9 @@ pub fn run(
 /// Writes a file, and the folder that it is in.
 pub fn write(path: &Path, text: &str) -> Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-    let written = folder.map_or(Ok(()), std::fs::create_dir_all).and_then(|()| std::fs::write(path, text));
-    Ok(written.map_err(|e| format!("{}: cannot be written: {e}; give another place with --out", path.display()))?)
+    let written =
+        folder.map_or(Ok(()), std::fs::create_dir_all).and_then(|()| std::fs::write(path, text));
+    Ok(written.map_err(|e| {
+        format!("{}: cannot be written: {e}; give another place with --out", path.display())
+    })?)
 }

@@ -4,10 +4,11 @@ use crate::arguments::{Format, Replay, Run, RunOptions};
 use crate::print;
 use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use navfuse_core::document::Document;
-use navfuse_core::record::Level;
-use navfuse_core::registry::{Kind, Registry};
-use navfuse_core::runner::{self, Finished};
-use navfuse_core::scenario::Scenario;
+use navfuse_core::model::record::Level;
+use navfuse_core::plugin::{Kind, Registry};
+use navfuse_core::run::runner;
+use navfuse_core::run::runner::Finished;
+use navfuse_core::run::scenario::Scenario;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -26,20 +27,24 @@ pub fn replay(registry: &Registry, arguments: &Replay) -> Result<ExitCode> {
     let (document, source) = of_log(&arguments.log, arguments.scenario.as_deref())?;
     let mut options = arguments.options.clone();
     if options.out.is_none() {
-        options.out = Some(PathBuf::from("runs").join(folder_name(&format!("{}-replay", document.stem()))));
+        options.out =
+            Some(PathBuf::from("runs").join(folder_name(&format!("{}-replay", document.stem()))));
     }
     go(registry, document, &[source], &options)
 }
 
 /// The scenario of a log, or another one, and the setting that makes the log its source.
 fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)> {
-    let path = std::fs::canonicalize(log).map_err(|e| format!("{}: cannot be read: {e}", log.display()))?;
+    let path = std::fs::canonicalize(log)
+        .map_err(|e| format!("{}: cannot be read: {e}", log.display()))?;
     let document = match scenario {
         Some(path) => Document::from_file(path)?,
         None => {
             let info = navfuse_mcap::read_scenario(log)?;
             Document::parse(
-                path.with_file_name(format!("{}.toml", folder_name(&info.name))).display().to_string(),
+                path.with_file_name(format!("{}.toml", folder_name(&info.name)))
+                    .display()
+                    .to_string(),
                 info.scenario,
             )?
         }
@@ -56,7 +61,12 @@ pub fn document_of(path: &Path) -> Result<(Document, Vec<String>)> {
     Ok((document, vec![source]))
 }
 
-fn go(registry: &Registry, document: Document, first: &[String], options: &RunOptions) -> Result<ExitCode> {
+fn go(
+    registry: &Registry,
+    document: Document,
+    first: &[String],
+    options: &RunOptions,
+) -> Result<ExitCode> {
     let mut settings = first.to_vec();
     settings.extend(options.set.iter().cloned());
     settings.extend(live(registry, options)?);
@@ -78,7 +88,9 @@ fn go(registry: &Registry, document: Document, first: &[String], options: &RunOp
     Ok(match (&finished.error, finished.interrupted) {
         (Some(_), _) => ExitCode::FAILURE,
         (None, true) => ExitCode::from(INTERRUPTED),
-        (None, false) if finished.events.iter().any(|e| e.level == Level::Error) => ExitCode::FAILURE,
+        (None, false) if finished.events.iter().any(|e| e.level == Level::Error) => {
+            ExitCode::FAILURE
+        }
         (None, false) => ExitCode::SUCCESS,
     })
 }
@@ -93,7 +105,10 @@ fn live(registry: &Registry, options: &RunOptions) -> Result<Vec<String>> {
         _ => return Ok(Vec::new()),
     };
     if registry.get(Kind::Sink, "rerun").is_none() {
-        return Err("this navfuse was built without the rerun viewer; build it with `--features rerun`".into());
+        return Err(
+            "this navfuse was built without the rerun viewer; build it with `--features rerun`"
+                .into(),
+        );
     }
     Ok(vec![setting])
 }
@@ -103,9 +118,15 @@ fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Result<Option
     if options.no_output {
         return Ok(None);
     }
-    let folder = options.out.clone().unwrap_or_else(|| Path::new("runs").join(folder_name(&scenario.name())));
+    let folder = options
+        .out
+        .clone()
+        .unwrap_or_else(|| Path::new("runs").join(folder_name(&scenario.name())));
     std::fs::create_dir_all(&folder).map_err(|e| {
-        format!("{}: the output folder cannot be made: {e}; give another with --out, or --no-output", folder.display())
+        format!(
+            "{}: the output folder cannot be made: {e}; give another with --out, or --no-output",
+            folder.display()
+        )
     })?;
     Ok(Some(folder))
 }

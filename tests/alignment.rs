@@ -4,8 +4,8 @@
 mod common;
 
 use common::{data, parallel, run_without_sinks, scenario};
-use navfuse_core::runner::Finished;
-use navfuse_core::summary::{StateRow, Summary};
+use navfuse_core::run::runner::Finished;
+use navfuse_core::run::summary::{StateRow, Summary};
 
 const EARTH_RATE_DEG_H: f64 = 15.041;
 
@@ -62,7 +62,9 @@ fn at_rest_the_heading_reaches_its_limits_within_20_percent() {
     let errors: Vec<f64> = results.iter().map(|r| r.0).collect();
     let (mean, sd) = mean_and_sd(&errors);
     let sigma = results[0].1;
-    println!("heading: mean {mean:.4} deg (limit {bias_limit:.4}), sd {sd:.4} ({noise_limit:.4}), sigma {sigma:.4}");
+    println!(
+        "heading: mean {mean:.4} deg (limit {bias_limit:.4}), sd {sd:.4} ({noise_limit:.4}), sigma {sigma:.4}"
+    );
     assert!((mean.abs() / bias_limit - 1.0).abs() < 0.2, "{mean} against {bias_limit}");
     assert!((sd / noise_limit - 1.0).abs() < 0.2, "{sd} against {noise_limit}");
     assert!((sigma / bias_limit.hypot(noise_limit) - 1.0).abs() < 0.2, "{sigma}");
@@ -76,7 +78,8 @@ fn at_rest_sigma_covers_the_error() {
     for coarse in ["optimisation", "analytic"] {
         let nees = parallel(&seeds, |seed| {
             let coarse = format!("process.ins.alignment.coarse={coarse}");
-            let settings = [&format!("seed={seed}"), coarse.as_str(), "sensor.imu.simulation.rate=20 Hz"];
+            let settings =
+                [&format!("seed={seed}"), coarse.as_str(), "sensor.imu.simulation.rate=20 Hz"];
             let finished = run("alignment-static", &settings);
             assert!(finished.error.is_none(), "{:?}", finished.error);
             let row = row(&finished.summary, "ins.attitude");
@@ -94,7 +97,8 @@ fn at_rest_sigma_covers_the_error() {
 #[test]
 fn a_recorded_ring_laser_imu_finds_its_heading() {
     let Some(folder) = data("rlg-static", RLG) else { return };
-    let directory = format!("source.csv.directory={}", folder.canonicalize().expect("the folder").display());
+    let directory =
+        format!("source.csv.directory={}", folder.canonicalize().expect("the folder").display());
     let told = |settings: &[&str]| {
         let finished = run("rlg-static", &[settings, &[directory.as_str()]].concat());
         assert!(finished.error.is_none(), "{:?}", finished.error);
@@ -103,7 +107,8 @@ fn a_recorded_ring_laser_imu_finds_its_heading() {
     };
     let whole = told(&[]);
     let blocks = [0, 300, 600].map(|from| {
-        let (start, stop) = (format!("estimator.start={from} s"), format!("estimator.stop={} s", from + 300));
+        let (start, stop) =
+            (format!("estimator.start={from} s"), format!("estimator.stop={} s", from + 300));
         told(&[&start, &stop, "process.ins.alignment.duration=299 s"])
     });
     println!("heading and sigma: whole {whole:.3?} deg, blocks of 300 s {blocks:.3?}");
@@ -118,7 +123,7 @@ fn a_recorded_ring_laser_imu_finds_its_heading() {
 }
 
 const RLG: &str = "It is data/lasergyro.imu of the public repository WangShanpeng/PSINS, made tidy as \
-                   docs/src/guide/alignment.md tells";
+                   docs/src/how-to/alignment.md tells";
 
 #[test]
 fn in_motion_the_heading_is_found_from_nothing_within_240_s() {
@@ -139,7 +144,9 @@ fn in_motion_the_heading_is_found_from_nothing_within_240_s() {
         });
         let worst = results.iter().fold(0.0_f64, |w, r| w.max(r.0.abs()));
         let squares = results.iter().map(|(e, s)| (e / s).powi(2)).sum::<f64>() / 20.0;
-        println!("{kind}: worst error {worst:.3} deg, mean squared error over sigma squared {squares:.2}");
+        println!(
+            "{kind}: worst error {worst:.3} deg, mean squared error over sigma squared {squares:.2}"
+        );
         assert!(worst < 1.0, "{results:?}");
         // chi-square of 20 degrees of freedom leaves 0.30 to 2.27 of its mean once in a thousand times
         assert!((0.30..2.27).contains(&squares), "{results:?}");
@@ -154,7 +161,8 @@ fn in_motion_sigma_covers_the_error_of_a_dvl_far_off() {
     for prior in ["3 %", "20 %"] {
         let squares = parallel(&seeds, |seed| {
             let scale = format!("sensor.dvl.scale.sigma={prior}");
-            let settings = [&format!("seed={seed}"), scale.as_str(), "sensor.imu.simulation.rate=50 Hz"];
+            let settings =
+                [&format!("seed={seed}"), scale.as_str(), "sensor.imu.simulation.rate=50 Hz"];
             let finished = run("alignment-in-motion", &settings);
             let (error, sigma) = heading(&finished);
             let of = |name: &str, k: usize| {
@@ -165,7 +173,9 @@ fn in_motion_sigma_covers_the_error_of_a_dvl_far_off() {
         });
         let mean = |k: usize| squares.iter().map(|s| s[k]).sum::<f64>() / 40.0;
         let means = [mean(0), mean(1), mean(2)];
-        println!("{prior}: mean squared error over sigma squared of heading, scale, misalignment {means:.2?}");
+        println!(
+            "{prior}: mean squared error over sigma squared of heading, scale, misalignment {means:.2?}"
+        );
         assert!(means.iter().all(|m| (0.42..1.91).contains(m)), "{prior}: {means:?}");
     }
 }
@@ -176,7 +186,10 @@ fn squares(settings: &[&str], components: &[(&str, usize)]) -> Vec<f64> {
     let seeds: Vec<u64> = (1_000_001..=1_000_060).collect();
     let of_runs = parallel(&seeds, |seed| {
         let seed = format!("seed={seed}");
-        let finished = run("alignment-in-motion", &[settings, &[&seed, "sensor.imu.simulation.rate=20 Hz"]].concat());
+        let finished = run(
+            "alignment-in-motion",
+            &[settings, &[&seed, "sensor.imu.simulation.rate=20 Hz"]].concat(),
+        );
         assert!(finished.error.is_none(), "{:?}", finished.error);
         let square = |&(name, k): &(&str, usize)| {
             let row = row(&finished.summary, name);
@@ -184,7 +197,8 @@ fn squares(settings: &[&str], components: &[(&str, usize)]) -> Vec<f64> {
         };
         components.iter().map(square).collect::<Vec<_>>()
     });
-    let means: Vec<f64> = (0..components.len()).map(|k| of_runs.iter().map(|s| s[k]).sum::<f64>() / 60.0).collect();
+    let means: Vec<f64> =
+        (0..components.len()).map(|k| of_runs.iter().map(|s| s[k]).sum::<f64>() / 60.0).collect();
     println!("{settings:?}: mean squared error over sigma squared of {components:?} {means:.2?}");
     means
 }
@@ -213,16 +227,26 @@ fn in_motion_sigma_covers_the_error_of_a_mounting_hardly_known() {
 fn in_motion_sigma_covers_the_error_of_single_beams_far_off_in_scale() {
     let settings = ["sensor.dvl.type=dvl-beams", "sensor.dvl.scale.sigma=10 %"];
     let axes = |name| [0, 1, 2].map(|k| (name, k));
-    let means = squares(&settings, &[&[("ins.attitude", 2), ("dvl.scale", 0)][..], &axes("ins.accel_bias")].concat());
+    let means = squares(
+        &settings,
+        &[&[("ins.attitude", 2), ("dvl.scale", 0)][..], &axes("ins.accel_bias")].concat(),
+    );
     assert!(means.iter().all(|m| (0.51..1.67).contains(m)), "{means:?}");
 }
 
 #[test]
 fn a_mounting_known_less_well_than_was_verified_is_told() {
-    let words = ["dvl.misalignment", "3.0 deg", "up to 1 deg", "sensor.dvl.misalignment.initial and .sigma"];
+    let words = [
+        "dvl.misalignment",
+        "3.0 deg",
+        "up to 1 deg",
+        "sensor.dvl.misalignment.initial and .sigma",
+    ];
     told("alignment-in-motion", &["sensor.dvl.misalignment.sigma=3 deg"], "warning", &words);
-    let known =
-        run("alignment-in-motion", &["sensor.dvl.misalignment.sigma=1 deg", "sensor.imu.simulation.rate=20 Hz"]);
+    let known = run(
+        "alignment-in-motion",
+        &["sensor.dvl.misalignment.sigma=1 deg", "sensor.imu.simulation.rate=20 Hz"],
+    );
     assert!(known.events.iter().all(|e| !e.text.contains("verified")), "{:?}", known.events);
 }
 
@@ -267,7 +291,10 @@ fn told(name: &str, settings: &[&str], level: &str, words: &[&str]) {
     let texts: Vec<String> = match (&finished.error, level) {
         (Some(error), "error") => vec![error.to_string()],
         (None, "warning") => finished.events.iter().map(|e| e.text.clone()).collect(),
-        _ => panic!("{settings:?}: a {level} is expected: {:?} {:?}", finished.error, finished.events),
+        _ => panic!(
+            "{settings:?}: a {level} is expected: {:?} {:?}",
+            finished.error, finished.events
+        ),
     };
     let fits = |text: &String| words.iter().all(|word| text.contains(word));
     assert!(texts.iter().any(fits), "{settings:?}: {words:?} are expected in {texts:#?}");
@@ -285,8 +312,14 @@ fn a_log_without_time_at_rest_is_told() {
     let words = ["moved at 60", "6 s into a static alignment", "gate 0.010 deg", "heading_gate"];
     let gate = "process.ins.alignment={ method = 'static', duration = '700 s', heading_gate = '0.01 deg' }";
     told("pan-wu-3d", &[gate, "estimator.start=0 s"], "error", &[words[0], words[2], words[3]]);
-    let early = "process.ins.alignment={ method = 'static', duration = '700 s', heading_gate = '0.1 deg' }";
-    told("pan-wu-3d", &[early, "estimator.start=0 s"], "warning", &["moved at 60", "of 700 s", "ends so"]);
+    let early =
+        "process.ins.alignment={ method = 'static', duration = '700 s', heading_gate = '0.1 deg' }";
+    told(
+        "pan-wu-3d",
+        &[early, "estimator.start=0 s"],
+        "warning",
+        &["moved at 60", "of 700 s", "ends so"],
+    );
 }
 
 #[test]
@@ -297,16 +330,36 @@ fn a_segment_that_is_too_short_is_told() {
         "error",
         &["end 59.0 s into", "at rest of 600 s", "estimator.start"],
     );
-    told("alignment-static", &["estimator.stop=300 s"], "warning", &["end 298.9 s into", "gate 0.100 deg"]);
-    told("alignment-in-motion", &["estimator.stop=300 s"], "error", &["end 180.0 s into", "in motion of 240 s"]);
+    told(
+        "alignment-static",
+        &["estimator.stop=300 s"],
+        "warning",
+        &["end 298.9 s into", "gate 0.100 deg"],
+    );
+    told(
+        "alignment-in-motion",
+        &["estimator.stop=300 s"],
+        "error",
+        &["end 180.0 s into", "in motion of 240 s"],
+    );
     let gate = "process.ins.alignment.heading_gate=0.01 deg";
-    told("alignment-static", &[gate], "error", &["1-sigma of the heading of 0.0", "gate 0.010 deg", "better gyros"]);
+    told(
+        "alignment-static",
+        &[gate],
+        "error",
+        &["1-sigma of the heading of 0.0", "gate 0.010 deg", "better gyros"],
+    );
 }
 
 #[test]
 fn a_gap_of_the_dvl_inside_is_told_and_can_be_bridged() {
     let gap = "sensor.dvl.simulation.outages=[['200 s', '207 s']]";
-    told("alignment-in-motion", &[gap], "error", &["no velocity for 7.2 s from 199.800 s", "alignment.max_gap"]);
+    told(
+        "alignment-in-motion",
+        &[gap],
+        "error",
+        &["no velocity for 7.2 s from 199.800 s", "alignment.max_gap"],
+    );
     let finished = run("alignment-in-motion", &[gap, "process.ins.alignment.max_gap=10 s"]);
     let (error, sigma) = heading(&finished);
     assert!(error.abs() < 4.0 * sigma && sigma < 0.1, "{error} {sigma}");
@@ -314,7 +367,8 @@ fn a_gap_of_the_dvl_inside_is_told_and_can_be_bridged() {
 
 #[test]
 fn gyros_that_cannot_find_north_are_told() {
-    let settings = ["sensor.imu.gyro_noise=100 deg/h/sqrt(Hz)", "process.ins.gyro_bias.sigma=30 deg/h"];
+    let settings =
+        ["sensor.imu.gyro_noise=100 deg/h/sqrt(Hz)", "process.ins.gyro_bias.sigma=30 deg/h"];
     told("alignment-static", &settings, "error", &["cannot find north", "deg wrong"]);
 }
 
@@ -324,17 +378,41 @@ fn keys_that_do_not_fit_are_refused() {
     let registry = navfuse::standard_plugins();
     let cases = [
         ("alignment-static", "process.ins.alignment=moving", "allowed: given, static, in-motion"),
-        ("alignment-static", "process.ins.alignment=in-motion", "needs a sensor that measures the velocity"),
-        ("alignment-static", "process.ins.alignment.duration=5 s", "too short to see the Earth turn"),
-        ("alignment-static", "process.ins.alignment.coarse_duration=700 s", "10 s to the duration of 600 s"),
+        (
+            "alignment-static",
+            "process.ins.alignment=in-motion",
+            "needs a sensor that measures the velocity",
+        ),
+        (
+            "alignment-static",
+            "process.ins.alignment.duration=5 s",
+            "too short to see the Earth turn",
+        ),
+        (
+            "alignment-static",
+            "process.ins.alignment.coarse_duration=700 s",
+            "10 s to the duration of 600 s",
+        ),
         ("alignment-static", "process.ins.alignment.velocity=dvl", "of no use at rest"),
         ("alignment-in-motion", "process.ins.alignment.velocity=log", "there is no [sensor.log]"),
-        ("alignment-in-motion", "process.ins.alignment.rest_velocity=1 cm/s", "of no use in motion"),
+        (
+            "alignment-in-motion",
+            "process.ins.alignment.rest_velocity=1 cm/s",
+            "of no use in motion",
+        ),
         ("alignment-in-motion", "process.ins.alignment=given", "give attitude"),
-        ("pan-wu-3d", "process.ins.alignment.duration=600 s", "of no use where attitude and velocity are given"),
+        (
+            "pan-wu-3d",
+            "process.ins.alignment.duration=600 s",
+            "of no use where attitude and velocity are given",
+        ),
     ];
     for (name, setting, words) in cases {
-        let loaded = navfuse_core::scenario::Scenario::load(&registry, &scenario(name), &[setting.to_owned()]);
+        let loaded = navfuse_core::run::scenario::Scenario::load(
+            &registry,
+            &scenario(name),
+            &[setting.to_owned()],
+        );
         let error = loaded.expect("it is TOML").compose().expect_err(setting).to_string();
         assert!(error.contains(words), "{setting}: {error}");
     }

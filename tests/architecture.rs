@@ -1,4 +1,4 @@
-//! Which crate may use which: the table in docs/src/design.md, and no more.
+//! Which crate may use which: the table in docs/src/explanation/design.md, and no more.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
@@ -12,10 +12,21 @@ fn needs(folder: &Path) -> (BTreeSet<String>, BTreeSet<String>) {
     let file = folder.join("Cargo.toml");
     let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
     let table: toml::Table = text.parse().expect("Cargo.toml is TOML");
-    let names = table.get("dependencies").and_then(toml::Value::as_table).map(|t| t.keys().cloned().collect());
+    let names = table
+        .get("dependencies")
+        .and_then(toml::Value::as_table)
+        .map(|t| t.keys().cloned().collect());
     let names: Vec<String> = names.unwrap_or_default();
-    let (ours, others): (BTreeSet<_>, BTreeSet<_>) = names.into_iter().partition(|n| n.starts_with("navfuse"));
-    (ours.iter().filter_map(|n| n.strip_prefix("navfuse-")).filter(|n| *n != "core").map(Into::into).collect(), others)
+    let (ours, others): (BTreeSet<_>, BTreeSet<_>) =
+        names.into_iter().partition(|n| n.starts_with("navfuse"));
+    (
+        ours.iter()
+            .filter_map(|n| n.strip_prefix("navfuse-"))
+            .filter(|n| *n != "core")
+            .map(Into::into)
+            .collect(),
+        others,
+    )
 }
 
 /// The names in back-quotes.
@@ -25,9 +36,13 @@ fn quoted(cell: &str) -> Vec<String> {
 
 /// The arrows of the table: who is used, and by whom.
 fn told() -> BTreeSet<(String, String)> {
-    let text = std::fs::read_to_string(root().join("docs/src/design.md")).expect("the page is there");
-    let rows =
-        text.lines().skip_while(|l| !l.starts_with("| shared | by |")).skip(2).take_while(|l| l.starts_with('|'));
+    let text = std::fs::read_to_string(root().join("docs/src/explanation/design.md"))
+        .expect("the page is there");
+    let rows = text
+        .lines()
+        .skip_while(|l| !l.starts_with("| shared | by |"))
+        .skip(2)
+        .take_while(|l| l.starts_with('|'));
     let (mut arrows, mut shared) = (BTreeSet::new(), Vec::new());
     for row in rows {
         let cells: Vec<&str> = row.split('|').collect();
@@ -48,8 +63,12 @@ fn no_plugin_uses_another_but_as_the_design_says() {
         found.extend(needs(&folder).0.into_iter().map(|shared| (shared, name.clone())));
     }
     let told = told();
-    let (more, less): (Vec<_>, Vec<_>) = (found.difference(&told).collect(), told.difference(&found).collect());
-    assert!(more.is_empty() && less.is_empty(), "not in design.md: {more:?}; not in a Cargo.toml: {less:?}");
+    let (more, less): (Vec<_>, Vec<_>) =
+        (found.difference(&told).collect(), told.difference(&found).collect());
+    assert!(
+        more.is_empty() && less.is_empty(),
+        "not in design.md: {more:?}; not in a Cargo.toml: {less:?}"
+    );
 }
 
 #[test]

@@ -50,44 +50,65 @@ fn a_misspelt_key_is_named_with_its_line_and_the_nearest_key() {
 fn a_misspelt_type_is_named_with_its_line_and_the_nearest_type() {
     let recording = Recording::new();
     recording.change("[sensor.dvl]", "[sensor.dvll]");
-    fails_with(&run(&recording, &[]), &["rest.toml:12", "unknown sensor type \"dvll\"", "did you mean \"dvl\"?"]);
+    fails_with(
+        &run(&recording, &[]),
+        &["rest.toml:12", "unknown sensor type \"dvll\"", "did you mean \"dvl\"?"],
+    );
 }
 
 #[test]
 fn a_wrong_unit_is_named_with_what_is_needed() {
     let recording = Recording::new();
     recording.change("noise = \"2 cm/s\"", "noise = \"2 cm\"");
-    fails_with(&run(&recording, &[]), &["rest.toml:13", "sensor.dvl.noise", "2 cm", "length", "speed", "cm/s"]);
+    fails_with(
+        &run(&recording, &[]),
+        &["rest.toml:13", "sensor.dvl.noise", "2 cm", "length", "speed", "cm/s"],
+    );
 }
 
 #[test]
 fn a_missing_unit_is_named_with_an_example() {
     let recording = Recording::new();
     recording.change("noise = \"2 cm/s\"", "noise = 0.02");
-    fails_with(&run(&recording, &[]), &["rest.toml:13", "sensor.dvl.noise", "0.02", "unit", "cm/s"]);
+    fails_with(
+        &run(&recording, &[]),
+        &["rest.toml:13", "sensor.dvl.noise", "0.02", "unit", "cm/s"],
+    );
 }
 
 #[test]
 fn a_negative_sigma_is_refused() {
     let recording = Recording::new();
     recording.change("velocity = { sigma = \"1 cm/s\" }", "velocity = { sigma = \"-1 cm/s\" }");
-    fails_with(&run(&recording, &[]), &["rest.toml:3", "process.ins.velocity.sigma", "negative", "-1 cm/s"]);
+    fails_with(
+        &run(&recording, &[]),
+        &["rest.toml:3", "process.ins.velocity.sigma", "negative", "-1 cm/s"],
+    );
 }
 
 #[test]
 fn a_prior_of_zero_is_refused_and_the_remedy_named() {
     let recording = Recording::new();
     recording.change("scale = { sigma = \"1 %\" }", "scale = { sigma = 0 }");
-    fails_with(&run(&recording, &[]), &["rest.toml:14", "sensor.dvl.scale.sigma", "singular", "mode = \"fixed\""]);
+    fails_with(
+        &run(&recording, &[]),
+        &["rest.toml:14", "sensor.dvl.scale.sigma", "singular", "mode = \"fixed\""],
+    );
 }
 
 #[test]
 fn an_unknown_reference_between_tables_is_named() {
     let recording = Recording::new();
     recording.change("noise = \"2 cm/s\"", "noise = \"2 cm/s\"\nnavigation = \"inz\"");
-    fails_with(&run(&recording, &[]), &["rest.toml:14", "sensor.dvl.navigation", "inz.attitude", "ins.attitude"]);
+    fails_with(
+        &run(&recording, &[]),
+        &["rest.toml:14", "sensor.dvl.navigation", "inz.attitude", "ins.attitude"],
+    );
     recording.change("[process.ins]", "[process.ins]\nimu = \"imu2\"");
-    fails_with(&run(&recording, &[]), &["rest.toml:2", "process.ins.imu", "no driving sensor imu2", "imu"]);
+    fails_with(
+        &run(&recording, &[]),
+        &["rest.toml:2", "process.ins.imu", "no driving sensor imu2", "imu"],
+    );
 }
 
 #[test]
@@ -189,7 +210,8 @@ fn a_cut_off_log_is_read_up_to_the_cut_with_a_message() {
     let log = recording.path("out").join("run.mcap");
     let bytes = std::fs::read(&log).expect("the log is there");
     for share in [0.5, 0.9] {
-        std::fs::write(&log, &bytes[..(bytes.len() as f64 * share) as usize]).expect("the test can write");
+        std::fs::write(&log, &bytes[..(bytes.len() as f64 * share) as usize])
+            .expect("the test can write");
         let output = navfuse(&["replay", &log.display().to_string(), "--no-output"]);
         tells(&output, &["cut off", "run.mcap"]);
         assert!(!stderr(&output).contains("panicked"));
@@ -217,8 +239,12 @@ fn a_closed_pipe_ends_the_command_without_a_panic() {
         println!("skipped: there is no mkfifo here");
         return;
     }
-    let reader =
-        std::process::Command::new("head").arg("-c").arg("100").arg(&fifo).stdout(std::process::Stdio::null()).spawn();
+    let reader = std::process::Command::new("head")
+        .arg("-c")
+        .arg("100")
+        .arg(&fifo)
+        .stdout(std::process::Stdio::null())
+        .spawn();
     let mut reader = reader.expect("head starts");
     let output = run(&recording, &["--set", &format!("sink.mcap.path={}", fifo.display())]);
     reader.wait().expect("head ends");
@@ -230,8 +256,10 @@ fn a_closed_pipe_ends_the_command_without_a_panic() {
 fn a_standard_output_that_closes_early_is_no_panic() {
     let recording = Recording::new();
     let binary = env!("CARGO_BIN_EXE_navfuse");
-    let script = format!("{binary} run {} --no-output | true", recording.path("rest.toml").display());
-    let output = std::process::Command::new("sh").arg("-c").arg(script).output().expect("sh starts");
+    let script =
+        format!("{binary} run {} --no-output | true", recording.path("rest.toml").display());
+    let output =
+        std::process::Command::new("sh").arg("-c").arg(script).output().expect("sh starts");
     assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
 }
 
@@ -239,7 +267,8 @@ fn a_standard_output_that_closes_early_is_no_panic() {
 fn an_imu_that_begins_long_after_the_filter_is_refused() {
     let scenario = common::scenario("quickstart").display().to_string();
     let settings = ["--set", "sensor.imu.simulation.offset=50 s", "--set", "estimator.start=0 s"];
-    let output = command().args(["run", &scenario, "--no-output", "--format=json"]).args(settings).output();
+    let output =
+        command().args(["run", &scenario, "--no-output", "--format=json"]).args(settings).output();
     let output = output.expect("the command starts");
     let started_late = stdout(&output).contains("\"duration_s\":57"); // or it waits for the first reference with an IMU: 580 s
     assert!(started_late || stderr(&output).contains("max_gap"), "{}", stderr(&output));
@@ -250,13 +279,17 @@ fn an_imu_that_begins_long_after_the_filter_is_refused() {
 #[test]
 fn lost_increments_are_bridged_and_told() {
     let scenario = common::scenario("quickstart").display().to_string();
-    let settings = ["--set", "sensor.imu.output=increments", "--set", "sensor.imu.simulation.dropout=1 %"];
-    let output = command().args(["run", &scenario, "--no-output", "--format=json"]).args(settings).output();
+    let settings =
+        ["--set", "sensor.imu.output=increments", "--set", "sensor.imu.simulation.dropout=1 %"];
+    let output =
+        command().args(["run", &scenario, "--no-output", "--format=json"]).args(settings).output();
     let output = output.expect("the command starts");
     tells(&output, &["without a sample", "bridged", "samples were missing"]);
-    let result: serde_json::Value = serde_json::from_str(&stdout(&output)).expect("one JSON object");
+    let result: serde_json::Value =
+        serde_json::from_str(&stdout(&output)).expect("one JSON object");
     let scale = &result["states"]["dvl.scale"];
-    let ratio = scale["error"][0].as_f64().expect("an error") / scale["sigma"][0].as_f64().expect("a sigma");
+    let ratio = scale["error"][0].as_f64().expect("an error")
+        / scale["sigma"][0].as_f64().expect("a sigma");
     assert!(ratio.abs() < 3.0, "{ratio} sigma");
 }
 
@@ -271,29 +304,42 @@ fn a_fault_that_cannot_be_simulated_is_named_with_the_remedy() {
         ("sensor.imu.simulation.outliers=50 %", "only measuring sensors"),
     ];
     for (setting, remedy) in cases {
-        fails_with(&navfuse(&["run", &scenario, "--no-output", "--set", setting]), &["simulation]", remedy]);
+        fails_with(
+            &navfuse(&["run", &scenario, "--no-output", "--set", setting]),
+            &["simulation]", remedy],
+        );
     }
 }
 
 #[test]
 fn a_standard_error_that_is_closed_is_no_panic() {
     let script = format!("{} run no-such.toml 2>&-; exit $?", env!("CARGO_BIN_EXE_navfuse"));
-    let output = std::process::Command::new("sh").arg("-c").arg(script).output().expect("sh starts");
+    let output =
+        std::process::Command::new("sh").arg("-c").arg(script).output().expect("sh starts");
     assert_eq!(output.status.code(), Some(1));
 }
 
 #[test]
 fn a_gate_on_a_sensor_that_corrects_nothing_is_refused() {
     let recording = Recording::new();
-    recording.change("accel_noise = \"10 ug/sqrt(Hz)\"", "accel_noise = \"10 ug/sqrt(Hz)\"\ngate = 0.99");
-    fails_with(&run(&recording, &[]), &["rest.toml:11", "sensor.imu.gate = 0.99", "corrects the state"]);
+    recording.change(
+        "accel_noise = \"10 ug/sqrt(Hz)\"",
+        "accel_noise = \"10 ug/sqrt(Hz)\"\ngate = 0.99",
+    );
+    fails_with(
+        &run(&recording, &[]),
+        &["rest.toml:11", "sensor.imu.gate = 0.99", "corrects the state"],
+    );
 }
 
 #[test]
 fn what_a_source_refuses_is_named_with_the_line_of_its_table() {
     let recording = Recording::new();
     std::fs::remove_file(recording.path("imu.csv")).expect("it is there");
-    fails_with(&run(&recording, &[]), &["rest.toml:", "source.csv: [sensor.imu]", "imu.csv", "files.imu.path"]);
+    fails_with(
+        &run(&recording, &[]),
+        &["rest.toml:", "source.csv: [sensor.imu]", "imu.csv", "files.imu.path"],
+    );
     let pan_wu = common::scenario("pan-wu-3d").display().to_string();
     for (setting, parts) in [
         ("source.simulation.segments=[]", ["pan-wu-3d.toml:", "source.simulation: segments"]),

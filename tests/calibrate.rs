@@ -1,5 +1,10 @@
 //! `navfuse calibrate` as a user calls it.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
 
 mod common;
 
@@ -58,9 +63,17 @@ fn the_table_has_every_method_and_the_filter_and_says_what_the_others_need() {
     ] {
         assert!(text.contains(word), "{word}");
     }
-    let output = navfuse(&["calibrate", &path("pan-wu-3d"), "--method", "all", "--set", "estimator.stop=730 s"]);
+    let output = navfuse(&[
+        "calibrate",
+        &path("pan-wu-3d"),
+        "--method",
+        "all",
+        "--set",
+        "estimator.stop=730 s",
+    ]);
     assert!(
-        output.status.success() && stdout(&output).contains("tang: not possible: this method needs position fixes")
+        output.status.success()
+            && stdout(&output).contains("tang: not possible: this method needs position fixes")
     );
 }
 
@@ -68,8 +81,13 @@ fn the_table_has_every_method_and_the_filter_and_says_what_the_others_need() {
 fn what_cannot_be_done_ends_with_an_error_that_says_what_to_do() {
     let pan_wu = path("pan-wu-3d");
     let surface = path("surface-dive");
-    let output = navfuse(&["calibrate", &surface, "--set", "estimator.stop=340 s", "--write", "/dev/null"]);
-    assert!(!output.status.success() && stderr(&output).contains("without rest"), "{}", stderr(&output));
+    let output =
+        navfuse(&["calibrate", &surface, "--set", "estimator.stop=340 s", "--write", "/dev/null"]);
+    assert!(
+        !output.status.success() && stderr(&output).contains("without rest"),
+        "{}",
+        stderr(&output)
+    );
     for (arguments, words) in [
         (vec!["--method", "tang"], vec!["tang: this method needs position fixes", "[sensor.gnss]"]),
         (vec!["--runs", "1"], vec!["--runs 1", "at least two"]),
@@ -83,12 +101,19 @@ fn what_cannot_be_done_ends_with_an_error_that_says_what_to_do() {
             vec!["--method", "troni", "--write", "/dev/null"],
             vec!["sigma of troni is not to be a prior", "--initialise"],
         ),
-        (vec!["--method", "io-dvlc-printed", "--write", "/dev/null"], vec!["no sigma to write", "--initialise"]),
+        (
+            vec!["--method", "io-dvlc-printed", "--write", "/dev/null"],
+            vec!["no sigma to write", "--initialise"],
+        ),
     ] {
         let output = navfuse(&[&["calibrate", &pan_wu], &arguments[..]].concat());
         assert!(!output.status.success(), "{arguments:?}");
         for word in words {
-            assert!(stderr(&output).contains(word), "{arguments:?}: {word:?} is not in: {}", stderr(&output));
+            assert!(
+                stderr(&output).contains(word),
+                "{arguments:?}: {word:?} is not in: {}",
+                stderr(&output)
+            );
         }
     }
 }
@@ -115,7 +140,11 @@ fn consistency(option: &str, other: u64) -> (f64, usize) {
         let settings = [format!("seed={}", seed + other), "estimator.stop=1100 s".to_owned()];
         let finished = run_without_sinks(Path::new(&name), &settings);
         assert!(finished.error.is_none(), "{:?}", finished.error);
-        let dvl = finished.summary.rows.iter().filter(|r| ["dvl.scale", "dvl.misalignment"].contains(&r.name.as_str()));
+        let dvl = finished
+            .summary
+            .rows
+            .iter()
+            .filter(|r| ["dvl.scale", "dvl.misalignment"].contains(&r.name.as_str()));
         dvl.flat_map(|r| {
             let error = r.error.clone().expect("the truth is known");
             (0..error.len()).map(|i| (error[i] / r.sigma[i]).powi(2)).collect::<Vec<_>>()
@@ -153,7 +182,10 @@ fn the_sigma_of_every_method_covers_its_errors() {
         let band = band(runs as usize);
         for ratio in known {
             assert!(ratio.powi(2) < band.end, "{name}: {ratio}");
-            assert!(ratio.powi(2) > band.start || !["io-dvlc", "ekf"].contains(&name), "{name}: {ratio}");
+            assert!(
+                ratio.powi(2) > band.start || !["io-dvlc", "ekf"].contains(&name),
+                "{name}: {ratio}"
+            );
         }
     }
 }
@@ -192,6 +224,9 @@ fn the_recorded_dives_give_an_estimate_within_its_sigma_of_the_filters_or_say_wh
         }
         let (sum, n) = (squares.iter().sum::<f64>(), squares.len());
         println!("{dive}: chi-square {sum:.1} of {n}");
-        assert!(n > 0 && (dive == "T06" || sum / (n as f64) < band(n).end), "{dive}: chi-square {sum} of {n}");
+        assert!(
+            n > 0 && (dive == "T06" || sum / (n as f64) < band(n).end),
+            "{dive}: chi-square {sum} of {n}"
+        );
     }
 }

@@ -11,7 +11,14 @@ use std::time::{Duration, Instant};
 
 /// Runs a scenario with JSON output into a folder and gives the object.
 fn run_json(scenario: &Path, out: &Path, more: &[&str]) -> Value {
-    let output = command().arg("run").arg(scenario).arg("--format=json").arg("--out").arg(out).args(more).output();
+    let output = command()
+        .arg("run")
+        .arg(scenario)
+        .arg("--format=json")
+        .arg("--out")
+        .arg(out)
+        .args(more)
+        .output();
     let output = output.expect("the command starts");
     assert!(output.status.success(), "{}", stderr(&output));
     serde_json::from_str(&stdout(&output)).expect("standard output is one JSON object")
@@ -46,7 +53,12 @@ fn json_has_every_promised_key_and_nothing_else_is_on_standard_output() {
         let value = &result["states"][state];
         assert_eq!(value["unit"], unit, "{state}");
         for key in ["estimate", "sigma", "error"] {
-            assert_eq!(value[key].as_array().map(Vec::len), Some(length), "{state}.{key}: {}", value[key]);
+            assert_eq!(
+                value[key].as_array().map(Vec::len),
+                Some(length),
+                "{state}.{key}: {}",
+                value[key]
+            );
         }
     }
     for key in ["final", "rms", "percent_of_distance"] {
@@ -62,8 +74,11 @@ fn errors_are_null_where_there_is_no_reference() {
         "attitude = { sigma = \"0.1 deg\", initial = \"0 deg\" }\nvelocity = { sigma = \"1 cm/s\", initial = \"0 m/s\" }\n\
          position = { sigma = \"1 m\", latitude = \"30 deg\", longitude = \"5 deg\", height = \"0 m\" }",
     );
-    let result =
-        run_json(&recording.path("rest.toml"), &recording.path("out"), &["--set", "sensor.reference.enabled=false"]);
+    let result = run_json(
+        &recording.path("rest.toml"),
+        &recording.path("out"),
+        &["--set", "sensor.reference.enabled=false"],
+    );
     assert!(result["horizontal_error_m"].is_null());
     assert!(result["states"]["ins.velocity"]["error"].is_null());
     assert!(result["states"]["dvl.scale"]["error"].is_null());
@@ -73,9 +88,17 @@ fn errors_are_null_where_there_is_no_reference() {
 fn the_text_has_the_table_the_drift_the_nis_and_where_it_was_written() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().display().to_string();
-    let output = navfuse(&["run", &scenario("quickstart").display().to_string(), "--out", &out, SHORT[0], SHORT[1]]);
+    let output = navfuse(&[
+        "run",
+        &scenario("quickstart").display().to_string(),
+        "--out",
+        &out,
+        SHORT[0],
+        SHORT[1],
+    ]);
     let text = stdout(&output);
-    for part in ["dvl.misalignment", "yaw", "1-sigma", "mean NIS", "% of the distance", "run.mcap"] {
+    for part in ["dvl.misalignment", "yaw", "1-sigma", "mean NIS", "% of the distance", "run.mcap"]
+    {
         assert!(text.contains(part), "no {part:?} in:\n{text}");
     }
     #[cfg(feature = "rerun")]
@@ -135,10 +158,15 @@ fn an_interrupted_run_says_so_and_leaves_a_log_that_opens() {
         .expect("the command starts");
     let log = folder.path().join("run.mcap");
     let begun = Instant::now();
-    while std::fs::metadata(&log).map_or(0, |m| m.len()) < 1_000_000 && begun.elapsed() < Duration::from_secs(60) {
+    while std::fs::metadata(&log).map_or(0, |m| m.len()) < 1_000_000
+        && begun.elapsed() < Duration::from_secs(60)
+    {
         std::thread::sleep(Duration::from_millis(2));
     }
-    std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    std::process::Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status()
+        .expect("kill");
     let status = child.wait().expect("it ends");
     assert_eq!(status.code(), Some(130));
     let again = navfuse(&["replay", &log.display().to_string(), "--format=json", "--no-output"]);
@@ -151,9 +179,15 @@ fn an_interrupted_run_says_so_and_leaves_a_log_that_opens() {
 fn check_prints_the_composition_and_runs_nothing() {
     let output = navfuse(&["check", &scenario("pan-wu-3d").display().to_string()]);
     let text = stdout(&output);
-    for part in
-        ["19 error states", "dvl.misalignment", "ins.gyro_bias", "vel_x_mps", "driven by imu", "simulation", "mcap"]
-    {
+    for part in [
+        "19 error states",
+        "dvl.misalignment",
+        "ins.gyro_bias",
+        "vel_x_mps",
+        "driven by imu",
+        "simulation",
+        "mcap",
+    ] {
         assert!(text.contains(part), "no {part:?} in:\n{text}");
     }
 }
@@ -165,37 +199,59 @@ fn list_prints_every_type_and_the_parameters_of_one_with_unit_default_and_meanin
         assert!(all.contains(name), "no {name} in:\n{all}");
     }
     let dvl = stdout(&navfuse(&["list", "dvl"]));
-    for part in ["noise", "scale", "misalignment", "lever_arm", "gate", "0.9999", "cm/s", "(required)"] {
+    for part in
+        ["noise", "scale", "misalignment", "lever_arm", "gate", "0.9999", "cm/s", "(required)"]
+    {
         assert!(dvl.contains(part), "no {part:?} in:\n{dvl}");
     }
     let output = navfuse(&["list", "dvk"]);
-    assert!(!output.status.success() && stderr(&output).contains("did you mean \"dvl\"?"), "{}", stderr(&output));
+    assert!(
+        !output.status.success() && stderr(&output).contains("did you mean \"dvl\"?"),
+        "{}",
+        stderr(&output)
+    );
 }
 
 #[test]
 fn every_scenario_fits_the_schema_and_a_misspelt_key_does_not() {
-    let schema: Value = serde_json::from_str(&stdout(&navfuse(&["schema"]))).expect("the schema is JSON");
+    let schema: Value =
+        serde_json::from_str(&stdout(&navfuse(&["schema"]))).expect("the schema is JSON");
     let validator = jsonschema::validator_for(&schema).expect("the schema is one");
-    let folders =
-        ["scenarios", "scenarios/observability"].map(|f| std::fs::read_dir(root().join(f)).expect("a folder"));
+    let folders = ["scenarios", "scenarios/observability"]
+        .map(|f| std::fs::read_dir(root().join(f)).expect("a folder"));
     let paths = folders.into_iter().flatten().map(|entry| entry.expect("a file").path());
     for path in paths.filter(|path| path.extension().is_some_and(|e| e == "toml")) {
         let text = std::fs::read_to_string(&path).expect("a scenario");
-        let value = serde_json::to_value(toml::from_str::<toml::Table>(&text).expect("TOML")).expect("JSON");
+        let value = serde_json::to_value(toml::from_str::<toml::Table>(&text).expect("TOML"))
+            .expect("JSON");
         let errors: Vec<String> =
             validator.iter_errors(&value).map(|e| format!("{}: {e}", e.instance_path())).collect();
         assert!(errors.is_empty(), "{}: {errors:#?}", path.display());
-        let wrong =
-            serde_json::to_value(toml::from_str::<toml::Table>(&format!("{text}\n[sensor.dvl.gaet]\n")).expect("TOML"));
-        assert!(!validator.is_valid(&wrong.expect("JSON")), "{}: a misspelt key fits", path.display());
+        let wrong = serde_json::to_value(
+            toml::from_str::<toml::Table>(&format!("{text}\n[sensor.dvl.gaet]\n")).expect("TOML"),
+        );
+        assert!(
+            !validator.is_valid(&wrong.expect("JSON")),
+            "{}: a misspelt key fits",
+            path.display()
+        );
     }
 }
 
 #[test]
 fn help_teaches_with_examples() {
     assert!(stdout(&navfuse(&["--help"])).contains("Start here"));
-    let commands =
-        ["run", "replay", "report", "figures", "observability", "calibrate", "monte-carlo", "bound", "sweep"];
+    let commands = [
+        "run",
+        "replay",
+        "report",
+        "figures",
+        "observability",
+        "calibrate",
+        "monte-carlo",
+        "bound",
+        "sweep",
+    ];
     for command in commands {
         assert!(stdout(&navfuse(&[command, "--help"])).contains("Examples"), "{command}");
     }
@@ -210,10 +266,14 @@ fn an_imu_that_gives_increments_is_as_good_as_one_that_gives_rates() {
     let more = [SHORT[0], SHORT[1], "--set", "sensor.imu.output=increments"];
     let increments = run_json(&scenario("quickstart"), &folder.path().join("increments"), &more);
     for (state, value) in rates["states"].as_object().expect("the states") {
-        let numbers = |v: &Value| v.as_array().map_or_else(Vec::new, |a| a.iter().filter_map(Value::as_f64).collect());
+        let numbers = |v: &Value| {
+            v.as_array().map_or_else(Vec::new, |a| a.iter().filter_map(Value::as_f64).collect())
+        };
         let other = &increments["states"][state];
         let sigmas: Vec<f64> = numbers(&value["sigma"]);
-        for ((a, b), sigma) in numbers(&value["error"]).iter().zip(numbers(&other["error"])).zip(sigmas) {
+        for ((a, b), sigma) in
+            numbers(&value["error"]).iter().zip(numbers(&other["error"])).zip(sigmas)
+        {
             assert!((a - b).abs() <= 1e-3 * sigma, "{state}: {a} and {b} with sigma {sigma}");
         }
     }

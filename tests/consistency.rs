@@ -22,7 +22,11 @@ fn is_consistent(point: &Value) {
 /// the scale factor starts 20 % off.
 #[test]
 fn errors_are_as_large_as_sigma_says_and_as_small_as_the_bound_allows() {
-    let report = report("pan-wu-3d", "200", &["--set", "sensor.imu.simulation.rate=20 Hz", "--from", "700 s"]);
+    let report = report(
+        "pan-wu-3d",
+        "200",
+        &["--set", "sensor.imu.simulation.rate=20 Hz", "--from", "700 s"],
+    );
     let point = &report["points"][0];
     is_consistent(point);
     let blocks = point["anees"].as_array().expect("every block");
@@ -34,7 +38,7 @@ fn errors_are_as_large_as_sigma_says_and_as_small_as_the_bound_allows() {
     }
 }
 
-/// Every sensor of an AUV, some late and some lost: 36 states. docs/src/guide/auv.md has more runs, at the full rate of the
+/// Every sensor of an AUV, some late and some lost: 36 states. docs/src/how-to/auv.md has more runs, at the full rate of the
 /// IMU.
 #[test]
 fn all_sensors_of_an_auv_are_consistent() {

@@ -7,8 +7,8 @@ mod common;
 use common::{command, navfuse, parallel, root, stderr, stdout};
 use navfuse_campaign::{Columns, bound};
 use navfuse_core::document::Document;
-use navfuse_core::runner;
-use navfuse_core::scenario::Scenario;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
 use navfuse_observability::plan::{self, Options};
 use navfuse_observability::{Report, Tracker, Verdict, Watch};
 use navfuse_segments::Recording;
@@ -42,7 +42,8 @@ fn report(name: &str, settings: &[&str]) -> Report {
     let tracker = tracked(name, &settings, false);
     let registry = navfuse::standard_plugins();
     let document = Document::from_file(path(name)).expect("the scenario is there");
-    let recording = Recording::read(&Scenario::new(&registry, document, &settings).expect("the settings fit"));
+    let recording =
+        Recording::read(&Scenario::new(&registry, document, &settings).expect("the settings fit"));
     let mut report = Report::new(name, &tracker);
     report.judge(recording, &tracker);
     report
@@ -118,7 +119,10 @@ fn remark_2_one_thruster_does_not_tell_the_angle_about_it() {
         let roll = r.state(ROLL).expect("it is estimated");
         assert_eq!(roll.verdict, Verdict::NotDetermined);
         let why = roll.missing.as_deref().expect("something is missing");
-        assert_eq!(why, "every specific-force rate so far is along the body's x axis; thrust sideways or dive");
+        assert_eq!(
+            why,
+            "every specific-force rate so far is along the body's x axis; thrust sideways or dive"
+        );
         // it is a direction that nothing tells, by itself
         let alone = r.undetermined.iter().find(|d| d.text == ROLL).expect("named");
         assert!(alone.left > 0.9, "{}", alone.left);
@@ -187,7 +191,12 @@ fn what_is_left_of_a_constant_is_its_variance_over_its_prior() {
         let (left, ratio) = (t.left()[i * n + i], (now.sigma / now.prior).powi(2));
         println!("{} {}: {left:.6e} {ratio:.6e}", c.state, c.name);
         // below that a subtraction from 1 has no digits left
-        assert!((left - ratio).abs() < 1e-5 * ratio + 1e-11, "{} {}: {left} {ratio}", c.state, c.name);
+        assert!(
+            (left - ratio).abs() < 1e-5 * ratio + 1e-11,
+            "{} {}: {left} {ratio}",
+            c.state,
+            c.name
+        );
         checked += 1;
     }
     assert_eq!(checked, 10);
@@ -199,7 +208,9 @@ fn what_is_left_of_a_constant_is_its_variance_over_its_prior() {
 fn corrections_of_a_degree_do_not_break_what_is_left() {
     let t = tracked("pan-wu-3d", &["estimator.stop=1100 s".to_owned()], false);
     let n = t.components().len();
-    for (i, (c, now)) in t.components().iter().zip(t.now()).enumerate().filter(|(_, (c, _))| !t.driven(c.slot)) {
+    for (i, (c, now)) in
+        t.components().iter().zip(t.now()).enumerate().filter(|(_, (c, _))| !t.driven(c.slot))
+    {
         let (left, ratio) = (t.left()[i * n + i], (now.sigma / now.prior).powi(2));
         println!("{} {}: {left:.3e} {ratio:.3e}", c.state, c.name);
         assert!((left / ratio).ln().abs() < 0.3, "{} {}: {left} {ratio}", c.state, c.name);
@@ -210,7 +221,9 @@ fn corrections_of_a_degree_do_not_break_what_is_left() {
 /// start is a covariance all the same: no component gains variance, no correlation exceeds one.
 #[test]
 fn what_is_left_of_a_wide_heading_prior_is_a_covariance() {
-    for (name, stop) in [("tactical", "estimator.stop=760 s"), ("alignment-in-motion", "estimator.stop=460 s")] {
+    for (name, stop) in
+        [("tactical", "estimator.stop=760 s"), ("alignment-in-motion", "estimator.stop=460 s")]
+    {
         let t = tracked(name, &[stop.to_owned()], false);
         let (n, left) = (t.components().len(), t.left());
         let title = |i: usize| t.components()[i].title(t.layout());
@@ -221,7 +234,13 @@ fn what_is_left_of_a_wide_heading_prior_is_a_covariance() {
             assert!(variance(i) <= 1.0 + 1e-6, "{name}: {} of {} is left", variance(i), title(i));
             for j in 0..n {
                 let (both, most) = (left[i * n + j], (variance(i) * variance(j)).sqrt());
-                assert!(both.abs() <= most * (1.0 + 1e-6), "{name}: {} with {}: {}", title(i), title(j), both / most);
+                assert!(
+                    both.abs() <= most * (1.0 + 1e-6),
+                    "{name}: {} with {}: {}",
+                    title(i),
+                    title(j),
+                    both / most
+                );
             }
         }
     }
@@ -230,12 +249,17 @@ fn what_is_left_of_a_wide_heading_prior_is_a_covariance() {
 #[test]
 fn the_planner_ranks_by_the_bound_and_sends_the_single_thruster_down_or_sideways() {
     let registry = navfuse::standard_plugins();
-    let document = Document::from_file(path("observability/remark-2")).expect("the scenario is there");
+    let document =
+        Document::from_file(path("observability/remark-2")).expect("the scenario is there");
     let options = Options { at: None, of: vec!["dvl.misalignment".into()] };
     let plan = plan::suggest(&registry, &document, &options, &AtomicBool::new(false), |_, _| {});
     let plan = plan.unwrap_or_else(|e| panic!("{e}")).expect("not stopped");
     let best = &plan.suggestions[0];
-    assert!(best.name.contains("thrust to starboard") || best.name.contains("dive"), "{}", best.name);
+    assert!(
+        best.name.contains("thrust to starboard") || best.name.contains("dive"),
+        "{}",
+        best.name
+    );
     assert_eq!(best.improves[0].title, ROLL);
     // straight on there is nothing to be had, and a roll about the thrust does not help either
     for useless in ["accelerate ahead", "roll to 15 deg"] {
@@ -246,9 +270,14 @@ fn the_planner_ranks_by_the_bound_and_sends_the_single_thruster_down_or_sideways
     let dive = plan.suggestions.iter().find(|s| s.name == "dive").expect("a candidate");
     let says = dive.improves.iter().find(|i| i.title == ROLL).expect("it improves the roll").with;
     let mut document = document;
-    let node = document.root().get("source").and_then(|s| s.get("simulation")).and_then(|s| s.get("segments"));
+    let node = document
+        .root()
+        .get("source")
+        .and_then(|s| s.get("simulation"))
+        .and_then(|s| s.get("segments"));
     let rows = node.expect("segments").value().as_array().expect("a list").clone();
-    let rows: Vec<String> = rows.iter().map(ToString::to_string).chain(dive.segments.iter().cloned()).collect();
+    let rows: Vec<String> =
+        rows.iter().map(ToString::to_string).chain(dive.segments.iter().cloned()).collect();
     document.set(&format!("source.simulation.segments=[{}]", rows.join(", "))).expect("it is TOML");
     let assembly = Scenario::new(&registry, document, &[]).expect("it fits").assemble_at_truth();
     let assembly = assembly.unwrap_or_else(|e| panic!("{e}"));
@@ -256,7 +285,11 @@ fn the_planner_ranks_by_the_bound_and_sends_the_single_thruster_down_or_sideways
     columns.add(&assembly.composition);
     let record = bound(assembly, &columns, 0, 1_000_000_000, &AtomicBool::new(false));
     let record = record.unwrap_or_else(|e| panic!("{e}")).expect("not stopped");
-    let roll = columns.components.iter().position(|c| c.name() == "dvl.misalignment.roll").expect("it is there");
+    let roll = columns
+        .components
+        .iter()
+        .position(|c| c.name() == "dvl.misalignment.roll")
+        .expect("it is there");
     let least = record.rows.last().expect("rows").2[roll];
     assert!((says / least - 1.0).abs() < 1e-9, "{says} deg, the bound is {least} deg");
 }
@@ -272,20 +305,30 @@ fn wrong_use_is_told() {
     let gap = "sensor.dvl.simulation={ rate = \"5 Hz\", outages = [[\"150 s\", \"155 s\"]] }";
     told(&[gap], "dvl is silent from 150 s to 155 s, inside the type I segment");
     let rest = |seconds: u32| format!("{{ type = \"static\", duration = \"{seconds} s\" }}");
-    let surge = |seconds: u32| format!("{{ type = \"surge\", duration = \"{seconds} s\", speed = \"2 m/s\" }}");
+    let surge = |seconds: u32| {
+        format!("{{ type = \"surge\", duration = \"{seconds} s\", speed = \"2 m/s\" }}")
+    };
     let of = |rest: String, surge: String| {
-        format!("source.simulation.segments=[{rest}, {surge}, {{ type = \"cruise\", duration = \"100 s\" }}]")
+        format!(
+            "source.simulation.segments=[{rest}, {surge}, {{ type = \"cruise\", duration = \"100 s\" }}]"
+        )
     };
     told(&[&of(rest(15), surge(60)), "estimator.start=10 s"], "no static time to align in");
     let r = told(&[&of(rest(120), surge(3))], "a segment of Type I takes 10 s");
-    let why = r.state("dvl.misalignment roll").and_then(|s| s.missing.clone()).expect("it is missing");
+    let why =
+        r.state("dvl.misalignment roll").and_then(|s| s.missing.clone()).expect("it is missing");
     assert!(why.contains("never varied at constant attitude"), "{why}");
     // fewer than two directions
     let r = report("observability/remark-4", &[&of(rest(120), surge(60))]);
     let view = r.segments.as_ref().expect("segments");
-    assert!(view.verdicts[0].text.contains("every specific-force rate is along one direction, the body's x axis"));
+    assert!(
+        view.verdicts[0]
+            .text
+            .contains("every specific-force rate is along one direction, the body's x axis")
+    );
     // a manoeuvre after the end
-    let document = Document::from_file(path("observability/remark-4")).expect("the scenario is there");
+    let document =
+        Document::from_file(path("observability/remark-4")).expect("the scenario is there");
     let options = Options { at: Some(1e5), of: Vec::new() };
     let registry = navfuse::standard_plugins();
     let refused = plan::suggest(&registry, &document, &options, &AtomicBool::new(false), |_, _| {});
@@ -300,10 +343,14 @@ fn a_composition_without_dvl_is_told_of_what_its_sensors_read() {
     assert!(r.segments.as_ref().is_none_or(|s| s.sensor.is_none() && s.verdicts.is_empty()));
     all_determined(&r, &["ins.position north", "ins.position down"]);
     // a sensor that says nothing, and one that only reads the height
-    let silent =
-        ["sensor.gnss.simulation={ rate = \"1 Hz\", outages = [[\"0 s\", \"9999 s\"]] }", "estimator.stop=200 s"];
+    let silent = [
+        "sensor.gnss.simulation={ rate = \"1 Hz\", outages = [[\"0 s\", \"9999 s\"]] }",
+        "estimator.stop=200 s",
+    ];
     let r = report("surface-dive", &silent);
-    let why = |title: &str| r.state(title).and_then(|s| s.missing.clone()).unwrap_or_else(|| panic!("{title}"));
+    let why = |title: &str| {
+        r.state(title).and_then(|s| s.missing.clone()).unwrap_or_else(|| panic!("{title}"))
+    };
     assert_eq!(why("gnss.bias north"), "gnss gave no sample that was used");
     assert!(
         why("ins.position north").starts_with("no enabled sensor reads ins.position north"),
@@ -325,22 +372,36 @@ fn a_log_is_told_what_the_run_was_and_the_figure_is_drawn() {
     let out = folder.path().join("out");
     let (scenario, out) = (scenario.display().to_string(), out.display().to_string());
     let direct = json(&["observability", &scenario, "--format", "json", "--out", &out]);
-    let run = command().args(["run", &scenario, "--out"]).arg(folder.path()).output().expect("it starts");
+    let run =
+        command().args(["run", &scenario, "--out"]).arg(folder.path()).output().expect("it starts");
     assert!(run.status.success(), "{}", stderr(&run));
     let log = folder.path().join("run.mcap").display().to_string();
     let replayed = json(&["observability", &log, "--format", "json"]);
-    for (a, b) in
-        direct["states"].as_array().expect("states").iter().zip(replayed["states"].as_array().expect("states"))
+    for (a, b) in direct["states"]
+        .as_array()
+        .expect("states")
+        .iter()
+        .zip(replayed["states"].as_array().expect("states"))
     {
         let (x, y) = (a["sigma"].as_f64().expect("sigma"), b["sigma"].as_f64().expect("sigma"));
         assert!((x / y - 1.0).abs() < 1e-6, "{}: {x} {y}", a["title"]);
         assert_eq!(a["verdict"], b["verdict"]);
     }
     assert_eq!(direct["segments"]["type_i"]["rank"], replayed["segments"]["type_i"]["rank"]);
-    let svg = std::fs::read_to_string(folder.path().join("out/normalised-sigma.svg")).expect("the figure");
+    let svg = std::fs::read_to_string(folder.path().join("out/normalised-sigma.svg"))
+        .expect("the figure");
     for state in ["ins.attitude", "dvl.misalignment"] {
         assert!(svg.contains(state));
     }
-    let refused = navfuse(&["observability", &log, "--suggest", "--set", "source={ csv = { directory = \"x\" } }"]);
-    assert!(!refused.status.success() && stderr(&refused).contains("nothing can be suggested after a recording"));
+    let refused = navfuse(&[
+        "observability",
+        &log,
+        "--suggest",
+        "--set",
+        "source={ csv = { directory = \"x\" } }",
+    ]);
+    assert!(
+        !refused.status.success()
+            && stderr(&refused).contains("nothing can be suggested after a recording")
+    );
 }

@@ -1,6 +1,11 @@
 //! Plugins in crates of their own, outside of the workspace: those in `examples`, and one that `navfuse new-plugin` writes.
 //! All are built here, without a network, pass their tests, and run their scenarios.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
 
 mod common;
 
@@ -14,14 +19,21 @@ static BUILDING: Mutex<()> = Mutex::new(());
 
 /// Calls cargo in a crate, with the versions of the workspace.
 fn cargo(folder: &Path, arguments: &[&str]) -> Output {
-    std::fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).expect("the workspace has a Cargo.lock");
+    std::fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock"))
+        .expect("the workspace has a Cargo.lock");
     let output = Command::new(env!("CARGO"))
         .args(arguments)
         .current_dir(folder)
         .env("CARGO_TARGET_DIR", root().join("target/outside"))
         .output()
         .expect("cargo starts");
-    assert!(output.status.success(), "cargo {}:\n{}{}", arguments.join(" "), stdout(&output), stderr(&output));
+    assert!(
+        output.status.success(),
+        "cargo {}:\n{}{}",
+        arguments.join(" "),
+        stdout(&output),
+        stderr(&output)
+    );
     output
 }
 
@@ -65,15 +77,22 @@ fn process_manifold_trajectory_source_and_sink_are_pluggable_from_outside() {
         if let Some(source) = &source {
             arguments.extend(["--set", source]);
         }
-        let summary: serde_json::Value = serde_json::from_slice(&cargo(&folder, &arguments).stdout).unwrap();
+        let summary: serde_json::Value =
+            serde_json::from_slice(&cargo(&folder, &arguments).stdout).unwrap();
         summary["states"].clone()
     };
     let first = run("first", None);
     assert!(first.to_string().contains("steady.course"), "{first}");
     let samples = out.path().join("first/samples.txt");
-    let again = run("again", Some(format!("source={{ lines = {{ path = {:?} }} }}", samples.display().to_string())));
+    let again = run(
+        "again",
+        Some(format!("source={{ lines = {{ path = {:?} }} }}", samples.display().to_string())),
+    );
     assert_eq!(first, again, "the source reads what the sink wrote, to the bit");
-    assert_eq!(std::fs::read(&samples).unwrap(), std::fs::read(out.path().join("again/samples.txt")).unwrap());
+    assert_eq!(
+        std::fs::read(&samples).unwrap(),
+        std::fs::read(out.path().join("again/samples.txt")).unwrap()
+    );
 }
 
 #[test]

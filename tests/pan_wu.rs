@@ -4,7 +4,7 @@
 mod common;
 
 use common::{parallel, run_without_sinks, scenario};
-use navfuse_core::summary::{StateRow, Summary};
+use navfuse_core::run::summary::{StateRow, Summary};
 
 fn seeds() -> Vec<u64> {
     (1..=20).collect()
@@ -23,7 +23,7 @@ fn row<'a>(summary: &'a Summary, name: &str) -> &'a StateRow {
 }
 
 /// State, component, 1-sigma: the figures of an independent truth-linearised Riccati recursion and a second filter on
-/// the same scenario (docs/src/validation.md).
+/// the same scenario (docs/src/explanation/validation.md).
 const LIMITS: [(&str, usize, f64); 9] = [
     ("dvl.scale", 0, 188e-6),
     ("dvl.misalignment", 0, 0.085),
@@ -41,7 +41,10 @@ fn the_3d_run_reaches_the_limits_of_an_optimal_filter_within_15_percent() {
     for (seed, summary) in seeds().iter().zip(summaries("pan-wu-3d")) {
         for (name, component, limit) in LIMITS {
             let sigma = row(&summary, name).sigma[component];
-            assert!((sigma / limit - 1.0).abs() < 0.15, "seed {seed}: {name}[{component}]: {sigma} against {limit}");
+            assert!(
+                (sigma / limit - 1.0).abs() < 0.15,
+                "seed {seed}: {name}[{component}]: {sigma} against {limit}"
+            );
         }
     }
 }
@@ -77,9 +80,14 @@ fn in_the_2d_run_the_roll_misalignment_does_not_converge_and_the_rest_does() {
     for (seed, summary) in seeds().iter().zip(summaries("pan-wu-2d")) {
         let roll = row(&summary, "dvl.misalignment").sigma[0];
         assert!((0.3..1.0).contains(&roll), "seed {seed}: roll {roll} deg of a prior of 1 deg");
-        for (name, component, limit) in LIMITS.into_iter().filter(|l| (l.0, l.1) != ("dvl.misalignment", 0)) {
+        for (name, component, limit) in
+            LIMITS.into_iter().filter(|l| (l.0, l.1) != ("dvl.misalignment", 0))
+        {
             let sigma = row(&summary, name).sigma[component];
-            assert!(sigma < 1.25 * limit, "seed {seed}: {name}[{component}]: {sigma} against {limit}");
+            assert!(
+                sigma < 1.25 * limit,
+                "seed {seed}: {name}[{component}]: {sigma} against {limit}"
+            );
         }
     }
 }

@@ -17,13 +17,30 @@ fn a_scenario_and_the_log_of_its_run_give_the_same_page() {
     let folder = tempfile::tempdir().expect("a folder");
     let (run, direct) = (folder.path().join("run"), folder.path().join("direct.html"));
     let short = ["--set", "estimator.stop=200 s"];
-    let output = command().arg("run").arg(scenario("quickstart")).args(short).arg("--out").arg(&run).output();
+    let output = command()
+        .arg("run")
+        .arg(scenario("quickstart"))
+        .args(short)
+        .arg("--out")
+        .arg(&run)
+        .output();
     assert!(output.is_ok_and(|o| o.status.success()));
-    let output = command().arg("report").arg(run.join("run.mcap")).output().expect("the command starts");
+    let output =
+        command().arg("report").arg(run.join("run.mcap")).output().expect("the command starts");
     assert!(output.status.success(), "{}", stderr(&output));
     let page = run.join("report.html");
-    assert_eq!(stdout(&output).trim(), page.display().to_string(), "it says where the page is, beside the log");
-    let output = command().arg("report").arg(scenario("quickstart")).args(short).arg("--out").arg(&direct).output();
+    assert_eq!(
+        stdout(&output).trim(),
+        page.display().to_string(),
+        "it says where the page is, beside the log"
+    );
+    let output = command()
+        .arg("report")
+        .arg(scenario("quickstart"))
+        .args(short)
+        .arg("--out")
+        .arg(&direct)
+        .output();
     assert!(output.is_ok_and(|o| o.status.success()));
     assert!(read(&page) == read(&direct), "the pages differ");
 }
@@ -33,7 +50,8 @@ fn a_run_that_ends_in_an_error_has_its_page_and_a_failure() {
     let recording = Recording::new();
     recording.replace_line("dvl.csv", 15, "14.0,0.001,north,0.001");
     let page = recording.path("page.html");
-    let output = command().arg("report").arg(recording.path("rest.toml")).arg("--out").arg(&page).output();
+    let output =
+        command().arg("report").arg(recording.path("rest.toml")).arg("--out").arg(&page).output();
     let output = output.expect("the command starts");
     assert!(!output.status.success() && stderr(&output).contains("dvl.csv"), "{}", stderr(&output));
     assert!(read(&page).contains("dvl.scale"), "what was estimated until then is told");
@@ -58,7 +76,11 @@ fn the_figures_of_pan_wu_are_made_by_an_installed_program() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("figures");
     // somewhere without the repository's scenarios
-    let output = command().current_dir(folder.path()).args(["figures", "pan-wu", "--out"]).arg(&out).output();
+    let output = command()
+        .current_dir(folder.path())
+        .args(["figures", "pan-wu", "--out"])
+        .arg(&out)
+        .output();
     let output = output.expect("the command starts");
     assert!(output.status.success(), "{}", stderr(&output));
     let titles = [
@@ -83,7 +105,11 @@ fn the_figures_of_pan_wu_are_made_by_an_installed_program() {
     for (number, title) in titles {
         let figure = read(&out.join(format!("figure-{number:02}.svg")));
         assert!(figure.contains(&format!("Figure {number}: {title}")), "{number}");
-        assert!(figure.len() < 150_000 && !figure.contains("no data"), "{number}: {} bytes", figure.len());
+        assert!(
+            figure.len() < 150_000 && !figure.contains("no data"),
+            "{number}: {} bytes",
+            figure.len()
+        );
         assert!(index.contains(&format!("Figure {number}. ")), "{number}");
     }
     #[cfg(feature = "rerun")]
@@ -94,7 +120,9 @@ fn the_figures_of_pan_wu_are_made_by_an_installed_program() {
 fn chromium() -> Option<PathBuf> {
     let paths = std::env::var_os("PATH")?;
     let names = ["chromium", "chromium-browser", "google-chrome"];
-    std::env::split_paths(&paths).flat_map(|folder| names.map(|n| folder.join(n))).find(|p| p.is_file())
+    std::env::split_paths(&paths)
+        .flat_map(|folder| names.map(|n| folder.join(n)))
+        .find(|p| p.is_file())
 }
 
 /// The page as a browser makes it, without a network, after adding a script that counts what is drawn: every drawing has a
@@ -108,7 +136,13 @@ fn a_browser_opens_the_page_offline_and_draws_every_figure() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("report.html");
     let short = ["--set", "estimator.stop=200 s"];
-    let output = command().arg("report").arg(scenario("quickstart")).args(short).arg("--out").arg(&path).output();
+    let output = command()
+        .arg("report")
+        .arg(scenario("quickstart"))
+        .args(short)
+        .arg("--out")
+        .arg(&path)
+        .output();
     assert!(output.is_ok_and(|o| o.status.success()));
     let count = "<script>window.onerror = e => { document.title = 'error ' + e };\
         addEventListener('load', () => {\
@@ -123,9 +157,21 @@ fn a_browser_opens_the_page_offline_and_draws_every_figure() {
     std::fs::write(&probed, page.replacen("</head>", count, 1)).expect("the test can write");
     let profile = format!("--user-data-dir={}", folder.path().join("profile").display());
     let offline = "--host-resolver-rules=MAP * ~NOTFOUND";
-    let headless = ["--headless", "--no-sandbox", "--disable-gpu", "--window-size=1000,1200", "--dump-dom", offline];
+    let headless = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--window-size=1000,1200",
+        "--dump-dom",
+        offline,
+    ];
     let url = format!("file://{}", probed.display());
-    let output = Command::new(chromium).args(headless).arg(profile).arg(url).output().expect("Chromium starts");
+    let output = Command::new(chromium)
+        .args(headless)
+        .arg(profile)
+        .arg(url)
+        .output()
+        .expect("Chromium starts");
     let dom = stdout(&output);
     let from = dom.find("<title>").unwrap_or_else(|| panic!("no page: {}", stderr(&output)));
     let title = &dom[from + 7..from + dom[from..].find("</title>").expect("a title ends")];

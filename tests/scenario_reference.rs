@@ -1,15 +1,15 @@
-//! The page `docs/src/scenario-reference.md` is what the registered types say of themselves.
+//! The page `docs/src/reference/scenario.md` is what the registered types say of themselves.
 //!
 //! `UPDATE=1 cargo test --test scenario_reference` writes it anew.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::registry::{Entry, Kind, Registry};
-use navfuse_core::scenario::common_keys;
-use navfuse_core::schema::{Parameter, parameters, scenario_schema};
+use navfuse_core::plugin::{Entry, Kind, Registry};
+use navfuse_core::run::scenario::common_keys;
+use navfuse_core::run::schema::{Parameter, parameters, scenario_schema};
 use serde_json::Value;
 use std::fmt::Write;
 
-const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/src/scenario-reference.md");
+const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/src/reference/scenario.md");
 
 const HEAD: &str = "\
 # Scenario reference
@@ -27,10 +27,18 @@ fn table(out: &mut String, rows: impl IntoIterator<Item = Parameter>) {
     let mut head = "| key | takes | default | meaning |\n|---|---|---|---|\n";
     for p in rows {
         let takes = match p.takes.strip_prefix("calibration") {
-            Some(value) => format!("[calibration](guide/scenario.md#calibration-states){}", cell(value)),
+            Some(value) => {
+                format!("[calibration](guide/scenario.md#calibration-states){}", cell(value))
+            }
             None => cell(&p.takes),
         };
-        let _ = writeln!(out, "{head}| `{}` | {takes} | {} | {} |", p.key, cell(&p.default), cell(&p.meaning));
+        let _ = writeln!(
+            out,
+            "{head}| `{}` | {takes} | {} | {} |",
+            p.key,
+            cell(&p.default),
+            cell(&p.meaning)
+        );
         head = "";
     }
     if head.is_empty() {
@@ -46,7 +54,8 @@ fn keys(schema: &Value) -> Vec<Parameter> {
         let kind = || v.get("type").and_then(Value::as_str).map(str::to_owned);
         example.or_else(kind).unwrap_or_else(|| "a choice".into())
     };
-    let required = |key: &str| schema["required"].as_array().is_some_and(|r| r.iter().any(|k| k == key));
+    let required =
+        |key: &str| schema["required"].as_array().is_some_and(|r| r.iter().any(|k| k == key));
     (schema["properties"].as_object().unwrap().iter())
         .map(|(key, v)| Parameter {
             key: key.clone(),
@@ -54,7 +63,11 @@ fn keys(schema: &Value) -> Vec<Parameter> {
             default: v
                 .get("default")
                 .map_or_else(|| if required(key) { "(required)".into() } else { "-".into() }, text),
-            meaning: v.get("description").and_then(Value::as_str).unwrap_or_default().replace('\n', " "),
+            meaning: v
+                .get("description")
+                .and_then(Value::as_str)
+                .unwrap_or_default()
+                .replace('\n', " "),
         })
         .collect()
 }
@@ -76,7 +89,9 @@ fn section(entry: &Entry) -> String {
 fn page(registry: &Registry) -> String {
     let schema = scenario_schema(registry);
     let mut out = format!("{HEAD}\n## Top\n\n");
-    let top = keys(&schema).into_iter().filter(|p| ["name", "description", "seed"].contains(&p.key.as_str()));
+    let top = keys(&schema)
+        .into_iter()
+        .filter(|p| ["name", "description", "seed"].contains(&p.key.as_str()));
     table(&mut out, top);
     out += "## `[estimator]`\n\n";
     table(&mut out, keys(&schema["properties"]["estimator"]));
@@ -87,7 +102,10 @@ fn page(registry: &Registry) -> String {
         let common = parameters(first).into_iter().filter(|p| is_common(kind, p));
         table(
             &mut out,
-            common.map(|p| Parameter { takes: p.takes.replace(&format!("{:?}", first.name), "a type"), ..p }),
+            common.map(|p| Parameter {
+                takes: p.takes.replace(&format!("{:?}", first.name), "a type"),
+                ..p
+            }),
         );
         of_kind().for_each(|e| out += &section(e));
     }
@@ -110,7 +128,10 @@ fn the_page_is_what_the_types_say() {
         // the page has one section more
         let written = std::fs::read_to_string(PAGE).unwrap();
         for entry in registry.entries() {
-            assert!(written.contains(section(entry).trim_end()), "the page is out of date at {entry:?}");
+            assert!(
+                written.contains(section(entry).trim_end()),
+                "the page is out of date at {entry:?}"
+            );
         }
     }
 }

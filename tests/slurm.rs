@@ -11,7 +11,8 @@ use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-const INSTALL: &str = "apt-get install -y --no-install-recommends slurmctld slurmd slurm-client munge";
+const INSTALL: &str =
+    "apt-get install -y --no-install-recommends slurmctld slurmd slurm-client munge";
 
 /// Whether there is a Slurm, installed where this is CI. Says so where there is none, even if the test passes.
 fn has_slurm() -> bool {
@@ -20,7 +21,8 @@ fn has_slurm() -> bool {
         let tell = |message: String| drop(writeln!(std::io::stderr(), "skipped: {message}"));
         let sh = |line: &str| Command::new("sh").args(["-c", line]).stdin(Stdio::null()).output();
         let is_there = || {
-            let programs = "for p in munged slurmctld slurmd sbatch; do command -v $p || exit 1; done";
+            let programs =
+                "for p in munged slurmctld slurmd sbatch; do command -v $p || exit 1; done";
             sh(&format!("PATH=$PATH:/usr/sbin; {programs}")).is_ok_and(|o| o.status.success())
         };
         if is_there() {
@@ -31,11 +33,16 @@ fn has_slurm() -> bool {
             return false;
         }
         // others may be installing at the same time, and the lists of a fresh container are empty
-        let install = format!("DEBIAN_FRONTEND=noninteractive {INSTALL} -o DPkg::Lock::Timeout=300");
+        let install =
+            format!("DEBIAN_FRONTEND=noninteractive {INSTALL} -o DPkg::Lock::Timeout=300");
         match sh(&format!("{install} || {{ apt-get update && {install}; }}")) {
             Err(e) => tell(format!("Slurm cannot be installed: {e}")),
             Ok(output) if !is_there() => {
-                tell(format!("Slurm cannot be installed by `{INSTALL}`:\n{}{}", stdout(&output), stderr(&output)));
+                tell(format!(
+                    "Slurm cannot be installed by `{INSTALL}`:\n{}{}",
+                    stdout(&output),
+                    stderr(&output)
+                ));
             }
             Ok(_) => return true,
         }
@@ -65,7 +72,8 @@ impl Cluster {
 
     /// `one-machine.sh`, with the command `navfuse` of this build on its path.
     fn one_machine(&self) -> Command {
-        let built = Path::new(env!("CARGO_BIN_EXE_navfuse")).parent().expect("the program is in a folder");
+        let built =
+            Path::new(env!("CARGO_BIN_EXE_navfuse")).parent().expect("the program is in a folder");
         let path = std::env::var_os("PATH").unwrap_or_default();
         let path = std::iter::once(built.to_owned()).chain(std::env::split_paths(&path));
         let mut command = Command::new(example("one-machine.sh"));
@@ -98,7 +106,11 @@ impl Cluster {
     /// Whether Slurm is gone: no file, and no daemon or job.
     fn assert_nothing_left(&self) {
         let temporary = self.temporary().display().to_string();
-        assert_eq!(std::fs::read_dir(&temporary).expect("the folder is there").count(), 0, "in {temporary}");
+        assert_eq!(
+            std::fs::read_dir(&temporary).expect("the folder is there").count(),
+            0,
+            "in {temporary}"
+        );
         for process in std::fs::read_dir("/proc").expect("Linux").flatten() {
             for file in ["cmdline", "environ"] {
                 let text = std::fs::read(process.path().join(file)).unwrap_or_default();
@@ -119,7 +131,11 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
         if entry.path().is_dir() {
-            all.extend(files(&entry.path()).into_iter().map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
+            all.extend(
+                files(&entry.path())
+                    .into_iter()
+                    .map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)),
+            );
         } else {
             all.insert(name, std::fs::read(entry.path()).unwrap_or_default());
         }
@@ -178,9 +194,13 @@ fn an_interrupt_takes_the_jobs_and_slurm_down() {
     }
     let cluster = Cluster::new();
     let mut command = cluster.one_machine();
-    command.args(["sbatch", "--wrap", "touch started; sleep 1000"]).stdout(Stdio::null()).stderr(Stdio::piped());
+    command
+        .args(["sbatch", "--wrap", "touch started; sleep 1000"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped());
     let mut script = command.spawn().expect("the script starts");
-    let mut lines = BufReader::new(script.stderr.take().expect("a pipe")).lines().map_while(Result::ok);
+    let mut lines =
+        BufReader::new(script.stderr.take().expect("a pipe")).lines().map_while(Result::ok);
     assert!(lines.any(|line| line.contains("waiting for 1 jobs")));
     let begun = Instant::now();
     while !cluster.path("started").exists() {

@@ -4,14 +4,17 @@
 mod common;
 
 use common::{run_without_sinks, scenario, snapir};
-use navfuse_core::summary::Summary;
+use navfuse_core::run::summary::Summary;
 
 const RUNS: [&str; 4] = ["T01", "T06", "T10", "T12"];
 
 fn runs() -> Option<Vec<Summary>> {
     let folder = snapir()?;
     let run = |name: &str| {
-        let setting = format!("source.csv.directory={}", folder.join(name).canonicalize().expect("a run").display());
+        let setting = format!(
+            "source.csv.directory={}",
+            folder.join(name).canonicalize().expect("a run").display()
+        );
         let finished = run_without_sinks(&scenario("snapir"), &[setting]);
         assert!(finished.error.is_none(), "{name}: {:?}", finished.error);
         finished.summary
@@ -24,8 +27,10 @@ fn runs() -> Option<Vec<Summary>> {
 #[test]
 fn the_track_ends_as_near_the_reference_as_an_independent_filters() {
     let Some(summaries) = runs() else { return };
-    let errors: Vec<f64> =
-        summaries.iter().map(|s| s.horizontal_error_m.expect("the recording has a reference").last).collect();
+    let errors: Vec<f64> = summaries
+        .iter()
+        .map(|s| s.horizontal_error_m.expect("the recording has a reference").last)
+        .collect();
     println!("final horizontal errors {errors:.2?} m");
     assert!(errors.iter().sum::<f64>() / 4.0 < 2.3, "{errors:?}");
     assert!(errors.iter().all(|e| *e < 3.6), "{errors:?}");

@@ -6,7 +6,7 @@ mod common;
 use common::{run_without_sinks, scenario, snapir};
 use navfuse_campaign::{Folder, Options, Plan, execute};
 use navfuse_core::document::Document;
-use navfuse_core::summary::Summary;
+use navfuse_core::run::summary::Summary;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -26,7 +26,12 @@ fn a_lag_of_300_ms_is_found_to_20_ms_and_errors_are_as_large_as_their_sigma() {
     let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).unwrap_or_else(|e| panic!("{e}"));
     let mut last = Vec::new();
-    let at = plan.columns.components.iter().position(|c| c.name() == "dvl.time_offset.offset").expect("it is a state");
+    let at = plan
+        .columns
+        .components
+        .iter()
+        .position(|c| c.name() == "dvl.time_offset.offset")
+        .expect("it is a state");
     let stop = AtomicBool::new(false);
     let keep = |record| {
         if let navfuse_campaign::Record::Run(run) = &record {
@@ -35,7 +40,8 @@ fn a_lag_of_300_ms_is_found_to_20_ms_and_errors_are_as_large_as_their_sigma() {
         }
         folder.add(record)
     };
-    let done = execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, keep).unwrap_or_else(|e| panic!("{e}"));
+    let done = execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, keep)
+        .unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(last.len(), 20);
     for (error, sigma) in &last {
         assert!(error.abs() < 0.02 && *sigma < 0.02, "{error} s, sigma {sigma} s");
@@ -46,7 +52,8 @@ fn a_lag_of_300_ms_is_found_to_20_ms_and_errors_are_as_large_as_their_sigma() {
     assert!(verdict.consistent, "{}", verdict.text);
     for of in ["whole state", "dvl.time_offset"] {
         let anees = point.anees.iter().find(|a| a.of == of).expect("it is a block");
-        let (value, band) = (anees.value.expect("runs went to their end"), anees.band.expect("a band"));
+        let (value, band) =
+            (anees.value.expect("runs went to their end"), anees.band.expect("a band"));
         println!("ANEES of {of}: {value:.2}, band {band:?}");
         assert!(band.low < value && value < band.high, "{of}: {value}, {band:?}");
     }

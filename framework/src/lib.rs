@@ -2,36 +2,17 @@
 //! that they compose into.
 //!
 //! It knows no sensor, no file format and no viewer: those are plugins. A sensor is one generic function of typed state
-//! blocks ([`measurement::MeasurementModel`]), registered with its parameters ([`registry::SensorType`]); a scenario
-//! names it in TOML; the [`runner`] feeds the [`ekf::Ekf`] from sources and tells sinks what comes of it.
+//! blocks ([`model::measurement::MeasurementModel`]), registered with its parameters ([`plugin::SensorType`]); a scenario
+//! names it in TOML; the [`run::runner`] feeds the [`ekf::Ekf`] from sources and tells sinks what comes of it.
 
-pub mod calibration;
 pub mod compose;
-pub mod covariance;
 pub mod document;
-pub mod draw;
-mod dynamics;
 pub mod ekf;
-pub mod gate;
-pub mod geodesy;
-pub mod manifold;
-pub mod measurement;
-pub mod motion;
+pub mod model;
 pub mod plugin;
 pub mod prelude;
-pub mod process;
-pub mod record;
-pub mod registry;
-pub mod runner;
-pub mod sample;
-pub mod scenario;
-pub mod schema;
-pub mod simulate;
+pub mod run;
 pub mod state;
-pub mod stream;
-pub mod summary;
-pub mod time;
-mod turning;
 pub mod units;
 
 pub use nalgebra;
@@ -39,7 +20,8 @@ pub use nalgebra;
 /// A real scalar that a model is generic over: `f64`, or a dual number that carries a derivative.
 ///
 /// ```
-/// use navfuse_core::{Real, nalgebra::convert};
+/// use navfuse_core::Real;
+/// use navfuse_core::nalgebra::convert;
 /// /// Speed of sound in fresh water (m/s) at a temperature (deg C), to the second order.
 /// fn speed_of_sound<T: Real>(temperature: T) -> T {
 ///     let [a, b, c] = [1402.4, 5.04, -0.058].map(convert::<f64, T>);

@@ -1,23 +1,31 @@
 //! What the author of a plugin needs, in one `use navfuse_core::prelude::*`.
 
 pub use crate::Real;
-pub use crate::calibration::{Calibration, LengthBias, LeverArm, Misalignment, ScaleFactor, display};
-pub use crate::compose::{BuiltProcess, ComposeError, Composer, Role};
-pub use crate::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
-pub use crate::geodesy::Geodetic;
-pub use crate::manifold::{Manifold, Position, Reading, Rotation, Scalar, Vector};
-pub use crate::measurement::{Jacobian, MeasurementModel};
-pub use crate::motion::Motion;
-pub use crate::process::{Interval, ProcessError, ProcessModel};
-pub use crate::registry::{OpenContext, Plugin, ProcessType, Registry, SensorType, SinkType, SourceType};
-pub use crate::sample::{Channel, Sample, SensorId};
-pub use crate::simulate::Scene;
+pub use crate::compose::Composer;
+pub use crate::compose::calibration::{
+    Calibration, LengthBias, LeverArm, Misalignment, ScaleFactor,
+};
+pub use crate::model::error::ComposeError;
+pub use crate::model::measurement::{Jacobian, MeasurementModel};
+pub use crate::model::motion::Motion;
+pub use crate::model::process::BuiltProcess;
+pub use crate::model::process::{Interval, ProcessError, ProcessModel};
+pub use crate::model::sensor::Role;
+pub use crate::model::simulate::Scene;
+pub use crate::model::stream::{RunInfo, Sink, Source, StreamError};
+pub use crate::plugin::{
+    OpenContext, Plugin, ProcessType, Registry, SensorType, SinkType, SourceType,
+};
+pub use crate::state::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
+pub use crate::state::display;
+pub use crate::state::geodesy::Geodetic;
+pub use crate::state::manifold::{Manifold, Position, Reading, Rotation, Scalar, Vector};
 pub use crate::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, State, View};
-pub use crate::stream::{RunInfo, Sink, Source, StreamError};
-pub use crate::time::Time;
+pub use crate::units::sample::{Channel, Sample, SensorId};
+pub use crate::units::time::Time;
 pub use crate::units::{
-    Acceleration, Angle, AngularRate, AngularRateNoise, Frequency, Length, Positive, Pressure, Ratio, Sigma, Speed,
-    Triple,
+    Acceleration, Angle, AngularRate, AngularRateNoise, Frequency, Length, Positive, Pressure,
+    Ratio, Sigma, Speed, Triple,
 };
 pub use nalgebra::{SMatrix, SVector, Vector3, convert};
 pub use schemars::JsonSchema;

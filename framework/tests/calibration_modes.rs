@@ -16,11 +16,15 @@ fn a_fixed_block_has_no_error_state() {
 
 #[test]
 fn a_considered_block_is_schmidts_the_optimal_filter_with_its_gain_zeroed() {
-    let mut b = Bench::new(&["sensor.fix.bias={ mode = \"consider\", initial = \"20 cm\", sigma = \"40 cm\" }"]);
+    let mut b = Bench::new(&[
+        "sensor.fix.bias={ mode = \"consider\", initial = \"20 cm\", sigma = \"40 cm\" }",
+    ]);
     b.give("speed", 0.0, &[1.0]);
     // the augmented filter written out densely: place, drift, bias
-    let (mut x, mut p) =
-        (DVector::from_vec(vec![0.0, 0.0, 0.2]), DMatrix::from_diagonal(&[1.0, 0.25, 0.16].to_vec().into()));
+    let (mut x, mut p) = (
+        DVector::from_vec(vec![0.0, 0.0, 0.2]),
+        DMatrix::from_diagonal(&[1.0, 0.25, 0.16].to_vec().into()),
+    );
     for k in 1..200 {
         let t = f64::from(k) * 0.5;
         let truth = 0.9 * t;
@@ -84,7 +88,9 @@ fn the_steps_of_a_gauss_markov_block_add_up_whatever_their_length() {
 
 #[test]
 fn a_random_walk_grows_by_its_density_times_the_time() {
-    let mut b = Bench::new(&["process.cart.drift={ sigma = \"0.5 m/s\", random_walk = \"0.1 m/s/sqrt(s)\" }"]);
+    let mut b = Bench::new(&[
+        "process.cart.drift={ sigma = \"0.5 m/s\", random_walk = \"0.1 m/s/sqrt(s)\" }",
+    ]);
     b.give("speed", 0.0, &[1.0]);
     for k in 1..=100 {
         b.give("speed", f64::from(k) * 0.3, &[1.0]);
@@ -98,8 +104,16 @@ fn a_state_that_moves_without_a_sigma_or_though_it_is_fixed_is_refused() {
     let cases = [
         ("{ random_walk = \"0.1 m/s/sqrt(s)\" }", "drift.random_walk", "needs a sigma"),
         ("{ correlation_time = \"10 s\" }", "drift.correlation_time", "needs a sigma"),
-        ("{ mode = \"fixed\", random_walk = \"0.1 m/s/sqrt(s)\" }", "drift.random_walk", "does not move"),
-        ("{ mode = \"fixed\", sigma = \"1 m/s\", correlation_time = \"9 s\" }", "drift.correlation_time", "does not"),
+        (
+            "{ mode = \"fixed\", random_walk = \"0.1 m/s/sqrt(s)\" }",
+            "drift.random_walk",
+            "does not move",
+        ),
+        (
+            "{ mode = \"fixed\", sigma = \"1 m/s\", correlation_time = \"9 s\" }",
+            "drift.correlation_time",
+            "does not",
+        ),
     ];
     for (drift, key, text) in cases {
         let message = lab::refused(lab::SCENARIO, &[&format!("process.cart.drift={drift}")]);
@@ -113,11 +127,17 @@ fn a_time_that_no_clock_shows_and_a_driving_sensor_that_drives_nothing_are_refus
     for key in ["start", "stop"] {
         for time in ["3e9 s", "-3e9 s"] {
             let message = lab::refused(lab::SCENARIO, &[&format!("estimator.{key}=\"{time}\"")]);
-            assert!(message.contains(&format!("estimator.{key}")) && message.contains("73 years"), "{message}");
+            assert!(
+                message.contains(&format!("estimator.{key}")) && message.contains("73 years"),
+                "{message}"
+            );
         }
     }
     let spare = format!("{}[sensor.spare]\ntype = \"speedometer\"\n", lab::SCENARIO);
     let message = lab::refused(&spare, &[]);
-    assert!(message.contains("[sensor.spare] drives no process; remove it, or set enabled = false"), "{message}");
+    assert!(
+        message.contains("[sensor.spare] drives no process; remove it, or set enabled = false"),
+        "{message}"
+    );
     lab::compose(&spare, &["sensor.spare.enabled=false"]);
 }

@@ -3,22 +3,25 @@
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::Real;
-use navfuse_core::calibration::display;
-use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, Role};
-use navfuse_core::covariance::Transition;
+use navfuse_core::compose::Composer;
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
-use navfuse_core::manifold::{Manifold, Operations, Reading};
-use navfuse_core::measurement::{At, MeasurementModel, jacobian_error};
-use navfuse_core::motion::Motion;
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::{At, MeasurementModel, jacobian_error};
+use navfuse_core::model::motion::Motion;
+use navfuse_core::model::process::BuiltProcess;
+use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::model::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector2, Vector3, convert};
-use navfuse_core::process::{Interval, ProcessError, ProcessModel};
-use navfuse_core::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
-use navfuse_core::registry::{Plugin, ProcessType, Registry, SensorType};
-use navfuse_core::sample::{Channel, Sample, SensorId};
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::state::covariance::Transition;
+use navfuse_core::state::display;
+use navfuse_core::state::manifold::{Manifold, Operations, Reading};
 use navfuse_core::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, State, View};
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::{Channel, Sample, SensorId};
+use navfuse_core::units::time::Time;
 use navfuse_core::units::{Angle, Sigma};
 use proptest::prelude::*;
 use schemars::JsonSchema;
@@ -206,8 +209,13 @@ fn a_direction_is_estimated_across_the_azimuth_where_angles_wrap() {
     let expected = [0.1 / 50.0_f64.sqrt() * 0.38_f64.cos(), 0.1 / 50.0_f64.sqrt()];
     let mut found = sigma;
     found.sort_by(f64::total_cmp);
-    assert!((found[0] / expected[0] - 1.0).abs() < 0.02 && (found[1] / expected[1] - 1.0).abs() < 0.02, "{sigma:?}");
-    let Role::Measurement(model) = &ekf.composition().sensors[0].role else { panic!("it measures") };
+    assert!(
+        (found[0] / expected[0] - 1.0).abs() < 0.02 && (found[1] / expected[1] - 1.0).abs() < 0.02,
+        "{sigma:?}"
+    );
+    let Role::Measurement(model) = &ekf.composition().sensors[0].role else {
+        panic!("it measures")
+    };
     // central differences of 1e-6 on derivatives of order one
     assert!(jacobian_error(model.as_ref(), &At::state(ekf.layout(), ekf.state())) < 1e-8);
 }

@@ -3,23 +3,26 @@
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::Real;
-use navfuse_core::calibration::display;
-use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, Role};
-use navfuse_core::covariance::{NoiseSlot, PhiDiagonal, Transition};
+use navfuse_core::compose::Composer;
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
-use navfuse_core::manifold::Vector;
-use navfuse_core::measurement::MeasurementModel;
-use navfuse_core::motion::Motion;
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::motion::Motion;
+use navfuse_core::model::process::BuiltProcess;
+use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
+use navfuse_core::model::sensor::Role;
+use navfuse_core::model::simulate::Random;
 use navfuse_core::nalgebra::{Matrix4, SMatrix, SVector, Vector2, Vector4, convert};
-use navfuse_core::process::{Interval, ProcessError, ProcessModel};
-use navfuse_core::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
-use navfuse_core::registry::{Plugin, ProcessType, Registry, SensorType};
-use navfuse_core::sample::{Channel, Sample, SensorId};
-use navfuse_core::scenario::Scenario;
-use navfuse_core::simulate::Random;
+use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::state::covariance::{NoiseSlot, PhiDiagonal, Transition};
+use navfuse_core::state::display;
+use navfuse_core::state::manifold::Vector;
 use navfuse_core::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, State, View};
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::{Channel, Sample, SensorId};
+use navfuse_core::units::time::Time;
 use navfuse_core::units::{AccelerationNoise, Length, Sigma};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -182,8 +185,10 @@ fn ranges(place: Vector2<f64>) -> [f64; 2] {
 fn a_vehicle_without_an_imu_is_filtered_as_the_textbook_does() {
     let mut ekf = filter();
     let mut random = Random::new(1, "ranges");
-    let (mut x, mut p) =
-        (Vector4::new(0.0, 0.0, 1.0, 0.5), Matrix4::from_diagonal(&Vector4::new(100.0, 100.0, 0.25, 0.25)));
+    let (mut x, mut p) = (
+        Vector4::new(0.0, 0.0, 1.0, 0.5),
+        Matrix4::from_diagonal(&Vector4::new(100.0, 100.0, 0.25, 0.25)),
+    );
     let mut before = 0.0;
     for k in 0..400 {
         let t = f64::from(k) * 0.5 + if k % 2 == 0 { 0.0 } else { 0.2 }; // at no fixed rate
@@ -211,7 +216,11 @@ fn a_vehicle_without_an_imu_is_filtered_as_the_textbook_does() {
         p = a * p * a.transpose() + gain * gain.transpose() * 0.25;
         // 400 steps of a stable filter on numbers of at most 250: rounding of 250 x 2^-53 = 3e-14, thirtyfold
         for i in 0..4 {
-            assert!((ekf.state().values[i] - x[i]).abs() < 1e-12, "step {k}: {:?} {x}", ekf.state().values);
+            assert!(
+                (ekf.state().values[i] - x[i]).abs() < 1e-12,
+                "step {k}: {:?} {x}",
+                ekf.state().values
+            );
             for j in 0..4 {
                 assert!((ekf.covariance().get(i, j) - p[(i, j)]).abs() < 1e-12, "step {k}");
             }
@@ -221,6 +230,10 @@ fn a_vehicle_without_an_imu_is_filtered_as_the_textbook_does() {
     let truth = [3.0 + 1.2 * before, -2.0 + 0.3 * before, 1.2, 0.3];
     for (i, truth) in truth.iter().enumerate() {
         let sigma = ekf.covariance().get(i, i).sqrt();
-        assert!((ekf.state().values[i] - truth).abs() < 5.0 * sigma, "{i}: {:?} {sigma}", ekf.state().values);
+        assert!(
+            (ekf.state().values[i] - truth).abs() < 5.0 * sigma,
+            "{i}: {:?} {sigma}",
+            ekf.state().values
+        );
     }
 }

@@ -6,20 +6,24 @@ mod lab;
 
 use lab::{Bench, Lab, SCENARIO, seconds};
 use navfuse_core::Real;
-use navfuse_core::calibration::{ScaleFactor, display};
-use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, Role};
-use navfuse_core::covariance::Transition;
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::ScaleFactor;
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
-use navfuse_core::manifold::{Position, Scalar};
-use navfuse_core::measurement::{At, Jacobian, MeasurementModel, jacobian_error};
-use navfuse_core::motion::Motion;
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::{At, Jacobian, MeasurementModel, jacobian_error};
+use navfuse_core::model::motion::Motion;
+use navfuse_core::model::process::BuiltProcess;
+use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector};
-use navfuse_core::process::{Interval, ProcessError, ProcessModel};
-use navfuse_core::registry::{Plugin, ProcessType, Registry, SensorType};
-use navfuse_core::sample::{Channel, Sample, SensorId};
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::state::covariance::Transition;
+use navfuse_core::state::display;
+use navfuse_core::state::manifold::{Position, Scalar};
 use navfuse_core::state::{BlockSpec, Dynamics, Handle, Layout, Mode, State, View};
+use navfuse_core::units::sample::{Channel, Sample, SensorId};
 use navfuse_core::units::{Length, Sigma};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -96,7 +100,9 @@ impl Plugin for Mine {
 fn compose(settings: &[&str]) -> Result<Ekf, String> {
     let mut registry = Registry::new();
     registry.add(&Lab).add(&Mine);
-    let scenario = format!("{SCENARIO}[sensor.tape]\nnoise = \"1 cm\"\nscale = {{ initial = 1.1, sigma = 0.2 }}\n");
+    let scenario = format!(
+        "{SCENARIO}[sensor.tape]\nnoise = \"1 cm\"\nscale = {{ initial = 1.1, sigma = 0.2 }}\n"
+    );
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
     let document = Document::parse("tape.toml", scenario).unwrap();
     let scenario = Scenario::new(&registry, document, &settings).unwrap();
@@ -123,12 +129,18 @@ fn its_jacobian_is_checked_by_one_call_that_finds_a_wrong_one() {
             ekf.process(&Sample::new(seconds(t), speed, &[2.0]), &mut lab::Log::default()).unwrap();
         }
         let tape = ekf.composition().sensor("tape").unwrap();
-        let Role::Measurement(model) = &ekf.composition().sensors[tape].role else { panic!("it measures") };
+        let Role::Measurement(model) = &ekf.composition().sensors[tape].role else {
+            panic!("it measures")
+        };
         jacobian_error(model.as_ref(), &At::state(ekf.layout(), ekf.state()))
     };
     assert!(error(&[]) < 1e-9, "{}", error(&[]));
     // relative to the largest derivative of the channel, the place, 10
-    assert!((error(&["sensor.tape.wrong=0.01"]) - 0.001).abs() < 1e-8, "{}", error(&["sensor.tape.wrong=0.01"]));
+    assert!(
+        (error(&["sensor.tape.wrong=0.01"]) - 0.001).abs() < 1e-8,
+        "{}",
+        error(&["sensor.tape.wrong=0.01"])
+    );
 }
 
 #[test]
@@ -210,9 +222,12 @@ fn the_jacobian_of_an_angle_with_respect_to_a_position_in_metres_is_checked_too(
     let mut registry = Registry::new();
     registry.process::<Still>();
     registry.sensor::<Sextant>();
-    let document = Document::parse("still.toml", "[process.still]\n[sensor.sextant]\n".to_owned()).unwrap();
+    let document =
+        Document::parse("still.toml", "[process.still]\n[sensor.sextant]\n".to_owned()).unwrap();
     let ekf = Ekf::new(Scenario::new(&registry, document, &[]).unwrap().compose().unwrap());
-    let Role::Measurement(model) = &ekf.composition().sensors[0].role else { panic!("it measures") };
+    let Role::Measurement(model) = &ekf.composition().sensors[0].role else {
+        panic!("it measures")
+    };
     // the step is 6 mm, 1e-9 rad: the rounding of 0.8 rad, 1e-16, leaves 1e-7 of it
     let error = jacobian_error(model.as_ref(), &At::state(ekf.layout(), ekf.state()));
     assert!(error < 2e-7, "{error:e}");

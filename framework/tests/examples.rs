@@ -9,7 +9,9 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
         let path = entry.unwrap().path();
         if path.is_dir() && !path.ends_with("target") {
             sources(&path, found);
-        } else if path.extension().is_some_and(|e| e == "rs") && path.components().any(|c| c.as_os_str() == "src") {
+        } else if path.extension().is_some_and(|e| e == "rs")
+            && path.components().any(|c| c.as_os_str() == "src")
+        {
             found.push(path);
         }
     }
@@ -25,9 +27,11 @@ fn every_public_trait_has_an_example() {
     for file in files {
         let text = std::fs::read_to_string(&file).unwrap();
         let lines: Vec<&str> = text.lines().collect();
-        for (k, line) in lines.iter().enumerate().filter(|(_, line)| line.starts_with("pub trait ")) {
+        for (k, line) in lines.iter().enumerate().filter(|(_, line)| line.starts_with("pub trait "))
+        {
             traits += 1;
-            let documentation = lines[..k].iter().rev().take_while(|l| l.starts_with("///") || l.starts_with("#["));
+            let documentation =
+                lines[..k].iter().rev().take_while(|l| l.starts_with("///") || l.starts_with("#["));
             if !documentation.clone().any(|l| l.starts_with("/// ```")) {
                 without.push(format!("{}: {line}", file.display()));
             }

@@ -5,17 +5,19 @@ mod lab;
 
 use lab::{Bench, Lab, SCENARIO};
 use navfuse_core::Real;
-use navfuse_core::compose::{ComposeError, Composer, Role};
+use navfuse_core::compose::Composer;
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
-use navfuse_core::manifold::Scalar;
-use navfuse_core::measurement::MeasurementModel;
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::record::Outcome;
+use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector};
-use navfuse_core::record::Outcome;
-use navfuse_core::registry::{Registry, SensorType};
-use navfuse_core::sample::Channel;
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::{Registry, SensorType};
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::state::manifold::Scalar;
 use navfuse_core::state::{Handle, View};
+use navfuse_core::units::sample::Channel;
 use navfuse_core::units::{Sigma, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -81,7 +83,10 @@ fn the_thresholds_are_those_of_the_chi_square_table() {
             b.give("speed", 0.0, &[1.0]).give("fix", 0.0, &[0.0; 3][..channels]);
             let (found, expected) = (b.log.threshold, thresholds[channels - 1]);
             // the last digit that is printed
-            assert!((found - expected).abs() < 6e-4, "{p}, {channels} channels: {found}, table {expected}");
+            assert!(
+                (found - expected).abs() < 6e-4,
+                "{p}, {channels} channels: {found}, table {expected}"
+            );
         }
     }
     let mut off = Bench::new(&["sensor.fix.gate=\"off\""]);
@@ -105,7 +110,12 @@ fn a_gated_sample_is_logged_with_its_nis_and_changes_nothing() {
     b.give("speed", 2.0, &[1.0]).give("fix", 2.0, &[40.0]);
     assert_eq!(b.log.says("gate rejects"), 1, "once in a row");
     b.give("speed", 3.0, &[1.0]).give("fix", 3.0, &[3.0]);
-    assert_eq!(b.log.says("gate passes again after 2 gated samples since 1.000 s"), 1, "{:?}", b.log.events);
+    assert_eq!(
+        b.log.says("gate passes again after 2 gated samples since 1.000 s"),
+        1,
+        "{:?}",
+        b.log.events
+    );
     b.give("speed", 4.0, &[1.0]).give("fix", 4.0, &[99.0]);
     b.ekf.finish(&mut b.log);
     assert_eq!(b.log.says("the last 1 samples were gated, since 4.000 s"), 1);
@@ -113,7 +123,8 @@ fn a_gated_sample_is_logged_with_its_nis_and_changes_nothing() {
 
 /// A sensor that is off by 60 m for as long as it takes, at 1 Hz.
 fn locked_out(action: &str, seconds: i32) -> Bench {
-    let mut b = Bench::new(&[&format!("sensor.fix.recovery={{ after = \"5 s\", action = \"{action}\" }}")]);
+    let mut b =
+        Bench::new(&[&format!("sensor.fix.recovery={{ after = \"5 s\", action = \"{action}\" }}")]);
     // a fix whose three channels agree, so that the filter is sure of itself
     for k in 0..10 {
         b.give("speed", f64::from(k), &[0.0]).fix(f64::from(k), 0.0);
@@ -129,7 +140,12 @@ fn locked_out(action: &str, seconds: i32) -> Bench {
 fn report_says_once_that_everything_is_gated_and_does_no_more() {
     let b = locked_out("report", 40);
     assert_eq!(b.log.outcomes(), [Outcome::Gated; 40]);
-    assert_eq!(b.log.says("locked out: every one of 6 samples was gated since 10.000 s"), 1, "{:?}", b.log.events);
+    assert_eq!(
+        b.log.says("locked out: every one of 6 samples was gated since 10.000 s"),
+        1,
+        "{:?}",
+        b.log.events
+    );
     assert_eq!(b.log.says("locked out"), 1);
     assert!(b.value("cart.place").abs() < 0.2);
 }
@@ -140,7 +156,10 @@ fn accept_uses_the_first_sample_after_the_time() {
     let mut expected = [Outcome::Gated; 6];
     expected[5] = Outcome::Accepted; // the first at 5 s after the first
     assert_eq!(b.log.outcomes(), expected);
-    assert_eq!(b.log.says("locked out: every one of 6 samples was gated since 10.000 s; this one is used"), 1);
+    assert_eq!(
+        b.log.says("locked out: every one of 6 samples was gated since 10.000 s; this one is used"),
+        1
+    );
 }
 
 #[test]
@@ -167,22 +186,30 @@ fn inflation_works_when_the_noise_outweighs_the_prior_a_million_times() {
     for k in 1..=4 {
         b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[1e6]);
     }
-    assert_eq!(b.log.outcomes(), [Outcome::Gated, Outcome::Gated, Outcome::Accepted, Outcome::Accepted]);
+    assert_eq!(
+        b.log.outcomes(),
+        [Outcome::Gated, Outcome::Gated, Outcome::Accepted, Outcome::Accepted]
+    );
     assert!(b.log.updates[2].2 <= 1.5, "{}", b.log.updates[2].2);
     assert!(b.value("cart.place") > 9e5);
 }
 
 #[test]
 fn inflation_leaves_what_is_considered_as_it_was() {
-    let mut b =
-        Bench::new(&["sensor.fix.recovery.after=\"2 s\"", "sensor.fix.bias={ mode = \"consider\", sigma = \"3 cm\" }"]);
+    let mut b = Bench::new(&[
+        "sensor.fix.recovery.after=\"2 s\"",
+        "sensor.fix.bias={ mode = \"consider\", sigma = \"3 cm\" }",
+    ]);
     let variance = |b: &Bench| b.variance("fix.bias");
     b.give("speed", 0.0, &[0.0]);
     let before = variance(&b);
     for k in 1..=4 {
         b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[100.0]);
     }
-    assert_eq!(b.log.outcomes(), [Outcome::Gated, Outcome::Gated, Outcome::Accepted, Outcome::Accepted]);
+    assert_eq!(
+        b.log.outcomes(),
+        [Outcome::Gated, Outcome::Gated, Outcome::Accepted, Outcome::Accepted]
+    );
     assert_eq!(variance(&b).to_bits(), before.to_bits());
     assert_eq!(b.value("fix.bias"), 0.0);
     let p = b.ekf.covariance().to_dense();
@@ -229,7 +256,9 @@ fn a_wrong_speed_that_was_believed_leaves_a_place_as_uncertain_as_it_is_wrong() 
 fn a_place_that_another_sensor_holds_stays_as_certain_as_that_makes_it() {
     let mut b = logged();
     for k in 10..40 {
-        b.give("speed", f64::from(k), &[0.0]).give("log", f64::from(k), &[22.0]).fix(f64::from(k), 0.0);
+        b.give("speed", f64::from(k), &[0.0])
+            .give("log", f64::from(k), &[22.0])
+            .fix(f64::from(k), 0.0);
     }
     b.give("speed", 40.0, &[0.0]).give("log", 40.0, &[22.0]);
     assert_eq!(b.log.says("locked out"), 1);
@@ -251,6 +280,14 @@ fn a_sensor_slower_than_the_time_to_recovery_leaves_lock_out_all_the_same() {
     for k in 1..=4 {
         b.give("speed", f64::from(k) * 50.0, &[0.0]).give("fix", f64::from(k) * 50.0, &[1000.0]);
     }
-    assert_eq!(b.log.outcomes(), [Outcome::Gated, Outcome::Gated, Outcome::Accepted, Outcome::Accepted]);
-    assert_eq!(b.log.says("locked out: every one of 3 samples was gated since 50.000 s"), 1, "{:?}", b.log.events);
+    assert_eq!(
+        b.log.outcomes(),
+        [Outcome::Gated, Outcome::Gated, Outcome::Accepted, Outcome::Accepted]
+    );
+    assert_eq!(
+        b.log.says("locked out: every one of 3 samples was gated since 50.000 s"),
+        1,
+        "{:?}",
+        b.log.events
+    );
 }

@@ -1,10 +1,10 @@
 //! Manifolds: retraction and its inverse, coordinates, the reset, and sigma as it is shown.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::calibration::display;
-use navfuse_core::covariance::Covariance;
-use navfuse_core::manifold::{Manifold, Operations, Position, Rotation, Scalar, Vector};
 use navfuse_core::nalgebra::{DMatrix, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use navfuse_core::state::covariance::Covariance;
+use navfuse_core::state::display;
+use navfuse_core::state::manifold::{Manifold, Operations, Position, Rotation, Scalar, Vector};
 use navfuse_core::state::{Block, BlockSpec, Display, Dynamics, Mode};
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -173,7 +173,13 @@ proptest! {
 
 #[test]
 fn nothing_becomes_nan_at_the_gimbal_at_half_a_turn_or_on_the_antimeridian() {
-    for angles in [[0.3, FRAC_PI_2, 0.2], [0.0, -FRAC_PI_2, 1.0], [PI, 0.0, -PI], [-PI, FRAC_PI_2, PI], [0.0; 3]] {
+    for angles in [
+        [0.3, FRAC_PI_2, 0.2],
+        [0.0, -FRAC_PI_2, 1.0],
+        [PI, 0.0, -PI],
+        [-PI, FRAC_PI_2, PI],
+        [0.0; 3],
+    ] {
         let (block, x) = block::<Rotation>(&angles, &[0.1, 0.2, 0.3], display::ANGLES);
         let prior = block.prior(&x);
         assert!(prior.iter().all(|v| v.is_finite()), "{prior}");
@@ -185,7 +191,14 @@ fn nothing_becomes_nan_at_the_gimbal_at_half_a_turn_or_on_the_antimeridian() {
         for v in shown.iter().chain(&sigma).chain(&error) {
             assert!(v.is_finite(), "{shown:?} {sigma:?} {error:?}");
         }
-        for d in [[PI, 0.0, 0.0], [0.0, -PI, 0.0], [0.0, 0.0, PI], [1e-300; 3], [0.0; 3], [1e3, -1e3, 7.0]] {
+        for d in [
+            [PI, 0.0, 0.0],
+            [0.0, -PI, 0.0],
+            [0.0, 0.0, PI],
+            [1e-300; 3],
+            [0.0; 3],
+            [1e3, -1e3, 7.0],
+        ] {
             let y = retract::<Rotation>(&x, &d);
             let back = local::<Rotation>(&y, &x);
             assert!(y.iter().chain(&back).all(|v| v.is_finite()));
@@ -241,7 +254,9 @@ impl Normal {
         (((z ^ (z >> 31)) >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
     }
     fn vector(&mut self) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| (-2.0 * self.uniform().ln()).sqrt() * (2.0 * PI * self.uniform()).cos())
+        Vector3::from_fn(|_, _| {
+            (-2.0 * self.uniform().ln()).sqrt() * (2.0 * PI * self.uniform()).cos()
+        })
     }
 }
 
@@ -257,7 +272,8 @@ fn the_covariance_after_a_large_correction_is_that_of_the_sampled_errors() {
     let (count, mut sum) = (200_000, Matrix3::zeros());
     for _ in 0..count {
         let e = d + factor * random.vector();
-        let about = (Rotation3::from_scaled_axis(e) * Rotation3::from_scaled_axis(-d)).scaled_axis();
+        let about =
+            (Rotation3::from_scaled_axis(e) * Rotation3::from_scaled_axis(-d)).scaled_axis();
         sum += about * about.transpose();
     }
     let sampled = sum / f64::from(count);
@@ -268,7 +284,12 @@ fn the_covariance_after_a_large_correction_is_that_of_the_sampled_errors() {
     for i in 0..3 {
         for j in 0..3 {
             let scale = (sampled[(i, i)] * sampled[(j, j)]).sqrt();
-            assert!((c.get(i, j) - sampled[(i, j)]).abs() < 0.0126 * scale, "{} {}", c.get(i, j), sampled[(i, j)]);
+            assert!(
+                (c.get(i, j) - sampled[(i, j)]).abs() < 0.0126 * scale,
+                "{} {}",
+                c.get(i, j),
+                sampled[(i, j)]
+            );
         }
     }
     // without the reset it would be wrong by tens of per cent
@@ -287,7 +308,11 @@ fn the_shown_sigma_of_angles_is_that_of_sampled_angles() {
     let (count, mut squares) = (100_000, [0.0; 3]);
     for _ in 0..count {
         let mut error = [0.0; 3];
-        block.show_error(&retract::<Rotation>(&x, (factor * random.vector()).as_slice()), &x, &mut error);
+        block.show_error(
+            &retract::<Rotation>(&x, (factor * random.vector()).as_slice()),
+            &x,
+            &mut error,
+        );
         squares.iter_mut().zip(&error).for_each(|(s, e)| *s += e * e);
     }
     for (shown, squares) in shown.iter().zip(squares) {
@@ -310,6 +335,6 @@ fn a_prior_given_in_angles_is_shown_as_it_was_given() {
 fn a_quaternion_is_read_as_nalgebra_means_it() {
     let q = UnitQuaternion::from_euler_angles(0.1, -0.4, 2.0);
     let mut x = [0.0; 4];
-    navfuse_core::manifold::store_quaternion(&q, &mut x);
+    navfuse_core::state::manifold::store_quaternion(&q, &mut x);
     assert!((Rotation::load::<f64>(&x).matrix() - q.to_rotation_matrix().matrix()).amax() < 1e-15);
 }

@@ -2,8 +2,8 @@
 //! told where they do not fit.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
+use navfuse_core::plugin::{Kind, Need};
 use navfuse_core::prelude::*;
-use navfuse_core::registry::{Kind, Need};
 
 /// A sensor of a type that only stands in the registry.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -117,7 +117,8 @@ fn wrong(registry: &Registry) -> String {
 
 /// Whether the sonar is the one with beams.
 fn better(registry: &Registry) -> bool {
-    let schema = serde_json::to_string(&registry.get(Kind::Sensor, "sonar").unwrap().schema).unwrap();
+    let schema =
+        serde_json::to_string(&registry.get(Kind::Sensor, "sonar").unwrap().schema).unwrap();
     schema.contains("beams")
 }
 
@@ -132,7 +133,10 @@ fn a_group_is_a_plugin_that_adds_others() {
 #[test]
 fn a_member_of_a_group_is_replaced_disabled_and_configured() {
     let mut registry = Registry::new();
-    registry.add(&Acoustics).replace::<SonarPlugin>(&BetterSonarPlugin).set(&CompassPlugin { compass: true });
+    registry
+        .add(&Acoustics)
+        .replace::<SonarPlugin>(&BetterSonarPlugin)
+        .set(&CompassPlugin { compass: true });
     assert_eq!(names(&registry), ["compass", "sonar"]);
     assert!(better(&registry));
     registry.disable::<BetterSonarPlugin>();
@@ -200,14 +204,20 @@ fn a_type_that_two_plugins_register_is_told_with_both_and_mended_by_disabling_ei
     let mut registry = Registry::new();
     registry.add(&SonarPlugin);
     registry.sensor::<BetterSonar>();
-    assert!(wrong(&registry).starts_with("this program registers the sensor type \"sonar\", which sonar has"));
+    assert!(
+        wrong(&registry)
+            .starts_with("this program registers the sensor type \"sonar\", which sonar has")
+    );
 }
 
 #[test]
 fn a_plugin_that_is_added_twice_is_told_once() {
     let mut registry = Registry::new();
     registry.add(&Acoustics).add(&SonarPlugin);
-    assert_eq!(wrong(&registry), "the plugin sonar is added twice; add it once, or `set` it for other settings");
+    assert_eq!(
+        wrong(&registry),
+        "the plugin sonar is added twice; add it once, or `set` it for other settings"
+    );
 }
 
 #[test]
@@ -228,8 +238,14 @@ fn a_plugin_that_is_needed_and_not_there_is_told_and_so_is_a_wrong_version() {
         wrong(&terrain("sonar", "0.4")),
         format!("{told}sonar 0.4, but 0.3.1 is there; take versions that fit together")
     );
-    assert!(wrong(&terrain("navfuse-core", ">=99")).starts_with(&format!("{told}navfuse-core >=99, but ")));
-    assert!(wrong(&terrain("sonar", "new")).starts_with(&format!("{told}sonar in the version \"new\", which is none")));
+    assert!(
+        wrong(&terrain("navfuse-core", ">=99"))
+            .starts_with(&format!("{told}navfuse-core >=99, but "))
+    );
+    assert!(
+        wrong(&terrain("sonar", "new"))
+            .starts_with(&format!("{told}sonar in the version \"new\", which is none"))
+    );
 }
 
 #[test]
@@ -237,5 +253,8 @@ fn what_is_replaced_and_is_not_there_is_told() {
     let mut registry = Registry::new();
     registry.replace::<SonarPlugin>(&BetterSonarPlugin);
     let message = wrong(&registry);
-    assert!(message.contains("SonarPlugin is to be replaced or disabled, but is no plugin here"), "{message}");
+    assert!(
+        message.contains("SonarPlugin is to be replaced or disabled, but is no plugin here"),
+        "{message}"
+    );
 }

@@ -4,12 +4,12 @@
 mod lab;
 
 use lab::{SCENARIO, compose, seconds};
-use navfuse_core::record::{Epoch, Event, Level};
-use navfuse_core::runner::{Finished, RunError, run};
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::scenario::Assembly;
-use navfuse_core::stream::{RunInfo, Sink, Source, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::model::record::{Epoch, Event, Level};
+use navfuse_core::model::stream::{RunInfo, Sink, Source, StreamError};
+use navfuse_core::run::runner::{Finished, RunError, run};
+use navfuse_core::run::scenario::Assembly;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
@@ -28,7 +28,14 @@ struct Clockwork {
 }
 
 fn clockwork(sensor: usize, period_ms: i64, count: i64) -> Clockwork {
-    Clockwork { sensor, period: period_ms * 1_000_000, count, next: 0, silent: 0.0..0.0, fails_at: None }
+    Clockwork {
+        sensor,
+        period: period_ms * 1_000_000,
+        count,
+        next: 0,
+        silent: 0.0..0.0,
+        fails_at: None,
+    }
 }
 
 impl Source for Clockwork {
@@ -93,7 +100,11 @@ impl Sink for Told {
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
         let mut samples = self.samples.lock().unwrap();
         samples.push((sample.time, sample.sensor.0));
-        if self.breaks_at == Some(samples.len()) { Err(StreamError("run.mcap: no space left".into())) } else { Ok(()) }
+        if self.breaks_at == Some(samples.len()) {
+            Err(StreamError("run.mcap: no space left".into()))
+        } else {
+            Ok(())
+        }
     }
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         self.epochs.lock().unwrap().push(epoch.state.time);
@@ -120,8 +131,13 @@ impl Told {
 
 fn go(settings: &[&str], sources: Vec<Box<dyn Source>>, sinks: Vec<(&str, Told)>) -> Finished {
     let sources = sources.into_iter().enumerate().map(|(k, s)| (format!("source{k}"), s)).collect();
-    let sinks = sinks.into_iter().map(|(n, s)| (n.to_owned(), Box::new(s) as Box<dyn Sink>)).collect();
-    run(Assembly { composition: compose(SCENARIO, settings), sources, sinks }, &AtomicBool::new(false), |_| {})
+    let sinks =
+        sinks.into_iter().map(|(n, s)| (n.to_owned(), Box::new(s) as Box<dyn Sink>)).collect();
+    run(
+        Assembly { composition: compose(SCENARIO, settings), sources, sinks },
+        &AtomicBool::new(false),
+        |_| {},
+    )
 }
 
 #[test]
@@ -185,7 +201,11 @@ fn a_sink_that_fails_is_closed_and_named_and_the_run_goes_on() {
     // one that fails while the failure of the first is told, and stands before it in the list
     let touchy = Told { hates_events: true, breaks_at: None, ..Told::default() };
     let sinks = vec![("touchy", touchy.clone()), ("bad", bad.clone()), ("good", good.clone())];
-    let finished = go(&[], vec![Box::new(clockwork(SPEED, 10, 500)), Box::new(clockwork(FIX, 100, 50))], sinks);
+    let finished = go(
+        &[],
+        vec![Box::new(clockwork(SPEED, 10, 500)), Box::new(clockwork(FIX, 100, 50))],
+        sinks,
+    );
     assert!(finished.error.is_none());
     assert_eq!(good.samples.lock().unwrap().len(), 550, "the others miss nothing");
     assert_eq!(bad.samples.lock().unwrap().len(), 100);
@@ -214,7 +234,11 @@ fn an_interruption_ends_the_run_and_keeps_what_there_is() {
     assert_eq!(told.samples.lock().unwrap().len(), 4096, "progress is told every 4096 samples");
     assert!(told.finished.load(Ordering::Relaxed));
     assert_eq!(told.says("interrupted"), 1);
-    assert_eq!(told.epochs.lock().unwrap().last(), Some(&seconds(40.95)), "the last state is recorded");
+    assert_eq!(
+        told.epochs.lock().unwrap().last(),
+        Some(&seconds(40.95)),
+        "the last state is recorded"
+    );
 }
 
 #[test]
@@ -225,7 +249,9 @@ fn a_silent_sensor_is_told_when_it_is_lost_and_when_it_is_back() {
     let finished = go(&["sensor.fix.timeout=\"2 s\""], sources, vec![("told", told.clone())]);
     assert!(finished.error.is_none());
     let events = told.events.lock().unwrap();
-    let find = |text: &str| events.iter().filter(|e| e.text == text).map(|e| e.time.seconds()).collect::<Vec<_>>();
+    let find = |text: &str| {
+        events.iter().filter(|e| e.text == text).map(|e| e.time.seconds()).collect::<Vec<_>>()
+    };
     // lost at the first look, every 0.1 s, after 3.0 + 2 s
     let lost = find("fix lost: no sample for 2 s");
     assert!(lost.len() == 1 && lost[0] > 5.0 && lost[0] <= 5.1 + 1e-9, "{events:?}");
@@ -246,7 +272,9 @@ fn a_source_that_fails_ends_the_run_with_its_name_and_keeps_what_there_is() {
     let told = Told::default();
     let speed = Clockwork { fails_at: Some(50), ..clockwork(SPEED, 10, 100) };
     let finished = go(&[], vec![Box::new(speed)], vec![("told", told.clone())]);
-    assert!(matches!(&finished.error, Some(RunError::Source { source_name, .. }) if source_name == "source0"));
+    assert!(
+        matches!(&finished.error, Some(RunError::Source { source_name, .. }) if source_name == "source0")
+    );
     assert_eq!(told.says("source source0: log.csv:7: not a number"), 1);
     assert_eq!(told.samples.lock().unwrap().len(), 50);
     assert!(told.finished.load(Ordering::Relaxed));
@@ -265,8 +293,13 @@ fn a_sensor_that_never_spoke_is_told_to_the_sinks_and_a_filter_that_never_starte
 #[test]
 fn estimates_are_recorded_at_the_output_rate_once_each_and_at_the_end() {
     let told = Told::default();
-    let sources: Vec<Box<dyn Source>> = vec![Box::new(clockwork(SPEED, 10, 124)), Box::new(clockwork(FIX, 100, 12))];
-    go(&["estimator.output_rate=\"5 Hz\"", "estimator.stop=\"1.15 s\""], sources, vec![("told", told.clone())]);
+    let sources: Vec<Box<dyn Source>> =
+        vec![Box::new(clockwork(SPEED, 10, 124)), Box::new(clockwork(FIX, 100, 12))];
+    go(
+        &["estimator.output_rate=\"5 Hz\"", "estimator.stop=\"1.15 s\""],
+        sources,
+        vec![("told", told.clone())],
+    );
     let epochs: Vec<f64> = told.epochs.lock().unwrap().iter().map(|t| t.seconds()).collect();
     assert_eq!(epochs, [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.15]);
 }
@@ -296,13 +329,20 @@ fn the_summary_counts_every_sample_by_what_became_of_it() {
 fn a_slow_sensor_is_not_lost_between_its_samples_and_is_when_three_of_them_are_missing() {
     let told = Told::default();
     let fix = Clockwork { silent: 90.0..1e9, ..clockwork(FIX, 20_000, 40) };
-    let finished = go(&[], vec![Box::new(clockwork(SPEED, 100, 2000)), Box::new(fix)], vec![("told", told.clone())]);
+    let finished = go(
+        &[],
+        vec![Box::new(clockwork(SPEED, 100, 2000)), Box::new(fix)],
+        vec![("told", told.clone())],
+    );
     assert!(finished.error.is_none());
     assert_eq!(told.says("is back"), 0, "{:?}", told.events.lock().unwrap());
     // the last at 80 s, three times the usual 20 s
     let events = told.events.lock().unwrap();
-    let lost: Vec<f64> =
-        events.iter().filter(|e| e.text == "fix lost: no sample for 60 s").map(|e| e.time.seconds()).collect();
+    let lost: Vec<f64> = events
+        .iter()
+        .filter(|e| e.text == "fix lost: no sample for 60 s")
+        .map(|e| e.time.seconds())
+        .collect();
     assert!(lost.len() == 1 && lost[0] > 140.0 && lost[0] < 140.4, "{events:?}");
 }
 
@@ -336,14 +376,21 @@ fn no_error_is_dropped_after_however_many_warnings() {
             Ok(false)
         }
         fn schedule(&self) -> Vec<Event> {
-            let event =
-                |k| Event { time: Time::from_nanos(k), level: Level::Warning, about: "x".into(), text: "y".into() };
+            let event = |k| Event {
+                time: Time::from_nanos(k),
+                level: Level::Warning,
+                about: "x".into(),
+                text: "y".into(),
+            };
             (0..2000).map(event).collect()
         }
     }
     let speed = Clockwork { fails_at: Some(50), ..clockwork(SPEED, 10, 100) };
-    let finished =
-        go(&[], vec![Box::new(Loud), Box::new(speed)], vec![("bad", Told { breaks_at: Some(40), ..Told::default() })]);
+    let finished = go(
+        &[],
+        vec![Box::new(Loud), Box::new(speed)],
+        vec![("bad", Told { breaks_at: Some(40), ..Told::default() })],
+    );
     let of = |level| finished.events.iter().filter(|e| e.level == level).count();
     assert_eq!((of(Level::Warning), of(Level::Error)), (1000, 2));
 }
@@ -353,12 +400,21 @@ fn surveyed(until: i32) -> Finished {
     let survey = |k: i32| Sample::new(seconds(f64::from(k)), SensorId(0), &[f64::from(k)]);
     let fix = |t: f64, p: f64| Sample::new(seconds(t), SensorId(2), &[p, 2.0 * p, 0.1 * p * p]);
     let speed = |k: i32| Sample::new(seconds(f64::from(k) * 0.5), SensorId(1), &[1.0]);
-    let sources: [Vec<Sample>; 3] =
-        [(0..=until).map(survey).collect(), (0..=20).map(speed).collect(), vec![fix(1.0, 1.1), fix(10.0, 10.1)]];
-    let sources = sources.into_iter().enumerate().map(|(k, s)| (format!("source{k}"), list(s))).collect();
+    let sources: [Vec<Sample>; 3] = [
+        (0..=until).map(survey).collect(),
+        (0..=20).map(speed).collect(),
+        vec![fix(1.0, 1.1), fix(10.0, 10.1)],
+    ];
+    let sources =
+        sources.into_iter().enumerate().map(|(k, s)| (format!("source{k}"), list(s))).collect();
     let composition = compose(&format!("[sensor.survey]\n{SCENARIO}"), &[]);
-    let finished = run(Assembly { composition, sources, sinks: Vec::new() }, &AtomicBool::new(false), |_| {});
-    assert!(finished.error.is_none() && finished.summary.duration_s == 10.0, "{:?}", finished.error);
+    let finished =
+        run(Assembly { composition, sources, sinks: Vec::new() }, &AtomicBool::new(false), |_| {});
+    assert!(
+        finished.error.is_none() && finished.summary.duration_s == 10.0,
+        "{:?}",
+        finished.error
+    );
     finished
 }
 

@@ -4,8 +4,8 @@
 mod lab;
 
 use lab::{Bench, SCENARIO, seconds};
-use navfuse_core::record::{Outcome, Rejection};
-use navfuse_core::sample::{Sample, SensorId};
+use navfuse_core::model::record::{Outcome, Rejection};
+use navfuse_core::units::sample::{Sample, SensorId};
 
 fn rejected(why: Rejection) -> Outcome {
     Outcome::Rejected(why)
@@ -14,7 +14,12 @@ fn rejected(why: Rejection) -> Outcome {
 /// The two filters agree: twelve operations of 2^-53 on numbers of at most 10 leave 1.4e-14.
 fn agree(a: &Bench, b: &Bench) {
     for block in ["cart.place", "cart.drift"] {
-        assert!((a.value(block) - b.value(block)).abs() < 1e-13, "{block}: {} {}", a.value(block), b.value(block));
+        assert!(
+            (a.value(block) - b.value(block)).abs() < 1e-13,
+            "{block}: {} {}",
+            a.value(block),
+            b.value(block)
+        );
         assert!((a.variance(block) - b.variance(block)).abs() < 1e-13, "{block}");
     }
 }
@@ -24,7 +29,11 @@ fn a_measurement_inside_an_interval_splits_it_there() {
     let mut split = Bench::new(&[]);
     split.give("speed", 0.0, &[1.0]).fix(1.3, 1.5).give("speed", 2.0, &[1.0]);
     let mut two = Bench::new(&[]);
-    two.give("speed", 0.0, &[1.0]).give("speed", 1.3, &[1.0]).fix(1.3, 1.5).give("speed", 2.0, &[1.0]);
+    two.give("speed", 0.0, &[1.0]).give("speed", 1.3, &[1.0]).fix(1.3, 1.5).give(
+        "speed",
+        2.0,
+        &[1.0],
+    );
     agree(&split, &two);
     // the nearest epoch, 0.7 s on, is another thing altogether: the cart moves on by 0.7 m
     let mut nearest = Bench::new(&[]);
@@ -79,11 +88,23 @@ fn late_repeated_and_backward_samples_are_rejected_counted_and_said_once_in_a_ro
     let (late, order) = (rejected(Rejection::Late), rejected(Rejection::OutOfOrder));
     assert_eq!(b.log.outcomes(), [late, late, order, order]);
     b.give("speed", 1.0, &[1.0]).give("speed", 0.9, &[1.0]);
-    assert_eq!(b.log.inputs[2..], [(1.0, Some(Rejection::OutOfOrder)), (0.9, Some(Rejection::OutOfOrder))]);
-    assert_eq!(before, (b.ekf.state().clone(), b.ekf.covariance().clone()), "the filter is untouched");
+    assert_eq!(
+        b.log.inputs[2..],
+        [(1.0, Some(Rejection::OutOfOrder)), (0.9, Some(Rejection::OutOfOrder))]
+    );
+    assert_eq!(
+        before,
+        (b.ekf.state().clone(), b.ekf.covariance().clone()),
+        "the filter is untouched"
+    );
     assert_eq!(b.log.says("fix sample rejected: 0.400 s is before the state's 1.000 s"), 1);
     assert_eq!(b.log.says("before the state's"), 1);
-    assert_eq!(b.log.says("its time is there already"), 2, "one of each sensor: {:?}", b.log.events);
+    assert_eq!(
+        b.log.says("its time is there already"),
+        2,
+        "one of each sensor: {:?}",
+        b.log.events
+    );
     b.fix(1.0, 1.0).give("speed", 2.0, &[1.0]).fix(1.5, 1.5);
     assert_eq!(b.log.says("before the state's"), 2, "after a good one it is news again");
 }
@@ -117,7 +138,11 @@ fn a_missing_channel_leaves_an_update_with_the_others() {
     assert!((b.log.innovation[0] - 0.2).abs() < 1e-15 && (b.log.innovation[1] - 0.1).abs() < 1e-15);
     // the posterior of the place by hand: information of both channels, 1/r + 0.04/r with r = 0.01
     let expected = 1.0 / (1.0 / p[(0, 0)] + 1.04 / 0.01);
-    assert!((b.variance("cart.place") - expected).abs() < 1e-15, "{} {expected}", b.variance("cart.place"));
+    assert!(
+        (b.variance("cart.place") - expected).abs() < 1e-15,
+        "{} {expected}",
+        b.variance("cart.place")
+    );
 }
 
 #[test]
@@ -136,7 +161,11 @@ fn a_sample_without_any_of_the_sensors_channels_is_rejected() {
 #[test]
 fn the_filter_starts_at_the_first_driving_sample_from_its_start_on() {
     let mut b = Bench::new(&["estimator.start=\"1 s\""]);
-    b.give("speed", 0.0, &[9.0]).fix(0.5, 3.0).give("speed", 0.9, &[9.0]).fix(1.0, 1.0).fix(1.2, 0.1);
+    b.give("speed", 0.0, &[9.0])
+        .fix(0.5, 3.0)
+        .give("speed", 0.9, &[9.0])
+        .fix(1.0, 1.0)
+        .fix(1.2, 0.1);
     assert!(!b.ekf.running());
     b.give("speed", 1.2, &[9.0]);
     assert!(b.ekf.running());

@@ -3,14 +3,16 @@
 use super::{Outcome, Result};
 use navfuse_calibration::{Data, Estimate, Step};
 use navfuse_core::document::Document;
-use navfuse_core::manifold::{Manifold, Rotation, Scalar};
+use navfuse_core::model::record::Epoch;
+use navfuse_core::model::sensor::Purpose;
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::nalgebra::Matrix4;
-use navfuse_core::record::Epoch;
-use navfuse_core::registry::Registry;
-use navfuse_core::runner::{self, Progress};
-use navfuse_core::scenario::{Assembly, Scenario};
-use navfuse_core::stream::{Purpose, RunInfo, Sink, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::runner::Progress;
+use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::state::manifold::{Manifold, Rotation, Scalar};
+use navfuse_core::units::time::Time;
 use navfuse_segments::Mounting;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -35,7 +37,8 @@ pub fn outcomes(
     };
     let mut out = vec![filter(scenario.assemble(None)?, "ekf", list(&others), data, progress)?];
     if !others.is_empty() {
-        let settings: Vec<String> = others.iter().map(|o| format!("sensor.{o}.enabled=false")).collect();
+        let settings: Vec<String> =
+            others.iter().map(|o| format!("sensor.{o}.enabled=false")).collect();
         let alone = Scenario::new(registry, document.clone(), &settings)?;
         out.push(filter(alone.assemble(None)?, "ekf, IMU and DVL", list(&[]), data, progress)?);
     }
@@ -64,7 +67,14 @@ fn filter(
         (None, Some((first, last))) => {
             let (mounting, used) = (last.mounting, [first.time, last.time]);
             let determined = kept.told;
-            Ok(Estimate { mounting, covariance: Some(kept.covariance), determined, history, used, notes: Vec::new() })
+            Ok(Estimate {
+                mounting,
+                covariance: Some(kept.covariance),
+                determined,
+                history,
+                used,
+                notes: Vec::new(),
+            })
         }
     };
     Ok(Outcome { name: name.into(), sensors, result })
@@ -92,19 +102,25 @@ impl Sink for Listener {
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> std::result::Result<(), StreamError> {
         let block = |name: &str| epoch.layout.find(&format!("{}.{name}", self.dvl));
-        let (Some(scale), Some(misalignment)) = (block("scale"), block("misalignment")) else { return Ok(()) };
+        let (Some(scale), Some(misalignment)) = (block("scale"), block("misalignment")) else {
+            return Ok(());
+        };
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let values = &epoch.state.values;
         let k = Scalar::load::<f64>(&values[scale.range()]);
         let mounting = Mounting { k, c_b_d: Rotation::load::<f64>(&values[misalignment.range()]) };
         kept.history.push(Step { time: epoch.state.time.since(self.zero), mounting });
         // the error of a rotation is a rotation vector to its left, as an estimate's is
-        let places: Vec<Option<usize>> =
-            std::iter::once(scale.tangent).chain((0..3).map(|i| misalignment.tangent.map(|t| t + i))).collect();
-        let at = |i: usize, j: usize| places[i].zip(places[j]).map_or(0.0, |(a, b)| epoch.covariance.get(a, b));
+        let places: Vec<Option<usize>> = std::iter::once(scale.tangent)
+            .chain((0..3).map(|i| misalignment.tangent.map(|t| t + i)))
+            .collect();
+        let at = |i: usize, j: usize| {
+            places[i].zip(places[j]).map_or(0.0, |(a, b)| epoch.covariance.get(a, b))
+        };
         kept.covariance = Matrix4::from_fn(at);
         // half of the prior says that the samples told something
-        let prior = [scale.spec.sigma[0]].into_iter().chain(misalignment.spec.sigma.iter().copied());
+        let prior =
+            [scale.spec.sigma[0]].into_iter().chain(misalignment.spec.sigma.iter().copied());
         let told: Vec<bool> = prior.enumerate().map(|(i, s)| at(i, i).sqrt() < 0.5 * s).collect();
         kept.told = std::array::from_fn(|i| told.get(i).copied().unwrap_or(false));
         Ok(())

@@ -12,9 +12,9 @@ use crate::run::document_of;
 use clap::{Args, ValueEnum};
 use navfuse_calibration::{AttitudeSource, Data, Estimate, Method};
 use navfuse_core::document::Document;
-use navfuse_core::registry::Registry;
-use navfuse_core::runner::Progress;
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner::Progress;
+use navfuse_core::run::scenario::Scenario;
 use navfuse_segments::Recording;
 use std::error::Error;
 use std::path::PathBuf;
@@ -113,7 +113,9 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
         );
     }
     let needs_rest = |m: &&Method| **m == Method::IoDvlc || arguments.attitude == From::Gyros;
-    if let (Some(_), Some(method), true) = (&arguments.write, methods.first().filter(needs_rest), data.rest() == 0.0) {
+    if let (Some(_), Some(method), true) =
+        (&arguments.write, methods.first().filter(needs_rest), data.rest() == 0.0)
+    {
         return Err(format!(
             "--write: the sigma of {} is not to be a prior: without rest the gyro bias is not known, and the errors may be \
              several times larger; use --method ekf, which estimates the bias, or --initialise, which keeps the prior's",
@@ -130,7 +132,11 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
         print::line(table::in_json(&data, &outcomes))
     }
     for (path, keep_prior) in [(&arguments.write, false), (&arguments.initialise, true)] {
-        let (Some(path), Some(Outcome { result: Ok(estimate), name, .. })) = (path, outcomes.first()) else { continue };
+        let (Some(path), Some(Outcome { result: Ok(estimate), name, .. })) =
+            (path, outcomes.first())
+        else {
+            continue;
+        };
         write::scenario(&mut document, path, &data, estimate, keep_prior)?;
         if text {
             print::line(format_args!("{name} to {}", path.display()));
@@ -144,9 +150,9 @@ fn methods(name: &str) -> Result<Vec<Method>> {
     match name {
         "all" => Ok(Method::ALL.to_vec()),
         "ekf" => Ok(Vec::new()),
-        name => Ok(vec![
-            name.parse().map_err(|e: String| format!("--method: {}", e.replace(", and all", ", ekf and all")))?,
-        ]),
+        name => Ok(vec![name.parse().map_err(|e: String| {
+            format!("--method: {}", e.replace(", and all", ", ekf and all"))
+        })?]),
     }
 }
 
@@ -159,7 +165,8 @@ fn outcomes(
     progress: &dyn Fn(Progress),
 ) -> Result<(Data, Vec<Outcome>)> {
     let scenario = Scenario::new(registry, document.clone(), &[])?;
-    let recording = Recording::gather(scenario.assemble(None)?, |now, end| progress(Progress { now, end }))?;
+    let recording =
+        Recording::gather(scenario.assemble(None)?, |now, end| progress(Progress { now, end }))?;
     let source = match arguments.attitude {
         From::Gyros => AttitudeSource::Gyros,
         From::Reference => AttitudeSource::Reference,

@@ -8,8 +8,8 @@ use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use navfuse_calibration::Method;
 use navfuse_campaign::Done;
 use navfuse_core::document::Document;
-use navfuse_core::registry::Registry;
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::scenario::Scenario;
 use navfuse_segments::Mounting;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -46,7 +46,9 @@ impl Row {
 
     /// R.m.s. error, r.m.s. sigma, and the r.m.s. of their ratio, for `k` (1) and the angles (rad).
     fn figures(&self) -> [[Option<f64>; 4]; 3] {
-        let all = |of: &dyn Fn(&Run, usize) -> Option<f64>| std::array::from_fn(|i| self.rms(i, |r| of(r, i)));
+        let all = |of: &dyn Fn(&Run, usize) -> Option<f64>| {
+            std::array::from_fn(|i| self.rms(i, |r| of(r, i)))
+        };
         [
             all(&|r, i| Some(r.error[i])),
             all(&|r, i| Some(r.sigma?[i])),
@@ -71,7 +73,10 @@ pub fn repeat(
     count: u64,
 ) -> Result<ExitCode> {
     if count < 2 {
-        return Err(format!("--runs {count}: give at least two; without it there is one, and its table").into());
+        return Err(format!(
+            "--runs {count}: give at least two; without it there is one, and its table"
+        )
+        .into());
     }
     if count > MAX_RUNS {
         return Err(format!("--runs {count}: at most {MAX_RUNS}").into());
@@ -84,9 +89,10 @@ pub fn repeat(
     }
     let first = scenario.compose()?.seed;
     let Some(end) = first.checked_add(count).filter(|end| i64::try_from(*end).is_ok()) else {
-        return Err(
-            format!("seed = {first}: --runs {count} goes on beyond the largest seed; give a smaller one").into()
-        );
+        return Err(format!(
+            "seed = {first}: --runs {count} goes on beyond the largest seed; give a smaller one"
+        )
+        .into());
     };
     let seeds: Vec<u64> = (first..end).collect();
     let text = arguments.format == Format::Text;
@@ -116,7 +122,10 @@ pub fn repeat(
     let results: Vec<_> = results?.into_iter().flatten().collect();
     let (asked, seeds) = (seeds.len(), results.iter().map(|r| r.0).collect::<Vec<u64>>());
     let interrupted = || {
-        print::warn(format_args!("interrupted: {} of {asked} runs were done, and are what is told", seeds.len()));
+        print::warn(format_args!(
+            "interrupted: {} of {asked} runs were done, and are what is told",
+            seeds.len()
+        ));
         Ok(ExitCode::from(INTERRUPTED))
     };
     if seeds.is_empty() {
@@ -142,7 +151,12 @@ fn joined(runs: Vec<(u64, Vec<Outcome>, Mounting)>) -> Vec<Row> {
     for (_, outcomes, truth) in runs {
         for (k, outcome) in outcomes.into_iter().enumerate() {
             if rows.len() == k {
-                rows.push(Row { name: outcome.name, sensors: outcome.sensors, runs: Vec::new(), refused: None });
+                rows.push(Row {
+                    name: outcome.name,
+                    sensors: outcome.sensors,
+                    runs: Vec::new(),
+                    refused: None,
+                });
             }
             match outcome.result {
                 Err(why) => drop(rows[k].refused.get_or_insert(why)),
@@ -163,9 +177,13 @@ fn table(name: &str, rows: &[Row], seeds: &[u64]) {
     let mut table = print::table(&HEADINGS);
     for row in rows.iter().filter(|r| !r.runs.is_empty()) {
         let [errors, sigmas, ratios] = row.figures();
-        let line = |name: &str, cells: [String; 4], end: [String; 2]| [&[name.to_owned()], &cells[..], &end].concat();
+        let line = |name: &str, cells: [String; 4], end: [String; 2]| {
+            [&[name.to_owned()], &cells[..], &end].concat()
+        };
         let cells = |of: [Option<f64>; 4]| {
-            std::array::from_fn(|i| of[i].map_or("-".to_owned(), |v| format!("{:.*}", decimals(i), v * unit(i))))
+            std::array::from_fn(|i| {
+                of[i].map_or("-".to_owned(), |v| format!("{:.*}", decimals(i), v * unit(i)))
+            })
         };
         let settled = row.settled_after().map_or_else(String::new, |t| format!("{t:.0} s"));
         table.add_row(line(&row.name, cells(errors), [settled, row.sensors.clone()]));
@@ -180,7 +198,10 @@ fn table(name: &str, rows: &[Row], seeds: &[u64]) {
     // the mean square of n ratios scatters by sqrt(2/n), its root by half of that
     let scatter = (0.5 / seeds.len() as f64).sqrt();
     // an interrupted list has gaps
-    let whole = seeds.last().zip(seeds.first()).filter(|(last, first)| *last - *first + 1 == seeds.len() as u64);
+    let whole = seeds
+        .last()
+        .zip(seeds.first())
+        .filter(|(last, first)| *last - *first + 1 == seeds.len() as u64);
     let list = || seeds.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
     let told = whole.map_or_else(list, |(last, first)| format!("{first} to {last}"));
     print::line(format_args!("seeds {told}; error/sigma of an honest sigma is 1 +- {scatter:.2}"));
@@ -188,7 +209,11 @@ fn table(name: &str, rows: &[Row], seeds: &[u64]) {
     for row in rows {
         if let Some(why) = &row.refused {
             let times = seeds.len() - row.runs.len();
-            print::line(format_args!("{}: not possible in {times} of {} runs: {why}", row.name, seeds.len()));
+            print::line(format_args!(
+                "{}: not possible in {times} of {} runs: {why}",
+                row.name,
+                seeds.len()
+            ));
         }
     }
 }

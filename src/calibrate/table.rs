@@ -7,7 +7,8 @@ use navfuse_segments::Kind;
 use serde_json::{Value, json};
 
 /// The headings of the columns, in which numbers are [`NUMBERS`].
-pub const HEADINGS: [&str; 7] = ["method", "k", "roll deg", "pitch deg", "yaw deg", "settles after", "sensors"];
+pub const HEADINGS: [&str; 7] =
+    ["method", "k", "roll deg", "pitch deg", "yaw deg", "settles after", "sensors"];
 /// The columns of numbers.
 pub const NUMBERS: std::ops::Range<usize> = 1..6;
 
@@ -24,7 +25,11 @@ pub fn print(data: &Data, outcomes: &[Outcome]) {
             let sigma = sigma
                 .filter(|_| e.determined[i])
                 .map_or_else(String::new, |s| format!(" ± {:.decimals$}", s[i] * unit(i)));
-            if e.determined[i] { format!("{:.decimals$}{sigma}", v * unit(i)) } else { "-".to_owned() }
+            if e.determined[i] {
+                format!("{:.decimals$}{sigma}", v * unit(i))
+            } else {
+                "-".to_owned()
+            }
         };
         let settled = e.settled_after().map_or_else(String::new, |t| format!("{t:.0} s"));
         let cells: Vec<String> = (0..4).map(|i| cell(i, values[i])).collect();
@@ -34,17 +39,26 @@ pub fn print(data: &Data, outcomes: &[Outcome]) {
             let error = e.error(truth);
             let cell = |i: usize| {
                 let decimals = decimals(i);
-                if e.determined[i] { format!("{:+.decimals$}", error[i] * unit(i)) } else { String::new() }
+                if e.determined[i] {
+                    format!("{:+.decimals$}", error[i] * unit(i))
+                } else {
+                    String::new()
+                }
             };
             let cells: Vec<String> = (0..4).map(cell).collect();
-            table.add_row([&["  error".to_owned()], &cells[..], &[String::new(), String::new()]].concat());
+            table.add_row(
+                [&["  error".to_owned()], &cells[..], &[String::new(), String::new()]].concat(),
+            );
         }
     }
     print::right(&mut table, NUMBERS);
     print::line(&table);
     if let Some(t) = truth {
         let a = t.angles().map(f64::to_degrees);
-        print::line(format_args!("truth: k {:.5}, roll {:.3}, pitch {:.3}, yaw {:.3} deg", t.k, a.x, a.y, a.z));
+        print::line(format_args!(
+            "truth: k {:.5}, roll {:.3}, pitch {:.3}, yaw {:.3} deg",
+            t.k, a.x, a.y, a.z
+        ));
     }
     print::line(settles());
     let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
@@ -60,19 +74,24 @@ pub fn print(data: &Data, outcomes: &[Outcome]) {
             }
         }
     }
-    notes.iter().for_each(|(note, names)| print::line(format_args!("{}: {note}", names.join(", "))));
+    notes
+        .iter()
+        .for_each(|(note, names)| print::line(format_args!("{}: {note}", names.join(", "))));
 }
 
 /// What "settles after" is, and what a dash is.
 pub fn settles() -> String {
     let (k, yaw) = Estimate::SETTLED;
     let yaw = yaw.to_degrees();
-    format!("settles: k within {k} and yaw within {yaw:.1} deg of the end from then on; -: not determined")
+    format!(
+        "settles: k within {k} and yaw within {yaw:.1} deg of the end from then on; -: not determined"
+    )
 }
 
 /// The segments that were found, in words.
 fn found(data: &Data) -> String {
-    let of = |kind: Kind| format!("{kind} {:.0} s ({})", data.duration(kind), data.of(kind).count());
+    let of =
+        |kind: Kind| format!("{kind} {:.0} s ({})", data.duration(kind), data.of(kind).count());
     let kinds = [Kind::Static, Kind::TypeI, Kind::TypeII, Kind::Steady].map(of);
     kinds.join(", ")
 }

@@ -6,11 +6,18 @@ use navfuse_core::document::Document;
 use std::path::Path;
 
 /// Writes the scenario with what was found in it. What is not determined stays as it is.
-pub fn scenario(document: &mut Document, path: &Path, data: &Data, e: &Estimate, keep_prior: bool) -> Result<()> {
+pub fn scenario(
+    document: &mut Document,
+    path: &Path,
+    data: &Data,
+    e: &Estimate,
+    keep_prior: bool,
+) -> Result<()> {
     let velocity = data.velocity()?;
     let name = &velocity.samples.name;
     let (found, initial) = (e.values(), velocity.initial.angles());
-    let (before, prior) = ([velocity.initial.k, initial.x, initial.y, initial.z], velocity.angle_sigma);
+    let (before, prior) =
+        ([velocity.initial.k, initial.x, initial.y, initial.z], velocity.angle_sigma);
     let prior = [velocity.scale_sigma, prior.x, prior.y, prior.z];
     let value = |i: usize| if e.determined[i] { found[i] } else { before[i] };
     let sigma = |i: usize| match e.sigma() {
@@ -23,14 +30,18 @@ pub fn scenario(document: &mut Document, path: &Path, data: &Data, e: &Estimate,
         );
     }
     let degrees = |x: f64| format!("\"{:.6} deg\"", x.to_degrees());
-    let angles = |of: &dyn Fn(usize) -> f64| format!("[{}]", [1, 2, 3].map(|i| degrees(of(i))).join(", "));
+    let angles =
+        |of: &dyn Fn(usize) -> f64| format!("[{}]", [1, 2, 3].map(|i| degrees(of(i))).join(", "));
     let mut set = |block: &str, initial: String, sigma: String| -> Result<()> {
-        let whole = document.root().get("sensor").and_then(|s| s.get(name)).and_then(|s| s.get(block));
+        let whole =
+            document.root().get("sensor").and_then(|s| s.get(name)).and_then(|s| s.get(block));
         if whole.is_some_and(|node| node.value().is_table()) {
             document.set(&format!("sensor.{name}.{block}.initial={initial}"))?;
             document.set(&format!("sensor.{name}.{block}.sigma={sigma}"))?;
         } else {
-            document.set(&format!("sensor.{name}.{block}={{ initial = {initial}, sigma = {sigma} }}"))?;
+            document.set(&format!(
+                "sensor.{name}.{block}={{ initial = {initial}, sigma = {sigma} }}"
+            ))?;
         }
         Ok(())
     };
@@ -40,6 +51,7 @@ pub fn scenario(document: &mut Document, path: &Path, data: &Data, e: &Estimate,
     if (1..4).all(|i| sigma(i) > 0.0) {
         set("misalignment", angles(&value), angles(&sigma))?;
     }
-    std::fs::write(path, document.to_toml()).map_err(|e| format!("{}: cannot be written: {e}", path.display()))?;
+    std::fs::write(path, document.to_toml())
+        .map_err(|e| format!("{}: cannot be written: {e}", path.display()))?;
     Ok(())
 }

@@ -66,7 +66,8 @@ fn velocity_and_tilt_of_the_bare_observer_are_its_steady_state() {
 fn the_velocity_goes_with_the_noise_as_the_powers_say() {
     let mut check = Check::default();
     let noise = "sensor.imu.gyro_noise=[\"1.6 deg/h/sqrt(Hz)\", \"1.6 deg/h/sqrt(Hz)\", \"1e-5 deg/h/sqrt(Hz)\"]";
-    let [fast, noisy, slow] = [&[rate(10.0).as_str()][..], &[&rate(10.0), noise], &[]].map(|s| bare(s)[0]);
+    let [fast, noisy, slow] =
+        [&[rate(10.0).as_str()][..], &[&rate(10.0), noise], &[]].map(|s| bare(s)[0]);
     check.within("R^(3/8)", slow / fast, 10_f64.powf(0.375), 0.01);
     check.within("N_g^(1/4)", noisy / fast, 2.0, 0.01);
 }
@@ -76,7 +77,8 @@ fn the_velocity_goes_with_the_noise_as_the_powers_say() {
 fn ten_times_the_samples_with_ten_times_the_variance_tell_the_same() {
     let mut check = Check::default();
     let one = &LIMITS[0];
-    let ten = Bound::limit(&manoeuvre(2.0, 0.5), &[&rate(10.0), "sensor.dvl.noise=\"6.3246 cm/s\""]);
+    let ten =
+        Bound::limit(&manoeuvre(2.0, 0.5), &[&rate(10.0), "sensor.dvl.noise=\"6.3246 cm/s\""]);
     for component in &one.columns.components {
         let name = component.name();
         check.within(&name, ten.end(&name), one.end(&name), 0.01);
@@ -90,12 +92,27 @@ fn scale_factor_misalignment_and_accelerometer_bias_follow_from_velocity_and_til
     for ([speed, dive, hz, ..], bound) in ROWS.into_iter().zip(&*LIMITS) {
         let what = format!("{speed} m/s, {hz} Hz");
         k.push(bound.end(K));
-        check.within(&format!("{what}: fit of k"), bound.end(K), 888e-6 * (2.0 / speed) * hz.powf(-0.385), 0.1);
+        check.within(
+            &format!("{what}: fit of k"),
+            bound.end(K),
+            888e-6 * (2.0 / speed) * hz.powf(-0.385),
+            0.1,
+        );
         let form = bound.end(ALONG) / (speed * CORNERS.sqrt());
         check.within(&format!("{what}: k from the velocity"), bound.end(K), form, 0.2);
-        check.within(&format!("{what}: yaw, rad, is k"), bound.end(YAW).to_radians(), bound.end(K), 0.2);
+        check.within(
+            &format!("{what}: yaw, rad, is k"),
+            bound.end(YAW).to_radians(),
+            bound.end(K),
+            0.2,
+        );
         let tilt = bound.end("ins.attitude.pitch").to_radians();
-        check.within(&format!("{what}: accelerometer bias"), bound.end(ACCEL[0]), tilt * 1e6 / CORNERS.sqrt(), 0.2);
+        check.within(
+            &format!("{what}: accelerometer bias"),
+            bound.end(ACCEL[0]),
+            tilt * 1e6 / CORNERS.sqrt(),
+            0.2,
+        );
         if hz == 1.0 {
             // one dive and one ascent; at 5 and 10 Hz, where 1/w0 is shorter than a dive of 60 s, the table itself has
             // 0.21 and 0.15 deg where this gives 0.26 and 0.20 deg
@@ -114,7 +131,9 @@ fn scale_factor_misalignment_and_accelerometer_bias_follow_from_velocity_and_til
 #[test]
 fn the_heading_follows_from_the_noise_of_the_gyros() {
     let mut check = Check::default();
-    let noise = |time: f64, latitude: f64| (0.1 / time.sqrt() / (EARTH * latitude.to_radians().cos())).to_degrees();
+    let noise = |time: f64, latitude: f64| {
+        (0.1 / time.sqrt() / (EARTH * latitude.to_radians().cos())).to_degrees()
+    };
     for latitude in [0.0, LATITUDE, 60.0] {
         let set = format!("source.simulation.start.latitude=\"{latitude} deg\"");
         let bound = Bound::limit(&manoeuvre(2.0, 0.5), &[&set]);

@@ -8,7 +8,9 @@ mod runs;
 mod table;
 
 use common::scenario;
-use navfuse_campaign::{BoundRecord, Columns, Component, Options, Plan, Record, RunRecord, execute};
+use navfuse_campaign::{
+    BoundRecord, Columns, Component, Options, Plan, Record, RunRecord, execute,
+};
 use navfuse_core::document::Document;
 use std::fmt::Write as _;
 use std::sync::atomic::AtomicBool;
@@ -48,7 +50,9 @@ const DIVE: f64 = 1.0487;
 
 /// A segment of a trajectory: its type, duration in seconds, and what else it takes.
 fn segment(kind: &str, duration: f64, more: &str) -> String {
-    format!("[[source.simulation.segments]]\ntype = \"{kind}\"\nduration = \"{duration} s\"\n{more}\n")
+    format!(
+        "[[source.simulation.segments]]\ntype = \"{kind}\"\nduration = \"{duration} s\"\n{more}\n"
+    )
 }
 
 fn square(duration: f64) -> String {
@@ -62,7 +66,8 @@ fn start(speed: f64, duration: f64) -> String {
 /// The manoeuvre of the table, with so many squares in the time of one.
 fn squares(speed: f64, dive: f64, count: u8) -> String {
     let rate = format!("rate = \"{} m/s\"", DIVE * dive);
-    let mut text = start(speed, 60.0) + &segment("descend", 60.0, &rate) + &segment("cruise", 30.0, "");
+    let mut text =
+        start(speed, 60.0) + &segment("descend", 60.0, &rate) + &segment("cruise", 30.0, "");
     (0..count).for_each(|_| text += &square(1220.0 / f64::from(count)));
     text + &segment("cruise", 30.0, "") + &segment("ascend", 60.0, &rate)
 }
@@ -93,13 +98,15 @@ impl Bound {
             Ok(())
         };
         let stop = AtomicBool::new(false);
-        execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, keep).unwrap_or_else(|e| panic!("{e}"));
+        execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, keep)
+            .unwrap_or_else(|e| panic!("{e}"));
         (Self { columns: plan.columns, record: bound.expect("a bound") }, records)
     }
 
     /// Of a manoeuvre with the instruments and priors of the table.
     fn limit(segments: &str, settings: &[&str]) -> Self {
-        let document = Document::parse("limits.toml", format!("{HEAD}{segments}")).expect("it is TOML");
+        let document =
+            Document::parse("limits.toml", format!("{HEAD}{segments}")).expect("it is TOML");
         Self::of(document, settings, 0).0
     }
 
@@ -120,7 +127,12 @@ impl Bound {
 
     /// Filtered and smoothed at a time.
     fn at(&self, time: f64, name: &str) -> (f64, f64) {
-        let row = self.record.rows.iter().find(|r| (r.1 - time).abs() < 1e-6).expect("an epoch at that time");
+        let row = self
+            .record
+            .rows
+            .iter()
+            .find(|r| (r.1 - time).abs() < 1e-6)
+            .expect("an epoch at that time");
         let k = self.component(name);
         (row.2[k], row.3[k])
     }

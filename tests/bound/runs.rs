@@ -9,7 +9,8 @@ use super::*;
 fn the_bound_of_the_3d_run_is_the_sigma_of_an_independent_filter() {
     let mut check = Check::default();
     let bound = Bound::scenario("pan-wu-3d");
-    let figures = [(HEADING, 0.0122), (K, 188e-6), (YAW, 0.011), (PITCH, 0.017), (NORTH, 1.1), (EAST, 1.1)];
+    let figures =
+        [(HEADING, 0.0122), (K, 188e-6), (YAW, 0.011), (PITCH, 0.017), (NORTH, 1.1), (EAST, 1.1)];
     check.limits("3D", &bound, &figures);
     check.limits("3D", &bound, &[(GYRO[0], 0.0033), (GYRO[1], 0.0033), (GYRO[2], 0.0100)]);
     check.limits("3D", &bound, &[(ACCEL[0], 2.3), (ACCEL[1], 2.3), (ACCEL[2], 0.54)]);
@@ -37,7 +38,12 @@ fn in_the_2d_run_the_bound_of_the_roll_misalignment_stays_of_the_order_of_its_pr
     assert!((0.3..1.0).contains(&roll), "{roll} deg of a prior of 1 deg");
     for component in level.columns.components.iter().filter(|c| c.name() != ROLL) {
         let name = component.name();
-        assert!(level.end(&name) < 1.2 * dive.end(&name), "{name}: {} {}", level.end(&name), dive.end(&name));
+        assert!(
+            level.end(&name) < 1.2 * dive.end(&name),
+            "{name}: {} {}",
+            level.end(&name),
+            dive.end(&name)
+        );
     }
 }
 
@@ -53,7 +59,12 @@ fn sigma_is_the_bound(settings: &[&str], from: f64, but: &[&str]) {
     for run in &runs {
         assert!(run.failure.is_none(), "{:?}", run.failure);
         for row in run.rows.iter().filter(|row| row.time >= from) {
-            let limit = bound.record.rows.iter().find(|b| b.0 == row.epoch).expect("the bound has that epoch");
+            let limit = bound
+                .record
+                .rows
+                .iter()
+                .find(|b| b.0 == row.epoch)
+                .expect("the bound has that epoch");
             let names = bound.columns.components.iter().map(Component::name).enumerate();
             for (k, name) in names.filter(|(_, name)| !but.contains(&name.as_str())) {
                 let what = format!("run {}, {} s, {name}", run.run, row.time);
@@ -78,6 +89,7 @@ fn the_sigma_of_a_filter_that_starts_near_the_truth_is_the_bound_within_3_percen
 /// or too little from them. After the first turn that is forgotten, but for what a turn tells nothing of: in the
 /// vertical the sigma is up to 14 % off.
 #[test]
-fn the_sigma_of_the_filter_of_the_paper_is_the_bound_within_3_percent_after_the_first_turn_but_for_the_vertical() {
+fn the_sigma_of_the_filter_of_the_paper_is_the_bound_within_3_percent_after_the_first_turn_but_for_the_vertical()
+ {
     sigma_is_the_bound(&[], 1100.0, &["ins.velocity.down", DOWN, ACCEL[2], PITCH]);
 }

@@ -25,7 +25,9 @@ pub(super) const ROWS: [[f64; 12]; 6] = [
 
 /// The bound of each row.
 pub(super) static LIMITS: LazyLock<Vec<Bound>> = LazyLock::new(|| {
-    ROWS.iter().map(|[speed, dive, hz, ..]| Bound::limit(&manoeuvre(*speed, *dive), &[&rate(*hz)])).collect()
+    ROWS.iter()
+        .map(|[speed, dive, hz, ..]| Bound::limit(&manoeuvre(*speed, *dive), &[&rate(*hz)]))
+        .collect()
 });
 
 /// The biases of the table at 1, 5 and 10 Hz, the same at both speeds: accelerometers forward, right, down (ug), gyros
@@ -72,14 +74,28 @@ fn the_final_bound_without_a_dive_is_that_of_the_table() {
         check.within(what, roll, 3.0, 0.01); // its prior
     };
     let bound = Bound::limit(&level(2.0), &[&rate(1.0)]);
-    let figures = [(K, 945e-6), (HEADING, 0.0128), ("ins.attitude.roll", 0.00036), ("ins.attitude.pitch", 0.00036)];
+    let figures = [
+        (K, 945e-6),
+        (HEADING, 0.0128),
+        ("ins.attitude.roll", 0.00036),
+        ("ins.attitude.pitch", 0.00036),
+    ];
     check.limits("2 m/s, 1 Hz", &bound, &figures);
     check.limits("2 m/s, 1 Hz", &bound, &[(ACCEL[0], 3.3), (ACCEL[1], 3.4), (ACCEL[2], 0.49)]);
-    check.limits("2 m/s, 1 Hz", &bound, &[(GYRO[0], 0.0038), (GYRO[1], 0.0039), (GYRO[2], 0.00996)]);
+    check.limits(
+        "2 m/s, 1 Hz",
+        &bound,
+        &[(GYRO[0], 0.0038), (GYRO[1], 0.0039), (GYRO[2], 0.00996)],
+    );
     check.limits("2 m/s, 1 Hz", &bound, &[(ALONG, 3.4e-3), (NORTH, 0.78), (EAST, 0.78)]);
     misalignment(&mut check, "2 m/s, 1 Hz, misalignment", &bound, 0.055, 0.059);
     let bound = Bound::limit(&level(5.0), &[&rate(10.0)]);
-    let figures = [(K, 157e-6), (HEADING, 0.0122), ("ins.attitude.roll", 0.00026), ("ins.attitude.pitch", 0.00026)];
+    let figures = [
+        (K, 157e-6),
+        (HEADING, 0.0122),
+        ("ins.attitude.roll", 0.00026),
+        ("ins.attitude.pitch", 0.00026),
+    ];
     check.limits("5 m/s, 10 Hz", &bound, &figures);
     check.limits("5 m/s, 10 Hz", &bound, &[(NORTH, 0.26), (EAST, 0.26)]);
     misalignment(&mut check, "5 m/s, 10 Hz, misalignment", &bound, 0.014, 0.029);
@@ -112,7 +128,10 @@ fn the_bound_in_the_middle_of_the_run_is_that_of_the_table_filtered_and_smoothed
 fn of_the_bound_the_heading_alone_depends_on_the_latitude() {
     let mut check = Check::default();
     let at = |latitude: f64| {
-        Bound::limit(&manoeuvre(2.0, 0.5), &[&format!("source.simulation.start.latitude=\"{latitude} deg\"")])
+        Bound::limit(
+            &manoeuvre(2.0, 0.5),
+            &[&format!("source.simulation.start.latitude=\"{latitude} deg\"")],
+        )
     };
     let here = &LIMITS[0];
     check.limits("28.2 deg", here, &[(HEADING, 0.0123)]);
@@ -140,11 +159,18 @@ fn more_laps_in_the_same_time_tell_more_of_the_scale_factor() {
 #[test]
 fn the_bank_of_the_turns_changes_no_bound_of_scale_factor_heading_and_horizontal_accelerometers() {
     let mut check = Check::default();
-    let with = |bank: f64| Bound::limit(&manoeuvre(2.0, 0.5).replace("15 deg", &format!("{bank} deg")), &[]);
+    let with = |bank: f64| {
+        Bound::limit(&manoeuvre(2.0, 0.5).replace("15 deg", &format!("{bank} deg")), &[])
+    };
     for bank in [0.01, 30.0] {
         let bound = with(bank);
         for name in [K, HEADING, ACCEL[0], ACCEL[1]] {
-            check.within(&format!("bank {bank} deg, {name}"), bound.end(name), LIMITS[0].end(name), 0.01);
+            check.within(
+                &format!("bank {bank} deg, {name}"),
+                bound.end(name),
+                LIMITS[0].end(name),
+                0.01,
+            );
         }
     }
 }
@@ -202,7 +228,11 @@ fn a_mems_imu_reaches_what_the_table_says() {
     let [gyro, accel, gyro_noise, accel_noise] = settings.each_ref().map(String::as_str);
     let prior = "process.ins.attitude.sigma=[\"0.115 deg\", \"0.115 deg\", \"13 deg\"]";
     let bound = Bound::limit(&manoeuvre(2.0, 0.5), &[gyro, accel, gyro_noise, accel_noise, prior]);
-    check.limits("MEMS", &bound, &[(K, 3946e-6), (YAW, 0.23), (HEADING, 1.25), (ACCEL[0], 94.0), (ACCEL[1], 74.0)]);
+    check.limits(
+        "MEMS",
+        &bound,
+        &[(K, 3946e-6), (YAW, 0.23), (HEADING, 1.25), (ACCEL[0], 94.0), (ACCEL[1], 74.0)],
+    );
 }
 
 /// "Full optimal static alignment from DVL only, 600 s: heading 0.048 deg, tilt 0.0029 deg; final k 829 ppm", from a

@@ -19,18 +19,27 @@ fn ends_the_same(campaign: &[&str]) {
         let again = worst["again"].as_str().expect("how to do it again");
         // as a shell reads it
         let line = format!("exec \"$0\" run \"$1\" --no-output --format=json {again}");
-        let output = Command::new("sh").args(["-c", &line, env!("CARGO_BIN_EXE_navfuse"), scenario]).output();
+        let output = Command::new("sh")
+            .args(["-c", &line, env!("CARGO_BIN_EXE_navfuse"), scenario])
+            .output();
         let output = output.expect("the shell starts");
         assert!(output.status.success(), "{again}: {}", stderr(&output));
         let alone: Value = serde_json::from_str(&stdout(&output)).expect("one JSON object");
-        let is_it = |k: &usize| rows["point"][*k] == number as f64 && Some(rows["run"][*k]) == worst["run"].as_f64();
+        let is_it = |k: &usize| {
+            rows["point"][*k] == number as f64 && Some(rows["run"][*k]) == worst["run"].as_f64()
+        };
         let last = (0..rows["run"].len()).rfind(is_it).expect("its rows");
         let mut seen: BTreeMap<&str, usize> = BTreeMap::new();
         for state in point["states"].as_array().expect("the states") {
-            let (name, component) = (state["state"].as_str().unwrap_or(""), state["component"].as_str().unwrap_or(""));
+            let (name, component) =
+                (state["state"].as_str().unwrap_or(""), state["component"].as_str().unwrap_or(""));
             let k = seen.entry(name).or_default();
             let error = alone["states"][name]["error"][*k].as_f64().expect("an error");
-            assert_eq!(error, rows[&format!("{name}.{component}.error")][last], "{again}: {name}.{component}");
+            assert_eq!(
+                error,
+                rows[&format!("{name}.{component}.error")][last],
+                "{again}: {name}.{component}"
+            );
             *k += 1;
         }
         assert_eq!(seen.values().sum::<usize>(), 19);
@@ -49,15 +58,28 @@ fn a_run_done_again_as_the_report_says_ends_with_the_same_errors() {
 #[cfg(unix)]
 #[test]
 fn a_run_of_a_point_of_a_sweep_done_again_as_the_report_says_ends_with_the_same_errors() {
-    let vary = ["--vary", "sensor.dvl.misalignment.sigma=0.5 deg,[\"1 deg\", \"2 deg\", \"3 deg\"]"];
-    ends_the_same(&["sweep", &path("quickstart"), vary[0], vary[1], "--runs", "2", SHORT[0], SHORT[1]]);
+    let vary =
+        ["--vary", "sensor.dvl.misalignment.sigma=0.5 deg,[\"1 deg\", \"2 deg\", \"3 deg\"]"];
+    ends_the_same(&[
+        "sweep",
+        &path("quickstart"),
+        vary[0],
+        vary[1],
+        "--runs",
+        "2",
+        SHORT[0],
+        SHORT[1],
+    ]);
 }
 
 #[cfg(unix)]
 #[test]
 fn the_text_says_how_to_do_the_worst_run_again() {
     let quickstart = path("quickstart");
-    let text = told(&["monte-carlo", &quickstart, "--runs", "2", "--no-output", SHORT[0], SHORT[1]]);
-    let told = format!("; again: navfuse run {quickstart} --set \"estimator.stop=100 s\" --set estimator.draw=all");
+    let text =
+        told(&["monte-carlo", &quickstart, "--runs", "2", "--no-output", SHORT[0], SHORT[1]]);
+    let told = format!(
+        "; again: navfuse run {quickstart} --set \"estimator.stop=100 s\" --set estimator.draw=all"
+    );
     assert!(text.contains("has the largest NEES at the end") && text.contains(&told), "{text}");
 }

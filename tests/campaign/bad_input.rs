@@ -27,7 +27,10 @@ fn recorded_data_are_refused() {
     let recording = Recording::new();
     let scenario = recording.path("rest.toml").display().to_string();
     for command in ["monte-carlo", "bound"] {
-        fails_with(&[command, &scenario, "--no-output"], &["recording", "simulated", "[source.simulation]"]);
+        fails_with(
+            &[command, &scenario, "--no-output"],
+            &["recording", "simulated", "[source.simulation]"],
+        );
     }
 }
 
@@ -35,7 +38,11 @@ fn recorded_data_are_refused() {
 fn a_scenario_with_neither_a_reference_nor_values_to_start_from_is_refused() {
     let off = ["--set", "sensor.reference.enabled=false"];
     for command in ["monte-carlo", "bound"] {
-        campaign_fails_with(command, &off, &["quickstart.toml:12", "initial value", "[sensor.reference]"]);
+        campaign_fails_with(
+            command,
+            &off,
+            &["quickstart.toml:12", "initial value", "[sensor.reference]"],
+        );
     }
 }
 
@@ -65,7 +72,10 @@ fn an_output_folder_that_is_a_file_is_named() {
     let file = folder.path().join("taken");
     std::fs::write(&file, "mine").expect("the test can write");
     let out = file.display().to_string();
-    fails_with(&["monte-carlo", &path("quickstart"), "--runs=1", "--out", &out], &[&out, "--out", "cannot be made"]);
+    fails_with(
+        &["monte-carlo", &path("quickstart"), "--runs=1", "--out", &out],
+        &[&out, "--out", "cannot be made"],
+    );
     assert_eq!(std::fs::read_to_string(&file).expect("it is there"), "mine");
 }
 
@@ -73,11 +83,20 @@ fn an_output_folder_that_is_a_file_is_named() {
 fn a_variation_that_cannot_be_is_named() {
     let fails = |vary: &[&str], parts: &[&str]| campaign_fails_with("sweep", vary, parts);
     fails(&["--vary", "sensor.dvl.noize=1 cm/s"], &["sensor.dvl.noize", "did you mean \"noise\"?"]);
-    fails(&["--vary", "sensor.dvl.noise=1 cm/s,2 cm"], &["sensor.dvl.noise", "2 cm", "length", "cm/s"]);
+    fails(
+        &["--vary", "sensor.dvl.noise=1 cm/s,2 cm"],
+        &["sensor.dvl.noise", "2 cm", "length", "cm/s"],
+    );
     fails(&["--vary", "sensor.dvl.noise"], &["--vary \"sensor.dvl.noise\"", "key.path=v1,v2"]);
     fails(&["--vary", "sensor.dvl.noise="], &["--vary \"sensor.dvl.noise=\"", "key.path=v1,v2"]);
-    fails(&["--vary", "sensor.dvl.noise=1 cm/s,"], &["--vary \"sensor.dvl.noise=1 cm/s,\"", "not empty"]);
-    fails(&["--vary", "sensor.dvl.noise=1 cm/s,1 cm/s"], &["sensor.dvl.noise", "1 cm/s is there twice"]);
+    fails(
+        &["--vary", "sensor.dvl.noise=1 cm/s,"],
+        &["--vary \"sensor.dvl.noise=1 cm/s,\"", "not empty"],
+    );
+    fails(
+        &["--vary", "sensor.dvl.noise=1 cm/s,1 cm/s"],
+        &["sensor.dvl.noise", "1 cm/s is there twice"],
+    );
     fails(&["--vary", "seed=1,2"], &["--vary seed", "--seed"]);
     fails(&["--vary", "estimator.draw=all,start"], &["--vary estimator.draw", "--start=given"]);
     let noise = "sensor.dvl.noise=1 cm/s";
@@ -94,14 +113,25 @@ struct Parts {
 impl Parts {
     fn new() -> Self {
         let parts = Self { folder: tempfile::tempdir().expect("a folder") };
-        (1..=3).for_each(|index| parts.make(&index.to_string(), &format!("{index}/3"), &["--seed=1"]));
+        (1..=3)
+            .for_each(|index| parts.make(&index.to_string(), &format!("{index}/3"), &["--seed=1"]));
         parts
     }
 
     /// Makes a part of a campaign of five runs.
     fn make(&self, name: &str, shard: &str, more: &[&str]) {
         let (quickstart, out) = (path("quickstart"), self.at(name));
-        let campaign = ["monte-carlo", &quickstart, "--runs=5", "--shard", shard, "--out", &out, SHORT[0], SHORT[1]];
+        let campaign = [
+            "monte-carlo",
+            &quickstart,
+            "--runs=5",
+            "--shard",
+            shard,
+            "--out",
+            &out,
+            SHORT[0],
+            SHORT[1],
+        ];
         told(&[&campaign, more].concat());
     }
 
@@ -141,11 +171,20 @@ fn parts_that_do_not_belong_together_or_are_not_all_there_are_named() {
     parts.fail_with(&["1", "2"], &["part 3/3 is missing", "--shard 3/3"]);
     parts.fail_with(&["2", "3"], &["part 1/3 is missing", "--shard 1/3"]);
     parts.fail_with(&["1", "2", "2", "3"], &["part 2/3 is there twice", &parts.at("2")]);
-    parts.fail_with(&["1", "2", "nowhere"], &[&parts.at("nowhere"), "no part of a campaign", "--shard"]);
+    parts.fail_with(
+        &["1", "2", "nowhere"],
+        &[&parts.at("nowhere"), "no part of a campaign", "--shard"],
+    );
     parts.make("other seed", "3/3", &["--seed=2"]);
-    parts.fail_with(&["1", "2", "other seed"], &[&parts.at("other seed"), "another campaign", "--seed is 2 and not 1"]);
+    parts.fail_with(
+        &["1", "2", "other seed"],
+        &[&parts.at("other seed"), "another campaign", "--seed is 2 and not 1"],
+    );
     parts.make("other scenario", "3/3", &["--seed=1", "--set", "sensor.dvl.noise=2 cm/s"]);
-    parts.fail_with(&["1", "2", "other scenario"], &[&parts.at("other scenario"), "its scenario differs"]);
+    parts.fail_with(
+        &["1", "2", "other scenario"],
+        &[&parts.at("other scenario"), "its scenario differs"],
+    );
     parts.make("3 of 4", "3/4", &["--seed=1"]);
     parts.fail_with(&["1", "2", "3 of 4"], &[&parts.at("3 of 4"), "there are 4 parts and not 3"]);
     let (quickstart, whole) = (path("quickstart"), parts.at("whole"));
@@ -153,8 +192,14 @@ fn parts_that_do_not_belong_together_or_are_not_all_there_are_named() {
     parts.fail_with(&["whole"], &[&whole, "a whole campaign", "--shard"]);
     fails_with(&["merge"], &["<PARTS>"]);
     let [one, two, three] = ["1", "2", "3"].map(|name| parts.at(name));
-    fails_with(&["merge", &one, &two, &three, "--out", &one], &[&one, "cannot be the output", "--out"]);
-    fails_with(&["merge", &one, &two, &three, "--show=dvk", "--out", &parts.at("merged")], &["--show dvk", "sweep"]);
+    fails_with(
+        &["merge", &one, &two, &three, "--out", &one],
+        &[&one, "cannot be the output", "--out"],
+    );
+    fails_with(
+        &["merge", &one, &two, &three, "--show=dvk", "--out", &parts.at("merged")],
+        &["--show dvk", "sweep"],
+    );
 }
 
 #[test]
@@ -173,9 +218,17 @@ fn parts_that_were_damaged_are_named_and_to_be_made_again() {
     parts.damaged(log, gone, &[&parts.at(log), "no part of a campaign"]);
     // a file of another part in its place
     let other = std::fs::read(parts.path("2/runs.parquet")).expect("it is there");
-    parts.damaged(runs, |_| Some(other.clone()), &[&parts.at("3"), "runs.parquet", "part 3/3", "run it again"]);
+    parts.damaged(
+        runs,
+        |_| Some(other.clone()),
+        &[&parts.at("3"), "runs.parquet", "part 3/3", "run it again"],
+    );
     let other = std::fs::read(parts.path(bounds)).expect("it is there");
-    parts.damaged("2/bounds.parquet", |_| Some(other.clone()), &[&parts.at("2"), "bounds.parquet", "part 2/3"]);
+    parts.damaged(
+        "2/bounds.parquet",
+        |_| Some(other.clone()),
+        &[&parts.at("2"), "bounds.parquet", "part 2/3"],
+    );
     // and undamaged they are one campaign
     let [one, two, three] = ["1", "2", "3"].map(|name| parts.at(name));
     told(&["merge", &one, &two, &three, "--out", &parts.at("merged")]);

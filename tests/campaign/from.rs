@@ -6,7 +6,16 @@ use serde_json::Value;
 /// The scale starts 20 % off: its first seconds of motion are not linear, and the sigma is too small there.
 fn judged(from: &[&str]) -> Value {
     let scenario = crate::common::scenario("pan-wu-3d").display().to_string();
-    let short = ["monte-carlo", &scenario, "--runs", "150", "--every", "5 s", "--set", "estimator.stop=680 s"];
+    let short = [
+        "monte-carlo",
+        &scenario,
+        "--runs",
+        "150",
+        "--every",
+        "5 s",
+        "--set",
+        "estimator.stop=680 s",
+    ];
     let cheap = ["--set", "sensor.imu.simulation.rate=20 Hz", "--no-output", "--format", "json"];
     let output = navfuse(&[&short[..], &cheap[..], from].concat());
     serde_json::from_str(&stdout(&output)).unwrap_or_else(|e| panic!("{e}: {output:?}"))
@@ -28,5 +37,8 @@ fn a_time_after_the_end_is_refused() {
     let scenario = crate::common::scenario("pan-wu-3d").display().to_string();
     let output = navfuse(&["monte-carlo", &scenario, "--from", "3000 s", "--no-output"]);
     let text = crate::common::stderr(&output);
-    assert!(!output.status.success() && text.contains("--from 3000 s") && text.contains("2060"), "{text}");
+    assert!(
+        !output.status.success() && text.contains("--from 3000 s") && text.contains("2060"),
+        "{text}"
+    );
 }

@@ -10,9 +10,17 @@ use std::time::{Duration, Instant};
 /// Starts a campaign of very many runs in a folder and interrupts it once a thousand rows of them or more are written.
 fn interrupt(folder: &Path, more: &[&str]) -> Output {
     let mut campaign = command();
-    campaign.args(["monte-carlo", &path("quickstart"), "--runs", "100000", "--set", "estimator.stop=100 s"]);
+    campaign.args([
+        "monte-carlo",
+        &path("quickstart"),
+        "--runs",
+        "100000",
+        "--set",
+        "estimator.stop=100 s",
+    ]);
     campaign.args(["--every", "100 ms", "--out"]).arg(folder).args(more);
-    let child = campaign.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the command starts");
+    let child =
+        campaign.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the command starts");
     let begun = Instant::now();
     while std::fs::metadata(folder.join("runs.parquet")).map_or(0, |m| m.len()) < 100_000 {
         assert!(begun.elapsed() < Duration::from_secs(60), "no runs are written");
@@ -28,8 +36,13 @@ fn an_interrupted_campaign_says_so_and_reports_the_runs_that_were_done() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = interrupt(folder.path(), &[]);
     assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
-    let done = json(&folder.path().join("campaign.json"))["done"].as_u64().expect("the number of jobs");
-    assert!(stderr(&output).contains(&format!("interrupted: {done} of 100001 jobs were done")), "{}", stderr(&output));
+    let done =
+        json(&folder.path().join("campaign.json"))["done"].as_u64().expect("the number of jobs");
+    assert!(
+        stderr(&output).contains(&format!("interrupted: {done} of 100001 jobs were done")),
+        "{}",
+        stderr(&output)
+    );
     let report = json(&folder.path().join("report.json"));
     let runs = report["points"][0]["runs"].as_u64().expect("the number of runs");
     assert_eq!(runs, done - 1); // one job is the bound
@@ -55,9 +68,15 @@ fn an_interrupted_part_says_what_to_do_and_is_not_merged() {
     assert_eq!(told["done"], log["done"]);
     assert!(!table(&folder.path().join("runs.parquet"))["run"].is_empty());
     let merged = folder.path().join("merged");
-    let output = navfuse(&["merge", &folder.path().display().to_string(), "--out", &merged.display().to_string()]);
+    let output = navfuse(&[
+        "merge",
+        &folder.path().display().to_string(),
+        "--out",
+        &merged.display().to_string(),
+    ]);
     let message = stderr(&output);
-    let expected = format!("part 1/2 was interrupted after {} of 50000 jobs; run it again", log["done"]);
+    let expected =
+        format!("part 1/2 was interrupted after {} of 50000 jobs; run it again", log["done"]);
     assert!(!output.status.success() && message.contains(&expected), "{message}");
     assert!(!merged.exists());
 }

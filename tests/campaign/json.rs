@@ -5,11 +5,13 @@ use serde_json::Value;
 
 /// The object has those keys, in this order, and no others.
 fn has_keys(value: &Value, keys: &[&str]) {
-    let found: Vec<&str> = value.as_object().expect("an object").keys().map(String::as_str).collect();
+    let found: Vec<&str> =
+        value.as_object().expect("an object").keys().map(String::as_str).collect();
     assert_eq!(found, keys);
 }
 
-const POINT: [&str; 9] = ["values", "runs", "failed", "end_s", "states", "anees", "nis", "worst", "verdict"];
+const POINT: [&str; 9] =
+    ["values", "runs", "failed", "end_s", "states", "anees", "nis", "worst", "verdict"];
 const STATE: [&str; 10] = [
     "state",
     "component",
@@ -28,17 +30,31 @@ fn the_report_has_the_documented_keys_and_nothing_else_is_on_standard_output() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().display().to_string();
     // with two runs and an overconfident filter every part of the report is there
-    let set = ["--set", "sensor.dvl.simulation.noise=3", "--set", "sensor.dvl.gate=0.5", SHORT[0], SHORT[1]];
-    let campaign = ["monte-carlo", &path("quickstart"), "--runs", "2", "--format=json", "--out", &out];
+    let set = [
+        "--set",
+        "sensor.dvl.simulation.noise=3",
+        "--set",
+        "sensor.dvl.gate=0.5",
+        SHORT[0],
+        SHORT[1],
+    ];
+    let campaign =
+        ["monte-carlo", &path("quickstart"), "--runs", "2", "--format=json", "--out", &out];
     let text = told(&[&campaign[..], &set].concat());
     // not a NaN, which is no JSON
     let report: Value = serde_json::from_str(&text).expect("one JSON object");
     assert_eq!(report, json(&folder.path().join("report.json")));
     has_keys(&report, &["scenario", "keys", "runs", "seed", "points"]);
-    assert_eq!((&report["scenario"], &report["runs"], &report["seed"]), (&"quickstart".into(), &2.into(), &1.into()));
+    assert_eq!(
+        (&report["scenario"], &report["runs"], &report["seed"]),
+        (&"quickstart".into(), &2.into(), &1.into())
+    );
     let point = &report["points"][0];
     has_keys(point, &POINT);
-    assert_eq!((&point["runs"], &point["failed"], &point["end_s"]), (&2.into(), &0.into(), &100.0.into()));
+    assert_eq!(
+        (&point["runs"], &point["failed"], &point["end_s"]),
+        (&2.into(), &0.into(), &100.0.into())
+    );
     let states = point["states"].as_array().expect("the states");
     assert_eq!(states.len(), 19);
     for state in states {
@@ -47,7 +63,10 @@ fn the_report_has_the_documented_keys_and_nothing_else_is_on_standard_output() {
         assert!(numbers.into_iter().all(|n| n.is_some_and(f64::is_finite)), "{state}");
     }
     let anees = point["anees"].as_array().expect("the ANEES");
-    assert_eq!((anees.len(), &anees[0]["of"], &anees[0]["dimension"]), (8, &"whole state".into(), &19.into()));
+    assert_eq!(
+        (anees.len(), &anees[0]["of"], &anees[0]["dimension"]),
+        (8, &"whole state".into(), &19.into())
+    );
     for a in anees {
         has_keys(a, &["of", "dimension", "value", "band", "rmse_over_bound", "inside"]);
         has_keys(&a["band"], &["low", "high"]);
@@ -65,7 +84,8 @@ fn the_report_has_the_documented_keys_and_nothing_else_is_on_standard_output() {
 
 #[test]
 fn what_there_is_not_is_null_in_the_report_of_a_bound() {
-    let text = told(&["bound", &path("quickstart"), "--format=json", "--no-output", SHORT[0], SHORT[1]]);
+    let text =
+        told(&["bound", &path("quickstart"), "--format=json", "--no-output", SHORT[0], SHORT[1]]);
     let report: Value = serde_json::from_str(&text).expect("one JSON object");
     let point = &report["points"][0];
     has_keys(point, &POINT);
@@ -74,19 +94,22 @@ fn what_there_is_not_is_null_in_the_report_of_a_bound() {
         assert!(state["rmse"].is_null() && state["sigma"].is_null(), "{state}");
         // of a constant the smoothed one is that at the end, but for rounding
         let constant = state["state"] == "dvl.scale";
-        let [bound, smoothed] = ["bound", "smoothed"].map(|key| state[key].as_f64().expect("a number"));
+        let [bound, smoothed] =
+            ["bound", "smoothed"].map(|key| state[key].as_f64().expect("a number"));
         assert!(!constant || (smoothed / bound - 1.0).abs() < 1e-9, "{state}");
     }
 }
 
 #[test]
 fn a_sweep_has_an_entry_for_each_point_in_the_order_of_the_keys() {
-    let vary = ["--vary", "sensor.dvl.noise=1 cm/s,2 cm/s", "--vary", "sensor.depth.noise=1 cm,1 m"];
+    let vary =
+        ["--vary", "sensor.dvl.noise=1 cm/s,2 cm/s", "--vary", "sensor.depth.noise=1 cm,1 m"];
     let more = ["--format=json", "--no-output", SHORT[0], SHORT[1]];
     let text = told(&[&["sweep", &path("quickstart")], &vary[..], &more].concat());
     let report: Value = serde_json::from_str(&text).expect("one JSON object");
     assert_eq!(report["keys"], serde_json::json!(["sensor.dvl.noise", "sensor.depth.noise"]));
-    let values: Vec<&Value> = report["points"].as_array().expect("the points").iter().map(|p| &p["values"]).collect();
+    let values: Vec<&Value> =
+        report["points"].as_array().expect("the points").iter().map(|p| &p["values"]).collect();
     let expected = [["1 cm/s", "1 cm"], ["1 cm/s", "1 m"], ["2 cm/s", "1 cm"], ["2 cm/s", "1 m"]];
     assert_eq!(serde_json::json!(values), serde_json::json!(expected));
 }
@@ -102,14 +125,22 @@ fn without_a_reference_only_the_states_whose_truth_the_scenario_tells_are_compar
         SHORT[1],
     ];
     let quickstart = path("quickstart");
-    let mut campaign = vec!["monte-carlo", &quickstart, "--runs=2", "--start=given", "--format=json", "--no-output"];
+    let mut campaign = vec![
+        "monte-carlo",
+        &quickstart,
+        "--runs=2",
+        "--start=given",
+        "--format=json",
+        "--no-output",
+    ];
     settings.iter().for_each(|s| campaign.extend(["--set", s]));
     let report: Value = serde_json::from_str(&told(&campaign)).expect("one JSON object");
     let point = &report["points"][0];
     // three gyro and three accelerometer biases, scale factor, three angles of misalignment
     assert_eq!(point["anees"][0]["dimension"], 10);
     for anees in point["anees"].as_array().expect("the ANEES") {
-        let told = !["ins.attitude", "ins.velocity", "ins.position"].contains(&anees["of"].as_str().unwrap_or(""));
+        let told = !["ins.attitude", "ins.velocity", "ins.position"]
+            .contains(&anees["of"].as_str().unwrap_or(""));
         assert_eq!(anees["value"].is_number(), told, "{anees}");
     }
 }

@@ -43,7 +43,8 @@ fn json(path: &Path) -> Value {
 /// The columns of numbers of a Parquet file.
 fn table(path: &Path) -> BTreeMap<String, Vec<f64>> {
     let file = std::fs::File::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let reader = SerializedFileReader::new(file).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let reader =
+        SerializedFileReader::new(file).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let mut columns: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for row in reader.get_row_iter(None).expect("it has rows") {
         let row = row.expect("a row");

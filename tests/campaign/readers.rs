@@ -21,13 +21,16 @@ fn run(command: &mut Command) -> Result<String, String> {
 fn python() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("tables");
     let python = folder.join("bin/python");
-    let check =
-        "import importlib.metadata as m\nfor p in ('polars', 'pandas', 'pyarrow'): print(f'{p}=={m.version(p)}')";
-    if run(Command::new(&python).args(["-c", check])).is_ok_and(|found| found.split_whitespace().eq(READERS)) {
+    let check = "import importlib.metadata as m\nfor p in ('polars', 'pandas', 'pyarrow'): print(f'{p}=={m.version(p)}')";
+    if run(Command::new(&python).args(["-c", check]))
+        .is_ok_and(|found| found.split_whitespace().eq(READERS))
+    {
         return Ok(python);
     }
     run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
-    run(Command::new(&python).args(["-m", "pip", "install", "--quiet", "--retries", "1"]).args(READERS))?;
+    run(Command::new(&python)
+        .args(["-m", "pip", "install", "--quiet", "--retries", "1"])
+        .args(READERS))?;
     Ok(python)
 }
 
@@ -48,7 +51,8 @@ fn independent_readers_find_in_the_tables_what_the_report_says() {
     let vary = ["--vary", "sensor.dvl.scale={sigma = \"1 %\"},{initial = 1.0}", "--runs=3"];
     told(&[&["sweep", &quickstart, "--out", &sweep], &vary[..], &SHORT].concat());
     let script = root().join("tests/campaign/readers.py");
-    let told = run(Command::new(&python).arg(script).args([&campaign, &sweep])).unwrap_or_else(|e| panic!("{e}"));
+    let told = run(Command::new(&python).arg(script).args([&campaign, &sweep]))
+        .unwrap_or_else(|e| panic!("{e}"));
     println!("{told}");
     assert_eq!(told.matches("agrees with its tables").count(), 4, "{told}");
 }

@@ -4,8 +4,9 @@
 pub mod recording;
 
 use navfuse_core::document::Document;
-use navfuse_core::runner::{self, Finished};
-use navfuse_core::scenario::Scenario;
+use navfuse_core::run::runner;
+use navfuse_core::run::runner::Finished;
+use navfuse_core::run::scenario::Scenario;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -52,23 +53,30 @@ pub fn stderr(output: &Output) -> String {
 
 /// The folder of recorded data of that name; says where the public original is, and `None`, where it is not.
 pub fn data(name: &str, origin: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("NAVFUSE_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
+    let folder = std::env::var_os("NAVFUSE_DATA")
+        .map_or_else(|| root().join("../shared/data"), PathBuf::from);
     let folder = folder.join(name);
     if folder.is_dir() {
         return Some(folder);
     }
-    println!("skipped: {} is not there. {origin}; set NAVFUSE_DATA to its folder's parent", folder.display());
+    println!(
+        "skipped: {} is not there. {origin}; set NAVFUSE_DATA to its folder's parent",
+        folder.display()
+    );
     None
 }
 
 /// The folder of the recorded Snapir runs.
 pub fn snapir() -> Option<PathBuf> {
     let origin = "The recordings are runs T01, T06, T10 and T12 of the public repository ansfl/A-KIT (Cohen & Klein 2025), \
-                  made tidy as docs/src/validation.md tells";
+                  made tidy as docs/src/explanation/validation.md tells";
     data("snapir", origin)
 }
 
 /// Runs `job` for every item on all cores, in order.
-pub fn parallel<T: Send, I: Send + Sync + Copy>(items: &[I], job: impl Fn(I) -> T + Sync) -> Vec<T> {
+pub fn parallel<T: Send, I: Send + Sync + Copy>(
+    items: &[I],
+    job: impl Fn(I) -> T + Sync,
+) -> Vec<T> {
     items.par_iter().map(|item| job(*item)).collect()
 }

@@ -20,7 +20,13 @@ impl Recording {
         let mut imu =
             "time_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,accel_x_mps2,accel_y_mps2,accel_z_mps2\n".to_owned();
         for k in 1..=2000 {
-            let _ = writeln!(imu, "{:.2},{:e},0,{:e},0,0,-9.7932", f64::from(k) * 0.01, earth * cos, -earth * sin);
+            let _ = writeln!(
+                imu,
+                "{:.2},{:e},0,{:e},0,0,-9.7932",
+                f64::from(k) * 0.01,
+                earth * cos,
+                -earth * sin
+            );
         }
         let mut dvl = "time_s,vel_x_mps,vel_y_mps,vel_z_mps\n".to_owned();
         let heading = "time_s,lat_deg,lon_deg,height_m,vel_n_mps,vel_e_mps,vel_d_mps,roll_deg,pitch_deg,yaw_deg\n";
@@ -51,15 +57,20 @@ impl Recording {
     /// Replaces a line, from 1, of a file.
     pub fn replace_line(&self, name: &str, line: usize, with: &str) {
         let text = std::fs::read_to_string(self.path(name)).expect("it is there");
-        let lines: Vec<&str> = text.lines().enumerate().map(|(k, l)| if k + 1 == line { with } else { l }).collect();
+        let lines: Vec<&str> =
+            text.lines().enumerate().map(|(k, l)| if k + 1 == line { with } else { l }).collect();
         self.write(name, &(lines.join("\n") + "\n"));
     }
 
     /// Removes lines, from 1, of a file.
     pub fn remove_lines(&self, name: &str, lines: std::ops::RangeInclusive<usize>) {
         let text = std::fs::read_to_string(self.path(name)).expect("it is there");
-        let kept: Vec<&str> =
-            text.lines().enumerate().filter(|(k, _)| !lines.contains(&(k + 1))).map(|(_, l)| l).collect();
+        let kept: Vec<&str> = text
+            .lines()
+            .enumerate()
+            .filter(|(k, _)| !lines.contains(&(k + 1)))
+            .map(|(_, l)| l)
+            .collect();
         self.write(name, &(kept.join("\n") + "\n"));
     }
 

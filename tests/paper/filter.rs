@@ -13,10 +13,16 @@ fn the_scale_factor_converges_swiftly_from_0_8_to_the_truth_once_the_vehicle_mov
     each(dives(), |run| {
         assert!(run.sigma("dvl.scale.k", 600.0) > 0.19, "at rest nothing tells of it");
         // sigma of the velocity over the speed, with a few correlated samples: 0.02 m/s / 5 m/s is a 50th of 0.2
-        assert!(run.sigma("dvl.scale.k", 660.0) < 0.2 / 50.0, "{}", run.sigma("dvl.scale.k", 660.0));
+        assert!(
+            run.sigma("dvl.scale.k", 660.0) < 0.2 / 50.0,
+            "{}",
+            run.sigma("dvl.scale.k", 660.0)
+        );
     });
     // from 20 % to below 0.5 % in the minute of the acceleration
-    assert!(rms(dives(), "dvl.scale.k", 601.0) > 0.19 && rms(dives(), "dvl.scale.k", 660.0) < 0.005);
+    assert!(
+        rms(dives(), "dvl.scale.k", 601.0) > 0.19 && rms(dives(), "dvl.scale.k", 660.0) < 0.005
+    );
 }
 
 #[test]
@@ -76,9 +82,15 @@ fn the_scale_factor_and_the_misalignment_in_yaw_and_pitch_have_the_strongest_obs
     each(dives(), |run| {
         let weakest = strong.iter().map(|s| run.normalised(s, 2059.0)).fold(0.0, f64::max);
         let others = ["ins.attitude.yaw", "dvl.misalignment.roll"].map(str::to_owned).into_iter();
-        let biases = ["gyro_bias", "accel_bias"].iter().flat_map(|b| HORIZONTAL.map(|axis| format!("ins.{b}.{axis}")));
+        let biases = ["gyro_bias", "accel_bias"]
+            .iter()
+            .flat_map(|b| HORIZONTAL.map(|axis| format!("ins.{b}.{axis}")));
         for other in others.chain(biases) {
-            assert!(run.normalised(&other, 2059.0) > weakest, "{other}: {}", run.normalised(&other, 2059.0));
+            assert!(
+                run.normalised(&other, 2059.0) > weakest,
+                "{other}: {}",
+                run.normalised(&other, 2059.0)
+            );
         }
     });
 }
@@ -90,8 +102,12 @@ fn the_dive_tells_the_yaw_angle_together_with_the_dvl_roll_angle() {
         let fall = |name: &str, from, to| run.sigma(name, from) / run.sigma(name, to);
         assert!(fall("dvl.misalignment.roll", 660.0, 720.0) > 3.0);
         assert!(fall("dvl.misalignment.roll", 605.0, 660.0) < 1.02);
-        let (before, during) = (fall("ins.attitude.yaw", 605.0, 660.0), fall("ins.attitude.yaw", 660.0, 720.0));
-        assert!(before < 1.02 && during > 1.04, "the heading: {before} before the dive, {during} in it");
+        let (before, during) =
+            (fall("ins.attitude.yaw", 605.0, 660.0), fall("ins.attitude.yaw", 660.0, 720.0));
+        assert!(
+            before < 1.02 && during > 1.04,
+            "the heading: {before} before the dive, {during} in it"
+        );
     });
 }
 
@@ -101,11 +117,15 @@ fn the_turn_tells_roll_and_pitch_together_with_the_accelerometer_bias() {
     each(dives(), |run| {
         for (angle, axis) in [("roll", "y"), ("pitch", "x")] {
             let (angle, bias) = (format!("ins.attitude.{angle}"), format!("ins.accel_bias.{axis}"));
-            let ratio = |time| run.sigma(&angle, time).to_radians() / (run.sigma(&bias, time) * 1e-6);
+            let ratio =
+                |time| run.sigma(&angle, time).to_radians() / (run.sigma(&bias, time) * 1e-6);
             // before: sigma of the tilt in rad is that of the bias in g, to 15 %
             assert!((ratio(1020.0) - 1.0).abs() < 0.15, "{angle}: {}", ratio(1020.0));
             for name in [&angle, &bias] {
-                assert!(run.sigma(name, 1020.0) > 3.0 * run.sigma(name, 1330.0), "{name} in the first turn");
+                assert!(
+                    run.sigma(name, 1020.0) > 3.0 * run.sigma(name, 1330.0),
+                    "{name} in the first turn"
+                );
             }
         }
     });
@@ -114,7 +134,9 @@ fn the_turn_tells_roll_and_pitch_together_with_the_accelerometer_bias() {
 #[test]
 fn the_position_is_unobservable_but_its_drift_is_mitigated() {
     each(dives(), |run| {
-        let sigma = |time| run.sigma("ins.position.latitude", time).max(run.sigma("ins.position.longitude", time));
+        let sigma = |time| {
+            run.sigma("ins.position.latitude", time).max(run.sigma("ins.position.longitude", time))
+        };
         assert!(sigma(2059.0) > 1.0, "it never gets better than the metre it began with");
         // with a scale factor known to 0.3 %, as before the square, 7.2 km of way would be 20 m off
         assert!(sigma(2059.0) < 3.0, "{}", sigma(2059.0));

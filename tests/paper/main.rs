@@ -1,4 +1,4 @@
-//! What Pan & Wu (2016) say of their results in section 3, sentence by sentence, over several seeds. `docs/src/pan-wu.md`
+//! What Pan & Wu (2016) say of their results in section 3, sentence by sentence, over several seeds. `docs/src/explanation/pan-wu.md`
 //! shows the same as figures.
 //!
 //! Every run has its own noise and initial errors. The IMU runs at 20 Hz, which changes no sigma by 0.1 %. Sigmas do not depend

@@ -17,8 +17,10 @@ fn seen() -> &'static [Seen] {
     static SEEN: LazyLock<Vec<Seen>> = LazyLock::new(|| {
         for_seeds(|mut settings| {
             settings.push("estimator.stop=720 s".into());
-            let recording = with("pan-wu-3d", &settings, Recording::read).unwrap_or_else(|e| panic!("{e}"));
-            let data = Data::new(recording, AttitudeSource::Gyros).unwrap_or_else(|e| panic!("{e}"));
+            let recording =
+                with("pan-wu-3d", &settings, Recording::read).unwrap_or_else(|e| panic!("{e}"));
+            let data =
+                Data::new(recording, AttitudeSource::Gyros).unwrap_or_else(|e| panic!("{e}"));
             let printed = Method::IoDvlcPrinted.estimate(&data).unwrap_or_else(|e| panic!("{e}"));
             Seen { data, printed }
         })
@@ -30,7 +32,12 @@ fn seen() -> &'static [Seen] {
 fn errors(seen: &Seen, time: f64) -> [f64; 4] {
     let truth = seen.data.recording.velocities[0].truth.expect("the scenario states it");
     let zero = seen.data.recording.clock(0.0);
-    let step = seen.printed.history.iter().rfind(|s| s.time + zero <= time).expect("an estimate until then");
+    let step = seen
+        .printed
+        .history
+        .iter()
+        .rfind(|s| s.time + zero <= time)
+        .expect("an estimate until then");
     let (m, t) = (step.mounting.angles(), truth.angles());
     [step.mounting.k - truth.k, m.x - t.x, m.y - t.y, m.z - t.z]
 }
@@ -48,7 +55,11 @@ fn the_specific_force_rates_of_advance_and_dive_are_linearly_independent() {
             let segments = data.of(Kind::TypeI).filter(|s| s.to + zero <= until);
             Directions::of(&data.recording, &data.settings, &data.attitude, segments).rank
         };
-        assert_eq!(rank(721.0), 2, "forward and down: the condition of Theorem 1 for segments of Type I");
+        assert_eq!(
+            rank(721.0),
+            2,
+            "forward and down: the condition of Theorem 1 for segments of Type I"
+        );
     }
 }
 
@@ -66,12 +77,23 @@ fn the_roll_angle_cannot_converge_until_the_descent() {
 }
 
 #[test]
-fn the_observer_is_not_accurate_enough_in_the_misalignment_angles_and_the_filter_is_more_accurate_in_all() {
-    let observer: [f64; 4] = std::array::from_fn(|i| root_mean_square(seen().iter().map(|s| errors(s, 720.0)[i])));
-    let names = ["dvl.scale.k", "dvl.misalignment.roll", "dvl.misalignment.pitch", "dvl.misalignment.yaw"];
+fn the_observer_is_not_accurate_enough_in_the_misalignment_angles_and_the_filter_is_more_accurate_in_all()
+ {
+    let observer: [f64; 4] =
+        std::array::from_fn(|i| root_mean_square(seen().iter().map(|s| errors(s, 720.0)[i])));
+    let names =
+        ["dvl.scale.k", "dvl.misalignment.roll", "dvl.misalignment.pitch", "dvl.misalignment.yaw"];
     for (i, name) in names.into_iter().enumerate() {
         let (filter, unit) = (rms(dives(), name, 720.0), if i == 0 { 1.0 } else { DEG });
-        assert!(observer[i] / unit > 2.0 * filter, "{name}: observer {}, filter {filter}", observer[i] / unit);
+        assert!(
+            observer[i] / unit > 2.0 * filter,
+            "{name}: observer {}, filter {filter}",
+            observer[i] / unit
+        );
     }
-    assert!(observer[1] / DEG > 0.5, "the misalignment to be found is 0.1 deg in roll: {}", observer[1] / DEG);
+    assert!(
+        observer[1] / DEG > 0.5,
+        "the misalignment to be found is 0.1 deg in roll: {}",
+        observer[1] / DEG
+    );
 }

@@ -2,11 +2,11 @@
 
 use crate::common::{parallel, scenario};
 use navfuse_core::document::Document;
-use navfuse_core::manifold::MAX_TANGENT;
-use navfuse_core::record::Epoch;
-use navfuse_core::runner;
-use navfuse_core::scenario::Scenario;
-use navfuse_core::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::record::Epoch;
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::state::manifold::MAX_TANGENT;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
@@ -31,7 +31,10 @@ impl Run {
     }
 
     fn index(&self, name: &str) -> usize {
-        self.names.iter().position(|n| n == name).unwrap_or_else(|| panic!("no state {name}: {:?}", self.names))
+        self.names
+            .iter()
+            .position(|n| n == name)
+            .unwrap_or_else(|| panic!("no state {name}: {:?}", self.names))
     }
 
     /// 1-sigma of a component at a time, in the unit of the summary.
@@ -77,7 +80,9 @@ pub fn with<T>(name: &str, settings: &[String], job: impl FnOnce(&Scenario<'_>) 
 
 /// A job for every seed, on all cores.
 pub fn for_seeds<T: Send>(job: impl Fn(Vec<String>) -> T + Sync) -> Vec<T> {
-    let settings = |seed: u64| SETTINGS.iter().map(|s| (*s).to_owned()).chain([format!("seed={seed}")]).collect();
+    let settings = |seed: u64| {
+        SETTINGS.iter().map(|s| (*s).to_owned()).chain([format!("seed={seed}")]).collect()
+    };
     parallel(&SEEDS.collect::<Vec<u64>>(), |seed| job(settings(seed)))
 }
 
@@ -110,7 +115,8 @@ impl Sink for Keeper {
         let Some(truth) = epoch.truth else { return Ok(()) };
         let (mut sigmas, mut errors) = (Vec::new(), Vec::new());
         for block in &epoch.layout.blocks {
-            let (n, mut sigma, mut error) = (block.operations.tangent, [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+            let (n, mut sigma, mut error) =
+                (block.operations.tangent, [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
             block.show_sigma(&epoch.state.values, epoch.covariance, &mut sigma);
             block.show_error(&epoch.state.values, &truth.state.values, &mut error);
             sigmas.extend_from_slice(&sigma[..n]);

@@ -22,7 +22,8 @@ impl SensorType for Magnetometer {
         ["mag_x", "mag_y", "mag_z"].map(|name| Channel::new(name, "1")).to_vec()
     }
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
-        let declination = self.declination.block(composer, "declination", &[0.0], display::ANGLE)?;
+        let declination =
+            self.declination.block(composer, "declination", &[0.0], display::ANGLE)?;
         Ok(Role::measurement(Model(self, Navigation::only(composer)?, declination)))
     }
 }
@@ -30,7 +31,8 @@ impl SensorType for Magnetometer {
 impl MeasurementModel<3> for Model {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
         let ((sin, cos), (east, north)) = (self.0.dip.si().sin_cos(), x.get(self.2).sin_cos());
-        x.get(self.1.attitude).inverse() * Vector3::new(north * convert(cos), east * convert(cos), convert(sin))
+        x.get(self.1.attitude).inverse()
+            * Vector3::new(north * convert(cos), east * convert(cos), convert(sin))
     }
     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
         SMatrix::identity() * self.0.noise.value().si().powi(2)

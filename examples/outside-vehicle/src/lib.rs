@@ -16,7 +16,7 @@ pub use ranges::Ranges;
 pub use steady::Steady;
 
 use navfuse_core::prelude::*;
-use navfuse_core::registry::Need;
+use navfuse_core::plugin::Need;
 use navfuse_simulation::On;
 
 // ANCHOR: plugin

@@ -1,7 +1,7 @@
 //! A source and a sink: samples as lines of text, `TIME_NS SENSOR VALUE VALUE ...`, with `-` for a channel that is missing.
 
 use navfuse_core::prelude::*;
-use navfuse_core::stream::SensorInfo;
+use navfuse_core::model::sensor::SensorInfo;
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Lines, Write};
 use std::path::PathBuf;

@@ -1,7 +1,10 @@
 //! Messages of serde in the words of the document, and suggestions.
 
 /// The allowed word nearest to what was found, unless none is near.
-pub fn did_you_mean<'a>(found: &str, allowed: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn did_you_mean<'a>(
+    found: &str,
+    allowed: impl IntoIterator<Item = &'a str>,
+) -> Option<&'a str> {
     // below this a suggestion confuses: "gaet" is 0.75 from "gate", "dge" 0.67 from "deg"
     const NEAR: f64 = 0.6;
     let lower = found.to_lowercase();
@@ -22,8 +25,8 @@ pub fn did_you_mean<'a>(found: &str, allowed: impl IntoIterator<Item = &'a str>)
 
 /// `unknown key "gaet"; did you mean "gate"? (allowed: gate, noise)`.
 pub fn unknown(what: &str, found: &str, allowed: &[&str]) -> String {
-    let near =
-        did_you_mean(found, allowed.iter().copied()).map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+    let near = did_you_mean(found, allowed.iter().copied())
+        .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
     let list = if allowed.is_empty() { "none".to_owned() } else { allowed.join(", ") };
     format!("unknown {what} {found:?}{near} (allowed: {list})")
 }
@@ -41,16 +44,21 @@ pub enum Complaint<'a> {
 pub fn complaint<'a>(message: &'a str, found: &str) -> Complaint<'a> {
     // the words in backquotes
     let quoted = |list: &'a str| list.split('`').skip(1).step_by(2).collect::<Vec<_>>();
-    if let Some((key, rest)) = message.strip_prefix("unknown field `").and_then(|m| m.split_once("`, ")) {
+    if let Some((key, rest)) =
+        message.strip_prefix("unknown field `").and_then(|m| m.split_once("`, "))
+    {
         return Complaint::UnknownKey { key, allowed: quoted(rest) };
     }
-    if let Some((word, rest)) = message.strip_prefix("unknown variant `").and_then(|m| m.split_once("`, ")) {
+    if let Some((word, rest)) =
+        message.strip_prefix("unknown variant `").and_then(|m| m.split_once("`, "))
+    {
         return Complaint::Other(unknown("value", word, &quoted(rest)));
     }
     if let Some(key) = message.strip_prefix("missing field `").and_then(|m| m.strip_suffix('`')) {
         return Complaint::Other(format!("missing key {key:?}"));
     }
-    let expecting = |prefix| message.strip_prefix(prefix).and_then(|m: &str| m.split_once(", expected "));
+    let expecting =
+        |prefix| message.strip_prefix(prefix).and_then(|m: &str| m.split_once(", expected "));
     Complaint::Other(if let Some((_, expected)) = expecting("invalid type: ") {
         format!("found {found}, expected {}", plainly(expected))
     } else if let Some((_, expected)) = expecting("invalid value: ") {

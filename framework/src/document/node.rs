@@ -49,9 +49,14 @@ impl<'a> Node<'a> {
     /// When it is not a table.
     pub fn entries(&self) -> Result<Vec<(&'a str, Self)>, DocumentError> {
         let Value::Table(table) = self.value else {
-            return Err(self.error(format!("found {}, a table is needed: [{}]", kind(self.value), self.path)));
+            return Err(self.error(format!(
+                "found {}, a table is needed: [{}]",
+                kind(self.value),
+                self.path
+            )));
         };
-        let mut entries: Vec<_> = table.iter().map(|(key, value)| (key.as_str(), self.below(key, value))).collect();
+        let mut entries: Vec<_> =
+            table.iter().map(|(key, value)| (key.as_str(), self.below(key, value))).collect();
         entries.sort_by_key(|(_, node)| self.document.places.order(&node.path));
         Ok(entries)
     }
@@ -105,7 +110,10 @@ impl<'a> Node<'a> {
     fn unknown_key(&self, key: &str, allowed: &[&str]) -> DocumentError {
         let path = join(&self.path, key);
         let location = self.document.places.location(&path).clone();
-        DocumentError::Place { location, message: format!("{path}: {}", unknown("key", key, allowed)) }
+        DocumentError::Place {
+            location,
+            message: format!("{path}: {}", unknown("key", key, allowed)),
+        }
     }
 
     /// Reads the value as a `T`.
@@ -121,7 +129,8 @@ impl<'a> Node<'a> {
                 Seen::Without(keys) => !keys.contains(&key),
             });
         }
-        serde_path_to_error::deserialize(value).map_err(|e| self.explain(e.path(), e.inner().message()))
+        serde_path_to_error::deserialize(value)
+            .map_err(|e| self.explain(e.path(), e.inner().message()))
     }
 
     /// The error of serde at that path below this node.

@@ -100,7 +100,10 @@ fn an_error_names_file_line_key_what_was_found_and_what_is_allowed() {
         error::<Dvl>(&dvl.only(&["noise", "extra"])),
         "scenarios/a.toml:12: sensor.dvl.extra.gaet: unknown key \"gaet\"; did you mean \"gate\"? (allowed: gate, scale)"
     );
-    assert_eq!(error::<Dvl>(&dvl.only(&[])), "scenarios/a.toml:7: sensor.dvl: missing key \"noise\"");
+    assert_eq!(
+        error::<Dvl>(&dvl.only(&[])),
+        "scenarios/a.toml:7: sensor.dvl: missing key \"noise\""
+    );
     assert_eq!(
         error::<Extra>(&dvl.only(&["extra"])),
         "scenarios/a.toml:12: sensor.dvl.extra: unknown key \"extra\" (allowed: gate, scale)"
@@ -109,7 +112,10 @@ fn an_error_names_file_line_key_what_was_found_and_what_is_allowed() {
         error::<bool>(&at(&d, &["sensor", "dvl", "noise"])),
         "scenarios/a.toml:8: sensor.dvl.noise = 3: found a whole number, expected true or false"
     );
-    assert_eq!(error::<String>(&dvl), "scenarios/a.toml:7: sensor.dvl: found a table, expected a string");
+    assert_eq!(
+        error::<String>(&dvl),
+        "scenarios/a.toml:7: sensor.dvl: found a table, expected a string"
+    );
     assert_eq!(
         error::<u32>(&at(&d, &["trajectory", "segments", "1", "duration"])),
         "scenarios/a.toml:20: trajectory.segments.1.duration = -4: expected a whole number, not negative"
@@ -147,13 +153,21 @@ fn keys_that_another_reader_takes_are_hidden_but_listed_as_allowed() {
         "scenarios/a.toml:4: process: unknown key \"process\"; did you mean \"proces\"? \
          (allowed: name, proces, sensor, trajectory)"
     );
-    assert!(at(&d, &["name"]).check_keys(&[]).unwrap_err().to_string().contains("found a string, a table is needed"));
+    assert!(
+        at(&d, &["name"])
+            .check_keys(&[])
+            .unwrap_err()
+            .to_string()
+            .contains("found a string, a table is needed")
+    );
 }
 
 #[test]
 fn entries_come_in_the_order_of_the_file() {
     let d = Document::parse("o", "[z]\n[a]\nm = 1\nb.y = 2\nb.x = 3\n[z.q]").unwrap();
-    let keys = |node: Node<'_>| node.entries().unwrap().into_iter().map(|(key, _)| key.to_owned()).collect::<Vec<_>>();
+    let keys = |node: Node<'_>| {
+        node.entries().unwrap().into_iter().map(|(key, _)| key.to_owned()).collect::<Vec<_>>()
+    };
     assert_eq!(keys(d.root()), ["z", "a"]);
     assert_eq!(keys(at(&d, &["a"])), ["m", "b"]);
     assert_eq!(keys(at(&d, &["a", "b"])), ["y", "x"]);
@@ -181,13 +195,19 @@ fn an_override_is_applied_and_errors_name_it() {
         error::<Sigma<Length>>(&sigma),
         "--set sensor.depth.bias.sigma: sensor.depth.bias.sigma = \"-5 cm\": a sigma cannot be negative: -0.05 m"
     );
-    assert!(error::<Ins>(&at(&d, &["sensor", "depth"])).starts_with("--set sensor.depth.bias.sigma: sensor.depth"));
+    assert!(
+        error::<Ins>(&at(&d, &["sensor", "depth"]))
+            .starts_with("--set sensor.depth.bias.sigma: sensor.depth")
+    );
     assert_eq!(
         error::<f32>(&at(&d, &["sensor", "dvl", "extra"])),
         "--set sensor.dvl.extra: sensor.dvl.extra: found a table, expected a number"
     );
     // neighbours keep their lines
-    assert_eq!(at(&d, &["trajectory", "segments", "1", "kind"]).location().to_string(), "scenarios/a.toml:19");
+    assert_eq!(
+        at(&d, &["trajectory", "segments", "1", "kind"]).location().to_string(),
+        "scenarios/a.toml:19"
+    );
     assert_eq!(d.overrides().len(), 6);
     assert_eq!(d.text(), TEXT);
     let effective = Document::parse("effective", d.to_toml()).unwrap();
@@ -208,7 +228,10 @@ fn a_malformed_override_is_refused_and_changes_nothing() {
         ("name=\"x", "the value is not TOML"),
         ("name=[1, 2", "the value is not TOML"),
         ("name.first=1", "name is a string, not a table"),
-        ("trajectory.segments.2.duration=1", "trajectory.segments has 2 elements, counted from 0: there is no 2"),
+        (
+            "trajectory.segments.2.duration=1",
+            "trajectory.segments has 2 elements, counted from 0: there is no 2",
+        ),
         ("trajectory.segments.first=1", "there is no first"),
     ] {
         let error = d.set(set).unwrap_err().to_string();
@@ -222,10 +245,18 @@ fn a_malformed_override_is_refused_and_changes_nothing() {
 #[test]
 fn a_syntax_error_names_line_and_column() {
     let syntax = |text: &str| Document::parse("b.toml", text).unwrap_err().to_string();
-    assert!(syntax("a = 1\nb = = 2\n").starts_with("b.toml:2:5: "), "{}", syntax("a = 1\nb = = 2\n"));
+    assert!(
+        syntax("a = 1\nb = = 2\n").starts_with("b.toml:2:5: "),
+        "{}",
+        syntax("a = 1\nb = = 2\n")
+    );
     assert_eq!(syntax("a = 1\r\n\r\na = 2"), "b.toml:3:1: duplicate key");
     assert!(syntax("é = 1").starts_with("b.toml:1:1: "), "{}", syntax("é = 1"));
-    assert!(syntax("a = 99999999999999999999").starts_with("b.toml:1:5: "), "{}", syntax("a = 99999999999999999999"));
+    assert!(
+        syntax("a = 99999999999999999999").starts_with("b.toml:1:5: "),
+        "{}",
+        syntax("a = 99999999999999999999")
+    );
     let missing = Document::from_file("no/such/file.toml").unwrap_err().to_string();
     assert!(missing.starts_with("no/such/file.toml: "), "{missing}");
 }

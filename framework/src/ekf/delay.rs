@@ -18,17 +18,14 @@
 //! dz/dtau := max(0, 1 - 5 I_n / I) dz/dtau
 //! ```
 
-use crate::calibration::{TimeOffset, display};
-use crate::compose::{ComposeError, Composer, Composition, moved};
-use crate::covariance::{Transition, Update};
-use crate::manifold::{MAX_TANGENT, Scalar};
-use crate::measurement::{AnyMeasurement, At};
-use crate::sample::{MAX_CHANNELS, Sample};
+use crate::compose::time_offset::{LONGEST, SIGMAS};
+use crate::compose::{Composition, moved};
+use crate::model::measurement::{AnyMeasurement, At};
+use crate::state::covariance::{Transition, Update};
+use crate::state::manifold::{MAX_TANGENT, Scalar};
 use crate::state::{Block, Dynamics, Handle, Layout, State};
-use crate::time::Time;
-
-/// The longest delay that is kept, s.
-const LONGEST: f64 = 10.0;
+use crate::units::sample::{MAX_CHANNELS, Sample};
+use crate::units::time::Time;
 
 /// Entries are at least so far apart: a motion of 5 m/s^3 is straight over it to 0.25 mm/s.
 const SPACING: Time = Time::from_nanos(20_000_000);
@@ -38,24 +35,6 @@ const HALF: f64 = 0.1;
 
 /// So many times what noise explains does a slope tell nothing.
 const SURE: f64 = 5.0;
-
-/// So many sigma of the offset are kept.
-const SIGMAS: f64 = 5.0;
-
-/// Adds the block `time_offset` of the sensor that is being composed.
-///
-/// # Errors
-/// As [`TimeOffset::block`], and when it is beyond the longest delay.
-pub(crate) fn block(offset: &TimeOffset, composer: &mut Composer) -> Result<Handle<Scalar>, ComposeError> {
-    let handle = offset.block(composer, "time_offset", &[0.0], display::TIME)?;
-    let value = offset.initial.map_or(0.0, |v| v.si()).abs();
-    let (sigma, truth) = (offset.sigma.map_or(0.0, |s| s.si()), offset.truth.map_or(0.0, |v| v.si()).abs());
-    if value.max(truth) + SIGMAS * sigma > LONGEST {
-        let message = format!("the value and {SIGMAS} sigma are together beyond {LONGEST} s, the longest delay");
-        return Err(ComposeError::new("time_offset", message));
-    }
-    Ok(handle)
-}
 
 /// A block that processes move.
 #[derive(Clone, Copy)]
@@ -109,7 +88,11 @@ impl History {
     /// A history for the sensors of a composition that have a time offset; `None` where none has.
     pub(super) fn new(composition: &Composition) -> Option<Self> {
         let layout = &*composition.layout;
-        let offsets = composition.sensors.iter().filter_map(|s| s.time_offset).map(|handle| layout.block(handle));
+        let offsets = composition
+            .sensors
+            .iter()
+            .filter_map(|s| s.time_offset)
+            .map(|handle| layout.block(handle));
         let spans = offsets.map(|block| match block.spec.dynamics {
             Dynamics::RandomWalk(_) => LONGEST,
             _ => block.spec.initial[0].abs() + SIGMAS * block.spec.sigma[0],
@@ -118,7 +101,9 @@ impl History {
         // the slope reaches beyond, and two more for what is between entries
         let capacity = ((span.max(HALF) + HALF) / SPACING.seconds()).ceil() as usize + 3;
         let told = moved(layout, &composition.processes);
-        let moves = |slot: &usize| told[*slot] || composition.transition.moves(&layout.blocks[*slot].tangent_range());
+        let moves = |slot: &usize| {
+            told[*slot] || composition.transition.moves(&layout.blocks[*slot].tangent_range())
+        };
         let slots = (0..layout.blocks.len()).filter(moves);
         let declared = composition.transition.places();
         let places: Vec<(usize, usize, f64)> = (declared.iter().enumerate())
@@ -135,7 +120,9 @@ impl History {
             correction: vec![0.0; layout.tangent],
         };
         Some(Self {
-            moving: slots.map(|slot| Moving { slot, estimated: layout.blocks[slot].estimated() }).collect(),
+            moving: slots
+                .map(|slot| Moving { slot, estimated: layout.blocks[slot].estimated() })
+                .collect(),
             drift: vec![0.0; places.len()],
             places,
             entries: vec![entry; capacity],
@@ -254,7 +241,8 @@ impl History {
             value.copy_from_slice(from);
             (block.operations.retract)(value, delta);
         }
-        let (from, to) = (&self.entry(k).signals, to.map_or(&state.signals, |to| &self.entry(to).signals));
+        let (from, to) =
+            (&self.entry(k).signals, to.map_or(&state.signals, |to| &self.entry(to).signals));
         let signals = from.iter().zip(to).map(|(from, to)| from + share * (to - from));
         out.signals.iter_mut().zip(signals).for_each(|(out, signal)| *out = signal);
     }
@@ -296,7 +284,13 @@ impl History {
     }
 
     /// The share of a change over `span` seconds that the noise of the process does not explain.
-    fn told(&self, change: &[f64; MAX_CHANNELS], span: f64, sample: &Sample, update: &Update) -> f64 {
+    fn told(
+        &self,
+        change: &[f64; MAX_CHANNELS],
+        span: f64,
+        sample: &Sample,
+        update: &Update,
+    ) -> f64 {
         let (m, w) = (update.m, update.columns.len());
         let present = (0..MAX_CHANNELS).filter(|&i| sample.get(i).is_some());
         let (mut all, mut noise) = (0.0, 0.0);
@@ -322,7 +316,8 @@ impl History {
         let capacity = self.entries.len();
         let entry = |k: usize| &self.entries[(self.first + k) % capacity];
         let from = entry(from);
-        let (to, steps) = to.map_or((&self.drift, self.steps), |to| (&entry(to).drift, entry(to).steps));
+        let (to, steps) =
+            to.map_or((&self.drift, self.steps), |to| (&entry(to).drift, entry(to).steps));
         let steps = self.steps - (from.steps + share * (steps - from.steps));
         // the columns that are seen through those seen then
         self.columns.clear();

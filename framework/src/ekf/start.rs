@@ -1,14 +1,16 @@
 //! How the filter starts, and what a reference tells it.
 
-use super::{Ekf, EstimatorError, Memory, Snapshot};
-use crate::compose::{Reference, Role, moved};
-use crate::draw::displacement;
-use crate::manifold::MAX_TANGENT;
-use crate::process::{Moment, ProcessError, Report, Search};
-use crate::record::{Epoch, Event, Level, Observer, Rejection, Truth, UpdateRecord};
-use crate::sample::{MAX_CHANNELS, Sample, SensorId};
+use super::filter::{Ekf, EstimatorError, Memory, Snapshot};
+use super::phase::Start;
+use crate::compose::draw::displacement;
+use crate::compose::moved;
+use crate::model::process::{Moment, ProcessError, Report, Search};
+use crate::model::record::{Epoch, Event, Level, Observer, Rejection, Truth, UpdateRecord};
+use crate::model::sensor::{Reference, Role};
 use crate::state::Dynamics;
-use crate::time::Time;
+use crate::state::manifold::MAX_TANGENT;
+use crate::units::sample::{MAX_CHANNELS, Sample, SensorId};
+use crate::units::time::Time;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use std::sync::Arc;
 
@@ -39,29 +41,14 @@ impl Observer for Nobody {
     fn event(&mut self, _: Event) {}
 }
 
-/// When the filter starts.
-#[derive(Clone)]
-pub(super) enum Start {
-    /// At the first driving sample, or measurement where nothing drives, from this time on.
-    At(Time),
-    /// At the first reference from this time on.
-    FromReference(Time),
-    /// A process searches for its initial values from the state's time on: what came since then.
-    Searching(Vec<Sample>),
-    /// It has.
-    Running,
-}
-
-impl Start {
-    /// Whether a driving sample, or measurement where nothing drives, of that time starts the filter.
-    pub(super) fn is_due(&self, time: Time) -> bool {
-        matches!(self, Self::At(start) if time >= *start)
-    }
-}
-
 impl Ekf {
     /// Starts from the blocks' initial values, or from the truth that a reference just gave.
-    pub(super) fn initialise(&mut self, time: Time, from_reference: bool, observer: &mut dyn Observer) {
+    pub(super) fn initialise(
+        &mut self,
+        time: Time,
+        from_reference: bool,
+        observer: &mut dyn Observer,
+    ) {
         let m = &mut self.memory;
         let signals = std::mem::take(&mut m.state.signals);
         m.state = self.layout.initial_state();
@@ -86,7 +73,10 @@ impl Ekf {
                 && told
                 && let Some(delta) = displacement(block, &m.state.values, random)
             {
-                (block.operations.retract)(&mut m.state.values[block.range()], &delta[..range.len()]);
+                (block.operations.retract)(
+                    &mut m.state.values[block.range()],
+                    &delta[..range.len()],
+                );
             }
         }
         if self.composition.processes.iter().any(|p| p.searches) {
@@ -111,12 +101,18 @@ impl Ekf {
 
     /// Keeps a sample while a process searches, and shows it to the process. When that has found, the filter starts where the
     /// search began, and takes all samples since.
-    pub(super) fn search(&mut self, sample: &Sample, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
+    pub(super) fn search(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
         let good = self.refuse(sample, self.driver == Some(sample.sensor.0)).is_none();
         let m = &mut self.memory;
         let Start::Searching(held) = &mut m.start else { return Ok(()) };
         held.push(*sample);
-        let Some(k) = self.composition.processes.iter().position(|p| p.searches) else { return Ok(()) };
+        let Some(k) = self.composition.processes.iter().position(|p| p.searches) else {
+            return Ok(());
+        };
         // what is wrong with a sample is told when it is used
         if !good {
             return Ok(());
@@ -127,12 +123,20 @@ impl Ekf {
             Search::Trial => self.trials(k, sample.time)?,
             Search::Found => {}
         }
-        let Start::Searching(held) = std::mem::replace(&mut self.memory.start, Start::Running) else { return Ok(()) };
+        let Start::Searching(held) = std::mem::replace(&mut self.memory.start, Start::Running)
+        else {
+            return Ok(());
+        };
         self.begin(observer);
         let m = &self.memory;
         let told = m.truth.time == m.state.time;
         let truth = told.then_some(Truth { state: &m.truth, known: &m.known });
-        observer.epoch(&Epoch { layout: &self.layout, state: &m.state, covariance: &m.covariance, truth });
+        observer.epoch(&Epoch {
+            layout: &self.layout,
+            state: &m.state,
+            covariance: &m.covariance,
+            truth,
+        });
         let period = self.composition.estimator.output_period();
         let mut next = self.memory.state.time;
         for sample in &held {
@@ -151,7 +155,10 @@ impl Ekf {
     fn trials(&mut self, k: usize, time: Time) -> Result<(), EstimatorError> {
         for _ in 0..TRIALS {
             let before = self.snapshot();
-            let Start::Searching(held) = std::mem::replace(&mut self.memory.start, Start::Running) else { break };
+            let Start::Searching(held) = std::mem::replace(&mut self.memory.start, Start::Running)
+            else {
+                break;
+            };
             self.begin(&mut Nobody);
             let ended = held.iter().try_for_each(|sample| self.process(sample, &mut Nobody));
             let after = self.snapshot();
@@ -181,7 +188,13 @@ impl Ekf {
     fn learn(&mut self, Snapshot(after): &Snapshot) {
         let moved = moved(&self.layout, &self.composition.processes);
         let Memory { state, covariance, .. } = &mut self.memory;
-        for (block, _) in self.layout.blocks.iter().zip(moved).filter(|(block, moved)| block.estimated() && !moved) {
+        for (block, _) in self
+            .layout
+            .blocks
+            .iter()
+            .zip(moved)
+            .filter(|(block, moved)| block.estimated() && !moved)
+        {
             let (n, first) = (block.operations.tangent, block.tangent_range().start);
             let found = &after.state.values[block.range()];
             let mut back = [0.0; MAX_TANGENT];
@@ -192,13 +205,20 @@ impl Ekf {
             let left = DMatrix::from_fn(n, n, |i, j| after.covariance.get(first + i, first + j));
             let parts = (&inverse * left * &inverse).symmetric_eigen();
             let parted = parts.eigenvalues.map(|part| part.max(0.0) * WIDER * WIDER);
-            let mut along = parts.eigenvectors.tr_mul(&(inverse * DVector::from_column_slice(&back[..n])));
-            along.iter_mut().zip(&parted).filter(|(_, part)| **part < 1.0).for_each(|(a, _)| *a = 0.0);
+            let mut along =
+                parts.eigenvectors.tr_mul(&(inverse * DVector::from_column_slice(&back[..n])));
+            along
+                .iter_mut()
+                .zip(&parted)
+                .filter(|(_, part)| **part < 1.0)
+                .for_each(|(a, _)| *a = 0.0);
             let back = root * &parts.eigenvectors * along;
             (block.operations.retract)(&mut state.values[block.range()], back.as_slice());
             let constant = matches!(block.spec.dynamics, Dynamics::Constant);
             let narrow = parted.map(|part| if constant { part.min(1.0).sqrt() } else { 1.0 });
-            let root = roots(block.prior(&state.values)).0 * &parts.eigenvectors * DMatrix::from_diagonal(&narrow);
+            let root = roots(block.prior(&state.values)).0
+                * &parts.eigenvectors
+                * DMatrix::from_diagonal(&narrow);
             let prior = &root * root.transpose();
             for i in 0..n {
                 for j in 0..=i {
@@ -213,18 +233,29 @@ impl Ekf {
         for k in 0..self.memory.processes.len() {
             let constraint = self.composition.processes[k].constraint;
             let m = &mut self.memory;
-            let gated = constraint.and_then(|c| m.sensors[c].gated).map(|streak| (streak.since, streak.count));
-            let now = Moment { layout: &self.layout, state: &m.state, covariance: &m.covariance, gated };
-            let watch = m.processes[k].watch(&now).map_err(|e| self.failed(k, self.memory.state.time, e))?;
+            let gated = constraint
+                .and_then(|c| m.sensors[c].gated)
+                .map(|streak| (streak.since, streak.count));
+            let now =
+                Moment { layout: &self.layout, state: &m.state, covariance: &m.covariance, gated };
+            let watch = m.processes[k]
+                .watch(&now)
+                .map_err(|e| self.failed(k, self.memory.state.time, e))?;
             let time = self.memory.state.time;
             if let Some((level, text)) = watch.said {
-                observer.event(Event { time, level, about: self.composition.processes[k].name.clone(), text });
+                observer.event(Event {
+                    time,
+                    level,
+                    about: self.composition.processes[k].name.clone(),
+                    text,
+                });
             }
             if let Some(index) = constraint.filter(|_| watch.constrain)
                 && let Role::Measurement(model) = &self.composition.sensors[index].role
             {
                 let model = Arc::clone(model);
-                let sample = Sample::new(time, SensorId(index), &[0.0; MAX_CHANNELS][..model.channels()]);
+                let sample =
+                    Sample::new(time, SensorId(index), &[0.0; MAX_CHANNELS][..model.channels()]);
                 self.memory.sensors[index].last = time;
                 self.correct(&sample, model.as_ref(), observer)?;
             }
@@ -240,7 +271,12 @@ impl Ekf {
     /// What a process has not finished.
     pub(crate) fn unfinished(&self) -> impl Iterator<Item = Event> + '_ {
         let m = &self.memory;
-        let now = Moment { layout: &self.layout, state: &m.state, covariance: &m.covariance, gated: None };
+        let now = Moment {
+            layout: &self.layout,
+            state: &m.state,
+            covariance: &m.covariance,
+            gated: None,
+        };
         let parts = m.processes.iter().zip(&self.composition.processes);
         parts.filter_map(move |(model, part)| {
             let (level, text) = model.unfinished(&now)?;
@@ -255,7 +291,12 @@ impl Ekf {
     }
 
     /// A reference's sample: the filter starts from it if it waits for one, and is compared with it at its own time.
-    pub(super) fn follow(&mut self, sample: &Sample, reference: &dyn Reference, observer: &mut dyn Observer) {
+    pub(super) fn follow(
+        &mut self,
+        sample: &Sample,
+        reference: &dyn Reference,
+        observer: &mut dyn Observer,
+    ) {
         let m = &mut self.memory;
         let behind = m.input.is_some_and(|input| sample.time < input);
         let (starts, compares) = match m.start {
@@ -284,6 +325,11 @@ impl Ekf {
         }
         let m = &self.memory;
         let truth = Some(Truth { state: &m.truth, known: &m.known });
-        observer.epoch(&Epoch { layout: &self.layout, state: &m.state, covariance: &m.covariance, truth });
+        observer.epoch(&Epoch {
+            layout: &self.layout,
+            state: &m.state,
+            covariance: &m.covariance,
+            truth,
+        });
     }
 }

@@ -17,12 +17,16 @@ use std::marker::PhantomData;
 /// assert_eq!(Length::from_si(2.0).components(), [2.0]);
 /// assert_eq!(Triple::new([Length::from_si(1.0); 3]).components(), [1.0; 3]);
 /// ```
-pub trait Components: Copy + fmt::Debug + fmt::Display + Serialize + DeserializeOwned + JsonSchema {
+pub trait Components:
+    Copy + fmt::Debug + fmt::Display + Serialize + DeserializeOwned + JsonSchema
+{
     /// The components in SI.
     fn components(&self) -> Vec<f64>;
 }
 
-impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Components for Quantity<L, M, T, A, K> {
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Components
+    for Quantity<L, M, T, A, K>
+{
     fn components(&self) -> Vec<f64> {
         vec![self.si()]
     }
@@ -45,7 +49,9 @@ impl<Q> Triple<Q> {
     }
 }
 
-impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Triple<Quantity<L, M, T, A, K>> {
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>
+    Triple<Quantity<L, M, T, A, K>>
+{
     /// The three values in SI.
     pub fn si(&self) -> Vector3<f64> {
         Vector3::from(self.0.map(Quantity::si))
@@ -61,7 +67,9 @@ impl<Q: fmt::Display> fmt::Display for Triple<Q> {
 
 impl<Q: Components> Serialize for Triple<Q> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let [x, y, z] = self.components()[..] else { return Err(serde::ser::Error::custom("three components")) };
+        let [x, y, z] = self.components()[..] else {
+            return Err(serde::ser::Error::custom("three components"));
+        };
         if x.to_bits() == y.to_bits() && y.to_bits() == z.to_bits() {
             return self.0[0].serialize(serializer);
         }

@@ -84,7 +84,10 @@ fn si_unit(exponents: Exponents) -> String {
     };
     let powers = |sign: i8| {
         let bases = ["m", "kg", "s", "rad", "K"].into_iter().zip(exponents);
-        bases.filter(|(_, e)| e.signum() == sign).map(|(b, e)| power(b, e.unsigned_abs())).collect::<Vec<_>>()
+        bases
+            .filter(|(_, e)| e.signum() == sign)
+            .map(|(b, e)| power(b, e.unsigned_abs()))
+            .collect::<Vec<_>>()
     };
     let (top, bottom) = (powers(1), powers(-1));
     let top = if top.is_empty() { "1".to_owned() } else { top.join("*") };
@@ -98,7 +101,8 @@ const SHORT: usize = 7;
 /// which the number is short, else the first in which it can be written at all.
 pub fn print(si: f64, exponents: Exponents) -> String {
     let units = find(exponents).map_or(&[][..], |d| d.units);
-    let written: Vec<(String, &str)> = units.iter().filter_map(|u| Some((number_in(si, u)?, *u))).collect();
+    let written: Vec<(String, &str)> =
+        units.iter().filter_map(|u| Some((number_in(si, u)?, *u))).collect();
     let best = written.iter().find(|(number, _)| number.len() < SHORT).or_else(|| written.first());
     match best {
         Some((number, "")) => number.clone(),
@@ -109,7 +113,8 @@ pub fn print(si: f64, exponents: Exponents) -> String {
 
 /// The shortest decimal of that unit which is `si` to the last bit, where there is one.
 fn number_in(si: f64, unit: &str) -> Option<String> {
-    let to_si = |x: f64| if unit.is_empty() { Some(x) } else { parse_unit(unit).ok().map(|u| u.to_si(x)) };
+    let to_si =
+        |x: f64| if unit.is_empty() { Some(x) } else { parse_unit(unit).ok().map(|u| u.to_si(x)) };
     let near = si / to_si(1.0)?;
     // 17 significant digits tell any f64 from the next
     (0..17)

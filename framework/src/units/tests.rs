@@ -15,7 +15,10 @@ fn refused<Q: FromStr<Err = UnitError>>(text: &str) -> String {
 
 /// Within 4 roundings of 2^-53 each, which a product of at most four factors needs.
 fn close(found: f64, wanted: f64) {
-    assert!((found - wanted).abs() <= 4.0 * f64::EPSILON / 2.0 * wanted.abs(), "{found} is not {wanted}");
+    assert!(
+        (found - wanted).abs() <= 4.0 * f64::EPSILON / 2.0 * wanted.abs(),
+        "{found} is not {wanted}"
+    );
 }
 
 #[test]
@@ -59,7 +62,11 @@ fn data_sheet_values_are_read_in_si() {
 #[test]
 fn decimal_prefixes_give_the_same_f64_as_the_shifted_decimal() {
     for k in 1..2000 {
-        assert_eq!(read::<Length>(&format!("{k} cm")), read::<Length>(&format!("{} m", f64::from(k) / 100.0)), "{k}");
+        assert_eq!(
+            read::<Length>(&format!("{k} cm")),
+            read::<Length>(&format!("{} m", f64::from(k) / 100.0)),
+            "{k}"
+        );
         assert_eq!(read::<Ratio>(&format!("{k} ppm")).si(), f64::from(k) / 1e6, "{k}");
     }
 }
@@ -77,8 +84,14 @@ fn a_refused_text_says_what_was_found_and_what_is_needed() {
     );
     assert_eq!(refused::<Angle>("2 dge"), "unknown unit 'dge'; did you mean 'deg'?");
     assert_eq!(refused::<Frequency>("2 hz"), "unknown unit 'hz'; did you mean 'Hz'?");
-    assert_eq!(refused::<Speed>("2 furlong/h"), "unknown unit 'furlong'; a speed is needed, e.g. m/s, cm/s, kn");
-    assert_eq!(refused::<Ratio>("2 m"), "found 'm' which is a length, a ratio is needed, e.g. 0.002, 0.2 %, 200 ppm");
+    assert_eq!(
+        refused::<Speed>("2 furlong/h"),
+        "unknown unit 'furlong'; a speed is needed, e.g. m/s, cm/s, kn"
+    );
+    assert_eq!(
+        refused::<Ratio>("2 m"),
+        "found 'm' which is a length, a ratio is needed, e.g. 0.002, 0.2 %, 200 ppm"
+    );
     assert_eq!(
         refused::<Length>("two m"),
         "found \"two m\", which does not start with a number; a length is needed, e.g. \"0.2 m\""
@@ -103,14 +116,26 @@ fn a_refused_text_says_what_was_found_and_what_is_needed() {
         "1 m*",
         "1 m*((ppm^6)^6)^6",
     ] {
-        assert!(refused::<Length>(text).starts_with("cannot read the unit"), "{text}: {}", refused::<Length>(text));
+        assert!(
+            refused::<Length>(text).starts_with("cannot read the unit"),
+            "{text}: {}",
+            refused::<Length>(text)
+        );
     }
     assert!(refused::<Length>(&format!("1 {}", "(".repeat(1_000_000))).contains("too long"));
 }
 
 #[test]
 fn a_quantity_prints_in_the_unit_it_is_usually_given_in() {
-    let same = ["-0.5 deg", "3 mrad", "20 arcsec", "0.01 deg/h", "300 deg/s", "0.1 deg/h/sqrt(Hz)", "9.8 m/s^2"];
+    let same = [
+        "-0.5 deg",
+        "3 mrad",
+        "20 arcsec",
+        "0.01 deg/h",
+        "300 deg/s",
+        "0.1 deg/h/sqrt(Hz)",
+        "9.8 m/s^2",
+    ];
     fn print(text: &str) -> Option<String> {
         fn try_as<Q: FromStr + fmt::Display>(text: &str) -> Option<String> {
             text.parse::<Q>().ok().map(|q| q.to_string())
@@ -123,7 +148,16 @@ fn a_quantity_prints_in_the_unit_it_is_usually_given_in() {
             .or_else(|| try_as::<Ratio>(text))
             .or_else(|| try_as::<Time>(text))
     }
-    for text in same.into_iter().chain(["50 ug", "0.02 m/s", "2 kn", "20 ppm", "0.9998", "0.001 m/s", "10 s", "0 s"]) {
+    for text in same.into_iter().chain([
+        "50 ug",
+        "0.02 m/s",
+        "2 kn",
+        "20 ppm",
+        "0.9998",
+        "0.001 m/s",
+        "10 s",
+        "0 s",
+    ]) {
         assert_eq!(print(text).as_deref(), Some(text));
     }
     assert_eq!(Quantity::<2, 2, -3, 0, 1>::from_si(2.0).to_string(), "2 m*kg*sqrt(K)/sqrt(s^3)");
@@ -228,14 +262,19 @@ fn one_value_is_for_all_axes_and_an_array_has_three() {
     assert_eq!(c.rate.si(), 5.0);
     assert_eq!(toml::from_str::<Config>(&toml::to_string(&c).unwrap()).unwrap(), c);
     let two = config("['1 m', '2 m']", "'1 deg/sqrt(h)'", "'5 Hz'").unwrap_err();
-    assert_eq!(two, "found an array of 2; one value for all three axes or an array of three is needed");
+    assert_eq!(
+        two,
+        "found an array of 2; one value for all three axes or an array of three is needed"
+    );
     let bare = config("1", "'1 deg/sqrt(h)'", "'5 Hz'").unwrap_err();
     assert_eq!(bare, "a length needs a unit, e.g. \"0.2 m\"");
 }
 
 #[test]
 fn a_sigma_is_not_negative_and_a_rate_is_positive() {
-    let negative = config("'1 m'", "['1 deg/sqrt(h)', '1 deg/sqrt(h)', '-1 deg/sqrt(h)']", "'5 Hz'").unwrap_err();
+    let negative =
+        config("'1 m'", "['1 deg/sqrt(h)', '1 deg/sqrt(h)', '-1 deg/sqrt(h)']", "'5 Hz'")
+            .unwrap_err();
     assert!(negative.starts_with("a sigma cannot be negative: ["), "{negative}");
     assert!(config("'1 m'", "'0 deg/sqrt(h)'", "'5 Hz'").is_ok());
     let zero = config("'1 m'", "'0 deg/sqrt(h)'", "'0 Hz'").unwrap_err();

@@ -107,7 +107,8 @@ impl Unit {
         for (e, o) in exponents.iter_mut().zip(other.exponents) {
             *e = e.checked_add(o)?;
         }
-        let (numerator, denominator) = (self.numerator * other.numerator, self.denominator * other.denominator);
+        let (numerator, denominator) =
+            (self.numerator * other.numerator, self.denominator * other.denominator);
         Some(Self { numerator, denominator, exponents })
     }
 
@@ -116,7 +117,8 @@ impl Unit {
         for e in &mut exponents {
             *e = e.checked_mul(n)?;
         }
-        let [a, b] = [self.numerator, self.denominator].map(|x| x.powi(i32::from(n.unsigned_abs())));
+        let [a, b] =
+            [self.numerator, self.denominator].map(|x| x.powi(i32::from(n.unsigned_abs())));
         let (numerator, denominator) = if n < 0 { (b, a) } else { (a, b) };
         Some(Self { numerator, denominator, exponents })
     }
@@ -136,15 +138,20 @@ impl Unit {
         let first = name.chars().next()?;
         let &(_, n, d, exponents, prefixes) = plain(&name[first.len_utf8()..])?;
         let letter = if matches!(first, 'µ' | 'μ') { 'u' } else { first };
-        let &(_, up, down) = PREFIXES.iter().find(|p| p.0 == letter && prefixes.contains(letter))?;
+        let &(_, up, down) =
+            PREFIXES.iter().find(|p| p.0 == letter && prefixes.contains(letter))?;
         Some(Self { numerator: n * up, denominator: d * down, exponents })
     }
 }
 
 /// Every name of a unit, with its prefixes.
 fn names() -> Vec<String> {
-    let prefixed = |row: &Row, name: &str| row.4.chars().map(move |p| format!("{p}{name}")).collect::<Vec<_>>();
-    let all = |row: &'static Row| row.0.iter().flat_map(move |&n| [vec![n.to_owned()], prefixed(row, n)].concat());
+    let prefixed = |row: &Row, name: &str| {
+        row.4.chars().map(move |p| format!("{p}{name}")).collect::<Vec<_>>()
+    };
+    let all = |row: &'static Row| {
+        row.0.iter().flat_map(move |&n| [vec![n.to_owned()], prefixed(row, n)].concat())
+    };
     UNITS.iter().flat_map(all).collect()
 }
 
@@ -156,7 +163,10 @@ fn names() -> Vec<String> {
 pub fn parse_unit(expr: &str) -> Result<Unit, UnitError> {
     let mut parser = Parser { whole: expr, rest: expr };
     if expr.len() > MAX_LENGTH {
-        return Err(UnitError::Expression { unit: expr.chars().take(20).collect(), reason: "it is too long".into() });
+        return Err(UnitError::Expression {
+            unit: expr.chars().take(20).collect(),
+            reason: "it is too long".into(),
+        });
     }
     let unit = parser.expression()?;
     match parser.peek() {
@@ -227,7 +237,9 @@ impl Parser<'_> {
         } else if self.take('^') {
             let power = self.word(|c| c.is_ascii_digit() || c == '-').parse().ok();
             let power = power.filter(|n: &i8| (-MAX_POWER..=MAX_POWER).contains(n));
-            power.ok_or_else(|| self.malformed(format!("a power is an integer from -{MAX_POWER} to {MAX_POWER}")))?
+            power.ok_or_else(|| {
+                self.malformed(format!("a power is an integer from -{MAX_POWER} to {MAX_POWER}"))
+            })?
         } else {
             return Ok(unit);
         };
@@ -258,7 +270,10 @@ impl Parser<'_> {
             name => Unit::named(name).ok_or_else(|| {
                 let names = names();
                 let near = did_you_mean(name, names.iter().map(String::as_str));
-                UnitError::Unknown { unit: name.to_owned(), remedy: near.map(|n| format!("did you mean '{n}'?")) }
+                UnitError::Unknown {
+                    unit: name.to_owned(),
+                    remedy: near.map(|n| format!("did you mean '{n}'?")),
+                }
             }),
         }
     }

@@ -1,26 +1,36 @@
 //! A small laboratory, written with the public interface alone: a cart on a line, driven by a speedometer whose drift is
 //! a state, and a sensor of three channels that sees its place.
-#![allow(dead_code, clippy::unwrap_used, clippy::panic, reason = "shared by tests, which fail by panicking")]
+#![allow(
+    dead_code,
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "shared by tests, which fail by panicking"
+)]
 
 use navfuse_core::Real;
-use navfuse_core::calibration::{Calibration, LengthBias, display};
-use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, Composition, DrivingSensor, Reference, Role};
-use navfuse_core::covariance::{NoiseSlot, PhiSlot, Transition};
+use navfuse_core::compose::calibration::{Calibration, LengthBias};
+use navfuse_core::compose::{Composer, Composition};
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
-use navfuse_core::geodesy::Geodetic;
-use navfuse_core::manifold::Scalar;
-use navfuse_core::measurement::MeasurementModel;
-use navfuse_core::motion::Motion;
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::motion::Motion;
+use navfuse_core::model::process::BuiltProcess;
+use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::model::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::sensor::{Reference, Role};
+use navfuse_core::model::simulate::DrivingSensor;
+use navfuse_core::model::simulate::{Scene, Simulate};
 use navfuse_core::nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3, convert};
-use navfuse_core::process::{Interval, ProcessError, ProcessModel};
-use navfuse_core::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
-use navfuse_core::registry::{Plugin, ProcessType, Registry, SensorType};
-use navfuse_core::sample::{Channel, Sample, SensorId};
-use navfuse_core::scenario::Scenario;
-use navfuse_core::simulate::{Scene, Simulate};
+use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::state::covariance::{NoiseSlot, PhiSlot, Transition};
+use navfuse_core::state::display;
+use navfuse_core::state::geodesy::Geodetic;
+use navfuse_core::state::manifold::Scalar;
 use navfuse_core::state::{BlockSpec, Dynamics, Handle, Layout, Mode, State, View};
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::{Channel, Sample, SensorId};
+use navfuse_core::units::time::Time;
 use navfuse_core::units::{AccelerationNoise, Length, Sigma, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -107,7 +117,10 @@ impl ProcessModel for CartModel {
         interval: &Interval<'_>,
         transition: &mut Transition,
     ) -> Result<(), ProcessError> {
-        let speed = interval.input.and_then(|i| i.sample.get(0)).ok_or_else(|| ProcessError("no speed".into()))?;
+        let speed = interval
+            .input
+            .and_then(|i| i.sample.get(0))
+            .ok_or_else(|| ProcessError("no speed".into()))?;
         let dt = interval.duration();
         let place = state.get(layout, self.place) + (speed - state.get(layout, self.drift)) * dt;
         state.set(layout, self.place, &place);

@@ -4,9 +4,9 @@ use crate::config::FileConfig;
 use crate::headings::Wanted;
 use crate::time;
 use navfuse_core::document::did_you_mean;
-use navfuse_core::stream::SensorInfo;
-use navfuse_core::time::Time;
+use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::units::Unit;
+use navfuse_core::units::time::Time;
 
 /// How the time is read.
 pub struct TimeCell {
@@ -43,11 +43,16 @@ pub fn usual_header(info: &SensorInfo) -> String {
 ///
 /// # Errors
 /// What is wrong and what to do about it.
-pub fn time_cell(info: &SensorInfo, config: &FileConfig, headings: &[String]) -> Result<TimeCell, String> {
+pub fn time_cell(
+    info: &SensorInfo,
+    config: &FileConfig,
+    headings: &[String],
+) -> Result<TimeCell, String> {
     let (given, key) = (&config.time.0, format!("files.{}.time", info.name));
     let others: Vec<&str> = info.channels.iter().map(|c| c.name).collect();
     let (column, unit) = (given.column.as_deref(), given.unit.map(|u| u.0));
-    let found = Wanted { name: "time", si: "s", column, unit, key: &key, others: &others }.find(headings)?;
+    let found = Wanted { name: "time", si: "s", column, unit, key: &key, others: &others }
+        .find(headings)?;
     let nanos = found.unit.map_or(1e9, |u| u.to_si(1e9));
     // exact times need a whole number of nanoseconds; all of the usual units of time are
     if !(1.0..=86_400e9).contains(&nanos) || (nanos - nanos.round()).abs() > 1e-6 {
@@ -62,21 +67,29 @@ pub fn time_cell(info: &SensorInfo, config: &FileConfig, headings: &[String]) ->
 ///
 /// # Errors
 /// What is wrong and what to do about it.
-pub fn channel_cells(info: &SensorInfo, config: &FileConfig, headings: &[String]) -> Result<Vec<ChannelCell>, String> {
+pub fn channel_cells(
+    info: &SensorInfo,
+    config: &FileConfig,
+    headings: &[String],
+) -> Result<Vec<ChannelCell>, String> {
     let (sensor, names) = (&info.name, || info.channels.iter().map(|c| c.name));
     if let Some(unknown) = config.columns.keys().find(|key| names().all(|c| c != key.as_str())) {
-        let near = did_you_mean(unknown, names()).map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+        let near = did_you_mean(unknown, names())
+            .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
         let list = names().collect::<Vec<_>>().join(", ");
         return Err(format!(
             "files.{sensor}.columns: [sensor.{sensor}] has no channel {unknown:?}{near} (channels: {list})"
         ));
     }
-    let cell = |c: &navfuse_core::sample::Channel| {
+    let cell = |c: &navfuse_core::units::sample::Channel| {
         let given = config.columns.get(c.name).map(|g| &g.0);
-        let (column, unit) = (given.and_then(|g| g.column.as_deref()), given.and_then(|g| g.unit).map(|u| u.0));
+        let (column, unit) =
+            (given.and_then(|g| g.column.as_deref()), given.and_then(|g| g.unit).map(|u| u.0));
         let key = format!("files.{sensor}.columns.{}", c.name);
-        let others: Vec<&str> = std::iter::once("time").chain(names().filter(|n| *n != c.name)).collect();
-        let found = Wanted { name: c.name, si: c.unit, column, unit, key: &key, others: &others }.find(headings)?;
+        let others: Vec<&str> =
+            std::iter::once("time").chain(names().filter(|n| *n != c.name)).collect();
+        let found = Wanted { name: c.name, si: c.unit, column, unit, key: &key, others: &others }
+            .find(headings)?;
         let scale = given.and_then(|g| g.scale).map_or(1.0, |s| s.si());
         Ok(ChannelCell { column: found.index, unit: found.unit, scale })
     };

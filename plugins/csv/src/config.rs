@@ -129,7 +129,9 @@ impl<'de, T: From<String> + Deserialize<'de>> Visitor<'de> for HeadingOrTable<T>
     type Value = Named<T>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the heading of a column, or a table such as { column = \"vx\", unit = \"cm/s\" }")
+        f.write_str(
+            "the heading of a column, or a table such as { column = \"vx\", unit = \"cm/s\" }",
+        )
     }
     fn visit_str<E: Error>(self, heading: &str) -> Result<Self::Value, E> {
         Ok(Named(heading.to_owned().into()))
@@ -178,6 +180,8 @@ fn delimiter<'de, D: Deserializer<'de>>(deserializer: D) -> Result<char, D::Erro
     let mut chars = text.chars();
     match (chars.next(), chars.next()) {
         (Some(c @ (',' | ';' | '\t' | '|' | ' ')), None) => Ok(c),
-        _ => Err(Error::custom("a comma, semicolon, tab, bar or space is needed, such as \";\" or \"\\t\"")),
+        _ => Err(Error::custom(
+            "a comma, semicolon, tab, bar or space is needed, such as \";\" or \"\\t\"",
+        )),
     }
 }

@@ -45,7 +45,9 @@ impl Wanted<'_> {
         let mut places = headings.iter().enumerate().filter(|(_, h)| **h == heading);
         let index = match (places.next(), places.next()) {
             (Some((index, _)), None) => index,
-            (Some(_), Some(_)) => return Err(format!("two columns are {heading:?}: rename one of them")),
+            (Some(_), Some(_)) => {
+                return Err(format!("two columns are {heading:?}: rename one of them"));
+            }
             (None, _) => return Err(self.missing(&heading, headings)),
         };
         let unit = match (needed, self.unit) {
@@ -55,7 +57,12 @@ impl Wanted<'_> {
             (None, unit) => unit,
             (Some(needed), Some(unit)) if unit.exponents() == needed.exponents() => Some(unit),
             (Some(_), Some(unit)) => {
-                return Err(format!("{}.unit is of {}, {}", self.key, unit.dimension(), self.need()));
+                return Err(format!(
+                    "{}.unit is of {}, {}",
+                    self.key,
+                    unit.dimension(),
+                    self.need()
+                ));
             }
             (Some(needed), None) => Some(self.suffix(&heading, needed)?),
         };
@@ -77,14 +84,19 @@ impl Wanted<'_> {
             _ => {}
         }
         // with a wrong unit or without any it is still meant
-        let meant = headings.iter().find(|h| *h == self.name).or_else(|| candidates().next().map(|(h, _)| h));
+        let meant = headings
+            .iter()
+            .find(|h| *h == self.name)
+            .or_else(|| candidates().next().map(|(h, _)| h));
         Ok(meant.cloned().unwrap_or(usual))
     }
 
     /// The unit that a heading ends with: the longest that is one, so that `v_m_s` is in m/s.
     fn suffix(&self, heading: &str, needed: Unit) -> Result<Unit, String> {
-        let ends = heading.char_indices().filter(|(_, c)| *c == '_').map(|(i, _)| &heading[i + 1..]);
-        let units: Vec<(&str, Unit)> = ends.filter_map(|end| Some((end, column_suffix(end)?))).collect();
+        let ends =
+            heading.char_indices().filter(|(_, c)| *c == '_').map(|(i, _)| &heading[i + 1..]);
+        let units: Vec<(&str, Unit)> =
+            ends.filter_map(|end| Some((end, column_suffix(end)?))).collect();
         let remedy = format!("rename it to {:?}, or set {}.unit", self.usual(), self.key);
         match units.first() {
             Some((_, unit)) if unit.exponents() == needed.exponents() => Ok(*unit),
@@ -93,7 +105,10 @@ impl Wanted<'_> {
                 unit.dimension(),
                 self.need()
             )),
-            None => Err(format!("column {heading:?} does not end with a unit, {}; {remedy}", self.need())),
+            None => Err(format!(
+                "column {heading:?} does not end with a unit, {}; {remedy}",
+                self.need()
+            )),
         }
     }
 
@@ -107,7 +122,8 @@ impl Wanted<'_> {
     }
 
     fn missing(&self, heading: &str, headings: &[String]) -> String {
-        let named = |h: &str, name: &str| h.strip_prefix(name).is_some_and(|rest| rest.starts_with('_'));
+        let named =
+            |h: &str, name: &str| h.strip_prefix(name).is_some_and(|rest| rest.starts_with('_'));
         let free = |h: &&str| !self.others.iter().any(|other| named(h, other));
         let near = did_you_mean(heading, headings.iter().map(String::as_str).filter(free));
         let near = near.map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
@@ -115,7 +131,10 @@ impl Wanted<'_> {
         if headings.len() > LISTED {
             list += &format!(" and {} more", headings.len() - LISTED);
         }
-        format!("no column {heading:?}{near} (columns: {list}); rename the column, or set {}", self.key)
+        format!(
+            "no column {heading:?}{near} (columns: {list}); rename the column, or set {}",
+            self.key
+        )
     }
 }
 
@@ -126,8 +145,14 @@ mod tests {
     use super::*;
     use navfuse_core::units::parse_unit;
 
-    const SPEED: Wanted<'_> =
-        Wanted { name: "vel_x", si: "mps", column: None, unit: None, key: "files.dvl.columns.vel_x", others: &[] };
+    const SPEED: Wanted<'_> = Wanted {
+        name: "vel_x",
+        si: "mps",
+        column: None,
+        unit: None,
+        key: "files.dvl.columns.vel_x",
+        others: &[],
+    };
 
     fn find(wanted: &Wanted<'_>, header: &str) -> Result<(usize, f64), String> {
         let headings: Vec<String> = header.split(',').map(str::to_owned).collect();
@@ -137,15 +162,25 @@ mod tests {
     #[test]
     fn a_heading_is_the_channel_and_any_unit_of_its_dimension() {
         let knot = 1852.0 / 3600.0;
-        for (heading, factor) in
-            [("vel_x_mps", 1.0), ("vel_x_cmps", 0.01), ("vel_x_m_s", 1.0), ("vel_x_mm_s", 1e-3), ("vel_x_kn", knot)]
-        {
-            assert_eq!(find(&SPEED, &format!("time_s,{heading},vel_y_mps")), Ok((1, factor)), "{heading}");
+        for (heading, factor) in [
+            ("vel_x_mps", 1.0),
+            ("vel_x_cmps", 0.01),
+            ("vel_x_m_s", 1.0),
+            ("vel_x_mm_s", 1e-3),
+            ("vel_x_kn", knot),
+        ] {
+            assert_eq!(
+                find(&SPEED, &format!("time_s,{heading},vel_y_mps")),
+                Ok((1, factor)),
+                "{heading}"
+            );
         }
         // SI before others
         assert_eq!(find(&SPEED, "vel_x_cmps,vel_x_mps"), Ok((1, 1.0)));
         let time = Wanted { name: "time", si: "s", key: "files.dvl.time", ..SPEED };
-        for (heading, factor) in [("time_s", 1.0), ("time_ms", 1e-3), ("time_us", 1e-6), ("time_ns", 1e-9)] {
+        for (heading, factor) in
+            [("time_s", 1.0), ("time_ms", 1e-3), ("time_us", 1e-6), ("time_ns", 1e-9)]
+        {
             assert_eq!(find(&time, heading), Ok((0, factor)), "{heading}");
         }
     }
@@ -163,13 +198,22 @@ mod tests {
         // what is said is worth more than what a heading happens to end with
         assert_eq!(find(&mapped("x_m", Some("m/s")), "t,x_m"), Ok((1, 1.0)));
         // a unit alone: the column is still the channel's
-        assert_eq!(find(&Wanted { unit: parse_unit("cm/s").ok(), ..SPEED }, "t,vel_x"), Ok((1, 0.01)));
+        assert_eq!(
+            find(&Wanted { unit: parse_unit("cm/s").ok(), ..SPEED }, "t,vel_x"),
+            Ok((1, 0.01))
+        );
     }
 
     #[test]
     fn a_ratio_and_an_unknown_unit_have_their_own_heading_only() {
-        assert_eq!(find(&Wanted { name: "quality", si: "", ..SPEED }, "time_s,quality"), Ok((1, 1.0)));
-        assert_eq!(find(&Wanted { name: "field_x", si: "nT", ..SPEED }, "time_s,field_x_nT"), Ok((1, 1.0)));
+        assert_eq!(
+            find(&Wanted { name: "quality", si: "", ..SPEED }, "time_s,quality"),
+            Ok((1, 1.0))
+        );
+        assert_eq!(
+            find(&Wanted { name: "field_x", si: "nT", ..SPEED }, "time_s,field_x_nT"),
+            Ok((1, 1.0))
+        );
     }
 
     #[test]
@@ -194,7 +238,10 @@ mod tests {
             error(&SPEED, "vel_x_kn,vel_x_cmps"),
             "\"vel_x_kn\" and \"vel_x_cmps\" are both vel_x: set files.dvl.columns.vel_x"
         );
-        assert_eq!(error(&SPEED, "vel_x_mps,vel_x_mps"), "two columns are \"vel_x_mps\": rename one of them");
+        assert_eq!(
+            error(&SPEED, "vel_x_mps,vel_x_mps"),
+            "two columns are \"vel_x_mps\": rename one of them"
+        );
         assert_eq!(
             error(&Wanted { unit: parse_unit("deg").ok(), ..SPEED }, "vel_x"),
             "files.dvl.columns.vel_x.unit is of an angle, vel_x is a speed"

@@ -19,7 +19,7 @@ mod time;
 pub use config::Csv;
 pub use sink::CsvSink;
 
-use navfuse_core::registry::{Plugin, Registry};
+use navfuse_core::plugin::{Plugin, Registry};
 
 /// Registers the source type `csv` and the sink type `csv`.
 #[derive(Clone, Copy, Debug)]

@@ -12,13 +12,14 @@
 
 use crate::time::write_seconds;
 use csv::Writer;
-use navfuse_core::manifold::{MAX_TANGENT, Reading};
-use navfuse_core::record::{Epoch, Outcome, Rejection, UpdateRecord};
-use navfuse_core::registry::{OpenContext, SinkType};
-use navfuse_core::sample::MAX_CHANNELS;
+use navfuse_core::model::record::{Epoch, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::sensor::{Purpose, SensorInfo};
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::plugin::{OpenContext, SinkType};
+use navfuse_core::state::manifold::{MAX_TANGENT, Reading};
 use navfuse_core::state::{Block, Layout};
-use navfuse_core::stream::{Purpose, RunInfo, SensorInfo, Sink, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::MAX_CHANNELS;
+use navfuse_core::units::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::fmt::Display;
@@ -38,7 +39,13 @@ impl SinkType for CsvSink {
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
         let estimate = Table::create(context.output.join("estimate.csv"))?;
         let innovations = Table::create(context.output.join("innovations.csv"))?;
-        Ok(Box::new(Tables { estimate, innovations, errors: Vec::new(), sensors: Vec::new(), width: 0 }))
+        Ok(Box::new(Tables {
+            estimate,
+            innovations,
+            errors: Vec::new(),
+            sensors: Vec::new(),
+            width: 0,
+        }))
     }
 }
 
@@ -114,7 +121,11 @@ struct Tables {
 
 /// The unit as the end of a heading: `deg/h` is `_degph`.
 fn ending(unit: &str) -> String {
-    if unit.is_empty() { String::new() } else { format!("_{}", unit.replace('/', "p").replace('^', "")) }
+    if unit.is_empty() {
+        String::new()
+    } else {
+        format!("_{}", unit.replace('/', "p").replace('^', ""))
+    }
 }
 
 /// The headings of a block.
@@ -124,7 +135,9 @@ fn headings(block: &Block, error: bool, out: &mut Vec<String>) {
     let ned = ["north", "east", "down"];
     let (differences, units) =
         if tangent { (&ned[..], ["deg", "deg", display.unit]) } else { (names, [display.unit; 3]) };
-    let mut add = |name: &str, what: &str, unit: &str| out.push(format!("{}.{name}{what}{}", block.name, ending(unit)));
+    let mut add = |name: &str, what: &str, unit: &str| {
+        out.push(format!("{}.{name}{what}{}", block.name, ending(unit)))
+    };
     for (k, name) in names.iter().enumerate() {
         add(name, "", units[k.min(2)]);
     }
@@ -144,13 +157,19 @@ impl Tables {
     }
 
     fn innovations_header(&mut self, sensors: &[SensorInfo]) -> Result<(), StreamError> {
-        let mut header: Vec<String> = ["time_s", "sensor", "outcome", "nis", "threshold"].map(str::to_owned).to_vec();
+        let mut header: Vec<String> =
+            ["time_s", "sensor", "outcome", "nis", "threshold"].map(str::to_owned).to_vec();
         for sensor in sensors {
             let first = (sensor.purpose == Purpose::Measurement).then_some(self.width);
             if first.is_some() {
                 for channel in &sensor.channels {
                     for what in ["", "_sigma"] {
-                        header.push(format!("{}.{}{what}{}", sensor.name, channel.name, ending(channel.unit)));
+                        header.push(format!(
+                            "{}.{}{what}{}",
+                            sensor.name,
+                            channel.name,
+                            ending(channel.unit)
+                        ));
                     }
                 }
                 self.width += sensor.channels.len();
@@ -163,7 +182,10 @@ impl Tables {
 
 impl Sink for Tables {
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
-        self.estimate_header(&run.layout, run.sensors.iter().any(|s| s.purpose == Purpose::Reference))?;
+        self.estimate_header(
+            &run.layout,
+            run.sensors.iter().any(|s| s.purpose == Purpose::Reference),
+        )?;
         self.innovations_header(&run.sensors)
     }
 
@@ -179,7 +201,9 @@ impl Sink for Tables {
             numbers[..n].iter().try_for_each(|v| table.number(*v))?;
             if *error {
                 match epoch.truth.filter(|t| t.known[slot]) {
-                    Some(truth) => block.show_error(&epoch.state.values, &truth.state.values, &mut numbers),
+                    Some(truth) => {
+                        block.show_error(&epoch.state.values, &truth.state.values, &mut numbers)
+                    }
                     None => numbers.fill(f64::NAN),
                 }
                 numbers[..n].iter().try_for_each(|v| table.number(*v))?;

@@ -6,10 +6,11 @@ use crate::tail;
 use crate::time::{self, TimeError};
 use csv::{ByteRecord, Reader, ReaderBuilder};
 use navfuse_core::document::{Document, did_you_mean};
-use navfuse_core::registry::{OpenContext, SourceType};
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::stream::{Purpose, SensorInfo, Source, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::model::sensor::{Purpose, SensorInfo};
+use navfuse_core::model::stream::{Source, StreamError};
+use navfuse_core::plugin::{OpenContext, SourceType};
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -27,24 +28,35 @@ impl SourceType for Csv {
         let table = |key: &str| scenario.as_ref().and_then(|s| s.root().get(key));
         let names: Vec<&str> = sensors.iter().map(|s| s.info.name.as_str()).collect();
         // a sensor that is there but not enabled may keep its file
-        let known =
-            |name: &&String| table("sensor").is_some_and(|t| t.get(name).is_some()) || names.contains(&name.as_str());
+        let known = |name: &&String| {
+            table("sensor").is_some_and(|t| t.get(name).is_some()) || names.contains(&name.as_str())
+        };
         if let Some(name) = self.files.keys().find(|name| !known(name)) {
             let near = did_you_mean(name, names.iter().copied())
                 .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
             let names = names.join(", ");
-            return Err(StreamError(format!("files.{name}: there is no [sensor.{name}]{near} (sensors: {names})")));
+            return Err(StreamError(format!(
+                "files.{name}: there is no [sensor.{name}]{near} (sensors: {names})"
+            )));
         }
-        let alone = table("source").and_then(|t| t.entries().ok()).is_none_or(|sources| sources.len() < 2);
+        let alone =
+            table("source").and_then(|t| t.entries().ok()).is_none_or(|sources| sources.len() < 2);
         let folder = context.base.join(&self.directory);
         let mut streams: Vec<Box<dyn Source>> = Vec::new();
         for (index, sensor) in sensors.iter().enumerate() {
             let given = self.files.get(&sensor.info.name);
             let config = given.cloned().unwrap_or_default();
-            let path = folder.join(config.path.clone().unwrap_or_else(|| format!("{}.csv", sensor.info.name).into()));
+            let path = folder.join(
+                config.path.clone().unwrap_or_else(|| format!("{}.csv", sensor.info.name).into()),
+            );
             let needed = given.is_some() || (sensor.info.purpose == Purpose::Input && alone);
             if needed || path.exists() {
-                streams.push(Box::new(Stream::open(&path, &config, SensorId(index), &sensor.info)?));
+                streams.push(Box::new(Stream::open(
+                    &path,
+                    &config,
+                    SensorId(index),
+                    &sensor.info,
+                )?));
             }
         }
         if streams.is_empty() {
@@ -105,23 +117,36 @@ fn builder(delimiter: char) -> ReaderBuilder {
 }
 
 impl Stream {
-    fn open(path: &Path, config: &FileConfig, sensor: SensorId, info: &SensorInfo) -> Result<Self, StreamError> {
+    fn open(
+        path: &Path,
+        config: &FileConfig,
+        sensor: SensorId,
+        info: &SensorInfo,
+    ) -> Result<Self, StreamError> {
         let name = &info.name;
         let file = File::open(path).map_err(|e| {
             let remedy = format!("set files.{name}.path, or the source's directory");
-            StreamError(format!("[sensor.{name}]: {}: cannot be opened: {e}; {remedy}", absolute(path)))
+            StreamError(format!(
+                "[sensor.{name}]: {}: cannot be opened: {e}; {remedy}",
+                absolute(path)
+            ))
         })?;
         let fail = |text: String| StreamError(format!("{}: {text}", path.display()));
         let mut reader = builder(config.delimiter).from_reader(file);
         let mut record = ByteRecord::new();
-        if !reader.read_byte_record(&mut record).map_err(|e| fail(format!("cannot be read: {e}")))? {
+        if !reader
+            .read_byte_record(&mut record)
+            .map_err(|e| fail(format!("cannot be read: {e}")))?
+        {
             return Err(fail(format!(
                 "the file is empty; its first line must name the columns: {}",
                 usual_header(info)
             )));
         }
         if record.as_slice().contains(&0) {
-            return Err(fail("the file is not UTF-8 text; if it is UTF-16, save it as UTF-8".into()));
+            return Err(fail(
+                "the file is not UTF-8 text; if it is UTF-16, save it as UTF-8".into(),
+            ));
         }
         let headings: Vec<String> =
             record.iter().map(|h| String::from_utf8_lossy(h.trim_ascii()).into_owned()).collect();
@@ -133,7 +158,9 @@ impl Stream {
             )));
         }
         if let [only] = headings.as_slice()
-            && let Some(other) = [',', ';', '\t', '|'].into_iter().find(|c| *c != config.delimiter && only.contains(*c))
+            && let Some(other) = [',', ';', '\t', '|']
+                .into_iter()
+                .find(|c| *c != config.delimiter && only.contains(*c))
         {
             return Err(fail(format!(
                 "the columns seem to be separated by {other:?}: set files.{name}.delimiter = {:?}",
@@ -219,7 +246,8 @@ impl Stream {
 
     /// Heading and content of a cell, for a message.
     fn cell(&self, column: usize) -> String {
-        let cell = String::from_utf8_lossy(self.record.get(column).unwrap_or_default().trim_ascii());
+        let cell =
+            String::from_utf8_lossy(self.record.get(column).unwrap_or_default().trim_ascii());
         let (heading, short) = (&self.headings[column], cell.chars().take(40).collect::<String>());
         format!("{heading} = {short:?}")
     }
@@ -239,18 +267,29 @@ impl Stream {
     }
 
     /// A cell that is no finite number: a channel that is missing, or an error.
-    fn no_number(&self, column: usize, text: Option<&str>, number: Option<f64>) -> Result<(), Problem> {
-        let absent = number.is_some() || text.is_some_and(|t| ABSENT.iter().any(|a| a.eq_ignore_ascii_case(t)));
+    fn no_number(
+        &self,
+        column: usize,
+        text: Option<&str>,
+        number: Option<f64>,
+    ) -> Result<(), Problem> {
+        let absent = number.is_some()
+            || text.is_some_and(|t| ABSENT.iter().any(|a| a.eq_ignore_ascii_case(t)));
         if absent && self.nan == Nan::Missing {
             return Ok(());
         }
         let cell = self.cell(column);
         let text = match text {
             _ if absent => {
-                format!("{cell} is not finite; leave such cells empty, or set files.{}.nan = \"missing\"", self.name)
+                format!(
+                    "{cell} is not finite; leave such cells empty, or set files.{}.nan = \"missing\"",
+                    self.name
+                )
             }
             None => format!("{cell} is not UTF-8 text: the file is damaged or not text"),
-            Some(t) if t.contains(',') => format!("{cell} is no number: a decimal point is needed, not a comma"),
+            Some(t) if t.contains(',') => {
+                format!("{cell} is no number: a decimal point is needed, not a comma")
+            }
             Some(_) => format!("{cell} is no number; leave a cell empty where there is no value"),
         };
         // a number can be cut off only in the last cell: "-9.81e-"
@@ -266,7 +305,10 @@ impl Stream {
             time::write_seconds(before - time, &mut step);
             format!("goes back by {} s", String::from_utf8_lossy(&step))
         };
-        let remedy = format!("sort the file, or set files.{}.disorder = \"skip\" to leave such rows out", self.name);
+        let remedy = format!(
+            "sort the file, or set files.{}.disorder = \"skip\" to leave such rows out",
+            self.name
+        );
         Problem { text: format!("{cell} {what}; {remedy}"), cut: false }
     }
 }
@@ -275,7 +317,9 @@ impl Source for Stream {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
         loop {
             let more = self.reader.read_byte_record(&mut self.record);
-            if !more.map_err(|e| StreamError(format!("{}: cannot be read: {e}", self.path.display())))? {
+            if !more
+                .map_err(|e| StreamError(format!("{}: cannot be read: {e}", self.path.display())))?
+            {
                 return Ok(false);
             }
             match self.row(sample) {
@@ -287,7 +331,9 @@ impl Source for Stream {
                 }
                 Err(problem) => {
                     let place = format!("{}:{}", self.path.display(), self.line());
-                    if problem.cut && tail::ends_within_line(&self.path, self.reader.position().byte()) {
+                    if problem.cut
+                        && tail::ends_within_line(&self.path, self.reader.position().byte())
+                    {
                         self.cut = Some(format!(
                             "{place}: the file ends within this line, which is not used: was it cut off?"
                         ));
@@ -306,7 +352,10 @@ impl Source for Stream {
     fn warning(&mut self) -> Option<String> {
         let skipped = self.skipped.take().map(|(count, first)| {
             let rows = if count == 1 { "row is".to_owned() } else { format!("{count} rows are") };
-            format!("{}:{first}: {rows} left out, not later than the row before", self.path.display())
+            format!(
+                "{}:{first}: {rows} left out, not later than the row before",
+                self.path.display()
+            )
         });
         let texts: Vec<String> = skipped.into_iter().chain(self.cut.take()).collect();
         (!texts.is_empty()).then(|| texts.join("; "))

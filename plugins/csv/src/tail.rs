@@ -16,7 +16,9 @@ pub fn last_lines(path: &Path) -> Option<Vec<Vec<u8>>> {
     let mut bytes = Vec::new();
     file.take(TAIL).read_to_end(&mut bytes).ok()?;
     let lines = bytes.split(|b| *b == b'\n').map(<[u8]>::trim_ascii_end);
-    Some(lines.filter(|l| !l.is_empty() && !l.starts_with(b"#")).rev().map(<[u8]>::to_vec).collect())
+    Some(
+        lines.filter(|l| !l.is_empty() && !l.starts_with(b"#")).rev().map(<[u8]>::to_vec).collect(),
+    )
 }
 
 /// Whether a file ends at that byte, without the end of a line.

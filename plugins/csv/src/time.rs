@@ -1,6 +1,6 @@
 //! Time stamps, exactly: from decimal text to nanoseconds without a binary fraction between.
 
-use navfuse_core::time::Time;
+use navfuse_core::units::time::Time;
 
 /// Why a cell is no time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,14 +48,19 @@ pub fn parse(text: &[u8], unit: u64) -> Result<Time, TimeError> {
     match rest {
         [] => {}
         [b'e' | b'E', exponent @ ..] => {
-            let exponent: i64 =
-                std::str::from_utf8(exponent).ok().and_then(|e| e.parse().ok()).ok_or(TimeError::NotANumber)?;
+            let exponent: i64 = std::str::from_utf8(exponent)
+                .ok()
+                .and_then(|e| e.parse().ok())
+                .ok_or(TimeError::NotANumber)?;
             power = power.saturating_add(exponent);
         }
         _ => return Err(TimeError::NotANumber),
     }
     let magnitude = scaled(mantissa, power, unit).ok_or(TimeError::TooLarge)?;
-    let nanos = i64::try_from(magnitude).ok().filter(|n| *n < Time::MAX.nanos()).ok_or(TimeError::TooLarge)?;
+    let nanos = i64::try_from(magnitude)
+        .ok()
+        .filter(|n| *n < Time::MAX.nanos())
+        .ok_or(TimeError::TooLarge)?;
     Ok(Time::from_nanos(if negative { -nanos } else { nanos }))
 }
 
@@ -81,7 +86,8 @@ fn scaled(mantissa: u128, power: i64, unit: u64) -> Option<u128> {
 
 /// The time of a number of seconds, whose whole part is exact; `None` when too large.
 pub fn from_seconds(seconds: f64) -> Option<Time> {
-    let nanos = i128::from(seconds.trunc() as i64) * 1_000_000_000 + i128::from((seconds.fract() * 1e9).round() as i64);
+    let nanos = i128::from(seconds.trunc() as i64) * 1_000_000_000
+        + i128::from((seconds.fract() * 1e9).round() as i64);
     i64::try_from(nanos).ok().filter(|n| n.abs() < Time::MAX.nanos()).map(Time::from_nanos)
 }
 
@@ -146,12 +152,15 @@ mod tests {
 
     #[test]
     fn what_is_no_number_or_too_large_is_refused() {
-        for text in
-            ["", "-", ".", "e5", "1e", "1e+", "1 2", "1,5", "0x10", "1.2.3", "nan", "inf", "12:30:01", "1\u{b5}"]
-        {
+        for text in [
+            "", "-", ".", "e5", "1e", "1e+", "1 2", "1,5", "0x10", "1.2.3", "nan", "inf",
+            "12:30:01", "1\u{b5}",
+        ] {
             assert_eq!(nanos(text, S), Err(TimeError::NotANumber), "{text}");
         }
-        for text in ["1e10", "-1e10", "1e999999999999", "99999999999999999999999999999999999999999999"] {
+        for text in
+            ["1e10", "-1e10", "1e999999999999", "99999999999999999999999999999999999999999999"]
+        {
             assert_eq!(nanos(text, S), Err(TimeError::TooLarge), "{text}");
         }
     }

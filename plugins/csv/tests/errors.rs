@@ -20,7 +20,10 @@ fn open_error(file: impl AsRef<[u8]>, keys: &str) -> String {
 /// What a source refuses, behind the place of its table in the scenario.
 fn refused(error: &str) -> &str {
     let (place, why) = error.split_once(": source.").unwrap_or_else(|| panic!("{error}"));
-    assert!(place.strip_prefix("test.toml:").is_some_and(|line| line.parse::<usize>().is_ok()), "{error}");
+    assert!(
+        place.strip_prefix("test.toml:").is_some_and(|line| line.parse::<usize>().is_ok()),
+        "{error}"
+    );
     why.split_once(": ").unwrap_or_else(|| panic!("{error}")).1
 }
 
@@ -30,9 +33,18 @@ fn a_bad_row_is_named_with_line_column_value_and_remedy() {
         ("2,4,5\n", "dvl.csv:3: 3 cells, the header has 4"),
         ("2,4,5,6,7\n", "dvl.csv:3: 5 cells, the header has 4"),
         ("2,4,5,6,7", "dvl.csv:3: 5 cells, the header has 4"),
-        ("2,x,5,6\n", "dvl.csv:3: vel_x_mps = \"x\" is no number; leave a cell empty where there is no value"),
-        ("2,x,5,6", "dvl.csv:3: vel_x_mps = \"x\" is no number; leave a cell empty where there is no value"),
-        ("2,\"1,5\",5,6\n", "dvl.csv:3: vel_x_mps = \"1,5\" is no number: a decimal point is needed, not a comma"),
+        (
+            "2,x,5,6\n",
+            "dvl.csv:3: vel_x_mps = \"x\" is no number; leave a cell empty where there is no value",
+        ),
+        (
+            "2,x,5,6",
+            "dvl.csv:3: vel_x_mps = \"x\" is no number; leave a cell empty where there is no value",
+        ),
+        (
+            "2,\"1,5\",5,6\n",
+            "dvl.csv:3: vel_x_mps = \"1,5\" is no number: a decimal point is needed, not a comma",
+        ),
         (
             "2,4,5,nan\n",
             "dvl.csv:3: vel_z_mps = \"nan\" is not finite; leave such cells empty, or set files.dvl.nan = \"missing\"",
@@ -51,7 +63,10 @@ fn a_bad_row_is_named_with_line_column_value_and_remedy() {
         ),
         (",4,5,6\n", "dvl.csv:3: time_s = \"\" is no time: a decimal number is needed"),
         ("nan,4,5,6\n", "dvl.csv:3: time_s = \"nan\" is no time: a decimal number is needed"),
-        ("12:00:01,4,5,6\n", "dvl.csv:3: time_s = \"12:00:01\" is no time: a decimal number is needed"),
+        (
+            "12:00:01,4,5,6\n",
+            "dvl.csv:3: time_s = \"12:00:01\" is no time: a decimal number is needed",
+        ),
         (
             "1654321000123,4,5,6\n",
             "dvl.csv:3: time_s = \"1654321000123\" is more than 73 years from zero; is its unit another? Set files.dvl.time.unit",
@@ -86,15 +101,27 @@ fn bytes_that_are_not_text_are_named() {
 
 #[test]
 fn the_line_is_that_of_an_editor() {
-    for before in
-        ["", "\n\n", "# a\n# b\n", "\r\n\r\n", "2,4,5,6\n", "2,4,5,6\r\n", "2,\"4\",5,6\n\n", "2,,,\n#\n\n# a\r\n"]
-    {
+    for before in [
+        "",
+        "\n\n",
+        "# a\n# b\n",
+        "\r\n\r\n",
+        "2,4,5,6\n",
+        "2,4,5,6\r\n",
+        "2,\"4\",5,6\n\n",
+        "2,,,\n#\n\n# a\r\n",
+    ] {
         for end in ["", "\n", "\r\n", "\r\n\r\n# end\r\n"] {
-            for header in [DVL_HEADER.to_owned(), format!("\u{feff}{}", DVL_HEADER.replace('\n', "\r\n"))] {
+            for header in
+                [DVL_HEADER.to_owned(), format!("\u{feff}{}", DVL_HEADER.replace('\n', "\r\n"))]
+            {
                 let read = read_dvl(format!("{header}{before}3,x,5,6{end}"), "").unwrap();
                 let line = 2 + before.matches('\n').count();
                 let error = read.error.unwrap();
-                assert!(error.starts_with(&format!("dvl.csv:{line}: ")), "{before:?} {end:?}: {error}");
+                assert!(
+                    error.starts_with(&format!("dvl.csv:{line}: ")),
+                    "{before:?} {end:?}: {error}"
+                );
             }
         }
     }
@@ -177,7 +204,10 @@ fn a_bad_parameter_is_named_with_its_line_in_the_scenario() {
             "columns.vel_x = { colunm = \"vx\" }",
             "columns.vel_x.colunm: unknown key \"colunm\"; did you mean \"column\"? (allowed: column, unit, scale)",
         ),
-        ("disorder = \"ignore\"", "disorder = \"ignore\": unknown value \"ignore\" (allowed: error, skip)"),
+        (
+            "disorder = \"ignore\"",
+            "disorder = \"ignore\": unknown value \"ignore\" (allowed: error, skip)",
+        ),
         (
             "time = 5",
             "time = 5: found a whole number, expected the heading of a column, or a table such as { column = \"vx\", unit = \
@@ -185,15 +215,19 @@ fn a_bad_parameter_is_named_with_its_line_in_the_scenario() {
         ),
     ] {
         // after the six lines of the filter, five of the sensors and the table's own
-        assert_eq!(open_error(DVL_HEADER, keys), format!("test.toml:13: source.csv.files.dvl.{error}"));
+        assert_eq!(
+            open_error(DVL_HEADER, keys),
+            format!("test.toml:13: source.csv.files.dvl.{error}")
+        );
     }
 }
 
 #[test]
 fn a_missing_file_is_named_as_it_was_looked_for() {
     let here = folder(&[("dvl.csv", DVL_HEADER)]);
-    let error =
-        |sensors: &str, source: &str| refused(&assemble(here.path(), sensors, source, false).err().unwrap()).to_owned();
+    let error = |sensors: &str, source: &str| {
+        refused(&assemble(here.path(), sensors, source, false).err().unwrap()).to_owned()
+    };
     let absent = "cannot be opened: No such file or directory (os error 2)";
     assert_eq!(
         error(IMU, "[source.csv]\n"),

@@ -3,7 +3,9 @@
 
 mod common;
 
-use common::{DEPTH, DVL, DVL_HEADER, IMU, IMU_HEADER, REFERENCE, assemble, drain, folder, read_as, read_dvl};
+use common::{
+    DEPTH, DVL, DVL_HEADER, IMU, IMU_HEADER, REFERENCE, assemble, drain, folder, read_as, read_dvl,
+};
 
 fn one(values: &[f64]) -> Vec<Option<f64>> {
     values.iter().copied().map(Some).collect()
@@ -23,20 +25,30 @@ fn recordings_with_si_headings_need_no_mapping() {
         ),
     ]);
     let mut sources =
-        assemble(folder.path(), &[IMU, DVL, DEPTH, REFERENCE].concat(), "[source.csv]\n", false).unwrap().sources;
+        assemble(folder.path(), &[IMU, DVL, DEPTH, REFERENCE].concat(), "[source.csv]\n", false)
+            .unwrap()
+            .sources;
     let read: Vec<_> = sources.iter_mut().map(|(_, s)| drain(folder.path(), s.as_mut())).collect();
     assert_eq!(read.len(), 4);
     assert_eq!(read[0].nanos(), [0, 10_000_000]);
     assert_eq!(read[0].values(0), one(&[-0.0098, 0.0002, -0.0712, -0.0495, -0.0754, -9.7542]));
-    assert_eq!((read[1].nanos(), read[1].values(0)), (vec![1_040_000_000], one(&[2.063532, 0.309276, -0.012977])));
+    assert_eq!(
+        (read[1].nanos(), read[1].values(0)),
+        (vec![1_040_000_000], one(&[2.063532, 0.309276, -0.012977]))
+    );
     assert_eq!((read[2].nanos(), read[2].values(0)), (vec![590_000_000], one(&[19.867])));
     assert_eq!(read[3].nanos(), [-410_000_000]);
     let degrees = [32.84979443, 34.89223783, -0.284, -0.342, -168.389999].map(f64::to_radians);
-    let expected =
-        [degrees[0], degrees[1], -19.8599, -1.929191, -0.641182, 0.006672, degrees[2], degrees[3], degrees[4]];
+    let expected = [
+        degrees[0], degrees[1], -19.8599, -1.929191, -0.641182, 0.006672, degrees[2], degrees[3],
+        degrees[4],
+    ];
     for (found, expected) in read[3].values(0).iter().zip(expected) {
         // two roundings on either side: 4 times half an ulp of 2^-52
-        assert!((found.unwrap() - expected).abs() <= 2.0 * f64::EPSILON * expected.abs(), "{found:?} {expected}");
+        assert!(
+            (found.unwrap() - expected).abs() <= 2.0 * f64::EPSILON * expected.abs(),
+            "{found:?} {expected}"
+        );
     }
     for (k, read) in read.iter().enumerate() {
         assert!(read.samples.iter().all(|s| s.sensor.0 == k));
@@ -49,7 +61,8 @@ fn recordings_with_si_headings_need_no_mapping() {
 fn recordings_of_increments_need_no_mapping() {
     let file = "time_s,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dvel_x_mps,dvel_y_mps,dvel_z_mps\n\
                 0.01,0.000000000e+00,0.000000000e+00,-9.696273622e-07,0.000000e+00,0.000000e+00,-9.780327e-02\n";
-    let read = read_as("imu", &format!("{IMU}output = \"increments\"\n"), file.as_bytes(), "").unwrap();
+    let read =
+        read_as("imu", &format!("{IMU}output = \"increments\"\n"), file.as_bytes(), "").unwrap();
     assert_eq!(read.nanos(), [10_000_000]);
     assert_eq!(read.values(0), one(&[0.0, 0.0, -9.696273622e-7, 0.0, 0.0, -9.780327e-2]));
 }
@@ -81,7 +94,9 @@ fn times_are_exact_in_every_unit_and_epoch() {
         ("t", "2", "time = { column = \"t\", unit = \"min\" }", 120_000_000_000),
         ("stamp_ms", "7", "time = \"stamp_ms\"", 7_000_000),
     ] {
-        let read = read_dvl(format!("{heading},vel_x_mps,vel_y_mps,vel_z_mps\n{cell},1,2,3\n"), keys).unwrap();
+        let read =
+            read_dvl(format!("{heading},vel_x_mps,vel_y_mps,vel_z_mps\n{cell},1,2,3\n"), keys)
+                .unwrap();
         assert_eq!(read.nanos(), [nanos], "{heading} {cell}");
     }
 }
@@ -93,15 +108,31 @@ fn spelling_of_the_file_does_not_matter() {
         ("CRLF", "time_s,vel_x_mps,vel_y_mps,vel_z_mps\r\n1,1.5,-2,3e-1\r\n2,4,5,6\r\n"),
         ("BOM", "\u{feff}time_s,vel_x_mps,vel_y_mps,vel_z_mps\n1,1.5,-2,3e-1\n2,4,5,6\n"),
         ("no last line end", "time_s,vel_x_mps,vel_y_mps,vel_z_mps\n1,1.5,-2,3e-1\n2,4,5,6"),
-        ("blank lines", "\n\ntime_s,vel_x_mps,vel_y_mps,vel_z_mps\n\n1,1.5,-2,3e-1\n\n2,4,5,6\n \t\n\n"),
-        ("comments", "# DVL\ntime_s,vel_x_mps,vel_y_mps,vel_z_mps\n# down\n1,1.5,-2,3e-1\n2,4,5,6\n# end"),
+        (
+            "blank lines",
+            "\n\ntime_s,vel_x_mps,vel_y_mps,vel_z_mps\n\n1,1.5,-2,3e-1\n\n2,4,5,6\n \t\n\n",
+        ),
+        (
+            "comments",
+            "# DVL\ntime_s,vel_x_mps,vel_y_mps,vel_z_mps\n# down\n1,1.5,-2,3e-1\n2,4,5,6\n# end",
+        ),
         ("spaces", " time_s, vel_x_mps ,vel_y_mps,\tvel_z_mps\n1 , 1.5,-2, 3e-1 \n2,4,5,6\n"),
-        ("quotes", "\"time_s\",\"vel_x_mps\",\"vel_y_mps\",\"vel_z_mps\"\n\"1\",1.5,\"-2\",3e-1\n2,4,5,6\n"),
+        (
+            "quotes",
+            "\"time_s\",\"vel_x_mps\",\"vel_y_mps\",\"vel_z_mps\"\n\"1\",1.5,\"-2\",3e-1\n2,4,5,6\n",
+        ),
         ("signs", "time_s,vel_x_mps,vel_y_mps,vel_z_mps\n+1.,+1.5,-2.0,.3\n2e0,4E0,5.,6\n"),
-        ("other columns", "vel_x_mps,\u{e9},time_s,vel_z_mps,vel_y_mps\n1.5,\u{e9},1,3e-1,-2\n4,,2,6,5\n"),
+        (
+            "other columns",
+            "vel_x_mps,\u{e9},time_s,vel_z_mps,vel_y_mps\n1.5,\u{e9},1,3e-1,-2\n4,,2,6,5\n",
+        ),
     ] {
         let read = read_dvl(file, "").unwrap();
-        assert_eq!((&read.samples, &read.error, &read.warning), (&plain.samples, &None, &None), "{name}");
+        assert_eq!(
+            (&read.samples, &read.error, &read.warning),
+            (&plain.samples, &None, &None),
+            "{name}"
+        );
         assert_eq!(read.end, plain.end, "{name}");
     }
     assert_eq!(plain.samples.len(), 2);
@@ -114,8 +145,11 @@ fn an_empty_cell_is_a_missing_channel_and_a_row_without_any_no_sample() {
     assert_eq!(read.values(0), [Some(1.0), None, Some(3.0)]);
     assert_eq!(read.values(1), [None, Some(2.0)]);
     // and with nan = "missing", what says that it is no number
-    let read =
-        read_dvl(format!("{DVL_HEADER}1,nan,2,-inf\n2,NaN,NA,null\n3,1,2,1e999\n"), "nan = \"missing\"").unwrap();
+    let read = read_dvl(
+        format!("{DVL_HEADER}1,nan,2,-inf\n2,NaN,NA,null\n3,1,2,1e999\n"),
+        "nan = \"missing\"",
+    )
+    .unwrap();
     assert_eq!((read.nanos(), read.error.as_ref()), (vec![1_000_000_000, 3_000_000_000], None));
     assert_eq!(read.values(0), [None, Some(2.0)]);
     assert_eq!(read.values(1), [Some(1.0), Some(2.0)]);
@@ -126,10 +160,14 @@ fn sensors_can_share_a_file() {
     let all = "time_s,depth_m,vel_x_mps,vel_y_mps,vel_z_mps\n1,5,,,\n1.5,,1,2,3\n2,6,4,5,6\n";
     let folder = folder(&[("all.csv", all), ("imu.csv", IMU_HEADER)]);
     let source = "[source.csv.files]\ndvl.path = \"all.csv\"\ndepth.path = \"all.csv\"\n";
-    let mut sources = assemble(folder.path(), &[IMU, DVL, DEPTH].concat(), source, false).unwrap().sources;
+    let mut sources =
+        assemble(folder.path(), &[IMU, DVL, DEPTH].concat(), source, false).unwrap().sources;
     let dvl = drain(folder.path(), sources[1].1.as_mut());
     let depth = drain(folder.path(), sources[2].1.as_mut());
-    assert_eq!((dvl.nanos(), depth.nanos()), (vec![1_500_000_000, 2_000_000_000], vec![1_000_000_000, 2_000_000_000]));
+    assert_eq!(
+        (dvl.nanos(), depth.nanos()),
+        (vec![1_500_000_000, 2_000_000_000], vec![1_000_000_000, 2_000_000_000])
+    );
 }
 
 #[test]
@@ -137,7 +175,10 @@ fn rows_out_of_order_are_left_out_where_asked_and_counted() {
     let rows = "1,1,1,1\n1,2,2,2\n0.5,3,3,3\n2,4,4,4\n";
     let read = read_dvl(format!("{DVL_HEADER}{rows}"), "disorder = \"skip\"").unwrap();
     assert_eq!(read.nanos(), [1_000_000_000, 2_000_000_000]);
-    assert_eq!(read.warning.unwrap(), "dvl.csv:3: 2 rows are left out, not later than the row before");
+    assert_eq!(
+        read.warning.unwrap(),
+        "dvl.csv:3: 2 rows are left out, not later than the row before"
+    );
 }
 
 #[test]
@@ -151,7 +192,11 @@ fn a_file_that_was_cut_off_ends_with_a_warning() {
         assert_eq!(read.warning.as_deref(), (!whole).then_some(text), "{rest:?}");
         // of the last row that has all of its cells
         let cells = rest.split(',').count();
-        assert_eq!(read.end.unwrap().nanos(), if cells == 4 { 2_000_000_000 } else { 1_000_000_000 }, "{rest:?}");
+        assert_eq!(
+            read.end.unwrap().nanos(),
+            if cells == 4 { 2_000_000_000 } else { 1_000_000_000 },
+            "{rest:?}"
+        );
     }
 }
 
@@ -171,7 +216,10 @@ fn the_end_is_known_without_reading_the_file() {
 fn a_sensor_without_a_file_is_left_to_others_unless_it_drives() {
     let folder = folder(&[("imu.csv", IMU_HEADER)]);
     let sensors = [IMU, DVL, DEPTH].concat();
-    assert_eq!(assemble(folder.path(), &sensors, "[source.csv]\n", false).unwrap().sources.len(), 1);
+    assert_eq!(
+        assemble(folder.path(), &sensors, "[source.csv]\n", false).unwrap().sources.len(),
+        1
+    );
     // a disabled sensor may keep its file
     let off = format!("{IMU}{DVL}enabled = false\n");
     let source = "[source.csv.files.dvl]\npath = \"nowhere.csv\"\n";
@@ -180,7 +228,11 @@ fn a_sensor_without_a_file_is_left_to_others_unless_it_drives() {
     let one = common::folder(&[("a.csv", IMU_HEADER)]);
     std::fs::write(one.path().join("dvl.csv"), DVL_HEADER).unwrap();
     let source = "[source.csv.files.imu]\npath = \"a.csv\"\n[source.rest]\ntype = \"csv\"\n";
-    let names: Vec<String> =
-        assemble(one.path(), &[IMU, DVL].concat(), source, false).unwrap().sources.into_iter().map(|s| s.0).collect();
+    let names: Vec<String> = assemble(one.path(), &[IMU, DVL].concat(), source, false)
+        .unwrap()
+        .sources
+        .into_iter()
+        .map(|s| s.0)
+        .collect();
     assert_eq!(names, ["csv", "csv", "rest"]);
 }

@@ -12,14 +12,19 @@ const REFERENCE_HEADER: &str =
 
 /// Two seconds at rest, with a DVL at 2 Hz, one sample of which is far off.
 fn at_rest(sensors: &str, source: &str) -> tempfile::TempDir {
-    let imu: String = (1..=200).map(|k| format!("{}.{:02},0,0,0,0,0,-9.795\n", k / 100, k % 100)).collect();
+    let imu: String =
+        (1..=200).map(|k| format!("{}.{:02},0,0,0,0,0,-9.795\n", k / 100, k % 100)).collect();
     let folder = folder(&[
         ("imu.csv", format!("{IMU_HEADER}{imu}")),
         ("dvl.csv", format!("{DVL_HEADER}0.5,0.001,,0\n1,50,0,0\n1.5,0.001,0,0\n2,,,\n")),
-        ("reference.csv", format!("{REFERENCE_HEADER}0.1,32,34,0,0,0,0,0,0,0\n1,32,34,0,0,0,0,0,0,0\n")),
+        (
+            "reference.csv",
+            format!("{REFERENCE_HEADER}0.1,32,34,0,0,0,0,0,0,0\n1,32,34,0,0,0,0,0,0,0\n"),
+        ),
     ]);
-    let assembly = assemble(folder.path(), sensors, &format!("[source.csv]\n{source}"), true).unwrap();
-    let finished = navfuse_core::runner::run(assembly, &AtomicBool::new(false), |_| {});
+    let assembly =
+        assemble(folder.path(), sensors, &format!("[source.csv]\n{source}"), true).unwrap();
+    let finished = navfuse_core::run::runner::run(assembly, &AtomicBool::new(false), |_| {});
     assert!(finished.error.is_none(), "{:?}", finished.error);
     folder
 }
@@ -43,7 +48,9 @@ fn a_run_is_told_only_where_the_scenario_asks() {
 fn estimates_have_headings_with_units_and_a_row_an_epoch() {
     let folder = at_rest(&[IMU, DVL, REFERENCE].concat(), "[sink.csv]\n");
     let (header, rows) = table(&folder.path().join("estimate.csv"));
-    let place = |name: &str| header.iter().position(|h| h == name).unwrap_or_else(|| panic!("{name} in {header:?}"));
+    let place = |name: &str| {
+        header.iter().position(|h| h == name).unwrap_or_else(|| panic!("{name} in {header:?}"))
+    };
     assert_eq!(header[0], "time_s");
     for name in [
         "ins.position.latitude_deg",
@@ -72,8 +79,11 @@ fn estimates_have_headings_with_units_and_a_row_an_epoch() {
         (Some(32.0), Some(1.0))
     );
     // truth is known at 0.1 s and 1 s
-    let known: Vec<f64> =
-        rows.iter().filter(|r| at(r, "ins.velocity.east_error_mps").is_some()).map(|r| r[0].parse().unwrap()).collect();
+    let known: Vec<f64> = rows
+        .iter()
+        .filter(|r| at(r, "ins.velocity.east_error_mps").is_some())
+        .map(|r| r[0].parse().unwrap())
+        .collect();
     assert_eq!(known, [0.1, 1.0]);
 }
 
@@ -94,7 +104,14 @@ fn innovations_have_a_row_a_measurement() {
     let start: Vec<_> = rows.iter().map(|r| r[..3].join(" ")).collect();
     assert_eq!(start, ["0.5 dvl accepted", "1 dvl gated", "1.5 dvl accepted"]);
     // the channel that was not there is empty
-    assert!(rows[0][5].parse::<f64>().is_ok() && rows[0][7].is_empty() && rows[0][9].parse::<f64>().is_ok());
+    assert!(
+        rows[0][5].parse::<f64>().is_ok()
+            && rows[0][7].is_empty()
+            && rows[0][9].parse::<f64>().is_ok()
+    );
     // 50 m/s, and a sigma not below the sensor's 2 cm/s
-    assert!((rows[1][5].parse::<f64>().unwrap() - 50.0).abs() < 1.0 && rows[1][6].parse::<f64>().unwrap() >= 0.02);
+    assert!(
+        (rows[1][5].parse::<f64>().unwrap() - 50.0).abs() < 1.0
+            && rows[1][6].parse::<f64>().unwrap() >= 0.02
+    );
 }

@@ -4,17 +4,26 @@
 mod common;
 
 use common::{IMU, IMU_HEADER, assemble, folder};
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::stream::Source;
-use navfuse_core::time::Time;
+use navfuse_core::model::stream::Source;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use std::fmt::Write;
 
 fn imu(rows: usize) -> String {
     let mut text = IMU_HEADER.to_owned();
     for k in 0..rows {
         let (s, x) = (k as f64 * 0.01, (k % 977) as f64 * 1e-4);
-        writeln!(text, "{s:.2},{:.6},{:.6},{:.6},{:.6},{:.6},{:.6}", x, -x, 0.5 * x, x + 0.1, x - 0.2, x - 9.8)
-            .unwrap();
+        writeln!(
+            text,
+            "{s:.2},{:.6},{:.6},{:.6},{:.6},{:.6},{:.6}",
+            x,
+            -x,
+            0.5 * x,
+            x + 0.1,
+            x - 0.2,
+            x - 9.8
+        )
+        .unwrap();
     }
     text
 }

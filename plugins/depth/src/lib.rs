@@ -3,14 +3,17 @@
 //! `z = -h + e_D . C_b^n l + b` (Groves section 6.2.2, for a sensor that already converts pressure to depth).
 
 use navfuse_core::Real;
-use navfuse_core::calibration::{LengthBias, LeverArm, display};
-use navfuse_core::compose::{ComposeError, Composer, Role};
-use navfuse_core::manifold::{Scalar, Vector};
-use navfuse_core::measurement::{Jacobian, MeasurementModel};
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::{LengthBias, LeverArm};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::{Jacobian, MeasurementModel};
+use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector};
-use navfuse_core::registry::{Need, Plugin, Registry, SensorType};
-use navfuse_core::sample::Channel;
+use navfuse_core::plugin::{Need, Plugin, Registry, SensorType};
+use navfuse_core::state::display;
+use navfuse_core::state::manifold::{Scalar, Vector};
 use navfuse_core::state::{Handle, View};
+use navfuse_core::units::sample::Channel;
 use navfuse_core::units::{Length, Sigma};
 use navfuse_ins::Navigation;
 use schemars::JsonSchema;
@@ -44,7 +47,12 @@ impl SensorType for Depth {
         Ok(Role::measurement(DepthModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
             bias: self.bias.block(composer, "bias", &[0.0], display::LENGTH)?,
-            lever_arm: self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
+            lever_arm: self.lever_arm.block(
+                composer,
+                "lever_arm",
+                &[0.0; 3],
+                display::LEVER_ARM,
+            )?,
             sigma: self.noise.value().si(),
         }))
     }

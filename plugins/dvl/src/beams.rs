@@ -4,14 +4,16 @@ use crate::geometry::{MAX_BEAMS, count, directions};
 use crate::instrument::{Instrument, Settings, Track};
 use crate::sound::{Array, gains};
 use navfuse_core::Real;
-use navfuse_core::calibration::{LeverArm, Misalignment, ScaleFactor};
-use navfuse_core::compose::{ComposeError, Composer, Role};
-use navfuse_core::measurement::MeasurementModel;
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::sensor::Role;
+use navfuse_core::model::simulate::Scene;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3, convert};
-use navfuse_core::registry::SensorType;
-use navfuse_core::sample::{Channel, Sample};
-use navfuse_core::simulate::Scene;
+use navfuse_core::plugin::SensorType;
 use navfuse_core::state::View;
+use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{Angle, Positive, Ratio, Sigma, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -89,7 +91,11 @@ impl SensorType for DvlBeams {
 }
 
 impl DvlBeams {
-    fn role<const N: usize>(&self, beams: &[Vector3<f64>; N], composer: &mut Composer) -> Result<Role, ComposeError> {
+    fn role<const N: usize>(
+        &self,
+        beams: &[Vector3<f64>; N],
+        composer: &mut Composer,
+    ) -> Result<Role, ComposeError> {
         let settings = Settings {
             scale: self.scale,
             misalignment: self.misalignment,
@@ -111,10 +117,15 @@ impl DvlBeams {
 
     fn sound(&self, array: Array, beams: &[Vector3<f64>]) -> Result<Option<Sound>, ComposeError> {
         let Some(set) = self.assumed_sound_speed else {
-            let given =
-                [("array", self.array.is_some()), ("simulated_sound_speed", self.simulated_sound_speed.is_some())];
+            let given = [
+                ("array", self.array.is_some()),
+                ("simulated_sound_speed", self.simulated_sound_speed.is_some()),
+            ];
             return match given.iter().find(|(_, given)| *given) {
-                Some((key, _)) => Err(ComposeError::new(*key, "has no effect without `assumed_sound_speed`; add that")),
+                Some((key, _)) => Err(ComposeError::new(
+                    *key,
+                    "has no effect without `assumed_sound_speed`; add that",
+                )),
                 None => Ok(None),
             };
         };
@@ -123,7 +134,11 @@ impl DvlBeams {
             return Err(ComposeError::new("array", message));
         }
         let set = set.value().si();
-        Ok(Some(Sound { array, set, simulated: self.simulated_sound_speed.map_or(set, |c| c.value().si()) }))
+        Ok(Some(Sound {
+            array,
+            set,
+            simulated: self.simulated_sound_speed.map_or(set, |c| c.value().si()),
+        }))
     }
 }
 

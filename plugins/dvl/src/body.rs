@@ -2,13 +2,15 @@
 
 use crate::instrument::{Instrument, Settings, Track};
 use navfuse_core::Real;
-use navfuse_core::calibration::{LeverArm, Misalignment, ScaleFactor};
-use navfuse_core::compose::{ComposeError, Composer, Role};
-use navfuse_core::measurement::MeasurementModel;
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
-use navfuse_core::registry::SensorType;
-use navfuse_core::sample::Channel;
+use navfuse_core::plugin::SensorType;
 use navfuse_core::state::View;
+use navfuse_core::units::sample::Channel;
 use navfuse_core::units::{Sigma, Speed, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -58,7 +60,10 @@ impl SensorType for Dvl {
             track: self.track,
             current: self.current.as_deref(),
         };
-        Ok(Role::measurement(DvlModel { instrument: settings.build(composer)?, sigma: self.noise.value().si() }))
+        Ok(Role::measurement(DvlModel {
+            instrument: settings.build(composer)?,
+            sigma: self.noise.value().si(),
+        }))
     }
 }
 

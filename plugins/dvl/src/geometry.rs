@@ -1,6 +1,6 @@
 //! Where the beams point.
 
-use navfuse_core::compose::ComposeError;
+use navfuse_core::model::error::ComposeError;
 use navfuse_core::nalgebra::Vector3;
 use navfuse_core::units::Angle;
 use std::f64::consts::FRAC_PI_2;
@@ -26,11 +26,19 @@ pub(crate) fn directions(
     let place = if beams.is_some() { "beams" } else { "azimuth" };
     let found = count(azimuth, beams);
     if !(1..=MAX_BEAMS).contains(&found) {
-        return Err(ComposeError::new(place, format!("found {found} beams, 1 to {MAX_BEAMS} are possible")));
+        return Err(ComposeError::new(
+            place,
+            format!("found {found} beams, 1 to {MAX_BEAMS} are possible"),
+        ));
     }
     if let Some(beams) = beams {
-        if let Some((key, _)) = [("slant", slant.is_some()), ("azimuth", azimuth.is_some())].iter().find(|k| k.1) {
-            return Err(ComposeError::new(*key, "`beams` says already where the beams point; remove one of the two"));
+        if let Some((key, _)) =
+            [("slant", slant.is_some()), ("azimuth", azimuth.is_some())].iter().find(|k| k.1)
+        {
+            return Err(ComposeError::new(
+                *key,
+                "`beams` says already where the beams point; remove one of the two",
+            ));
         }
         return beams.iter().map(direction).collect();
     }
@@ -52,7 +60,8 @@ fn direction(axes: &[f64; 3]) -> Result<Vector3<f64>, ComposeError> {
     if unit.iter().all(|x| x.is_finite()) {
         Ok(unit)
     } else {
-        let message = format!("{axes:?} is no direction; give [forward, right, down], not all of them zero");
+        let message =
+            format!("{axes:?} is no direction; give [forward, right, down], not all of them zero");
         Err(ComposeError::new("beams", message))
     }
 }

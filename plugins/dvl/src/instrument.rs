@@ -1,10 +1,12 @@
 //! What every Doppler velocity log has: where it is, how it is turned, how it is scaled, and what it sees.
 
 use navfuse_core::Real;
-use navfuse_core::calibration::{LeverArm, Misalignment, ScaleFactor, display};
-use navfuse_core::compose::{ComposeError, Composer};
-use navfuse_core::manifold::{Rotation, Scalar, Vector};
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
+use navfuse_core::model::error::ComposeError;
 use navfuse_core::nalgebra::Vector3;
+use navfuse_core::state::display;
+use navfuse_core::state::manifold::{Rotation, Scalar, Vector};
 use navfuse_core::state::{Handle, View};
 use navfuse_ins::Navigation;
 use schemars::JsonSchema;
@@ -48,15 +50,16 @@ impl Settings<'_> {
         let navigation = Navigation::find(composer, "navigation", self.navigation)?;
         let current = match (self.track, self.current) {
             (Track::Bottom, None) => None,
-            (Track::Water, Some(name)) => Some(composer.find("current", &format!("{name}.current"))?),
+            (Track::Water, Some(name)) => {
+                Some(composer.find("current", &format!("{name}.current"))?)
+            }
             (Track::Water, None) => {
                 let message = "water tracking needs the current of the water: add [process.water] type = \"water-current\" \
                                and current = \"water\" here";
                 return Err(ComposeError::new("track", message));
             }
             (Track::Bottom, Some(_)) => {
-                let message =
-                    "the velocity over the bottom has no current in it; remove this key, or set track = \"water\"";
+                let message = "the velocity over the bottom has no current in it; remove this key, or set track = \"water\"";
                 return Err(ComposeError::new("current", message));
             }
         };
@@ -66,21 +69,34 @@ impl Settings<'_> {
     }
 
     /// Misalignment and lever arm: states of its own, or those of another sensor.
-    fn mounting(&self, composer: &mut Composer) -> Result<(Handle<Rotation>, Handle<Vector<3>>), ComposeError> {
+    fn mounting(
+        &self,
+        composer: &mut Composer,
+    ) -> Result<(Handle<Rotation>, Handle<Vector<3>>), ComposeError> {
         let Some(name) = self.transducer else {
-            let c_b_d = self.misalignment.block(composer, "misalignment", &[0.0; 3], display::ANGLES)?;
-            return Ok((c_b_d, self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?));
+            let c_b_d =
+                self.misalignment.block(composer, "misalignment", &[0.0; 3], display::ANGLES)?;
+            return Ok((
+                c_b_d,
+                self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
+            ));
         };
         let given = [("misalignment", self.misalignment != Misalignment::default())];
-        for (key, given) in given.into_iter().chain([("lever_arm", self.lever_arm != LeverArm::default())]) {
+        for (key, given) in
+            given.into_iter().chain([("lever_arm", self.lever_arm != LeverArm::default())])
+        {
             if given {
-                let message = format!("it is that of [sensor.{name}], which `transducer` names; remove one of the two");
+                let message = format!(
+                    "it is that of [sensor.{name}], which `transducer` names; remove one of the two"
+                );
                 return Err(ComposeError::new(key, message));
             }
         }
         let misalignment = composer.find("transducer", &format!("{name}.misalignment"));
         let misalignment = misalignment.map_err(|_| {
-            let message = format!("there is no DVL [sensor.{name}] above this one; name one, or put it first");
+            let message = format!(
+                "there is no DVL [sensor.{name}] above this one; name one, or put it first"
+            );
             ComposeError::new("transducer", message)
         })?;
         Ok((misalignment, composer.find("transducer", &format!("{name}.lever_arm"))?))

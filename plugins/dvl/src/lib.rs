@@ -21,7 +21,7 @@ pub use instrument::Track;
 pub use sound::Array;
 pub use water::WaterCurrent;
 
-use navfuse_core::registry::{Need, Plugin, Registry};
+use navfuse_core::plugin::{Need, Plugin, Registry};
 
 /// Registers the sensor types `dvl` and `dvl-beams` and the process type `water-current`.
 #[derive(Clone, Copy, Debug)]

@@ -1,12 +1,15 @@
 //! The current: a state of the water that sensors share.
 
-use navfuse_core::calibration::{Calibration, display};
-use navfuse_core::compose::{BuiltProcess, ComposeError, Composer};
-use navfuse_core::covariance::Transition;
-use navfuse_core::manifold::Vector;
-use navfuse_core::motion::Motion;
-use navfuse_core::process::{Interval, ProcessError, ProcessModel};
-use navfuse_core::registry::ProcessType;
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::Calibration;
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::motion::Motion;
+use navfuse_core::model::process::BuiltProcess;
+use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::plugin::ProcessType;
+use navfuse_core::state::covariance::Transition;
+use navfuse_core::state::display;
+use navfuse_core::state::manifold::Vector;
 use navfuse_core::state::{Layout, Mode, State};
 use navfuse_core::units::{AccelerationNoise, Positive, Speed, Triple};
 use schemars::JsonSchema;

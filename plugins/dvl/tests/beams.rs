@@ -5,11 +5,11 @@ mod common;
 
 use common::{Log, bound, compose, model, no_sample, predict, refused, run, set};
 use navfuse_core::ekf::Ekf;
-use navfuse_core::measurement::{At, jacobian_error};
+use navfuse_core::model::measurement::{At, jacobian_error};
+use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
+use navfuse_core::model::simulate::Random;
 use navfuse_core::nalgebra::{Matrix3x4, Matrix4x3, Vector3, Vector4};
-use navfuse_core::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
-use navfuse_core::sample::Sample;
-use navfuse_core::simulate::Random;
+use navfuse_core::units::sample::Sample;
 
 /// The quickstart's IMU, all calibration states estimated, two minutes with a dive and a turn.
 const SCENARIO: &str = r#"
@@ -57,7 +57,8 @@ fn janus() -> Matrix4x3<f64> {
 
 #[test]
 fn a_beam_reads_the_velocity_in_its_direction() {
-    let composition = compose(SCENARIO, &["sensor.dvl.lever_arm=\"0 m\"", "sensor.dvl.misalignment=\"0 deg\""]);
+    let composition =
+        compose(SCENARIO, &["sensor.dvl.lever_arm=\"0 m\"", "sensor.dvl.misalignment=\"0 deg\""]);
     let mut state = composition.layout.initial_state();
     let roundings = 1e-15;
     // heading east at 2 m/s, 1 m/s down: forward 2, right 0, down 1
@@ -65,11 +66,19 @@ fn a_beam_reads_the_velocity_in_its_direction() {
     set(&composition, &mut state, "ins.velocity", &[0.0, 2.0, 1.0]);
     let z = Vector4::from_vec(predict(&composition, "dvl", &state, &no_sample()));
     let (forward, down) = (2.0 * 0.5 * 0.5_f64.sqrt(), 0.75_f64.sqrt());
-    assert!((z - Vector4::new(forward + down, down - forward, down - forward, forward + down)).amax() < roundings);
+    assert!(
+        (z - Vector4::new(forward + down, down - forward, down - forward, forward + down)).amax()
+            < roundings
+    );
     // a plus of 20 deg: forward, right, aft, left
-    let plus = ["sensor.dvl.slant=\"20 deg\"", "sensor.dvl.azimuth=[\"0 deg\",\"90 deg\",\"180 deg\",\"270 deg\"]"];
-    let composition =
-        compose(SCENARIO, &[plus[0], plus[1], "sensor.dvl.lever_arm=\"0 m\"", "sensor.dvl.misalignment=\"0 deg\""]);
+    let plus = [
+        "sensor.dvl.slant=\"20 deg\"",
+        "sensor.dvl.azimuth=[\"0 deg\",\"90 deg\",\"180 deg\",\"270 deg\"]",
+    ];
+    let composition = compose(
+        SCENARIO,
+        &[plus[0], plus[1], "sensor.dvl.lever_arm=\"0 m\"", "sensor.dvl.misalignment=\"0 deg\""],
+    );
     let z = predict(&composition, "dvl", &state, &no_sample());
     let (sin, cos) = 20_f64.to_radians().sin_cos();
     assert!((z[0] - (2.0 * sin + cos)).abs() < roundings && (z[1] - cos).abs() < roundings);
@@ -89,7 +98,10 @@ fn a_beam_reads_the_velocity_in_its_direction() {
 }
 
 /// A state with every block and signal at random: angles to half a turn, lever arms and velocities of metres.
-fn random_state(composition: &navfuse_core::compose::Composition, random: &mut Random) -> navfuse_core::state::State {
+fn random_state(
+    composition: &navfuse_core::compose::Composition,
+    random: &mut Random,
+) -> navfuse_core::state::State {
     let mut state = composition.layout.initial_state();
     for block in &composition.layout.blocks {
         let mut u = || 2.0 * random.uniform() - 1.0;
@@ -109,7 +121,8 @@ fn the_jacobian_is_the_derivative() {
     let sound = ["sensor.dvl.assumed_sound_speed=\"1500 m/s\"", "sensor.dvl.array=\"phased\""];
     let water = "[process.water]\ntype = \"water-current\"\ncurrent = { sigma = \"1 m/s\" }\n";
     let tracks = ["sensor.dvl.track=\"water\"", "sensor.dvl.current=\"water\""];
-    let composition = compose(&format!("{SCENARIO}{water}"), &[sound[0], sound[1], tracks[0], tracks[1]]);
+    let composition =
+        compose(&format!("{SCENARIO}{water}"), &[sound[0], sound[1], tracks[0], tracks[1]]);
     let mut random = Random::new(1, "states");
     for case in 0..200 {
         let state = random_state(&composition, &mut random);
@@ -191,15 +204,29 @@ fn along(log: &Log, azimuth: f64) -> f64 {
 /// carry over some seconds, so that the sigma is below that of one sample. With depth, two beams see all of the velocity.
 #[test]
 fn one_beam_and_two_beams_aid() {
-    let calibrated = ["sensor.dvl.scale=1", "sensor.dvl.misalignment=\"0 deg\"", "sensor.dvl.lever_arm=\"0 m\""];
-    let with = |setting: &str| bound(SCENARIO, &[calibrated[0], calibrated[1], calibrated[2], setting]);
+    let calibrated =
+        ["sensor.dvl.scale=1", "sensor.dvl.misalignment=\"0 deg\"", "sensor.dvl.lever_arm=\"0 m\""];
+    let with =
+        |setting: &str| bound(SCENARIO, &[calibrated[0], calibrated[1], calibrated[2], setting]);
     let none = with("sensor.dvl.enabled=false");
     let one = with("sensor.dvl.azimuth=[\"45 deg\"]");
     let two = with("sensor.dvl.azimuth=[\"45 deg\", \"135 deg\"]");
     let four = with("sensor.dvl.gate=\"off\"");
     let position = |log: &Log| log.at(120.0).sigma;
-    println!("position {} {} {} {}", position(&none), position(&one), position(&two), position(&four));
-    println!("along {} {} {} {}", along(&none, 45.0), along(&one, 45.0), along(&two, 45.0), along(&four, 45.0));
+    println!(
+        "position {} {} {} {}",
+        position(&none),
+        position(&one),
+        position(&two),
+        position(&four)
+    );
+    println!(
+        "along {} {} {} {}",
+        along(&none, 45.0),
+        along(&one, 45.0),
+        along(&two, 45.0),
+        along(&four, 45.0)
+    );
     assert!(along(&none, 45.0) > 0.02 && along(&one, 45.0) < 0.01 && along(&two, 45.0) < 0.01);
     assert!(along(&two, 135.0) < 0.01 && along(&one, 135.0) > 2.0 * along(&two, 135.0));
     assert!(position(&one) < position(&none) && position(&two) < 0.5 * position(&none));
@@ -224,7 +251,8 @@ fn lost_beams_are_left_out_and_those_that_remain_fit() {
 /// beam as it is, and the instrument makes a velocity of it with `c0`.
 #[test]
 fn a_wrong_speed_of_sound_scales_a_piston_and_leaves_the_horizontal_of_a_phased_array() {
-    let aligned = ["sensor.dvl.scale=1", "sensor.dvl.misalignment=\"0 deg\"", "sensor.dvl.lever_arm=\"0 m\""];
+    let aligned =
+        ["sensor.dvl.scale=1", "sensor.dvl.misalignment=\"0 deg\"", "sensor.dvl.lever_arm=\"0 m\""];
     let assumed = "sensor.dvl.assumed_sound_speed=\"1500 m/s\"";
     let of = |array: &str, c: Option<f64>| {
         let composition = compose(SCENARIO, &[aligned[0], aligned[1], aligned[2], assumed, array]);
@@ -252,7 +280,8 @@ fn a_wrong_speed_of_sound_scales_a_piston_and_leaves_the_horizontal_of_a_phased_
     // Pathfinder DVL Guide (2018), page 127: sin(slant) is c / (2 x 1536 m/s); set to 1500 m/s in water of 1450 m/s, the
     // vertical velocity is to be multiplied by 0.9569
     let slant = format!("sensor.dvl.slant=\"{} rad\"", (1500.0_f64 / 3072.0).asin());
-    let sound = [assumed, "sensor.dvl.array=\"phased\"", &slant, aligned[0], aligned[1], aligned[2]];
+    let sound =
+        [assumed, "sensor.dvl.array=\"phased\"", &slant, aligned[0], aligned[1], aligned[2]];
     let composition = compose(SCENARIO, &sound);
     let mut state = composition.layout.initial_state();
     set(&composition, &mut state, "ins.velocity", &[0.0, 0.0, 1.0]);
@@ -269,7 +298,10 @@ fn a_wrong_speed_of_sound_scales_a_piston_and_leaves_the_horizontal_of_a_phased_
 #[test]
 fn a_measured_speed_of_sound_keeps_a_scale_error_out() {
     // 1 % between 1485 and 1500 m/s would be 10 sigma of a scale that is known to 0.1 %
-    let sound = ["sensor.dvl.assumed_sound_speed=\"1500 m/s\"", "sensor.dvl.simulated_sound_speed=\"1485 m/s\""];
+    let sound = [
+        "sensor.dvl.assumed_sound_speed=\"1500 m/s\"",
+        "sensor.dvl.simulated_sound_speed=\"1485 m/s\"",
+    ];
     let log = run(SCENARIO, &[sound[0], sound[1], "sensor.dvl.scale={ sigma = \"0.1 %\" }"]);
     let dvl = compose(SCENARIO, &[]).sensor("dvl").unwrap();
     let (mean, tolerance) = log.mean_nis(dvl);
@@ -293,7 +325,10 @@ fn what_does_not_fit_is_told() {
             "sensor.dvl={ type = \"dvl-beams\", noise = \"1 cm/s\", track = \"water\", current = \"sea\" }",
             "sea.current",
         ),
-        ("sensor.dvl={ type = \"dvl-beams\", noise = \"1 cm/s\", slant = \"20 deg\", beams = [[0,0,1]] }", "slant"),
+        (
+            "sensor.dvl={ type = \"dvl-beams\", noise = \"1 cm/s\", slant = \"20 deg\", beams = [[0,0,1]] }",
+            "slant",
+        ),
     ];
     for (setting, expected) in cases {
         let message = refused(SCENARIO, &[setting]);

@@ -3,8 +3,8 @@
 //! The paper: north-up-east and forward-up-right; ours: north-east-down and forward-right-down. Both pairs differ by the
 //! same rotation about the first axis, so that roll and pitch keep their sign and yaw about up is minus yaw about down.
 
-use navfuse_core::manifold::{Manifold, Rotation};
 use navfuse_core::nalgebra::{Matrix3, Vector3};
+use navfuse_core::state::manifold::{Manifold, Rotation};
 
 /// The largest rounding of a product of three rotation matrices, several times over.
 const ROUNDING: f64 = 1e-14;
@@ -37,7 +37,9 @@ fn ours(roll: f64, pitch: f64, yaw: f64) -> Matrix3<f64> {
 /// Triples of angles that cover the axes, their signs and large values.
 fn angles() -> impl Iterator<Item = [f64; 3]> {
     let values = [-2.9, -0.7, -0.1, 0.0, 0.3, 1.2];
-    values.into_iter().flat_map(move |a| values.into_iter().flat_map(move |b| values.map(|c| [a, b, 0.5 * c])))
+    values
+        .into_iter()
+        .flat_map(move |a| values.into_iter().flat_map(move |b| values.map(|c| [a, b, 0.5 * c])))
 }
 
 #[test]
@@ -76,7 +78,8 @@ fn the_output_of_the_dvl_is_that_of_equation_7() {
 #[test]
 fn a_vehicle_yawed_by_minus_ten_degrees_about_up_heads_ten_degrees_east_of_north() {
     // North, up, east and forward, up, right in place of the instrument's frames: eq. (16) is C_n^b.
-    let c_n_b = PAPER_TO_OURS * equation_16(0.0, (-10_f64).to_radians(), 0.0) * PAPER_TO_OURS.transpose();
+    let c_n_b =
+        PAPER_TO_OURS * equation_16(0.0, (-10_f64).to_radians(), 0.0) * PAPER_TO_OURS.transpose();
     let forward = c_n_b.transpose() * Vector3::x();
     assert!((forward.y.atan2(forward.x) - 10_f64.to_radians()).abs() < ROUNDING);
 }

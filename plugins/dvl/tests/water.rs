@@ -31,20 +31,27 @@ const SAME: &str = "sensor.water-track={ type = \"dvl-beams\", noise = \"3 cm/s\
 #[test]
 fn one_transducer_has_one_misalignment_and_one_lever_arm_whatever_it_tracks() {
     let composition = compose(SCENARIO, &[&format!("{SAME} }}")]);
-    let of = |sensor: &str| composition.layout.blocks.iter().filter(|b| b.name.starts_with(sensor)).count();
+    let of = |sensor: &str| {
+        composition.layout.blocks.iter().filter(|b| b.name.starts_with(sensor)).count()
+    };
     assert_eq!((of("bottom-track."), of("water-track.")), (3, 1), "the scale factor is its own");
     let mut state = composition.layout.initial_state();
     set(&composition, &mut state, "ins.velocity", &[2.0, 0.3, -0.1]);
     set(&composition, &mut state, "bottom-track.misalignment", &[0.01, -0.02, 0.05]);
     // no current, no error of scale: both read the same
-    let [bottom, water] = ["bottom-track", "water-track"].map(|s| predict(&composition, s, &state, &no_sample()));
+    let [bottom, water] =
+        ["bottom-track", "water-track"].map(|s| predict(&composition, s, &state, &no_sample()));
     assert_eq!(bottom, water);
 }
 
 #[test]
 fn a_transducer_that_is_not_there_or_is_mounted_twice_is_refused() {
-    let twice = refused(SCENARIO, &[&format!("{SAME}, lever_arm = [\"1 m\", \"0 m\", \"0 m\"] }}")]);
-    assert!(twice.contains("lever_arm") && twice.contains("it is that of [sensor.bottom-track]"), "{twice}");
+    let twice =
+        refused(SCENARIO, &[&format!("{SAME}, lever_arm = [\"1 m\", \"0 m\", \"0 m\"] }}")]);
+    assert!(
+        twice.contains("lever_arm") && twice.contains("it is that of [sensor.bottom-track]"),
+        "{twice}"
+    );
     let none = refused(SCENARIO, &[&format!("{SAME} }}").replace("bottom-track", "botom")]);
     assert!(none.contains("there is no DVL [sensor.botom] above this one"), "{none}");
 }
@@ -60,11 +67,18 @@ fn a_current_is_gauss_markov_of_an_hour_unless_the_scenario_says_otherwise() {
     let hour = Dynamics::GaussMarkov { sigma: sigma.clone(), time: 3600.0 };
     assert_eq!(of("process.water.current={ sigma = \"20 cm/s\" }"), (hour, true));
     let day = Dynamics::GaussMarkov { sigma, time: 86400.0 };
-    assert_eq!(of("process.water.current={ sigma = \"20 cm/s\", correlation_time = \"1 day\" }"), (day, true));
-    let (walk, _) = of("process.water.current={ sigma = \"20 cm/s\", random_walk = \"1 mm/s/sqrt(s)\" }");
+    assert_eq!(
+        of("process.water.current={ sigma = \"20 cm/s\", correlation_time = \"1 day\" }"),
+        (day, true)
+    );
+    let (walk, _) =
+        of("process.water.current={ sigma = \"20 cm/s\", random_walk = \"1 mm/s/sqrt(s)\" }");
     assert_eq!(walk, Dynamics::RandomWalk(vec![0.001 * 0.001; 3]));
     // known from elsewhere, as of a model of the tide
-    assert_eq!(of("process.water.current=[\"10 cm/s\", \"0 m/s\", \"0 m/s\"]"), (Dynamics::Constant, false));
+    assert_eq!(
+        of("process.water.current=[\"10 cm/s\", \"0 m/s\", \"0 m/s\"]"),
+        (Dynamics::Constant, false)
+    );
 }
 
 /// What is known of the position when the bottom is back, from what can be said by hand:

@@ -7,16 +7,19 @@
 //! squared is the same as in metres.
 
 use navfuse_core::Real;
-use navfuse_core::calibration::{Calibration, LeverArm, display};
-use navfuse_core::compose::{ComposeError, Composer, Role};
-use navfuse_core::geodesy::radii_of_curvature;
-use navfuse_core::manifold::Vector;
-use navfuse_core::measurement::MeasurementModel;
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::{Calibration, LeverArm};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::sensor::Role;
+use navfuse_core::model::simulate::Scene;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
-use navfuse_core::registry::{Need, Plugin, Registry, SensorType};
-use navfuse_core::sample::{Channel, Sample};
-use navfuse_core::simulate::Scene;
+use navfuse_core::plugin::{Need, Plugin, Registry, SensorType};
+use navfuse_core::state::display;
+use navfuse_core::state::geodesy::radii_of_curvature;
+use navfuse_core::state::manifold::Vector;
 use navfuse_core::state::{Display, Handle, View};
+use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{Length, LengthRandomWalk, Positive, Ratio, Sigma, Speed, Triple};
 use navfuse_ins::Navigation;
 use schemars::JsonSchema;
@@ -53,10 +56,12 @@ fn one() -> Positive<Ratio> {
 }
 
 const BIAS: Display = Display { unit: "m", scale: 1.0, components: &["north", "east", "down"] };
-const POSITION: [Channel; 3] = [Channel::new("lat", "rad"), Channel::new("lon", "rad"), Channel::new("height", "m")];
+const POSITION: [Channel; 3] =
+    [Channel::new("lat", "rad"), Channel::new("lon", "rad"), Channel::new("height", "m")];
 const VELOCITY: [Channel; 3] =
     [Channel::new("vel_n", "mps"), Channel::new("vel_e", "mps"), Channel::new("vel_d", "mps")];
-const ACCURACY: [Channel; 3] = [Channel::new("h_acc", "m"), Channel::new("v_acc", "m"), Channel::new("s_acc", "mps")];
+const ACCURACY: [Channel; 3] =
+    [Channel::new("h_acc", "m"), Channel::new("v_acc", "m"), Channel::new("s_acc", "mps")];
 const LONGITUDE: usize = 1;
 
 impl SensorType for Gnss {
@@ -73,7 +78,12 @@ impl SensorType for Gnss {
         let model = GnssModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
             bias: self.bias.block(composer, "bias", &[0.0; 3], BIAS)?,
-            lever_arm: self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
+            lever_arm: self.lever_arm.block(
+                composer,
+                "lever_arm",
+                &[0.0; 3],
+                display::LEVER_ARM,
+            )?,
             horizontal: self.horizontal_noise.value().si(),
             vertical: self.vertical_noise.value().si(),
             velocity: self.velocity_noise.map_or_else(Vector3::zeros, |noise| noise.value().si()),
@@ -104,7 +114,8 @@ pub struct GnssModel {
 impl GnssModel {
     /// Latitude, longitude and height of the antenna, displaced by the bias.
     fn position<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
-        let displacement = x.get(self.navigation.attitude) * x.get(self.lever_arm) + x.get(self.bias);
+        let displacement =
+            x.get(self.navigation.attitude) * x.get(self.lever_arm) + x.get(self.bias);
         let antenna = x.get(self.navigation.position).displaced(&displacement);
         SVector::from([antenna.latitude, antenna.longitude, antenna.height])
     }
@@ -117,7 +128,9 @@ impl GnssModel {
 
     /// The accuracy that the receiver reports in a channel, if it does.
     fn reported(&self, x: &View<'_, f64>, channel: usize) -> Option<f64> {
-        x.channel(channel).filter(|accuracy| *accuracy > 0.0).map(|accuracy| accuracy * self.accuracy_factor)
+        x.channel(channel)
+            .filter(|accuracy| *accuracy > 0.0)
+            .map(|accuracy| accuracy * self.accuracy_factor)
     }
 
     /// Sigma of latitude and longitude (rad) and height (m); reported accuracies begin at the channel `first`.

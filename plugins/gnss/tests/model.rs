@@ -1,18 +1,20 @@
 //! The equation of a GNSS receiver against geometry in Earth-centred axes, and what a filter makes of it.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-use navfuse_core::compose::{Composition, Role};
-use navfuse_core::covariance::{Covariance, Update};
+use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
-use navfuse_core::geodesy::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, radii_of_curvature};
-use navfuse_core::measurement::{AnyMeasurement, At, jacobian_error};
+use navfuse_core::model::measurement::{AnyMeasurement, At, jacobian_error};
+use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{Matrix3, Vector3};
-use navfuse_core::registry::Registry;
-use navfuse_core::runner::{self, Finished};
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::runner::Finished;
+use navfuse_core::run::scenario::Scenario;
 use navfuse_core::state::State;
-use navfuse_core::time::Time;
+use navfuse_core::state::covariance::{Covariance, Update};
+use navfuse_core::state::geodesy::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, radii_of_curvature};
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -59,7 +61,10 @@ const SCENARIO: &str = r#"
 
 fn scenario<T>(settings: &[&str], f: impl FnOnce(Scenario<'_>) -> T) -> T {
     let mut registry = Registry::new();
-    registry.add(&navfuse_ins::InsPlugin).add(&navfuse_gnss::GnssPlugin).add(&navfuse_simulation::SimulationPlugin);
+    registry
+        .add(&navfuse_ins::InsPlugin)
+        .add(&navfuse_gnss::GnssPlugin)
+        .add(&navfuse_simulation::SimulationPlugin);
     let document = Document::parse("antimeridian.toml", SCENARIO).expect("a scenario");
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
     f(Scenario::new(&registry, document, &settings).unwrap_or_else(|e| panic!("{e}")))
@@ -83,14 +88,18 @@ impl Bench {
     fn new(settings: &[&str], position: [f64; 3]) -> Self {
         let composition = scenario(settings, |s| s.compose().unwrap_or_else(|e| panic!("{e}")));
         let mut state = composition.layout.initial_state();
-        let coordinates =
-            [("ins.position", position), ("ins.attitude", [0.2, -0.1, 2.0]), ("ins.velocity", [3.0, -2.0, 0.5])];
+        let coordinates = [
+            ("ins.position", position),
+            ("ins.attitude", [0.2, -0.1, 2.0]),
+            ("ins.velocity", [3.0, -2.0, 0.5]),
+        ];
         for (name, values) in coordinates {
             let block = composition.layout.find(name).expect("a state of the INS");
             (block.operations.from_coordinates)(&values, &mut state.values[block.range()]);
         }
         state.signals.copy_from_slice(&[0.1, -0.2, 0.3]);
-        let Role::Measurement(model) = &composition.sensors[composition.sensor("gnss").expect("a receiver")].role
+        let Role::Measurement(model) =
+            &composition.sensors[composition.sensor("gnss").expect("a receiver")].role
         else {
             panic!("a receiver measures");
         };
@@ -141,7 +150,8 @@ fn c_n_e(latitude: f64, longitude: f64) -> Matrix3<f64> {
 const FIXED: [&str; 2] = ["sensor.gnss.lever_arm={}", "sensor.gnss.bias={}"];
 
 #[test]
-fn the_innovation_is_the_way_from_estimate_to_fix_in_metres_at_70_degrees_and_across_the_antimeridian() {
+fn the_innovation_is_the_way_from_estimate_to_fix_in_metres_at_70_degrees_and_across_the_antimeridian()
+ {
     // 4 m east of the first two is beyond 180 deg; -4 m east of the third too
     for longitude in [179.999_99, 180.0, -179.999_99, 12.0_f64] {
         for way in [[3.0, 4.0, -2.0], [-3.0, -4.0, 2.0]].map(Vector3::from) {
@@ -151,11 +161,14 @@ fn the_innovation_is_the_way_from_estimate_to_fix_in_metres_at_70_degrees_and_ac
             let mut update = bench.linearise(&sample(&fix));
             let (r_n, r_e) = radii_of_curvature(position[0]);
             let y = &update.innovation;
-            let metres = Vector3::new(y[0] * (r_n + 500.0), y[1] * (r_e + 500.0) * position[0].cos(), -y[2]);
+            let metres =
+                Vector3::new(y[0] * (r_n + 500.0), y[1] * (r_e + 500.0) * position[0].cos(), -y[2]);
             // The Earth falls away by way^2 tan(latitude) / R = 25 * 2.7 / 6.4e6 = 1.1e-5 m at the most.
             assert!((metres - way).amax() < 1.2e-5, "{longitude}: {metres} {way}");
             // With a certain state S = R: (3 m / 1 m)^2 + (4 m / 1 m)^2 + (2 m / 2 m)^2, each to 2 * 1.2e-5 m / way.
-            let nis = update.innovate(&Covariance::zero(bench.composition.layout.tangent)).expect("a noise");
+            let nis = update
+                .innovate(&Covariance::zero(bench.composition.layout.tangent))
+                .expect("a noise");
             assert!((nis - 26.0).abs() < 26.0 * 2e-5, "{nis}");
         }
     }
@@ -169,12 +182,18 @@ fn the_antenna_is_at_its_lever_arm_and_moves_with_the_rotation_of_the_body() {
     let mut h = [0.0; 6];
     bench.model.predict(&bench.at(&sample(&[])), &mut h);
     let block = bench.composition.layout.find("ins.attitude").expect("an attitude");
-    let c = navfuse_core::manifold::load_quaternion(&bench.state.values[block.range()]).to_rotation_matrix();
+    let c = navfuse_core::state::manifold::load_quaternion(&bench.state.values[block.range()])
+        .to_rotation_matrix();
     let l = Vector3::new(0.5, -0.3, -2.0);
     let antenna = from_ecef(&(to_ecef(position) + c_n_e(position[0], position[1]) * (c * l)));
     // 2.1 m: the Earth falls away by 4.4 / 6.4e6 = 7e-7 m, 1.1e-13 rad
-    assert!((h[0] - antenna[0]).abs() < 2e-13 && (h[1] - antenna[1]).abs() < 2e-13 && (h[2] - antenna[2]).abs() < 1e-6);
-    let earth = Vector3::new(position[0].cos(), 0.0, -position[0].sin()) * navfuse_ins::earth::EARTH_RATE;
+    assert!(
+        (h[0] - antenna[0]).abs() < 2e-13
+            && (h[1] - antenna[1]).abs() < 2e-13
+            && (h[2] - antenna[2]).abs() < 1e-6
+    );
+    let earth =
+        Vector3::new(position[0].cos(), 0.0, -position[0].sin()) * navfuse_ins::earth::EARTH_RATE;
     let rate = Vector3::new(0.1, -0.2, 0.3) - c.inverse() * earth; // gyro bias is zero
     let v = Vector3::new(3.0, -2.0, 0.5) + c * rate.cross(&l);
     assert!((Vector3::new(h[3], h[4], h[5]) - v).amax() < 1e-14, "{h:?} {v}");
@@ -260,11 +279,16 @@ fn nis_and_position_are_right_across_the_antimeridian_at_70_degrees() {
 #[test]
 fn a_wrong_key_or_unit_is_told_with_its_place() {
     let mut registry = Registry::new();
-    registry.add(&navfuse_ins::InsPlugin).add(&navfuse_gnss::GnssPlugin).add(&navfuse_simulation::SimulationPlugin);
+    registry
+        .add(&navfuse_ins::InsPlugin)
+        .add(&navfuse_gnss::GnssPlugin)
+        .add(&navfuse_simulation::SimulationPlugin);
     let told = |set: &str| {
         let document = Document::parse("antimeridian.toml", SCENARIO).expect("a scenario");
         let scenario = Scenario::new(&registry, document, &[set.to_owned()]);
-        let error = scenario.map_err(|e| e.to_string()).and_then(|s| s.compose().map_err(|e| e.to_string()));
+        let error = scenario
+            .map_err(|e| e.to_string())
+            .and_then(|s| s.compose().map_err(|e| e.to_string()));
         error.err().unwrap_or_else(|| panic!("{set} passes"))
     };
     for (set, place) in [

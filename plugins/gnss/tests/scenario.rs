@@ -3,22 +3,26 @@
 
 use navfuse_campaign::{Folder, Options, Plan, execute};
 use navfuse_core::document::Document;
-use navfuse_core::registry::Registry;
-use navfuse_core::runner;
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 fn registry() -> Registry {
     let mut registry = Registry::new();
-    registry.add(&navfuse_ins::InsPlugin).add(&navfuse_dvl::DvlPlugin).add(&navfuse_depth::DepthPlugin);
+    registry
+        .add(&navfuse_ins::InsPlugin)
+        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_depth::DepthPlugin);
     registry.add(&navfuse_gnss::GnssPlugin).add(&navfuse_simulation::SimulationPlugin);
     registry
 }
 
 fn document() -> Document {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/surface-dive.toml");
-    Document::parse("surface-dive.toml", std::fs::read_to_string(path).expect("the scenario")).expect("TOML")
+    Document::parse("surface-dive.toml", std::fs::read_to_string(path).expect("the scenario"))
+        .expect("TOML")
 }
 
 /// Root mean square over runs of the horizontal error (m), and of its sigma, of a run until `stop`.
@@ -27,12 +31,15 @@ fn horizontal(stop: &str) -> (f64, f64) {
     let runs = 1..=6;
     let (mut error, mut sigma) = (0.0, 0.0);
     for seed in runs.clone() {
-        let settings = [format!("seed={seed}"), format!("estimator.stop={stop}"), "estimator.draw=all".into()];
-        let scenario = Scenario::new(&registry, document(), &settings).unwrap_or_else(|e| panic!("{e}"));
+        let settings =
+            [format!("seed={seed}"), format!("estimator.stop={stop}"), "estimator.draw=all".into()];
+        let scenario =
+            Scenario::new(&registry, document(), &settings).unwrap_or_else(|e| panic!("{e}"));
         let assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
         let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
         assert!(finished.error.is_none(), "{:?}", finished.error);
-        let row = finished.summary.rows.iter().find(|r| r.name == "ins.position").expect("a position");
+        let row =
+            finished.summary.rows.iter().find(|r| r.name == "ins.position").expect("a position");
         error += row.error.as_ref().expect("a reference")[..2].iter().map(|e| e * e).sum::<f64>();
         sigma += row.sigma[..2].iter().map(|s| s * s).sum::<f64>();
     }
@@ -62,8 +69,10 @@ fn twenty_runs_are_consistent() {
     let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).expect("no folder");
     let stop = AtomicBool::new(false);
-    let done = execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, |record| folder.add(record));
-    let results = folder.finish(done.unwrap_or_else(|e| panic!("{e}"))).expect("nothing is written");
+    let done =
+        execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, |record| folder.add(record));
+    let results =
+        folder.finish(done.unwrap_or_else(|e| panic!("{e}"))).expect("nothing is written");
     let report = results.map(|r| r.report).expect("the whole campaign");
     let verdict = report.points[0].verdict.as_ref().expect("runs have a verdict");
     assert!(verdict.consistent, "{verdict:#?}");

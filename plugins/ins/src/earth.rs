@@ -1,7 +1,7 @@
 //! Earth rotation and normal gravity in north-east-down axes.
 
 use nalgebra::Vector3;
-use navfuse_core::geodesy::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, FLATTENING};
+use navfuse_core::state::geodesy::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, FLATTENING};
 
 /// Earth rotation rate of WGS-84, rad/s.
 pub const EARTH_RATE: f64 = 7.292_115e-5;
@@ -77,7 +77,10 @@ impl LocalEarth {
             r_n_slope: 3.0 * r_n * E2 * sin * cos * inv_w2,
             r_e_slope,
             gravity: g0 * with_height,
-            gravity_latitude: 2.0 * sin * cos * (g0_s2 * with_height + g0 * 4.0 * FLATTENING / A * height),
+            gravity_latitude: 2.0
+                * sin
+                * cos
+                * (g0_s2 * with_height + g0 * 4.0 * FLATTENING / A * height),
             gravity_height: g0 * (6.0 / (A * A) * height - gradient),
         }
     }
@@ -115,7 +118,7 @@ pub fn normal_gravity(latitude: f64, height: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use navfuse_core::geodesy::radii_of_curvature;
+    use navfuse_core::state::geodesy::radii_of_curvature;
 
     #[test]
     fn normal_gravity_has_the_published_values() {
@@ -136,7 +139,8 @@ mod tests {
             let here = LocalEarth::at(latitude, height);
             // Central differences: the third derivatives are of the order of the slopes, so 1e-8 of their scale.
             let d = 1e-4;
-            let (north, south) = (radii_of_curvature(latitude + d), radii_of_curvature(latitude - d));
+            let (north, south) =
+                (radii_of_curvature(latitude + d), radii_of_curvature(latitude - d));
             let g = |l: f64, h: f64| normal_gravity(latitude + l, height + h);
             assert!((here.r_n_slope - (north.0 - south.0) / (2.0 * d)).abs() < 1e-2);
             assert!((here.r_e_slope - (north.1 - south.1) / (2.0 * d)).abs() < 1e-2);

@@ -65,11 +65,13 @@ impl ErrorDynamics {
         let earth_p = Vector3::new(-e.sin, 0.0, -e.cos) * (EARTH_RATE * e.inv_n);
         let east_n = -east * e.inv_e * e.r_e_slope * e.inv_n;
         let north_n = -north * e.inv_n * e.r_n_slope * e.inv_n;
-        let transport_n = Vector3::new(east_n, -north_n, -east_n * tan - east * e.inv_cos * e.inv_cos * e.inv_n);
+        let transport_n =
+            Vector3::new(east_n, -north_n, -east_n * tan - east * e.inv_cos * e.inv_cos * e.inv_n);
         let (east_d, north_d) = (east * e.inv_e, north * e.inv_n);
         let transport_d = Vector3::new(east_d, -north_d, -east_d * tan);
 
-        let v_p_n = v.cross(&(earth_p * 2.0 + transport_n)) + Vector3::new(0.0, 0.0, e.gravity_latitude * e.inv_n);
+        let v_p_n = v.cross(&(earth_p * 2.0 + transport_n))
+            + Vector3::new(0.0, 0.0, e.gravity_latitude * e.inv_n);
         let v_p_d = v.cross(&transport_d) - Vector3::new(0.0, 0.0, e.gravity_height);
         let zero = Vector3::zeros();
         let w_in = rates.earth_rate + rates.transport_rate;
@@ -159,7 +161,7 @@ mod tests {
     use crate::mechanisation::{Increments, Mechanisation, NavState};
     use crate::testing::Uniform;
     use nalgebra::{SMatrix, SVector, UnitQuaternion};
-    use navfuse_core::geodesy::Geodetic;
+    use navfuse_core::state::geodesy::Geodetic;
 
     type Errors = SVector<f64, 15>;
 
@@ -172,7 +174,14 @@ mod tests {
             position: state.position.displaced(&part(6)),
         };
         let dt = sample.dt;
-        (perturbed, Increments { dtheta: sample.dtheta - part(9) * dt, dvel: sample.dvel - part(12) * dt, dt })
+        (
+            perturbed,
+            Increments {
+                dtheta: sample.dtheta - part(9) * dt,
+                dvel: sample.dvel - part(12) * dt,
+                dt,
+            },
+        )
     }
 
     fn local(state: &NavState, origin: &NavState) -> SVector<f64, 9> {
@@ -194,7 +203,10 @@ mod tests {
         let mut phi = SMatrix::<f64, 9, 15>::zeros();
         for j in 0..15 {
             let at = |k: f64| local(&run(&Errors::ith(j, k * steps[j])), &origin);
-            phi.set_column(j, &((8.0 * (at(1.0) - at(-1.0)) - (at(2.0) - at(-2.0))) / (12.0 * steps[j])));
+            phi.set_column(
+                j,
+                &((8.0 * (at(1.0) - at(-1.0)) - (at(2.0) - at(-2.0))) / (12.0 * steps[j])),
+            );
         }
         phi
     }
@@ -264,7 +276,10 @@ mod tests {
                 for (j, (block, bound)) in row.iter().enumerate() {
                     let exact: Matrix3<f64> = phi.fixed_view::<3, 3>(3 * i, 3 * j).into();
                     let error = (exact - block).amax();
-                    assert!(error < *bound, "case {case}, block {i} {j}: {error:e} of {bound:e}\n{exact}{block}");
+                    assert!(
+                        error < *bound,
+                        "case {case}, block {i} {j}: {error:e} of {bound:e}\n{exact}{block}"
+                    );
                 }
             }
         }
@@ -288,7 +303,10 @@ mod tests {
                 (2, 3, t.v_phi * t.phi_bg * (rates.dt / 6.0)),
             ] {
                 let exact: Matrix3<f64> = phi.fixed_view::<3, 3>(3 * i, 3 * j).into();
-                assert!((exact - block).amax() < 5e-2 * block.amax(), "block {i} {j}\n{exact}{block}");
+                assert!(
+                    (exact - block).amax() < 5e-2 * block.amax(),
+                    "block {i} {j}\n{exact}{block}"
+                );
             }
         }
     }

@@ -1,14 +1,17 @@
 //! The inertial measurement unit: a driving sensor, with its noise and its simulator.
 
 use nalgebra::Vector3;
-use navfuse_core::compose::{ComposeError, Composer, Role};
-use navfuse_core::manifold::Vector;
-use navfuse_core::registry::SensorType;
-use navfuse_core::sample::{Channel, Sample};
-use navfuse_core::simulate::{Scene, Simulate};
+use navfuse_core::compose::Composer;
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::sensor::Role;
+use navfuse_core::model::simulate::{Scene, Simulate};
+use navfuse_core::plugin::SensorType;
 use navfuse_core::state::Handle;
+use navfuse_core::state::manifold::Vector;
+use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{
-    Acceleration, AccelerationNoise, AngularRate, AngularRateNoise, Positive, Sigma, Time as Duration, Triple,
+    Acceleration, AccelerationNoise, AngularRate, AngularRateNoise, Positive, Sigma,
+    Time as Duration, Triple,
 };
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -87,7 +90,11 @@ impl Imu {
     /// Mean angular rate (rad/s) and specific force (m/s^2) of a sample that covers `interval` seconds; `None` if channels
     /// are missing.
     #[inline]
-    pub(crate) fn rates(&self, sample: &Sample, interval: f64) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    pub(crate) fn rates(
+        &self,
+        sample: &Sample,
+        interval: f64,
+    ) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let c: [f64; 6] = sample.array(0)?;
         let share = match self.output {
             Output::Rates => 1.0,

@@ -20,7 +20,7 @@ pub use navigation::{Navigation, default_name};
 pub use reference::ReferenceSolution;
 pub use strapdown::Strapdown;
 
-use navfuse_core::registry::{Plugin, Registry};
+use navfuse_core::plugin::{Plugin, Registry};
 
 /// Registers the sensor types `imu` and `reference` and the process type `ins`.
 #[derive(Clone, Copy, Debug)]

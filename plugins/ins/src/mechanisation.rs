@@ -7,7 +7,7 @@
 //! order.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
-use navfuse_core::geodesy::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, Geodetic};
+use navfuse_core::state::geodesy::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, Geodetic};
 use std::f64::consts::PI;
 use thiserror::Error;
 
@@ -70,19 +70,25 @@ pub struct StepRates {
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum MechanisationError {
     /// The interval is not a positive number of seconds.
-    #[error("the inertial interval is {dt} s: it must be positive; check that the samples are in time order")]
+    #[error(
+        "the inertial interval is {dt} s: it must be positive; check that the samples are in time order"
+    )]
     Interval {
         /// The interval, s.
         dt: f64,
     },
     /// North-east-down navigation has no meaning so near a pole.
-    #[error("the latitude reached {degrees:.4} deg: north-east-down navigation ends at 89.9 deg north and south")]
+    #[error(
+        "the latitude reached {degrees:.4} deg: north-east-down navigation ends at 89.9 deg north and south"
+    )]
     Latitude {
         /// The latitude, degrees.
         degrees: f64,
     },
     /// A number is infinite or not a number.
-    #[error("the inertial step's {what} is not finite: check the sensor's samples and the initial state")]
+    #[error(
+        "the inertial step's {what} is not finite: check the sensor's samples and the initial state"
+    )]
     NonFinite {
         /// What is not finite: a part of the state or of the increments that were given, or else the result.
         what: &'static str,
@@ -110,7 +116,11 @@ impl Mechanisation {
     /// # Errors
     /// See [`MechanisationError`]. Nothing is remembered of a step that failed.
     #[inline]
-    pub fn step(&mut self, state: &NavState, sample: &Increments) -> Result<(NavState, StepRates), MechanisationError> {
+    pub fn step(
+        &mut self,
+        state: &NavState,
+        sample: &Increments,
+    ) -> Result<(NavState, StepRates), MechanisationError> {
         self.step_part(state, sample, sample.dt)
     }
 
@@ -138,7 +148,8 @@ impl Mechanisation {
         let (next, rates) = advance(state, &rotation, &dvel, inc.dt);
         let p = &next.position;
         // A sum is finite only if all of its terms are.
-        let sum = next.c_b_n.coords.sum() + next.velocity.sum() + p.latitude + p.longitude + p.height;
+        let sum =
+            next.c_b_n.coords.sum() + next.velocity.sum() + p.latitude + p.longitude + p.height;
         if !sum.is_finite() {
             return Err(not_finite(state, inc));
         }
@@ -175,7 +186,11 @@ impl Mechanisation {
     fn remember(&mut self, inc: &Increments, sample_dt: f64) {
         let taken = match &self.pending {
             None => *inc,
-            Some(p) => Increments { dtheta: p.dtheta + inc.dtheta, dvel: p.dvel + inc.dvel, dt: p.dt + inc.dt },
+            Some(p) => Increments {
+                dtheta: p.dtheta + inc.dtheta,
+                dvel: p.dvel + inc.dvel,
+                dt: p.dt + inc.dt,
+            },
         };
         if taken.dt >= sample_dt * (1.0 - 1e-6) {
             self.previous = Some(taken);
@@ -235,7 +250,12 @@ impl Rotation {
 
 /// One interval at constant body rates: the rotation vector and velocity increment are free of coning and sculling.
 #[inline]
-fn advance(state: &NavState, phi: &Vector3<f64>, dvel: &Vector3<f64>, dt: f64) -> (NavState, StepRates) {
+fn advance(
+    state: &NavState,
+    phi: &Vector3<f64>,
+    dvel: &Vector3<f64>,
+    dt: f64,
+) -> (NavState, StepRates) {
     let position = &state.position;
     let x = phi.norm_squared();
     let turn = Rotation::new(phi);
@@ -254,17 +274,20 @@ fn advance(state: &NavState, phi: &Vector3<f64>, dvel: &Vector3<f64>, dt: f64) -
     );
     let mean = start * mean_body;
     let dv_f = mean * dvel;
-    let dr_f = start * (dvel * (0.5 - turn.c * x) + phi.cross(dvel) * turn.b + phi * (turn.c * phi.dot(dvel)));
+    let dr_f = start
+        * (dvel * (0.5 - turn.c * x) + phi.cross(dvel) * turn.b + phi * (turn.c * phi.dot(dvel)));
 
     // The Earth at the midpoint. The latitude is extrapolated with a series for R_N good to 1e-6 of itself.
     let (sin, cos) = position.latitude.sin_cos();
     let e2s2 = ECCENTRICITY_SQUARED * sin * sin;
-    let r_n = EQUATORIAL_RADIUS * (1.0 - ECCENTRICITY_SQUARED) * (1.0 + 1.5 * e2s2 * (1.0 + 1.25 * e2s2));
+    let r_n =
+        EQUATORIAL_RADIUS * (1.0 - ECCENTRICITY_SQUARED) * (1.0 + 1.5 * e2s2 * (1.0 + 1.25 * e2s2));
     let half = 0.5 * dt;
     let d = state.velocity.x * half / (r_n + position.height);
     let (sin_d, cos_d) = (d * (1.0 - F3 * d * d), 1.0 - 0.5 * d * d);
     let height = position.height - state.velocity.z * half;
-    let earth = LocalEarth::from_sin_cos(sin * cos_d + cos * sin_d, cos * cos_d - sin * sin_d, height);
+    let earth =
+        LocalEarth::from_sin_cos(sin * cos_d + cos * sin_d, cos * cos_d - sin * sin_d, height);
     let gravity = Vector3::new(0.0, 0.0, earth.gravity * dt);
     let earth_rate = earth.earth_rate();
 
@@ -272,7 +295,8 @@ fn advance(state: &NavState, phi: &Vector3<f64>, dvel: &Vector3<f64>, dt: f64) -
     // Coriolis acceleration and the turn of the axes; the corrector puts them in.
     let predicted = state.velocity + dr_f + gravity * 0.5;
     let rate = earth_rate + earth.transport_rate(&predicted);
-    let velocity = predicted - (rate + earth_rate).cross(&predicted) * half - rate.cross(&dv_f) * (F3 * dt);
+    let velocity =
+        predicted - (rate + earth_rate).cross(&predicted) * half - rate.cross(&dv_f) * (F3 * dt);
 
     // Velocity (Groves eqs 5.53 and 5.54, Coriolis and gravity at the midpoint). The axes turn meanwhile by zeta, which
     // weights the force by the time gone, and `int_0^1 u exp(K u) du` is the difference of the two integrals above.
@@ -299,8 +323,15 @@ fn advance(state: &NavState, phi: &Vector3<f64>, dvel: &Vector3<f64>, dt: f64) -
         longitude,
         height: position.height - velocity.z * dt,
     };
-    let rates =
-        StepRates { dt, c_b_n: mean, specific_force: dv_n * (1.0 / dt), velocity, earth_rate, transport_rate, earth };
+    let rates = StepRates {
+        dt,
+        c_b_n: mean,
+        specific_force: dv_n * (1.0 / dt),
+        velocity,
+        earth_rate,
+        transport_rate,
+        earth,
+    };
     (NavState { c_b_n, velocity: new_velocity, position }, rates)
 }
 

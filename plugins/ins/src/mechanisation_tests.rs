@@ -3,7 +3,7 @@
 use super::*;
 use crate::earth::{earth_rate_ned, normal_gravity, transport_rate_ned};
 use crate::testing::Uniform;
-use navfuse_core::geodesy::radii_of_curvature;
+use navfuse_core::state::geodesy::radii_of_curvature;
 
 fn geodetic(latitude_deg: f64, longitude_deg: f64, height: f64) -> Geodetic {
     Geodetic { latitude: latitude_deg.to_radians(), longitude: longitude_deg.to_radians(), height }
@@ -33,7 +33,10 @@ fn difference(a: &NavState, b: &NavState) -> [f64; 3] {
 
 fn assert_near(a: &NavState, b: &NavState, bounds: [f64; 3], what: &str) {
     let d = difference(a, b);
-    assert!(d.iter().zip(&bounds).all(|(d, bound)| d <= bound), "{what}: {d:?} is not within {bounds:?}");
+    assert!(
+        d.iter().zip(&bounds).all(|(d, bound)| d <= bound),
+        "{what}: {d:?} is not within {bounds:?}"
+    );
 }
 
 #[test]
@@ -45,7 +48,11 @@ fn at_rest_on_the_rotating_earth_stays_at_rest() {
     // 4e-7 m.
     for (latitude, heading) in [(0.0, 0.0_f64), (59.3, 1.0), (-79.0, -2.5)] {
         let c_b_n = UnitQuaternion::from_euler_angles(0.05, -0.03, heading);
-        let state = NavState { c_b_n, velocity: Vector3::zeros(), position: geodetic(latitude, 18.0, -30.0) };
+        let state = NavState {
+            c_b_n,
+            velocity: Vector3::zeros(),
+            position: geodetic(latitude, 18.0, -30.0),
+        };
         let end = run(&state, &steady(&state, 0.01), 360_000);
         assert_near(&end, &state, [1.6e-10, 2.8e-7, 1e-3], "at rest");
     }
@@ -64,7 +71,8 @@ fn an_eastward_run_at_high_latitude_follows_its_parallel() {
         };
         let end = run(&state, &steady(&state, 0.01), 180_000);
         let p = state.position;
-        let turn = speed * 1800.0 / ((radii_of_curvature(p.latitude).1 + p.height) * p.latitude.cos());
+        let turn =
+            speed * 1800.0 / ((radii_of_curvature(p.latitude).1 + p.height) * p.latitude.cos());
         let wrapped = p.longitude + turn - 2.0 * PI * speed.signum();
         let expected = NavState { position: Geodetic { longitude: wrapped, ..p }, ..state };
         assert!(end.position.longitude.abs() < PI);
@@ -131,7 +139,11 @@ fn sculling_drift(angle: f64, x: f64, correct: bool) -> f64 {
         let dvel = if correct { mechanisation.coning_sculling(&inc, 1.0).1 } else { inc.dvel };
         mechanisation.remember(&inc, 1.0);
         let start = UnitQuaternion::from_scaled_axis(Vector3::x() * angle * (x * k as f64).sin());
-        let still = NavState { c_b_n: start, velocity: Vector3::zeros(), position: geodetic(0.0, 0.0, 0.0) };
+        let still = NavState {
+            c_b_n: start,
+            velocity: Vector3::zeros(),
+            position: geodetic(0.0, 0.0, 0.0),
+        };
         // The specific force's part alone: `mean * dvel`.
         velocity += (advance(&still, &inc.dtheta, &dvel, 1.0).1.c_b_n * dvel).y;
     }
@@ -154,7 +166,8 @@ fn sculling_drifts_as_the_two_sample_algorithm_must() {
 /// A manoeuvre as smooth functions of time: angular rate and specific force in the body.
 fn manoeuvre(t: f64) -> (Vector3<f64>, Vector3<f64>) {
     let w = Vector3::new(0.5 * (1.3 * t).sin(), 0.3 * (0.9 * t).cos(), 0.2 + 0.4 * (0.7 * t).sin());
-    let f = Vector3::new(0.8 * (0.8 * t).cos(), 0.6 * (1.1 * t).sin(), -9.8 + 0.5 * (1.7 * t).cos());
+    let f =
+        Vector3::new(0.8 * (0.8 * t).cos(), 0.6 * (1.1 * t).sin(), -9.8 + 0.5 * (1.7 * t).cos());
     (w, f)
 }
 
@@ -177,7 +190,10 @@ fn manoeuvre_increments(start: f64, dt: f64) -> Increments {
 }
 
 /// The continuous equations (Groves eqs 5.39, 5.53, 5.56), written with matrices, apart from the code under test.
-fn derivative(t: f64, s: &(Matrix3<f64>, Vector3<f64>, Vector3<f64>)) -> (Matrix3<f64>, Vector3<f64>, Vector3<f64>) {
+fn derivative(
+    t: f64,
+    s: &(Matrix3<f64>, Vector3<f64>, Vector3<f64>),
+) -> (Matrix3<f64>, Vector3<f64>, Vector3<f64>) {
     let (c, v, p) = s;
     let (w, f) = manoeuvre(t);
     let (r_n, r_e) = radii_of_curvature(p.x);
@@ -192,8 +208,11 @@ fn derivative(t: f64, s: &(Matrix3<f64>, Vector3<f64>, Vector3<f64>)) -> (Matrix
 fn runge_kutta(state: &NavState, duration: f64, steps: usize) -> NavState {
     let p = state.position;
     let h = duration / steps as f64;
-    let mut s =
-        (*state.c_b_n.to_rotation_matrix().matrix(), state.velocity, Vector3::new(p.latitude, p.longitude, p.height));
+    let mut s = (
+        *state.c_b_n.to_rotation_matrix().matrix(),
+        state.velocity,
+        Vector3::new(p.latitude, p.longitude, p.height),
+    );
     type S = (Matrix3<f64>, Vector3<f64>, Vector3<f64>);
     let add = |a: &S, b: &S, k: f64| (a.0 + b.0 * k, a.1 + b.1 * k, a.2 + b.2 * k);
     for i in 0..steps {
@@ -223,8 +242,9 @@ fn mechanised_manoeuvre(duration: f64, steps: usize) -> NavState {
     let dt = duration / steps as f64;
     let mut mechanisation = Mechanisation::default();
     mechanisation.remember(&manoeuvre_increments(-dt, dt), dt);
-    (0..steps)
-        .fold(manoeuvre_start(), |s, i| mechanisation.step(&s, &manoeuvre_increments(i as f64 * dt, dt)).unwrap().0)
+    (0..steps).fold(manoeuvre_start(), |s, i| {
+        mechanisation.step(&s, &manoeuvre_increments(i as f64 * dt, dt)).unwrap().0
+    })
 }
 
 #[test]
@@ -259,8 +279,14 @@ fn unequal_intervals_keep_the_order_of_coning_and_sculling() {
         let inc = manoeuvre_increments((i / 2) as f64 * 0.02 + offset, dt);
         state = mechanisation.step(&state, &inc).unwrap().0;
     }
-    let [attitude, velocity, position] = difference(&mechanised_manoeuvre(duration, 6_000), &reference);
-    assert_near(&state, &reference, [attitude * 1.2, velocity * 1.2, position * 1.2], "unequal intervals");
+    let [attitude, velocity, position] =
+        difference(&mechanised_manoeuvre(duration, 6_000), &reference);
+    assert_near(
+        &state,
+        &reference,
+        [attitude * 1.2, velocity * 1.2, position * 1.2],
+        "unequal intervals",
+    );
 }
 
 #[test]
@@ -303,7 +329,11 @@ fn a_fast_turn_is_integrated_in_closed_form() {
     // m/s, and in the mean velocity the turn of the axes within the body's, zeta phi dv / 24 = 1e-5 * 2 * 1.2 / 24 =
     // 1e-6 m/s, for 0.1 s.
     let state = manoeuvre_start();
-    let whole = Increments { dtheta: Vector3::new(1.0, -1.5, 0.8), dvel: Vector3::new(0.5, 0.3, -1.0), dt: 0.1 };
+    let whole = Increments {
+        dtheta: Vector3::new(1.0, -1.5, 0.8),
+        dvel: Vector3::new(0.5, 0.3, -1.0),
+        dt: 0.1,
+    };
     let once = run(&state, &whole, 1);
     let often = run(&state, &whole.part(1e-3), 1_000);
     assert_near(&once, &often, [1e-12, 1e-8, 2e-7], "fast turn");
@@ -321,7 +351,9 @@ fn the_series_meets_the_closed_form() {
         // cancellation, at most 1e-14 where they are used.
         let series = |n: f64, first: f64| {
             let terms = (0..20).map(|k| n + 2.0 * f64::from(k));
-            terms.fold((0.0, first), |(sum, t), m| (sum + t, -t * x * x / ((m + 1.0) * (m + 2.0)))).0
+            terms
+                .fold((0.0, first), |(sum, t), m| (sum + t, -t * x * x / ((m + 1.0) * (m + 2.0))))
+                .0
         };
         assert!((turn.b - series(3.0, 1.0 / 6.0)).abs() < 3e-14, "{x}");
         assert!((turn.c - series(4.0, 1.0 / 24.0)).abs() < 3e-14, "{x}");
@@ -335,13 +367,17 @@ fn a_step_that_cannot_be_taken_says_why_and_changes_nothing() {
     let mut mechanisation = Mechanisation::default();
     mechanisation.step(&state, &sample).unwrap();
     let before = mechanisation;
-    let mut fails = |state: &NavState, sample: &Increments| mechanisation.step(state, sample).unwrap_err();
+    let mut fails =
+        |state: &NavState, sample: &Increments| mechanisation.step(state, sample).unwrap_err();
 
     for dt in [0.0, -0.01] {
         let error = fails(&state, &Increments { dt, ..sample });
         assert_eq!(error, MechanisationError::Interval { dt });
     }
-    assert!(matches!(fails(&state, &Increments { dt: f64::NAN, ..sample }), MechanisationError::Interval { .. }));
+    assert!(matches!(
+        fails(&state, &Increments { dt: f64::NAN, ..sample }),
+        MechanisationError::Interval { .. }
+    ));
     let mut bad = sample;
     bad.dtheta.y = f64::NAN;
     assert_eq!(fails(&state, &bad), MechanisationError::NonFinite { what: "angular increment" });
@@ -351,7 +387,8 @@ fn a_step_that_cannot_be_taken_says_why_and_changes_nothing() {
     let lost = NavState { position: Geodetic { longitude: f64::NAN, ..state.position }, ..state };
     assert_eq!(fails(&lost, &sample), MechanisationError::NonFinite { what: "position" });
     for degrees in [89.91, -89.91] {
-        let polar = NavState { position: geodetic(degrees, 0.0, 0.0), velocity: Vector3::zeros(), ..state };
+        let polar =
+            NavState { position: geodetic(degrees, 0.0, 0.0), velocity: Vector3::zeros(), ..state };
         let error = fails(&polar, &sample);
         assert!(error.to_string().contains(&format!("{degrees:.2}")), "{error}");
     }

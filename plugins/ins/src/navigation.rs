@@ -2,9 +2,10 @@
 
 use nalgebra::Vector3;
 use navfuse_core::Real;
-use navfuse_core::compose::{ComposeError, Composer};
-use navfuse_core::geodesy::Geodetic;
-use navfuse_core::manifold::{Position, Rotation, Vector};
+use navfuse_core::compose::Composer;
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::state::geodesy::Geodetic;
+use navfuse_core::state::manifold::{Position, Rotation, Vector};
 use navfuse_core::state::{Handle, Signal, View};
 
 use crate::earth::EARTH_RATE;
@@ -52,7 +53,11 @@ impl Navigation {
     /// # Errors
     /// When there is none.
     pub fn only(composer: &Composer) -> Result<Self, ComposeError> {
-        let owner = composer.names().find_map(|name| name.strip_suffix(".attitude")).unwrap_or("ins").to_owned();
+        let owner = composer
+            .names()
+            .find_map(|name| name.strip_suffix(".attitude"))
+            .unwrap_or("ins")
+            .to_owned();
         Self::find(composer, "", &owner)
     }
 

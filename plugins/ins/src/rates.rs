@@ -1,7 +1,7 @@
 //! The rates of the last two inertial samples, and the angular rate at a time within the last one.
 
 use nalgebra::Vector3;
-use navfuse_core::time::Time;
+use navfuse_core::units::time::Time;
 
 /// Mean angular rate and specific force over the time that a sample covers.
 #[derive(Clone, Copy, Debug)]
@@ -83,7 +83,8 @@ mod tests {
 
     /// The largest errors over a turn at times within samples: of the line, and of the mean alone.
     fn worst(interval: impl Fn(u32) -> f64) -> (f64, f64) {
-        let (mut last, mut t, mut worst, mut random) = (LastRates::default(), 0.0, (0.0_f64, 0.0_f64), Uniform::new(1));
+        let (mut last, mut t, mut worst, mut random) =
+            (LastRates::default(), 0.0, (0.0_f64, 0.0_f64), Uniform::new(1));
         for k in 0.. {
             let (from, to) = (t, t + interval(k));
             if to > TURN {
@@ -95,7 +96,8 @@ mod tests {
                 let at = to - (to - from) * random.within(0.5).abs() * 2.0;
                 // the first sample has none before it
                 if k > 0 {
-                    worst.0 = worst.0.max((last.angular_rate(time(at)).unwrap().z - rate(at)).abs());
+                    worst.0 =
+                        worst.0.max((last.angular_rate(time(at)).unwrap().z - rate(at)).abs());
                 }
             }
             if k > 0 {
@@ -125,7 +127,10 @@ mod tests {
     fn it_does_so_where_samples_come_unevenly() {
         let uneven = |mean: f64| worst(|k| if k % 2 == 0 { 0.75 * mean } else { 1.25 * mean }).0;
         let errors = [0.1, 0.05, 0.025].map(uneven);
-        assert!(errors.windows(2).all(|pair| (pair[0] / pair[1] / 4.0 - 1.0).abs() < 0.15), "{errors:?}");
+        assert!(
+            errors.windows(2).all(|pair| (pair[0] / pair[1] / 4.0 - 1.0).abs() < 0.15),
+            "{errors:?}"
+        );
     }
 
     #[test]

@@ -3,12 +3,14 @@
 use crate::earth::earth_rate_ned;
 use crate::navigation::Navigation;
 use nalgebra::{UnitQuaternion, Vector3};
-use navfuse_core::compose::{ComposeError, Composer, Reference, Role};
-use navfuse_core::geodesy::Geodetic;
-use navfuse_core::motion::Motion;
-use navfuse_core::registry::SensorType;
-use navfuse_core::sample::{Channel, Sample};
+use navfuse_core::compose::Composer;
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::motion::Motion;
+use navfuse_core::model::sensor::{Reference, Role};
+use navfuse_core::plugin::SensorType;
+use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::{Layout, State};
+use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{Length, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -47,7 +49,10 @@ impl SensorType for ReferenceSolution {
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let navigation = match Navigation::find(composer, "navigation", &self.navigation) {
-            Err(error) if self.lever_arm.is_some() || composer.names().any(|n| n.ends_with(".attitude")) => {
+            Err(error)
+                if self.lever_arm.is_some()
+                    || composer.names().any(|n| n.ends_with(".attitude")) =>
+            {
                 return Err(error);
             }
             found => found.ok(),
@@ -70,7 +75,8 @@ impl Reference for ReferenceModel {
         let point = Geodetic { latitude: c[0], longitude: c[1], height: c[2] };
         let w_ie_b = c_b_n.inverse_transform_vector(&earth_rate_ned(c[0]));
         let w_ib_b = self.navigation.map_or(w_ie_b, |navigation| {
-            let signal = navfuse_core::state::View::new(layout, state).signal(navigation.angular_rate);
+            let signal =
+                navfuse_core::state::View::new(layout, state).signal(navigation.angular_rate);
             Vector3::from(signal) - state.get(layout, navigation.gyro_bias)
         });
         let w_eb_b = w_ib_b - w_ie_b;
@@ -86,10 +92,12 @@ impl Reference for ReferenceModel {
 
     fn sample(&self, motion: &Motion, sample: &mut Sample) {
         let (roll, pitch, yaw) = motion.c_b_n.euler_angles();
-        let w_eb_b = motion.w_ib_b - motion.c_b_n.inverse_transform_vector(&earth_rate_ned(motion.position.latitude));
+        let w_eb_b = motion.w_ib_b
+            - motion.c_b_n.inverse_transform_vector(&earth_rate_ned(motion.position.latitude));
         let point = motion.position.displaced(&(motion.c_b_n * self.lever_arm));
         let v = motion.velocity + motion.c_b_n * w_eb_b.cross(&self.lever_arm);
-        let values = [point.latitude, point.longitude, point.height, v.x, v.y, v.z, roll, pitch, yaw];
+        let values =
+            [point.latitude, point.longitude, point.height, v.x, v.y, v.z, roll, pitch, yaw];
         values.iter().enumerate().for_each(|(k, v)| sample.set(k, *v));
     }
 }

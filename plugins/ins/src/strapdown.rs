@@ -7,18 +7,25 @@ use crate::mechanisation::{Increments, Mechanisation, NavState};
 use crate::navigation::Navigation;
 use crate::rates::{LastRates, Rates};
 use nalgebra::{Matrix3, Vector3};
-use navfuse_core::calibration::{AccelBias, GyroBias, display};
-use navfuse_core::compose::{BuiltProcess, ComposeError, Composer, DrivingSensor, Sensor};
-use navfuse_core::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
-use navfuse_core::geodesy::Geodetic;
-use navfuse_core::manifold::{load_quaternion, store_quaternion};
-use navfuse_core::motion::Motion;
-use navfuse_core::process::{Input, Interval, Moment, ProcessError, ProcessModel, Report, Search, Watch};
-use navfuse_core::record::Level;
-use navfuse_core::registry::ProcessType;
-use navfuse_core::sample::Sample;
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::{AccelBias, GyroBias};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::motion::Motion;
+use navfuse_core::model::process::BuiltProcess;
+use navfuse_core::model::process::{
+    Input, Interval, Moment, ProcessError, ProcessModel, Report, Search, Watch,
+};
+use navfuse_core::model::record::Level;
+use navfuse_core::model::sensor::Sensor;
+use navfuse_core::model::simulate::DrivingSensor;
+use navfuse_core::plugin::ProcessType;
+use navfuse_core::state::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
+use navfuse_core::state::display;
+use navfuse_core::state::geodesy::Geodetic;
+use navfuse_core::state::manifold::{load_quaternion, store_quaternion};
 use navfuse_core::state::{BlockSpec, Display, Dynamics, Layout, Mode, State};
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
 use navfuse_core::units::{Angle, Components, Length, Sigma, Speed, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -118,12 +125,16 @@ fn start<V: Components>(
             spec(composer, name, three(given.sigma.value()), initial, display)
         }
         (None, None) => {
-            let text = format!("missing: give {name} = {{ sigma = ... }}, or let it be found: alignment = \"static\"");
+            let text = format!(
+                "missing: give {name} = {{ sigma = ... }}, or let it be found: alignment = \"static\""
+            );
             Err(ComposeError::new("", text))
         }
         (given, Some(sigma)) => {
             if given.is_some() {
-                composer.note(format!("{name} is found by the alignment: its sigma and initial value are not used"));
+                composer.note(format!(
+                    "{name} is found by the alignment: its sigma and initial value are not used"
+                ));
             }
             spec(composer, name, sigma, Some([0.0; 3]), display)
         }
@@ -142,9 +153,16 @@ impl ProcessType for Strapdown {
         let plan = Aligner::plan(&self.alignment, bias)?;
         let p = &self.position;
         let position = match (p.latitude, p.longitude, p.height) {
-            (Some(latitude), Some(longitude), Some(height)) => Some([latitude.si(), longitude.si(), height.si()]),
+            (Some(latitude), Some(longitude), Some(height)) => {
+                Some([latitude.si(), longitude.si(), height.si()])
+            }
             (None, None, None) => None,
-            _ => return Err(ComposeError::new("position", "give latitude, longitude and height, or none of them")),
+            _ => {
+                return Err(ComposeError::new(
+                    "position",
+                    "give latitude, longitude and height, or none of them",
+                ));
+            }
         };
         let found = plan.as_ref().map(|plan| plan.attitude_prior(&imu));
         let attitude = start(composer, "attitude", self.attitude, found, display::ANGLES)?;
@@ -152,27 +170,42 @@ impl ProcessType for Strapdown {
         let found = plan.as_ref().map(|plan| Vector3::repeat(plan.velocity_prior()));
         let velocity = start(composer, "velocity", self.velocity, found, display::VELOCITY)?;
         let velocity = composer.block("velocity", velocity)?;
-        let position = spec(composer, "position", p.sigma.value().si(), position, display::POSITION)?;
+        let position =
+            spec(composer, "position", p.sigma.value().si(), position, display::POSITION)?;
         let position = composer.block("position", position)?;
         composer.turns_with_heading(velocity, attitude);
-        let gyro_bias = self.gyro_bias.block(composer, "gyro_bias", &[0.0; 3], display::GYRO_BIAS)?;
-        let accel_bias = self.accel_bias.block(composer, "accel_bias", &[0.0; 3], display::ACCEL_BIAS)?;
+        let gyro_bias =
+            self.gyro_bias.block(composer, "gyro_bias", &[0.0; 3], display::GYRO_BIAS)?;
+        let accel_bias =
+            self.accel_bias.block(composer, "accel_bias", &[0.0; 3], display::ACCEL_BIAS)?;
         let angular_rate = composer.signal("angular_rate");
-        let navigation = Navigation { attitude, velocity, position, gyro_bias, accel_bias, angular_rate };
+        let navigation =
+            Navigation { attitude, velocity, position, gyro_bias, accel_bias, angular_rate };
         let places = Places::new(composer, &navigation);
         if let Some(at_rest) = plan.as_ref().and_then(|plan| plan.constraint(velocity)) {
             composer.constraint(NAME, AtRest::CHANNELS, at_rest);
         }
-        let aligner =
-            plan.map(|plan| Box::new(Aligner::new(&self.alignment, plan, (self.imu.clone(), imu.clone()), navigation)));
+        let aligner = plan.map(|plan| {
+            Box::new(Aligner::new(
+                &self.alignment,
+                plan,
+                (self.imu.clone(), imu.clone()),
+                navigation,
+            ))
+        });
         let simulator = Box::new(SimulatedImu { imu: imu.clone(), gyro_bias, accel_bias });
         let gyro = imu.gyro_noise.value().si();
         let accel = imu.accel_noise.value().si();
-        let isotropic = gyro.x == gyro.y && gyro.y == gyro.z && accel.x == accel.y && accel.y == accel.z;
+        let isotropic =
+            gyro.x == gyro.y && gyro.y == gyro.z && accel.x == accel.y && accel.y == accel.z;
         let mechanisation = Mechanisation::default();
         let rates = LastRates::default();
-        let model = StrapdownModel { imu, navigation, places, mechanisation, isotropic, rates, aligner };
-        Ok(BuiltProcess { model: Box::new(model), input: Some(DrivingSensor { name: self.imu, simulator }) })
+        let model =
+            StrapdownModel { imu, navigation, places, mechanisation, isotropic, rates, aligner };
+        Ok(BuiltProcess {
+            model: Box::new(model),
+            input: Some(DrivingSensor { name: self.imu, simulator }),
+        })
     }
 }
 
@@ -196,7 +229,11 @@ struct Places {
 impl Places {
     fn new(composer: &mut Composer, n: &Navigation) -> Self {
         let (phi, v) = (composer.tangent(n.attitude), composer.tangent(n.velocity));
-        let (p, bg, ba) = (composer.tangent(n.position), composer.tangent(n.gyro_bias), composer.tangent(n.accel_bias));
+        let (p, bg, ba) = (
+            composer.tangent(n.position),
+            composer.tangent(n.gyro_bias),
+            composer.tangent(n.accel_bias),
+        );
         let t = composer.transition();
         Self {
             phi_phi: t.phi(phi, phi),
@@ -229,7 +266,14 @@ struct StrapdownModel {
 }
 
 impl StrapdownModel {
-    fn noise(&self, c_b_n: &Matrix3<f64>, density: Vector3<f64>, step: f64, dt: f64, duration: f64) -> Matrix3<f64> {
+    fn noise(
+        &self,
+        c_b_n: &Matrix3<f64>,
+        density: Vector3<f64>,
+        step: f64,
+        dt: f64,
+        duration: f64,
+    ) -> Matrix3<f64> {
         if self.isotropic {
             return Matrix3::identity() * Imu::variance(density.x, step, dt, duration);
         }
@@ -269,12 +313,21 @@ impl ProcessModel for StrapdownModel {
         self.aligner.is_some()
     }
 
-    fn search(&mut self, layout: &Layout, state: &mut State, sample: &Sample) -> Result<Search, ProcessError> {
-        self.aligner.as_mut().map_or(Ok(Search::Found), |aligner| aligner.search(layout, state, sample))
+    fn search(
+        &mut self,
+        layout: &Layout,
+        state: &mut State,
+        sample: &Sample,
+    ) -> Result<Search, ProcessError> {
+        self.aligner
+            .as_mut()
+            .map_or(Ok(Search::Found), |aligner| aligner.search(layout, state, sample))
     }
 
     fn search_again(&mut self, layout: &Layout, state: &mut State) -> Result<Search, ProcessError> {
-        self.aligner.as_mut().map_or(Ok(Search::Found), |aligner| aligner.search_again(layout, state))
+        self.aligner
+            .as_mut()
+            .map_or(Ok(Search::Found), |aligner| aligner.search_again(layout, state))
     }
 
     fn watch(&mut self, now: &Moment<'_>) -> Result<Watch, ProcessError> {
@@ -336,7 +389,11 @@ impl ProcessModel for StrapdownModel {
             .map_err(|e| ProcessError(e.to_string()))?;
         store_quaternion(&next.c_b_n, &mut x[a..a + 4]);
         x[v..v + 3].copy_from_slice(next.velocity.as_slice());
-        x[p..p + 3].copy_from_slice(&[next.position.latitude, next.position.longitude, next.position.height]);
+        x[p..p + 3].copy_from_slice(&[
+            next.position.latitude,
+            next.position.longitude,
+            next.position.height,
+        ]);
         self.publish(state, interval.to);
         let phi = transition(&rates);
         let s = &self.places;
@@ -354,7 +411,8 @@ impl ProcessModel for StrapdownModel {
         let mut q_phi = self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt, duration);
         let mut q_v = self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt, duration);
         if usual < duration {
-            let (w_before, f_before) = self.rates.before().map_or_else(Default::default, |before| (before.w, before.f));
+            let (w_before, f_before) =
+                self.rates.before().map_or_else(Default::default, |before| (before.w, before.f));
             q_phi += Self::bridged(&(w - w_before), duration - usual, dt, duration);
             q_v += Self::bridged(&(f - f_before), duration - usual, dt, duration);
         }

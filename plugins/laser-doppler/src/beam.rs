@@ -34,7 +34,8 @@ impl Beam {
     }
 
     fn from_vector<E: Error>(axes: [f64; 3]) -> Result<Self, E> {
-        let (vector, largest) = (Vector3::from(axes), axes.iter().fold(0.0_f64, |a, x| a.max(x.abs())));
+        let (vector, largest) =
+            (Vector3::from(axes), axes.iter().fold(0.0_f64, |a, x| a.max(x.abs())));
         if largest == 0.0 || axes.iter().any(|x| !x.is_finite()) {
             return Err(E::custom(format!(
                 "{axes:?} has no direction; give three finite numbers that are not all zero"
@@ -48,7 +49,10 @@ impl Beam {
         let (azimuth, elevation) = (angles.azimuth.si(), angles.elevation.si());
         // 90 deg in radians, rounded up
         if elevation.abs() > FRAC_PI_2 * (1.0 + f64::EPSILON) {
-            return Err(E::custom(format!("elevation = {} is outside of -90 to 90 deg", angles.elevation)));
+            return Err(E::custom(format!(
+                "elevation = {} is outside of -90 to 90 deg",
+                angles.elevation
+            )));
         }
         let ((sin_a, cos_a), (sin_e, cos_e)) = (azimuth.sin_cos(), elevation.sin_cos());
         Ok(Self(Vector3::new(cos_e * cos_a, cos_e * sin_a, -sin_e)))

@@ -9,15 +9,18 @@ mod beam;
 pub use beam::{Beam, PerBeam};
 
 use navfuse_core::Real;
-use navfuse_core::calibration::{LeverArm, Misalignment, ScaleFactor, display};
-use navfuse_core::compose::{ComposeError, Composer, Role};
-use navfuse_core::manifold::{Rotation, Scalar, Vector};
-use navfuse_core::measurement::MeasurementModel;
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::sensor::Role;
+use navfuse_core::model::simulate::Scene;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3, convert};
-use navfuse_core::registry::{Need, Plugin, Registry, SensorType};
-use navfuse_core::sample::{Channel, Sample};
-use navfuse_core::simulate::Scene;
+use navfuse_core::plugin::{Need, Plugin, Registry, SensorType};
+use navfuse_core::state::display;
+use navfuse_core::state::manifold::{Rotation, Scalar, Vector};
 use navfuse_core::state::{Handle, View};
+use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{Positive, Ratio, Sigma, Speed};
 use navfuse_ins::Navigation;
 use schemars::JsonSchema;
@@ -89,7 +92,9 @@ impl LaserDoppler {
     fn role<const N: usize>(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let beams: [Vector3<f64>; N] = std::array::from_fn(|i| self.beams[i].direction());
         let pairs = (0..N).flat_map(|i| (0..i).map(move |j| (j, i)));
-        if let Some((j, i)) = pairs.into_iter().find(|&(j, i)| beams[i].cross(&beams[j]).norm() < SAME) {
+        if let Some((j, i)) =
+            pairs.into_iter().find(|&(j, i)| beams[i].cross(&beams[j]).norm() < SAME)
+        {
             let message = format!(
                 "beams {} and {} are on one line and read the same; remove one (two instruments are two sensors)",
                 j + 1,
@@ -97,22 +102,35 @@ impl LaserDoppler {
             );
             return Err(ComposeError::new("beams", message));
         }
-        let count =
-            |key: &str, n: usize| ComposeError::new(key, format!("{n} values for {N} beams; give one, or one a beam"));
+        let count = |key: &str, n: usize| {
+            ComposeError::new(key, format!("{n} values for {N} beams; give one, or one a beam"))
+        };
         let sigma = self.noise.values::<N>().map_err(|n| count("noise", n))?.map(|s| s.si());
-        let dropout = self.beam_dropout.values::<N>().map_err(|n| count("beam_dropout", n))?.map(|p| p.si());
+        let dropout =
+            self.beam_dropout.values::<N>().map_err(|n| count("beam_dropout", n))?.map(|p| p.si());
         if let Some(p) = dropout.iter().find(|p| **p > 1.0) {
-            return Err(ComposeError::new("beam_dropout", format!("a probability is at most 1, found {p}")));
+            return Err(ComposeError::new(
+                "beam_dropout",
+                format!("a probability is at most 1, found {p}"),
+            ));
         }
         let (min, max) = (self.min_speed.si(), self.max_speed.map_or(f64::INFINITY, |s| s.si()));
         if min >= max {
-            return Err(ComposeError::new("max_speed", format!("{max} m/s is not above min_speed, {min} m/s")));
+            return Err(ComposeError::new(
+                "max_speed",
+                format!("{max} m/s is not above min_speed, {min} m/s"),
+            ));
         }
         let model = LaserDopplerModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
             scale: self.scale.block(composer, "scale", &[1.0], display::RATIO)?,
             c_b_d: self.misalignment.block(composer, "misalignment", &[0.0; 3], display::ANGLES)?,
-            lever_arm: self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
+            lever_arm: self.lever_arm.block(
+                composer,
+                "lever_arm",
+                &[0.0; 3],
+                display::LEVER_ARM,
+            )?,
             beams,
             sigma,
             dropout,
@@ -154,7 +172,9 @@ pub struct LaserDopplerModel<const N: usize> {
 
 impl<const N: usize> MeasurementModel<N> for LaserDopplerModel<N> {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, N> {
-        let v_d = x.get(self.c_b_d) * self.navigation.velocity_at(x, &x.get(self.lever_arm)) * x.get(self.scale);
+        let v_d = x.get(self.c_b_d)
+            * self.navigation.velocity_at(x, &x.get(self.lever_arm))
+            * x.get(self.scale);
         SVector::from(self.beams.map(|u| u.map(convert::<f64, T>).dot(&v_d)))
     }
 

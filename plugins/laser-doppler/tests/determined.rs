@@ -11,7 +11,7 @@ mod common;
 use common::{document, registry};
 use navfuse_campaign::{Options, Plan, bound};
 use navfuse_core::nalgebra::{DMatrix, Matrix4, Vector3, Vector4};
-use navfuse_core::scenario::Scenario;
+use navfuse_core::run::scenario::Scenario;
 use std::sync::atomic::AtomicBool;
 
 /// Scale, and roll, pitch and yaw in rad.
@@ -56,7 +56,11 @@ fn geometry(beams: &[[f64; 3]], velocities: &[Vector3<f64>]) -> [f64; 4] {
         }));
     }
     let g = DMatrix::from_fn(rows.len(), 4, |i, j| rows[i][j]);
-    let p = DMatrix::from_row_slice(4, 4, Matrix4::from_diagonal(&Vector4::from(PRIOR.map(|s| s * s))).as_slice());
+    let p = DMatrix::from_row_slice(
+        4,
+        4,
+        Matrix4::from_diagonal(&Vector4::from(PRIOR.map(|s| s * s))).as_slice(),
+    );
     let inverse = (&g * &p * g.transpose()).pseudo_inverse(1e-12).expect("a positive tolerance");
     let left = &p - &p * g.transpose() * inverse * &g * &p;
     std::array::from_fn(|i| left[(i, i)].max(0.0).sqrt())
@@ -70,15 +74,18 @@ fn achieved(beams: &[[f64; 3]], motion: &Motion) -> [f64; 4] {
         &format!("source.simulation.segments=[{}]", motion.1.join(", ")),
         &format!("sensor.laser.lever_arm=[\"{} m\", \"0 m\", \"0 m\"]", motion.2),
     ]);
-    let plan = Plan::new(&registry, &document, &Options::default()).unwrap_or_else(|e| panic!("{e}"));
+    let plan =
+        Plan::new(&registry, &document, &Options::default()).unwrap_or_else(|e| panic!("{e}"));
     let scenario = Scenario::new(&registry, document, &[]).expect("a scenario");
     let assembly = scenario.assemble_at_truth().unwrap_or_else(|e| panic!("{e}"));
     let stop = AtomicBool::new(false);
-    let record =
-        bound(assembly, &plan.columns, 0, plan.every, &stop).unwrap_or_else(|e| panic!("{e}")).expect("not stopped");
+    let record = bound(assembly, &plan.columns, 0, plan.every, &stop)
+        .unwrap_or_else(|e| panic!("{e}"))
+        .expect("not stopped");
     let last = &record.rows.last().expect("an epoch").2;
     let of = |name: &str| {
-        let at = plan.columns.components.iter().position(|c| c.name() == name).expect("a component");
+        let at =
+            plan.columns.components.iter().position(|c| c.name() == name).expect("a component");
         last[at]
     };
     let angle = |name: &str| of(&format!("laser.misalignment.{name}")) * DEG;
@@ -88,7 +95,9 @@ fn achieved(beams: &[[f64; 3]], motion: &Motion) -> [f64; 4] {
 /// `cargo test -p navfuse-laser-doppler --test determined -- --nocapture` prints the table of the book.
 #[test]
 fn the_bound_is_what_the_geometry_of_beams_and_motion_says() {
-    println!("| beams | motion | k, ppm | roll, deg | pitch, deg | yaw, deg |\n|---|---|---|---|---|---|");
+    println!(
+        "| beams | motion | k, ppm | roll, deg | pitch, deg | yaw, deg |\n|---|---|---|---|---|---|"
+    );
     let mut wrong = Vec::new();
     for (beams_name, beams) in BEAMS {
         for motion in &MOTIONS {
@@ -97,7 +106,10 @@ fn the_bound_is_what_the_geometry_of_beams_and_motion_says() {
                 .map(|i| {
                     let value = if i == 0 { found[0] * 1e6 } else { found[i] / DEG };
                     let digits = if i == 0 { 0 } else { 4 };
-                    format!("{value:.digits$}{}", if expected[i] > 1e-3 * PRIOR[i] { "" } else { " *" })
+                    format!(
+                        "{value:.digits$}{}",
+                        if expected[i] > 1e-3 * PRIOR[i] { "" } else { " *" }
+                    )
                 })
                 .collect();
             println!("| {beams_name} | {} | {} |", motion.0, cells.join(" | "));
@@ -127,7 +139,10 @@ fn one_beam_on_a_straight_road_shows_scale_and_pitch_only_as_a_difference() {
     let left = s * p / s.hypot(p);
     let found = achieved(BEAMS[0].1, &MOTIONS[0]);
     // the noise adds what it leaves of the difference: below 1 % of either
-    assert!((found[0] / left - 1.0).abs() < 0.01 && (found[2] / left - 1.0).abs() < 0.01, "{found:?} {left}");
+    assert!(
+        (found[0] / left - 1.0).abs() < 0.01 && (found[2] / left - 1.0).abs() < 0.01,
+        "{found:?} {left}"
+    );
 }
 
 /// Whatever the motion: about a beam that looks down, the misalignment is its yaw.

@@ -4,8 +4,9 @@
 mod common;
 
 use common::{compose, refused};
-use navfuse_core::compose::{Composition, Role};
-use navfuse_core::measurement::{At, jacobian_error};
+use navfuse_core::compose::Composition;
+use navfuse_core::model::measurement::{At, jacobian_error};
+use navfuse_core::model::sensor::Role;
 use navfuse_core::state::State;
 
 /// Four beams, no two alike.
@@ -27,7 +28,9 @@ fn state(composition: &Composition, blocks: &[(&str, &[f64])]) -> State {
 
 /// What the laser would read.
 fn read(composition: &Composition, state: &State) -> Vec<f64> {
-    let Role::Measurement(model) = &composition.sensors[composition.sensor("laser").expect("a laser")].role else {
+    let Role::Measurement(model) =
+        &composition.sensors[composition.sensor("laser").expect("a laser")].role
+    else {
         panic!("a laser measures");
     };
     let mut z = vec![0.0; model.channels()];
@@ -46,17 +49,25 @@ fn assert_close(found: &[f64], expected: &[f64]) {
 #[test]
 fn a_beam_reads_the_velocity_towards_its_ground_spot_as_positive() {
     let laser = compose(&["sensor.laser.beams=[[1, 0, 1], [-1, 0, 1], [0, 3, 4], [0, 0, 2]]"]);
-    let moving = [("ins.attitude", &[0.0, 0.0, 90_f64.to_radians()][..]), ("ins.velocity", &[0.0, 30.0, 2.0])];
+    let moving = [
+        ("ins.attitude", &[0.0, 0.0, 90_f64.to_radians()][..]),
+        ("ins.velocity", &[0.0, 30.0, 2.0]),
+    ];
     let half = 0.5_f64.sqrt();
-    assert_close(&read(&laser, &state(&laser, &moving)), &[32.0 * half, -28.0 * half, 2.0 * 0.8, 2.0]);
+    assert_close(
+        &read(&laser, &state(&laser, &moving)),
+        &[32.0 * half, -28.0 * half, 2.0 * 0.8, 2.0],
+    );
 }
 
 /// Azimuth from forward to right, elevation up: `[cos e cos a, cos e sin a, -sin e]`.
 #[test]
 fn a_beam_is_given_as_a_vector_or_as_azimuth_and_elevation() {
     let angles = r#"sensor.laser.beams=[{ azimuth = "90 deg", elevation = "-30 deg" }, { azimuth = "0 deg", elevation = "-90 deg" }]"#;
-    let (angles, vectors) =
-        (compose(&[angles]), compose(&["sensor.laser.beams=[[0, 7.5e199, 4.330127018922193e199], [0, 0, 1e-200]]"]));
+    let (angles, vectors) = (
+        compose(&[angles]),
+        compose(&["sensor.laser.beams=[[0, 7.5e199, 4.330127018922193e199], [0, 0, 1e-200]]"]),
+    );
     let moving = [("ins.velocity", &[3.0, 5.0, -7.0][..])];
     let z = read(&angles, &state(&angles, &moving));
     assert_close(&z, &[5.0 * 0.75_f64.sqrt() - 7.0 * 0.5, -7.0]);
@@ -79,7 +90,10 @@ fn the_scale_multiplies_and_the_misalignment_turns_the_instrument() {
 /// `u · (w x l)`: turning to starboard at 0.5 rad/s, a point 2 m ahead moves to the right at 1 m/s.
 #[test]
 fn the_lever_arm_adds_what_the_turning_moves_it() {
-    let laser = compose(&["sensor.laser.beams=[[0, 3, 4]]", "sensor.laser.lever_arm=[\"2 m\", \"0 m\", \"1 m\"]"]);
+    let laser = compose(&[
+        "sensor.laser.beams=[[0, 3, 4]]",
+        "sensor.laser.lever_arm=[\"2 m\", \"0 m\", \"1 m\"]",
+    ]);
     let resting = state(&laser, &[]);
     let mut turning = resting.clone();
     turning.signals[2] = 0.5; // the angular rate is the only signal: x, y, z
@@ -103,7 +117,8 @@ fn the_jacobian_is_that_of_central_differences_for_one_to_four_beams() {
             ],
         );
         at.signals = vec![0.1, -0.2, 0.3];
-        let Role::Measurement(model) = &laser.sensors[laser.sensor("laser").expect("a laser")].role else {
+        let Role::Measurement(model) = &laser.sensors[laser.sensor("laser").expect("a laser")].role
+        else {
             panic!("a laser measures");
         };
         let error = jacobian_error(model.as_ref(), &At::state(&laser.layout, &at));
@@ -122,27 +137,40 @@ fn what_is_wrong_is_told_with_its_place() {
         (&["sensor.laser.beams=[[1, 0, 1], [0, 0, 0]]"], &["beams.1", "has no direction"]),
         (&["sensor.laser.beams=[[1, nan, 1]]"], &["has no direction"]),
         (&["sensor.laser.beams=[[1, 0]]"], &["found 2 numbers", "[forward, right, down]"]),
-        (&["sensor.laser.beams=[[1, 0, 1], [0, 0, 1], [2, 0, 2]]"], &["beams 1 and 3 are on one line", "remove one"]),
+        (
+            &["sensor.laser.beams=[[1, 0, 1], [0, 0, 1], [2, 0, 2]]"],
+            &["beams 1 and 3 are on one line", "remove one"],
+        ),
         (&["sensor.laser.beams=[[1, 0, 1], [-1, 0, -1]]"], &["beams 1 and 2 are on one line"]),
         (
             &[r#"sensor.laser.beams=[{ azimuth = "0 deg", elevation = "-91 deg" }]"#],
             &["elevation = -91 deg", "-90 to 90 deg"],
         ),
         (&[r#"sensor.laser.beams=[{ azimuth = "0 deg" }]"#], &["elevation"]),
-        (&[&beams(2), r#"sensor.laser.noise=["1 cm/s", "1 cm/s", "1 cm/s"]"#], &["noise", "3 values for 2 beams"]),
+        (
+            &[&beams(2), r#"sensor.laser.noise=["1 cm/s", "1 cm/s", "1 cm/s"]"#],
+            &["noise", "3 values for 2 beams"],
+        ),
         (&["sensor.laser.beam_dropout=120 %"], &["beam_dropout", "at most 1"]),
-        (&["sensor.laser.min_speed=2 m/s", "sensor.laser.max_speed=1 m/s"], &["max_speed", "not above min_speed"]),
+        (
+            &["sensor.laser.min_speed=2 m/s", "sensor.laser.max_speed=1 m/s"],
+            &["max_speed", "not above min_speed"],
+        ),
     ];
     for (settings, expected) in cases {
         let message = refused(settings);
         println!("{message}\n");
-        assert!(expected.iter().all(|e| message.contains(e)), "{settings:?}: {message}\nwithout one of {expected:?}");
+        assert!(
+            expected.iter().all(|e| message.contains(e)),
+            "{settings:?}: {message}\nwithout one of {expected:?}"
+        );
     }
 }
 
 #[test]
 fn one_beam_notes_what_no_motion_shows_and_only_where_it_is_uncertain() {
-    let notes = |settings: &[&str]| compose(settings).notes.into_iter().map(|n| n.1).collect::<Vec<_>>();
+    let notes =
+        |settings: &[&str]| compose(settings).notes.into_iter().map(|n| n.1).collect::<Vec<_>>();
     let one = notes(&[]);
     assert_eq!(one.len(), 1, "{one:?}");
     assert!(one[0].contains("rotation about itself: about [0.707, 0.000, 0.707]"), "{one:?}");

@@ -17,8 +17,10 @@ fn verdict(file: &str, settings: &[&str]) -> Verdict {
     let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).expect("no folder");
     let stop = AtomicBool::new(false);
-    let done = execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, |record| folder.add(record));
-    let results = folder.finish(done.unwrap_or_else(|e| panic!("{e}"))).expect("nothing is written");
+    let done =
+        execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, |record| folder.add(record));
+    let results =
+        folder.finish(done.unwrap_or_else(|e| panic!("{e}"))).expect("nothing is written");
     let report = results.map(|r| r.report).expect("the whole campaign");
     report.points.into_iter().next().expect("one point").verdict.expect("runs have a verdict")
 }

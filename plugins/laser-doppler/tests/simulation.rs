@@ -4,14 +4,15 @@
 mod common;
 
 use common::{document, registry};
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::scenario::Scenario;
-use navfuse_core::time::Time;
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 
 /// All samples of the laser.
 fn samples(settings: &[&str]) -> Vec<Sample> {
     let registry = registry();
-    let scenario = Scenario::new(&registry, document(settings), &[]).unwrap_or_else(|e| panic!("{e}"));
+    let scenario =
+        Scenario::new(&registry, document(settings), &[]).unwrap_or_else(|e| panic!("{e}"));
     let mut assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
     let laser = SensorId(assembly.composition.sensor("laser").expect("a laser"));
     let mut samples = Vec::new();

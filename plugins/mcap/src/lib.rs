@@ -45,7 +45,7 @@ pub use reader::{BlockEntry, Entry, InnovationEntry, LogReader, SensorEntry};
 pub use sink::{Compression, Mcap, McapSink};
 pub use source::{McapLog, McapSource};
 
-use navfuse_core::registry::{Plugin, Registry};
+use navfuse_core::plugin::{Plugin, Registry};
 
 /// Registers the source type and the sink type `mcap`.
 #[derive(Clone, Copy, Debug)]

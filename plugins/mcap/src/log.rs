@@ -4,7 +4,7 @@ use mcap::records::{Metadata, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader};
 use mcap::{McapError, Summary};
-use navfuse_core::stream::StreamError;
+use navfuse_core::model::stream::StreamError;
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek};
 use std::path::{Path, PathBuf};
@@ -138,7 +138,8 @@ pub struct Records {
 impl Records {
     /// Opens a file; with `whole_chunks` they are records themselves.
     pub fn open(path: &Path, whole_chunks: bool) -> Result<Self, StreamError> {
-        let file = File::open(path).map_err(|e| about(path, format!("the log cannot be read: {e}")))?;
+        let file =
+            File::open(path).map_err(|e| about(path, format!("the log cannot be read: {e}")))?;
         let options = LinearReaderOptions::default()
             .with_emit_chunks(whole_chunks)
             .with_validate_chunk_crcs(true)
@@ -168,14 +169,22 @@ impl Records {
                     }
                 }
                 Some(Ok(LinearReadEvent::ReadRequest(n))) => n,
-                Some(Err(McapError::UnexpectedEof)) if self.position >= mcap::MAGIC.len() as u64 => {
+                Some(Err(McapError::UnexpectedEof))
+                    if self.position >= mcap::MAGIC.len() as u64 =>
+                {
                     return Ok(Step::Cut);
                 }
                 Some(Err(McapError::BadMagic | McapError::UnexpectedEof)) if !self.begun => {
-                    return Err(self.error("this is not an MCAP file; a log of navfuse is called run.mcap"));
+                    return Err(
+                        self.error("this is not an MCAP file; a log of navfuse is called run.mcap")
+                    );
                 }
                 Some(Err(e)) => {
-                    let message = format!("damaged at or before byte {}: {}", self.position, StreamFailure::from(e));
+                    let message = format!(
+                        "damaged at or before byte {}: {}",
+                        self.position,
+                        StreamFailure::from(e)
+                    );
                     return Err(self.error(message));
                 }
             };

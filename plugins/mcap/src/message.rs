@@ -1,12 +1,12 @@
 //! The messages of the log in CDR, little-endian. [`crate::schema`] has their definitions.
 
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
-use navfuse_core::geodesy::Geodetic;
-use navfuse_core::record::{Event, Level, Outcome, Rejection, UpdateRecord};
-use navfuse_core::sample::Sample;
+use navfuse_core::model::record::{Event, Level, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::Mode;
-use navfuse_core::stream::StreamError;
-use navfuse_core::time::Time;
+use navfuse_core::state::geodesy::Geodetic;
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
 use re_cdr::{CdrWriter, LittleEndian};
 
 /// The fixed frame: north, east, down in the tangent at the first epoch's position.
@@ -38,7 +38,9 @@ impl Stamp {
     pub fn new(time: Time) -> Result<Self, StreamError> {
         let nanos = time.nanos();
         let sec = i32::try_from(nanos.div_euclid(Self::NANOS)).map_err(|_| {
-            StreamError(format!("the time {time} does not fit a ROS time stamp, which ends 68 years from zero"))
+            StreamError(format!(
+                "the time {time} does not fit a ROS time stamp, which ends 68 years from zero"
+            ))
         })?;
         Ok(Self { sec, nanosec: nanos.rem_euclid(Self::NANOS) as u32 })
     }
@@ -122,7 +124,11 @@ impl<'a> Encoder<'a> {
         self.header(stamp, BODY_FRAME);
         self.0.write_i8(0); // a fix
         self.0.write_u16(0); // of no satellite system
-        self.numbers(&[position.latitude.to_degrees(), position.longitude.to_degrees(), position.height]);
+        self.numbers(&[
+            position.latitude.to_degrees(),
+            position.longitude.to_degrees(),
+            position.height,
+        ]);
         let to_enu = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
         let enu = covariance.map_or_else(Matrix3::zeros, |p| to_enu * p * to_enu);
         self.numbers(enu.transpose().as_slice());
@@ -165,7 +171,9 @@ impl<'a> Encoder<'a> {
             Mode::Consider => "consider",
         });
         self.texts((0..n).map(|i| block.components.get(i).copied().unwrap_or("")));
-        self.texts((0..n).map(|i| if block.geodetic { ["deg", "deg", "m"][i] } else { block.unit }));
+        self.texts(
+            (0..n).map(|i| if block.geodetic { ["deg", "deg", "m"][i] } else { block.unit }),
+        );
         self.sequence(block.estimate);
         self.0.write_string(block.unit);
         self.sequence(block.sigma);
@@ -173,13 +181,21 @@ impl<'a> Encoder<'a> {
     }
 
     /// `navfuse_msgs/Innovation`.
-    pub fn innovation(mut self, stamp: Stamp, sensor: &str, columns: &[String], update: &UpdateRecord<'_>) {
+    pub fn innovation(
+        mut self,
+        stamp: Stamp,
+        sensor: &str,
+        columns: &[String],
+        update: &UpdateRecord<'_>,
+    ) {
         let dof = update.channels().count();
         self.header(stamp, sensor);
         match update.outcome {
             Outcome::Accepted => self.0.write_string("accepted"),
             Outcome::Gated => self.0.write_string("gated"),
-            Outcome::Rejected(why) => self.0.write_string(&format!("rejected: {}", reason(why, columns))),
+            Outcome::Rejected(why) => {
+                self.0.write_string(&format!("rejected: {}", reason(why, columns)))
+            }
         }
         self.numbers(&[update.nis, update.threshold]);
         self.0.write_u32(dof as u32);
@@ -210,7 +226,9 @@ impl<'a> Encoder<'a> {
 /// Why a sample was rejected, as it stands in the log; `columns` are the names of the sensor's channels.
 pub fn reason(why: Rejection, columns: &[String]) -> String {
     match why {
-        Rejection::NotFinite(i) => format!("{} is not finite", columns.get(i).map_or("a channel", String::as_str)),
+        Rejection::NotFinite(i) => {
+            format!("{} is not finite", columns.get(i).map_or("a channel", String::as_str))
+        }
         Rejection::Missing => "channels are missing".into(),
         Rejection::OutOfOrder => "not later than the sample before".into(),
         Rejection::Late => "earlier than the state".into(),

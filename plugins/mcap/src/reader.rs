@@ -6,11 +6,12 @@ use crate::schema;
 use crate::source::{read_imu, read_sample, read_time};
 use crate::topics::{KIND, PURPOSE, RATES, purpose};
 use mcap::records::{Record, op};
-use navfuse_core::record::{Event, Level};
-use navfuse_core::sample::{MAX_CHANNELS, Sample, SensorId};
+use navfuse_core::model::record::{Event, Level};
+use navfuse_core::model::sensor::Purpose;
+use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::Mode;
-use navfuse_core::stream::{Purpose, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
+use navfuse_core::units::time::Time;
 use re_cdr::{CdrReader, LittleEndian};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -141,7 +142,9 @@ impl LogReader {
             if ![op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&opcode) {
                 return Ok(None);
             }
-            match mcap::parse_record(opcode, data).map_err(|e| format!("damaged record: {}", StreamFailure::from(e)))? {
+            match mcap::parse_record(opcode, data)
+                .map_err(|e| format!("damaged record: {}", StreamFailure::from(e)))?
+            {
                 Record::Schema { header, .. } => {
                     schemas.insert(header.id, header.name);
                     Ok(None)
@@ -149,7 +152,9 @@ impl LogReader {
                 // a channel is told again in the summary
                 Record::Channel(c) if !topics.contains_key(&c.id) => {
                     let schema = schemas.get(&c.schema_id).map_or("", String::as_str);
-                    let Some(kind) = kind(&c.topic, schema, SensorId(*sensors)) else { return Ok(None) };
+                    let Some(kind) = kind(&c.topic, schema, SensorId(*sensors)) else {
+                        return Ok(None);
+                    };
                     topics.insert(c.id, kind);
                     if !matches!(kind, Kind::Imu(_) | Kind::Sample(_)) {
                         return Ok(None);
@@ -165,7 +170,10 @@ impl LogReader {
                 Record::Message { header, data } => {
                     let Some(kind) = topics.get(&header.channel_id) else { return Ok(None) };
                     let Some((&[0, 1, 0, 0], body)) = data.split_first_chunk::<4>() else {
-                        return Err(format!("message {}: its encoding is not the one of navfuse", header.sequence));
+                        return Err(format!(
+                            "message {}: its encoding is not the one of navfuse",
+                            header.sequence
+                        ));
                     };
                     let entry = entry(*kind, &mut CdrReader::new(body));
                     take(entry.map_err(|why| format!("message {}: {why}", header.sequence))?);
@@ -180,7 +188,12 @@ impl LogReader {
 
     /// What a person should know at the end: that the log was cut off.
     pub fn warning(&self) -> Option<String> {
-        self.cut.then(|| format!("the log was cut off at byte {}; everything before was read", self.records.position))
+        self.cut.then(|| {
+            format!(
+                "the log was cut off at byte {}; everything before was read",
+                self.records.position
+            )
+        })
     }
 }
 
@@ -217,8 +230,14 @@ fn entry<'a>(kind: Kind, r: &mut Reader<'a>) -> re_cdr::Result<Entry<'a>> {
 }
 
 /// The columns of [`RATES`].
-const IMU_COLUMNS: [&str; RATES.len()] =
-    ["gyro_x_radps", "gyro_y_radps", "gyro_z_radps", "accel_x_mps2", "accel_y_mps2", "accel_z_mps2"];
+const IMU_COLUMNS: [&str; RATES.len()] = [
+    "gyro_x_radps",
+    "gyro_y_radps",
+    "gyro_z_radps",
+    "accel_x_mps2",
+    "accel_y_mps2",
+    "accel_z_mps2",
+];
 
 fn block<'a>(r: &mut Reader<'a>) -> re_cdr::Result<BlockEntry<'a>> {
     let time = read_time(r)?;

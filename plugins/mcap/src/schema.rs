@@ -38,7 +38,8 @@ pub const IMU: Schema = schema!(
 );
 
 /// A sample of any sensor.
-pub const SAMPLE: Schema = schema!("navfuse_msgs" / "Sample", "std_msgs" / "Header", "builtin_interfaces" / "Time");
+pub const SAMPLE: Schema =
+    schema!("navfuse_msgs" / "Sample", "std_msgs" / "Header", "builtin_interfaces" / "Time");
 
 /// Pressure.
 pub const PRESSURE: Schema =
@@ -78,7 +79,8 @@ pub const TRANSFORMS: Schema = schema!(
 );
 
 /// One block of the state.
-pub const BLOCK: Schema = schema!("navfuse_msgs" / "BlockState", "std_msgs" / "Header", "builtin_interfaces" / "Time");
+pub const BLOCK: Schema =
+    schema!("navfuse_msgs" / "BlockState", "std_msgs" / "Header", "builtin_interfaces" / "Time");
 
 /// One use of a sample.
 pub const INNOVATION: Schema =

@@ -6,11 +6,11 @@ use crate::topics::{Estimate, SensorTopics, Topic, Topics};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{Attachment, WriteOptions, Writer};
-use navfuse_core::record::{Epoch, Event, UpdateRecord};
-use navfuse_core::registry::{OpenContext, SinkType};
-use navfuse_core::sample::Sample;
-use navfuse_core::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::model::record::{Epoch, Event, UpdateRecord};
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::plugin::{OpenContext, SinkType};
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::borrow::Cow;
@@ -55,7 +55,11 @@ impl SinkType for Mcap {
     const TYPE: &'static str = "mcap";
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
-        let sink = McapSink::create(&context.output.join(&self.path), self.compression, context.composition.seed)?;
+        let sink = McapSink::create(
+            &context.output.join(&self.path),
+            self.compression,
+            context.composition.seed,
+        )?;
         Ok(Box::new(sink))
     }
 }
@@ -86,7 +90,15 @@ impl McapSink {
         }
         let file = File::create(path).map_err(|e| failure(path, &e.to_string()))?;
         let path = path.to_path_buf();
-        Ok(Self { path, compression, seed, file: Some(file), run: None, held: Vec::new(), recording: None })
+        Ok(Self {
+            path,
+            compression,
+            seed,
+            file: Some(file),
+            run: None,
+            held: Vec::new(),
+            recording: None,
+        })
     }
 
     /// The recording, begun now if this is the first thing that has a time.
@@ -174,7 +186,11 @@ impl std::fmt::Debug for LogWriter {
 
 impl LogWriter {
     /// Opens a topic.
-    pub(crate) fn topic(&mut self, name: &str, schema: &crate::schema::Schema) -> Result<Topic, StreamFailure> {
+    pub(crate) fn topic(
+        &mut self,
+        name: &str,
+        schema: &crate::schema::Schema,
+    ) -> Result<Topic, StreamFailure> {
         self.described(name, schema, BTreeMap::new())
     }
 
@@ -198,8 +214,12 @@ impl LogWriter {
     ) -> Result<(), StreamFailure> {
         encode(Encoder::new(&mut self.buffer));
         let log_time = u64::try_from(time.nanos().saturating_add(self.offset)).unwrap_or(0);
-        let header =
-            MessageHeader { channel_id: topic.channel, sequence: topic.sequence, log_time, publish_time: log_time };
+        let header = MessageHeader {
+            channel_id: topic.channel,
+            sequence: topic.sequence,
+            log_time,
+            publish_time: log_time,
+        };
         topic.sequence = topic.sequence.wrapping_add(1);
         self.latest = self.latest.max(time);
         Ok(self.writer.write_to_known_channel(&header, &self.buffer)?)

@@ -5,10 +5,11 @@ use crate::message::{MISSING, Stamp};
 use crate::schema;
 use crate::topics::RATES;
 use mcap::records::{Record, op};
-use navfuse_core::registry::{OpenContext, SourceType};
-use navfuse_core::sample::{Channel, MAX_CHANNELS, Sample, SensorId};
-use navfuse_core::stream::{SensorInfo, Source, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::model::sensor::SensorInfo;
+use navfuse_core::model::stream::{Source, StreamError};
+use navfuse_core::plugin::{OpenContext, SourceType};
+use navfuse_core::units::sample::{Channel, MAX_CHANNELS, Sample, SensorId};
+use navfuse_core::units::time::Time;
 use re_cdr::{BigEndian, ByteOrder, CdrReader, LittleEndian};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -52,10 +53,20 @@ impl McapSource {
     /// # Errors
     /// When the file is missing or is not an MCAP file, or, where it can be told at the start, none of the sensors is in
     /// it or one is recorded with other channels.
-    pub fn open(path: &Path, sensors: Vec<SensorInfo>, topics: BTreeMap<String, String>) -> Result<Self, StreamError> {
+    pub fn open(
+        path: &Path,
+        sensors: Vec<SensorInfo>,
+        topics: BTreeMap<String, String>,
+    ) -> Result<Self, StreamError> {
         let info = read_info(path, true)?;
         let records = Records::open(path, false)?;
-        let mut source = Self { records, router: Router::new(sensors, topics), end: None, last: None, cut: false };
+        let mut source = Self {
+            records,
+            router: Router::new(sensors, topics),
+            end: None,
+            last: None,
+            cut: false,
+        };
         source.router.check_topics().map_err(|m| source.records.error(m))?;
         if let Some(summary) = summary(path) {
             let mut channels: Vec<_> = summary.channels.values().collect();
@@ -100,13 +111,19 @@ impl Source for McapSource {
     fn warning(&mut self) -> Option<String> {
         let mut warnings = Vec::new();
         if self.cut {
-            let after = self.last.map_or_else(|| "before the first sample".into(), |t| format!("after t = {t}"));
+            let after = self
+                .last
+                .map_or_else(|| "before the first sample".into(), |t| format!("after t = {t}"));
             let position = self.records.position;
-            warnings.push(format!("cut off at byte {position} {after}; everything before was read"));
+            warnings
+                .push(format!("cut off at byte {position} {after}; everything before was read"));
         }
         let unknown = &self.router.others;
         if !unknown.is_empty() && self.router.matched {
-            warnings.push(format!("samples of {} were skipped: the scenario has no such sensor", unknown.join(", ")));
+            warnings.push(format!(
+                "samples of {} were skipped: the scenario has no such sensor",
+                unknown.join(", ")
+            ));
         }
         (!warnings.is_empty()).then(|| self.records.error(warnings.join("; ")).0)
     }
@@ -156,7 +173,10 @@ impl Router {
 
     fn check_topics(&self) -> Result<(), String> {
         match self.topics.keys().find(|name| self.sensors.iter().all(|(n, _)| n != *name)) {
-            Some(name) => Err(format!("topics names {name:?}, which is no sensor of the scenario ({})", self.names())),
+            Some(name) => Err(format!(
+                "topics names {name:?}, which is no sensor of the scenario ({})",
+                self.names()
+            )),
             None => Ok(()),
         }
     }
@@ -165,19 +185,29 @@ impl Router {
         if self.matched {
             return Ok(());
         }
-        let recorded = if self.others.is_empty() { "none".to_owned() } else { self.others.join(", ") };
+        let recorded =
+            if self.others.is_empty() { "none".to_owned() } else { self.others.join(", ") };
         let remedy = "give a topic of type sensor_msgs/msg/Imu with topics = { imu = \"/TOPIC\" }";
         let names = self.names();
-        Err(format!("it holds none of the scenario's sensors ({names}); recorded sensors: {recorded}; or {remedy}"))
+        Err(format!(
+            "it holds none of the scenario's sensors ({names}); recorded sensors: {recorded}; or {remedy}"
+        ))
     }
 
     /// Finds the route of a channel; a message that names what is wrong.
-    fn channel(&mut self, id: u16, topic: &str, schema: &str, encoding: &str) -> Result<(), String> {
+    fn channel(
+        &mut self,
+        id: u16,
+        topic: &str,
+        schema: &str,
+        encoding: &str,
+    ) -> Result<(), String> {
         if self.routes.contains_key(&id) {
             return Ok(());
         }
         let foreign = self.topics.iter().find(|(_, t)| *t == topic).map(|(name, _)| name.clone());
-        let readable = [schema::IMU.name, schema::SAMPLE.name].contains(&schema) && encoding == "cdr";
+        let readable =
+            [schema::IMU.name, schema::SAMPLE.name].contains(&schema) && encoding == "cdr";
         let name = match foreign {
             Some(_) if !readable => {
                 return Err(format!(
@@ -186,10 +216,13 @@ impl Router {
                 ));
             }
             Some(name) => Some(name),
-            None => (topic.strip_prefix("/sensor/").filter(|n| readable && !self.topics.contains_key(*n)))
-                .map(str::to_owned),
+            None => (topic
+                .strip_prefix("/sensor/")
+                .filter(|n| readable && !self.topics.contains_key(*n)))
+            .map(str::to_owned),
         };
-        let sensor = name.as_ref().and_then(|name| self.sensors.iter().position(|(n, _)| n == name));
+        let sensor =
+            name.as_ref().and_then(|name| self.sensors.iter().position(|(n, _)| n == name));
         let route = match (name, sensor) {
             (Some(_), Some(k)) => {
                 self.matched = true;
@@ -212,13 +245,19 @@ impl Router {
     }
 
     /// Whether a sensor was recorded with the channels that it has.
-    fn check_columns<'a>(&self, sensor: usize, recorded: impl Iterator<Item = &'a str> + Clone) -> Result<(), String> {
+    fn check_columns<'a>(
+        &self,
+        sensor: usize,
+        recorded: impl Iterator<Item = &'a str> + Clone,
+    ) -> Result<(), String> {
         let (name, columns) = &self.sensors[sensor];
         if recorded.clone().eq(columns.iter().map(String::as_str)) {
             return Ok(());
         }
         let (recorded, wanted) = (recorded.collect::<Vec<_>>().join(" "), columns.join(" "));
-        Err(format!("{name} is recorded with the channels {recorded}; [sensor.{name}] of the scenario has {wanted}"))
+        Err(format!(
+            "{name} is recorded with the channels {recorded}; [sensor.{name}] of the scenario has {wanted}"
+        ))
     }
 
     /// Takes note of a record; a sample if it is one.
@@ -226,7 +265,9 @@ impl Router {
         if ![op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&opcode) {
             return Ok(None);
         }
-        match mcap::parse_record(opcode, data).map_err(|e| format!("damaged record: {}", StreamFailure::from(e)))? {
+        match mcap::parse_record(opcode, data)
+            .map_err(|e| format!("damaged record: {}", StreamFailure::from(e)))?
+        {
             Record::Schema { header, .. } => {
                 self.schemas.insert(header.id, header.name);
             }
@@ -263,7 +304,12 @@ impl Router {
         .map(Some)
     }
 
-    fn decode<O: ByteOrder>(&self, sensor: SensorId, imu: bool, mut r: CdrReader<'_, O>) -> Result<Sample, String> {
+    fn decode<O: ByteOrder>(
+        &self,
+        sensor: SensorId,
+        imu: bool,
+        mut r: CdrReader<'_, O>,
+    ) -> Result<Sample, String> {
         if imu {
             return read_imu(&mut r, sensor).map_err(|e| e.to_string());
         }
@@ -280,7 +326,10 @@ pub(crate) fn read_time<O: ByteOrder>(r: &mut CdrReader<'_, O>) -> re_cdr::Resul
     Ok(stamp.time())
 }
 
-pub(crate) fn read_imu<O: ByteOrder>(r: &mut CdrReader<'_, O>, sensor: SensorId) -> re_cdr::Result<Sample> {
+pub(crate) fn read_imu<O: ByteOrder>(
+    r: &mut CdrReader<'_, O>,
+    sensor: SensorId,
+) -> re_cdr::Result<Sample> {
     let mut sample = Sample::empty(read_time(r)?, sensor);
     let skip = |r: &mut CdrReader<'_, O>, n: usize| (0..n).try_for_each(|_| r.read_f64().map(drop));
     skip(r, 4 + 9)?; // orientation and its covariance
@@ -321,6 +370,8 @@ pub(crate) fn read_sample<'a, O: ByteOrder>(
 fn channels<O: ByteOrder>(r: &mut CdrReader<'_, O>) -> re_cdr::Result<usize> {
     match r.read_sequence_length()? {
         n if n <= MAX_CHANNELS => Ok(n),
-        n => Err(re_cdr::Error::Custom(format!("{n} channels; at most {MAX_CHANNELS} fit a sample"))),
+        n => {
+            Err(re_cdr::Error::Custom(format!("{n} channels; at most {MAX_CHANNELS} fit a sample")))
+        }
     }
 }

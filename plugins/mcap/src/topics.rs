@@ -5,13 +5,16 @@ use crate::message::{BlockValues, Pose, Stamp, Velocity};
 use crate::schema;
 use crate::sink::LogWriter;
 use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3};
-use navfuse_core::calibration::display;
-use navfuse_core::geodesy::Geodetic;
-use navfuse_core::manifold::{MAX_TANGENT, Manifold, Position, Rotation, Vector, load_quaternion};
-use navfuse_core::record::{Epoch, UpdateRecord};
-use navfuse_core::sample::{Channel, Sample};
+use navfuse_core::model::record::{Epoch, UpdateRecord};
+use navfuse_core::model::sensor::{Purpose, SensorInfo};
+use navfuse_core::model::stream::RunInfo;
+use navfuse_core::state::display;
+use navfuse_core::state::geodesy::Geodetic;
+use navfuse_core::state::manifold::{
+    MAX_TANGENT, Manifold, Position, Rotation, Vector, load_quaternion,
+};
 use navfuse_core::state::{Block, Layout};
-use navfuse_core::stream::{Purpose, RunInfo, SensorInfo};
+use navfuse_core::units::sample::{Channel, Sample};
 use std::any::TypeId;
 
 /// Where messages of one kind go.
@@ -37,8 +40,13 @@ pub struct Topics {
 impl Topics {
     /// Opens the topics of a run, in the order of its sensors and blocks.
     pub fn open(log: &mut LogWriter, run: &RunInfo) -> Result<Self, StreamFailure> {
-        let sensors = run.sensors.iter().map(|s| SensorTopics::open(log, s)).collect::<Result<_, _>>()?;
-        Ok(Self { sensors, estimate: Estimate::open(log, &run.layout)?, events: log.topic("/log", &schema::LOG)? })
+        let sensors =
+            run.sensors.iter().map(|s| SensorTopics::open(log, s)).collect::<Result<_, _>>()?;
+        Ok(Self {
+            sensors,
+            estimate: Estimate::open(log, &run.layout)?,
+            events: log.topic("/log", &schema::LOG)?,
+        })
     }
 }
 
@@ -57,7 +65,9 @@ fn purpose_word(purpose: Purpose) -> &'static str {
 
 /// The purpose of that word.
 pub fn purpose(word: &str) -> Option<Purpose> {
-    [Purpose::Input, Purpose::Measurement, Purpose::Reference].into_iter().find(|p| purpose_word(*p) == word)
+    [Purpose::Input, Purpose::Measurement, Purpose::Reference]
+        .into_iter()
+        .find(|p| purpose_word(*p) == word)
 }
 
 /// The channels that a `sensor_msgs/Imu` holds, in its order.
@@ -99,20 +109,29 @@ impl SensorTopics {
         let imu = info.channels == RATES;
         let of = [(KIND, info.kind.clone()), (PURPOSE, purpose_word(info.purpose).to_owned())];
         let of = of.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
-        let samples =
-            log.described(&format!("/sensor/{name}"), if imu { &schema::IMU } else { &schema::SAMPLE }, of)?;
+        let samples = log.described(
+            &format!("/sensor/{name}"),
+            if imu { &schema::IMU } else { &schema::SAMPLE },
+            of,
+        )?;
         let find = |name, unit| info.channels.iter().position(|c| *c == Channel::new(name, unit));
         let also = if info.channels == [Channel::new("depth", "m")] {
             Also::Pressure(log.topic(&format!("/sensor/{name}/pressure"), &schema::PRESSURE)?)
         } else if info.purpose == Purpose::Reference
-            && let (Some(lat), Some(lon), Some(height)) = (find("lat", "rad"), find("lon", "rad"), find("height", "m"))
+            && let (Some(lat), Some(lon), Some(height)) =
+                (find("lat", "rad"), find("lon", "rad"), find("height", "m"))
         {
-            Also::Fix(log.topic(&format!("/reference/{name}/fix"), &schema::FIX)?, [lat, lon, height])
+            Also::Fix(
+                log.topic(&format!("/reference/{name}/fix"), &schema::FIX)?,
+                [lat, lon, height],
+            )
         } else {
             Also::Nothing
         };
         let innovation = match info.purpose {
-            Purpose::Measurement => Some(log.topic(&format!("/innovation/{name}"), &schema::INNOVATION)?),
+            Purpose::Measurement => {
+                Some(log.topic(&format!("/innovation/{name}"), &schema::INNOVATION)?)
+            }
             Purpose::Input | Purpose::Reference => None,
         };
         let columns = info.channels.iter().map(Channel::column).collect();
@@ -122,7 +141,11 @@ impl SensorTopics {
     pub fn sample(&mut self, log: &mut LogWriter, sample: &Sample) -> Result<(), StreamFailure> {
         let stamp = Stamp::new(sample.time)?;
         log.send(&mut self.samples, sample.time, |m| {
-            if self.imu { m.imu(stamp, sample) } else { m.sample(stamp, &self.name, &self.columns, sample) }
+            if self.imu {
+                m.imu(stamp, sample)
+            } else {
+                m.sample(stamp, &self.name, &self.columns, sample)
+            }
         })?;
         match &mut self.also {
             Also::Nothing => Ok(()),
@@ -140,7 +163,11 @@ impl SensorTopics {
         }
     }
 
-    pub fn update(&mut self, log: &mut LogWriter, update: &UpdateRecord<'_>) -> Result<(), StreamFailure> {
+    pub fn update(
+        &mut self,
+        log: &mut LogWriter,
+        update: &UpdateRecord<'_>,
+    ) -> Result<(), StreamFailure> {
         let Some(topic) = &mut self.innovation else { return Ok(()) };
         let stamp = Stamp::new(update.time)?;
         log.send(topic, update.time, |m| m.innovation(stamp, &self.name, &self.columns, update))
@@ -172,14 +199,19 @@ struct Navigation {
 impl Estimate {
     fn open(log: &mut LogWriter, layout: &Layout) -> Result<Self, StreamFailure> {
         let topic = |block: &Block| format!("/state/{}", block.name.replace('.', "/"));
-        let blocks = layout.blocks.iter().map(|b| log.topic(&topic(b), &schema::BLOCK)).collect::<Result<_, _>>()?;
+        let blocks = layout
+            .blocks
+            .iter()
+            .map(|b| log.topic(&topic(b), &schema::BLOCK))
+            .collect::<Result<_, _>>()?;
         let first = |kind: TypeId| layout.blocks.iter().position(|b| b.operations.kind == kind);
         let navigation = match (first(TypeId::of::<Position>()), first(TypeId::of::<Rotation>())) {
             (Some(position), Some(attitude)) => Some(Navigation {
                 position,
                 attitude,
                 velocity: layout.blocks.iter().position(|b| {
-                    b.operations.kind == TypeId::of::<Vector<3>>() && b.spec.display == display::VELOCITY
+                    b.operations.kind == TypeId::of::<Vector<3>>()
+                        && b.spec.display == display::VELOCITY
                 }),
                 origin: None,
                 odometry: log.topic("/estimate/odometry", &schema::ODOMETRY)?,
@@ -199,7 +231,8 @@ impl Estimate {
         let values = &epoch.state.values;
         for (slot, (topic, block)) in self.blocks.iter_mut().zip(&epoch.layout.blocks).enumerate() {
             let n = block.operations.tangent;
-            let (mut estimate, mut sigma, mut error) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+            let (mut estimate, mut sigma, mut error) =
+                ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
             block.show(values, &mut estimate);
             block.show_sigma(values, epoch.covariance, &mut sigma);
             let truth = epoch.truth.filter(|t| t.known[slot]);
@@ -223,7 +256,12 @@ impl Estimate {
 }
 
 impl Navigation {
-    fn epoch(&mut self, log: &mut LogWriter, stamp: Stamp, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
+    fn epoch(
+        &mut self,
+        log: &mut LogWriter,
+        stamp: Stamp,
+        epoch: &Epoch<'_>,
+    ) -> Result<(), StreamFailure> {
         let time = epoch.state.time;
         let position = Position::load::<f64>(value(epoch, self.position));
         let origin = *self.origin.get_or_insert(position);
@@ -258,7 +296,12 @@ fn covariance(epoch: &Epoch<'_>, first: usize, second: usize) -> Matrix6<f64> {
 
 /// `v^b = C_n^b v^n` and its covariance: with the attitude's error `phi` about the navigation axes,
 /// `dv^b = C_n^b (dv^n + v^n x phi)`.
-fn body_velocity(epoch: &Epoch<'_>, velocity: usize, attitude: usize, c_b_n: &UnitQuaternion<f64>) -> Velocity {
+fn body_velocity(
+    epoch: &Epoch<'_>,
+    velocity: usize,
+    attitude: usize,
+    c_b_n: &UnitQuaternion<f64>,
+) -> Velocity {
     let v = Vector3::from_column_slice(value(epoch, velocity));
     let c_n_b = c_b_n.inverse().to_rotation_matrix().into_inner();
     let mut jacobian = SMatrix::<f64, 3, 6>::zeros();

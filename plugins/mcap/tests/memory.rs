@@ -6,9 +6,9 @@
 mod common;
 
 use common::{Draw, fixture};
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::stream::{Sink, Source};
-use navfuse_core::time::Time;
+use navfuse_core::model::stream::{Sink, Source};
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use navfuse_mcap::{Compression, McapSource};
 use std::collections::BTreeMap;
 

@@ -6,11 +6,11 @@ mod common;
 
 use common::fixture::{self, ATTITUDE, ORIGIN, VELOCITY};
 use common::{Logged, float, floats, number, read};
+use navfuse_core::model::record::{Epoch, Event, Level, Outcome, Rejection, Truth, UpdateRecord};
+use navfuse_core::model::stream::Sink;
 use navfuse_core::nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
-use navfuse_core::record::{Epoch, Event, Level, Outcome, Rejection, Truth, UpdateRecord};
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::stream::Sink;
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use navfuse_mcap::{Compression, McapSink, read_scenario};
 use serde_json::{Value, json};
 
@@ -39,7 +39,10 @@ fn an_imu_in_rates_is_a_sensor_msgs_imu_without_orientation() {
     let values = [0.1, -0.2, 0.3, 4.0, -5.0, 9.8];
     let log = logged(|sink| sink.sample(&Sample::new(NOW, SensorId(0), &values)).unwrap());
     assert_eq!(log.len(), 1);
-    assert_eq!((log[0].topic.as_str(), log[0].schema.as_str()), ("/sensor/imu", "sensor_msgs/msg/Imu"));
+    assert_eq!(
+        (log[0].topic.as_str(), log[0].schema.as_str()),
+        ("/sensor/imu", "sensor_msgs/msg/Imu")
+    );
     assert_eq!((log[0].log_time, log[0].publish_time), (12_000_000_345, 12_000_000_345));
     let unknown = floats(&[0.0; 9]);
     let mut none = [0.0; 9];
@@ -61,7 +64,10 @@ fn a_sample_names_its_channels_and_which_of_them_are_there() {
     let mut sample = Sample::new(NOW, SensorId(1), &[1.0, 2.0, 3.0]);
     sample.clear(1);
     let log = logged(|sink| sink.sample(&sample).unwrap());
-    assert_eq!((log[0].topic.as_str(), log[0].schema.as_str()), ("/sensor/dvl", "navfuse_msgs/msg/Sample"));
+    assert_eq!(
+        (log[0].topic.as_str(), log[0].schema.as_str()),
+        ("/sensor/dvl", "navfuse_msgs/msg/Sample")
+    );
     let expected = json!({
         "header": header("dvl"),
         "channels": ["s:vel_x_mps", "s:vel_y_mps", "s:vel_z_mps"],
@@ -117,7 +123,8 @@ fn an_epoch_tells_pose_velocity_and_every_block() {
         }
     });
     let log = &log[log.len() / 2..];
-    let topics: Vec<(&str, &str)> = log.iter().map(|m| (m.topic.as_str(), m.schema.as_str())).collect();
+    let topics: Vec<(&str, &str)> =
+        log.iter().map(|m| (m.topic.as_str(), m.schema.as_str())).collect();
     let block = "navfuse_msgs/msg/BlockState";
     let expected = [
         ("/estimate/odometry", "nav_msgs/msg/Odometry"),
@@ -177,15 +184,20 @@ fn an_epoch_tells_pose_velocity_and_every_block() {
                 (3, 3) => -1.0,
                 _ => 0.0,
             };
-            assert!((found - wanted).abs() < 1e-7, "twist covariance ({i}, {j}): {found}, {wanted}");
+            assert!(
+                (found - wanted).abs() < 1e-7,
+                "twist covariance ({i}, {j}): {found}, {wanted}"
+            );
         }
     }
 
     let fix = &log[1].fields;
     assert_eq!(number(&fix["longitude"]), ORIGIN.longitude.to_degrees());
     let enu = [(7, 1.0), (6, 1.0), (8, -1.0)];
-    let wanted: Vec<f64> = enu.iter().flat_map(|(i, a)| enu.map(|(j, b)| a * b * p.get(*i, j))).collect();
-    let found: Vec<f64> = fix["position_covariance"].as_array().unwrap().iter().map(number).collect();
+    let wanted: Vec<f64> =
+        enu.iter().flat_map(|(i, a)| enu.map(|(j, b)| a * b * p.get(*i, j))).collect();
+    let found: Vec<f64> =
+        fix["position_covariance"].as_array().unwrap().iter().map(number).collect();
     assert_eq!((found, &fix["position_covariance_type"]), (wanted, &json!(3)));
 
     let position = &log[5].fields;
@@ -243,7 +255,8 @@ fn an_update_is_an_innovation_of_the_channels_that_were_there() {
 
 #[test]
 fn events_keep_their_order_and_level_also_those_before_the_first_sample() {
-    let event = |time, level, text: &str| Event { time, level, about: "dvl".into(), text: text.into() };
+    let event =
+        |time, level, text: &str| Event { time, level, about: "dvl".into(), text: text.into() };
     let log = logged(|sink| {
         sink.event(&event(Time::MIN, Level::Error, "no clock yet")).unwrap();
         sink.event(&event(NOW, Level::Info, "Straße")).unwrap();
@@ -251,17 +264,23 @@ fn events_keep_their_order_and_level_also_those_before_the_first_sample() {
         sink.event(&event(NOW, Level::Warning, "")).unwrap();
     });
     let log: Vec<&Logged> = log.iter().filter(|m| m.topic == "/log").collect();
-    let told: Vec<(&Value, &Value)> = log.iter().map(|m| (&m.fields["level"], &m.fields["msg"])).collect();
+    let told: Vec<(&Value, &Value)> =
+        log.iter().map(|m| (&m.fields["level"], &m.fields["msg"])).collect();
     let (error, info, warning) = (json!(40), json!(20), json!(30));
     let texts = [json!("s:no clock yet"), json!("s:Straße"), json!("s:")];
     assert_eq!(told, [(&error, &texts[0]), (&info, &texts[1]), (&warning, &texts[2])]);
     assert_eq!(log[0].fields["stamp"], header("")["stamp"]);
-    assert_eq!((&log[0].fields["name"], &log[0].schema), (&json!("s:dvl"), &"rcl_interfaces/msg/Log".to_owned()));
+    assert_eq!(
+        (&log[0].fields["name"], &log[0].schema),
+        (&json!("s:dvl"), &"rcl_interfaces/msg/Log".to_owned())
+    );
 }
 
 #[test]
 fn log_times_are_run_times_moved_by_whole_seconds_if_they_begin_before_zero() {
-    for (first, offset) in [(0, 0), (5, 0), (-1, 1), (-450_000_000, 1), (-2_000_000_000, 2), (-2_000_000_001, 3)] {
+    for (first, offset) in
+        [(0, 0), (5, 0), (-1, 1), (-450_000_000, 1), (-2_000_000_000, 2), (-2_000_000_001, 3)]
+    {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap");
         let mut sink = fixture::create(&path, Compression::Zstd);
@@ -287,7 +306,8 @@ fn the_scenario_is_in_the_metadata_and_attached() {
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
     let metadata = mcap::read::metadata(&bytes, &summary.metadata_indexes[0]).unwrap();
     assert_eq!(metadata.name, "navfuse");
-    let entries: Vec<(&str, &str)> = metadata.metadata.iter().map(|(k, v)| (k.as_str(), v.as_str())).collect();
+    let entries: Vec<(&str, &str)> =
+        metadata.metadata.iter().map(|(k, v)| (k.as_str(), v.as_str())).collect();
     let expected = [
         ("log_time_offset_ns", "0"),
         ("name", "dive"),
@@ -297,7 +317,10 @@ fn the_scenario_is_in_the_metadata_and_attached() {
     ];
     assert_eq!(entries, expected);
     let attached = mcap::read::attachment(&bytes, &summary.attachment_indexes[0]).unwrap();
-    assert_eq!((attached.name.as_str(), &attached.data[..]), ("scenario.toml", fixture::SCENARIO.as_bytes()));
+    assert_eq!(
+        (attached.name.as_str(), &attached.data[..]),
+        ("scenario.toml", fixture::SCENARIO.as_bytes())
+    );
     let info = read_scenario(&path).unwrap();
     assert_eq!(
         (info.name.as_str(), info.scenario.as_str(), info.version.as_str()),

@@ -5,10 +5,11 @@
 mod common;
 
 use common::{fixture, floats, read};
-use navfuse_core::record::{Event, Level, Outcome, Rejection, UpdateRecord};
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::stream::{Purpose, Sink};
-use navfuse_core::time::Time;
+use navfuse_core::model::record::{Event, Level, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::sensor::Purpose;
+use navfuse_core::model::stream::Sink;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use navfuse_mcap::{Compression, Entry, LogReader};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -32,9 +33,15 @@ fn told(path: &Path) -> (Vec<Value>, Vec<Known>, Option<String>) {
     let mut take = |entry: Entry<'_>| {
         let told = match entry {
             Entry::Sensor(s) => {
-                return sensors.push((s.name.to_owned(), s.kind.unwrap().to_owned(), s.purpose.unwrap()));
+                return sensors.push((
+                    s.name.to_owned(),
+                    s.kind.unwrap().to_owned(),
+                    s.purpose.unwrap(),
+                ));
             }
-            Entry::Sample(x, channels) => json!([x.time.nanos(), text(&sensors[x.sensor.0].0), texts(&channels)]),
+            Entry::Sample(x, channels) => {
+                json!([x.time.nanos(), text(&sensors[x.sensor.0].0), texts(&channels)])
+            }
             Entry::Block(b) => json!([
                 b.time.nanos(),
                 text(b.name),
@@ -67,10 +74,22 @@ fn written(path: &Path) -> Vec<Value> {
     for message in read(path) {
         let f = &message.fields;
         let stamp = if f["header"].is_object() { &f["header"]["stamp"] } else { &f["stamp"] };
-        let time = || json!(stamp["sec"].as_i64().unwrap() * 1_000_000_000 + stamp["nanosec"].as_i64().unwrap());
+        let time = || {
+            json!(
+                stamp["sec"].as_i64().unwrap() * 1_000_000_000 + stamp["nanosec"].as_i64().unwrap()
+            )
+        };
         let told = match message.schema.as_str() {
             "navfuse_msgs/msg/BlockState" => {
-                json!([time(), f["name"], f["components"], f["unit"], f["estimate"], f["sigma"], f["error"]])
+                json!([
+                    time(),
+                    f["name"],
+                    f["components"],
+                    f["unit"],
+                    f["estimate"],
+                    f["sigma"],
+                    f["error"]
+                ])
             }
             "navfuse_msgs/msg/Innovation" => json!([
                 time(),
@@ -83,9 +102,16 @@ fn written(path: &Path) -> Vec<Value> {
             ]),
             "rcl_interfaces/msg/Log" => json!([time(), f["name"], f["msg"]]),
             "navfuse_msgs/msg/Sample" | "sensor_msgs/msg/Imu" => {
-                let imu =
-                    ["gyro_x_radps", "gyro_y_radps", "gyro_z_radps", "accel_x_mps2", "accel_y_mps2", "accel_z_mps2"];
-                let channels = if f["channels"].is_array() { f["channels"].clone() } else { texts(&imu) };
+                let imu = [
+                    "gyro_x_radps",
+                    "gyro_y_radps",
+                    "gyro_z_radps",
+                    "accel_x_mps2",
+                    "accel_y_mps2",
+                    "accel_z_mps2",
+                ];
+                let channels =
+                    if f["channels"].is_array() { f["channels"].clone() } else { texts(&imu) };
                 json!([time(), text(message.topic.strip_prefix("/sensor/").unwrap()), channels])
             }
             _ => continue,
@@ -126,7 +152,8 @@ fn the_reader_tells_every_message_as_it_was_written() {
     assert_eq!(told, written(&path));
     assert_eq!((told.len(), warning), (8, None));
     let kinds = [Purpose::Input, Purpose::Measurement, Purpose::Measurement, Purpose::Reference];
-    let expected = fixture::sensors().into_iter().zip(kinds).map(|(s, purpose)| (s.name, s.kind, purpose));
+    let expected =
+        fixture::sensors().into_iter().zip(kinds).map(|(s, purpose)| (s.name, s.kind, purpose));
     assert_eq!(sensors, expected.collect::<Vec<_>>());
 }
 

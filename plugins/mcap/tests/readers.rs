@@ -8,8 +8,8 @@
 mod common;
 
 use common::{fixture, read};
-use navfuse_core::stream::Sink;
-use navfuse_core::time::Time;
+use navfuse_core::model::stream::Sink;
+use navfuse_core::units::time::Time;
 use navfuse_mcap::Compression;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -28,13 +28,16 @@ fn run(command: &mut Command) -> Result<String, String> {
 fn python() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("readers");
     let python = folder.join("bin/python");
-    let check =
-        "import importlib.metadata as m; print(*sorted(m.version(p) for p in ('mcap-ros2-support', 'rosbags')))";
-    if run(Command::new(&python).args(["-c", check])).is_ok_and(|versions| versions.trim() == "0.11.9 0.6.0") {
+    let check = "import importlib.metadata as m; print(*sorted(m.version(p) for p in ('mcap-ros2-support', 'rosbags')))";
+    if run(Command::new(&python).args(["-c", check]))
+        .is_ok_and(|versions| versions.trim() == "0.11.9 0.6.0")
+    {
         return Ok(python);
     }
     run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
-    run(Command::new(&python).args(["-m", "pip", "install", "--quiet", "--retries", "1"]).args(READERS))?;
+    run(Command::new(&python)
+        .args(["-m", "pip", "install", "--quiet", "--retries", "1"])
+        .args(READERS))?;
     Ok(python)
 }
 
@@ -48,7 +51,9 @@ fn independent_readers_read_every_value() {
         }
     };
     let folder = tempfile::tempdir().unwrap();
-    for (first, compression) in [(-450_000_001, Compression::Zstd), (0, Compression::Lz4), (5, Compression::None)] {
+    for (first, compression) in
+        [(-450_000_001, Compression::Zstd), (0, Compression::Lz4), (5, Compression::None)]
+    {
         let log = folder.path().join("run.mcap");
         let mut sink = fixture::create(&log, compression);
         fixture::run(&mut sink, Time::from_nanos(first), 600);
@@ -59,7 +64,8 @@ fn independent_readers_read_every_value() {
         let expected = folder.path().join("expected.json");
         std::fs::write(&expected, serde_json::to_string(&messages).unwrap()).unwrap();
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers.py");
-        let told = run(Command::new(&python).arg(script).arg(&log).arg(&expected)).unwrap_or_else(|e| panic!("{e}"));
+        let told = run(Command::new(&python).arg(script).arg(&log).arg(&expected))
+            .unwrap_or_else(|e| panic!("{e}"));
         println!("{compression:?}\n{told}");
         let all = format!("{} messages on ", messages.len());
         assert_eq!(told.matches(&all).count(), READERS.len(), "{told}");

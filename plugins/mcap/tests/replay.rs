@@ -6,9 +6,10 @@ mod common;
 
 use common::fixture;
 use mcap::records::MessageHeader;
-use navfuse_core::sample::{Channel, Sample, SensorId};
-use navfuse_core::stream::{SensorInfo, Sink, Source};
-use navfuse_core::time::Time;
+use navfuse_core::model::sensor::SensorInfo;
+use navfuse_core::model::stream::{Sink, Source};
+use navfuse_core::units::sample::{Channel, Sample, SensorId};
+use navfuse_core::units::time::Time;
 use navfuse_mcap::{Compression, McapSink, McapSource, read_scenario};
 use proptest::prelude::*;
 use re_cdr::{BigEndian, CdrWriter};
@@ -117,7 +118,10 @@ fn a_log_cut_off_at_any_byte_gives_what_is_before_the_cut_and_says_so() {
             }
             let (read, warning) = result.unwrap_or_else(|e| panic!("{compression:?} {cut}: {e}"));
             assert!(read.len() <= before, "{compression:?} {cut}: a shorter log gives more");
-            assert!(cut < length - 1 || read.len() == samples.len(), "{compression:?}: all samples are before the end");
+            assert!(
+                cut < length - 1 || read.len() == samples.len(),
+                "{compression:?}: all samples are before the end"
+            );
             // uncompressed, a byte less is at most a sample less: every sample before the cut is read
             assert!(compression != Compression::None || before - read.len() <= 1, "{cut}");
             assert_eq!(bits(&read), whole[..read.len()], "{compression:?} {cut}");
@@ -162,7 +166,11 @@ fn a_run_that_is_killed_leaves_the_chunks_that_were_full() {
     sink.finish().unwrap();
     let missing = std::fs::metadata(&path).unwrap().len() - size;
     // one chunk of 1 MiB, the last message in it, its indexes (16 bytes a message), and the summary
-    assert!(missing < 2 << 20 && read.len() < count && read.len() > count / 2, "{missing} {}", read.len());
+    assert!(
+        missing < 2 << 20 && read.len() < count && read.len() > count / 2,
+        "{missing} {}",
+        read.len()
+    );
 }
 
 #[test]
@@ -195,7 +203,10 @@ fn error_of_writing(path: &str) -> String {
 #[cfg(target_os = "linux")]
 fn a_full_disk_is_told_with_the_path_and_what_to_do() {
     let error = error_of_writing("/dev/full");
-    assert!(error.starts_with("/dev/full: the log cannot be written: No space left on device"), "{error}");
+    assert!(
+        error.starts_with("/dev/full: the log cannot be written: No space left on device"),
+        "{error}"
+    );
     assert!(error.contains("--out"), "{error}");
 }
 
@@ -216,7 +227,9 @@ fn a_closed_pipe_is_told() {
 
 #[test]
 fn a_folder_that_is_not_there_is_told() {
-    let error = McapSink::create(Path::new("/nowhere/run.mcap"), Compression::Zstd, 1).unwrap_err().to_string();
+    let error = McapSink::create(Path::new("/nowhere/run.mcap"), Compression::Zstd, 1)
+        .unwrap_err()
+        .to_string();
     assert!(error.starts_with("/nowhere/run.mcap: ") && error.contains("No such file"), "{error}");
 }
 
@@ -317,7 +330,8 @@ fn foreign(path: &Path, schema: &str) {
         (0..3).for_each(|i| w.write_f64(f64::from(10 + i + k)));
         (0..9).for_each(|_| w.write_f64(0.5));
         let time = 1_700_000_000_500_000_000 + u64::from(k);
-        let header = MessageHeader { channel_id: channel, sequence: k, log_time: time, publish_time: time };
+        let header =
+            MessageHeader { channel_id: channel, sequence: k, log_time: time, publish_time: time };
         writer.write_to_known_channel(&header, &data).unwrap();
     }
     writer.finish().unwrap();
@@ -340,13 +354,18 @@ fn an_imu_of_another_program_is_read_from_its_topic_at_the_times_of_its_headers(
         .collect();
     assert_eq!((bits(&read), warning), (bits(&wanted), None));
 
-    let error = McapSource::open(&path, fixture::sensors(), topics("/imu")).err().unwrap().to_string();
+    let error =
+        McapSource::open(&path, fixture::sensors(), topics("/imu")).err().unwrap().to_string();
     assert!(error.contains("none of the scenario's sensors"), "{error}");
     assert!(read_scenario(&path).unwrap_err().to_string().contains("give one with --scenario"));
     foreign(&path, "geometry_msgs/msg/Twist");
-    let error = McapSource::open(&path, fixture::sensors(), topics("/imu/data")).err().unwrap().to_string();
+    let error =
+        McapSource::open(&path, fixture::sensors(), topics("/imu/data")).err().unwrap().to_string();
     assert!(error.contains("/imu/data is of type \"geometry_msgs/msg/Twist\""), "{error}");
     let topics = BTreeMap::from([("gyro".to_owned(), "/imu/data".to_owned())]);
     let error = McapSource::open(&path, fixture::sensors(), topics).err().unwrap().to_string();
-    assert!(error.contains("\"gyro\", which is no sensor of the scenario (imu, dvl, depth, truth)"), "{error}");
+    assert!(
+        error.contains("\"gyro\", which is no sensor of the scenario (imu, dvl, depth, truth)"),
+        "{error}"
+    );
 }

@@ -6,9 +6,10 @@ mod common;
 
 use common::{Logged, number, read};
 use navfuse_core::document::Document;
-use navfuse_core::registry::Registry;
-use navfuse_core::runner::{self, Finished};
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::runner::Finished;
+use navfuse_core::run::scenario::Scenario;
 use navfuse_mcap::read_scenario;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -112,7 +113,8 @@ fn every_error_state_of_the_run_is_in_its_log() {
         let topic = format!("/state/{}", row.name.replace('.', "/"));
         let last = log.iter().rfind(|m| m.topic == topic).unwrap_or_else(|| panic!("{topic}"));
         for (field, values) in [("estimate", &row.estimate), ("sigma", &row.sigma)] {
-            let logged: Vec<f64> = last.fields[field].as_array().unwrap().iter().map(number).collect();
+            let logged: Vec<f64> =
+                last.fields[field].as_array().unwrap().iter().map(number).collect();
             assert_eq!(&logged, values, "{topic} {field}");
         }
     }
@@ -149,7 +151,11 @@ fn a_log_of_a_run_with_increments_comes_back_too() {
     let increments = "sensor.imu.output=increments".to_owned();
     let recorded = run(SCENARIO, std::slice::from_ref(&increments), &first);
     let log = first.join("run.mcap");
-    assert!(read(&log).iter().any(|m| m.topic == "/sensor/imu" && m.schema == "navfuse_msgs/msg/Sample"));
+    assert!(
+        read(&log)
+            .iter()
+            .any(|m| m.topic == "/sensor/imu" && m.schema == "navfuse_msgs/msg/Sample")
+    );
     let replayed = run(SCENARIO, &[source(&log), increments], &second);
     assert_eq!(recorded.summary.states, replayed.summary.states);
 }

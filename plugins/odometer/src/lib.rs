@@ -4,14 +4,17 @@
 //! `z = diag(k, 1, 1) C_b^v (C_n^b v^n + w_eb^b x l)` with `z = [speed, 0, 0]` of a real wheel.
 
 use navfuse_core::Real;
-use navfuse_core::calibration::{Calibration, LeverArm, ScaleFactor, display};
-use navfuse_core::compose::{ComposeError, Composer, Role};
-use navfuse_core::manifold::{Scalar, Vector};
-use navfuse_core::measurement::MeasurementModel;
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::{Calibration, LeverArm, ScaleFactor};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
-use navfuse_core::registry::{Need, Plugin, Registry, SensorType};
-use navfuse_core::sample::{Channel, Sample};
+use navfuse_core::plugin::{Need, Plugin, Registry, SensorType};
+use navfuse_core::state::display;
+use navfuse_core::state::manifold::{Scalar, Vector};
 use navfuse_core::state::{Display, Handle, View};
+use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{Angle, AngularRateNoise, Sigma, Speed};
 use navfuse_ins::Navigation;
 use schemars::JsonSchema;
@@ -65,7 +68,12 @@ impl SensorType for Odometer {
             scale: self.scale.block(composer, "scale", &[1.0], display::RATIO)?,
             pitch: self.pitch.block(composer, "pitch", &[0.0], PITCH)?,
             yaw: self.yaw.block(composer, "yaw", &[0.0], YAW)?,
-            lever_arm: self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
+            lever_arm: self.lever_arm.block(
+                composer,
+                "lever_arm",
+                &[0.0; 3],
+                display::LEVER_ARM,
+            )?,
             sigma: Vector3::new(
                 self.noise.value().si(),
                 self.lateral_noise.value().si(),

@@ -1,17 +1,18 @@
 //! The equation of an odometer against Wu's rotations, and what motion tells of which state.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-use navfuse_core::compose::{Composition, Role};
-use navfuse_core::covariance::Update;
+use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
-use navfuse_core::measurement::{AnyMeasurement, At, jacobian_error};
+use navfuse_core::model::measurement::{AnyMeasurement, At, jacobian_error};
+use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{Rotation3, Vector3};
-use navfuse_core::registry::Registry;
-use navfuse_core::runner;
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
 use navfuse_core::state::State;
-use navfuse_core::time::Time;
+use navfuse_core::state::covariance::Update;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -93,7 +94,9 @@ impl Bench {
             (block.operations.from_coordinates)(values, &mut state.values[block.range()]);
         }
         state.signals.copy_from_slice(&[0.1, -0.2, 0.3]);
-        let Role::Measurement(model) = &composition.sensors[composition.sensor("odometer").expect("one")].role else {
+        let Role::Measurement(model) =
+            &composition.sensors[composition.sensor("odometer").expect("one")].role
+        else {
             panic!("an odometer measures");
         };
         let model = Arc::clone(model);
@@ -113,8 +116,8 @@ fn sample(values: &[f64]) -> Sample {
 fn a_vehicle_that_only_rolls_along_its_axis_shows_its_speed_and_two_zeros() {
     let mut bench = Bench::new();
     // C_b^v = R_y(pitch) R_z(yaw) transforms coordinates: its transpose turns the vehicle's axis into the body
-    let c_v_b =
-        Rotation3::from_axis_angle(&Vector3::z_axis(), YAW) * Rotation3::from_axis_angle(&Vector3::y_axis(), PITCH);
+    let c_v_b = Rotation3::from_axis_angle(&Vector3::z_axis(), YAW)
+        * Rotation3::from_axis_angle(&Vector3::y_axis(), PITCH);
     let c_b_n = Rotation3::from_euler_angles(0.2, -0.1, 2.0);
     // position is at the equator; gyro bias is zero
     let earth = Vector3::new(navfuse_ins::earth::EARTH_RATE, 0.0, 0.0);
@@ -126,7 +129,10 @@ fn a_vehicle_that_only_rolls_along_its_axis_shows_its_speed_and_two_zeros() {
     bench.state.values[velocity].copy_from_slice((c_b_n * v_b).as_slice());
     let mut h = [0.0; 3];
     bench.model.predict(&bench.at(&sample(&[])), &mut h);
-    assert!((h[0] - SCALE * 15.0).abs() < 1e-13 && h[1].abs() < 1e-13 && h[2].abs() < 1e-13, "{h:?}");
+    assert!(
+        (h[0] - SCALE * 15.0).abs() < 1e-13 && h[1].abs() < 1e-13 && h[2].abs() < 1e-13,
+        "{h:?}"
+    );
 }
 
 #[test]
@@ -162,10 +168,21 @@ fn limit(speed: &str, segments: &str) -> [f64; 6] {
     assert!(finished.error.is_none(), "{:?}", finished.error);
     let of = |name: &str| {
         let rows = &finished.summary.rows;
-        rows.iter().find(|r| r.name == name).unwrap_or_else(|| panic!("no state {name}")).sigma.clone()
+        rows.iter()
+            .find(|r| r.name == name)
+            .unwrap_or_else(|| panic!("no state {name}"))
+            .sigma
+            .clone()
     };
     let arm = of("odometer.lever_arm");
-    let limit = [of("odometer.scale")[0], of("odometer.pitch")[0], of("odometer.yaw")[0], arm[0], arm[1], arm[2]];
+    let limit = [
+        of("odometer.scale")[0],
+        of("odometer.pitch")[0],
+        of("odometer.yaw")[0],
+        arm[0],
+        arm[1],
+        arm[2],
+    ];
     println!("{segments}: {limit:.4?}");
     limit
 }

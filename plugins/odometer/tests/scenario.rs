@@ -3,9 +3,9 @@
 
 use navfuse_campaign::{Folder, Options, Plan, execute};
 use navfuse_core::document::Document;
-use navfuse_core::registry::Registry;
-use navfuse_core::runner;
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -18,7 +18,8 @@ fn registry() -> Registry {
 
 fn document() -> Document {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/land-odometer.toml");
-    Document::parse("land-odometer.toml", std::fs::read_to_string(path).expect("the scenario")).expect("TOML")
+    Document::parse("land-odometer.toml", std::fs::read_to_string(path).expect("the scenario"))
+        .expect("TOML")
 }
 
 #[test]
@@ -41,7 +42,10 @@ fn scale_angles_and_lever_arm_converge_and_the_position_drifts_by_less_than_a_te
     let (error, sigma) = row("ins.position");
     let share = 1e-3 * finished.summary.distance_m;
     assert!(share > 17.0, "17 km");
-    assert!(error[0].hypot(error[1]) < share && sigma[0].hypot(sigma[1]) < share, "{error:?} {sigma:?}");
+    assert!(
+        error[0].hypot(error[1]) < share && sigma[0].hypot(sigma[1]) < share,
+        "{error:?} {sigma:?}"
+    );
     // a hundredth of the priors of 2 % and 2 deg, a tenth of 0.3 m; how low the wheel is only a change of slope tells
     assert!(row("odometer.scale").1[0] < 2e-4);
     assert!(row("odometer.pitch").1[0] < 0.02 && row("odometer.yaw").1[0] < 0.02);
@@ -57,8 +61,10 @@ fn twenty_runs_are_consistent() {
     let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).expect("no folder");
     let stop = AtomicBool::new(false);
-    let done = execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, |record| folder.add(record));
-    let results = folder.finish(done.unwrap_or_else(|e| panic!("{e}"))).expect("nothing is written");
+    let done =
+        execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, |record| folder.add(record));
+    let results =
+        folder.finish(done.unwrap_or_else(|e| panic!("{e}"))).expect("nothing is written");
     let report = results.map(|r| r.report).expect("the whole campaign");
     let verdict = report.points[0].verdict.as_ref().expect("runs have a verdict");
     assert!(verdict.consistent, "{verdict:#?}");

@@ -8,8 +8,9 @@ use crate::style::title;
 use crate::track::Extent;
 use rerun::blueprint::components::{Corner2D, PanelState, PlayState};
 use rerun::blueprint::{
-    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Grid, Horizontal, MapView, SelectionPanel,
-    Spatial3DView, Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
+    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Grid, Horizontal, MapView,
+    SelectionPanel, Spatial3DView, Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView,
+    Vertical,
 };
 use rerun::datatypes::{TimeRange, TimeRangeBoundary};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
@@ -58,7 +59,10 @@ impl Layout {
     /// When the viewer's library cannot encode it.
     pub fn messages(self, root: ContainerLike) -> RecordingStreamResult<Vec<LogMsg>> {
         let play = if self.ranges { PlayState::Paused } else { PlayState::Following };
-        let time = TimePanel::new().with_timeline(TIMELINE).with_state(PanelState::Collapsed).with_play_state(play);
+        let time = TimePanel::new()
+            .with_timeline(TIMELINE)
+            .with_state(PanelState::Collapsed)
+            .with_play_state(play);
         let blueprint = Blueprint::new(root)
             .with_auto_views(false)
             .with_auto_layout(false)
@@ -68,16 +72,19 @@ impl Layout {
         let (carrier, stored) = RecordingStreamBuilder::new(APPLICATION).enabled(true).memory()?;
         blueprint.send(&carrier, BlueprintActivation::default())?;
         let of_layout = |m: &LogMsg| {
-            m.store_id().kind() == StoreKind::Blueprint && !matches!(m, LogMsg::BlueprintActivationCommand(_))
+            m.store_id().kind() == StoreKind::Blueprint
+                && !matches!(m, LogMsg::BlueprintActivationCommand(_))
         };
         let mut messages: Vec<LogMsg> = stored.take().into_iter().filter(of_layout).collect();
         if let Some(id) = messages.first().map(|m| m.store_id().clone()) {
-            let (stream, stored) = RecordingStreamBuilder::from_store_id(&id).enabled(true).memory()?;
+            let (stream, stored) =
+                RecordingStreamBuilder::from_store_id(&id).enabled(true).memory()?;
             stream.set_time_sequence("blueprint", 0);
             for (path, property) in &self.properties {
                 stream.log(path.clone(), property.as_ref())?;
             }
-            messages.extend(stored.take().into_iter().filter(|m| matches!(m, LogMsg::ArrowMsg(..))));
+            messages
+                .extend(stored.take().into_iter().filter(|m| matches!(m, LogMsg::ArrowMsg(..))));
         }
         Ok(messages)
     }
@@ -85,10 +92,15 @@ impl Layout {
     fn root(&mut self, run: &Run) -> ContainerLike {
         let mut right: Vec<ContainerLike> = Vec::new();
         let sensor = |name: &str| run.sensors.iter().any(|s| s.name == name);
-        let (calibrations, own): (Vec<_>, Vec<_>) = run.blocks.iter().partition(|b| sensor(&b.owner));
+        let (calibrations, own): (Vec<_>, Vec<_>) =
+            run.blocks.iter().partition(|b| sensor(&b.owner));
         let one_owner = own.iter().all(|b| b.owner == own[0].owner);
         for block in own {
-            let name = if one_owner { title(&block.name) } else { format!("{} {}", block.owner, title(&block.name)) };
+            let name = if one_owner {
+                title(&block.name)
+            } else {
+                format!("{} {}", block.owner, title(&block.name))
+            };
             let follows = if self.ranges { block.known } else { run.reference };
             right.push(self.process_block(&name, block, follows && !block.constant));
         }
@@ -105,7 +117,11 @@ impl Layout {
             self.legend = true;
             let mut plots = Vec::new();
             for q in &s.quantities {
-                plots.push(self.plot(&q.label, &[format!("+ {}/**", q.accepted.path)], q.range.axis()));
+                plots.push(self.plot(
+                    &q.label,
+                    &[format!("+ {}/**", q.accepted.path)],
+                    q.range.axis(),
+                ));
                 self.legend = false;
             }
             right.push(Vertical::new(plots).with_name(format!("{} innovations", s.name)).into());
@@ -113,26 +129,32 @@ impl Layout {
         right.extend(self.observability(run));
         self.legend = true; // channels differ from sensor to sensor
         let samples: Vec<_> = (run.sensors.iter())
-            .filter_map(|s| s.samples.as_ref().map(|series| (&s.name, format!("+ {}", series.path))))
+            .filter_map(|s| {
+                s.samples.as_ref().map(|series| (&s.name, format!("+ {}", series.path)))
+            })
             .map(|(name, contents)| self.plot(name, &[contents], None))
             .collect();
         if !samples.is_empty() {
             right.push(Vertical::new(samples).with_name("Samples").into());
         }
-        let log = ContainerLike::from(TextLogView::new("Events").with_origin("/").with_contents(["+ /events"]));
+        let log = ContainerLike::from(
+            TextLogView::new("Events").with_origin("/").with_contents(["+ /events"]),
+        );
         let column = |kind| TextLogColumn(datatypes::TextLogColumn { visible: true.into(), kind });
         let columns = [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(column);
         self.set(&log, "TextLogColumns", TextLogColumns::new().with_text_log_columns(columns));
         let scenario = TextDocumentView::new("Scenario").with_origin("/scenario").into();
         let left = self.left(run);
         let top = match (left, right.is_empty()) {
-            (Some(left), false) => {
-                Horizontal::new([left, Tabs::new(right).into()]).with_column_shares(vec![1.0, 1.6]).into()
-            }
+            (Some(left), false) => Horizontal::new([left, Tabs::new(right).into()])
+                .with_column_shares(vec![1.0, 1.6])
+                .into(),
             (Some(only), true) => only,
             (None, _) => Tabs::new(right).into(),
         };
-        Vertical::new([top, Tabs::new([log, scenario]).into()]).with_row_shares(vec![4.5, 1.0]).into()
+        Vertical::new([top, Tabs::new([log, scenario]).into()])
+            .with_row_shares(vec![4.5, 1.0])
+            .into()
     }
 
     /// The bits gained of each state, and beside them what is determined and what is missing.
@@ -149,7 +171,8 @@ impl Layout {
             ));
         }
         self.corner = Corner2D::RightTop;
-        let page = TextDocumentView::new("What is determined").with_origin(Observability::page()).into();
+        let page =
+            TextDocumentView::new("What is determined").with_origin(Observability::page()).into();
         let bits = Grid::new(plots).with_grid_columns(2).into();
         let both = Horizontal::new([bits, page]).with_column_shares(vec![1.0, 1.05]);
         Some(both.with_name("Observability").into())
@@ -198,13 +221,24 @@ impl Layout {
     }
 
     fn value(&mut self, name: &str, c: &crate::state::Component) -> ContainerLike {
-        self.plot(name, &[format!("+ {}", c.estimate.path), format!("+ {}", c.truth.path)], c.range.axis())
+        self.plot(
+            name,
+            &[format!("+ {}", c.estimate.path), format!("+ {}", c.truth.path)],
+            c.range.axis(),
+        )
     }
 
     /// A plot of the whole run.
-    pub fn plot(&mut self, name: &str, contents: &[String], range: Option<[f64; 2]>) -> ContainerLike {
-        let view = ContainerLike::from(TimeSeriesView::new(name).with_origin("/").with_contents(contents));
-        let whole = TimeRange { start: TimeRangeBoundary::Infinite, end: TimeRangeBoundary::Infinite };
+    pub fn plot(
+        &mut self,
+        name: &str,
+        contents: &[String],
+        range: Option<[f64; 2]>,
+    ) -> ContainerLike {
+        let view =
+            ContainerLike::from(TimeSeriesView::new(name).with_origin("/").with_contents(contents));
+        let whole =
+            TimeRange { start: TimeRangeBoundary::Infinite, end: TimeRangeBoundary::Infinite };
         self.set(&view, "TimeAxis", TimeAxis::new().with_view_range(whole));
         let corner = PlotLegend::new().with_corner(self.corner);
         self.set(&view, "PlotLegend", corner.with_visible(self.legend));
@@ -226,7 +260,10 @@ impl Layout {
 fn eye(middle: [f32; 3], side: f32) -> EyeControls3D {
     let offset = [-1.05, -0.35, -0.85];
     let position: [f32; 3] = std::array::from_fn(|k| middle[k] + side * offset[k]);
-    EyeControls3D::new().with_position(position).with_look_target(middle).with_eye_up([0.0, 0.0, -1.0])
+    EyeControls3D::new()
+        .with_position(position)
+        .with_look_target(middle)
+        .with_eye_up([0.0, 0.0, -1.0])
 }
 
 /// The zoom of the map at which a track fits.

@@ -2,8 +2,8 @@
 
 use crate::recording::Recording;
 use crate::style::{BOUND, Colour};
-use navfuse_core::stream::StreamError;
-use navfuse_core::time::Time;
+use navfuse_core::model::stream::StreamError;
+use navfuse_core::units::time::Time;
 use rerun::{AsComponents, EntityPath, Scalars, SeriesLines, SeriesPoints};
 
 /// Rows of one block: the size to which the viewer compacts anyway.
@@ -39,7 +39,10 @@ impl Series {
 
     /// A line between its bounds of 3 sigma.
     pub fn bounded(path: EntityPath, name: String, colour: Colour, width: f32) -> Self {
-        Self::lines(path, &[(name, colour, width), ("+3σ".into(), BOUND, 1.2), ("-3σ".into(), BOUND, 1.2)])
+        Self::lines(
+            path,
+            &[(name, colour, width), ("+3σ".into(), BOUND, 1.2), ("-3σ".into(), BOUND, 1.2)],
+        )
     }
 
     /// Points.
@@ -59,7 +62,12 @@ impl Series {
     }
 
     /// Adds a row of as many values as there are lines.
-    pub fn push(&mut self, recording: &Recording, time: Time, values: &[f64]) -> Result<(), StreamError> {
+    pub fn push(
+        &mut self,
+        recording: &Recording,
+        time: Time,
+        values: &[f64],
+    ) -> Result<(), StreamError> {
         debug_assert_eq!(values.len(), self.width);
         if (values[0] - self.last).abs() > self.jump {
             self.times.push(time.nanos() - 1);
@@ -80,7 +88,9 @@ impl Series {
             recording.log_static(&self.path, style.as_ref())?;
         }
         let rows = std::iter::repeat_n(self.width, self.times.len());
-        let columns = Scalars::new(self.values.iter().copied()).columns(rows).map_err(|e| recording.error(&e))?;
+        let columns = Scalars::new(self.values.iter().copied())
+            .columns(rows)
+            .map_err(|e| recording.error(&e))?;
         recording.columns(&self.path, &self.times, columns)?;
         self.times.clear();
         self.values.clear();
@@ -167,6 +177,7 @@ impl Range {
         let later = self.bounds.iter().skip(self.bounds.len() / 10);
         let (low, high) = later.fold((self.low, self.high), |(l, h), [a, b]| (l.min(a), h.max(b)));
         let margin = 0.06 * (high - low);
-        (low.is_finite() && high.is_finite() && margin > 0.0).then_some([low - margin, high + margin])
+        (low.is_finite() && high.is_finite() && margin > 0.0)
+            .then_some([low - margin, high + margin])
     }
 }

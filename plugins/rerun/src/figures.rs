@@ -9,8 +9,8 @@ use crate::columns::{Range, Series};
 use crate::live::Live;
 use crate::recording::Recording;
 use crate::style::{BOUND, Colour, path as entity};
-use navfuse_core::stream::StreamError;
-use navfuse_core::time::Time;
+use navfuse_core::model::stream::StreamError;
+use navfuse_core::units::time::Time;
 use navfuse_figures::{Band, Figure, Look, Panel, Scale};
 use rerun::blueprint::{ContainerLike, Grid, Tabs};
 use std::path::Path;
@@ -44,7 +44,11 @@ pub fn record(path: &Path, name: &str, figures: &[Figure]) -> Result<(), StreamE
             explained = Some(curves);
             let parts = [stem.as_str(), &panels.unique(&panel.title)];
             let range = write(&recording, &parts, panel)?;
-            plots.push(layout.plot(&title(panel), &[format!("+ {}/**", entity(&parts))], range.axis()));
+            plots.push(layout.plot(
+                &title(panel),
+                &[format!("+ {}/**", entity(&parts))],
+                range.axis(),
+            ));
         }
         if !plots.is_empty() {
             let columns = u32::try_from(figure.columns.clamp(1, plots.len())).unwrap_or(1);

@@ -3,9 +3,10 @@
 use crate::columns::{Range, Series};
 use crate::recording::Recording;
 use crate::style::{AXES, BOUND, GATED, axis, label, path, unit};
-use navfuse_core::record::{Outcome, UpdateRecord};
-use navfuse_core::sample::{MAX_CHANNELS, Sample};
-use navfuse_core::stream::{Purpose, SensorInfo, StreamError};
+use navfuse_core::model::record::{Outcome, UpdateRecord};
+use navfuse_core::model::sensor::{Purpose, SensorInfo};
+use navfuse_core::model::stream::StreamError;
+use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
 
 /// One channel of a measuring sensor, or its NIS.
 pub struct Quantity {
@@ -41,7 +42,8 @@ impl SensorSeries {
         let mut quantities = Vec::new();
         for (k, channel) in info.channels.iter().enumerate().filter(|_| measures) {
             let label = label(channel.name, &unit(channel.unit));
-            let entity = |more: &[&str]| path(&[&["innovation", &info.name, channel.name], more].concat());
+            let entity =
+                |more: &[&str]| path(&[&["innovation", &info.name, channel.name], more].concat());
             quantities.push(Quantity {
                 accepted: Series::bounded(entity(&[]), label.clone(), axis(k), 1.4),
                 gated: Series::points(entity(&["gated"]), "gated", GATED, 4.5),
@@ -59,21 +61,35 @@ impl SensorSeries {
                 range: Range::default(),
             });
         }
-        let lines: Vec<_> =
-            (info.channels.iter().enumerate()).map(|(k, c)| (label(c.name, &unit(c.unit)), axis(k), 1.2)).collect();
-        let samples = (measures || all_samples).then(|| Series::lines(path(&["samples", &info.name]), &lines));
-        Self { name: info.name.clone(), measures, quantities, heard: false, samples, width: lines.len() }
+        let lines: Vec<_> = (info.channels.iter().enumerate())
+            .map(|(k, c)| (label(c.name, &unit(c.unit)), axis(k), 1.2))
+            .collect();
+        let samples = (measures || all_samples)
+            .then(|| Series::lines(path(&["samples", &info.name]), &lines));
+        Self {
+            name: info.name.clone(),
+            measures,
+            quantities,
+            heard: false,
+            samples,
+            width: lines.len(),
+        }
     }
 
     /// Adds a sample; a channel that is missing is NaN.
     pub fn sample(&mut self, recording: &Recording, sample: &Sample) -> Result<(), StreamError> {
         let Some(series) = &mut self.samples else { return Ok(()) };
-        let values: [f64; MAX_CHANNELS] = std::array::from_fn(|k| sample.get(k).unwrap_or(f64::NAN));
+        let values: [f64; MAX_CHANNELS] =
+            std::array::from_fn(|k| sample.get(k).unwrap_or(f64::NAN));
         series.push(recording, sample.time, &values[..self.width])
     }
 
     /// Adds an update.
-    pub fn update(&mut self, recording: &Recording, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+    pub fn update(
+        &mut self,
+        recording: &Recording,
+        update: &UpdateRecord<'_>,
+    ) -> Result<(), StreamError> {
         let gated = match update.outcome {
             Outcome::Accepted => false,
             Outcome::Gated => true,
@@ -106,6 +122,9 @@ impl SensorSeries {
 
     /// Its series.
     pub fn series(&mut self) -> impl Iterator<Item = &mut Series> {
-        self.quantities.iter_mut().flat_map(|q| [&mut q.accepted, &mut q.gated]).chain(&mut self.samples)
+        self.quantities
+            .iter_mut()
+            .flat_map(|q| [&mut q.accepted, &mut q.gated])
+            .chain(&mut self.samples)
     }
 }

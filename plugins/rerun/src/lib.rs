@@ -31,8 +31,8 @@ mod style;
 mod track;
 
 use live::Live;
-use navfuse_core::registry::{OpenContext, Plugin, Registry, SinkType};
-use navfuse_core::stream::{Sink, StreamError};
+use navfuse_core::model::stream::{Sink, StreamError};
+use navfuse_core::plugin::{OpenContext, Plugin, Registry, SinkType};
 use recording::Recording;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -89,7 +89,9 @@ impl Rerun {
         let serve = match self.serve {
             Serve::Local(yes) => yes.then_some(Live::LOCAL),
             Serve::At(address) => Some(address.parse().map_err(|_| {
-                StreamError(format!("serve: {address:?} is not an address and port; write it as \"127.0.0.1:9090\""))
+                StreamError(format!(
+                    "serve: {address:?} is not an address and port; write it as \"127.0.0.1:9090\""
+                ))
             })?),
         };
         let live = Live { connect: self.connect, spawn: self.spawn, serve };

@@ -1,6 +1,6 @@
 //! Viewers that watch a run while it goes on: one that is there, one that is started, or one in the browser.
 
-use navfuse_core::stream::StreamError;
+use navfuse_core::model::stream::StreamError;
 use rerun::external::re_uri::ProxyUri;
 use rerun::grpc_server::GrpcServerSink;
 use rerun::web_viewer::WebViewerConfig;
@@ -61,11 +61,13 @@ impl Live {
     /// When the address is taken.
     pub fn serve(&self) -> Result<Option<(GrpcServerSink, Served)>, StreamError> {
         let Some(address) = self.serve else { return Ok(None) };
-        let error =
-            |e: &dyn std::fmt::Display| StreamError(format!("serve: {address}: {e}; give another address and port"));
+        let error = |e: &dyn std::fmt::Display| {
+            StreamError(format!("serve: {address}: {e}; give another address and port"))
+        };
         let ip = address.ip();
         // the server binds in a thread of its own, where a port that is taken would go unnoticed
-        let free = |port| TcpListener::bind((ip, port)).and_then(|l| l.local_addr()).map(|a| a.port());
+        let free =
+            |port| TcpListener::bind((ip, port)).and_then(|l| l.local_addr()).map(|a| a.port());
         let port = free(DEFAULT_SERVER_PORT).or_else(|_| free(0)).map_err(|e| error(&e))?;
         let web_port = free(address.port()).map_err(|e| error(&e))?;
         let anyone = if ip.is_loopback() { Vec::new() } else { vec!["*".to_owned()] };
@@ -91,7 +93,11 @@ pub fn keep(streams: Vec<RecordingStream>, served: Served) {
 
 /// The viewer at `host:port` or `rerun+http://host:port/proxy`, if it answers.
 fn reach(address: &str) -> Result<ProxyUri, StreamError> {
-    let url = if address.contains("://") { address.to_owned() } else { format!("rerun+http://{address}/proxy") };
+    let url = if address.contains("://") {
+        address.to_owned()
+    } else {
+        format!("rerun+http://{address}/proxy")
+    };
     let uri: ProxyUri = url.parse().map_err(|e| {
         StreamError(format!("connect: {address:?} is not the address of a viewer: {e}; write it as \"127.0.0.1:9876\""))
     })?;
@@ -128,8 +134,9 @@ fn start(program: &str, port: u16) -> Result<ProxyUri, StreamError> {
     let begun = Instant::now();
     while TcpStream::connect_timeout(&address, Duration::from_secs(1)).is_err() {
         if begun.elapsed() > Duration::from_secs(30) {
-            let text =
-                format!("spawn: the viewer `{program}` did not listen at {address} within 30 s; does it run alone?");
+            let text = format!(
+                "spawn: the viewer `{program}` did not listen at {address} within 30 s; does it run alone?"
+            );
             return Err(StreamError(text));
         }
         std::thread::sleep(Duration::from_millis(100));
@@ -139,7 +146,12 @@ fn start(program: &str, port: u16) -> Result<ProxyUri, StreamError> {
 
 #[cfg(test)]
 mod tests {
-    #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test ends where it fails")]
+    #![allow(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        reason = "a test ends where it fails"
+    )]
 
     use super::*;
 
@@ -147,7 +159,10 @@ mod tests {
     fn a_missing_viewer_is_named_with_its_remedy() {
         // port 1 is never listened on, so that the program is looked for
         let error = start("/nowhere/rerun", 1).unwrap_err().to_string();
-        assert!(error.contains("/nowhere/rerun") && error.contains("pip install rerun-sdk==0.36.3"), "{error}");
+        assert!(
+            error.contains("/nowhere/rerun") && error.contains("pip install rerun-sdk==0.36.3"),
+            "{error}"
+        );
     }
 
     #[test]

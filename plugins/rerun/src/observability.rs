@@ -3,9 +3,9 @@
 use crate::columns::{Range, Series};
 use crate::recording::Recording;
 use crate::style::{axis, path};
-use navfuse_core::record::Epoch;
-use navfuse_core::stream::{RunInfo, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::model::record::Epoch;
+use navfuse_core::model::stream::{RunInfo, StreamError};
+use navfuse_core::units::time::Time;
 use navfuse_observability::{Tracker, markdown};
 use rerun::{EntityPath, TextDocument};
 
@@ -53,7 +53,9 @@ impl Observability {
             }
             let Some(block) = blocks.last_mut() else { continue };
             let line = (c.name.clone(), axis(c.axis), 2.2);
-            block.components.push(Series::lines(path(&["observability", owner, name, &c.name]), &[line]));
+            block
+                .components
+                .push(Series::lines(path(&["observability", owner, name, &c.name]), &[line]));
         }
         Self { tracker, blocks, next: Time::MIN, next_page: Time::MIN, changed: true }
     }

@@ -1,12 +1,13 @@
 //! Where a run is sent: always a file, and a viewer that watches while it goes on.
 
 use crate::live::{self, Live};
-use navfuse_core::stream::StreamError;
+use navfuse_core::model::stream::StreamError;
 use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::log::{LogMsg, TimeColumn};
 use rerun::sink::{FileSink, GrpcSink};
 use rerun::{
-    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentColumn, StoreId, TimeCell,
+    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentColumn,
+    StoreId, TimeCell,
 };
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -34,8 +35,9 @@ impl Recording {
     /// When the file cannot be written, or a viewer is not there.
     pub fn open(path: PathBuf, live: &Live) -> Result<Self, StreamError> {
         if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder)
-                .map_err(|e| StreamError(format!("{}: cannot make the folder: {e}", folder.display())))?;
+            std::fs::create_dir_all(folder).map_err(|e| {
+                StreamError(format!("{}: cannot make the folder: {e}", folder.display()))
+            })?;
         }
         let id = StoreId::random(rerun::StoreKind::Recording, APPLICATION);
         let sink = FileSink::new(&path).map_err(|e| cannot_write(&path, &e))?;
@@ -62,16 +64,31 @@ impl Recording {
 
     /// Names the recording.
     pub fn name(&self, name: &str) -> Result<(), StreamError> {
-        self.streams.iter().try_for_each(|s| s.send_recording_name(name)).map_err(|e| self.error(&e))
+        self.streams
+            .iter()
+            .try_for_each(|s| s.send_recording_name(name))
+            .map_err(|e| self.error(&e))
     }
 
     /// Logs what does not change.
-    pub fn log_static(&self, path: &EntityPath, what: &dyn AsComponents) -> Result<(), StreamError> {
-        self.streams.iter().try_for_each(|s| s.log_static(path.clone(), what)).map_err(|e| self.error(&e))
+    pub fn log_static(
+        &self,
+        path: &EntityPath,
+        what: &dyn AsComponents,
+    ) -> Result<(), StreamError> {
+        self.streams
+            .iter()
+            .try_for_each(|s| s.log_static(path.clone(), what))
+            .map_err(|e| self.error(&e))
     }
 
     /// Logs at one time.
-    pub fn log(&self, path: &EntityPath, nanos: i64, what: &dyn AsComponents) -> Result<(), StreamError> {
+    pub fn log(
+        &self,
+        path: &EntityPath,
+        nanos: i64,
+        what: &dyn AsComponents,
+    ) -> Result<(), StreamError> {
         for stream in &self.streams {
             stream.set_time(TIMELINE, TimeCell::from_duration_nanos(nanos));
             stream.log(path.clone(), what).map_err(|e| self.error(&e))?;
@@ -89,7 +106,9 @@ impl Recording {
         let columns: Vec<_> = columns.collect();
         for stream in &self.streams {
             let times = TimeColumn::new_duration_nanos(TIMELINE, nanos.iter().copied());
-            stream.send_columns(path.clone(), [times], columns.clone()).map_err(|e| self.error(&e))?;
+            stream
+                .send_columns(path.clone(), [times], columns.clone())
+                .map_err(|e| self.error(&e))?;
         }
         Ok(())
     }
@@ -100,7 +119,8 @@ impl Recording {
         for (k, stream) in self.streams.iter().enumerate() {
             let make_active = k == 0 || !reset_only;
             let blueprint_id = blueprint_id.clone();
-            let activate = BlueprintActivationCommand { blueprint_id, make_active, make_default: true };
+            let activate =
+                BlueprintActivationCommand { blueprint_id, make_active, make_default: true };
             stream.send_blueprint(messages.to_vec(), activate);
         }
     }

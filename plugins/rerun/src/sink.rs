@@ -8,11 +8,12 @@ use crate::recording::Recording;
 use crate::state::{self, BlockSeries};
 use crate::style::path;
 use crate::track::Track;
-use navfuse_core::covariance::{Transition, Update};
-use navfuse_core::record::{Epoch, Event, Level, UpdateRecord};
-use navfuse_core::sample::Sample;
-use navfuse_core::stream::{Purpose, RunInfo, Sink, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::model::record::{Epoch, Event, Level, UpdateRecord};
+use navfuse_core::model::sensor::Purpose;
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::state::covariance::{Transition, Update};
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
 use rerun::{TextDocument, TextLog, TextLogLevel};
 use std::time::{Duration, Instant};
 
@@ -81,7 +82,11 @@ impl RerunSink {
             Level::Warning => TextLogLevel::WARN,
             Level::Error => TextLogLevel::ERROR,
         };
-        let text = if event.about.is_empty() { event.text.clone() } else { format!("{}: {}", event.about, event.text) };
+        let text = if event.about.is_empty() {
+            event.text.clone()
+        } else {
+            format!("{}: {}", event.about, event.text)
+        };
         self.recording.log(&path(&["events"]), time.nanos(), &TextLog::new(text).with_level(level))
     }
 

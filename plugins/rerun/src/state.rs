@@ -3,10 +3,10 @@
 use crate::columns::{Range, Series};
 use crate::recording::Recording;
 use crate::style::{TRUTH, axis, label, path};
-use navfuse_core::manifold::{MAX_TANGENT, Reading};
-use navfuse_core::record::Epoch;
+use navfuse_core::model::record::Epoch;
+use navfuse_core::model::stream::StreamError;
+use navfuse_core::state::manifold::{MAX_TANGENT, Reading};
 use navfuse_core::state::{Block, Layout};
-use navfuse_core::stream::StreamError;
 
 /// One component of a block.
 pub struct Component {
@@ -68,7 +68,8 @@ impl BlockSeries {
             let label = label(&name_of, unit);
             let truth = (format!("true {label}"), TRUTH, 1.8);
             Component {
-                estimate: Series::bounded(entity("estimate"), label.clone(), axis(k), 2.8).broken_at(half_turn),
+                estimate: Series::bounded(entity("estimate"), label.clone(), axis(k), 2.8)
+                    .broken_at(half_turn),
                 truth: Series::lines(entity("truth"), &[truth]).broken_at(half_turn),
                 error: Series::bounded(entity("error"), error_label.clone(), axis(k), 2.8),
                 range: Range::default(),

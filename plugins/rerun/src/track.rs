@@ -3,11 +3,13 @@
 use crate::columns::{ROWS, Thinned};
 use crate::recording::Recording;
 use crate::style::{AXES, BOUND, Colour, TRACK, TRUTH, path};
-use navfuse_core::manifold::{Position, Rotation};
-use navfuse_core::record::Epoch;
+use navfuse_core::model::record::Epoch;
+use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::Layout;
-use navfuse_core::stream::StreamError;
-use rerun::{Arrows3D, GeoLineStrings, GeoPoints, LineStrips3D, Radius, Transform3D, ViewCoordinates};
+use navfuse_core::state::manifold::{Position, Rotation};
+use rerun::{
+    Arrows3D, GeoLineStrings, GeoPoints, LineStrips3D, Radius, Transform3D, ViewCoordinates,
+};
 use std::any::TypeId;
 
 /// Vertices of a track: more make a software renderer slow.
@@ -44,7 +46,8 @@ pub struct Extent {
 }
 
 impl Extent {
-    const NONE: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], latitude: 0.0 };
+    const NONE: Self =
+        Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], latitude: 0.0 };
 
     fn include(&mut self, (ned, geo): &Place) {
         if self.low[0] > self.high[0] {
@@ -59,19 +62,20 @@ impl Extent {
     /// The middle, m, and the longest side, at least 1 m; `None` before the first place.
     pub fn middle(&self) -> Option<([f32; 3], f32)> {
         let side = (0..3).map(|k| self.high[k] - self.low[k]).fold(f32::NEG_INFINITY, f32::max);
-        (side >= 0.0).then(|| (std::array::from_fn(|k| 0.5 * (self.low[k] + self.high[k])), side.max(1.0)))
+        (side >= 0.0)
+            .then(|| (std::array::from_fn(|k| 0.5 * (self.low[k] + self.high[k])), side.max(1.0)))
     }
 }
 
 impl Track {
     /// The track of the first position in the layout, with the attitude of the same owner; `None` without a position.
     pub fn new(layout: &Layout) -> Option<Self> {
-        let position = layout.blocks.iter().position(|b| b.operations.kind == TypeId::of::<Position>())?;
+        let position =
+            layout.blocks.iter().position(|b| b.operations.kind == TypeId::of::<Position>())?;
         let owner = layout.blocks[position].name.split('.').next();
-        let attitude = layout
-            .blocks
-            .iter()
-            .position(|b| b.operations.kind == TypeId::of::<Rotation>() && b.name.split('.').next() == owner);
+        let attitude = layout.blocks.iter().position(|b| {
+            b.operations.kind == TypeId::of::<Rotation>() && b.name.split('.').next() == owner
+        });
         Some(Self {
             position,
             attitude,
@@ -131,7 +135,8 @@ impl Track {
         if self.times.is_empty() {
             return Ok(());
         }
-        let mut poses = Transform3D::update_fields().with_many_translation(self.places.iter().map(|p| p.0));
+        let mut poses =
+            Transform3D::update_fields().with_many_translation(self.places.iter().map(|p| p.0));
         if self.attitude.is_some() {
             let quaternions = self.attitudes.iter().map(|q| rerun::Quaternion::from_xyzw(*q));
             poses = poses.with_many_quaternion(quaternions);
@@ -158,12 +163,18 @@ impl Track {
         let shadow = LineStrips3D::new([shadow.collect::<Vec<_>>()]);
         recording.log_static(&path(&["world", "shadow"]), &styled(shadow, BOUND, 0.7))?;
         let vehicle = rerun::EntityPath::from("map/vehicle");
-        let look = GeoPoints::update_fields().with_colors([AXES[0]]).with_radii([Radius::new_ui_points(7.0)]);
+        let look = GeoPoints::update_fields()
+            .with_colors([AXES[0]])
+            .with_radii([Radius::new_ui_points(7.0)]);
         recording.log_static(&vehicle, &look)?;
         let length = 0.08 * side;
-        let body = Arrows3D::from_vectors([[length, 0.0, 0.0], [0.0, 0.6 * length, 0.0], [0.0, 0.0, 0.6 * length]])
-            .with_colors(AXES)
-            .with_radii([Radius::new_ui_points(2.0)]);
+        let body = Arrows3D::from_vectors([
+            [length, 0.0, 0.0],
+            [0.0, 0.6 * length, 0.0],
+            [0.0, 0.0, 0.6 * length],
+        ])
+        .with_colors(AXES)
+        .with_radii([Radius::new_ui_points(2.0)]);
         recording.log_static(&path(&["world", "vehicle", "body"]), &body)
     }
 }

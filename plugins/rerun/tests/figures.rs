@@ -1,6 +1,11 @@
 //! Figures in a recording are what was given, and are seen in the real viewer; see `viewer.rs` for what that needs.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test ends where it fails")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test ends where it fails"
+)]
 
 mod driver;
 
@@ -40,11 +45,17 @@ fn figures() -> Vec<Figure> {
         curve("mean sigma", Look::Sigma, sigma),
         curve("limit", Look::Bound, |t| if t < 1000.0 { f64::NAN } else { 0.01 }),
     ];
-    let mut errors: Vec<Panel> =
-        ["roll", "pitch", "yaw"].into_iter().zip([0.0, 1.0, 2.0]).map(|(n, p)| error(n, p)).collect();
+    let mut errors: Vec<Panel> = ["roll", "pitch", "yaw"]
+        .into_iter()
+        .zip([0.0, 1.0, 2.0])
+        .map(|(n, p)| error(n, p))
+        .collect();
     errors.push(panel("yaw", Axis::logarithmic("sigma [deg]"), decay));
     let nees = Panel {
-        bands: vec![Band { name: "95 %".into(), points: (0..2).map(|k| [2000.0 * f64::from(k), 0.8, 1.2]).collect() }],
+        bands: vec![Band {
+            name: "95 %".into(),
+            points: (0..2).map(|k| [2000.0 * f64::from(k), 0.8, 1.2]).collect(),
+        }],
         ..panel(
             "NEES",
             Axis::linear("NEES / n"),
@@ -59,8 +70,12 @@ fn figures() -> Vec<Figure> {
         curve("innovation", Look::Points(0), |t| (t * t).sin()),
         curve("truth", Look::Truth, |t| 0.5 * (t / 300.0).cos()),
     ];
-    let figure =
-        |name: &str, title: &str, columns, panels| Figure { name: name.into(), title: title.into(), columns, panels };
+    let figure = |name: &str, title: &str, columns, panels| Figure {
+        name: name.into(),
+        title: title.into(),
+        columns,
+        panels,
+    };
     vec![
         figure("errors", "Errors", 2, errors),
         figure(
@@ -75,14 +90,21 @@ fn figures() -> Vec<Figure> {
 
 /// Times, s, and values of every entity, by its path as it is read.
 fn scalars(path: &Path) -> BTreeMap<String, Vec<(f64, f64)>> {
-    let stores = ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut File::open(path).unwrap()).unwrap();
+    let stores = ChunkStore::from_rrd_reader(
+        &ChunkStoreConfig::ALL_DISABLED,
+        &mut File::open(path).unwrap(),
+    )
+    .unwrap();
     let component = Scalars::descriptor_scalars().component;
     let mut rows = BTreeMap::<_, Vec<_>>::new();
     for store in stores.values().filter(|s| s.id().kind() == StoreKind::Recording) {
         for chunk in store.iter_physical_chunks() {
-            let times = chunk.iter_component_indices(TimelineName::from("t"), component).map(|(t, _)| t.as_i64());
+            let times = chunk
+                .iter_component_indices(TimelineName::from("t"), component)
+                .map(|(t, _)| t.as_i64());
             let values = chunk.iter_slices::<f64>(component).map(|v| v[0]);
-            let parts: Vec<_> = chunk.entity_path().iter().map(|part| part.unescaped_str()).collect();
+            let parts: Vec<_> =
+                chunk.entity_path().iter().map(|part| part.unescaped_str()).collect();
             let of = rows.entry(parts.join("/")).or_default();
             of.extend(times.map(|t| t as f64 / 1e9).zip(values));
         }
@@ -94,7 +116,8 @@ fn scalars(path: &Path) -> BTreeMap<String, Vec<(f64, f64)>> {
 /// Whether rows are points: times to the nanosecond that a recording counts, values to the bit.
 fn same(rows: &[(f64, f64)], points: &[[f64; 2]]) -> bool {
     let equal = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());
-    rows.len() == points.len() && rows.iter().zip(points).all(|(r, p)| (r.0 - p[0]).abs() <= 1e-9 && equal(r.1, p[1]))
+    rows.len() == points.len()
+        && rows.iter().zip(points).all(|(r, p)| (r.0 - p[0]).abs() <= 1e-9 && equal(r.1, p[1]))
 }
 
 #[test]
@@ -125,16 +148,28 @@ fn a_recording_holds_every_point_of_the_panels_over_time_and_no_other() {
     ];
     assert_eq!(rows.keys().collect::<Vec<_>>(), expected);
     for (k, name) in ["error", "±3 sigma", "±3 sigma 2"].iter().enumerate() {
-        assert!(same(&rows[&format!("errors/pitch/{name}")], &figures[0].panels[1].curves[k].points), "{name}");
+        assert!(
+            same(&rows[&format!("errors/pitch/{name}")], &figures[0].panels[1].curves[k].points),
+            "{name}"
+        );
     }
     assert_eq!(rows["consistency/NEES/95 %/upper"], [(0.0, 1.2), (2000.0, 1.2)]);
     // a logarithmic axis: decimal logarithms, and the gap is there
-    let limit: Vec<_> = figures[0].panels[3].curves[2].points.iter().map(|p| [p[0], p[1].log10()]).collect();
+    let limit: Vec<_> =
+        figures[0].panels[3].curves[2].points.iter().map(|p| [p[0], p[1].log10()]).collect();
     assert!(same(&rows["errors/yaw 2/limit"], &limit));
     assert!(limit[0][1].is_nan() && limit[POINTS - 1][1] == -2.0);
     let layout = Layout::read(&path);
-    assert!(layout.views.contains_key("roll: error [deg]") && layout.views.contains_key("yaw: log10 sigma [deg]"));
-    assert_eq!(layout.views.len(), 6, "the track is no series over time: {:?}", layout.views.keys());
+    assert!(
+        layout.views.contains_key("roll: error [deg]")
+            && layout.views.contains_key("yaw: log10 sigma [deg]")
+    );
+    assert_eq!(
+        layout.views.len(),
+        6,
+        "the track is no series over time: {:?}",
+        layout.views.keys()
+    );
 }
 
 #[test]
@@ -145,8 +180,16 @@ fn what_has_no_time_breaks_a_line_after_the_point_before() {
     let points = vec![[nan, nan], [1.0, 5.0], [nan, nan], [2.0, 6.0], [3.0, f64::INFINITY]];
     let curve = Curve { name: String::new(), look: Look::Data(0), points };
     let panel = panel("", Axis::linear(""), vec![curve]);
-    record(&path, "", &[Figure { name: "f".into(), title: String::new(), columns: 0, panels: vec![panel] }]).unwrap();
-    assert!(same(&scalars(&path)["f/1/1"], &[[1.0, 5.0], [1.0 + 1e-9, nan], [2.0, 6.0], [3.0, nan]]));
+    record(
+        &path,
+        "",
+        &[Figure { name: "f".into(), title: String::new(), columns: 0, panels: vec![panel] }],
+    )
+    .unwrap();
+    assert!(same(
+        &scalars(&path)["f/1/1"],
+        &[[1.0, 5.0], [1.0 + 1e-9, nan], [2.0, 6.0], [3.0, nan]]
+    ));
 }
 
 #[test]
@@ -163,7 +206,11 @@ fn a_recording_without_figures_opens_and_one_that_cannot_be_written_is_named() {
 fn tabs_have_the_names_of_figures_whose_titles_need_more_than_a_bar() {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("tabs.rrd");
     let tabs = |count: usize| {
-        let figure = |k: usize| Figure { name: format!("figure-{k}"), title: "x".repeat(40), ..figures().remove(0) };
+        let figure = |k: usize| Figure {
+            name: format!("figure-{k}"),
+            title: "x".repeat(40),
+            ..figures().remove(0)
+        };
         record(&path, "", &(0..count).map(figure).collect::<Vec<_>>()).unwrap();
         Layout::read(&path).tabs.into_iter().map(|(_, name, _)| name).collect::<Vec<_>>()
     };
@@ -193,7 +240,8 @@ fn every_curve_of_every_figure_is_drawn_in_its_colour() {
         ("yaw: error [deg]", vec![blue, sigma]),
         ("yaw: log10 sigma [deg]", vec![red, sigma, bound]),
     ];
-    let consistency = vec![("NEES: NEES / n", vec![green, band]), ("vel_x [m/s]", vec![blue, truth])];
+    let consistency =
+        vec![("NEES: NEES / n", vec![green, band]), ("vel_x [m/s]", vec![blue, truth])];
     let mut missing = Vec::new();
     for (tab, views) in [("Errors", errors), ("Consistency", consistency)] {
         viewer.show(&layout, &[tab]);

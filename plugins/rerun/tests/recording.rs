@@ -1,11 +1,16 @@
 //! What is recorded is what was fed, also where the run is broken off or the disk is full.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test ends where it fails")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test ends where it fails"
+)]
 
 mod common;
 
 use common::{DVL_EVERY, OUTLIER_EVERY, Synthetic, TRUE_SCALE};
-use navfuse_core::stream::Sink;
+use navfuse_core::model::stream::Sink;
 use navfuse_rerun::{Rerun, Serve};
 use rerun::{ChunkStore, ChunkStoreConfig, Scalars, StoreKind, TextLog, TimelineName};
 use std::collections::BTreeMap;
@@ -17,7 +22,10 @@ type Rows = BTreeMap<String, Vec<(i64, Vec<f64>)>>;
 /// The recording and the layouts of a file.
 fn stores(path: &Path) -> Vec<ChunkStore> {
     let mut file = File::open(path).unwrap();
-    ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).unwrap().into_values().collect()
+    ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file)
+        .unwrap()
+        .into_values()
+        .collect()
 }
 
 /// Every scalar by entity and time.
@@ -26,7 +34,9 @@ fn scalars(path: &Path) -> Rows {
     let mut rows = Rows::new();
     for store in stores(path).iter().filter(|s| s.id().kind() == StoreKind::Recording) {
         for chunk in store.iter_physical_chunks() {
-            let times = chunk.iter_component_indices(TimelineName::from("t"), component).map(|(t, _)| t.as_i64());
+            let times = chunk
+                .iter_component_indices(TimelineName::from("t"), component)
+                .map(|(t, _)| t.as_i64());
             let values = chunk.iter_slices::<f64>(component).map(<[f64]>::to_vec);
             rows.entry(chunk.entity_path().to_string()).or_default().extend(times.zip(values));
         }
@@ -50,13 +60,21 @@ fn a_recording_holds_every_row_and_value_that_was_fed() {
     let mut sink = record(folder.path(), epochs);
     let place = sink.finish().unwrap().unwrap();
     let path = folder.path().join("run.rrd");
-    println!("{epochs} epochs of 22 components: {:?}, {} bytes", begun.elapsed(), path.metadata().unwrap().len());
+    println!(
+        "{epochs} epochs of 22 components: {:?}, {} bytes",
+        begun.elapsed(),
+        path.metadata().unwrap().len()
+    );
     assert_eq!(place, path.display().to_string());
     let rows = scalars(&path);
 
     // 21 components that are estimated: 3 x (attitude, velocity, position, two biases, misalignment, lever arm) + scale
     for leaf in ["estimate", "truth", "error"] {
-        assert_eq!(rows.keys().filter(|k| k.starts_with("/state/") && k.ends_with(leaf)).count(), 22, "{leaf}");
+        assert_eq!(
+            rows.keys().filter(|k| k.starts_with("/state/") && k.ends_with(leaf)).count(),
+            22,
+            "{leaf}"
+        );
     }
     for (entity, rows) in rows.iter().filter(|(k, _)| k.starts_with("/state/")) {
         let finite = rows.iter().filter(|r| r.1[0].is_finite()).count();
@@ -85,7 +103,10 @@ fn a_recording_holds_every_row_and_value_that_was_fed() {
     assert_eq!(rows["/innovation/dvl/vel_x/gated"].len(), gated);
     assert_eq!(rows["/innovation/dvl/nis/gated"].len(), gated);
     assert_eq!(rows["/innovation/depth/depth"].len(), samples / 2);
-    assert!(rows["/innovation/depth/nis"].iter().all(|r| r.1[1].is_nan()), "a gate that is off has no line");
+    assert!(
+        rows["/innovation/depth/nis"].iter().all(|r| r.1[1].is_nan()),
+        "a gate that is off has no line"
+    );
     assert_eq!(rows["/samples/dvl"].len(), samples);
     assert!(!rows.contains_key("/samples/imu"), "driving sensors are recorded on request");
 
@@ -94,11 +115,14 @@ fn a_recording_holds_every_row_and_value_that_was_fed() {
     let text = TextLog::descriptor_text().component;
     let logged: Vec<String> = (recording.iter_physical_chunks())
         .filter(|c| c.entity_path().to_string() == "/events")
-        .flat_map(|c| c.iter_slices::<String>(text).flatten().map(|t| t.to_string()).collect::<Vec<_>>())
+        .flat_map(|c| {
+            c.iter_slices::<String>(text).flatten().map(|t| t.to_string()).collect::<Vec<_>>()
+        })
         .collect();
     assert!(logged.contains(&"trajectory: dive to 30 m".to_owned()), "{logged:?}");
     assert!(logged.contains(&"depth: depth lost: no sample for 2 s".to_owned()), "{logged:?}");
-    let entities: Vec<String> = recording.iter_physical_chunks().map(|c| c.entity_path().to_string()).collect();
+    let entities: Vec<String> =
+        recording.iter_physical_chunks().map(|c| c.entity_path().to_string()).collect();
     for entity in [
         "/world/estimate",
         "/world/truth",
@@ -136,7 +160,9 @@ fn a_disk_that_fills_up_ends_the_sink_with_its_path() {
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let reader = {
         let pipe = pipe.clone();
-        std::thread::spawn(move || drop(std::io::Read::read(&mut File::open(pipe).unwrap(), &mut [0; 4096])))
+        std::thread::spawn(move || {
+            drop(std::io::Read::read(&mut File::open(pipe).unwrap(), &mut [0; 4096]))
+        })
     };
     let mut sink = Rerun::default().record(folder.path()).unwrap();
     reader.join().unwrap();

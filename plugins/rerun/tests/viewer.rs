@@ -3,7 +3,12 @@
 //! The viewer is `$RERUN_BIN`, or is fetched once with pip into the target folder; it renders in software with Mesa's
 //! Vulkan driver. Where either cannot be had the test says so and passes.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test ends where it fails")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test ends where it fails"
+)]
 
 mod common;
 mod driver;
@@ -48,12 +53,19 @@ const TABS: &[(&str, Views)] = &[
             ("Lever arm y [m]", &[GREEN, TRUTH, BOUND]),
         ],
     ),
-    ("dvl innovations", &[("vel_x [m/s]", &[RED, BOUND, GATED]), ("dvl NIS", &[BLUE, BOUND, GATED])]),
+    (
+        "dvl innovations",
+        &[("vel_x [m/s]", &[RED, BOUND, GATED]), ("dvl NIS", &[BLUE, BOUND, GATED])],
+    ),
     ("depth innovations", &[("depth [m]", &[RED, BOUND])]),
     (
         "Observability",
         // roll and pitch of the run have the same sigma: one line hides the other
-        &[("ins.attitude bits", &[RED, BLUE]), ("dvl.scale bits", &[RED]), ("What is determined", &[])],
+        &[
+            ("ins.attitude bits", &[RED, BLUE]),
+            ("dvl.scale bits", &[RED]),
+            ("What is determined", &[]),
+        ],
     ),
     ("Samples", &[("dvl", &[RED, GREEN, BLUE])]),
 ];
@@ -115,7 +127,13 @@ fn a_viewer_shows_a_run_that_is_sent_or_served_to_it() {
     viewer.wait(end);
     drop(viewer);
     // what is served is there when the run is over
-    let url = place.split("url=").nth(1).unwrap().replace("%2B", "+").replace("%3A", ":").replace("%2F", "/");
+    let url = place
+        .split("url=")
+        .nth(1)
+        .unwrap()
+        .replace("%2B", "+")
+        .replace("%3A", ":")
+        .replace("%2F", "/");
     Viewer::start(&program, Some(&url), &folder).wait(end);
 }
 
@@ -124,7 +142,11 @@ fn a_viewer_shows_a_run_that_is_sent_or_served_to_it() {
 #[test]
 #[ignore = "makes a picture, tests nothing"]
 fn picture_of_a_recording() {
-    let (Some(program), Some(recording)) = (driver::program(), std::env::var_os("NAVFUSE_RECORDING")) else { return };
+    let (Some(program), Some(recording)) =
+        (driver::program(), std::env::var_os("NAVFUSE_RECORDING"))
+    else {
+        return;
+    };
     let tab = std::env::var("NAVFUSE_TAB").unwrap_or_else(|_| "dvl calibration".into());
     let recording = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(recording);
     let folder = driver::target("rerun-pictures");

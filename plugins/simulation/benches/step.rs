@@ -3,18 +3,22 @@
 //!
 //! `imu` is the whole loop step: mechanisation, Phi and covariance through `Ekf::process`. The dense products are what
 //! the covariance would cost if its structure were not used.
-#![allow(missing_docs, clippy::unwrap_used, reason = "a benchmark that cannot start has nothing to report")]
+#![allow(
+    missing_docs,
+    clippy::unwrap_used,
+    reason = "a benchmark that cannot start has nothing to report"
+)]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use navfuse_core::covariance::Covariance;
 use navfuse_core::ekf::Ekf;
+use navfuse_core::model::process::{Input, Interval};
+use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
 use navfuse_core::nalgebra::{DMatrix, SMatrix};
-use navfuse_core::process::{Input, Interval};
-use navfuse_core::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
-use navfuse_core::registry::Registry;
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::scenario::{Assembly, Scenario};
-use navfuse_core::time::Time;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::state::covariance::Covariance;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use std::hint::black_box;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -61,7 +65,8 @@ fn step(c: &mut Criterion) {
     let mut assembly = assembly();
     let before = samples(&mut assembly, 600.0, 700.0);
     let after = samples(&mut assembly, 700.0, 800.0);
-    let (imu, dvl) = (assembly.composition.sensor("imu").unwrap(), assembly.composition.sensor("dvl").unwrap());
+    let (imu, dvl) =
+        (assembly.composition.sensor("imu").unwrap(), assembly.composition.sensor("dvl").unwrap());
     let layout = assembly.composition.layout.clone();
     let mut transition = assembly.composition.transition.clone();
     transition.compile(&layout);
@@ -107,8 +112,11 @@ fn step(c: &mut Criterion) {
     let mut state = ekf.state().clone();
     let from = inputs[0].time;
     state.time = from;
-    let interval =
-        Interval { from, to: inputs[1].time, input: Some(Input { sample: &inputs[1], duration: 0.01, usual: 0.01 }) };
+    let interval = Interval {
+        from,
+        to: inputs[1].time,
+        input: Some(Input { sample: &inputs[1], duration: 0.01, usual: 0.01 }),
+    };
     group.bench_function("mechanisation and Phi", |b| {
         let start = state.clone();
         b.iter(|| {
@@ -118,7 +126,9 @@ fn step(c: &mut Criterion) {
     });
     let start: Covariance = ekf.covariance().clone();
     let mut p = start.clone();
-    group.bench_function("covariance, structured", |b| b.iter(|| transition.propagate(black_box(&mut p))));
+    group.bench_function("covariance, structured", |b| {
+        b.iter(|| transition.propagate(black_box(&mut p)))
+    });
     let (phi, q) = (transition.phi_dense(STATES), transition.noise_dense(STATES));
     let (mut p, mut half) = (start.to_dense(), DMatrix::zeros(STATES, STATES));
     group.bench_function("covariance, dense DMatrix", |b| {

@@ -1,20 +1,20 @@
 //! What the filter costs: the dive of `scenarios/auv.toml`, an update of each of its sensors, and what a state adds, with
-//! the block-sparse kernel and with dense matrices in the same run. Prints the tables of docs/src/performance.md and draws its
+//! the block-sparse kernel and with dense matrices in the same run. Prints the tables of docs/src/explanation/performance.md and draws its
 //! figure:
 //!
 //! `cargo run --release -p navfuse-simulation --example cost -- docs/src/images/performance.svg`
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot start has nothing to report")]
 
-use navfuse_core::covariance::{Covariance, Transition, Update};
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
+use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
+use navfuse_core::model::sensor::Purpose;
 use navfuse_core::nalgebra::DMatrix;
-use navfuse_core::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
-use navfuse_core::registry::Registry;
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::scenario::{Assembly, Scenario};
-use navfuse_core::stream::Purpose;
-use navfuse_core::time::Time;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::state::covariance::{Covariance, Transition, Update};
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use navfuse_figures::{Axis, Curve, Figure, Look, Panel, svg};
 use std::collections::BTreeMap;
 use std::hint::black_box;
@@ -40,7 +40,10 @@ impl Observer for Listener {
 
 fn assembly(text: &str) -> Assembly {
     let mut registry = Registry::new();
-    registry.add(&navfuse_ins::InsPlugin).add(&navfuse_dvl::DvlPlugin).add(&navfuse_depth::DepthPlugin);
+    registry
+        .add(&navfuse_ins::InsPlugin)
+        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_depth::DepthPlugin);
     registry.add(&navfuse_gnss::GnssPlugin).add(&navfuse_simulation::SimulationPlugin);
     let document = Document::parse("cost.toml", text).unwrap();
     Scenario::new(&registry, document, &[]).unwrap().assemble(None).unwrap()
@@ -118,7 +121,12 @@ fn dive() {
     let alone = median(times.get_mut(&Vec::new()).unwrap());
     println!("{:16}{alone:6.2} us", "imu alone");
     for (who, times) in times.iter_mut().filter(|(who, _)| who.len() == 1) {
-        println!("{:16}{:6.2} us more, {} times", infos[who[0]].name, median(times) - alone, times.len());
+        println!(
+            "{:16}{:6.2} us more, {} times",
+            infos[who[0]].name,
+            median(times) - alone,
+            times.len()
+        );
     }
 }
 
@@ -212,7 +220,10 @@ fn curve() -> Figure {
         found.push(Vec::new());
         for n in (15..=60).step_by(3) {
             let [sparse, dense, step, update] = costs(&composed(n, calibration));
-            println!("{n:<9}{name:>10}{sparse:10.2}{dense:10.2}{:8.1}{step:10.2}{update:10.2}", dense / sparse);
+            println!(
+                "{n:<9}{name:>10}{sparse:10.2}{dense:10.2}{:8.1}{step:10.2}{update:10.2}",
+                dense / sparse
+            );
             found.last_mut().unwrap().push([n as f64, sparse, dense, step, update]);
         }
     }
@@ -243,7 +254,10 @@ fn curve() -> Figure {
             ),
             panel(
                 "filter, constant states",
-                vec![line("update of four channels", Look::Data(1), 0, 4), line("IMU sample", Look::Data(0), 0, 3)],
+                vec![
+                    line("update of four channels", Look::Data(1), 0, 4),
+                    line("IMU sample", Look::Data(0), 0, 3),
+                ],
             ),
         ],
     }

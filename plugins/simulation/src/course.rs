@@ -6,9 +6,9 @@ use crate::source::simulate;
 use crate::trajectory::{LEAST_RADIUS, MAX_HEIGHT, MAX_LATITUDE, Trajectory};
 use nalgebra::{UnitQuaternion, Vector3};
 use navfuse_core::Real;
-use navfuse_core::geodesy::Geodetic;
-use navfuse_core::registry::{OpenContext, SourceType};
-use navfuse_core::stream::{Source, StreamError};
+use navfuse_core::model::stream::{Source, StreamError};
+use navfuse_core::plugin::{OpenContext, SourceType};
+use navfuse_core::state::geodesy::Geodetic;
 use num_dual::Dual64;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Deserialize;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 ///
 /// ```
 /// use navfuse_core::prelude::*;
-/// use navfuse_core::geodesy::Geodetic;
+/// use navfuse_core::state::geodesy::Geodetic;
 /// use navfuse_core::units::{Angle, Speed, Time};
 /// use navfuse_simulation::{On, TrajectoryType};
 ///
@@ -54,8 +54,8 @@ use std::sync::Arc;
 /// let mut registry = Registry::new();
 /// registry.source::<On<Circle>>(); // [source.circle]
 /// # // what `navfuse list circle` prints, and the conformance kit checks
-/// # let entry = registry.get(navfuse_core::registry::Kind::Source, "circle").unwrap();
-/// # assert!(navfuse_core::schema::parameters(entry).iter().any(|p| p.key == "round"));
+/// # let entry = registry.get(navfuse_core::plugin::Kind::Source, "circle").unwrap();
+/// # assert!(navfuse_core::run::schema::parameters(entry).iter().any(|p| p.key == "round"));
 /// ```
 pub trait TrajectoryType: DeserializeOwned + JsonSchema + Send + Sync + 'static {
     /// The name in TOML.
@@ -153,7 +153,9 @@ impl<C: TrajectoryType> Piece for Stretch<C> {
     fn motion(&self, time: f64) -> Motion {
         let (velocity, euler) = self.course.motion(Dual64::from_re(time).derivative());
         let (angles, rates) = (euler.map(|e| e.re), euler.map(|e| e.eps));
-        let c_b_n = UnitQuaternion::from_euler_angles(angles.x, angles.y, angles.z).to_rotation_matrix().into_inner();
+        let c_b_n = UnitQuaternion::from_euler_angles(angles.x, angles.y, angles.z)
+            .to_rotation_matrix()
+            .into_inner();
         Motion {
             velocity: velocity.map(|v| v.re),
             acceleration: velocity.map(|v| v.eps),
@@ -204,7 +206,8 @@ impl<C: TrajectoryType> Trajectory<Stretch<C>> {
             }
             way += speed * step;
         }
-        let (latitude, height) = ((origin.latitude.abs() + way / LEAST_RADIUS).to_degrees(), origin.height.abs() + way);
+        let (latitude, height) =
+            ((origin.latitude.abs() + way / LEAST_RADIUS).to_degrees(), origin.height.abs() + way);
         // not `>`, which lets a NaN through
         if !(latitude <= MAX_LATITUDE && height <= MAX_HEIGHT) {
             return refuse(format!(

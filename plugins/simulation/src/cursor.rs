@@ -3,7 +3,7 @@
 use crate::phase::{Motion, Phase, Piece};
 use crate::trajectory::Trajectory;
 use nalgebra::{UnitQuaternion, Vector3, Vector4};
-use navfuse_core::geodesy::Geodetic;
+use navfuse_core::state::geodesy::Geodetic;
 use navfuse_ins::earth::LocalEarth;
 
 /// The grid of the position's integration, s. A power of two, so that its nodes are exact.
@@ -11,8 +11,11 @@ const GRID: f64 = 0.125;
 /// The longest interval of one quadrature of the inertial measurements, s.
 const QUADRATURE: f64 = 0.125;
 /// Gauss-Legendre quadrature with three points on [-1/2, 1/2]: places and weights.
-const GAUSS: [(f64, f64); 3] =
-    [(-0.387_298_334_620_741_7, 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.387_298_334_620_741_7, 5.0 / 18.0)];
+const GAUSS: [(f64, f64); 3] = [
+    (-0.387_298_334_620_741_7, 5.0 / 18.0),
+    (0.0, 8.0 / 18.0),
+    (0.387_298_334_620_741_7, 5.0 / 18.0),
+];
 /// The same of a constant.
 const CONSTANT: [(f64, f64); 1] = [(0.0, 1.0)];
 

@@ -17,7 +17,7 @@ pub use segment::{Direction, SegmentConfig};
 pub use source::{Simulation, simulate};
 pub use trajectory::{Span, StartConfig, Trajectory, TrajectoryConfig, TrajectoryError};
 
-use navfuse_core::registry::{Plugin, Registry};
+use navfuse_core::plugin::{Plugin, Registry};
 
 /// Registers the source type `simulation`.
 #[derive(Clone, Copy, Debug)]

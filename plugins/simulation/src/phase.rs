@@ -59,8 +59,13 @@ pub trait Piece: Send + Sync + 'static {
 /// The rate of the body relative to NED from the derivatives of roll, pitch and heading: Groves eq. 2.58 read backwards, as
 /// the third row of `c_b_n` is the down axis in the body.
 #[inline]
-pub(crate) fn rate_of(c_b_n: &Matrix3<f64>, (sin_roll, cos_roll): (f64, f64), rates: &Vector3<f64>) -> Vector3<f64> {
-    c_b_n.row(2).transpose() * rates.z + Vector3::new(rates.x, rates.y * cos_roll, -rates.y * sin_roll)
+pub(crate) fn rate_of(
+    c_b_n: &Matrix3<f64>,
+    (sin_roll, cos_roll): (f64, f64),
+    rates: &Vector3<f64>,
+) -> Vector3<f64> {
+    c_b_n.row(2).transpose() * rates.z
+        + Vector3::new(rates.x, rates.y * cos_roll, -rates.y * sin_roll)
 }
 
 /// Sine and cosine of the heading and of the roll, and `c_b_n`.
@@ -96,7 +101,13 @@ pub struct Phase {
 
 impl Phase {
     /// A phase in which nothing changes.
-    pub(crate) fn new(number: usize, label: String, start: f64, duration: f64, pose: &Pose) -> Self {
+    pub(crate) fn new(
+        number: usize,
+        label: String,
+        start: f64,
+        duration: f64,
+        pose: &Pose,
+    ) -> Self {
         Self {
             number,
             label,
@@ -132,7 +143,12 @@ impl Phase {
     }
 
     pub(crate) fn end_pose(&self) -> Pose {
-        Pose { speed: self.speed.end(), roll: self.roll.end(), pitch: self.pitch.end(), heading: self.heading.end() }
+        Pose {
+            speed: self.speed.end(),
+            roll: self.roll.end(),
+            pitch: self.pitch.end(),
+            heading: self.heading.end(),
+        }
     }
 
     /// Bounds on the horizontal and the vertical way, m.
@@ -163,7 +179,11 @@ impl Phase {
     #[inline]
     fn euler_at(&self, shape: &Shape) -> (Vector3<f64>, Vector3<f64>) {
         (
-            Vector3::new(self.roll.value(shape), self.pitch.value(shape), self.heading.value(shape)),
+            Vector3::new(
+                self.roll.value(shape),
+                self.pitch.value(shape),
+                self.heading.value(shape),
+            ),
             Vector3::new(self.roll.rate(shape), self.pitch.rate(shape), self.heading.rate(shape)),
         )
     }
@@ -185,13 +205,15 @@ impl Piece for Phase {
 
     #[inline]
     fn is_steady(&self) -> bool {
-        self.fixed.is_some() && [&self.speed, &self.down, &self.side].into_iter().all(Profile::is_constant)
+        self.fixed.is_some()
+            && [&self.speed, &self.down, &self.side].into_iter().all(Profile::is_constant)
     }
 
     #[inline]
     fn velocity(&self, t: f64) -> Vector3<f64> {
         let shape = self.shape(t);
-        let (sin, cos) = self.fixed.map_or_else(|| self.heading.value(&shape).sin_cos(), |a| (a.sin, a.cos));
+        let (sin, cos) =
+            self.fixed.map_or_else(|| self.heading.value(&shape).sin_cos(), |a| (a.sin, a.cos));
         let speed = self.speed.value(&shape);
         let (down, _) = self.vertical(&shape, speed, self.speed.rate(&shape));
         let side = self.side.value(&shape);
@@ -221,7 +243,11 @@ impl Piece for Phase {
         let (down, down_rate) = self.vertical(&shape, speed, speed_rate);
         Motion {
             velocity: Vector3::new(speed * cos - side * sin, speed * sin + side * cos, down),
-            acceleration: Vector3::new(speed_rate * cos - across * sin, speed_rate * sin + across * cos, down_rate),
+            acceleration: Vector3::new(
+                speed_rate * cos - across * sin,
+                speed_rate * sin + across * cos,
+                down_rate,
+            ),
             c_b_n,
             w_nb_b,
         }

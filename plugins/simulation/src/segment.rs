@@ -120,7 +120,13 @@ struct Check {
 
 impl Check {
     fn error(&self, key: &'static str, value: impl ToString, remedy: String) -> TrajectoryError {
-        TrajectoryError::Segment { number: self.number, kind: self.kind, key, value: value.to_string(), remedy }
+        TrajectoryError::Segment {
+            number: self.number,
+            kind: self.kind,
+            key,
+            value: value.to_string(),
+            remedy,
+        }
     }
 
     fn duration(&self, key: &'static str, value: Time) -> Result<f64, TrajectoryError> {
@@ -159,9 +165,14 @@ impl Check {
     }
 
     /// Bank and pitch of a turn, zero when left out.
-    fn tilt(&self, bank: Option<Angle>, pitch: Option<Angle>) -> Result<(f64, f64), TrajectoryError> {
+    fn tilt(
+        &self,
+        bank: Option<Angle>,
+        pitch: Option<Angle>,
+    ) -> Result<(f64, f64), TrajectoryError> {
         let zero = Angle::from_si(0.0);
-        let [bank, pitch] = [("bank", bank), ("pitch", pitch)].map(|(k, a)| self.angle(k, a.unwrap_or(zero), MAX_TILT));
+        let [bank, pitch] = [("bank", bank), ("pitch", pitch)]
+            .map(|(k, a)| self.angle(k, a.unwrap_or(zero), MAX_TILT));
         Ok((bank?, pitch?))
     }
 }
@@ -213,17 +224,24 @@ impl SegmentConfig {
         match self {
             Self::Static { .. } => {
                 if pose.speed != 0.0 {
-                    let remedy = "put a `surge` with speed = \"0 m/s\" before it, or use `cruise`".into();
+                    let remedy =
+                        "put a `surge` with speed = \"0 m/s\" before it, or use `cruise`".into();
                     return Err(check.error("speed", Speed::from_si(pose.speed), remedy));
                 }
             }
             Self::Cruise { .. } => {}
-            Self::Surge { speed, .. } => phase.speed.step = check.speed("speed", *speed)? - pose.speed,
-            Self::Pulse { speed_change, .. } => phase.speed.bump = check.speed("speed_change", *speed_change)?,
+            Self::Surge { speed, .. } => {
+                phase.speed.step = check.speed("speed", *speed)? - pose.speed
+            }
+            Self::Pulse { speed_change, .. } => {
+                phase.speed.bump = check.speed("speed_change", *speed_change)?
+            }
             Self::Descend { rate, .. } => phase.down.bump = check.rate(*rate)?,
             Self::Ascend { rate, .. } => phase.down.bump = -check.rate(*rate)?,
             Self::Sway { speed, .. } => phase.side.bump = check.speed("speed", *speed)?,
-            Self::Slope { angle, .. } => phase = phase.sloping(check.angle("angle", *angle, MAX_TILT)?),
+            Self::Slope { angle, .. } => {
+                phase = phase.sloping(check.angle("angle", *angle, MAX_TILT)?)
+            }
             Self::Turn { angle, bank, pitch, .. } => {
                 let angle = check.angle("angle", *angle, MAX_TURN)?;
                 let (bank, pitch) = check.tilt(*bank, *pitch)?;
@@ -234,8 +252,9 @@ impl SegmentConfig {
                 let (bank, pitch) = check.tilt(*bank, *pitch)?;
                 let straight = (duration - 4.0 * corner) / 4.0;
                 if !DURATION.contains(&straight) {
-                    let remedy =
-                        format!("four turns leave nothing of {duration} s: shorten them or lengthen the square");
+                    let remedy = format!(
+                        "four turns leave nothing of {duration} s: shorten them or lengthen the square"
+                    );
                     return Err(check.error("turn", turn, remedy));
                 }
                 let angle = match direction {
@@ -244,7 +263,13 @@ impl SegmentConfig {
                 };
                 let (mut t, mut pose) = (start, pose);
                 for leg in 1..=4 {
-                    phases.push(Phase::new(number, format!("square leg {leg}"), t, straight, &pose));
+                    phases.push(Phase::new(
+                        number,
+                        format!("square leg {leg}"),
+                        t,
+                        straight,
+                        &pose,
+                    ));
                     t += straight;
                     let phase = Phase::new(number, format!("square turn {leg}"), t, corner, &pose);
                     let phase = phase.turning(angle, bank, pitch);

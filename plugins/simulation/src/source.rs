@@ -3,19 +3,21 @@
 use crate::phase::Piece;
 use crate::{Cursor, Trajectory, TrajectoryConfig};
 use nalgebra::Vector3;
-use navfuse_core::compose::{Composition, Reference, Role};
-use navfuse_core::draw::TrueState;
-use navfuse_core::manifold::Scalar;
-use navfuse_core::measurement::AnyMeasurement;
-use navfuse_core::motion::Motion;
-use navfuse_core::process::ProcessModel;
-use navfuse_core::record::{Event, Level};
-use navfuse_core::registry::{OpenContext, SourceType};
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::simulate::{Faults, Random, Scene, Simulate};
+use navfuse_core::compose::Composition;
+use navfuse_core::compose::draw::TrueState;
+use navfuse_core::model::measurement::AnyMeasurement;
+use navfuse_core::model::motion::Motion;
+use navfuse_core::model::process::ProcessModel;
+use navfuse_core::model::record::{Event, Level};
+use navfuse_core::model::sensor::{Purpose, SensorInfo};
+use navfuse_core::model::sensor::{Reference, Role};
+use navfuse_core::model::simulate::{Faults, Random, Scene, Simulate};
+use navfuse_core::model::stream::{Source, StreamError};
+use navfuse_core::plugin::{OpenContext, SourceType};
+use navfuse_core::state::manifold::Scalar;
 use navfuse_core::state::{Handle, Layout};
-use navfuse_core::stream::{Purpose, SensorInfo, Source, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -90,7 +92,9 @@ fn check(faults: &Faults, sensor: &SensorInfo) -> Result<(), StreamError> {
             "the trajectory begins at 0 s: give an offset from there on",
         );
     }
-    for (key, probability, limit) in [("dropout", faults.dropout, 0.999), ("outliers", faults.outliers, 1.0)] {
+    for (key, probability, limit) in
+        [("dropout", faults.dropout, 0.999), ("outliers", faults.outliers, 1.0)]
+    {
         if probability.value().si() > limit {
             let ask = format!("give a probability up to {limit}, such as \"2 %\"");
             return refuse(key, probability.value().to_string(), &ask);
@@ -100,10 +104,18 @@ fn check(faults: &Faults, sensor: &SensorInfo) -> Result<(), StreamError> {
         return refuse("outages", format!("[{from}, {to}]"), "an outage ends after it begins");
     }
     if sensor.purpose != Purpose::Measurement && faults.outliers.value().si() > 0.0 {
-        return refuse("outliers", faults.outliers.value().to_string(), "only measuring sensors have outliers");
+        return refuse(
+            "outliers",
+            faults.outliers.value().to_string(),
+            "only measuring sensors have outliers",
+        );
     }
     if sensor.purpose == Purpose::Reference && faults.noise.value().si() != 1.0 {
-        return refuse("noise", faults.noise.value().to_string(), "a reference is simulated without noise");
+        return refuse(
+            "noise",
+            faults.noise.value().to_string(),
+            "a reference is simulated without noise",
+        );
     }
     Ok(())
 }
@@ -121,7 +133,7 @@ enum Simulated {
 /// A cursor as the framework's trajectory.
 struct Path<P: Piece>(Cursor<P>);
 
-impl<P: Piece> navfuse_core::motion::Trajectory for Path<P> {
+impl<P: Piece> navfuse_core::model::motion::Trajectory for Path<P> {
     fn at(&mut self, time: Time) -> Motion {
         let k = self.0.at(time.seconds());
         Motion {
@@ -214,8 +226,8 @@ impl<P: Piece> SensorStream<P> {
     /// Whether this sample is lost.
     fn lost(&mut self, time: Time) -> bool {
         let t = time.seconds();
-        let dropped =
-            self.faults.dropout.value().si() > 0.0 && self.random.uniform() < self.faults.dropout.value().si();
+        let dropped = self.faults.dropout.value().si() > 0.0
+            && self.random.uniform() < self.faults.dropout.value().si();
         dropped || self.faults.outages.iter().any(|[from, to]| t >= from.si() && t < to.si())
     }
 }
@@ -239,7 +251,16 @@ impl<P: Piece> Source for SensorStream<P> {
                 let (layout, truth) = (&*self.layout, &self.truth.state);
                 let (noise, random) = (self.faults.noise.value().si(), &mut self.random);
                 simulator.simulate(
-                    &mut Scene { layout, truth, trajectory: &mut self.path, from, to, noise, outlier: 0.0, random },
+                    &mut Scene {
+                        layout,
+                        truth,
+                        trajectory: &mut self.path,
+                        from,
+                        to,
+                        noise,
+                        outlier: 0.0,
+                        random,
+                    },
                     sample,
                 );
                 if !self.lost(to) {
@@ -250,7 +271,7 @@ impl<P: Piece> Source for SensorStream<P> {
             if self.lost(sample.time) {
                 continue;
             }
-            let motion = navfuse_core::motion::Trajectory::at(&mut self.path, to);
+            let motion = navfuse_core::model::motion::Trajectory::at(&mut self.path, to);
             match &self.kind {
                 Simulated::Measuring(model) => {
                     let TrueState { state, known, .. } = &mut self.truth;
@@ -262,7 +283,10 @@ impl<P: Piece> Source for SensorStream<P> {
                     let outlier = if hit { faults.outlier_size.value().si() } else { 0.0 };
                     let (noise, random) = (faults.noise.value().si(), &mut self.random);
                     let (layout, truth, trajectory) = (&*self.layout, &*state, &mut self.path);
-                    model.simulate(&mut Scene { layout, truth, trajectory, from, to, noise, outlier, random }, sample);
+                    model.simulate(
+                        &mut Scene { layout, truth, trajectory, from, to, noise, outlier, random },
+                        sample,
+                    );
                 }
                 Simulated::Reference(reference) => reference.sample(&motion, sample),
                 Simulated::Driving(_) => {}

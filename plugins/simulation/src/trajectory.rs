@@ -3,7 +3,7 @@
 use crate::cursor::Cursor;
 use crate::phase::{Phase, Piece, Pose};
 use crate::segment::{MAX_SPEED, SegmentConfig};
-use navfuse_core::geodesy::Geodetic;
+use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::{Angle, Length, Quantity, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -209,7 +209,12 @@ impl<P: Piece> Trajectory<P> {
 
     /// Its parts, in order and without gaps.
     pub fn segments(&self) -> impl Iterator<Item = Span<'_>> {
-        self.pieces.iter().map(|p| Span { number: p.number(), start: p.span().0, end: p.span().1, label: p.label() })
+        self.pieces.iter().map(|p| Span {
+            number: p.number(),
+            start: p.span().0,
+            end: p.span().1,
+            label: p.label(),
+        })
     }
 
     /// A reader of its values, at the start.

@@ -4,14 +4,16 @@
 use crate::cursor::Kinematics;
 use crate::trajectory::{Trajectory, TrajectoryConfig, TrajectoryError};
 use nalgebra::{UnitQuaternion, Vector3};
-use navfuse_core::geodesy::{ECCENTRICITY_SQUARED, radii_of_curvature};
+use navfuse_core::state::geodesy::{ECCENTRICITY_SQUARED, radii_of_curvature};
 use navfuse_ins::earth::{EARTH_RATE, normal_gravity};
 use serde_json::{Value, json};
 
-const START: &str = r#"{ "latitude": "30 deg", "longitude": "120 deg", "heading": "10 deg", "roll": "3 deg" }"#;
+const START: &str =
+    r#"{ "latitude": "30 deg", "longitude": "120 deg", "heading": "10 deg", "roll": "3 deg" }"#;
 
 fn trajectory(start: Value, segments: Value) -> Result<Trajectory, TrajectoryError> {
-    let config: TrajectoryConfig = serde_json::from_value(json!({ "start": start, "segments": segments })).unwrap();
+    let config: TrajectoryConfig =
+        serde_json::from_value(json!({ "start": start, "segments": segments })).unwrap();
     Trajectory::new(&config)
 }
 
@@ -43,7 +45,8 @@ fn instants(trajectory: &Trajectory) -> impl Iterator<Item = f64> + use<> {
 fn the_papers_runs_have_its_times() {
     let t = paper();
     assert_eq!(t.duration(), 2060.0);
-    let rows: Vec<_> = t.segments().filter(|s| s.number != 5).map(|s| (s.label, s.start, s.end)).collect();
+    let rows: Vec<_> =
+        t.segments().filter(|s| s.number != 5).map(|s| (s.label, s.start, s.end)).collect();
     let expected = [
         ("static", 0.0, 600.0),
         ("surge", 600.0, 660.0),
@@ -76,7 +79,9 @@ fn velocity_and_acceleration_are_derivatives() {
         let height = here.position.height;
         let rate = Vector3::new(
             (after.position.latitude - before.position.latitude) * (r_n + height),
-            (after.position.longitude - before.position.longitude) * (r_e + height) * here.position.latitude.cos(),
+            (after.position.longitude - before.position.longitude)
+                * (r_e + height)
+                * here.position.latitude.cos(),
             before.position.height - after.position.height,
         ) * scale;
         // Central difference: v'' d^2 / 6 with v'' < 5 m/s (pi/2 35/16 / T)^2 + ... < 0.1 m/s^3: 1.7e-6; the longitude
@@ -108,7 +113,8 @@ fn angular_rate_is_the_derivative_of_attitude() {
 #[test]
 fn on_a_slope_the_velocity_is_along_the_body_and_its_derivative_is_the_acceleration() {
     let start = json!({ "heading": "40 deg", "speed": "20 m/s" });
-    let t = trajectory(start, json!([{ "type": "slope", "duration": "60 s", "angle": "6 deg" }])).unwrap();
+    let t = trajectory(start, json!([{ "type": "slope", "duration": "60 s", "angle": "6 deg" }]))
+        .unwrap();
     let (mut a, mut b, mut c) = (t.cursor(), t.cursor(), t.cursor());
     let d = 0.01;
     for time in (1..60).map(f64::from) {
@@ -129,14 +135,18 @@ fn on_a_slope_the_velocity_is_along_the_body_and_its_derivative_is_the_accelerat
 #[test]
 fn sideways_the_attitude_and_the_forward_speed_stay() {
     let start = json!({ "heading": "40 deg", "roll": "5 deg", "speed": "2 m/s" });
-    let t = trajectory(start, json!([{ "type": "sway", "duration": "60 s", "speed": "-1 m/s" }])).unwrap();
+    let t = trajectory(start, json!([{ "type": "sway", "duration": "60 s", "speed": "-1 m/s" }]))
+        .unwrap();
     let (mut a, mut b, mut c) = (t.cursor(), t.cursor(), t.cursor());
     let d = 0.01;
     let heading = UnitQuaternion::from_euler_angles(0.0, 0.0, 40_f64.to_radians());
     for time in (1..60).map(f64::from) {
         let (before, here, after) = (a.at(time - d), b.at(time), c.at(time + d));
         let along = heading.inverse() * here.velocity;
-        assert!((along.x - 2.0).abs() < 1e-14 && along.z == 0.0 && here.w_nb_b == Vector3::zeros(), "{time}: {along}");
+        assert!(
+            (along.x - 2.0).abs() < 1e-14 && along.z == 0.0 && here.w_nb_b == Vector3::zeros(),
+            "{time}: {along}"
+        );
         // v''' d^2 / 6 with v''' < 64 * 72 / T^3 = 0.022 m/s^4: 3.6e-7 m/s^2
         let acceleration = (after.velocity - before.velocity) / (2.0 * d);
         assert!((acceleration - here.acceleration).amax() < 4e-7, "{time}");
@@ -161,7 +171,10 @@ fn inertial(k: &Kinematics) -> (Vector3<f64>, UnitQuaternion<f64>) {
 }
 
 fn c_n_e(k: &Kinematics) -> UnitQuaternion<f64> {
-    let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -std::f64::consts::FRAC_PI_2 - k.position.latitude);
+    let tilt = UnitQuaternion::from_axis_angle(
+        &Vector3::y_axis(),
+        -std::f64::consts::FRAC_PI_2 - k.position.latitude,
+    );
     UnitQuaternion::from_axis_angle(&Vector3::z_axis(), k.position.longitude) * tilt
 }
 
@@ -174,17 +187,20 @@ fn rate_and_force_are_those_of_newton_in_inertial_axes() {
     // The stencil wants six derivatives, which a boundary has not.
     let inside = |time: &f64| boundaries.iter().all(|b| (time - b).abs() > 2.0 * d);
     for time in instants(&t).filter(inside) {
-        let k: [Kinematics; 5] = std::array::from_fn(|i| cursors[i].at(time + d * (i as f64 - 2.0)));
+        let k: [Kinematics; 5] =
+            std::array::from_fn(|i| cursors[i].at(time + d * (i as f64 - 2.0)));
         let here = &k[2];
         let p = k.map(|k| inertial(&k));
         // Five points: r'''''' d^4 / 90 with 1e-4 m/s^6 at most is 4e-9; rounding (64/12 of 1e-9 m for the equator's
         // radius, and as much for the angles) / d^2 is 2e-7 m/s^2.
-        let acceleration = (-p[0].0 + p[1].0 * 16.0 - p[2].0 * 30.0 + p[3].0 * 16.0 - p[4].0) / (12.0 * d * d);
+        let acceleration =
+            (-p[0].0 + p[1].0 * 16.0 - p[2].0 * 30.0 + p[3].0 * 16.0 - p[4].0) / (12.0 * d * d);
         // Gravity is gravitation with the centrifugal acceleration: here the latter is taken out again.
         let c_e_i = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), EARTH_RATE * time);
         let down = c_e_i * c_n_e(here) * Vector3::z();
         let centrifugal = Vector3::new(p[2].0.x, p[2].0.y, 0.0) * EARTH_RATE.powi(2);
-        let gravitation = down * normal_gravity(here.position.latitude, here.position.height) - centrifugal;
+        let gravitation =
+            down * normal_gravity(here.position.latitude, here.position.height) - centrifugal;
         let force = p[2].1.inverse() * (acceleration - gravitation);
         let error = (force - here.specific_force).amax();
         assert!(error < 3e-7, "{time}: {error}");
@@ -241,7 +257,8 @@ fn increments_are_the_integrals_at_any_rate() {
             let h = (to - from) / f64::from(n);
             let (mut angle_2, mut velocity_2) = (Vector3::zeros(), Vector3::zeros());
             for j in 0..=n {
-                let weight = h / 3.0 * if j == 0 || j == n { 1.0 } else { f64::from(2 + 2 * (j % 2)) };
+                let weight =
+                    h / 3.0 * if j == 0 || j == n { 1.0 } else { f64::from(2 + 2 * (j % 2)) };
                 let k = truth.at(from + h * f64::from(j));
                 angle_2 += k.w_ib_b * weight;
                 velocity_2 += k.specific_force * weight;
@@ -300,7 +317,10 @@ fn cursor_at(t: &Trajectory, time: f64) -> Kinematics {
 fn turns_lean_to_their_side_and_a_dive_reaches_its_depth() {
     let t = paper();
     let middle = cursor_at(&t, 1040.0);
-    assert!((middle.euler.x.to_degrees() - 11.0).abs() < 1e-12 && (middle.euler.y.to_degrees() - 2.0).abs() < 1e-12);
+    assert!(
+        (middle.euler.x.to_degrees() - 11.0).abs() < 1e-12
+            && (middle.euler.y.to_degrees() - 2.0).abs() < 1e-12
+    );
     assert!((middle.euler.z.to_degrees() - 55.0).abs() < 1e-12);
     // 16/35 of 1 m/s in 60 s; the integration's error is h^4 times the jumps of w''' (1.8e-3), each at one node.
     assert!((cursor_at(&t, 720.0).position.height + 60.0 * 16.0 / 35.0).abs() < 1e-8);
@@ -324,7 +344,10 @@ fn errors_name_the_segment_the_key_the_value_and_the_remedy() {
             "start: latitude = \"89.5 deg\": give a value within 89 deg",
         ),
         (
-            of(json!({}), json!([{ "type": "static", "duration": "60 s" }, { "type": "cruise", "duration": "0 s" }])),
+            of(
+                json!({}),
+                json!([{ "type": "static", "duration": "60 s" }, { "type": "cruise", "duration": "0 s" }]),
+            ),
             "segment 2 (`cruise`): duration = \"0 s\": give a duration from 1 s",
         ),
         (
@@ -340,7 +363,10 @@ fn errors_name_the_segment_the_key_the_value_and_the_remedy() {
             "segment 1 (`square`): turn = \"30 s\": four turns leave nothing of 100 s",
         ),
         (
-            of(moving.clone(), json!([{ "type": "descend", "duration": "60 s", "rate": "-1 m/s" }])),
+            of(
+                moving.clone(),
+                json!([{ "type": "descend", "duration": "60 s", "rate": "-1 m/s" }]),
+            ),
             "segment 1 (`descend`): rate = \"-1 m/s\": give a rate above zero",
         ),
         (

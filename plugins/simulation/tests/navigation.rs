@@ -1,21 +1,21 @@
 //! The estimator with the inertial, DVL and depth plugins: Jacobians, intervals, long runs, memory.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::compose::Role;
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
-use navfuse_core::manifold::{Manifold, Rotation};
-use navfuse_core::measurement::{At, jacobian_error, slots};
+use navfuse_core::model::measurement::{At, jacobian_error, slots};
+use navfuse_core::model::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::sensor::Role;
+use navfuse_core::model::simulate::Random;
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::nalgebra::{DMatrix, Matrix3, Vector3};
-use navfuse_core::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
-use navfuse_core::registry::Registry;
-use navfuse_core::runner;
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::scenario::{Assembly, Scenario};
-use navfuse_core::simulate::Random;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::{Assembly, Scenario};
 use navfuse_core::state::State;
-use navfuse_core::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::state::manifold::{Manifold, Rotation};
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use navfuse_ins::earth::earth_rate_ned;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
@@ -97,7 +97,11 @@ fn the_jacobian_of_every_measurement_model_is_its_derivative_on_the_manifold() {
 }
 
 /// The Jacobian by dual numbers, and the analytic one if there is one, over the blocks that are read.
-fn jacobians(ekf: &Ekf, name: &str, state: &State) -> (Vec<usize>, DMatrix<f64>, Option<DMatrix<f64>>) {
+fn jacobians(
+    ekf: &Ekf,
+    name: &str,
+    state: &State,
+) -> (Vec<usize>, DMatrix<f64>, Option<DMatrix<f64>>) {
     let sensor = &ekf.composition().sensors[ekf.composition().sensor(name).unwrap()];
     let Role::Measurement(model) = &sensor.role else { panic!("{name} measures") };
     let (layout, n) = (ekf.layout(), model.channels());
@@ -143,15 +147,21 @@ fn a_lever_arm_carries_the_attitude_and_the_gyro_bias_into_the_dvl() {
             let at = columns.iter().position(|c| Some(*c) == block(name).tangent).unwrap();
             h.fixed_view::<3, 3>(0, at).into()
         };
-        let rotation = |name: &str| *Rotation::load::<f64>(&state.values[block(name).range()]).matrix();
+        let rotation =
+            |name: &str| *Rotation::load::<f64>(&state.values[block(name).range()]).matrix();
         let (c_b_n, c_b_d) = (rotation("ins.attitude"), rotation("dvl.misalignment"));
-        let (v, l, k) = (value("ins.velocity"), value("dvl.lever_arm"), state.values[block("dvl.scale").offset]);
+        let (v, l, k) = (
+            value("ins.velocity"),
+            value("dvl.lever_arm"),
+            state.values[block("dvl.scale").offset],
+        );
         let w_ie = earth_rate_ned(state.values[block("ins.position").offset]);
         // y = k C_b^d (C_n^b v + (w - b_g - C_n^b w_ie) x l), with C_b^n -> exp([phi x]) C_b^n:
         // dy/db_g = k C_b^d [l x] and dy/dphi = k C_b^d (C_n^b [v x] + [l x] C_n^b [w_ie x])
         let c_n_b = c_b_n.transpose();
         let gyro = c_b_d * l.cross_matrix() * k;
-        let attitude = c_b_d * (c_n_b * v.cross_matrix() + l.cross_matrix() * c_n_b * w_ie.cross_matrix()) * k;
+        let attitude =
+            c_b_d * (c_n_b * v.cross_matrix() + l.cross_matrix() * c_n_b * w_ie.cross_matrix()) * k;
         // products of numbers up to 3, a few dozen roundings of 27 x 2^-53
         assert!((part("ins.gyro_bias") - gyro).amax() < 1e-13);
         assert!((part("ins.attitude") - attitude).amax() < 1e-13);
@@ -192,7 +202,12 @@ fn run(text: &str, settings: &[&str], samples: &[(&str, i64)]) -> (Ekf, Log) {
 /// The largest difference of the values, and of the covariance relative to its sigmas.
 fn difference(a: &Ekf, b: &Ekf) -> (f64, f64) {
     assert_eq!(a.state().time, b.state().time);
-    let values = a.state().values.iter().zip(&b.state().values).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+    let values = a
+        .state()
+        .values
+        .iter()
+        .zip(&b.state().values)
+        .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
     let (p, q) = (a.covariance(), b.covariance());
     let mut largest = 0.0_f64;
     for i in 0..p.dimension() {
@@ -211,8 +226,13 @@ fn a_velocity_between_two_inertial_samples_is_used_at_its_own_time() {
         let set = format!("sensor.imu.output=\"{output}\"");
         let set = [set.as_str()];
         let imu = |t: i64| ("imu", t * MS);
-        let (whole, _) = run(EVERYTHING, &set, &[imu(0), imu(10), imu(20), ("dvl", (20 + at) * MS), imu(30), imu(40)]);
-        let split = [imu(0), imu(10), imu(20), imu(20 + at), ("dvl", (20 + at) * MS), imu(30), imu(40)];
+        let (whole, _) = run(
+            EVERYTHING,
+            &set,
+            &[imu(0), imu(10), imu(20), ("dvl", (20 + at) * MS), imu(30), imu(40)],
+        );
+        let split =
+            [imu(0), imu(10), imu(20), imu(20 + at), ("dvl", (20 + at) * MS), imu(30), imu(40)];
         let (split, log) = run(EVERYTHING, &set, &split);
         assert_eq!(log.outcomes, [Outcome::Accepted]);
         // at constant rates coning and sculling vanish, and both runs make the same steps but for the rounding of the
@@ -220,7 +240,8 @@ fn a_velocity_between_two_inertial_samples_is_used_at_its_own_time() {
         let (values, covariance) = difference(&whole, &split);
         assert!(values < 3e-14 && covariance < 1e-13, "{at} ms: {values:e} {covariance:e}");
         // the nearest epoch differs: 0.3 m/s^2 and 9.8 m/s^2 x 0.2 rad/s over milliseconds
-        let (nearest, _) = run(EVERYTHING, &set, &[imu(0), imu(10), imu(20), ("dvl", 20 * MS), imu(30), imu(40)]);
+        let (nearest, _) =
+            run(EVERYTHING, &set, &[imu(0), imu(10), imu(20), ("dvl", 20 * MS), imu(30), imu(40)]);
         let (values, _) = difference(&nearest, &split);
         assert!(values > 1e-6, "{values:e}");
     }
@@ -234,7 +255,8 @@ fn a_filter_that_starts_inside_an_interval_takes_only_its_rest() {
     let imu = |t: i64| ("imu", t * MS);
     let reference = ("reference", 14 * MS);
     let (whole, _) = run(&text, &set, &[imu(0), imu(10), reference, imu(20), imu(30), imu(40)]);
-    let (split, _) = run(&text, &set, &[imu(0), imu(10), reference, imu(14), imu(20), imu(30), imu(40)]);
+    let (split, _) =
+        run(&text, &set, &[imu(0), imu(10), reference, imu(14), imu(20), imu(30), imu(40)]);
     let (values, covariance) = difference(&whole, &split);
     assert!(values < 3e-14 && covariance < 1e-13, "{values:e} {covariance:e}");
     // a reference that comes after later inertial samples starts nothing: they could not be used again
@@ -255,7 +277,9 @@ impl Sink for Definite {
         if p != p.transpose() {
             return Err(StreamError("not symmetric to the bit".into()));
         }
-        let scaled = DMatrix::from_fn(p.nrows(), p.nrows(), |i, j| p[(i, j)] / (p[(i, i)] * p[(j, j)]).sqrt());
+        let scaled = DMatrix::from_fn(p.nrows(), p.nrows(), |i, j| {
+            p[(i, j)] / (p[(i, i)] * p[(j, j)]).sqrt()
+        });
         let smallest = scaled.symmetric_eigenvalues().min();
         let north = p[(6, 6)].sqrt();
         let mut seen = self.0.lock().unwrap();
@@ -321,9 +345,16 @@ fn day(settings: &[&str]) -> (u64, f64, f64) {
     assert!((summary.duration_s - 86_390.0).abs() < 1.0, "{}", summary.duration_s);
     // 2 m/s around the square and half of it while it gathers speed; chords of 10 s cut corners of 76 m radius by 0.3 % in
     // 240 s of the day
-    assert!((summary.distance_m / (2.0 * 86_340.0 + 60.0) - 1.0).abs() < 1e-4, "{}", summary.distance_m);
+    assert!(
+        (summary.distance_m / (2.0 * 86_340.0 + 60.0) - 1.0).abs() < 1e-4,
+        "{}",
+        summary.distance_m
+    );
     let error = summary.horizontal_error_m.unwrap();
-    assert!((error.percent_of_distance.unwrap() - 100.0 * error.last / summary.distance_m).abs() < 1e-12);
+    assert!(
+        (error.percent_of_distance.unwrap() - 100.0 * error.last / summary.distance_m).abs()
+            < 1e-12
+    );
     *seen.lock().unwrap()
 }
 

@@ -20,7 +20,8 @@ fn hour() -> Trajectory {
         ]);
     }
     let start = json!({ "latitude": "30 deg", "heading": "10 deg", "roll": "3 deg" });
-    let config: TrajectoryConfig = serde_json::from_value(json!({ "start": start, "segments": segments })).unwrap();
+    let config: TrajectoryConfig =
+        serde_json::from_value(json!({ "start": start, "segments": segments })).unwrap();
     Trajectory::new(&config).unwrap()
 }
 
@@ -30,7 +31,8 @@ fn worst_errors(rate: f64) -> (f64, f64) {
     assert!(trajectory.duration() >= 3600.0);
     let mut cursor = trajectory.cursor();
     let start = cursor.at(0.0);
-    let mut state = NavState { c_b_n: start.c_b_n, velocity: start.velocity, position: start.position };
+    let mut state =
+        NavState { c_b_n: start.c_b_n, velocity: start.velocity, position: start.position };
     let mut mechanisation = Mechanisation::default();
     let (mut velocity, mut position) = (0.0_f64, 0.0_f64);
     for k in 0..(3600.0 * rate) as u64 {

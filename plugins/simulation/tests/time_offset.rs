@@ -1,14 +1,14 @@
 //! A sensor that lags: its Jacobian, its cost, its snapshot, and where the key is refused.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::covariance::Update;
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
-use navfuse_core::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
-use navfuse_core::registry::Registry;
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::scenario::{Assembly, Scenario};
-use navfuse_core::time::Time;
+use navfuse_core::model::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::state::covariance::Update;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 
 const SCENARIO: &str = include_str!("../../../scenarios/time-offset.toml");
 
@@ -105,23 +105,42 @@ fn first_velocity(changed: &str) -> (Ekf, Log) {
 fn the_jacobian_is_the_change_of_the_prediction_with_the_state_when_the_sample_comes() {
     let (_, nominal) = first_velocity("seed=1");
     let w = nominal.columns.len();
-    let pairs = |key: &str, two: [&str; 2]| two.map(|value| first_velocity(&format!("{key}={value}")));
-    let offset = |t: &str| format!("{{ initial = \"{t} s\", sigma = \"0.3 s\", truth = \"0.3 s\" }}");
+    let pairs =
+        |key: &str, two: [&str; 2]| two.map(|value| first_velocity(&format!("{key}={value}")));
+    let offset =
+        |t: &str| format!("{{ initial = \"{t} s\", sigma = \"0.3 s\", truth = \"0.3 s\" }}");
     let given = |values: &str| format!("{{ initial = [{values}], sigma = \"1 deg\" }}");
     let moving = |values: &str| format!("{{ initial = [{values}], sigma = \"1 m/s\" }}");
-    let bias = |value: &str| format!("{{ initial = \"{value}\", sigma = \"50 ug\", truth = \"0 mg\" }}");
-    let angles = |values: [&str; 2]| pairs("process.ins.attitude", [&given(values[0]), &given(values[1])]);
-    let scales = ["{ initial = 1.001, sigma = 0.1, truth = 1 }", "{ initial = 0.999, sigma = 0.1, truth = 1 }"];
+    let bias =
+        |value: &str| format!("{{ initial = \"{value}\", sigma = \"50 ug\", truth = \"0 mg\" }}");
+    let angles =
+        |values: [&str; 2]| pairs("process.ins.attitude", [&given(values[0]), &given(values[1])]);
+    let scales = [
+        "{ initial = 1.001, sigma = 0.1, truth = 1 }",
+        "{ initial = 0.999, sigma = 0.1, truth = 1 }",
+    ];
     let cases = [
         ("offset", pairs("sensor.dvl.time_offset", [&offset("0.301"), &offset("0.299")])),
-        ("roll", angles([r#""2.01 deg", "-3 deg", "50 deg""#, r#""1.99 deg", "-3 deg", "50 deg""#])),
-        ("pitch", angles([r#""2 deg", "-2.99 deg", "50 deg""#, r#""2 deg", "-3.01 deg", "50 deg""#])),
-        ("heading", angles([r#""2 deg", "-3 deg", "50.01 deg""#, r#""2 deg", "-3 deg", "49.99 deg""#])),
+        (
+            "roll",
+            angles([r#""2.01 deg", "-3 deg", "50 deg""#, r#""1.99 deg", "-3 deg", "50 deg""#]),
+        ),
+        (
+            "pitch",
+            angles([r#""2 deg", "-2.99 deg", "50 deg""#, r#""2 deg", "-3.01 deg", "50 deg""#]),
+        ),
+        (
+            "heading",
+            angles([r#""2 deg", "-3 deg", "50.01 deg""#, r#""2 deg", "-3 deg", "49.99 deg""#]),
+        ),
         (
             "velocity",
             pairs(
                 "process.ins.velocity",
-                [&moving(r#""3.01 m/s", "2 m/s", "0.41 m/s""#), &moving(r#""2.99 m/s", "2 m/s", "0.39 m/s""#)],
+                [
+                    &moving(r#""3.01 m/s", "2 m/s", "0.41 m/s""#),
+                    &moving(r#""2.99 m/s", "2 m/s", "0.39 m/s""#),
+                ],
             ),
         ),
         ("accelerometers", pairs("process.ins.accel_bias", [&bias("1 mg"), &bias("-1 mg")])),
@@ -132,8 +151,11 @@ fn the_jacobian_is_the_change_of_the_prediction_with_the_state_when_the_sample_c
         let mut error = vec![0.0; layout.tangent];
         layout.error(a.state(), b.state(), &vec![true; layout.blocks.len()], &mut error);
         let change: Vec<f64> = (0..3).map(|i| below.innovation[i] - above.innovation[i]).collect();
-        let told: Vec<f64> =
-            (0..3).map(|i| nominal.columns.iter().zip(&nominal.h[i * w..]).map(|(&c, h)| h * error[c]).sum()).collect();
+        let told: Vec<f64> = (0..3)
+            .map(|i| {
+                nominal.columns.iter().zip(&nominal.h[i * w..]).map(|(&c, h)| h * error[c]).sum()
+            })
+            .collect();
         let size = change.iter().fold(0.0_f64, |a, c| a.max(c.abs()));
         let worst = change.iter().zip(&told).fold(0.0_f64, |a, (c, t)| a.max((c - t).abs())) / size;
         println!("{what}: {change:?}, {told:?}, {worst:.1e}");
@@ -174,7 +196,9 @@ fn a_step_with_a_time_offset_allocates_nothing() {
     let warm = all.iter().position(|s| s.time.seconds() > 63.0).unwrap();
     all[..warm].iter().for_each(|s| ekf.process(s, &mut log).unwrap());
     assert!(ekf.running());
-    let info = allocation_counter::measure(|| all[warm..].iter().for_each(|s| ekf.process(s, &mut log).unwrap()));
+    let info = allocation_counter::measure(|| {
+        all[warm..].iter().for_each(|s| ekf.process(s, &mut log).unwrap())
+    });
     assert!(log.accepted > 250, "{}", log.accepted);
     assert_eq!(info.count_total, 0, "{} bytes in {} steps", info.bytes_total, all.len() - warm);
 }
@@ -223,10 +247,14 @@ fn an_offset_of_zero_is_no_offset() {
 
 #[test]
 fn a_time_offset_is_refused_where_it_means_nothing() {
-    let refused = |setting: &str| assemble(&[setting]).err().unwrap_or_else(|| panic!("{setting} was taken"));
+    let refused =
+        |setting: &str| assemble(&[setting]).err().unwrap_or_else(|| panic!("{setting} was taken"));
     for sensor in ["imu", "reference"] {
         let message = refused(&format!("sensor.{sensor}.time_offset=\"0.1 s\""));
-        assert!(message.contains("only a sensor that corrects the state has a time offset"), "{message}");
+        assert!(
+            message.contains("only a sensor that corrects the state has a time offset"),
+            "{message}"
+        );
     }
     let message = refused("sensor.dvl.time_offset={ sigma = \"3 s\" }");
     assert!(message.contains("beyond 10 s, the longest delay"), "{message}");

@@ -2,11 +2,11 @@
 #![allow(dead_code, clippy::unwrap_used, clippy::panic)] // each test file uses a part; a failed test may panic
 
 use navfuse_core::document::Document;
-use navfuse_core::registry::Registry;
-use navfuse_core::sample::Sample;
-use navfuse_core::scenario::{Assembly, Scenario};
-use navfuse_core::stream::Source;
-use navfuse_core::time::Time;
+use navfuse_core::model::stream::Source;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -18,12 +18,14 @@ attitude = { sigma = "1 deg", initial = "0 deg" }
 velocity = { sigma = "1 cm/s", initial = "0 m/s" }
 position = { sigma = "1 m", latitude = "32 deg", longitude = "34 deg", height = "0 m" }
 "#;
-pub const IMU: &str = "[sensor.imu]\ngyro_noise = \"0.1 deg/h/sqrt(Hz)\"\naccel_noise = \"10 ug/sqrt(Hz)\"\n";
+pub const IMU: &str =
+    "[sensor.imu]\ngyro_noise = \"0.1 deg/h/sqrt(Hz)\"\naccel_noise = \"10 ug/sqrt(Hz)\"\n";
 pub const DVL: &str = "[sensor.dvl]\nnoise = \"2 cm/s\"\n";
 pub const DEPTH: &str = "[sensor.depth]\nnoise = \"5 cm\"\n";
 pub const REFERENCE: &str = "[sensor.reference]\n";
 
-pub const IMU_HEADER: &str = "time_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,accel_x_mps2,accel_y_mps2,accel_z_mps2\n";
+pub const IMU_HEADER: &str =
+    "time_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,accel_x_mps2,accel_y_mps2,accel_z_mps2\n";
 pub const DVL_HEADER: &str = "time_s,vel_x_mps,vel_y_mps,vel_z_mps\n";
 
 /// A folder with the given files.
@@ -36,7 +38,12 @@ pub fn folder<T: AsRef<[u8]>>(files: &[(&str, T)]) -> TempDir {
 }
 
 /// Assembles a scenario of these sensors and this source table in a folder; an error with the folder's path left out.
-pub fn assemble(folder: &Path, sensors: &str, source: &str, output: bool) -> Result<Assembly, String> {
+pub fn assemble(
+    folder: &Path,
+    sensors: &str,
+    source: &str,
+    output: bool,
+) -> Result<Assembly, String> {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
@@ -78,7 +85,7 @@ impl Read {
 /// Reads a stream to its end.
 pub fn drain(folder: &Path, source: &mut dyn Source) -> Read {
     let mut read = Read { samples: Vec::new(), error: None, warning: None, end: source.end() };
-    let mut sample = Sample::empty(Time::MIN, navfuse_core::sample::SensorId(0));
+    let mut sample = Sample::empty(Time::MIN, navfuse_core::units::sample::SensorId(0));
     loop {
         match source.next(&mut sample) {
             Ok(true) => read.samples.push(sample),
@@ -105,8 +112,11 @@ pub fn read_as(sensor: &str, toml: &str, file: &[u8], keys: &str) -> Result<Read
 /// Reads dvl.csv.
 pub fn read_dvl(file: impl AsRef<[u8]>, keys: &str) -> Result<Read, String> {
     // a driving sensor needs a file, so it has one and is first
-    let (folder, toml) =
-        (folder(&[("dvl.csv", file.as_ref()), ("imu.csv", IMU_HEADER.as_bytes())]), [IMU, DVL].concat());
-    let mut assembly = assemble(folder.path(), &toml, &format!("[source.csv.files.dvl]\n{keys}\n"), false)?;
+    let (folder, toml) = (
+        folder(&[("dvl.csv", file.as_ref()), ("imu.csv", IMU_HEADER.as_bytes())]),
+        [IMU, DVL].concat(),
+    );
+    let mut assembly =
+        assemble(folder.path(), &toml, &format!("[source.csv.files.dvl]\n{keys}\n"), false)?;
     Ok(drain(folder.path(), assembly.sources[1].1.as_mut()))
 }

@@ -1,18 +1,24 @@
 //! What the tests of this crate share: a registry, scenarios, states set by name, and runs.
-#![allow(dead_code, clippy::unwrap_used, clippy::panic, reason = "each test uses a part; a test fails by panicking")]
+#![allow(
+    dead_code,
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "each test uses a part; a test fails by panicking"
+)]
 
-use navfuse_core::compose::{Composition, Role};
+use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
-use navfuse_core::measurement::{AnyMeasurement, At};
+use navfuse_core::model::measurement::{AnyMeasurement, At};
+use navfuse_core::model::record::{Epoch, UpdateRecord};
+use navfuse_core::model::sensor::Role;
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::nalgebra::Matrix3;
-use navfuse_core::record::{Epoch, UpdateRecord};
-use navfuse_core::registry::Registry;
-use navfuse_core::runner;
-use navfuse_core::sample::{Sample, SensorId};
-use navfuse_core::scenario::{Assembly, Scenario};
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::{Assembly, Scenario};
 use navfuse_core::state::State;
-use navfuse_core::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 

@@ -7,16 +7,17 @@ use crate::imu::Imu;
 use crate::navigation::Navigation;
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use navfuse_core::Real;
-use navfuse_core::calibration::display;
-use navfuse_core::compose::{ComposeError, Role, Sensor};
-use navfuse_core::manifold::Vector;
-use navfuse_core::measurement::{AnyMeasurement, MeasurementModel};
-use navfuse_core::process::{Moment, ProcessError, Report, Search as Progress, Watch};
-use navfuse_core::record::Level;
-use navfuse_core::sample::{Channel, Sample};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::{AnyMeasurement, MeasurementModel};
+use navfuse_core::model::process::{Moment, ProcessError, Report, Search as Progress, Watch};
+use navfuse_core::model::record::Level;
+use navfuse_core::model::sensor::Purpose;
+use navfuse_core::model::sensor::{Role, Sensor};
+use navfuse_core::state::display;
+use navfuse_core::state::manifold::Vector;
 use navfuse_core::state::{Handle, Layout, State, View};
-use navfuse_core::stream::Purpose;
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::{Channel, Sample};
+use navfuse_core::units::time::Time;
 use std::sync::Arc;
 
 /// The name under which the zero velocity of a vehicle at rest is recorded.
@@ -131,7 +132,8 @@ impl Aligner {
     /// When keys do not fit one another.
     pub fn plan(config: &Alignment, bias: (f64, f64)) -> Result<Option<Plan>, ComposeError> {
         let c = &config.0;
-        let error = |key: &str, text: String| Err(ComposeError::new(format!("alignment.{key}"), text));
+        let error =
+            |key: &str, text: String| Err(ComposeError::new(format!("alignment.{key}"), text));
         let at_rest = [
             ("coarse", c.coarse.is_some()),
             ("coarse_duration", c.coarse_duration.is_some()),
@@ -140,9 +142,10 @@ impl Aligner {
         let moving = [("velocity", c.velocity.is_some()), ("max_gap", c.max_gap.is_some())];
         let any = [("duration", c.duration.is_some()), ("heading_gate", c.heading_gate.is_some())];
         let (of_no_use, why): (Vec<_>, _) = match c.method {
-            Method::Given => {
-                ([&at_rest[..], &moving, &any].concat(), "of no use where attitude and velocity are given")
-            }
+            Method::Given => (
+                [&at_rest[..], &moving, &any].concat(),
+                "of no use where attitude and velocity are given",
+            ),
             Method::Static => (moving.to_vec(), "of no use at rest"),
             Method::InMotion => (at_rest.to_vec(), "of no use in motion"),
         };
@@ -155,15 +158,18 @@ impl Aligner {
         let moving = c.method == Method::InMotion;
         let duration = c.duration.map_or(if moving { 240.0 } else { 600.0 }, |d| d.value().si());
         if duration < SHORTEST {
-            let text =
-                format!("{duration} s is too short to see the Earth turn: give {SHORTEST} s at least, minutes rather");
+            let text = format!(
+                "{duration} s is too short to see the Earth turn: give {SHORTEST} s at least, minutes rather"
+            );
             return error("duration", text);
         }
         let default = (0.2 * duration).clamp(20.0, 120.0).min(duration);
-        let coarse_duration = c.coarse_duration.map_or(if moving { duration } else { default }, |d| d.value().si());
+        let coarse_duration =
+            c.coarse_duration.map_or(if moving { duration } else { default }, |d| d.value().si());
         if !(SHORTEST..=duration).contains(&coarse_duration) {
-            let text =
-                format!("{coarse_duration} s is not possible: give {SHORTEST} s to the duration of {duration} s");
+            let text = format!(
+                "{coarse_duration} s is not possible: give {SHORTEST} s to the duration of {duration} s"
+            );
             return error("coarse_duration", text);
         }
         Ok(Some(Plan {
@@ -172,7 +178,11 @@ impl Aligner {
             coarse_duration,
             coarse: c.coarse.unwrap_or_default(),
             gate: c.heading_gate.map_or_else(|| 1_f64.to_radians(), |g| g.value().si()),
-            rest_velocity: if moving { 0.0 } else { c.rest_velocity.map_or(5e-3, |v| v.value().si()) },
+            rest_velocity: if moving {
+                0.0
+            } else {
+                c.rest_velocity.map_or(5e-3, |v| v.value().si())
+            },
             max_gap: c.max_gap.map_or(5.0, |g| g.value().si()),
             bias,
         }))
@@ -206,9 +216,14 @@ impl Aligner {
     }
 
     /// The sensor that the scenario names, or else the only one that could be it: one of three channels or more that are speeds.
-    fn velocity_sensor(&self, sensors: &[Sensor]) -> Result<(usize, Arc<dyn AnyMeasurement + Sync>), ComposeError> {
+    fn velocity_sensor(
+        &self,
+        sensors: &[Sensor],
+    ) -> Result<(usize, Arc<dyn AnyMeasurement + Sync>), ComposeError> {
         let measures = |s: &&Sensor| s.info.purpose == Purpose::Measurement && !s.constraint;
-        let names = |list: &[&Sensor]| list.iter().map(|s| s.info.name.clone()).collect::<Vec<_>>().join(", ");
+        let names = |list: &[&Sensor]| {
+            list.iter().map(|s| s.info.name.clone()).collect::<Vec<_>>().join(", ")
+        };
         let all: Vec<&Sensor> = sensors.iter().filter(measures).collect();
         let speeds = |s: &&&Sensor| s.info.channels.iter().filter(|c| c.unit == "mps").count() >= 3;
         let fitting: Vec<&Sensor> = match &self.wanted {
@@ -223,19 +238,28 @@ impl Aligner {
                 }
                 (None, _) => format!("more than one sensor measures the velocity: {}", names(&fitting)),
             };
-            let text =
-                format!("{what}; name one with alignment.velocity (sensors that correct the state: {})", names(&all));
+            let text = format!(
+                "{what}; name one with alignment.velocity (sensors that correct the state: {})",
+                names(&all)
+            );
             return Err(ComposeError::new("alignment", text));
         };
         let index = sensors.iter().position(|s| s.info.name == one.info.name).unwrap_or_default();
         match &one.role {
             Role::Measurement(model) => Ok((index, Arc::clone(model))),
-            Role::Input(_) | Role::Reference(_) => Err(ComposeError::new("alignment", "the sensor measures nothing")),
+            Role::Input(_) | Role::Reference(_) => {
+                Err(ComposeError::new("alignment", "the sensor measures nothing"))
+            }
         }
     }
 
     /// Sees a sample before the filter starts: whether attitude and velocity are found and set.
-    pub fn search(&mut self, layout: &Layout, state: &mut State, sample: &Sample) -> Result<Progress, ProcessError> {
+    pub fn search(
+        &mut self,
+        layout: &Layout,
+        state: &mut State,
+        sample: &Sample,
+    ) -> Result<Progress, ProcessError> {
         let Some(sensed) = &self.sensed else { return Ok(Progress::Found) };
         if matches!(self.phase, Phase::Waiting) {
             let latitude = state.get(layout, self.navigation.position).latitude;
@@ -265,7 +289,11 @@ impl Aligner {
     }
 
     /// Searches again with what a trial has found of the velocity sensor.
-    pub fn search_again(&mut self, layout: &Layout, state: &mut State) -> Result<Progress, ProcessError> {
+    pub fn search_again(
+        &mut self,
+        layout: &Layout,
+        state: &mut State,
+    ) -> Result<Progress, ProcessError> {
         let (Some(sensed), Phase::Searching(search)) = (&self.sensed, &mut self.phase) else {
             return Ok(Progress::Found);
         };
@@ -286,7 +314,10 @@ impl Aligner {
                 let yaw = found.euler_angles().2.to_degrees().rem_euclid(360.0);
                 (
                     Level::Info,
-                    format!("coarse alignment: heading {yaw:.2} deg, from {:.1} s", self.plan.coarse_duration),
+                    format!(
+                        "coarse alignment: heading {yaw:.2} deg, from {:.1} s",
+                        self.plan.coarse_duration
+                    ),
                 )
             });
             return Ok(Watch { constrain: false, said: found });
@@ -294,7 +325,9 @@ impl Aligner {
         if let Some(text) = self.warning.take() {
             return Ok(Watch { constrain: false, said: Some((Level::Warning, text)) });
         }
-        let Phase::Fine { begin, next, late } = &mut self.phase else { return Ok(Watch::default()) };
+        let Phase::Fine { begin, next, late } = &mut self.phase else {
+            return Ok(Watch::default());
+        };
         if time < *next {
             return Ok(Watch::default());
         }
@@ -306,8 +339,12 @@ impl Aligner {
         let good = sigma <= plan.gate;
         let deg = |rad: f64| format!("{:.3} deg", rad.to_degrees());
         if let Some((since, _)) = now.gated.filter(|(_, count)| *count >= MOVED) {
-            let moved = format!("the vehicle moved at {since}, {:.1} s into a static alignment", since.since(begin));
-            let sigma_text = format!("1-sigma of the heading {}, gate {}", deg(sigma), deg(plan.gate));
+            let moved = format!(
+                "the vehicle moved at {since}, {:.1} s into a static alignment",
+                since.since(begin)
+            );
+            let sigma_text =
+                format!("1-sigma of the heading {}, gate {}", deg(sigma), deg(plan.gate));
             if !good {
                 return Err(ProcessError(format!(
                     "{moved}: {sigma_text}; start later or stay longer at rest, align in motion (alignment.method = \
@@ -326,8 +363,10 @@ impl Aligner {
         let mut said = None;
         if elapsed >= plan.duration && !told {
             let (duration, gate) = (plan.duration, deg(plan.gate));
-            let text =
-                format!("after {duration} s the heading has a 1-sigma of {}, gate {gate}: it goes on", deg(sigma));
+            let text = format!(
+                "after {duration} s the heading has a 1-sigma of {}, gate {gate}: it goes on",
+                deg(sigma)
+            );
             said = Some((Level::Warning, text));
             if let Phase::Fine { late, .. } = &mut self.phase {
                 *late = true;
@@ -341,14 +380,17 @@ impl Aligner {
         let plan = &self.plan;
         let need = match plan.method {
             Method::Static => format!("an alignment at rest of {} s", plan.duration),
-            Method::Given | Method::InMotion => format!("an alignment in motion of {} s", plan.duration),
+            Method::Given | Method::InMotion => {
+                format!("an alignment in motion of {} s", plan.duration)
+            }
         };
         let shorter = "begin earlier (estimator.start), or give alignment.duration less";
         match &self.phase {
             Phase::Waiting | Phase::Done => None,
-            Phase::Searching(search) => {
-                Some((Level::Error, format!("the samples end {:.1} s into {need}: {shorter}", search.elapsed())))
-            }
+            Phase::Searching(search) => Some((
+                Level::Error,
+                format!("the samples end {:.1} s into {need}: {shorter}", search.elapsed()),
+            )),
             Phase::Fine { begin, .. } => {
                 let elapsed = now.state.time.since(*begin);
                 let (sigma, gate) = (self.heading(now).1, plan.gate);
@@ -361,8 +403,7 @@ impl Aligner {
                     (true, true) => Some((Level::Warning, format!("{reached}: {shorter}"))),
                     (true, false) => None,
                     (false, _) => {
-                        let remedy =
-                            "more time or turns, better gyros (noise, bias), or a wider alignment.heading_gate";
+                        let remedy = "more time or turns, better gyros (noise, bias), or a wider alignment.heading_gate";
                         Some((Level::Error, format!("{reached}: it needs {remedy}")))
                     }
                 }
@@ -391,8 +432,11 @@ impl Aligner {
         let (heading, sigma) = (degrees(heading), sigma.to_degrees());
         let method = if self.plan.method == Method::Static { "static" } else { "in-motion" };
         let coarse = self.coarse.as_ref().map(|found| degrees(found.euler_angles().2));
-        let from = coarse.map_or_else(String::new, |c| format!(" (coarse, at the start: {c:.2} deg)"));
-        let text = format!("aligned, {method}, {elapsed:.0} s: heading {heading:.3} deg{from}, 1-sigma {sigma:.3} deg");
+        let from =
+            coarse.map_or_else(String::new, |c| format!(" (coarse, at the start: {c:.2} deg)"));
+        let text = format!(
+            "aligned, {method}, {elapsed:.0} s: heading {heading:.3} deg{from}, 1-sigma {sigma:.3} deg"
+        );
         let values = serde_json::json!({
             "method": method,
             "duration_s": elapsed,

@@ -36,8 +36,9 @@ impl Integral {
         // the velocity increment in the axes of the interval's beginning, to third order in its rotation (Groves section 5.5.4)
         let turned = rotation.cross(&dvel);
         self.dvel += self.c_b_b0 * (dvel + turned * 0.5 + rotation.cross(&turned) / 6.0);
-        self.c_b_b0 =
-            UnitQuaternion::new_normalize((self.c_b_b0 * UnitQuaternion::from_scaled_axis(rotation)).into_inner());
+        self.c_b_b0 = UnitQuaternion::new_normalize(
+            (self.c_b_b0 * UnitQuaternion::from_scaled_axis(rotation)).into_inner(),
+        );
     }
 }
 
@@ -77,12 +78,16 @@ pub fn align(instants: &[Instant], earth: &LocalEarth) -> Option<Alignment> {
             sum
         });
         let Fit { rotation, .. } = fit.solve()?;
-        if c_b_n.replace(rotation).is_some_and(|before: UnitQuaternion<f64>| before.angle_to(&rotation) < 1e-9) {
+        if c_b_n
+            .replace(rotation)
+            .is_some_and(|before: UnitQuaternion<f64>| before.angle_to(&rotation) < 1e-9)
+        {
             break;
         }
     }
     let c_b_n = c_b_n?;
-    let residuals = pairs(instants, earth, Some(c_b_n)).iter().map(|(a, b)| (c_b_n * b - a).norm()).collect();
+    let residuals =
+        pairs(instants, earth, Some(c_b_n)).iter().map(|(a, b)| (c_b_n * b - a).norm()).collect();
     Some(Alignment { c_b_n, residuals })
 }
 
@@ -97,7 +102,8 @@ fn pairs(
     let w_ie_b0 = c_b_n.map_or_else(Vector3::zeros, |c| c.inverse() * w_ie);
     let gravity = Vector3::new(0.0, 0.0, earth.gravity);
     let velocity = |i: &Instant| i.c_b_b0 * i.velocity;
-    let (mut a, mut c_n_n0, mut path) = (Vector3::zeros(), UnitQuaternion::identity(), Vector3::zeros());
+    let (mut a, mut c_n_n0, mut path) =
+        (Vector3::zeros(), UnitQuaternion::identity(), Vector3::zeros());
     let mut out = Vec::with_capacity(instants.len());
     for (from, to) in instants.iter().zip(&instants[1..]) {
         let dt = to.time - from.time;
@@ -119,19 +125,30 @@ mod tests {
     use super::*;
     use crate::mechanisation::NavState;
     use crate::testing::Uniform;
-    use navfuse_core::geodesy::Geodetic;
+    use navfuse_core::state::geodesy::Geodetic;
 
     /// Instants once a second along a motion that the mechanisation itself makes from increments, so that they fit it exactly.
-    fn run(seed: u64, duration: usize, speed: f64, turn: f64, sway: f64) -> (Vec<Instant>, NavState, LocalEarth) {
+    fn run(
+        seed: u64,
+        duration: usize,
+        speed: f64,
+        turn: f64,
+        sway: f64,
+    ) -> (Vec<Instant>, NavState, LocalEarth) {
         let mut random = Uniform::new(seed);
         let position = Geodetic { latitude: random.within(1.2), longitude: 0.0, height: 0.0 };
         let earth = LocalEarth::at(position.latitude, 0.0);
         let start = NavState {
-            c_b_n: UnitQuaternion::from_euler_angles(random.within(0.3), random.within(0.3), random.within(3.1)),
+            c_b_n: UnitQuaternion::from_euler_angles(
+                random.within(0.3),
+                random.within(0.3),
+                random.within(3.1),
+            ),
             velocity: random.vector(1.0) * speed,
             position,
         };
-        let (mut nav, mut mechanisation, mut integral) = (start, Mechanisation::default(), Integral::default());
+        let (mut nav, mut mechanisation, mut integral) =
+            (start, Mechanisation::default(), Integral::default());
         let dt = 0.02;
         let instant = |time: f64, integral: &Integral, nav: &NavState| Instant {
             time,
@@ -143,12 +160,15 @@ mod tests {
         for k in 1..=duration * 50 {
             let t = k as f64 * dt;
             let e = LocalEarth::at(nav.position.latitude, nav.position.height);
-            let slow = Vector3::new(0.0, 0.0, turn) + Vector3::new(sway * (1.1 * t).cos(), sway * (0.8 * t).sin(), 0.0);
+            let slow = Vector3::new(0.0, 0.0, turn)
+                + Vector3::new(sway * (1.1 * t).cos(), sway * (0.8 * t).sin(), 0.0);
             let w = slow + nav.c_b_n.inverse() * (e.earth_rate() + e.transport_rate(&nav.velocity));
             // what holds the velocity to the body as it turns
-            let coriolis = (e.earth_rate() * 2.0 + e.transport_rate(&nav.velocity)).cross(&nav.velocity);
+            let coriolis =
+                (e.earth_rate() * 2.0 + e.transport_rate(&nav.velocity)).cross(&nav.velocity);
             let v_b = nav.c_b_n.inverse() * nav.velocity;
-            let f = slow.cross(&v_b) + nav.c_b_n.inverse() * (coriolis - Vector3::new(0.0, 0.0, e.gravity));
+            let f = slow.cross(&v_b)
+                + nav.c_b_n.inverse() * (coriolis - Vector3::new(0.0, 0.0, e.gravity));
             let increments = Increments { dtheta: w * dt, dvel: f * dt, dt };
             nav = mechanisation.step(&nav, &increments).unwrap().0;
             integral.advance(&increments);
@@ -166,7 +186,8 @@ mod tests {
     #[test]
     fn at_rest_and_swaying_the_attitude_is_found() {
         for seed in 0..20 {
-            let (instants, start, earth) = run(seed, 60, 0.0, 0.0, if seed % 2 == 0 { 0.0 } else { 0.05 });
+            let (instants, start, earth) =
+                run(seed, 60, 0.0, 0.0, if seed % 2 == 0 { 0.0 } else { 0.05 });
             // what sculling of the sway leaves in 60 s is 1e-6 of g, over an Earth rate of 1e-4 to 7e-5
             let error = error_deg(&instants, &start, &earth);
             assert!(error < 0.01, "seed {seed}: {error} deg");

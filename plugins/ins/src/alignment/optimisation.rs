@@ -11,7 +11,11 @@ const COLLINEAR: f64 = 1e-6;
 /// the vector that is met exactly). `None` where they are parallel: at a pole, or where one is zero.
 ///
 /// Errors: tilt `db_a / g`, heading `db_E / (W cos L)`.
-pub fn analytic(force: &Vector3<f64>, rate: &Vector3<f64>, earth: &LocalEarth) -> Option<UnitQuaternion<f64>> {
+pub fn analytic(
+    force: &Vector3<f64>,
+    rate: &Vector3<f64>,
+    earth: &LocalEarth,
+) -> Option<UnitQuaternion<f64>> {
     let n = triad(&Vector3::z(), &earth.earth_rate())?;
     let b = triad(&-force, rate)?;
     Some(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(n * b.transpose())))
@@ -103,7 +107,8 @@ mod tests {
         let mut random = Uniform::new(2);
         for _ in 0..100 {
             let c = rotation(&mut random);
-            let vectors: Vec<_> = (0..5).map(|_| (random.vector(10.0), random.vector(1.0))).collect();
+            let vectors: Vec<_> =
+                (0..5).map(|_| (random.vector(10.0), random.vector(1.0))).collect();
             let pairs_of = |(b, e): &(Vector3<f64>, Vector3<f64>)| (c * b + e, *b);
             let mut pairs = Pairs::default();
             vectors.iter().map(pairs_of).for_each(|(a, b)| pairs.add(&a, &b));
@@ -156,6 +161,10 @@ mod tests {
         let found = analytic(&force, &(earth.earth_rate() + Vector3::y() * bias), &earth).unwrap();
         let expected = -bias / earth.earth_rate().x;
         // to first order: the square of 1e-3
-        assert!((found.euler_angles().2 / expected - 1.0).abs() < 1e-5, "{}", found.euler_angles().2 / expected);
+        assert!(
+            (found.euler_angles().2 / expected - 1.0).abs() < 1e-5,
+            "{}",
+            found.euler_angles().2 / expected
+        );
     }
 }

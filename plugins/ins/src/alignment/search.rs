@@ -8,12 +8,12 @@ use crate::earth::LocalEarth;
 use crate::mechanisation::Increments;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
-use navfuse_core::covariance::Update;
-use navfuse_core::manifold::Reading;
-use navfuse_core::measurement::{AnyMeasurement, At};
-use navfuse_core::sample::{MAX_CHANNELS, Sample};
+use navfuse_core::model::measurement::{AnyMeasurement, At};
+use navfuse_core::state::covariance::Update;
+use navfuse_core::state::manifold::Reading;
 use navfuse_core::state::{Block, Layout, Mode, State, View};
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
+use navfuse_core::units::time::Time;
 use std::collections::VecDeque;
 
 /// At rest an instant is noted so often, s.
@@ -85,7 +85,13 @@ impl Search {
     }
 
     /// Takes a sample; the result when there are enough.
-    pub fn take(&mut self, layout: &Layout, sensed: &Sensed, plan: &Plan, sample: &Sample) -> Result<bool, String> {
+    pub fn take(
+        &mut self,
+        layout: &Layout,
+        sensed: &Sensed,
+        plan: &Plan,
+        sample: &Sample,
+    ) -> Result<bool, String> {
         let sensor = sample.sensor.0;
         if sensed.velocity.as_ref().is_some_and(|(index, _)| *index == sensor) {
             self.waiting.push_back(*sample);
@@ -104,7 +110,13 @@ impl Search {
         let part = |dt: f64| Increments { dtheta: w * dt, dvel: f * dt, dt };
         if let Some((_, model)) = &sensed.velocity {
             while let Some(waiting) = self.waiting.pop_front_if(|s| s.time <= sample.time) {
-                self.velocity(layout, model.as_ref(), waiting, &part(waiting.time.since(self.last).max(0.0)), plan)?;
+                self.velocity(
+                    layout,
+                    model.as_ref(),
+                    waiting,
+                    &part(waiting.time.since(self.last).max(0.0)),
+                    plan,
+                )?;
             }
         }
         self.integral.advance(&part(dt));
@@ -137,7 +149,9 @@ impl Search {
         self.state.set(layout, navigation.velocity, &Vector3::zeros());
         for (instant, (sample, rate)) in self.instants.iter_mut().zip(&self.told) {
             self.state.publish(navigation.angular_rate, rate);
-            if let Some(velocity) = body_velocity(layout, model.as_ref(), &self.state, sample, navigation) {
+            if let Some(velocity) =
+                body_velocity(layout, model.as_ref(), &self.state, sample, navigation)
+            {
                 instant.velocity = velocity;
             }
         }
@@ -149,9 +163,13 @@ impl Search {
         let mut update = Update::with_capacity(layout.tangent, MAX_CHANNELS);
         model.linearise(&At { layout, state: &self.state, sample }, &mut update);
         let attitude = layout.block(self.navigation.attitude).tangent;
-        let read = |b: &&Block| b.spec.mode == Mode::Estimate && b.tangent.is_some_and(|t| update.columns.contains(&t));
-        let rotations =
-            layout.blocks.iter().filter(|b| b.operations.reading == Reading::Angles && b.tangent != attitude);
+        let read = |b: &&Block| {
+            b.spec.mode == Mode::Estimate && b.tangent.is_some_and(|t| update.columns.contains(&t))
+        };
+        let rotations = layout
+            .blocks
+            .iter()
+            .filter(|b| b.operations.reading == Reading::Angles && b.tangent != attitude);
         let (block, sigma) = rotations
             .filter(read)
             .map(|b| (b, b.spec.sigma.iter().copied().fold(0.0, f64::max)))
@@ -181,7 +199,10 @@ impl Search {
         plan: &Plan,
     ) -> Result<(), String> {
         model.complete(&mut sample);
-        let Some(velocity) = body_velocity(layout, model, &self.state, &sample, self.navigation) else { return Ok(()) };
+        let Some(velocity) = body_velocity(layout, model, &self.state, &sample, self.navigation)
+        else {
+            return Ok(());
+        };
         let time = sample.time.since(self.begin);
         self.gap(time, plan)?;
         let mut then = self.integral;
@@ -189,7 +210,8 @@ impl Search {
             then.advance(before);
         }
         self.instants.push(Instant { time, c_b_b0: then.c_b_b0, dvel: then.dvel, velocity });
-        self.told.push((sample, View::new(layout, &self.state).signal(self.navigation.angular_rate)));
+        self.told
+            .push((sample, View::new(layout, &self.state).signal(self.navigation.angular_rate)));
         Ok(())
     }
 
@@ -224,10 +246,14 @@ impl Search {
     }
 
     fn at_rest(&self, sensed: &Sensed, plan: &Plan) -> Result<Found, String> {
-        let pole = || "gravity and Earth rate do not tell the attitude here, or the IMU's samples are zero".to_owned();
+        let pole = || {
+            "gravity and Earth rate do not tell the attitude here, or the IMU's samples are zero"
+                .to_owned()
+        };
         let found = align(&self.instants, &self.earth).ok_or_else(pole)?;
         // the velocity that a vehicle at rest seems to have by noise, biases and sway
-        let (gyro, accel) = (sensed.imu.gyro_noise.value().si().amax(), sensed.imu.accel_noise.value().si().amax());
+        let (gyro, accel) =
+            (sensed.imu.gyro_noise.value().si().amax(), sensed.imu.accel_noise.value().si().amax());
         let g = self.earth.gravity;
         let sigma = |t: f64| {
             let drift = g * gyro * t.powf(1.5) / 3_f64.sqrt();
@@ -239,7 +265,9 @@ impl Search {
         let end = self.elapsed();
         let sigma = |t: f64| sigma(t).hypot(sigma(end) * t / end);
         let times = self.instants.iter().skip(1).map(|i| i.time);
-        if let Some((time, error)) = times.zip(&found.residuals).find(|(t, r)| **r > MOTION * sigma(*t)) {
+        if let Some((time, error)) =
+            times.zip(&found.residuals).find(|(t, r)| **r > MOTION * sigma(*t))
+        {
             let at = self.begin + Time::from_seconds(time).unwrap_or_default();
             return Err(format!(
                 "the vehicle does not rest: its velocity is {error:.2} m/s off zero about {at}, and an alignment at rest needs {} s \
@@ -281,5 +309,6 @@ fn body_velocity(
         right += row * (update.innovation[i] * weight);
     }
     let eigenvalues = normal.symmetric_eigenvalues();
-    (eigenvalues.min() > 1e-6 * eigenvalues.max()).then(|| normal.try_inverse().map(|inverse| inverse * right))?
+    (eigenvalues.min() > 1e-6 * eigenvalues.max())
+        .then(|| normal.try_inverse().map(|inverse| inverse * right))?
 }

@@ -3,8 +3,8 @@
 
 use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
-use navfuse_core::registry::Registry;
-use navfuse_core::scenario::Scenario;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::scenario::Scenario;
 
 /// The types that the scenarios name.
 pub fn registry() -> Registry {
@@ -58,7 +58,8 @@ pub fn document(settings: &[&str]) -> Document {
 /// The scenario composed.
 pub fn compose(settings: &[&str]) -> Composition {
     let registry = registry();
-    let scenario = Scenario::new(&registry, document(settings), &[]).unwrap_or_else(|e| panic!("{e}"));
+    let scenario =
+        Scenario::new(&registry, document(settings), &[]).unwrap_or_else(|e| panic!("{e}"));
     scenario.compose().unwrap_or_else(|e| panic!("{e}"))
 }
 

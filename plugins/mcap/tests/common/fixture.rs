@@ -1,16 +1,19 @@
 //! A small run, told to a sink by hand.
 
 use super::Draw;
-use navfuse_core::calibration::display;
-use navfuse_core::covariance::Covariance;
-use navfuse_core::geodesy::Geodetic;
-use navfuse_core::manifold::{Manifold, Operations, Position, Rotation, Scalar, Vector, store_quaternion};
+use navfuse_core::model::record::{Epoch, Event, Level, Outcome, Rejection, Truth, UpdateRecord};
+use navfuse_core::model::sensor::{Purpose, SensorInfo};
+use navfuse_core::model::stream::{RunInfo, Sink};
 use navfuse_core::nalgebra::UnitQuaternion;
-use navfuse_core::record::{Epoch, Event, Level, Outcome, Rejection, Truth, UpdateRecord};
-use navfuse_core::sample::{Channel, Sample, SensorId};
+use navfuse_core::state::covariance::Covariance;
+use navfuse_core::state::display;
+use navfuse_core::state::geodesy::Geodetic;
+use navfuse_core::state::manifold::{
+    Manifold, Operations, Position, Rotation, Scalar, Vector, store_quaternion,
+};
 use navfuse_core::state::{Block, BlockSpec, Display, Dynamics, Layout, Mode, State};
-use navfuse_core::stream::{Purpose, RunInfo, SensorInfo, Sink};
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::{Channel, Sample, SensorId};
+use navfuse_core::units::time::Time;
 use navfuse_mcap::{Compression, McapSink};
 use std::path::Path;
 
@@ -36,9 +39,17 @@ pub fn sensors() -> Vec<SensorInfo> {
     ];
     vec![
         sensor("imu", Purpose::Input, &rates),
-        sensor("dvl", Purpose::Measurement, &[("vel_x", "mps"), ("vel_y", "mps"), ("vel_z", "mps")]),
+        sensor(
+            "dvl",
+            Purpose::Measurement,
+            &[("vel_x", "mps"), ("vel_y", "mps"), ("vel_z", "mps")],
+        ),
         sensor("depth", Purpose::Measurement, &[("depth", "m")]),
-        sensor("truth", Purpose::Reference, &[("lat", "rad"), ("lon", "rad"), ("height", "m"), ("yaw", "rad")]),
+        sensor(
+            "truth",
+            Purpose::Reference,
+            &[("lat", "rad"), ("lon", "rad"), ("height", "m"), ("yaw", "rad")],
+        ),
     ]
 }
 
@@ -46,9 +57,22 @@ fn block<M: Manifold>(layout: &mut Layout, name: &str, mode: Mode, display: Disp
     let operations = Operations::of::<M>();
     let tangent = (mode != Mode::Fixed).then_some(layout.tangent);
     let zero = vec![0.0; operations.tangent];
-    let spec =
-        BlockSpec { mode, initial: zero.clone(), sigma: zero, truth: None, dynamics: Dynamics::Constant, display };
-    layout.blocks.push(Block { name: name.into(), spec, operations, offset: layout.ambient, tangent, wanders: false });
+    let spec = BlockSpec {
+        mode,
+        initial: zero.clone(),
+        sigma: zero,
+        truth: None,
+        dynamics: Dynamics::Constant,
+        display,
+    };
+    layout.blocks.push(Block {
+        name: name.into(),
+        spec,
+        operations,
+        offset: layout.ambient,
+        tangent,
+        wanders: false,
+    });
     layout.ambient += operations.ambient;
     layout.tangent += tangent.map_or(0, |_| operations.tangent);
 }
@@ -114,12 +138,17 @@ pub fn samples(first: Time, count: usize) -> Vec<Sample> {
         .map(|k| {
             let sensor = draw.below(4);
             let channels = [6, 3, 1, 4][sensor];
-            let mut sample = Sample::empty(first + Time::from_nanos(k as i64 / 3 * 10_000_001), SensorId(sensor));
-            (0..channels).filter(|_| draw.below(5) > 0).collect::<Vec<_>>().into_iter().for_each(|i| {
-                // any bits: also NaN, infinite, denormal
-                let bits = draw.bits();
-                sample.set(i, f64::from_bits(bits));
-            });
+            let mut sample = Sample::empty(
+                first + Time::from_nanos(k as i64 / 3 * 10_000_001),
+                SensorId(sensor),
+            );
+            (0..channels).filter(|_| draw.below(5) > 0).collect::<Vec<_>>().into_iter().for_each(
+                |i| {
+                    // any bits: also NaN, infinite, denormal
+                    let bits = draw.bits();
+                    sample.set(i, f64::from_bits(bits));
+                },
+            );
             sample
         })
         .collect()
@@ -130,7 +159,8 @@ pub fn run(sink: &mut dyn Sink, first: Time, count: usize) {
     let layout = layout();
     let p = covariance();
     let truth = state(&layout, first, 0.5);
-    let event = |time, level, text: &str| Event { time, level, about: "run".into(), text: text.into() };
+    let event =
+        |time, level, text: &str| Event { time, level, about: "run".into(), text: text.into() };
     sink.event(&event(Time::MIN, Level::Error, "before the clock")).unwrap();
     for (k, sample) in samples(first, count).iter().enumerate() {
         sink.sample(sample).unwrap();
@@ -144,7 +174,11 @@ pub fn run(sink: &mut dyn Sink, first: Time, count: usize) {
             let update = UpdateRecord {
                 time: sample.time,
                 sensor: sample.sensor,
-                outcome: if k % 2 == 0 { Outcome::Accepted } else { Outcome::Rejected(Rejection::NotFinite(2)) },
+                outcome: if k % 2 == 0 {
+                    Outcome::Accepted
+                } else {
+                    Outcome::Rejected(Rejection::NotFinite(2))
+                },
                 nis: if k % 2 == 0 { 0.25 } else { f64::NAN },
                 threshold: f64::INFINITY,
                 present: 0b101,

@@ -29,7 +29,10 @@ pub fn read(path: &Path) -> Vec<Logged> {
         .map(|m| {
             let m = m.unwrap();
             let schema = m.channel.schema.as_ref().unwrap();
-            assert_eq!((schema.encoding.as_str(), m.channel.message_encoding.as_str()), ("ros2msg", "cdr"));
+            assert_eq!(
+                (schema.encoding.as_str(), m.channel.message_encoding.as_str()),
+                ("ros2msg", "cdr")
+            );
             let text = std::str::from_utf8(&schema.data).unwrap();
             Logged {
                 topic: m.channel.topic.clone(),
@@ -77,9 +80,17 @@ fn decode(schema: &str, data: &[u8]) -> Value {
     value
 }
 
-fn message(name: &str, definitions: &HashMap<&str, &str>, r: &mut CdrReader<'_, LittleEndian>) -> Value {
+fn message(
+    name: &str,
+    definitions: &HashMap<&str, &str>,
+    r: &mut CdrReader<'_, LittleEndian>,
+) -> Value {
     let mut fields = Map::new();
-    for line in definitions[name].lines().map(|l| l.split('#').next().unwrap().trim()).filter(|l| !l.is_empty()) {
+    for line in definitions[name]
+        .lines()
+        .map(|l| l.split('#').next().unwrap().trim())
+        .filter(|l| !l.is_empty())
+    {
         let (kind, field) = line.split_once(' ').unwrap();
         if field.contains('=') {
             continue; // a constant
@@ -100,7 +111,11 @@ fn message(name: &str, definitions: &HashMap<&str, &str>, r: &mut CdrReader<'_, 
     Value::Object(fields)
 }
 
-fn one(kind: &str, definitions: &HashMap<&str, &str>, r: &mut CdrReader<'_, LittleEndian>) -> Value {
+fn one(
+    kind: &str,
+    definitions: &HashMap<&str, &str>,
+    r: &mut CdrReader<'_, LittleEndian>,
+) -> Value {
     match kind {
         "float64" => float(r.read_f64().unwrap()),
         "int32" => r.read_i32().unwrap().into(),

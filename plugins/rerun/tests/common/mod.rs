@@ -1,13 +1,14 @@
 //! A run to record: a dive, then two rounds of a square, while biases and a calibration converge.
 
-use navfuse_core::calibration::display;
-use navfuse_core::covariance::Covariance;
-use navfuse_core::manifold::{Manifold, Operations, Position, Rotation, Scalar, Vector};
-use navfuse_core::record::{Epoch, Event, Level, Outcome, Truth, UpdateRecord};
-use navfuse_core::sample::{Channel, Sample, SensorId};
+use navfuse_core::model::record::{Epoch, Event, Level, Outcome, Truth, UpdateRecord};
+use navfuse_core::model::sensor::{Purpose, SensorInfo};
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::state::covariance::Covariance;
+use navfuse_core::state::display;
+use navfuse_core::state::manifold::{Manifold, Operations, Position, Rotation, Scalar, Vector};
 use navfuse_core::state::{Block, BlockSpec, Display, Dynamics, Layout, Mode, State};
-use navfuse_core::stream::{Purpose, RunInfo, SensorInfo, Sink, StreamError};
-use navfuse_core::time::Time;
+use navfuse_core::units::sample::{Channel, Sample, SensorId};
+use navfuse_core::units::time::Time;
 
 /// Epochs a second.
 pub const RATE: i64 = 10;
@@ -24,7 +25,13 @@ pub struct Synthetic {
     pub epochs: usize,
 }
 
-fn add<M: Manifold>(layout: &mut Layout, name: &str, initial: &[f64], truth: Option<&[f64]>, display: Display) {
+fn add<M: Manifold>(
+    layout: &mut Layout,
+    name: &str,
+    initial: &[f64],
+    truth: Option<&[f64]>,
+    display: Display,
+) {
     let operations = Operations::of::<M>();
     let mode = if truth.is_some_and(|t| t == initial) { Mode::Fixed } else { Mode::Estimate };
     let tangent = (mode == Mode::Estimate).then_some(layout.tangent);
@@ -37,7 +44,14 @@ fn add<M: Manifold>(layout: &mut Layout, name: &str, initial: &[f64], truth: Opt
         dynamics: Dynamics::Constant,
         display,
     };
-    layout.blocks.push(Block { name: name.into(), spec, operations, offset: layout.ambient, tangent, wanders: false });
+    layout.blocks.push(Block {
+        name: name.into(),
+        spec,
+        operations,
+        offset: layout.ambient,
+        tangent,
+        wanders: false,
+    });
     layout.ambient += operations.ambient;
 }
 
@@ -48,7 +62,8 @@ fn sensor(name: &str, purpose: Purpose, channels: &[(&'static str, &'static str)
 
 /// Noise with a sigma of 1: the sum of twelve uniform numbers less six.
 fn noise(k: usize, channel: u64) -> f64 {
-    let mut x = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (channel + 1).wrapping_mul(0xD1B5_4A32_D192_ED03);
+    let mut x = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        ^ (channel + 1).wrapping_mul(0xD1B5_4A32_D192_ED03);
     let mut sum = -6.0;
     for _ in 0..12 {
         x ^= x << 13;
@@ -84,12 +99,28 @@ impl Synthetic {
         );
         add::<Scalar>(&mut layout, "dvl.scale", &[0.8], Some(&[TRUE_SCALE]), display::RATIO);
         let angles = [0.5f64, -0.3, 45.2].map(f64::to_radians);
-        add::<Rotation>(&mut layout, "dvl.misalignment", &[0.0, 0.0, 0.75], Some(&angles), display::ANGLES);
-        add::<Vector<3>>(&mut layout, "dvl.lever_arm", &[0.0; 3], Some(&[-0.06, 0.1, 0.21]), display::LEVER_ARM);
+        add::<Rotation>(
+            &mut layout,
+            "dvl.misalignment",
+            &[0.0, 0.0, 0.75],
+            Some(&angles),
+            display::ANGLES,
+        );
+        add::<Vector<3>>(
+            &mut layout,
+            "dvl.lever_arm",
+            &[0.0; 3],
+            Some(&[-0.06, 0.1, 0.21]),
+            display::LEVER_ARM,
+        );
         add::<Scalar>(&mut layout, "depth.bias", &[0.0], Some(&[0.0]), display::LENGTH);
         let sensors = vec![
             sensor("imu", Purpose::Input, &[("gyro_x", "radps")]),
-            sensor("dvl", Purpose::Measurement, &[("vel_x", "mps"), ("vel_y", "mps"), ("vel_z", "mps")]),
+            sensor(
+                "dvl",
+                Purpose::Measurement,
+                &[("vel_x", "mps"), ("vel_y", "mps"), ("vel_z", "mps")],
+            ),
             sensor("depth", Purpose::Measurement, &[("depth", "m")]),
             sensor("reference", Purpose::Reference, &[("lat", "deg")]),
         ];
@@ -148,10 +179,17 @@ impl Synthetic {
             let pitch: f64 = if t < 50.0 { -0.4 } else { 0.0 };
             let roll: f64 = if turning { 0.15 } else { 0.0 };
             let speed = 1.5;
-            let v = [speed * pitch.cos() * yaw.cos(), speed * pitch.cos() * yaw.sin(), -speed * pitch.sin()];
+            let v = [
+                speed * pitch.cos() * yaw.cos(),
+                speed * pitch.cos() * yaw.sin(),
+                -speed * pitch.sin(),
+            ];
             let [attitude, velocity, position] = [0, 1, 2].map(|b: usize| layout.blocks[b].range());
             let wrapped = yaw.sin().atan2(yaw.cos());
-            (layout.blocks[0].operations.from_coordinates)(&[roll, pitch, wrapped], &mut truth.values[attitude]);
+            (layout.blocks[0].operations.from_coordinates)(
+                &[roll, pitch, wrapped],
+                &mut truth.values[attitude],
+            );
             truth.values[velocity].copy_from_slice(&v);
             (layout.blocks[2].operations.retract)(&mut truth.values[position], &v.map(|v| v * dt));
             truth.time = Self::time(k);
@@ -160,7 +198,12 @@ impl Synthetic {
             let mut covariance = Covariance::zero(layout.tangent);
             sigma.iter().enumerate().for_each(|(i, s)| covariance.set(i, i, s * s));
             let truth = Truth { state: &truth, known: &known };
-            sink.epoch(&Epoch { layout, state: &estimate, covariance: &covariance, truth: Some(truth) })?;
+            sink.epoch(&Epoch {
+                layout,
+                state: &estimate,
+                covariance: &covariance,
+                truth: Some(truth),
+            })?;
             if k % DVL_EVERY == 0 {
                 self.velocity_update(sink, k)?;
             }
@@ -195,13 +238,26 @@ impl Synthetic {
             innovation[k % 3] += 0.15;
         }
         let (sensor, time) = (SensorId(1), Self::time(k));
-        sink.sample(&Sample::new(time, sensor, &[1.5 + innovation[0], innovation[1], innovation[2]]))?;
+        sink.sample(&Sample::new(
+            time,
+            sensor,
+            &[1.5 + innovation[0], innovation[1], innovation[2]],
+        ))?;
         let mut covariance = [0.0; 9];
         (0..3).for_each(|c| covariance[4 * c] = sigma * sigma);
         let nis = innovation.iter().map(|v| (v / sigma).powi(2)).sum();
         let outcome = if outlier { Outcome::Gated } else { Outcome::Accepted };
         let (innovation, covariance) = (&innovation[..], &covariance[..]);
-        sink.update(&UpdateRecord { time, sensor, outcome, nis, threshold: 16.27, present: 7, innovation, covariance })
+        sink.update(&UpdateRecord {
+            time,
+            sensor,
+            outcome,
+            nis,
+            threshold: 16.27,
+            present: 7,
+            innovation,
+            covariance,
+        })
     }
 
     fn depth_update(&self, sink: &mut dyn Sink, k: usize) -> Result<(), StreamError> {
@@ -213,6 +269,15 @@ impl Synthetic {
         let (innovation, covariance) = (&innovation[..], &covariance[..]);
         let threshold = f64::INFINITY;
         let outcome = Outcome::Accepted;
-        sink.update(&UpdateRecord { time, sensor, outcome, nis, threshold, present: 1, innovation, covariance })
+        sink.update(&UpdateRecord {
+            time,
+            sensor,
+            outcome,
+            nis,
+            threshold,
+            present: 1,
+            innovation,
+            covariance,
+        })
     }
 }

@@ -2,11 +2,15 @@
 
 use re_protos::common::v1alpha1::{Timeline, TimelineTime};
 use re_protos::sdk_comms::v1alpha1::viewer_control_service_client::ViewerControlServiceClient;
-use re_protos::sdk_comms::v1alpha1::{GetViewerStateRequest, SaveScreenshotRequest, SetTimeCursorRequest};
+use re_protos::sdk_comms::v1alpha1::{
+    GetViewerStateRequest, SaveScreenshotRequest, SetTimeCursorRequest,
+};
 use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::external::re_sdk_types::blueprint::archetypes::{ContainerBlueprint, ViewBlueprint};
 use rerun::log::Chunk;
-use rerun::{ChunkStore, ChunkStoreConfig, ComponentDescriptor, RecordingStreamBuilder, StoreId, StoreKind};
+use rerun::{
+    ChunkStore, ChunkStoreConfig, ComponentDescriptor, RecordingStreamBuilder, StoreId, StoreKind,
+};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::net::TcpListener;
@@ -33,7 +37,8 @@ fn succeeds(command: &mut Command) -> bool {
 
 /// The viewer's program, and a Vulkan driver for it; `None` with a message where either cannot be had.
 pub fn program() -> Option<PathBuf> {
-    let icd = || Path::new("/usr/share/vulkan/icd.d").read_dir().is_ok_and(|mut d| d.next().is_some());
+    let icd =
+        || Path::new("/usr/share/vulkan/icd.d").read_dir().is_ok_and(|mut d| d.next().is_some());
     let mesa = ["install", "-y", "--no-install-recommends", "mesa-vulkan-drivers"];
     let apt = |words: &[&str]| succeeds(Command::new("apt-get").args(words));
     let installed = || (apt(&mesa) || (apt(&["update"]) && apt(&mesa))) && icd();
@@ -48,16 +53,19 @@ pub fn program() -> Option<PathBuf> {
     let program = folder.join("rerun");
     if !program.exists() {
         let wheel = format!("rerun-sdk=={VERSION}");
-        let fetched =
-            succeeds(Command::new("pip").args(["download", "--no-deps", &wheel, "-d", "."]).current_dir(&folder))
-                && succeeds(
-                    Command::new("sh")
-                        .args(["-c", "unzip -o -j rerun_sdk-*.whl rerun_sdk/rerun_cli/rerun && rm *.whl"])
-                        .current_dir(&folder),
-                )
-                && succeeds(Command::new("chmod").arg("+x").arg(&program));
+        let fetched = succeeds(
+            Command::new("pip")
+                .args(["download", "--no-deps", &wheel, "-d", "."])
+                .current_dir(&folder),
+        ) && succeeds(
+            Command::new("sh")
+                .args(["-c", "unzip -o -j rerun_sdk-*.whl rerun_sdk/rerun_cli/rerun && rm *.whl"])
+                .current_dir(&folder),
+        ) && succeeds(Command::new("chmod").arg("+x").arg(&program));
         if !fetched {
-            println!("skipped: no viewer; set RERUN_BIN, or make `pip download --no-deps {wheel}` and `unzip` work");
+            println!(
+                "skipped: no viewer; set RERUN_BIN, or make `pip download --no-deps {wheel}` and `unzip` work"
+            );
             return None;
         }
     }
@@ -84,7 +92,11 @@ impl Viewer {
             .args(["--window-size", "1600x900", "--hide-welcome-screen"])
             .args(open)
             .env("HOME", pictures)
-            .envs([("http_proxy", nowhere), ("https_proxy", nowhere), ("no_proxy", "127.0.0.1,localhost")])
+            .envs([
+                ("http_proxy", nowhere),
+                ("https_proxy", nowhere),
+                ("no_proxy", "127.0.0.1,localhost"),
+            ])
             .stdout(Stdio::null())
             .stderr(File::create(pictures.join("viewer.log")).unwrap())
             .spawn()
@@ -121,7 +133,11 @@ impl Viewer {
     }
 
     fn end(&mut self) -> Option<i64> {
-        let state = self.runtime.block_on(self.client.get_viewer_state(GetViewerStateRequest {})).ok()?.into_inner();
+        let state = self
+            .runtime
+            .block_on(self.client.get_viewer_state(GetViewerStateRequest {}))
+            .ok()?
+            .into_inner();
         let timelines = state.recordings.iter().flat_map(|r| &r.timelines);
         timelines.filter_map(|t| t.time_range.as_ref()).map(|r| r.end).max()
     }
@@ -140,18 +156,26 @@ impl Viewer {
     /// Shows the layout with some of its tabs in front, and lets the picture settle.
     pub fn show(&self, layout: &Layout, tabs: &[&str]) {
         let id = StoreId::random(StoreKind::Blueprint, layout.recording.application_id().clone());
-        let (stream, stored) = RecordingStreamBuilder::from_store_id(&id).enabled(true).memory().unwrap();
+        let (stream, stored) =
+            RecordingStreamBuilder::from_store_id(&id).enabled(true).memory().unwrap();
         stream.send_chunks(layout.chunks.iter().map(|c| c.as_ref().clone()));
         stream.set_time_sequence("blueprint", 1);
         for (container, _, child) in layout.tabs.iter().filter(|t| tabs.contains(&t.1.as_str())) {
             stream
-                .log(container.clone(), &ContainerBlueprint::update_fields().with_active_tab(child.as_str()))
+                .log(
+                    container.clone(),
+                    &ContainerBlueprint::update_fields().with_active_tab(child.as_str()),
+                )
                 .unwrap();
         }
         let messages = stored.take();
-        let viewer = RecordingStreamBuilder::from_store_id(&layout.recording).enabled(true).send_properties(false);
-        let viewer = viewer.connect_grpc_opts(format!("rerun+http://{}/proxy", self.address())).unwrap();
-        let activate = BlueprintActivationCommand { blueprint_id: id, make_active: true, make_default: true };
+        let viewer = RecordingStreamBuilder::from_store_id(&layout.recording)
+            .enabled(true)
+            .send_properties(false);
+        let viewer =
+            viewer.connect_grpc_opts(format!("rerun+http://{}/proxy", self.address())).unwrap();
+        let activate =
+            BlueprintActivationCommand { blueprint_id: id, make_active: true, make_default: true };
         viewer.send_blueprint(messages, activate);
         viewer.flush_blocking().unwrap();
         std::thread::sleep(Duration::from_millis(1200));
@@ -159,12 +183,20 @@ impl Viewer {
 
     /// A picture of one view, or of the whole window.
     pub fn screenshot(&mut self, view: Option<&str>, file: &str) -> image::RgbImage {
-        let path = self.pictures.join(format!("{}.png", file.replace([' ', '/', '[', ']', '^'], "_")));
+        let path =
+            self.pictures.join(format!("{}.png", file.replace([' ', '/', '[', ']', '^'], "_")));
         std::fs::remove_file(&path).ok();
-        let request = SaveScreenshotRequest { view_id: view.map(str::to_owned), file_path: path.display().to_string() };
+        let request = SaveScreenshotRequest {
+            view_id: view.map(str::to_owned),
+            file_path: path.display().to_string(),
+        };
         // the service never answers for a view that is not on the screen
-        let saved = async { tokio::time::timeout(PATIENCE, self.client.save_screenshot(request)).await };
-        self.runtime.block_on(saved).unwrap_or_else(|_| panic!("{file} is not on the screen")).unwrap();
+        let saved =
+            async { tokio::time::timeout(PATIENCE, self.client.save_screenshot(request)).await };
+        self.runtime
+            .block_on(saved)
+            .unwrap_or_else(|_| panic!("{file} is not on the screen"))
+            .unwrap();
         let begun = Instant::now();
         loop {
             if let Ok(picture) = image::open(&path) {
@@ -197,11 +229,13 @@ impl Layout {
     /// Reads it.
     pub fn read(recording: &Path) -> Self {
         let mut file = File::open(recording).unwrap();
-        let stores = ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).unwrap();
+        let stores =
+            ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).unwrap();
         let of = |kind| stores.iter().filter(move |(id, _)| id.kind() == kind);
         // the layout that is sent at the end has ranges
-        let is_last =
-            |s: &ChunkStore| s.iter_physical_chunks().any(|c| c.entity_path().to_string().ends_with("ScalarAxis"));
+        let is_last = |s: &ChunkStore| {
+            s.iter_physical_chunks().any(|c| c.entity_path().to_string().ends_with("ScalarAxis"))
+        };
         let (_, store) = of(StoreKind::Blueprint).find(|(_, s)| is_last(s)).expect("a layout");
         let mut layout = Self {
             recording: of(StoreKind::Recording).next().expect("a recording").0.clone(),
@@ -214,7 +248,11 @@ impl Layout {
         for chunk in &layout.chunks {
             let path = chunk.entity_path().to_string().trim_start_matches('/').to_owned();
             let strings = |descriptor: ComponentDescriptor| -> Vec<String> {
-                chunk.iter_slices::<String>(descriptor.component).flatten().map(|s| s.to_string()).collect()
+                chunk
+                    .iter_slices::<String>(descriptor.component)
+                    .flatten()
+                    .map(|s| s.to_string())
+                    .collect()
             };
             if let Some(name) = strings(ViewBlueprint::descriptor_display_name()).pop() {
                 layout.views.insert(name.clone(), path.trim_start_matches("view/").to_owned());

@@ -1,0 +1,215 @@
+//! Composing a state from parts: what a process or sensor type calls while it builds its model.
+
+use crate::model::error::ComposeError;
+use crate::model::sensor::Role;
+use crate::model::sensor::{Purpose, SensorInfo};
+use crate::state::covariance::Transition;
+use crate::state::layout::Turning;
+use crate::state::manifold::{Manifold, Operations, Rotation, Vector};
+use crate::state::{Block, BlockSpec, Handle, Layout, MAX_BLOCKS, Mode, Signal};
+use crate::units::sample::Channel;
+use std::any::Any;
+use std::marker::PhantomData;
+
+/// Something known without a sensor: its channels, and the model that says what of the state they are.
+type Constraint = (SensorInfo, Role);
+
+/// Collects the blocks, signals and the transition of a composition.
+#[derive(Default)]
+pub struct Composer {
+    layout: Layout,
+    transition: Transition,
+    owner: String,
+    signals: Vec<(String, usize, usize)>,
+    inputs: Vec<(String, Box<dyn Any + Send>)>,
+    needs_reference: Vec<String>,
+    notes: Vec<(String, String)>,
+    constraints: Vec<(String, Constraint)>,
+}
+
+impl Composer {
+    pub(crate) fn begin(&mut self, owner: &str) {
+        owner.clone_into(&mut self.owner);
+    }
+
+    pub(crate) fn add_input(&mut self, name: &str, config: Box<dyn Any + Send>) {
+        self.inputs.push((name.to_owned(), config));
+    }
+
+    pub(crate) fn take_notes(&mut self) -> Vec<(String, String)> {
+        std::mem::take(&mut self.notes)
+    }
+
+    pub(crate) fn take_constraints(&mut self) -> Vec<(String, Constraint)> {
+        std::mem::take(&mut self.constraints)
+    }
+
+    pub(crate) fn finish(self) -> (Layout, Transition, Vec<String>) {
+        (self.layout, self.transition, self.needs_reference)
+    }
+
+    /// Says that the part's key is not given, so that a reference must say where it starts.
+    pub fn needs_reference(&mut self, key: &str) {
+        self.needs_reference.push(format!("{}.{key}", self.owner));
+    }
+
+    /// Says something that a person should know of the part, and that is no mistake: `navfuse check` prints it, and every
+    /// run has it in its log.
+    pub fn note(&mut self, text: impl Into<String>) {
+        self.notes.push((self.owner.clone(), text.into()));
+    }
+
+    /// The name of the part that is being composed: its table in the scenario.
+    pub fn owner(&self) -> &str {
+        &self.owner
+    }
+
+    /// Adds a state block `owner.name`.
+    ///
+    /// # Errors
+    /// When the name is taken or the number of components is not the manifold's.
+    pub fn block<M: Manifold>(
+        &mut self,
+        name: &str,
+        spec: BlockSpec,
+    ) -> Result<Handle<M>, ComposeError> {
+        let full = format!("{}.{name}", self.owner);
+        if self.layout.find(&full).is_some() {
+            return Err(ComposeError::new(name, format!("the state {full} is there already")));
+        }
+        let slot = self.layout.blocks.len();
+        if slot == MAX_BLOCKS {
+            return Err(ComposeError::new(
+                name,
+                format!(
+                    "more than {MAX_BLOCKS} state blocks: a sensor with calibration keys takes 2 to 4, fixed ones too; remove \
+                 or disable some"
+                ),
+            ));
+        }
+        let given = [Some(&spec.initial), Some(&spec.sigma), spec.truth.as_ref()];
+        if let Some(wrong) = given.into_iter().flatten().find(|v| v.len() != M::TANGENT) {
+            let message =
+                format!("{} components are needed, {} are given", M::TANGENT, wrong.len());
+            return Err(ComposeError::new(name, message));
+        }
+        let operations = Operations::of::<M>();
+        let tangent = (spec.mode != Mode::Fixed).then_some(self.layout.tangent);
+        self.layout.tangent += tangent.map_or(0, |_| operations.tangent);
+        let offset = self.layout.ambient;
+        self.layout.ambient += operations.ambient;
+        self.layout.blocks.push(Block {
+            name: full,
+            spec,
+            operations,
+            offset,
+            tangent,
+            wanders: false,
+        });
+        Ok(Handle { slot, manifold: PhantomData })
+    }
+
+    /// The block of that full name, such as `ins.velocity`; `key` is the parameter that named its owner.
+    ///
+    /// # Errors
+    /// When there is no such block, or it lives on another manifold.
+    pub fn find<M: Manifold>(&self, key: &str, full: &str) -> Result<Handle<M>, ComposeError> {
+        let Some(slot) = self.layout.blocks.iter().position(|b| b.name == full) else {
+            let names: Vec<&str> = self.layout.blocks.iter().map(|b| b.name.as_str()).collect();
+            let hint = crate::document::did_you_mean(full, names.iter().copied())
+                .map_or_else(String::new, |n| format!("did you mean {n}? "));
+            return Err(ComposeError::new(
+                key,
+                format!("there is no state {full}; {hint}(states so far: {})", names.join(", ")),
+            ));
+        };
+        if self.layout.blocks[slot].operations.kind != std::any::TypeId::of::<M>() {
+            return Err(ComposeError::new(
+                key,
+                format!("the state {full} is of another kind than is needed"),
+            ));
+        }
+        Ok(Handle { slot, manifold: PhantomData })
+    }
+
+    /// The full names of the states so far, such as `ins.velocity`.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.layout.blocks.iter().map(|b| b.name.as_str())
+    }
+
+    /// Says that a velocity in north, east, down was found by integrating in the axes from which `attitude` maps, so that an
+    /// error of the heading turns it along: see Barrau & Bonnabel (2017) on invariant errors.
+    pub fn turns_with_heading(&mut self, velocity: Handle<Vector<3>>, attitude: Handle<Rotation>) {
+        self.layout.turning.push(Turning { velocity: velocity.slot, attitude: attitude.slot });
+    }
+
+    /// Adds something that is known without a sensor, such as that the vehicle is at rest: `0 = h(x) + v`, `v ~ N(0, R)`. The
+    /// filter is corrected by it when the process says so ([`crate::model::process::Watch`]); it is gated, recorded and counted as a
+    /// sensor of that name is. A process has one at most.
+    pub fn constraint<M, const N: usize>(&mut self, name: &str, channels: [Channel; N], model: M)
+    where
+        M: crate::model::measurement::MeasurementModel<N> + Sync,
+    {
+        let info = SensorInfo {
+            name: name.to_owned(),
+            kind: "constraint".to_owned(),
+            channels: channels.to_vec(),
+            purpose: Purpose::Measurement,
+        };
+        self.constraints.push((self.owner.clone(), (info, Role::measurement(model))));
+    }
+
+    /// Adds a signal `owner.name` of `N` numbers.
+    pub fn signal<const N: usize>(&mut self, name: &str) -> Signal<N> {
+        let offset = self.layout.signals;
+        self.layout.signals += N;
+        self.signals.push((format!("{}.{name}", self.owner), offset, N));
+        Signal { offset }
+    }
+
+    /// The signal of that full name, such as `ins.angular_rate`.
+    ///
+    /// # Errors
+    /// When there is no such signal of `N` numbers.
+    pub fn find_signal<const N: usize>(
+        &self,
+        key: &str,
+        full: &str,
+    ) -> Result<Signal<N>, ComposeError> {
+        (self.signals.iter().find(|(name, _, n)| name == full && *n == N))
+            .map(|(_, offset, _)| Signal { offset: *offset })
+            .ok_or_else(|| {
+                ComposeError::new(key, format!("there is no signal {full} of {N} numbers"))
+            })
+    }
+
+    /// What the driving sensor of that name told of itself; `key` is the parameter that named it.
+    ///
+    /// # Errors
+    /// When there is no driving sensor of that name, or it is of another type.
+    pub fn input<C: Any>(&self, key: &str, name: &str) -> Result<&C, ComposeError> {
+        let Some((_, config)) = self.inputs.iter().find(|(n, _)| n == name) else {
+            let names: Vec<&str> = self.inputs.iter().map(|(n, _)| n.as_str()).collect();
+            let message = format!("there is no driving sensor {name}; add a table [sensor.{name}]");
+            let names = if names.is_empty() {
+                String::new()
+            } else {
+                format!(" (there are: {})", names.join(", "))
+            };
+            return Err(ComposeError::new(key, message + &names));
+        };
+        config
+            .downcast_ref()
+            .ok_or_else(|| ComposeError::new(key, format!("the sensor {name} is of another type")))
+    }
+
+    /// The first index of a block's error in the error state; `None` when fixed.
+    pub fn tangent<M>(&self, block: Handle<M>) -> Option<usize> {
+        self.layout.block(block).tangent
+    }
+
+    /// Where a process model declares the places of `Phi` and `Q` that it fills.
+    pub fn transition(&mut self) -> &mut Transition {
+        &mut self.transition
+    }
+}

@@ -1,0 +1,141 @@
+//! A scenario composed: everything that an estimator needs, with every name resolved.
+
+use crate::compose::draw::Draw;
+use crate::compose::settings::Initial;
+use crate::model::motion::Motion;
+use crate::model::process::ProcessModel;
+use crate::model::sensor::Role;
+use crate::model::sensor::Sensor;
+use crate::model::sensor::{Purpose, SensorInfo};
+use crate::state::covariance::Transition;
+use crate::state::{Layout, Mode};
+use crate::units::Sigma;
+use crate::units::sample::MAX_CHANNELS;
+use crate::units::time::Time;
+use std::sync::Arc;
+
+/// A process model in its place.
+pub struct Process {
+    /// Its name in the scenario.
+    pub name: String,
+    /// Its registered type.
+    pub kind: String,
+    /// The model.
+    pub model: Box<dyn ProcessModel>,
+    /// The index of the sensor that drives it.
+    pub input: Option<usize>,
+    /// The index of its constraint among the sensors.
+    pub constraint: Option<usize>,
+    /// Whether it finds its initial values itself.
+    pub searches: bool,
+}
+
+/// A scenario composed: everything that an estimator needs, with every name resolved.
+pub struct Composition {
+    /// Name of the scenario.
+    pub name: String,
+    /// The scenario in TOML with every override in place.
+    pub text: String,
+    /// The blocks.
+    pub layout: Arc<Layout>,
+    /// The pattern of the transition.
+    pub transition: Transition,
+    /// The process models.
+    pub processes: Vec<Process>,
+    /// The sensors, in the order of their ids.
+    pub sensors: Vec<Sensor>,
+    /// When and from what the filter starts.
+    pub estimator: crate::compose::settings::EstimatorConfig,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// What the parts said of themselves: the part and the text.
+    pub notes: Vec<(String, String)>,
+}
+
+/// Which blocks the processes move, one a slot.
+pub(crate) fn moved(layout: &Layout, processes: &[Process]) -> Vec<bool> {
+    let (mut state, mut moved) = (layout.initial_state(), vec![false; layout.blocks.len()]);
+    processes
+        .iter()
+        .for_each(|p| p.model.follow(layout, &Motion::at_rest(), &mut state, &mut moved));
+    moved
+}
+
+impl std::fmt::Debug for Composition {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Composition")
+            .field("name", &self.name)
+            .field("layout", &self.layout)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Composition {
+    /// The index of the sensor of that name.
+    pub fn sensor(&self, name: &str) -> Option<usize> {
+        self.sensors.iter().position(|s| s.info.name == name)
+    }
+
+    /// Which blocks' truth a run can know, one a slot: what the scenario states or draws, and what processes take from a
+    /// reference.
+    pub fn known(&self) -> Vec<bool> {
+        let told = self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)));
+        let moved = moved(&self.layout, &self.processes);
+        let stated = self.layout.blocks.iter().map(|b| b.spec.truth.is_some());
+        stated.zip(moved).map(|(stated, moved)| stated || (told && moved)).collect()
+    }
+
+    /// Makes it what the Cramer-Rao bound runs on: every block starts at its truth, sensors are simulated without noise and
+    /// outliers, while the filter takes the noise that they would have, so that it stays at the truth and its covariance is
+    /// that of the best estimate. Considered states are estimated.
+    pub fn at_truth(&mut self) {
+        let mut layout = (*self.layout).clone();
+        for block in &mut layout.blocks {
+            if let Some(truth) = &block.spec.truth {
+                block.spec.initial.clone_from(truth);
+            }
+            block.wanders = false;
+            if block.spec.mode == Mode::Consider {
+                block.spec.mode = Mode::Estimate;
+            }
+        }
+        self.layout = Arc::new(layout);
+        self.estimator.draw = Draw::Nothing;
+        self.processes.iter_mut().for_each(|p| p.searches = false);
+        if self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_))) {
+            self.estimator.initial = Some(Initial::Reference);
+        }
+        for (index, sensor) in self.sensors.iter_mut().enumerate() {
+            let Some(faults) = &mut sensor.simulation else { continue };
+            if sensor.info.purpose == Purpose::Reference {
+                continue; // it has no noise
+            }
+            sensor.noise = faults.noise.value().si();
+            faults.noise = Sigma::from_si(0.0);
+            faults.outliers = Sigma::from_si(0.0);
+            if self.processes.iter().any(|p| p.input == Some(index)) {
+                self.transition.scale_noise(sensor.noise);
+            }
+        }
+    }
+
+    /// Checks that a sensor's channels fit a sample and its model.
+    pub(crate) fn check_channels(info: &SensorInfo, role: &Role) -> Result<(), String> {
+        let count = info.channels.len();
+        match role {
+            _ if count > MAX_CHANNELS => {
+                Err(format!("{count} channels; at most {MAX_CHANNELS} fit a sample"))
+            }
+            Role::Measurement(model) if model.channels() > count => Err(format!(
+                "{count} channels are declared, the model predicts {}",
+                model.channels()
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// The start of the filter.
+    pub fn start(&self) -> Time {
+        self.estimator.start()
+    }
+}

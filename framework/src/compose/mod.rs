@@ -1,0 +1,13 @@
+//! Composing an estimator from parts: the composer that types build their models with, and what comes of it.
+
+pub mod calibration;
+mod composer;
+mod composition;
+pub mod draw;
+pub mod keys;
+pub mod settings;
+pub(crate) mod time_offset;
+
+pub use composer::Composer;
+pub(crate) use composition::moved;
+pub use composition::{Composition, Process};

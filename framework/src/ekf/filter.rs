@@ -1,0 +1,226 @@
+//! The error-state extended Kalman filter.
+//!
+//! It owns injection, reset, gating and the covariance; models never touch them. Measurements wait until the driving
+//! sensor's samples reach their time, then its interval is split there, so that every update happens at its own time.
+
+use super::cadence::Cadence;
+use super::delay::History;
+use super::phase::Start;
+use super::slot::SensorSlot;
+use crate::compose::Composition;
+use crate::compose::draw::{Draw, TrueState};
+use crate::model::process::{ProcessError, ProcessModel};
+use crate::model::record::{Epoch, Outcome, Rejection, Truth, UpdateRecord};
+use crate::model::sensor::Role;
+use crate::model::simulate::Random;
+use crate::state::covariance::{Covariance, Transition, Update};
+use crate::state::dynamics::BlockDynamics;
+use crate::state::{Layout, Mode, State};
+use crate::units::sample::{MAX_CHANNELS, Sample};
+use crate::units::time::Time;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// The most measurements that wait for the driving sensor.
+pub(super) const MAX_PENDING: usize = 1024;
+
+/// Why the filter cannot go on.
+#[derive(Clone, Debug, thiserror::Error, PartialEq)]
+pub enum EstimatorError {
+    /// A process model failed.
+    #[error("at {time}: {process}: {error}")]
+    Process {
+        /// When.
+        time: Time,
+        /// Which.
+        process: String,
+        /// Why.
+        error: ProcessError,
+    },
+    /// The covariance is no longer one.
+    #[error(
+        "at {time}: the variance of {block} is not positive: its prior sigma and the noise of the sensors that see it \
+         differ by too many orders of magnitude, or a model gives a wrong Jacobian"
+    )]
+    Covariance {
+        /// When.
+        time: Time,
+        /// The block whose variance is wrong.
+        block: String,
+    },
+}
+
+/// The filter: feed it samples in order of time.
+pub struct Ekf {
+    pub(super) composition: Composition,
+    pub(super) layout: Arc<Layout>,
+    /// The sensor that drives a process model, if any does.
+    pub(super) driver: Option<usize>,
+    pub(super) considered: Vec<bool>,
+    pub(super) update: Update,
+    pub(super) memory: Memory,
+}
+
+/// All that changes while the filter runs: a clone is a snapshot.
+#[derive(Clone)]
+pub(super) struct Memory {
+    pub(super) start: Start,
+    pub(super) draws: Option<Random>,
+    pub(super) state: State,
+    pub(super) covariance: Covariance,
+    pub(super) transition: Transition,
+    pub(super) dynamics: BlockDynamics,
+    pub(super) processes: Vec<Box<dyn ProcessModel>>,
+    pub(super) sensors: Vec<SensorSlot>,
+    /// Where the state was, if some sensor tells of that.
+    pub(super) history: Option<History>,
+    /// The time of the last driving sample.
+    pub(super) input: Option<Time>,
+    pub(super) cadence: Cadence,
+    /// Measurements ahead of the driving sensor, in order of time.
+    pub(super) pending: VecDeque<Sample>,
+    /// What is true beside the motion.
+    pub(super) constants: TrueState,
+    pub(super) truth: State,
+    pub(super) known: Vec<bool>,
+}
+
+impl Clone for Box<dyn ProcessModel> {
+    fn clone(&self) -> Self {
+        self.boxed_clone()
+    }
+}
+
+/// A whole filter at one time, to go back to.
+#[derive(Clone)]
+pub struct Snapshot(pub(super) Memory);
+
+impl Ekf {
+    /// A filter for the composition, which waits for its start.
+    pub fn new(composition: Composition) -> Self {
+        let layout = Arc::clone(&composition.layout);
+        let n = layout.tangent;
+        let mut considered = vec![false; n];
+        for block in layout.blocks.iter().filter(|b| b.spec.mode == Mode::Consider) {
+            considered[block.tangent_range()].fill(true);
+        }
+        let start = composition.start();
+        let from_reference = composition.estimator.from_reference();
+        let constants = TrueState::new(&layout, composition.seed, start);
+        let mut transition = composition.transition.clone();
+        let dynamics = BlockDynamics::new(&layout, &mut transition);
+        Self {
+            driver: composition.processes.iter().find_map(|p| p.input),
+            considered,
+            update: Update::with_capacity(n, MAX_CHANNELS),
+            memory: Memory {
+                start: if from_reference { Start::FromReference(start) } else { Start::At(start) },
+                draws: (composition.estimator.draw != Draw::Nothing)
+                    .then(|| Random::new(composition.seed, "initial")),
+                state: layout.initial_state(),
+                covariance: Covariance::zero(n),
+                history: History::new(&composition),
+                transition,
+                dynamics,
+                processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
+                sensors: composition.sensors.iter().map(|s| SensorSlot::new(s, n)).collect(),
+                input: None,
+                cadence: Cadence::default(),
+                pending: VecDeque::with_capacity(MAX_PENDING),
+                truth: constants.state.clone(),
+                known: constants.known.clone(),
+                constants,
+            },
+            layout,
+            composition,
+        }
+    }
+
+    /// The estimate.
+    pub fn state(&self) -> &State {
+        &self.memory.state
+    }
+
+    /// Its covariance.
+    pub fn covariance(&self) -> &Covariance {
+        &self.memory.covariance
+    }
+
+    /// The layout of both.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// What it was composed from.
+    pub fn composition(&self) -> &Composition {
+        &self.composition
+    }
+
+    /// Whether it has started.
+    pub fn running(&self) -> bool {
+        matches!(self.memory.start, Start::Running)
+    }
+
+    pub(super) fn searching(&self) -> bool {
+        matches!(self.memory.start, Start::Searching(_))
+    }
+
+    pub(super) fn has_reference(&self) -> bool {
+        self.composition.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)))
+    }
+
+    /// The whole filter as it is now.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot(self.memory.clone())
+    }
+
+    /// Goes back to a snapshot of a filter of the same composition.
+    pub fn restore(&mut self, snapshot: &Snapshot) {
+        self.memory.clone_from(&snapshot.0);
+    }
+
+    /// The last truth that a reference gave, or that the scenario states.
+    pub fn truth(&self) -> Truth<'_> {
+        Truth { state: &self.memory.truth, known: &self.memory.known }
+    }
+
+    /// The estimate now; with the truth where there is no reference to tell it but the scenario does.
+    pub(crate) fn epoch(&mut self) -> Epoch<'_> {
+        let told = self.has_reference();
+        let m = &mut self.memory;
+        let stated = !told && m.constants.known.contains(&true);
+        if stated {
+            m.constants.advance(&self.layout, m.state.time);
+            m.truth.values.copy_from_slice(&m.constants.state.values);
+            m.truth.time = m.state.time;
+        }
+        let truth = stated.then_some(Truth { state: &m.truth, known: &m.known });
+        Epoch { layout: &self.layout, state: &m.state, covariance: &m.covariance, truth }
+    }
+
+    pub(super) fn refuse(&self, sample: &Sample, is_input: bool) -> Option<Rejection> {
+        let slot = &self.memory.sensors[sample.sensor.0];
+        if let Some(channel) = sample.not_finite() {
+            return Some(Rejection::NotFinite(channel));
+        }
+        if sample.time <= slot.last {
+            return Some(Rejection::OutOfOrder);
+        }
+        let present = sample.present() & slot.channels;
+        let missing = if is_input { present != slot.channels } else { present == 0 };
+        missing.then_some(Rejection::Missing)
+    }
+}
+
+pub(super) fn rejected(sample: &Sample, rejection: Rejection) -> UpdateRecord<'static> {
+    UpdateRecord {
+        time: sample.time,
+        sensor: sample.sensor,
+        outcome: Outcome::Rejected(rejection),
+        nis: f64::NAN,
+        threshold: f64::NAN,
+        present: sample.present(),
+        innovation: &[],
+        covariance: &[],
+    }
+}

@@ -1,0 +1,226 @@
+//! A filter's way through time: samples wait for the driving sensor, and its interval is split where they are used.
+
+use super::cadence::Cadence;
+use super::filter::{Ekf, EstimatorError, MAX_PENDING, rejected};
+use crate::model::process::{Input, Interval};
+use crate::model::record::{Event, Level, Observer, Rejection};
+use crate::model::sensor::Role;
+use crate::units::sample::Sample;
+use crate::units::time::Time;
+use std::sync::Arc;
+
+impl Ekf {
+    /// Takes a sample: propagates to its time and uses it.
+    ///
+    /// # Errors
+    /// When the filter cannot go on; what it was until then stays.
+    pub fn process(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        if self.searching() {
+            return self.search(sample, observer);
+        }
+        let index = sample.sensor.0;
+        let is_input = matches!(self.composition.sensors[index].role, Role::Input(_));
+        if is_input && self.driver != Some(index) {
+            return Ok(()); // it drives nothing: a second IMU
+        }
+        if let Some(rejection) = self.refuse(sample, is_input) {
+            self.reject(sample, rejection, observer);
+            return Ok(());
+        }
+        self.memory.sensors[index].last = sample.time;
+        if is_input {
+            self.memory.sensors[index].refused = None;
+            return self.drive(sample, observer);
+        }
+        if self.driver.is_none() {
+            if self.memory.start.is_due(sample.time) {
+                self.initialise(sample.time, false, observer);
+            }
+            self.advance(sample.time, None, observer)?;
+            return self.use_sample(sample, observer);
+        }
+        if self.memory.input.is_some_and(|input| sample.time <= input) {
+            return self.use_sample(sample, observer);
+        }
+        self.wait(sample, observer);
+        Ok(())
+    }
+
+    /// Says once that samples of the driving sensor are missing; how many, when there are no more.
+    fn tell_of_missing(
+        &mut self,
+        sample: &Sample,
+        duration: f64,
+        usual: f64,
+        observer: &mut dyn Observer,
+    ) {
+        if self.memory.cadence.missing == 1 {
+            let about = self.composition.sensors[sample.sensor.0].info.name.clone();
+            let text = format!(
+                "{duration:.3} s without a sample, {usual:.3} s is usual: bridged at the mean rate"
+            );
+            observer.event(Event { time: sample.time, level: Level::Warning, about, text });
+        }
+    }
+
+    /// Says what is left unused when there are no more samples.
+    pub fn finish(&mut self, observer: &mut dyn Observer) {
+        let Cadence { missing, longest, .. } = self.memory.cadence;
+        if let Some(driver) = self.driver
+            && missing > 1
+        {
+            let about = self.composition.sensors[driver].info.name.clone();
+            let text =
+                format!("samples were missing {missing} times, for {longest:.3} s at the longest");
+            observer.event(Event {
+                time: self.memory.state.time,
+                level: Level::Warning,
+                about,
+                text,
+            });
+        }
+        while let Some(sample) = self.memory.pending.pop_front() {
+            observer.update(&rejected(&sample, Rejection::NoInput));
+        }
+        for (slot, sensor) in self.memory.sensors.iter().zip(&self.composition.sensors) {
+            // a process that knows something until then has told of it
+            if let Some(streak) = slot.gated.filter(|_| !sensor.constraint) {
+                let text =
+                    format!("the last {} samples were gated, since {}", streak.count, streak.since);
+                observer.event(Event {
+                    time: slot.last,
+                    level: Level::Warning,
+                    about: slot.name.clone(),
+                    text,
+                });
+            }
+        }
+    }
+
+    /// Keeps a measurement until the driving sensor reaches its time. Sensors may come in any order among themselves.
+    fn wait(&mut self, sample: &Sample, observer: &mut dyn Observer) {
+        if self.memory.pending.len() == MAX_PENDING
+            && let Some(oldest) = self.memory.pending.pop_front()
+        {
+            self.reject(&oldest, Rejection::NoInput, observer);
+        }
+        // a running filter is compared with a reference after what else came at its time
+        let (sensors, running) = (&self.composition.sensors, self.running());
+        let place = |s: &Sample| {
+            (s.time, running && matches!(sensors[s.sensor.0].role, Role::Reference(_)))
+        };
+        let pending = &mut self.memory.pending;
+        let at =
+            pending.iter().rposition(|p| place(p) <= place(sample)).map_or(0, |before| before + 1);
+        pending.insert(at, *sample);
+    }
+
+    /// A driving sample: what waits for its interval is used on the way.
+    fn drive(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        let duration = self.memory.input.map_or(0.0, |before| sample.time.since(before));
+        let usual = self.memory.cadence.usual(duration);
+        if usual < duration {
+            self.tell_of_missing(sample, duration, usual, observer);
+        }
+        let input = Input { sample, duration, usual };
+        if !self.running() {
+            for process in &mut self.memory.processes {
+                process.prepare(&self.layout, &mut self.memory.state, &input);
+            }
+            let due = self.memory.start.is_due(sample.time);
+            // nothing is known of the motion before the first driving sample, and nothing is used before the start
+            if due || self.memory.input.is_none() {
+                self.memory.pending.retain(|waiting| waiting.time >= sample.time);
+            }
+            if due {
+                self.initialise(sample.time, false, observer);
+            }
+        }
+        while !self.searching()
+            && self.memory.pending.front().is_some_and(|waiting| waiting.time <= sample.time)
+        {
+            let Some(waiting) = self.memory.pending.pop_front() else { break };
+            self.advance(waiting.time, Some(input), observer)?;
+            self.use_sample(&waiting, observer)?;
+        }
+        if self.searching() && self.memory.state.time < sample.time {
+            // the search began within this sample's interval: it is the first that it sees
+            self.memory.sensors[sample.sensor.0].last = self.memory.input.unwrap_or(Time::MIN);
+            return self.search(sample, observer);
+        }
+        self.memory.input = Some(sample.time);
+        self.advance(sample.time, Some(input), observer)?;
+        observer.input(sample, None);
+        if self.running() { self.watch(observer) } else { Ok(()) }
+    }
+
+    /// Moves the state and its covariance to a time, if it is ahead.
+    fn advance(
+        &mut self,
+        to: Time,
+        input: Option<Input<'_>>,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        let running = self.running();
+        let m = &mut self.memory;
+        let from = m.state.time;
+        if to <= from || !running {
+            return Ok(());
+        }
+        let interval = Interval { from, to, input };
+        for (k, process) in m.processes.iter_mut().enumerate() {
+            process.propagate(&self.layout, &mut m.state, &interval, &mut m.transition).map_err(
+                |error| EstimatorError::Process {
+                    time: to,
+                    process: self.composition.processes[k].name.clone(),
+                    error,
+                },
+            )?;
+        }
+        m.dynamics.propagate(&self.layout, &mut m.state, interval.duration(), &mut m.transition);
+        m.transition.propagate(&mut m.covariance);
+        observer.transition(&m.transition);
+        for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
+            m.transition.carry_reach(&mut slot.reach);
+        }
+        m.state.time = to;
+        if let Some(history) = &mut m.history {
+            history.moved(&m.state, &m.transition);
+        }
+        Ok(())
+    }
+
+    /// Uses a measurement or reference at the state's time, or turns it away.
+    fn use_sample(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        match &self.composition.sensors[sample.sensor.0].role {
+            Role::Input(_) => Ok(()),
+            Role::Reference(reference) => {
+                let reference = Arc::clone(reference);
+                self.follow(sample, reference.as_ref(), observer);
+                Ok(())
+            }
+            Role::Measurement(_) if !self.running() => Ok(()),
+            Role::Measurement(_) if sample.time < self.memory.state.time => {
+                self.reject(sample, Rejection::Late, observer);
+                Ok(())
+            }
+            Role::Measurement(model) => {
+                let (model, mut sample) = (Arc::clone(model), *sample);
+                model.complete(&mut sample);
+                self.correct(&sample, model.as_ref(), observer)
+            }
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! Innovation gates, and the way out when a filter rejects everything.
+
+use crate::units::sample::MAX_CHANNELS;
+use crate::units::{Positive, Time as Duration};
+use schemars::JsonSchema;
+use serde::de::Visitor;
+use serde::{Deserialize, Deserializer};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+use std::fmt;
+
+/// A chi-square gate on the normalised innovation squared: the probability that a good sample passes, or off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gate(Option<f64>);
+
+impl Default for Gate {
+    /// One good sample in ten thousand is turned away.
+    fn default() -> Self {
+        Self(Some(0.9999))
+    }
+}
+
+impl Gate {
+    /// The probability that a good sample passes; `None` when off.
+    pub fn probability(self) -> Option<f64> {
+        self.0
+    }
+
+    /// The threshold on the NIS for each number of channels; infinite when off.
+    pub fn thresholds(self) -> [f64; MAX_CHANNELS + 1] {
+        std::array::from_fn(|dof| match (self.0, ChiSquared::new(dof as f64)) {
+            (Some(p), Ok(distribution)) => distribution.inverse_cdf(p),
+            _ => f64::INFINITY,
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for Gate {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Form;
+        impl Visitor<'_> for Form {
+            type Value = Gate;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a probability between 0 and 1, such as 0.9999, or \"off\"")
+            }
+            fn visit_f64<E: serde::de::Error>(self, p: f64) -> Result<Gate, E> {
+                if p > 0.0 && p < 1.0 {
+                    Ok(Gate(Some(p)))
+                } else {
+                    Err(E::custom(format!("{p} is not {ASK}")))
+                }
+            }
+            fn visit_i64<E: serde::de::Error>(self, p: i64) -> Result<Gate, E> {
+                Err(E::custom(format!("{p} is not {ASK}")))
+            }
+            fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<Gate, E> {
+                if text == "off" {
+                    Ok(Gate(None))
+                } else {
+                    Err(E::custom(format!("{text:?} is not {ASK}")))
+                }
+            }
+        }
+        const ASK: &str = "a probability between 0 and 1, such as 0.9999, or \"off\"";
+        deserializer.deserialize_any(Form)
+    }
+}
+
+impl JsonSchema for Gate {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Gate".into()
+    }
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({
+            "description": "Probability that a good sample passes, or \"off\"",
+            "anyOf": [{ "type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1 }, { "const": "off" }]
+        })
+    }
+}
+
+/// What to do when every sample of a sensor was turned away for too long.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Action {
+    /// Enlarge the covariance of the states that the sensor sees until the sample is as likely as any, and use it.
+    #[default]
+    Inflate,
+    /// Use the next sample whatever its innovation.
+    Accept,
+    /// Only say so.
+    Report,
+}
+
+/// The way out of lock-out.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Recovery {
+    /// How long every sample must have been gated; at least three samples.
+    #[serde(default = "half_a_minute")]
+    pub after: Positive<Duration>,
+    /// What then happens: `inflate`, `accept` or `report`.
+    #[serde(default)]
+    pub action: Action,
+}
+
+impl Default for Recovery {
+    fn default() -> Self {
+        Self { after: half_a_minute(), action: Action::default() }
+    }
+}
+
+fn half_a_minute() -> Positive<Duration> {
+    Positive::from_si(30.0)
+}

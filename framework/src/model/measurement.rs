@@ -1,0 +1,293 @@
+//! Measurement models: one generic function, its Jacobian by dual numbers.
+
+use crate::Real;
+use crate::model::simulate::Scene;
+use crate::state::covariance::Update;
+use crate::state::manifold::{MAX_TANGENT, Manifold, Position};
+use crate::state::{Handle, Layout, State, View};
+use crate::units::sample::{MAX_CHANNELS, Sample, SensorId};
+use crate::units::time::Time;
+use nalgebra::{SMatrix, SVector};
+use num_dual::Dual64;
+
+/// How a sensor sees the state: `N` channels, `z [-] h(x) = v`, `v ~ N(0, R)`.
+///
+/// A sensor may have more than `N` channels: those that follow are not measured, but can be read by [`View::channel`].
+///
+/// The author writes [`Self::predict`]; the framework differentiates it with respect to every block that it reads,
+/// leaves out channels that a sample lacks, simulates the sensor with it, and never lets the model touch `P`.
+///
+/// A range from the origin of a two-dimensional state:
+/// ```
+/// use navfuse_core::Real;
+/// use navfuse_core::state::manifold::Vector;
+/// use navfuse_core::model::measurement::MeasurementModel;
+/// use navfuse_core::state::{Handle, View};
+/// use nalgebra::{SMatrix, SVector};
+/// struct Range { position: Handle<Vector<2>>, sigma: f64 }
+/// impl MeasurementModel<1> for Range {
+///     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
+///         SVector::from([x.get(self.position).norm()])
+///     }
+///     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
+///         SMatrix::from_element(self.sigma * self.sigma)
+///     }
+/// }
+/// ```
+pub trait MeasurementModel<const N: usize>: Send + 'static {
+    /// `h(x)`: what the channels would read, in the sensor's channel order, SI.
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, N>;
+
+    /// `R`: covariance of the noise of the channels, SI squared.
+    fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, N, N>;
+
+    /// `z [-] h(x)` of one channel. The difference, unless a model says otherwise: of an angle, wrap it into +-pi.
+    fn difference(&self, _channel: usize, measured: f64, predicted: f64) -> f64 {
+        measured - predicted
+    }
+
+    /// Adds to a sample, before it is used, channels that a recording need not have since their value is always the same: the
+    /// sideways speed of a wheel that rolls. Of a sample without any of the model's channels nothing is made.
+    fn complete(&self, _sample: &mut Sample) {}
+
+    /// Fills a simulated sample: what the model predicts of the truth, and noise of `R`. Override it for a sensor that loses
+    /// channels, or has more than `N`: set those first, then call [`Scene::measure`], then take away what is lost.
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        scene.measure(self, sample);
+    }
+
+    /// An analytic Jacobian in place of the dual numbers: fill every block that `predict` reads and return `true`.
+    fn jacobian(&self, _x: &View<'_, f64>, _h: &mut Jacobian<'_, N>) -> bool {
+        false
+    }
+}
+
+/// The Jacobian of an `N`-channel model, filled block by block.
+#[derive(Debug)]
+pub struct Jacobian<'a, const N: usize> {
+    layout: &'a Layout,
+    columns: &'a [usize],
+    /// Row-major over all `N` channels.
+    values: &'a mut [f64],
+}
+
+impl<const N: usize> Jacobian<'_, N> {
+    /// Sets the derivative with respect to a block's tangent; a fixed block is passed over.
+    pub fn set<M: Manifold, const K: usize>(
+        &mut self,
+        block: Handle<M>,
+        derivative: &SMatrix<f64, N, K>,
+    ) {
+        const { assert!(K == M::TANGENT) };
+        let Some(tangent) = self.layout.block(block).tangent else { return };
+        if let Some(at) = self.columns.iter().position(|&c| c == tangent) {
+            for i in 0..N {
+                for k in 0..K {
+                    self.values[i * self.columns.len() + at + k] = derivative[(i, k)];
+                }
+            }
+        }
+    }
+}
+
+/// A measurement model whose type is no longer known: what the estimator and the simulator call.
+///
+/// ```
+/// use navfuse_core::model::measurement::{AnyMeasurement, At};
+/// use navfuse_core::prelude::*;
+/// /// What a sensor of any type would read at a state, and with which 1-sigma.
+/// fn reading(model: &dyn AnyMeasurement, layout: &Layout, state: &State) -> Vec<(f64, f64)> {
+///     let (n, at) = (model.channels(), At::state(layout, state));
+///     let (mut h, mut r) = (vec![0.0; n], vec![0.0; n * n]);
+///     model.predict(&at, &mut h);
+///     model.noise(&at, &mut r);
+///     (0..n).map(|i| (h[i], r[i * n + i].sqrt())).collect()
+/// }
+/// ```
+pub trait AnyMeasurement: Send {
+    /// Number of channels that it predicts.
+    fn channels(&self) -> usize;
+    /// `h(x)` into `out`.
+    fn predict(&self, at: &At<'_>, out: &mut [f64]);
+    /// `R`, row-major, into `out`.
+    fn noise(&self, at: &At<'_>, out: &mut [f64]);
+    /// Innovation, Jacobian and noise of the channels that the sample has, into the update's work space.
+    fn linearise(&self, at: &At<'_>, update: &mut Update);
+    /// The blocks that `h` reads, one bit a slot.
+    fn blocks(&self, at: &At<'_>) -> u128;
+    /// The Jacobian over `columns` (row-major, all channels) by dual numbers.
+    fn differentiate(&self, at: &At<'_>, columns: &[usize], read: u128, h: &mut [f64]);
+    /// The analytic Jacobian, if the model has one.
+    fn analytic(&self, at: &At<'_>, columns: &[usize], h: &mut [f64]) -> bool;
+    /// The change of each channel from one state to another, `h(to) [-] h(from)`, into `out`.
+    fn change(&self, from: &At<'_>, to: &At<'_>, out: &mut [f64]);
+    /// Adds the channels that a recording need not have.
+    fn complete(&self, sample: &mut Sample);
+    /// Fills a simulated sample.
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample);
+}
+
+/// Where a model is asked: a state, and the sample that it is to predict.
+#[derive(Clone, Copy, Debug)]
+pub struct At<'a> {
+    /// The layout of the state.
+    pub layout: &'a Layout,
+    /// The state.
+    pub state: &'a State,
+    /// The sample.
+    pub sample: &'a Sample,
+}
+
+static NO_SAMPLE: Sample = Sample::empty(Time::MIN, SensorId(0));
+
+impl<'a> At<'a> {
+    /// At a state, for a model that reads no channel.
+    pub fn state(layout: &'a Layout, state: &'a State) -> Self {
+        Self { layout, state, sample: &NO_SAMPLE }
+    }
+
+    fn view(&self) -> View<'a, f64> {
+        View::new(self.layout, self.state).with(self.sample)
+    }
+}
+
+/// Makes a model an [`AnyMeasurement`].
+#[derive(Debug)]
+pub struct Erased<M, const N: usize>(pub M);
+
+impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
+    fn channels(&self) -> usize {
+        N
+    }
+
+    fn predict(&self, at: &At<'_>, out: &mut [f64]) {
+        out.copy_from_slice(self.0.predict(&at.view()).as_slice());
+    }
+
+    fn noise(&self, at: &At<'_>, out: &mut [f64]) {
+        out.copy_from_slice(self.0.noise(&at.view()).as_slice());
+    }
+
+    fn blocks(&self, at: &At<'_>) -> u128 {
+        let view = at.view();
+        self.0.predict(&view);
+        view.blocks_read()
+    }
+
+    fn linearise(&self, at: &At<'_>, update: &mut Update) {
+        const { assert!(N <= MAX_CHANNELS) };
+        let view = at.view();
+        let predicted = self.0.predict(&view);
+        let read = view.blocks_read();
+        update.columns.clear();
+        for slot in slots(read) {
+            update.columns.extend(at.layout.blocks[slot].tangent_range());
+        }
+        let w = update.columns.len();
+        update.h.clear();
+        update.h.resize(N * w, 0.0);
+        if !self.analytic(at, &update.columns, &mut update.h) {
+            self.differentiate(at, &update.columns, read, &mut update.h);
+        }
+        let noise = self.0.noise(&view);
+        update.innovation.clear();
+        update.r.clear();
+        let mut m = 0;
+        for i in 0..N {
+            let Some(z) = at.sample.get(i) else { continue };
+            update.innovation.push(self.0.difference(i, z, predicted[i]));
+            update.r.extend((0..N).filter(|&j| at.sample.get(j).is_some()).map(|j| noise[(i, j)]));
+            update.h.copy_within(i * w..(i + 1) * w, m * w);
+            m += 1;
+        }
+        update.m = m;
+    }
+
+    fn differentiate(&self, at: &At<'_>, columns: &[usize], read: u128, h: &mut [f64]) {
+        let mut column = 0;
+        for slot in slots(read) {
+            for k in 0..at.layout.blocks[slot].tangent_range().len() {
+                let mut delta = [Dual64::from(0.0); MAX_TANGENT];
+                delta[k] = delta[k].derivative();
+                let z =
+                    self.0.predict(&View::seeded(at.layout, at.state, slot, delta).with(at.sample));
+                (0..N).for_each(|i| h[i * columns.len() + column] = z[i].eps);
+                column += 1;
+            }
+        }
+    }
+
+    fn analytic(&self, at: &At<'_>, columns: &[usize], h: &mut [f64]) -> bool {
+        self.0.jacobian(&at.view(), &mut Jacobian { layout: at.layout, columns, values: h })
+    }
+
+    fn change(&self, from: &At<'_>, to: &At<'_>, out: &mut [f64]) {
+        let (from, to) = (self.0.predict(&from.view()), self.0.predict(&to.view()));
+        (0..N).for_each(|i| out[i] = self.0.difference(i, to[i], from[i]));
+    }
+
+    fn complete(&self, sample: &mut Sample) {
+        self.0.complete(sample);
+    }
+
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        self.0.simulate(scene, sample);
+    }
+}
+
+/// The largest error of a model's Jacobian at a state, relative to the largest derivative of the channel: against central
+/// differences along the tangents of the blocks, beyond what their rounding explains. For the test of a sensor; 1e-6 is a good bound.
+pub fn jacobian_error(model: &dyn AnyMeasurement, at: &At<'_>) -> f64 {
+    let &At { layout, state, sample } = at;
+    let (n, read) = (model.channels(), model.blocks(at));
+    let columns: Vec<usize> =
+        slots(read).flat_map(|slot| layout.blocks[slot].tangent_range()).collect();
+    let w = columns.len();
+    let mut used = vec![0.0; n * w];
+    if !model.analytic(at, &columns, &mut used) {
+        model.differentiate(at, &columns, read, &mut used);
+    }
+    let (mut numeric, mut rounding) = (vec![0.0; n * w], vec![0.0; n * w]);
+    let mut column = 0;
+    for block in slots(read).map(|slot| &layout.blocks[slot]) {
+        for k in 0..block.tangent_range().len() {
+            // the cube root of the rounding, times the size of what is displaced; a position's tangent is metres
+            let size = if block.operations.kind == std::any::TypeId::of::<Position>() {
+                1e3
+            } else {
+                state.values[block.range()].iter().fold(1.0_f64, |a, x| a.max(x.abs()))
+            };
+            let mut slope = |step: f64| {
+                let (mut moved, mut delta, mut z) =
+                    (state.clone(), [0.0; MAX_TANGENT], [0.0; MAX_CHANNELS]);
+                delta[k] = step;
+                (block.operations.retract)(
+                    &mut moved.values[block.range()],
+                    &delta[..block.operations.tangent],
+                );
+                model.predict(&At { layout, state: &moved, sample }, &mut z[..n]);
+                for i in 0..n {
+                    numeric[i * w + column] += z[i] / (2.0 * step);
+                    rounding[i * w + column] += 2.0 * f64::EPSILON * (z[i] / step).abs();
+                }
+            };
+            slope(6e-6 * size);
+            slope(-6e-6 * size);
+            column += 1;
+        }
+    }
+    let row = |m: &[f64], i: usize| m[i * w..(i + 1) * w].to_vec();
+    let errors = (0..n).map(|i| {
+        let (used, numeric, rounding) = (row(&used, i), row(&numeric, i), row(&rounding, i));
+        let largest = numeric.iter().fold(f64::MIN_POSITIVE, |a, x| a.max(x.abs()));
+        // a latitude in radians hardly moves with a lever arm: what rounding makes of it is no error of the Jacobian
+        let beyond = |k: usize| ((used[k] - numeric[k]).abs() - rounding[k]) / largest;
+        (0..w).map(beyond).fold(0.0_f64, f64::max)
+    });
+    errors.fold(0.0, f64::max)
+}
+
+/// The slots of a set of blocks, ascending.
+pub fn slots(set: u128) -> impl Iterator<Item = usize> {
+    (0..u128::BITS as usize).filter(move |s| set >> s & 1 == 1)
+}

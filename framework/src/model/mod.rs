@@ -1,0 +1,11 @@
+//! Models: how blocks move, how sensors see them, and what goes in and out of a run.
+
+pub mod error;
+pub mod gate;
+pub mod measurement;
+pub mod motion;
+pub mod process;
+pub mod record;
+pub mod sensor;
+pub mod simulate;
+pub mod stream;

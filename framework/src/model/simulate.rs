@@ -1,0 +1,164 @@
+//! Simulating sensors: what a driving sensor brings itself, and what every sensor gets for nothing.
+
+use crate::model::measurement::MeasurementModel;
+use crate::model::motion::Trajectory;
+use crate::state::{Layout, State, View};
+use crate::units::sample::{MAX_CHANNELS, Sample};
+use crate::units::time::Time;
+use crate::units::{Frequency, Positive, Ratio, Sigma, Time as Duration};
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_xoshiro::Xoshiro256PlusPlus;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Random numbers that are the same on every machine and for any number of threads.
+#[derive(Clone, Debug)]
+pub struct Random(Xoshiro256PlusPlus);
+
+impl Random {
+    /// The stream of a seed for one purpose: adding a sensor does not change what another one draws.
+    pub fn new(seed: u64, purpose: &str) -> Self {
+        // FNV-1a: the standard hasher may change with the compiler
+        let hash = purpose.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| {
+            (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)
+        });
+        Self(Xoshiro256PlusPlus::seed_from_u64(seed ^ hash.rotate_left(17)))
+    }
+
+    /// A draw from N(0, 1).
+    pub fn normal(&mut self) -> f64 {
+        self.0.sample(StandardNormal)
+    }
+
+    /// A draw from [0, 1).
+    pub fn uniform(&mut self) -> f64 {
+        self.0.random()
+    }
+}
+
+/// What a simulated sensor sees.
+pub struct Scene<'a> {
+    /// The blocks.
+    pub layout: &'a Layout,
+    /// Every block at its truth.
+    pub truth: &'a State,
+    /// The motion.
+    pub trajectory: &'a mut dyn Trajectory,
+    /// The time of the sensor's sample before, where an integrating sensor begins.
+    pub from: Time,
+    /// The time of the sample.
+    pub to: Time,
+    /// The simulated noise as a multiple of the model's.
+    pub noise: f64,
+    /// By how many sigma this sample is an outlier.
+    pub outlier: f64,
+    /// The sensor's own random numbers.
+    pub random: &'a mut Random,
+}
+
+impl Scene<'_> {
+    /// Sets the `N` channels of a sample to what a model predicts of the truth, and noise of its `R`.
+    pub fn measure<M: MeasurementModel<N> + ?Sized, const N: usize>(
+        &mut self,
+        model: &M,
+        sample: &mut Sample,
+    ) {
+        let x = View::new(self.layout, self.truth).with(sample);
+        let (predicted, noise) = (model.predict(&x), model.noise(&x));
+        // a noise of zero on some channel is no obstacle to simulating it
+        let factor = match noise.cholesky() {
+            Some(c) => c.l(),
+            None => noise.map(|v| v.max(0.0).sqrt()),
+        };
+        let mut draw = [0.0; MAX_CHANNELS];
+        for d in &mut draw[..N] {
+            *d = self.random.normal() * self.noise;
+            if self.outlier > 0.0 {
+                *d += self.outlier * if self.random.uniform() < 0.5 { -1.0 } else { 1.0 };
+            }
+        }
+        for i in 0..N {
+            let noise: f64 = (0..N).map(|j| factor[(i, j)] * draw[j]).sum();
+            sample.set(i, predicted[i] + noise);
+        }
+    }
+}
+
+/// Simulates a driving sensor.
+///
+/// ```
+/// use navfuse_core::prelude::*;
+/// use navfuse_core::model::simulate::Simulate;
+/// /// The mean angular rate over the interval, with white noise (rad/s/sqrt(Hz)).
+/// #[derive(Clone)]
+/// struct Gyros {
+///     noise: f64,
+/// }
+/// impl Simulate for Gyros {
+///     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+///         let dt = scene.to.since(scene.from);
+///         let (angle, _) = scene.trajectory.increments(scene.from, scene.to);
+///         for axis in 0..3 {
+///             let noise = self.noise / dt.sqrt() * scene.noise * scene.random.normal();
+///             sample.set(axis, angle[axis] / dt + noise);
+///         }
+///     }
+///     fn boxed_clone(&self) -> Box<dyn Simulate> {
+///         Box::new(self.clone())
+///     }
+/// }
+/// ```
+pub trait Simulate: Send + Sync {
+    /// Fills the sample's channels.
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample);
+    /// A copy.
+    fn boxed_clone(&self) -> Box<dyn Simulate>;
+}
+
+/// How often a simulated sensor speaks, and what goes wrong with it.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Faults {
+    /// Samples a second.
+    pub rate: Positive<Frequency>,
+    /// Time of the first sample.
+    #[serde(default = "zero_time")]
+    pub offset: Duration,
+    /// The simulated noise as a multiple of the model's: 2 makes the sensor twice as noisy as the filter believes.
+    #[serde(default = "one")]
+    pub noise: Sigma<Ratio>,
+    /// Probability that a sample is lost.
+    #[serde(default = "zero")]
+    pub dropout: Sigma<Ratio>,
+    /// Spans of time without samples, each `["700 s", "760 s"]`.
+    #[serde(default)]
+    pub outages: Vec<[Duration; 2]>,
+    /// Probability that a sample is an outlier.
+    #[serde(default = "zero")]
+    pub outliers: Sigma<Ratio>,
+    /// Size of an outlier as a multiple of the model's sigma.
+    #[serde(default = "twenty")]
+    pub outlier_size: Sigma<Ratio>,
+}
+
+fn zero_time() -> Duration {
+    Duration::from_si(0.0)
+}
+fn zero() -> Sigma<Ratio> {
+    Sigma::from_si(0.0)
+}
+fn one() -> Sigma<Ratio> {
+    Sigma::from_si(1.0)
+}
+fn twenty() -> Sigma<Ratio> {
+    Sigma::from_si(20.0)
+}
+
+/// The sensor that drives a process model.
+pub struct DrivingSensor {
+    /// Its name in the scenario.
+    pub name: String,
+    /// How it is simulated.
+    pub simulator: Box<dyn Simulate>,
+}

@@ -1,0 +1,123 @@
+//! Sources of samples and sinks of results.
+
+use crate::model::record::{Epoch, Event, UpdateRecord};
+use crate::model::sensor::SensorInfo;
+use crate::state::Layout;
+use crate::state::covariance::{Transition, Update};
+use crate::units::sample::Sample;
+use crate::units::time::Time;
+
+/// Why a source or a sink failed: the file or address, and what to do.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct StreamError(pub String);
+
+/// Gives samples in order of time.
+///
+/// ```
+/// use navfuse_core::prelude::*;
+/// /// Samples that are there already.
+/// struct Recorded(std::vec::IntoIter<Sample>);
+/// impl Source for Recorded {
+///     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+///         let next = self.0.next();
+///         if let Some(next) = next {
+///             *sample = next;
+///         }
+///         Ok(next.is_some())
+///     }
+/// }
+/// ```
+pub trait Source: Send {
+    /// Writes the next sample; `false` at the end.
+    ///
+    /// # Errors
+    /// When what it reads is not what it should be. The run then ends, and what was recorded is kept.
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError>;
+
+    /// The time of its last sample, if it can tell: the end of the progress bar.
+    fn end(&self) -> Option<Time> {
+        None
+    }
+
+    /// What it knows will happen, such as the segments of a simulated trajectory; asked once, at the start.
+    fn schedule(&self) -> Vec<Event> {
+        Vec::new()
+    }
+
+    /// What a person should know after the last sample: a log that was cut off, rows that were skipped.
+    fn warning(&mut self) -> Option<String> {
+        None
+    }
+}
+
+/// What is known of a run when it begins.
+#[derive(Clone, Debug)]
+pub struct RunInfo {
+    /// The scenario's name.
+    pub name: String,
+    /// The scenario in TOML, as it was run: with every override in place.
+    pub scenario: String,
+    /// Version of the program.
+    pub version: String,
+    /// The blocks of the state.
+    pub layout: Layout,
+    /// The sensors, in the order of their ids.
+    pub sensors: Vec<SensorInfo>,
+}
+
+/// Takes what a run tells. Every method but [`Sink::finish`] may do nothing.
+///
+/// ```
+/// use navfuse_core::prelude::*;
+/// use navfuse_core::model::record::Epoch;
+/// /// Keeps the trace of the covariance over time.
+/// #[derive(Default)]
+/// struct Traces(Vec<(Time, f64)>);
+/// impl Sink for Traces {
+///     fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
+///         Ok(())
+///     }
+///     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+///         let trace = (0..epoch.layout.tangent).map(|i| epoch.covariance.get(i, i)).sum();
+///         self.0.push((epoch.state.time, trace));
+///         Ok(())
+///     }
+///     fn finish(&mut self) -> Result<Option<String>, StreamError> {
+///         Ok(None)
+///     }
+/// }
+/// ```
+///
+/// # Errors
+/// A sink that fails is closed and named in an event; the run and the other sinks go on.
+pub trait Sink: Send {
+    /// The run begins.
+    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError>;
+    /// A sample, in the order in which the estimator took it.
+    fn sample(&mut self, _sample: &Sample) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// An estimate.
+    fn epoch(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// A measurement was used, or not.
+    fn update(&mut self, _update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// The error state moved: see [`crate::model::record::Observer::transition`].
+    fn transition(&mut self, _transition: &Transition) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// A measurement corrected the state: see [`crate::model::record::Observer::correction`].
+    fn correction(&mut self, _update: &Update) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// Something to read.
+    fn event(&mut self, _event: &Event) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// The run is over: write what is left, and say where it went (a path or an address).
+    fn finish(&mut self) -> Result<Option<String>, StreamError>;
+}

@@ -1,0 +1,245 @@
+//! The JSON Schema of scenarios, and the parameters of types as rows to print.
+
+use crate::compose::keys::Policy;
+use crate::compose::settings::EstimatorConfig;
+use crate::plugin::{Entry, Kind, Registry};
+use schemars::{JsonSchema, SchemaGenerator};
+use serde_json::{Map, Value, json};
+
+/// The JSON Schema (draft 2020-12) of a scenario with the registered types.
+pub fn scenario_schema(registry: &Registry) -> Value {
+    let mut definitions = Map::new();
+    let estimator = inline::<EstimatorConfig>(&mut definitions);
+    let mut properties = json!({
+        "name": { "type": "string", "description": "Name of the scenario. Default: the file's" },
+        "description": { "type": "string", "description": "What the scenario shows" },
+        "seed": { "type": "integer", "minimum": 0, "description": "Seed of every random number. Default: 1" },
+        "estimator": estimator,
+    });
+    for kind in Kind::ALL {
+        let mut tables = Map::new();
+        let mut names = Vec::new();
+        for entry in registry.entries().filter(|e| e.kind == kind) {
+            let own = entry_schema(entry, &mut definitions);
+            let key = format!("{}.{}", kind.table(), entry.name);
+            definitions.insert(key.clone(), own);
+            tables.insert(entry.name.to_owned(), json!({ "$ref": format!("#/$defs/{key}") }));
+            names.push(entry.name);
+        }
+        // a table of another name says its type
+        let choices: Vec<Value> = (names.iter())
+            .map(|n| {
+                json!({ "if": { "properties": { "type": { "const": n } }, "required": ["type"] },
+                        "then": { "$ref": format!("#/$defs/{}.{n}", kind.table()) } })
+            })
+            .collect();
+        let other = json!({ "type": "object", "required": ["type"], "properties": { "type": { "enum": names } }, "allOf": choices });
+        properties[kind.table()] =
+            json!({ "type": "object", "properties": tables, "additionalProperties": other });
+    }
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "navfuse scenario",
+        "type": "object",
+        "additionalProperties": false,
+        "properties": properties,
+        "$defs": definitions,
+    })
+}
+
+/// Moves a root schema's definitions to `definitions` and gives the rest.
+fn lift(mut schema: Value, definitions: &mut Map<String, Value>) -> Value {
+    if let Some(object) = schema.as_object_mut() {
+        object.remove("$schema");
+        if let Some(Value::Object(own)) = object.remove("$defs") {
+            definitions.extend(own);
+        }
+    }
+    schema
+}
+
+fn inline<T: JsonSchema>(definitions: &mut Map<String, Value>) -> Value {
+    lift(SchemaGenerator::default().into_root_schema_for::<T>().to_value(), definitions)
+}
+
+/// The schema of a type's table: its own parameters and the common keys.
+fn entry_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
+    let mut own = lift(entry.schema.clone().to_value(), definitions);
+    let mut common = Map::new();
+    common.insert(
+        "type".into(),
+        json!({ "const": entry.name, "description": "The type, where the table's name is another" }),
+    );
+    common.insert(
+        "enabled".into(),
+        json!({ "type": "boolean", "description": "false leaves it out. Default: true" }),
+    );
+    if entry.kind == Kind::Sensor
+        && let Value::Object(policy) = inline::<Policy>(definitions)
+        && let Some(Value::Object(keys)) = policy.get("properties")
+    {
+        common.extend(keys.clone());
+    }
+    if let Some(properties) = own.get_mut("properties").and_then(Value::as_object_mut) {
+        properties.extend(common);
+    } else {
+        own["properties"] = Value::Object(common);
+    }
+    own
+}
+
+/// One parameter of a type.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Parameter {
+    /// Its key in TOML.
+    pub key: String,
+    /// What it takes: a quantity with example units, a choice, a number.
+    pub takes: String,
+    /// Its default; empty where it must be given.
+    pub default: String,
+    /// What it means.
+    pub meaning: String,
+}
+
+/// The parameters of a registered type, own ones first; the keys of an inner table follow it as `table.key`, the kinds of
+/// an array's tables as `array: kind`.
+pub fn parameters(entry: &Entry) -> Vec<Parameter> {
+    let mut definitions = Map::new();
+    let own: Vec<String> = (entry.schema.as_value().get("properties").and_then(Value::as_object))
+        .map_or_else(Vec::new, |p| p.keys().cloned().collect());
+    let mut schema = entry_schema(entry, &mut definitions);
+    if let Some(properties) = schema.get_mut("properties").and_then(Value::as_object_mut) {
+        let (own, common) = std::mem::take(properties)
+            .into_iter()
+            .partition::<Map<_, _>, _>(|(k, _)| own.contains(k));
+        properties.extend(own);
+        properties.extend(common);
+    }
+    let mut rows = Vec::new();
+    inner_parameters("", &schema, &definitions, &mut rows);
+    rows
+}
+
+/// The parameters of a table's schema, each key after `prefix`.
+fn inner_parameters(
+    prefix: &str,
+    schema: &Value,
+    definitions: &Map<String, Value>,
+    rows: &mut Vec<Parameter>,
+) {
+    let required: Vec<&str> = (schema.get("required").and_then(Value::as_array))
+        .map_or_else(Vec::new, |r| r.iter().filter_map(Value::as_str).collect());
+    let Some(properties) = schema.get("properties").and_then(Value::as_object) else { return };
+    for (name, value) in properties {
+        let default = match value.get("default") {
+            Some(Value::String(s)) => s.clone(),
+            Some(v) if !v.is_object() && !v.is_null() => v.to_string(),
+            _ if required.contains(&name.as_str()) => "(required)".to_owned(),
+            _ => "-".to_owned(),
+        };
+        let key = format!("{prefix}{name}");
+        let resolved = resolve(value, definitions);
+        rows.push(Parameter {
+            key: key.clone(),
+            takes: takes(value, definitions, 0),
+            default,
+            meaning: meaning(value),
+        });
+        if calibration(value).is_none() {
+            inner_parameters(&format!("{key}."), resolved, definitions, rows);
+        }
+        let kinds =
+            resolved.get("items").map(|i| resolve(i, definitions)).and_then(|i| i.get("oneOf"));
+        for kind in kinds.and_then(Value::as_array).into_iter().flatten() {
+            let name =
+                kind.pointer("/properties/type/const").and_then(Value::as_str).unwrap_or_default();
+            let keys = kind.get("properties").and_then(Value::as_object);
+            let keys: Vec<&str> = keys
+                .into_iter()
+                .flatten()
+                .map(|(k, _)| k.as_str())
+                .filter(|k| *k != "type")
+                .collect();
+            let (key, takes, default) = (format!("{key}: {name}"), keys.join(", "), String::new());
+            rows.push(Parameter { key, takes, default, meaning: meaning(kind) });
+        }
+    }
+}
+
+fn meaning(schema: &Value) -> String {
+    schema.get("description").and_then(Value::as_str).unwrap_or_default().replace('\n', " ")
+}
+
+/// What a reference, or the part of a choice that is not null, stands for.
+fn resolve<'a>(schema: &'a Value, definitions: &'a Map<String, Value>) -> &'a Value {
+    if let Some(name) =
+        schema.get("$ref").and_then(Value::as_str).and_then(|r| r.rsplit('/').next())
+    {
+        return definitions.get(name).map_or(schema, |s| resolve(s, definitions));
+    }
+    let choices = schema.get("anyOf").and_then(Value::as_array);
+    let mut choices =
+        choices.into_iter().flatten().filter(|c| c.get("type").is_none_or(|t| t != "null"));
+    match (choices.next(), choices.next()) {
+        (Some(only), None) => resolve(only, definitions),
+        _ => schema,
+    }
+}
+
+/// The name of the calibration's schema, if it is one.
+fn calibration(schema: &Value) -> Option<&str> {
+    let name = schema.get("$ref").and_then(Value::as_str)?.rsplit('/').next()?;
+    name.starts_with("Calibration_").then_some(name)
+}
+
+/// What a schema takes, in words.
+fn takes(schema: &Value, definitions: &Map<String, Value>, depth: usize) -> String {
+    if depth > 4 {
+        return String::new();
+    }
+    let inner = |s: &Value| takes(s, definitions, depth + 1);
+    if let Some(name) = calibration(schema) {
+        let value = definitions.get(name).and_then(|d| d.pointer("/anyOf/0"));
+        return format!("calibration, {}", value.map_or_else(String::new, inner));
+    }
+    if let Some(name) =
+        schema.get("$ref").and_then(Value::as_str).and_then(|r| r.rsplit('/').next())
+    {
+        return definitions.get(name).map_or_else(|| name.to_owned(), inner);
+    }
+    if let Some(constant) = schema.get("const") {
+        return constant.to_string();
+    }
+    if let Some(values) = schema.get("enum").and_then(Value::as_array) {
+        return values.iter().map(Value::to_string).collect::<Vec<_>>().join(" | ");
+    }
+    if let Some(example) = schema.get("examples").and_then(Value::as_array).and_then(|e| e.first())
+    {
+        return format!("e.g. {example}");
+    }
+    for key in ["anyOf", "oneOf"] {
+        if let Some(choices) = schema.get(key).and_then(Value::as_array) {
+            let mut words: Vec<String> =
+                choices.iter().map(inner).filter(|w| !w.is_empty() && w != "null").collect();
+            words.dedup();
+            return words.join(" | ");
+        }
+    }
+    if schema.get("properties").is_some() {
+        return "table".to_owned();
+    }
+    match schema.get("type") {
+        Some(Value::String(t)) if t == "array" => {
+            schema.get("items").map_or_else(|| t.clone(), |i| format!("[{}]", inner(i)))
+        }
+        Some(Value::String(t)) if t == "object" => "table".to_owned(),
+        Some(Value::String(t)) => t.clone(),
+        Some(Value::Array(ts)) => ts
+            .iter()
+            .filter_map(Value::as_str)
+            .filter(|t| *t != "null")
+            .collect::<Vec<_>>()
+            .join(" | "),
+        _ => String::new(),
+    }
+}

@@ -1,0 +1,313 @@
+//! What a run tells in numbers.
+
+use crate::ekf::Ekf;
+use crate::model::record::{Epoch, Event, Level, Outcome, Rejection, UpdateRecord};
+use crate::model::sensor::Purpose;
+use crate::model::sensor::Role;
+use crate::model::stream::RunInfo;
+use crate::state::Mode;
+use crate::state::manifold::{MAX_TANGENT, Position};
+use crate::units::sample::Sample;
+use crate::units::time::Time;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use std::any::TypeId;
+
+/// Where a sink wrote.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recorded {
+    /// The sink's name in the scenario.
+    pub sink: String,
+    /// Path or address.
+    pub place: String,
+}
+
+/// The result of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// From the filter's start to its end, s.
+    pub duration_s: f64,
+    /// Horizontal path length of the reference, or of the estimate where none goes on to the end, m.
+    pub distance_m: f64,
+    /// Time that the run took, s.
+    pub wall_s: f64,
+    /// What became of each sensor's samples.
+    pub samples: Map<String, Value>,
+    /// How each process that finds its own start did so, by name; not there without one.
+    #[serde(skip_serializing_if = "Map::is_empty")]
+    pub starts: Map<String, Value>,
+    /// Every block's final estimate, by name.
+    pub states: Map<String, Value>,
+    /// Estimated against true position, at the references; null without one.
+    pub horizontal_error_m: Option<HorizontalError>,
+    /// The same states as rows to print.
+    #[serde(skip)]
+    pub rows: Vec<StateRow>,
+}
+
+/// Horizontal position error against the reference.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct HorizontalError {
+    /// At the last reference, m.
+    #[serde(rename = "final")]
+    pub last: f64,
+    /// Root mean square over all references, m.
+    pub rms: f64,
+    /// The last one in per cent of the reference's path length until then; null below 1 m of it.
+    pub percent_of_distance: Option<f64>,
+}
+
+/// A block's final estimate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateRow {
+    /// `owner.name`.
+    pub name: String,
+    /// Unit of sigma and error.
+    pub unit: &'static str,
+    /// Names of the components.
+    pub components: &'static [&'static str],
+    /// Estimated, fixed or considered.
+    pub mode: Mode,
+    /// The estimate at the end.
+    pub estimate: Vec<f64>,
+    /// Its 1-sigma.
+    pub sigma: Vec<f64>,
+    /// Estimate minus reference, both of the last reference's time; none where that is more than 2 s, and twice the
+    /// reference's last interval, before the end.
+    pub error: Option<Vec<f64>>,
+    /// 1-sigma at the time of the error, or at the end where there is no error.
+    pub error_sigma: Vec<f64>,
+}
+
+/// A block's estimate compared with the last reference.
+#[derive(Clone, Debug)]
+struct Compared {
+    time: Time,
+    /// Since the comparison before, s.
+    interval: f64,
+    error: Vec<f64>,
+    sigma: Vec<f64>,
+}
+
+impl Compared {
+    /// Whether it still tells of a later time.
+    fn tells(&self, end: Time) -> bool {
+        end.since(self.time) <= (2.0 * self.interval).max(2.0)
+    }
+}
+
+#[derive(Clone, Debug, Default)]
+struct Counts {
+    read: u64,
+    used: u64,
+    gated: u64,
+    rejected: u64,
+    nis: f64,
+}
+
+/// Collects the numbers while a run goes on.
+#[derive(Debug)]
+pub(crate) struct Statistics {
+    pub(crate) last_epoch: Option<Time>,
+    name: String,
+    sensors: Vec<(String, Purpose, Counts)>,
+    position: Option<usize>,
+    first: Option<Time>,
+    before: Option<Vec<f64>>,
+    before_truth: Option<Vec<f64>>,
+    distance: f64,
+    true_distance: f64,
+    errors: (u64, f64, f64),
+    compared: Vec<Option<Compared>>,
+}
+
+impl Statistics {
+    pub(crate) fn new(info: &RunInfo) -> Self {
+        let kind = TypeId::of::<Position>();
+        Self {
+            last_epoch: None,
+            name: info.name.clone(),
+            sensors: info
+                .sensors
+                .iter()
+                .map(|s| (s.name.clone(), s.purpose, Counts::default()))
+                .collect(),
+            position: info.layout.blocks.iter().position(|b| b.operations.kind == kind),
+            first: None,
+            before: None,
+            before_truth: None,
+            distance: 0.0,
+            true_distance: 0.0,
+            errors: (0, 0.0, 0.0),
+            compared: vec![None; info.layout.blocks.len()],
+        }
+    }
+
+    pub(crate) fn read(&mut self, sample: &Sample) {
+        self.sensors[sample.sensor.0].2.read += 1;
+    }
+
+    pub(crate) fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
+        let counts = &mut self.sensors[sample.sensor.0].2;
+        match rejected {
+            Some(_) => counts.rejected += 1,
+            None if self.first.is_some_and(|f| sample.time > f) => counts.used += 1,
+            None => {}
+        }
+    }
+
+    pub(crate) fn update(&mut self, update: &UpdateRecord<'_>) {
+        let counts = &mut self.sensors[update.sensor.0].2;
+        match update.outcome {
+            Outcome::Accepted => {
+                counts.used += 1;
+                counts.nis += update.nis;
+            }
+            Outcome::Gated => counts.gated += 1,
+            Outcome::Rejected(_) => counts.rejected += 1,
+        }
+    }
+
+    pub(crate) fn epoch(&mut self, epoch: &Epoch<'_>) {
+        self.first.get_or_insert(epoch.state.time);
+        self.last_epoch = Some(epoch.state.time);
+        if let Some(slot) = self.position {
+            let block = &epoch.layout.blocks[slot];
+            let step = |before: &mut Option<Vec<f64>>, now: &[f64]| {
+                let mut d = [0.0; 3];
+                if let Some(before) = before {
+                    (block.operations.local)(now, before, &mut d);
+                    before.copy_from_slice(now);
+                } else {
+                    *before = Some(now.to_vec());
+                }
+                d[0].hypot(d[1])
+            };
+            let now = &epoch.state.values[block.range()];
+            self.distance += step(&mut self.before, now);
+            if let Some(truth) = epoch.truth.filter(|t| t.known[slot]) {
+                let true_now = &truth.state.values[block.range()];
+                self.true_distance += step(&mut self.before_truth, true_now);
+                let mut e = [0.0; 3];
+                (block.operations.local)(now, true_now, &mut e);
+                let (count, squares, _) = self.errors;
+                let error = e[0].hypot(e[1]);
+                self.errors = (count + 1, squares + error * error, error);
+            }
+        }
+        if let Some(truth) = epoch.truth {
+            for (slot, block) in
+                epoch.layout.blocks.iter().enumerate().filter(|(slot, _)| truth.known[*slot])
+            {
+                let (time, n) = (epoch.state.time, block.operations.tangent);
+                let compared = self.compared[slot].get_or_insert_with(|| Compared {
+                    time,
+                    interval: 0.0,
+                    error: vec![0.0; n],
+                    sigma: vec![0.0; n],
+                });
+                compared.interval = time.since(std::mem::replace(&mut compared.time, time));
+                block.show_error(&epoch.state.values, &truth.state.values, &mut compared.error);
+                block.show_sigma(&epoch.state.values, epoch.covariance, &mut compared.sigma);
+            }
+        }
+    }
+
+    /// Sensors that never spoke.
+    pub(crate) fn unheard(&self, ekf: &Ekf) -> Vec<Event> {
+        let sensors = self.sensors.iter().zip(&ekf.composition().sensors);
+        sensors
+            .filter(|((_, _, counts), sensor)| counts.read == 0 && !sensor.constraint)
+            .map(|((name, _, _), _)| {
+                let text = format!(
+                    "no sample of [sensor.{name}] in any source: check the source's files and columns, or remove the sensor"
+                );
+                Event { time: ekf.state().time, level: Level::Warning, about: name.clone(), text }
+            })
+            .collect()
+    }
+
+    pub(crate) fn summary(&mut self, ekf: &Ekf) -> Summary {
+        let layout = ekf.layout();
+        let (truth, end) = (ekf.truth(), ekf.state().time);
+        let mut rows = Vec::new();
+        let mut states = Map::new();
+        for (slot, block) in layout.blocks.iter().enumerate() {
+            let n = block.operations.tangent;
+            let (mut estimate, mut sigma, mut error) =
+                ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+            block.show(&ekf.state().values, &mut estimate);
+            block.show_sigma(&ekf.state().values, ekf.covariance(), &mut sigma);
+            // what the scenario states as true is so at the end too; a reference counts at its last time
+            let holds = (block.spec.truth.is_some() && !block.wanders) || truth.state.time == end;
+            let before = self.compared[slot].as_ref().filter(|c| c.tells(end));
+            let (error, error_sigma) = match before {
+                _ if holds && truth.known[slot] => {
+                    block.show_error(&ekf.state().values, &truth.state.values, &mut error);
+                    (Some(error[..n].to_vec()), sigma[..n].to_vec())
+                }
+                Some(compared) => (Some(compared.error.clone()), compared.sigma.clone()),
+                None => (None, sigma[..n].to_vec()),
+            };
+            let row = StateRow {
+                name: block.name.clone(),
+                unit: block.spec.display.unit,
+                components: block.spec.display.components,
+                mode: block.spec.mode,
+                estimate: estimate[..n].to_vec(),
+                sigma: sigma[..n].to_vec(),
+                error,
+                error_sigma,
+            };
+            let mut value = json!({ "unit": row.unit, "estimate": row.estimate, "sigma": row.sigma, "error": row.error });
+            if block.operations.kind == TypeId::of::<Position>() {
+                value["estimate_unit"] = json!(["deg", "deg", "m"]);
+            }
+            if row.mode != Mode::Estimate {
+                value["mode"] = json!(row.mode);
+            }
+            states.insert(block.name.clone(), value);
+            rows.push(row);
+        }
+        let mut samples = Map::new();
+        for ((name, _, c), sensor) in self.sensors.iter().zip(&ekf.composition().sensors) {
+            let mean_nis = if c.used > 0 { json!(c.nis / c.used as f64) } else { Value::Null };
+            // a constraint is read nowhere
+            let read = if sensor.constraint { c.used + c.gated + c.rejected } else { c.read };
+            let value = match sensor.role {
+                Role::Input(_) => json!({ "read": c.read, "used": c.used, "rejected": c.rejected }),
+                Role::Reference(_) => json!({ "read": c.read }),
+                Role::Measurement(_) => json!({ "read": read, "accepted": c.used, "gated": c.gated,
+                    "rejected": c.rejected, "mean_nis": mean_nis }),
+            };
+            samples.insert(name.clone(), value);
+        }
+        let starts = ekf.reports().map(|(name, report)| {
+            let mut values = report.values;
+            values["text"] = json!(report.text);
+            (name.to_owned(), values)
+        });
+        let starts = starts.collect();
+        let (count, squares, last) = self.errors;
+        let position = self.position.and_then(|slot| self.compared[slot].as_ref());
+        let to_the_end = count > 1 && position.is_some_and(|c| c.tells(end));
+        Summary {
+            scenario: self.name.clone(),
+            duration_s: self.first.zip(self.last_epoch).map_or(0.0, |(a, b)| b.since(a)),
+            distance_m: if to_the_end { self.true_distance } else { self.distance },
+            wall_s: 0.0,
+            samples,
+            starts,
+            states,
+            horizontal_error_m: (count > 0).then(|| HorizontalError {
+                last,
+                rms: (squares / count as f64).sqrt(),
+                percent_of_distance: (self.true_distance >= 1.0)
+                    .then(|| 100.0 * last / self.true_distance),
+            }),
+            rows,
+        }
+    }
+}

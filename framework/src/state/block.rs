@@ -1,0 +1,198 @@
+//! State blocks: value, uncertainty and motion of one part of the state.
+
+use crate::state::manifold::{MAX_TANGENT, Operations};
+use nalgebra::DMatrix;
+
+/// What the filter does with a block.
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+    schemars::JsonSchema,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// Estimated: part of the error state, corrected by every update.
+    #[default]
+    Estimate,
+    /// Held at its initial value, which is taken as exact.
+    Fixed,
+    /// Held at its initial value, whose uncertainty the other states carry (Schmidt's consider filter).
+    Consider,
+}
+
+/// How a block moves when no process model propagates it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Dynamics {
+    /// It does not move.
+    #[default]
+    Constant,
+    /// It wanders: power spectral density of the rate along each tangent axis, unit^2/s.
+    RandomWalk(Vec<f64>),
+    /// First-order Gauss-Markov about the initial value: stationary sigma of each tangent axis, correlation time in s.
+    GaussMarkov {
+        /// Stationary sigma of each tangent axis.
+        sigma: Vec<f64>,
+        /// Correlation time, s.
+        time: f64,
+    },
+}
+
+/// How the numbers of a block are shown: SI coordinates divided by `scale` are in `unit`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Display {
+    /// The unit of sigma and error, such as `deg/h`; empty for a ratio.
+    pub unit: &'static str,
+    /// SI per `unit`.
+    pub scale: f64,
+    /// One name a component: `roll`, `pitch`, `yaw`.
+    pub components: &'static [&'static str],
+}
+
+/// A state block before it has a place: value, uncertainty and motion.
+#[derive(Clone, Debug)]
+pub struct BlockSpec {
+    /// What the filter does with it.
+    pub mode: Mode,
+    /// Initial value, in coordinates (SI).
+    pub initial: Vec<f64>,
+    /// Prior sigma of each *coordinate*, except for a position, where it is of the tangent (SI).
+    pub sigma: Vec<f64>,
+    /// The value that a simulation gives it, in coordinates (SI).
+    pub truth: Option<Vec<f64>>,
+    /// How it moves.
+    pub dynamics: Dynamics,
+    /// How it is shown.
+    pub display: Display,
+}
+
+/// A state block in its place.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// `owner.name`, such as `dvl.scale`.
+    pub name: String,
+    /// Value, uncertainty and motion.
+    pub spec: BlockSpec,
+    /// The manifold.
+    pub operations: Operations,
+    /// Where its value starts in [`crate::state::State::values`].
+    pub offset: usize,
+    /// Where its error starts in the error state; `None` when fixed.
+    pub tangent: Option<usize>,
+    /// Whether its truth moves as the dynamics say.
+    pub wanders: bool,
+}
+
+impl Block {
+    /// The range of its value in [`crate::state::State::values`].
+    pub fn range(&self) -> std::ops::Range<usize> {
+        self.offset..self.offset + self.operations.ambient
+    }
+
+    /// The range of its error in the error state, empty when fixed.
+    pub fn tangent_range(&self) -> std::ops::Range<usize> {
+        self.tangent.map_or(0..0, |t| t..t + self.operations.tangent)
+    }
+
+    /// Whether updates correct it.
+    pub fn estimated(&self) -> bool {
+        self.tangent.is_some() && self.spec.mode == Mode::Estimate
+    }
+
+    /// The block's coordinates in its display unit; latitude and longitude in degrees.
+    pub fn show(&self, values: &[f64], out: &mut [f64]) {
+        let n = self.operations.tangent;
+        (self.operations.coordinates)(&values[self.range()], &mut out[..n]);
+        if self.operations.kind == std::any::TypeId::of::<crate::state::manifold::Position>() {
+            out[0] = out[0].to_degrees();
+            out[1] = out[1].to_degrees();
+        } else {
+            out[..n].iter_mut().for_each(|x| *x /= self.spec.display.scale);
+        }
+    }
+
+    /// 1-sigma of the block's components in its display unit; zero when fixed.
+    pub fn show_sigma(
+        &self,
+        values: &[f64],
+        covariance: &crate::state::covariance::Covariance,
+        out: &mut [f64],
+    ) {
+        let n = self.operations.tangent;
+        let Some(t) = self.tangent else {
+            out[..n].fill(0.0);
+            return;
+        };
+        let jacobian = self.coordinate_jacobian(values).unwrap_or_else(|| {
+            let mut identity = [0.0; MAX_TANGENT * MAX_TANGENT];
+            (0..n).for_each(|i| identity[n * i + i] = 1.0);
+            identity
+        });
+        for i in 0..n {
+            let row = &jacobian[n * i..n * i + n];
+            let mut variance = 0.0;
+            for (a, &ja) in row.iter().enumerate().filter(|(_, j)| **j != 0.0) {
+                for (b, &jb) in row.iter().enumerate().filter(|(_, j)| **j != 0.0) {
+                    variance += ja * jb * covariance.get(t + a, t + b);
+                }
+            }
+            out[i] = variance.max(0.0).sqrt() / self.spec.display.scale;
+        }
+    }
+
+    /// Estimate minus reference in the display unit.
+    pub fn show_error(&self, estimate: &[f64], reference: &[f64], out: &mut [f64]) {
+        use crate::state::manifold::Reading;
+        let n = self.operations.tangent;
+        let (estimate, reference) = (&estimate[self.range()], &reference[self.range()]);
+        if self.operations.reading == Reading::Tangent {
+            (self.operations.local)(estimate, reference, &mut out[..n]);
+        } else {
+            let mut r = [0.0; MAX_TANGENT];
+            (self.operations.coordinates)(estimate, &mut out[..n]);
+            (self.operations.coordinates)(reference, &mut r[..n]);
+            for (e, r) in out[..n].iter_mut().zip(&r) {
+                *e -= r;
+                if self.operations.reading == Reading::Angles {
+                    *e -= std::f64::consts::TAU * (*e / std::f64::consts::TAU).round();
+                }
+            }
+        }
+        out[..n].iter_mut().for_each(|x| *x /= self.spec.display.scale);
+    }
+
+    /// The prior covariance of the block's tangent about the given value.
+    pub fn prior(&self, values: &[f64]) -> DMatrix<f64> {
+        let n = self.operations.tangent;
+        let diagonal =
+            DMatrix::from_fn(n, n, |i, j| if i == j { self.spec.sigma[i].powi(2) } else { 0.0 });
+        if self.operations.reading != crate::state::manifold::Reading::Angles {
+            return diagonal;
+        }
+        let jacobian = self.coordinate_jacobian(values);
+        match jacobian.and_then(|j| DMatrix::from_row_slice(n, n, &j[..n * n]).try_inverse()) {
+            Some(inverse) => &inverse * diagonal * inverse.transpose(),
+            None => diagonal,
+        }
+    }
+
+    /// Derivative of the coordinates with respect to the tangent, row-major; `None` where sigma is read in the tangent,
+    /// and where roll and yaw are one angle, at a pitch of 90 deg: that of the tangent then stands for theirs.
+    fn coordinate_jacobian(&self, values: &[f64]) -> Option<[f64; MAX_TANGENT * MAX_TANGENT]> {
+        use crate::state::manifold::Reading;
+        // at 1e6 the pitch is within 0.2 arc seconds of 90 deg
+        let largest = match self.operations.reading {
+            Reading::Tangent => return None,
+            Reading::Angles => 1e6,
+            Reading::Coordinates => f64::MAX,
+        };
+        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
+        (self.operations.coordinate_jacobian)(&values[self.range()], &mut jacobian);
+        jacobian.iter().all(|j| j.abs() <= largest).then_some(jacobian)
+    }
+}

@@ -1,0 +1,93 @@
+//! The symmetric covariance of the error state.
+
+/// A symmetric covariance, row-major with rows padded to a multiple of four so that the kernel runs on whole vectors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Covariance {
+    pub(super) n: usize,
+    pub(super) stride: usize,
+    pub(super) p: Vec<f64>,
+}
+
+impl Covariance {
+    /// The zero covariance of dimension `n`.
+    pub fn zero(n: usize) -> Self {
+        let stride = n.next_multiple_of(4);
+        Self { n, stride, p: vec![0.0; n * stride] }
+    }
+
+    /// The dimension.
+    pub fn dimension(&self) -> usize {
+        self.n
+    }
+
+    /// The element at row `i`, column `j`.
+    pub fn get(&self, i: usize, j: usize) -> f64 {
+        self.p[i * self.stride + j]
+    }
+
+    /// Sets the elements at `(i, j)` and `(j, i)`.
+    pub fn set(&mut self, i: usize, j: usize, value: f64) {
+        self.p[i * self.stride + j] = value;
+        self.p[j * self.stride + i] = value;
+    }
+
+    /// The first index whose variance is not a positive finite number.
+    pub fn first_invalid(&self) -> Option<usize> {
+        (0..self.n).find(|&i| !(self.get(i, i) > 0.0 && self.get(i, i).is_finite()))
+    }
+
+    /// A dense copy.
+    pub fn to_dense(&self) -> nalgebra::DMatrix<f64> {
+        nalgebra::DMatrix::from_fn(self.n, self.n, |i, j| self.get(i, j))
+    }
+
+    /// `P = G P G'` with `G` the identity but for the block `g` (row-major) on the range.
+    pub fn transform(&mut self, range: std::ops::Range<usize>, g: &[f64]) {
+        let (w, stride) = (range.len(), self.stride);
+        let mut column = [0.0; crate::state::manifold::MAX_TANGENT];
+        for j in 0..self.n {
+            for (a, c) in column[..w].iter_mut().enumerate() {
+                *c = (0..w).map(|b| g[a * w + b] * self.p[(range.start + b) * stride + j]).sum();
+            }
+            (0..w).for_each(|a| self.p[(range.start + a) * stride + j] = column[a]);
+        }
+        for j in 0..self.n {
+            let row = &mut self.p[j * stride..][range.clone()];
+            for (a, c) in column[..w].iter_mut().enumerate() {
+                *c = (0..w).map(|b| g[a * w + b] * row[b]).sum();
+            }
+            row.copy_from_slice(&column[..w]);
+        }
+        self.symmetrise();
+    }
+
+    /// `P = G P G'` with `G` the identity but for `g` at those three rows of the column `k`, which is none of them.
+    pub(crate) fn shear(
+        &mut self,
+        rows: std::ops::Range<usize>,
+        k: usize,
+        g: &nalgebra::Vector3<f64>,
+    ) {
+        let stride = self.stride;
+        for (row, g) in rows.clone().zip(g) {
+            for j in 0..self.n {
+                self.p[row * stride + j] += g * self.p[k * stride + j];
+            }
+        }
+        for row in self.p.chunks_exact_mut(stride) {
+            let by = row[k];
+            row[rows.clone()].iter_mut().zip(g).for_each(|(p, g)| *p += g * by);
+        }
+        self.symmetrise();
+    }
+
+    pub(super) fn symmetrise(&mut self) {
+        for i in 0..self.n {
+            for j in 0..i {
+                let mean = 0.5 * (self.p[i * self.stride + j] + self.p[j * self.stride + i]);
+                self.p[i * self.stride + j] = mean;
+                self.p[j * self.stride + i] = mean;
+            }
+        }
+    }
+}

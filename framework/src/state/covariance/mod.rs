@@ -1,0 +1,16 @@
+//! The covariance of the error state: structured propagation and Joseph update.
+//!
+//! A process model changes few rows of the error state, and each from few columns: the transition is held as a sparse
+//! pattern, found once. One kernel, `y_i = sum_k a_ik x_k` over rows of `x`, does all the work.
+
+mod matrix;
+mod transition;
+mod update;
+
+#[cfg(test)]
+mod tests;
+
+pub use matrix::Covariance;
+pub use transition::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
+pub(crate) use update::Reach;
+pub use update::Update;

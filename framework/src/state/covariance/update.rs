@@ -1,0 +1,330 @@
+//! The measurement update.
+
+use super::Covariance;
+use crate::units::sample::MAX_CHANNELS;
+
+/// The work space of one update: innovation, Jacobian and gain, allocated once.
+#[derive(Clone, Debug, Default)]
+pub struct Update {
+    /// Number of measured components.
+    pub m: usize,
+    /// Columns of the error state that the Jacobian touches.
+    pub columns: Vec<usize>,
+    /// The Jacobian over `columns`, row-major `m` x `columns.len()`.
+    pub h: Vec<f64>,
+    /// Innovation `z [-] h(x)`.
+    pub innovation: Vec<f64>,
+    /// Measurement noise covariance, row-major `m` x `m`.
+    pub r: Vec<f64>,
+    /// Innovation covariance `H P H' + R`, row-major `m` x `m`.
+    pub s: Vec<f64>,
+    /// The correction of the error state.
+    pub delta: Vec<f64>,
+    lower: Vec<f64>,
+    l: Vec<f64>,
+    gain: Vec<f64>,
+    work: Vec<f64>,
+}
+
+/// Where an error that a sensor saw at one time has gone since: `G`, one row a state; empty when nothing is followed.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Reach {
+    /// The channels that saw it, one bit each.
+    channels: u16,
+    /// The length of a row: the number of channels, padded to a multiple of four.
+    pub(super) stride: usize,
+    pub(super) g: Vec<f64>,
+}
+
+impl Reach {
+    /// Room for an error state of dimension `n` and up to `m` channels.
+    pub(crate) fn with_capacity(n: usize, m: usize) -> Self {
+        Self { g: Vec::with_capacity(n * m.next_multiple_of(4)), ..Self::default() }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.g.is_empty()
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.g.clear();
+    }
+}
+
+impl Update {
+    /// Work space for an error state of dimension `n` and up to `m` components.
+    pub fn with_capacity(n: usize, m: usize) -> Self {
+        Self {
+            m: 0,
+            columns: Vec::with_capacity(n),
+            h: Vec::with_capacity(m * n),
+            innovation: Vec::with_capacity(m),
+            r: Vec::with_capacity(m * m),
+            s: Vec::with_capacity(m * m),
+            delta: vec![0.0; n],
+            lower: Vec::with_capacity(m * m),
+            l: Vec::with_capacity(n * m),
+            gain: Vec::with_capacity(n * m),
+            work: Vec::with_capacity(n * n.max(m)),
+        }
+    }
+
+    /// The gain of the last [`Self::apply`], row-major `n` x `m`.
+    pub fn gain(&self) -> &[f64] {
+        &self.gain
+    }
+
+    /// Computes `S = H P H' + R` and the normalised innovation squared, which may be infinite; `None` if `S` is
+    /// not positive definite.
+    pub fn innovate(&mut self, covariance: &Covariance) -> Option<f64> {
+        let (n, m, w) = (covariance.n, self.m, self.columns.len());
+        self.l.clear();
+        for i in 0..n {
+            let row = &covariance.p[i * covariance.stride..][..n];
+            for a in 0..m {
+                let h = &self.h[a * w..a * w + w];
+                self.l.push(h.iter().zip(&self.columns).map(|(h, &c)| h * row[c]).sum());
+            }
+        }
+        self.s.clear();
+        self.s.extend_from_slice(&self.r);
+        for a in 0..m {
+            for b in 0..m {
+                let h = &self.h[a * w..a * w + w];
+                self.s[a * m + b] +=
+                    h.iter().zip(&self.columns).map(|(h, &c)| h * self.l[c * m + b]).sum::<f64>();
+            }
+        }
+        if !cholesky(&self.s, m, &mut self.lower) {
+            return None;
+        }
+        self.work.clear();
+        self.work.extend_from_slice(&self.innovation);
+        forward(&self.lower, m, &mut self.work);
+        let nis: f64 = self.work.iter().map(|y| y * y).sum();
+        (!nis.is_nan()).then_some(nis)
+    }
+
+    /// `P = P + c G A G'` with `A = H P H'` and `G` as in [`Self::direction`]: what the sensor sees becomes `1 + c` times as
+    /// uncertain. `false` if nothing can be done. After [`Self::innovate`], and before another.
+    pub(crate) fn inflate(
+        &mut self,
+        covariance: &mut Covariance,
+        considered: &[bool],
+        c: f64,
+    ) -> bool {
+        if !self.direction(covariance, considered) {
+            return false;
+        }
+        let rows = self.columns.iter().copied().zip(self.l.chunks_exact(self.m));
+        self.add(covariance, rows, c);
+        true
+    }
+
+    /// `P = P + c N A N'` with `N` of [`Self::unseen`]: what an error of the size that [`Self::inflate`] adds reached
+    /// without the sensor seeing it gets its share. `H N = 0`, so the sample says nothing of it.
+    pub(crate) fn inflate_unseen(&self, covariance: &mut Covariance, unseen: &[f64], c: f64) {
+        self.add(covariance, unseen.chunks_exact(self.m).enumerate(), c);
+    }
+
+    /// `P = P + c G A G'`, from the rows of `G` that are not zero.
+    fn add<'a>(
+        &self,
+        covariance: &mut Covariance,
+        rows: impl Iterator<Item = (usize, &'a [f64])> + Clone,
+        c: f64,
+    ) {
+        let m = self.m;
+        for (i, g) in rows.clone() {
+            for (j, f) in rows.clone() {
+                let sum: f64 =
+                    (0..m * m).map(|k| g[k / m] * (self.s[k] - self.r[k]) * f[k % m]).sum();
+                covariance.p[i * covariance.stride + j] += c * sum;
+            }
+        }
+        covariance.symmetrise();
+    }
+
+    /// `G = D H' (H D H')^-1` with `D` the diagonal of `P`, over `columns`, into `l`: an error in what the sensor sees,
+    /// shared among the states in proportion to how uncertain each is and how much it is seen. `considered` states, whose
+    /// variance is a statement, get none. `false` if there is no such direction. After [`Self::innovate`].
+    fn direction(&mut self, covariance: &Covariance, considered: &[bool]) -> bool {
+        let (m, w) = (self.m, self.columns.len());
+        let columns = &self.columns;
+        let variance = |k: usize| {
+            if considered[columns[k]] { 0.0 } else { covariance.get(columns[k], columns[k]) }
+        };
+        // H D H', which 1e-9 S keeps invertible where some channel sees nothing uncertain
+        self.work.clear();
+        for a in 0..m {
+            for b in 0..m {
+                let (ha, hb) = (&self.h[a * w..a * w + w], &self.h[b * w..b * w + w]);
+                let sum: f64 = (0..w).map(|k| ha[k] * variance(k) * hb[k]).sum();
+                self.work.push(sum + 1e-9 * self.s[a * m + b]);
+            }
+        }
+        if !cholesky(&self.work, m, &mut self.lower) {
+            return false;
+        }
+        self.l.clear();
+        for k in 0..w {
+            self.l.extend((0..m).map(|a| self.h[a * w + k] * variance(k)));
+        }
+        for row in self.l.chunks_exact_mut(m) {
+            forward(&self.lower, m, row);
+            backward(&self.lower, m, row);
+        }
+        true
+    }
+
+    /// Begins to follow where an error in what the sensor sees goes from now on; none if there is no direction of it.
+    /// After [`Self::innovate`], and before another.
+    pub(crate) fn begin(
+        &mut self,
+        covariance: &Covariance,
+        considered: &[bool],
+        channels: u16,
+        reach: &mut Reach,
+    ) {
+        reach.clear();
+        if !self.direction(covariance, considered) {
+            return;
+        }
+        (reach.channels, reach.stride) = (channels, self.m.next_multiple_of(4));
+        reach.g.resize(covariance.n * reach.stride, 0.0);
+        for (c, row) in self.columns.iter().zip(self.l.chunks_exact(self.m)) {
+            reach.g[c * reach.stride..][..self.m].copy_from_slice(row);
+        }
+    }
+
+    /// `N`, row-major `n` x `m`: the rows of `K = G (H G)^-1`, so that `H K = 1`, of the states that the sensor does not
+    /// see now, and zero for the others. Empty if it sees too little of the error that it saw at the beginning.
+    pub(crate) fn unseen(&self, considered: &[bool], channels: u16, reach: &Reach) -> Vec<f64> {
+        let (m, w) = (self.m, self.columns.len());
+        if reach.g.is_empty() || reach.channels != channels {
+            return Vec::new();
+        }
+        let hg = nalgebra::DMatrix::from_fn(m, m, |a, b| self.seen(reach, a, b));
+        // in units of each channel's sigma, a tenth of the error is still to be seen
+        let sigma = |a: usize| self.s[a * m + a].sqrt();
+        let usable = |back: &nalgebra::DMatrix<f64>| {
+            (0..m * m).all(|k| (back[(k / m, k % m)] * sigma(k % m) / sigma(k / m)).abs() <= 10.0)
+        };
+        let Some(back) = hg.try_inverse().filter(usable) else { return Vec::new() };
+        let sees = |i: usize| {
+            self.columns
+                .iter()
+                .position(|&c| c == i)
+                .is_some_and(|k| (0..m).any(|a| self.h[a * w + k] != 0.0))
+        };
+        let mut rows = Vec::with_capacity(considered.len() * m);
+        for (i, g) in reach.g.chunks_exact(reach.stride).enumerate() {
+            let skip = considered[i] || sees(i);
+            let share =
+                |b: usize| if skip { 0.0 } else { (0..m).map(|a| g[a] * back[(a, b)]).sum() };
+            rows.extend((0..m).map(share));
+        }
+        rows
+    }
+
+    /// `G = (I - K H) G`: an update of another sensor changes that error too. After [`Self::apply`].
+    pub(crate) fn correct(&self, reach: &mut Reach) {
+        for b in 0..reach.stride.min(reach.g.len()) {
+            let mut seen = [0.0; MAX_CHANNELS];
+            (0..self.m).for_each(|a| seen[a] = self.seen(reach, a, b));
+            for (g, gain) in
+                reach.g[b..].iter_mut().step_by(reach.stride).zip(self.gain.chunks_exact(self.m))
+            {
+                *g -= gain.iter().zip(&seen).map(|(k, s)| k * s).sum::<f64>();
+            }
+        }
+    }
+
+    /// The element `(a, b)` of `H G`.
+    fn seen(&self, reach: &Reach, a: usize, b: usize) -> f64 {
+        let h = &self.h[a * self.columns.len()..];
+        self.columns.iter().zip(h).map(|(c, h)| h * reach.g[c * reach.stride + b]).sum()
+    }
+
+    /// The gain `P H' S^-1` (zero rows for `considered` columns), the correction, and the Joseph update
+    /// `P = (I - K H) P (I - K H)' + K R K'` (Groves eq. 3.58), which holds for any gain. After [`Self::innovate`].
+    pub fn apply(&mut self, covariance: &mut Covariance, considered: &[bool]) {
+        let (n, m, w, stride) = (covariance.n, self.m, self.columns.len(), covariance.stride);
+        self.gain.clear();
+        self.gain.extend_from_slice(&self.l);
+        for (i, row) in self.gain.chunks_exact_mut(m).enumerate() {
+            if considered[i] {
+                row.fill(0.0);
+            } else {
+                forward(&self.lower, m, row);
+                backward(&self.lower, m, row);
+            }
+            self.delta[i] = row.iter().zip(&self.innovation).map(|(k, y)| k * y).sum();
+        }
+        // A = (I - K H) P = P - K L'
+        let p = &mut covariance.p;
+        for i in 0..n {
+            let k = &self.gain[i * m..i * m + m];
+            for j in 0..n {
+                let l = &self.l[j * m..j * m + m];
+                p[i * stride + j] -= k.iter().zip(l).map(|(k, l)| k * l).sum::<f64>();
+            }
+        }
+        // A (I - K H)' + K R K' = A - (A H' - K R) K'
+        self.work.clear();
+        for i in 0..n {
+            for a in 0..m {
+                let h = &self.h[a * w..a * w + w];
+                let ah: f64 =
+                    h.iter().zip(&self.columns).map(|(h, &c)| h * p[i * stride + c]).sum();
+                let kr: f64 = (0..m).map(|b| self.gain[i * m + b] * self.r[b * m + a]).sum();
+                self.work.push(ah - kr);
+            }
+        }
+        for i in 0..n {
+            let d = &self.work[i * m..i * m + m];
+            for j in 0..n {
+                let k = &self.gain[j * m..j * m + m];
+                p[i * stride + j] -= d.iter().zip(k).map(|(d, k)| d * k).sum::<f64>();
+            }
+        }
+        covariance.symmetrise();
+    }
+}
+
+/// The lower Cholesky factor of `s`, row-major `m` x `m`; `false` if it is not positive definite.
+fn cholesky(s: &[f64], m: usize, lower: &mut Vec<f64>) -> bool {
+    lower.clear();
+    lower.resize(m * m, 0.0);
+    for i in 0..m {
+        for j in 0..=i {
+            let sum: f64 = (0..j).map(|k| lower[i * m + k] * lower[j * m + k]).sum();
+            let d = s[i * m + j] - sum;
+            if i == j {
+                if !(d > 0.0 && d.is_finite()) {
+                    return false;
+                }
+                lower[i * m + i] = d.sqrt();
+            } else {
+                lower[i * m + j] = d / lower[j * m + j];
+            }
+        }
+    }
+    true
+}
+
+/// Solves `L y = b` in place.
+fn forward(lower: &[f64], m: usize, b: &mut [f64]) {
+    for i in 0..m {
+        let sum: f64 = (0..i).map(|k| lower[i * m + k] * b[k]).sum();
+        b[i] = (b[i] - sum) / lower[i * m + i];
+    }
+}
+
+/// Solves `L' x = y` in place.
+fn backward(lower: &[f64], m: usize, y: &mut [f64]) {
+    for i in (0..m).rev() {
+        let sum: f64 = (i + 1..m).map(|k| lower[k * m + i] * y[k]).sum();
+        y[i] = (y[i] - sum) / lower[i * m + i];
+    }
+}

@@ -1,0 +1,30 @@
+//! How the common states are shown: unit, scale and the names of the components.
+
+use crate::state::block::Display;
+use std::f64::consts::PI;
+
+/// A ratio.
+pub const RATIO: Display = Display { unit: "", scale: 1.0, components: &["k"] };
+/// Roll, pitch and yaw in degrees.
+pub const ANGLES: Display =
+    Display { unit: "deg", scale: PI / 180.0, components: &["roll", "pitch", "yaw"] };
+/// One angle in degrees.
+pub const ANGLE: Display = Display { unit: "deg", scale: PI / 180.0, components: &["angle"] };
+/// Three body axes in metres.
+pub const LEVER_ARM: Display = Display { unit: "m", scale: 1.0, components: &["x", "y", "z"] };
+/// A length in metres.
+pub const LENGTH: Display = Display { unit: "m", scale: 1.0, components: &["bias"] };
+/// A time in seconds.
+pub const TIME: Display = Display { unit: "s", scale: 1.0, components: &["offset"] };
+/// North, east and down in metres a second.
+pub const VELOCITY: Display =
+    Display { unit: "m/s", scale: 1.0, components: &["north", "east", "down"] };
+/// Latitude, longitude and height; sigma and error north, east and down in metres.
+pub const POSITION: Display =
+    Display { unit: "m", scale: 1.0, components: &["latitude", "longitude", "height"] };
+/// Three gyros in degrees an hour.
+pub const GYRO_BIAS: Display =
+    Display { unit: "deg/h", scale: PI / 180.0 / 3600.0, components: &["x", "y", "z"] };
+/// Three accelerometers in millionths of standard gravity.
+pub const ACCEL_BIAS: Display =
+    Display { unit: "ug", scale: 9.80665e-6, components: &["x", "y", "z"] };

@@ -1,0 +1,287 @@
+//! Velocities that turn with the heading.
+//!
+//! A velocity in navigation axes that was found by integrating a specific force in body axes has turned with every error of
+//! the heading. Its error is thus resolved in the group of both (right-invariant: Barrau & Bonnabel, IEEE Trans. Autom.
+//! Control 62, 2017; Hartley, Ghaffari, Eustice & Grizzle, Int. J. Robotics Research 39, 2020):
+//! ```text
+//! v = exp([psi x]) v^ + J(psi) xi,   delta = xi + psi x v^,   psi = (0, 0, phi_D)
+//! ```
+//! with `J` the left Jacobian of SO(3), and `delta` what the covariance is about: the error of the velocity itself to first
+//! order. What body axes see of the velocity depends on `xi` alone, so that a correction which moves the estimate does not
+//! make the heading seem observed. An additive error has that fault, and a filter with degrees of initial heading error grows
+//! overconfident by it. Only the vertical turns: gravity tells the other two axes, and with them a filter that is aided by
+//! depth alone grows overconfident instead.
+
+use crate::state::covariance::Covariance;
+use crate::state::layout::Turning;
+use crate::state::manifold::{MAX_TANGENT, left_jacobian};
+use crate::state::{Layout, State};
+use nalgebra::{Matrix3, Vector3};
+
+impl Turning {
+    fn velocity(&self, layout: &Layout, state: &State) -> Vector3<f64> {
+        let block = &layout.blocks[self.velocity];
+        let mut v = [0.0; 3];
+        (block.operations.coordinates)(&state.values[block.range()], &mut v);
+        v.into()
+    }
+}
+
+/// `exp([phi x]) - I`, which keeps the digits of a small angle, and the left Jacobian of SO(3).
+fn turn(phi: &Vector3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
+    let jacobian = left_jacobian(phi);
+    (jacobian * phi.cross_matrix(), jacobian)
+}
+
+impl Layout {
+    /// The velocities that turn with the heading when a correction moves both.
+    fn corrected(&self) -> impl Iterator<Item = &Turning> {
+        self.turning
+            .iter()
+            .filter(|t| self.blocks[t.velocity].estimated() && self.blocks[t.attitude].estimated())
+    }
+
+    /// Injects a correction of the error state into the estimated blocks, and moves the covariance to the error about the
+    /// new estimate. In `delta` a velocity that turns gets by how much it moved.
+    pub(crate) fn inject(&self, state: &mut State, delta: &mut [f64], covariance: &mut Covariance) {
+        for t in self.corrected() {
+            let (v, a) =
+                (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());
+            let psi = Vector3::new(0.0, 0.0, delta[a.start + 2]);
+            let given = Vector3::from_column_slice(&delta[v.clone()]);
+            let velocity = t.velocity(self, state);
+            let (turned, jacobian) = turn(&psi);
+            let moved = turned * velocity + jacobian * (given - psi.cross(&velocity));
+            delta[v.clone()].copy_from_slice(moved.as_slice());
+            // xi stays, and delta = xi + psi x v
+            covariance.shear(v, a.start + 2, &Vector3::z().cross(&moved));
+        }
+        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
+        for block in self.blocks.iter().filter(|b| b.estimated()) {
+            let range = block.tangent_range();
+            let delta = &delta[range.clone()];
+            (block.operations.retract)(&mut state.values[block.range()], delta);
+            if (block.operations.reset)(delta, &mut jacobian) {
+                covariance.transform(range, &jacobian);
+            }
+        }
+    }
+
+    /// Moves the covariance of the error with anything else, `G` with one row a state (row-major, rows of `stride`), to the error
+    /// about the estimate after `delta` was injected: what the injection does to the filter's own covariance, by the `delta` that
+    /// [`crate::model::record::Observer::correction`] is given. Any other breaks the joint covariance of both.
+    pub fn reset_rows(&self, delta: &[f64], g: &mut [f64], stride: usize) {
+        for t in self.corrected() {
+            let (v, a) =
+                (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());
+            let by = Vector3::z().cross(&Vector3::from_column_slice(&delta[v.clone()]));
+            for (row, by) in v.zip(by.iter()) {
+                for j in 0..stride {
+                    g[row * stride + j] += by * g[(a.start + 2) * stride + j];
+                }
+            }
+        }
+        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
+        let mut column = [0.0; MAX_TANGENT];
+        for block in self.blocks.iter().filter(|b| b.estimated()) {
+            let (first, w) = (block.tangent_range().start, block.operations.tangent);
+            if !(block.operations.reset)(&delta[first..first + w], &mut jacobian) {
+                continue;
+            }
+            for j in 0..stride {
+                for (a, c) in column[..w].iter_mut().enumerate() {
+                    *c = (0..w).map(|b| jacobian[a * w + b] * g[(first + b) * stride + j]).sum();
+                }
+                (0..w).for_each(|a| g[(first + a) * stride + j] = column[a]);
+            }
+        }
+    }
+
+    /// The error of an estimate that its covariance is about, `truth [-] estimate`: one number a tangent component. Blocks that
+    /// are not `known` have none; a velocity then turns with no heading.
+    pub fn error(&self, truth: &State, estimate: &State, known: &[bool], out: &mut [f64]) {
+        out.fill(0.0);
+        let uncertain = |slot: usize| known[slot] && self.blocks[slot].tangent.is_some();
+        for (_, block) in self.blocks.iter().enumerate().filter(|(slot, _)| uncertain(*slot)) {
+            let (to, from) = (&truth.values[block.range()], &estimate.values[block.range()]);
+            (block.operations.local)(to, from, &mut out[block.tangent_range()]);
+        }
+        for t in self.turning.iter().filter(|t| uncertain(t.velocity) && uncertain(t.attitude)) {
+            let (v, a) =
+                (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());
+            let psi = Vector3::new(0.0, 0.0, out[a.start + 2]);
+            let moved = Vector3::from_column_slice(&out[v.clone()]);
+            let velocity = t.velocity(self, estimate);
+            let (turned, jacobian) = turn(&psi);
+            if let Some(inverse) = jacobian.try_inverse() {
+                let delta = inverse * (moved - turned * velocity) + psi.cross(&velocity);
+                out[v].copy_from_slice(delta.as_slice());
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::expect_used, reason = "a test fails by panicking")]
+    use super::*;
+    use crate::compose::Composer;
+    use crate::model::simulate::Random;
+    use crate::state::covariance::Update;
+    use crate::state::display;
+    use crate::state::manifold::{Position, Rotation, Vector};
+    use crate::state::{BlockSpec, Display, Dynamics, Mode};
+    use crate::units::time::Time;
+    use nalgebra::{DMatrix, Rotation3, Vector6};
+
+    /// Attitude, velocity and position, of which the second turns with the first or does not.
+    fn layout(turns: bool) -> Layout {
+        let mut composer = Composer::default();
+        composer.begin("ins");
+        let spec = |display: Display| BlockSpec {
+            mode: Mode::Estimate,
+            initial: vec![0.0; 3],
+            sigma: vec![1.0; 3],
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display,
+        };
+        let attitude =
+            composer.block::<Rotation>("attitude", spec(display::ANGLES)).expect("a block");
+        let velocity =
+            composer.block::<Vector<3>>("velocity", spec(display::VELOCITY)).expect("a block");
+        composer.block::<Position>("position", spec(display::POSITION)).expect("a block");
+        if turns {
+            composer.turns_with_heading(velocity, attitude);
+        }
+        composer.finish().0
+    }
+
+    fn displaced(layout: &Layout, state: &State, random: &mut Random, sizes: [f64; 3]) -> State {
+        let mut moved = state.clone();
+        moved.time = Time::default();
+        for (block, size) in layout.blocks.iter().zip(sizes) {
+            let delta: Vec<f64> = (0..3).map(|_| size * random.normal()).collect();
+            (block.operations.retract)(&mut moved.values[block.range()], &delta);
+        }
+        moved
+    }
+
+    #[test]
+    fn injecting_the_error_of_an_estimate_gives_the_truth() {
+        let layout = layout(true);
+        let mut random = Random::new(1, "turning");
+        for _ in 0..200 {
+            let start = displaced(&layout, &layout.initial_state(), &mut random, [1.0, 5.0, 1e3]);
+            let mut estimate = displaced(&layout, &start, &mut random, [0.3, 5.0, 1e3]);
+            let truth = displaced(&layout, &estimate, &mut random, [0.4, 3.0, 200.0]);
+            let mut delta = [0.0; 9];
+            layout.error(&truth, &estimate, &[true; 3], &mut delta);
+            let mut covariance = Covariance::zero(9);
+            (0..9).for_each(|i| covariance.set(i, i, 1.0));
+            layout.inject(&mut estimate, &mut delta, &mut covariance);
+            let mut left = [0.0; 9];
+            layout.error(&truth, &estimate, &[true; 3], &mut left);
+            // rounding of a position of 6e6 m in radians is 1e-9 m
+            assert!(left.iter().all(|e| e.abs() < 1e-8), "{left:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_carried_beside_the_covariance_stays_its_factor() {
+        let layout = layout(true);
+        let mut random = Random::new(4, "turning");
+        for _ in 0..50 {
+            let mut state =
+                displaced(&layout, &layout.initial_state(), &mut random, [1.0, 5.0, 1e3]);
+            // G G' = P, after a heading correction of some 10 degrees as before
+            let mut g: Vec<f64> = (0..9 * 9).map(|_| random.normal()).collect();
+            let product = |g: &[f64], i: usize, j: usize| {
+                (0..9).map(|k| g[i * 9 + k] * g[j * 9 + k]).sum::<f64>()
+            };
+            let mut covariance = Covariance::zero(9);
+            for (i, j) in (0..9).flat_map(|i| (0..9).map(move |j| (i, j))) {
+                covariance.set(i, j, product(&g, i, j));
+            }
+            let mut delta: Vec<f64> = (0..9).map(|_| 0.2 * random.normal()).collect();
+            layout.inject(&mut state, &mut delta, &mut covariance);
+            layout.reset_rows(&delta, &mut g, 9);
+            for (i, j) in (0..9).flat_map(|i| (0..9).map(move |j| (i, j))) {
+                let (p, of_g) = (covariance.get(i, j), product(&g, i, j));
+                // rounding of elements of some 100
+                assert!((p - of_g).abs() < 1e-11, "{i} {j}: {p} {of_g}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_small_error_is_that_of_each_block() {
+        let (turning, plain) = (layout(true), layout(false));
+        let mut random = Random::new(2, "turning");
+        let estimate = displaced(&turning, &turning.initial_state(), &mut random, [1.0, 5.0, 1e3]);
+        let truth = displaced(&turning, &estimate, &mut random, [1e-6, 1e-6, 1e-6]);
+        let (mut a, mut b) = ([0.0; 9], [0.0; 9]);
+        turning.error(&truth, &estimate, &[true; 3], &mut a);
+        plain.error(&truth, &estimate, &[true; 3], &mut b);
+        // they differ by half the squared angle times 5 m/s, or times 1 km
+        let worst = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 0.5 * 1e-11 * 3e3, "{worst}");
+    }
+
+    /// The heading's variance after many velocities in body axes, each of which moves the estimate, relative to the prior.
+    fn after_body_velocities(turns: bool) -> f64 {
+        let layout = layout(turns);
+        let mut random = Random::new(3, "turning");
+        let mut state = displaced(&layout, &layout.initial_state(), &mut random, [1.0, 5.0, 0.0]);
+        let mut covariance = Covariance::zero(9);
+        // psi and xi unrelated, so that delta = xi + psi x v; the tilt is known
+        let v = Vector3::from_column_slice(&state.values[layout.blocks[1].range()]);
+        let phi = Matrix3::from_diagonal(&Vector3::new(1e-12, 1e-12, 0.04));
+        let turned = Vector3::z().cross(&v);
+        let mut cross = Matrix3::zeros();
+        cross.set_column(2, &(turned * 0.04));
+        let velocity = Matrix3::from_diagonal_element(0.25) + turned * turned.transpose() * 0.04;
+        for i in 0..3 {
+            for j in 0..3 {
+                covariance.set(i, j, phi[(i, j)]);
+                covariance.set(3 + i, j, cross[(i, j)]);
+                covariance.set(3 + i, 3 + j, velocity[(i, j)]);
+            }
+            covariance.set(6 + i, 6 + i, 1.0);
+        }
+        let mut update = Update::with_capacity(9, 3);
+        for _ in 0..50 {
+            let c = Rotation3::from_matrix_unchecked(*state.get(&layout, handle(&layout)).matrix());
+            let v = Vector3::from_column_slice(&state.values[layout.blocks[1].range()]);
+            let to_body = *c.inverse().matrix();
+            let h = [to_body * v.cross_matrix(), to_body];
+            update.m = 3;
+            update.columns = (0..6).collect();
+            update.h = (0..3)
+                .flat_map(|i| h.map(|h| [h[(i, 0)], h[(i, 1)], h[(i, 2)]]).concat())
+                .collect();
+            update.innovation = (0..3).map(|_| 0.5 * random.normal()).collect();
+            update.r = DMatrix::from_diagonal_element(3, 3, 0.01).as_slice().to_vec();
+            update.innovate(&covariance).expect("S is positive definite");
+            update.apply(&mut covariance, &[false; 9]);
+            layout.inject(&mut state, &mut update.delta, &mut covariance);
+        }
+        let sum: Vector6<f64> = Vector6::from_fn(|i, _| covariance.get(i, i));
+        sum[2] / 0.04
+    }
+
+    fn handle(layout: &Layout) -> crate::state::Handle<Rotation> {
+        assert_eq!(layout.blocks[0].name, "ins.attitude");
+        crate::state::Handle { slot: 0, manifold: std::marker::PhantomData }
+    }
+
+    #[test]
+    fn a_velocity_in_body_axes_never_tells_the_heading() {
+        let kept = after_body_velocities(true);
+        // what a tilt of 1e-6 rad leaves is second order in it
+        assert!((kept - 1.0).abs() < 1e-6, "{kept}");
+        // without it the same updates pretend to know more
+        let pretended = after_body_velocities(false);
+        assert!(pretended < 0.5, "{pretended}");
+    }
+}

@@ -1,0 +1,78 @@
+//! The WGS-84 ellipsoid, and positions on it.
+//!
+//! Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems*, 2nd ed., section 2.4.
+
+use crate::Real;
+use nalgebra::{Vector3, convert};
+
+/// Equatorial radius of WGS-84, m.
+pub const EQUATORIAL_RADIUS: f64 = 6_378_137.0;
+/// Flattening of WGS-84.
+pub const FLATTENING: f64 = 1.0 / 298.257_223_563;
+/// First eccentricity of WGS-84, squared.
+pub const ECCENTRICITY_SQUARED: f64 = FLATTENING * (2.0 - FLATTENING);
+
+/// A geodetic position on WGS-84.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geodetic<T = f64> {
+    /// Geodetic latitude, rad.
+    pub latitude: T,
+    /// Longitude, rad.
+    pub longitude: T,
+    /// Height above the ellipsoid, m.
+    pub height: T,
+}
+
+/// Radii of curvature of the ellipsoid at a latitude (rad): meridian `R_N` and transverse `R_E`, m
+/// (Groves eqs 2.105 and 2.106).
+pub fn radii_of_curvature<T: Real>(latitude: T) -> (T, T) {
+    let e2: T = convert(ECCENTRICITY_SQUARED);
+    let a: T = convert(EQUATORIAL_RADIUS);
+    let s = latitude.sin();
+    let w2 = T::one() - e2 * s * s;
+    let r_e = a / w2.sqrt();
+    let r_n = r_e * (T::one() - e2) / w2;
+    (r_n, r_e)
+}
+
+impl Geodetic {
+    /// The position with scalars of type `T`, of which it is a constant.
+    pub fn cast<T: Real>(&self) -> Geodetic<T> {
+        let Self { latitude, longitude, height } = *self;
+        Geodetic {
+            latitude: convert(latitude),
+            longitude: convert(longitude),
+            height: convert(height),
+        }
+    }
+}
+
+impl<T: Real> Geodetic<T> {
+    /// The position displaced by north, east and down metres along the local tangent.
+    pub fn displaced(&self, ned: &Vector3<T>) -> Self {
+        let (r_n, r_e) = radii_of_curvature(self.latitude);
+        Self {
+            latitude: self.latitude + ned.x / (r_n + self.height),
+            longitude: self.longitude + ned.y / ((r_e + self.height) * self.latitude.cos()),
+            height: self.height - ned.z,
+        }
+    }
+
+    /// North, east and down metres from `origin` to here, in the tangent at `origin`: the inverse of [`Self::displaced`].
+    /// The longitude difference is taken the short way round the antimeridian.
+    pub fn ned_from(&self, origin: &Self) -> Vector3<T> {
+        let (r_n, r_e) = radii_of_curvature(origin.latitude);
+        let two_pi = T::two_pi();
+        let mut d_lon = self.longitude - origin.longitude;
+        if d_lon > T::pi() {
+            d_lon -= two_pi;
+        } else if d_lon < -T::pi() {
+            d_lon += two_pi;
+        }
+        Vector3::new(
+            (self.latitude - origin.latitude) * (r_n + origin.height),
+            d_lon * (r_e + origin.height) * origin.latitude.cos(),
+            origin.height - self.height,
+        )
+    }
+}

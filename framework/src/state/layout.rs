@@ -1,0 +1,126 @@
+//! The layout of the blocks in one flat vector, and the state that it describes.
+
+use crate::state::block::Block;
+use crate::state::manifold::Manifold;
+use crate::units::time::Time;
+use std::marker::PhantomData;
+
+/// The largest number of blocks of one composition.
+pub const MAX_BLOCKS: usize = 128;
+
+/// A typed reference to a state block: resolved once, when the scenario is composed.
+#[derive(Debug)]
+pub struct Handle<M> {
+    pub(crate) slot: usize,
+    pub(crate) manifold: PhantomData<fn() -> M>,
+}
+
+impl<M> Clone for Handle<M> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<M> Copy for Handle<M> {}
+
+impl<M> Handle<M> {
+    /// The block's index in [`Layout::blocks`].
+    pub fn slot(self) -> usize {
+        self.slot
+    }
+}
+
+/// A known time-varying input of `N` numbers that a process model publishes for measurement models, such as the angular
+/// rate of the body. It has no error state.
+#[derive(Clone, Copy, Debug)]
+pub struct Signal<const N: usize> {
+    pub(crate) offset: usize,
+}
+
+/// The blocks of a composition and where each stands.
+#[derive(Clone, Debug, Default)]
+pub struct Layout {
+    /// The blocks in order.
+    pub blocks: Vec<Block>,
+    /// Length of [`State::values`].
+    pub ambient: usize,
+    /// Dimension of the error state.
+    pub tangent: usize,
+    /// Length of [`State::signals`].
+    pub signals: usize,
+    /// Velocities that turn with the heading.
+    pub(crate) turning: Vec<Turning>,
+}
+
+impl Layout {
+    /// The block of that full name.
+    pub fn find(&self, name: &str) -> Option<&Block> {
+        self.blocks.iter().find(|b| b.name == name)
+    }
+
+    /// The block in the place of a handle.
+    pub fn block<M>(&self, handle: Handle<M>) -> &Block {
+        &self.blocks[handle.slot]
+    }
+
+    /// The state at every block's initial value, and which blocks have a `truth`, at that truth.
+    pub fn initial_state(&self) -> State {
+        let (values, signals) = (vec![0.0; self.ambient], vec![0.0; self.signals]);
+        let mut state = State { time: Time::MIN, values, signals };
+        for block in &self.blocks {
+            (block.operations.from_coordinates)(
+                &block.spec.initial,
+                &mut state.values[block.range()],
+            );
+        }
+        state
+    }
+
+    /// The state with every block at its `truth` where it has one, and the slots of those blocks.
+    pub fn true_state(&self) -> (State, Vec<bool>) {
+        let mut state = self.initial_state();
+        let mut known = vec![false; self.blocks.len()];
+        for (slot, block) in self.blocks.iter().enumerate() {
+            if let Some(truth) = &block.spec.truth {
+                (block.operations.from_coordinates)(truth, &mut state.values[block.range()]);
+                known[slot] = true;
+            }
+        }
+        (state, known)
+    }
+}
+
+/// The nominal state: every block's value, and the signals, at one time. Plain data: a snapshot is a clone.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct State {
+    /// The time of the values.
+    pub time: Time,
+    /// The blocks' values, laid out by [`Layout`].
+    pub values: Vec<f64>,
+    /// The signals that process models publish.
+    pub signals: Vec<f64>,
+}
+
+impl State {
+    /// The value of a block.
+    pub fn get<M: Manifold>(&self, layout: &Layout, handle: Handle<M>) -> M::Value<f64> {
+        M::load(&self.values[layout.blocks[handle.slot].range()])
+    }
+
+    /// Sets the value of a block.
+    pub fn set<M: Manifold>(&mut self, layout: &Layout, handle: Handle<M>, value: &M::Value<f64>) {
+        M::store(value, &mut self.values[layout.blocks[handle.slot].range()]);
+    }
+
+    /// Publishes a signal.
+    pub fn publish<const N: usize>(&mut self, signal: Signal<N>, value: &[f64; N]) {
+        self.signals[signal.offset..signal.offset + N].copy_from_slice(value);
+    }
+}
+
+/// A velocity block that turns with the heading of an attitude.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turning {
+    pub velocity: usize,
+    pub attitude: usize,
+}

@@ -1,0 +1,15 @@
+//! The state: blocks on manifolds, their layout in one flat vector, the error state and its covariance.
+
+pub mod block;
+pub mod covariance;
+pub mod display;
+pub(crate) mod dynamics;
+pub mod error;
+pub mod geodesy;
+pub mod layout;
+pub mod manifold;
+pub mod view;
+
+pub use block::{Block, BlockSpec, Display, Dynamics, Mode};
+pub use layout::{Handle, Layout, MAX_BLOCKS, Signal, State};
+pub use view::View;

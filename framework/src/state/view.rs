@@ -1,0 +1,85 @@
+//! The typed view of the state that a measurement function reads.
+
+use crate::Real;
+use crate::state::layout::{Handle, Layout, Signal, State};
+use crate::state::manifold::{MAX_TANGENT, Manifold};
+use crate::units::sample::Sample;
+use crate::units::time::Time;
+use std::cell::Cell;
+
+/// What a measurement function reads: typed values of scalar type `T`, one block of which may carry a derivative.
+///
+/// It notes which blocks were read, so that the derivative is taken with respect to exactly those.
+#[derive(Debug)]
+pub struct View<'a, T: Real> {
+    layout: &'a Layout,
+    state: &'a State,
+    sample: Option<&'a Sample>,
+    seeded: usize,
+    delta: [T; MAX_TANGENT],
+    read: Cell<u128>,
+}
+
+impl<'a> View<'a, f64> {
+    /// A view without derivatives.
+    pub fn new(layout: &'a Layout, state: &'a State) -> Self {
+        Self {
+            layout,
+            state,
+            sample: None,
+            seeded: usize::MAX,
+            delta: [0.0; MAX_TANGENT],
+            read: Cell::new(0),
+        }
+    }
+}
+
+impl<'a, T: Real> View<'a, T> {
+    /// A view in which the block `slot` is displaced by `delta` along its tangent.
+    pub fn seeded(
+        layout: &'a Layout,
+        state: &'a State,
+        slot: usize,
+        delta: [T; MAX_TANGENT],
+    ) -> Self {
+        Self { layout, state, sample: None, seeded: slot, delta, read: Cell::new(0) }
+    }
+
+    /// The view in which the sample's channels can be read too.
+    #[must_use]
+    pub fn with(self, sample: &'a Sample) -> Self {
+        Self { sample: Some(sample), ..self }
+    }
+
+    /// A channel of the sample that is predicted, if it is there: what a sensor tells beside what it measures, such as the
+    /// speed of sound that it assumed, or how good it believes to be. In a simulation, the simulator fills it first.
+    pub fn channel(&self, channel: usize) -> Option<f64> {
+        self.sample.and_then(|sample| sample.get(channel))
+    }
+
+    /// The value of a block.
+    pub fn get<M: Manifold>(&self, handle: Handle<M>) -> M::Value<T> {
+        self.read.set(self.read.get() | 1 << handle.slot);
+        let value = M::load(&self.state.values[self.layout.blocks[handle.slot].range()]);
+        if handle.slot == self.seeded {
+            M::retract(&value, &self.delta[..M::TANGENT])
+        } else {
+            value
+        }
+    }
+
+    /// The value of a signal.
+    pub fn signal<const N: usize>(&self, signal: Signal<N>) -> [f64; N] {
+        std::array::from_fn(|i| self.state.signals[signal.offset + i])
+    }
+
+    /// The time of the state.
+    pub fn time(&self) -> Time {
+        self.state.time
+    }
+
+    /// The blocks read so far, one bit a slot.
+    pub fn blocks_read(&self) -> u128 {
+        self.read.get()
+    }
+}

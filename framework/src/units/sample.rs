@@ -1,0 +1,98 @@
+//! Samples: what sources give and sensors mean.
+
+use crate::units::time::Time;
+
+/// The largest number of channels of one sensor.
+pub const MAX_CHANNELS: usize = 16;
+
+/// One channel of a sensor: a named number in an SI unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// Its name, unique within the sensor: `vel_x`.
+    pub name: &'static str,
+    /// Its SI unit as in a column's suffix: `mps`, so that a CSV column reads `vel_x_mps`.
+    pub unit: &'static str,
+}
+
+impl Channel {
+    /// A channel of that name and SI unit.
+    pub const fn new(name: &'static str, unit: &'static str) -> Self {
+        Self { name, unit }
+    }
+
+    /// The heading of a CSV column: name and unit.
+    pub fn column(&self) -> String {
+        format!("{}_{}", self.name, self.unit)
+    }
+}
+
+/// Index of a sensor in the composition.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct SensorId(pub usize);
+
+/// What a sensor said at one time: its channels in SI, any of which may be missing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// When the sample is valid; for an integrating sensor, the end of its interval.
+    pub time: Time,
+    /// Which sensor.
+    pub sensor: SensorId,
+    values: [f64; MAX_CHANNELS],
+    present: u16,
+}
+
+impl Sample {
+    /// A sample without any channel.
+    pub const fn empty(time: Time, sensor: SensorId) -> Self {
+        Self { time, sensor, values: [0.0; MAX_CHANNELS], present: 0 }
+    }
+
+    /// A sample with the given channels, in the sensor's order.
+    pub fn new(time: Time, sensor: SensorId, values: &[f64]) -> Self {
+        let mut sample = Self::empty(time, sensor);
+        for (i, v) in values.iter().enumerate().take(MAX_CHANNELS) {
+            sample.set(i, *v);
+        }
+        sample
+    }
+
+    /// Sets a channel.
+    pub fn set(&mut self, channel: usize, value: f64) {
+        if channel < MAX_CHANNELS {
+            self.values[channel] = value;
+            self.present |= 1 << channel;
+        }
+    }
+
+    /// Takes a channel away.
+    pub fn clear(&mut self, channel: usize) {
+        if channel < MAX_CHANNELS {
+            self.present &= !(1 << channel);
+        }
+    }
+
+    /// The value of a channel, if it is there.
+    pub fn get(&self, channel: usize) -> Option<f64> {
+        (channel < MAX_CHANNELS && self.present & (1 << channel) != 0).then(|| self.values[channel])
+    }
+
+    /// `N` channels from `first` on, if all are there.
+    pub fn array<const N: usize>(&self, first: usize) -> Option<[f64; N]> {
+        let mask = ((1u32 << N) - 1) << first;
+        (u32::from(self.present) & mask == mask)
+            .then(|| std::array::from_fn(|i| self.values[first + i]))
+    }
+
+    /// The channels that are there, one bit each.
+    pub fn present(&self) -> u16 {
+        self.present
+    }
+
+    /// The first channel that is not finite.
+    pub fn not_finite(&self) -> Option<usize> {
+        if self.values.iter().sum::<f64>().is_finite() {
+            return None; // as nearly always: a sum is finite only if its terms are
+        }
+        (0..MAX_CHANNELS).find(|&i| self.get(i).is_some_and(|v| !v.is_finite()))
+    }
+}

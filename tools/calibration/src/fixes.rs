@@ -1,0 +1,181 @@
+//! Position fixes and velocities over the ground, at the IMU's point, paired with what the DVL read.
+
+use crate::{Data, Need};
+use nalgebra::{UnitQuaternion, Vector3};
+use navfuse_segments::{Positions, Series};
+
+/// One fix.
+#[derive(Clone, Copy, Debug)]
+pub struct Fix {
+    /// When, s.
+    pub time: f64,
+    /// North, east, down from the first fix of its block, m.
+    pub position: Vector3<f64>,
+    /// North, east, down, m/s, where the sensor gives it.
+    pub velocity: Option<Vector3<f64>>,
+    /// 1-sigma north and east, m.
+    pub sigma: f64,
+}
+
+/// The fixes during which the DVL speaks, in blocks without gaps: more than a minute's worth altogether.
+///
+/// # Errors
+/// When there is no sensor of the position, or too few fixes.
+pub fn blocks(data: &Data) -> Result<Vec<Vec<Fix>>, Need> {
+    let velocity = data.over_ground()?;
+    let Some(Positions { fixes: series, lever_arm: lever, .. }) = data.recording.positions.first()
+    else {
+        return Err(Need::new(
+            "this method needs position fixes, and no sensor of the scenario has latitude and longitude: add [sensor.gnss], \
+             or use io-dvlc, which needs none",
+        ));
+    };
+    let attitude = &data.attitude;
+    let limit = (3.0 * series.period()).max(2.0);
+    let silent = (3.0 * velocity.samples.period()).max(2.0);
+    let mut blocks: Vec<Vec<Fix>> = Vec::new();
+    let mut origin = None;
+    let mut before = f64::NEG_INFINITY;
+    for (time, fix) in series.time.iter().zip(&series.value) {
+        let near = velocity.samples.within(time - silent, time + silent);
+        if near.is_empty() || *time > data.recording.end() {
+            continue;
+        }
+        let gap = time - before > limit
+            || !velocity.samples.gaps(before.max(0.0), *time, silent).is_empty();
+        before = *time;
+        if gap || origin.is_none() {
+            origin = Some(fix.position);
+            blocks.push(Vec::new());
+        }
+        let Some((from, block)) = origin.zip(blocks.last_mut()) else { continue };
+        let c_b_n = attitude.at(*time);
+        let k = attitude.time.partition_point(|t| t < time).min(attitude.time.len() - 1);
+        let w = attitude.w_nb_b[k];
+        let mut position = fix.position.ned_from(&from);
+        if position.z.is_nan() {
+            position.z = 0.0;
+        }
+        block.push(Fix {
+            time: *time,
+            position: position - c_b_n * lever,
+            velocity: fix.velocity.map(|v| v - c_b_n * w.cross(lever)),
+            sigma: fix.sigma,
+        });
+    }
+    blocks.retain(|b| b.len() >= 3);
+    let covered =
+        blocks.iter().map(|b| b[b.len() - 1].time - b[0].time).fold(0.0, |sum, t| sum + t);
+    if covered < 60.0 {
+        return Err(Need(format!(
+            "[sensor.{}] and [sensor.{}] speak together for {covered:.0} s: a minute at least is needed; stay at the surface \
+             longer, under way",
+            series.name, velocity.samples.name
+        )));
+    }
+    Ok(blocks)
+}
+
+/// The velocity over the ground in body axes, and what the DVL read at the same time.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair {
+    /// When, s.
+    pub time: f64,
+    /// m/s, body axes.
+    pub body: Vector3<f64>,
+    /// m/s, instrument axes.
+    pub y: Vector3<f64>,
+    /// Body to north, east, down.
+    pub c_b_n: UnitQuaternion<f64>,
+}
+
+/// Windows of displacements, s.
+const WINDOW: f64 = 10.0;
+
+/// Pairs of velocities: the sensor's own where it gives them, else displacements over windows in instrument axes
+/// ([`instrument`]). `true` where they are its own.
+///
+/// # Errors
+/// As [`blocks`], and when the vehicle does not move.
+pub fn pairs(data: &Data) -> Result<(Vec<Pair>, bool), Need> {
+    let velocity = data.over_ground()?;
+    let blocks = blocks(data)?;
+    let own = blocks.iter().flatten().all(|f| f.velocity.is_some());
+    let mut pairs = Vec::new();
+    if own {
+        for fix in blocks.iter().flatten() {
+            let Some(v) = fix.velocity else { continue };
+            // the mean of the samples around: a straight line's value in the middle
+            let reach = (0.6 * velocity.samples.period()).max(0.5);
+            let mean = velocity.samples.mean(fix.time - reach, fix.time + reach);
+            let Some((y, _)) = mean else { continue };
+            let c_b_n = data.attitude.at(fix.time);
+            pairs.push(Pair { time: fix.time, body: c_b_n.inverse_transform_vector(&v), y, c_b_n });
+        }
+    } else {
+        for block in &blocks {
+            let (a, b) = instrument(data, block, &velocity.samples);
+            let mut k = 0;
+            for j in 1..block.len() {
+                let dt = block[j].time - block[k].time;
+                if dt >= WINDOW {
+                    let time = 0.5 * (block[j].time + block[k].time);
+                    let (body, y) = ((a[j] - a[k]) / dt, (b[j] - b[k]) / dt);
+                    pairs.push(Pair { time, body, y, c_b_n: data.attitude.at(time) });
+                    k = j;
+                }
+            }
+        }
+    }
+    let speed = (pairs.iter().map(|p| p.body.norm_squared()).sum::<f64>()
+        / pairs.len().max(1) as f64)
+        .sqrt();
+    if speed < 0.2 {
+        return Err(Need(format!(
+            "the vehicle moves at {speed:.2} m/s while there are fixes: be under way"
+        )));
+    }
+    Ok((pairs, own))
+}
+
+/// The displacement in instrument axes: `a(t) = C_n^b p |_0^t + ∫ w_nb^b x C_n^b p dτ = ∫ C_n^b pdot dτ`, which needs no derivative
+/// of `p`, and `b(t) = ∫ y dτ`, at the fixes (Kinsey & Whitcomb 2007).
+pub fn instrument(
+    data: &Data,
+    block: &[Fix],
+    y: &Series<Vector3<f64>>,
+) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
+    let attitude = &data.attitude;
+    let turned = |t: f64, p: &Vector3<f64>| attitude.at(t).inverse_transform_vector(p);
+    let Some(first) = block.first() else { return (Vec::new(), Vec::new()) };
+    let begin = turned(first.time, &first.position);
+    let (mut a, mut b) = (vec![Vector3::zeros()], vec![Vector3::zeros()]);
+    let (mut turn, mut way) = (Vector3::zeros(), Vector3::zeros());
+    for w in block.windows(2) {
+        let (from, to) = (w[0].time, w[1].time);
+        let p =
+            |t: f64| w[0].position + (w[1].position - w[0].position) * ((t - from) / (to - from));
+        let mut t = from;
+        let mut k = attitude.time.partition_point(|x| *x <= from);
+        while t < to {
+            let end = attitude.time.get(k).copied().unwrap_or(to).min(to);
+            let rate = attitude.w_nb_b.get(k).copied().unwrap_or_default();
+            let middle = 0.5 * (t + end);
+            turn += rate.cross(&turned(middle, &p(middle))) * (end - t);
+            t = if end > t { end } else { to };
+            k += 1;
+        }
+        let mut t = from;
+        let inner: Vec<f64> =
+            y.samples(from, to).map(|s| s.0).filter(|s| *s > from && *s < to).collect();
+        for end in inner.into_iter().chain([to]) {
+            if let Some((first, second)) = y.at(t).zip(y.at(end)) {
+                way += (first + second) * (0.5 * (end - t));
+            }
+            t = end;
+        }
+        a.push(turned(to, &w[1].position) - begin + turn);
+        b.push(way);
+    }
+    (a, b)
+}

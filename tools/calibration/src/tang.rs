@@ -1,0 +1,106 @@
+//! Tang, Wang, Li & Wu (2013): GNSS at the surface, in two steps that are repeated.
+
+use crate::fixes::{Fix, blocks, pairs};
+use crate::kinsey::velocities;
+use crate::solve::{determined, moved, sensitivity, shown, wahba};
+use crate::{Data, Estimate, Need, Step};
+use nalgebra::{Matrix3, Vector3};
+use navfuse_segments::{Mounting, Series};
+
+/// A way shorter than so many sigma of a fix tells no scale factor.
+const WAY: f64 = 100.0;
+
+/// 1. `k` by the ratio of displacements, `|Σ C_b^n C_d^b y dt| / |Δp|`; 2. `C_d^b` from the pairs `(C_n^b v_GNSS, y / k)`, Wahba's
+///    problem; then the displacement by the calibrated DVL is compared with that of the fixes: what its length and heading still
+///    lack goes into `k` and yaw, until both are below 1e-6.
+pub fn estimate(data: &Data) -> Result<Estimate, Need> {
+    let velocity = data.over_ground()?;
+    let blocks = blocks(data)?;
+    let (pairs, own) = pairs(data)?;
+    let farthest = |b: &Vec<Fix>| {
+        let way = |f: &Fix| (f.position - b[0].position).xy().norm();
+        b.iter().copied().max_by(|x, y| way(x).total_cmp(&way(y))).map(|f| (b[0], f, way(&f)))
+    };
+    let way = blocks.iter().filter_map(farthest).max_by(|x, y| x.2.total_cmp(&y.2));
+    let Some((from, to, distance)) = way.filter(|w| w.2 > WAY * w.1.sigma) else {
+        return Err(Need(format!(
+            "the vehicle goes {:.0} m at most from where its fixes begin, less than {WAY} times their noise: go straight on for \
+             longer",
+            way.map_or(0.0, |w| w.2)
+        )));
+    };
+    let mut cross = Matrix3::zeros();
+    let (mut ground, mut doppler) = (0.0, 0.0);
+    let mut history = Vec::new();
+    for pair in &pairs {
+        cross += pair.body * pair.y.transpose();
+        ground += pair.body.norm_squared();
+        doppler += pair.y.norm_squared();
+        if let Some(c) = wahba(&cross) {
+            let k = (doppler / ground).sqrt();
+            history.push(Step { time: pair.time, mounting: Mounting { k, c_b_d: c.inverse() } });
+        }
+    }
+    let c_d_b = wahba(&cross).ok_or_else(|| {
+        Need::new("the velocity keeps one direction in the instrument: turn or dive")
+    })?;
+    let mut mounting = Mounting { k: 1.0, c_b_d: c_d_b.inverse() };
+    let fixed = (to.position - from.position).xy();
+    for _ in 0..20 {
+        let reckoned = reckoned(data, &velocity.samples, &mounting, [from.time, to.time]).xy();
+        let ratio = reckoned.norm() / fixed.norm();
+        let angle = f64::atan2(reckoned.x * fixed.y - reckoned.y * fixed.x, reckoned.dot(&fixed));
+        // own velocities are the better yaw: the displacement's is that of one course
+        let yaw = if own { 0.0 } else { -angle };
+        mounting = moved(&mounting, mounting.k * (ratio - 1.0), &Vector3::new(0.0, 0.0, yaw));
+        if (ratio - 1.0).abs() < 1e-6 && yaw.abs() < 1e-6 {
+            break;
+        }
+    }
+    // until then the scale is that of the velocities; the last is the one of the displacement
+    history.push(Step { time: to.time.max(pairs[pairs.len() - 1].time), mounting });
+    let rows: Vec<_> = pairs
+        .iter()
+        .map(|p| (sensitivity(&mounting, &p.y), p.body - mounting.body(&p.y)))
+        .collect();
+    let mut covariance = shown(&rows, &velocity.initial, &mounting);
+    let along = (to.sigma * std::f64::consts::SQRT_2 / distance * mounting.k).powi(2);
+    (1..4).for_each(|i| {
+        covariance[(0, i)] = 0.0;
+        covariance[(i, 0)] = 0.0;
+    });
+    covariance[(0, 0)] = along;
+    let used = [pairs[0].time, pairs[pairs.len() - 1].time];
+    covariance += data.attitude_covariance(&mounting, used);
+    let told = format!(
+        "scale factor by a displacement of {distance:.0} m; sigma of the angles from the residuals"
+    );
+    let notes = vec![data.attitude_told(), velocities(own), told];
+    Ok(Estimate {
+        mounting,
+        determined: determined(&covariance),
+        covariance: Some(covariance),
+        history,
+        used,
+        notes,
+    })
+}
+
+/// The displacement by the DVL, north, east, down, m.
+fn reckoned(
+    data: &Data,
+    y: &Series<Vector3<f64>>,
+    m: &Mounting,
+    [from, to]: [f64; 2],
+) -> Vector3<f64> {
+    let velocity =
+        |t: f64| y.at(t).map_or_else(Vector3::zeros, |y| data.attitude.at(t) * m.body(&y));
+    let inner = y.samples(from, to).map(|s| s.0).filter(|t| *t > from && *t < to);
+    let (mut sum, mut before) = (Vector3::zeros(), (from, velocity(from)));
+    for t in inner.chain([to]) {
+        let v = velocity(t);
+        sum += (v + before.1) * (0.5 * (t - before.0));
+        before = (t, v);
+    }
+    sum
+}

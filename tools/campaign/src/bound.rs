@@ -1,0 +1,268 @@
+//! The posterior Cramer-Rao bound of a scenario, and its smoothed counterpart.
+//!
+//! The covariance recursion of the filter with every Jacobian at the truth is the bound of the filtered estimate (Tichavsky,
+//! Muravchik & Nehorai, IEEE Trans. Signal Process. 46, 1998, for Gaussian noise and a given trajectory). It is run by the
+//! filter itself, which stays at the truth since its samples have no noise. What all samples together allow follows by the
+//! recursion of Bryson and Frazier backward in time, which inverts no covariance:
+//! ```text
+//! P_s = P - P L P,   L- = H' S^-1 H + (I - K H)' L (I - K H),   L = Phi' L- Phi,   L = 0 at the end
+//! ```
+
+use crate::CampaignError;
+use crate::columns::{Columns, Places};
+use crate::grid::Grid;
+use crate::record::BoundRecord;
+use crate::tape::Tape;
+use nalgebra::DMatrix;
+use navfuse_core::model::record::Epoch;
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Assembly;
+use navfuse_core::state::Layout;
+use navfuse_core::state::covariance::{Covariance, Transition, Update};
+use navfuse_core::state::manifold::MAX_TANGENT;
+use navfuse_core::units::time::Time;
+use std::io;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+
+/// The bound of an assembly made by [`navfuse_core::run::scenario::Scenario::assemble_at_truth`], every so many nanoseconds;
+/// `None` if it was stopped.
+///
+/// # Errors
+/// When the run fails, or the folder for temporary files cannot be written to.
+pub fn bound(
+    mut assembly: Assembly,
+    columns: &Columns,
+    point: usize,
+    every: i64,
+    stop: &AtomicBool,
+) -> Result<Option<BoundRecord>, CampaignError> {
+    let layout = Arc::clone(&assembly.composition.layout);
+    let sensors = assembly.composition.sensors.iter().map(|s| s.info.name.as_str());
+    let places = columns.places(&layout, sensors);
+    let kept = Arc::new(Mutex::new(None));
+    let forward = Forward::new(layout.tangent, every, Arc::clone(&kept))?;
+    assembly.sinks.push(("bound".into(), Box::new(forward)));
+    let finished = runner::run(assembly, stop, |_| {});
+    if finished.interrupted {
+        return Ok(None);
+    }
+    if let Some(error) = finished.error {
+        return Err(CampaignError::other(format!("the bound: {error}")));
+    }
+    if let Some(event) = finished.events.iter().find(|e| e.about == "bound") {
+        return Err(CampaignError::other(event.text.clone()));
+    }
+    let tape = kept.lock().ok().and_then(|mut kept| kept.take());
+    let tape = tape.ok_or_else(|| CampaignError::other("the bound: the run left nothing"))?;
+    let rows =
+        backward(tape, &layout, &places, columns.components.len()).map_err(|e| cannot_keep(&e))?;
+    if rows.is_empty() {
+        return Err(CampaignError::other(
+            "the bound: the truth was never known while the filter ran: simulate a reference, [sensor.reference]",
+        ));
+    }
+    Ok(Some(BoundRecord { point, rows }))
+}
+
+fn cannot_keep(error: &io::Error) -> CampaignError {
+    let folder = std::env::temp_dir();
+    CampaignError::other(format!(
+        "{}: {error} (what the smoother needs is kept there)",
+        folder.display()
+    ))
+}
+
+/// A record of the forward pass.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    /// `Phi`, row-major with padded rows, since the record before.
+    Step,
+    /// `H`, `S` and `K` of an update with that many components.
+    Update(usize),
+    /// Number and time of an epoch, the state's values and `P`.
+    Epoch(i64, Time),
+}
+
+/// Keeps what the backward pass needs.
+struct Forward {
+    n: usize,
+    stride: usize,
+    grid: Grid,
+    tape: Option<Tape<Kind>>,
+    /// `Phi` since the last record, and whether it is not the identity.
+    phi: Vec<f64>,
+    moved: bool,
+    work: Vec<f64>,
+    h: Vec<f64>,
+    /// The last epoch with a truth, if it is not on the grid and nothing came after it.
+    last: Option<(Time, Vec<f64>, Vec<f64>)>,
+    kept: Arc<Mutex<Option<Tape<Kind>>>>,
+}
+
+impl Forward {
+    fn new(
+        n: usize,
+        every: i64,
+        kept: Arc<Mutex<Option<Tape<Kind>>>>,
+    ) -> Result<Self, CampaignError> {
+        let stride = n.next_multiple_of(4);
+        let tape = Some(Tape::new().map_err(|e| cannot_keep(&e))?);
+        let mut forward = Self {
+            n,
+            stride,
+            grid: Grid::new(every),
+            tape,
+            phi: vec![0.0; n * stride],
+            moved: false,
+            work: Vec::new(),
+            h: Vec::new(),
+            last: None,
+            kept,
+        };
+        forward.reset();
+        Ok(forward)
+    }
+
+    fn reset(&mut self) {
+        self.phi.fill(0.0);
+        (0..self.n).for_each(|i| self.phi[i * self.stride + i] = 1.0);
+        self.moved = false;
+    }
+
+    fn push(&mut self, kind: Kind, parts: &[&[f64]]) -> Result<(), StreamError> {
+        let Some(tape) = &mut self.tape else { return Ok(()) };
+        tape.push(kind, parts.iter().copied()).map_err(|e| StreamError(cannot_keep(&e).to_string()))
+    }
+
+    /// Writes the transition since the record before.
+    fn step(&mut self) -> Result<(), StreamError> {
+        if self.moved {
+            let phi = std::mem::take(&mut self.phi);
+            self.push(Kind::Step, &[&phi])?;
+            self.phi = phi;
+            self.reset();
+        }
+        Ok(())
+    }
+}
+
+impl Sink for Forward {
+    fn start(&mut self, _run: &RunInfo) -> Result<(), StreamError> {
+        Ok(())
+    }
+
+    fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
+        self.last = None;
+        transition.carry(&mut self.phi, self.stride, &mut self.work);
+        self.moved = true;
+        Ok(())
+    }
+
+    fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
+        self.last = None;
+        self.step()?;
+        let (m, w) = (update.m, update.columns.len());
+        let mut h = std::mem::take(&mut self.h);
+        h.clear();
+        h.resize(m * self.n, 0.0);
+        for a in 0..m {
+            for (k, &c) in update.columns.iter().enumerate() {
+                h[a * self.n + c] = update.h[a * w + k];
+            }
+        }
+        self.push(Kind::Update(m), &[&h, &update.s, update.gain()])?;
+        self.h = h;
+        Ok(())
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        if epoch.truth.is_none() {
+            return Ok(());
+        }
+        let p: Vec<f64> = epoch.covariance.to_dense().as_slice().to_vec();
+        match self.grid.due(epoch.state.time) {
+            Some(number) => {
+                self.step()?;
+                self.push(Kind::Epoch(number, epoch.state.time), &[&epoch.state.values, &p])?;
+            }
+            None => self.last = Some((epoch.state.time, epoch.state.values.clone(), p)),
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        if let Some((time, values, p)) = self.last.take() {
+            self.step()?;
+            self.push(Kind::Epoch(self.grid.end(), time), &[&values, &p])?;
+        }
+        if let Ok(mut kept) = self.kept.lock() {
+            *kept = self.tape.take();
+        }
+        Ok(None)
+    }
+}
+
+type Rows = Vec<(i64, f64, Vec<f64>, Vec<f64>)>;
+
+/// The backward pass.
+fn backward(tape: Tape<Kind>, layout: &Layout, places: &Places, width: usize) -> io::Result<Rows> {
+    let n = layout.tangent;
+    let stride = n.next_multiple_of(4);
+    let mut l = DMatrix::<f64>::zeros(n, n);
+    let mut rows = Vec::new();
+    tape.backward(|kind, values| match kind {
+        Kind::Step => {
+            let phi = DMatrix::from_fn(n, n, |i, j| values[i * stride + j]);
+            l = symmetric(phi.tr_mul(&l) * &phi);
+        }
+        Kind::Update(m) => {
+            let (h, rest) = values.split_at(m * n);
+            let (s, k) = rest.split_at(m * m);
+            let h = DMatrix::from_row_slice(m, n, h);
+            let k = DMatrix::from_row_slice(n, m, k);
+            let Some(s) = DMatrix::from_row_slice(m, m, s).cholesky() else { return };
+            let a = DMatrix::identity(n, n) - k * &h;
+            l = symmetric(a.tr_mul(&l) * &a + h.tr_mul(&s.solve(&h)));
+        }
+        Kind::Epoch(number, time) => {
+            let (state, p) = values.split_at(layout.ambient);
+            let p = DMatrix::from_column_slice(n, n, p);
+            let smoothed = symmetric(&p - &p * &l * &p);
+            let shown = [&p, &smoothed].map(|p| sigmas(layout, places, width, state, p));
+            let [filtered, smoothed] = shown;
+            rows.push((number, time.seconds(), filtered, smoothed));
+        }
+    })?;
+    rows.reverse();
+    Ok(rows)
+}
+
+fn symmetric(m: DMatrix<f64>) -> DMatrix<f64> {
+    let transposed = m.transpose();
+    (m + transposed) * 0.5
+}
+
+/// The 1-sigma of every component in its display unit.
+fn sigmas(
+    layout: &Layout,
+    places: &Places,
+    width: usize,
+    values: &[f64],
+    p: &DMatrix<f64>,
+) -> Vec<f64> {
+    let mut covariance = Covariance::zero(p.nrows());
+    for i in 0..p.nrows() {
+        (0..=i).for_each(|j| covariance.set(i, j, p[(i, j)]));
+    }
+    let mut out = vec![f64::NAN; width];
+    for &(slot, _, first) in &places.blocks {
+        let block = &layout.blocks[slot];
+        let mut sigma = [0.0; MAX_TANGENT];
+        block.show_sigma(values, &covariance, &mut sigma);
+        let n = block.operations.tangent;
+        out[first..first + n].copy_from_slice(&sigma[..n]);
+    }
+    out
+}

@@ -1,0 +1,115 @@
+//! The chi-square distribution: bands of means, and what a gate leaves of it.
+
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// A two-sided band.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Band {
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+impl Band {
+    /// Whether a value is inside.
+    pub fn holds(&self, value: f64) -> bool {
+        (self.low..=self.high).contains(&value)
+    }
+}
+
+/// The band that a sum of that expectation and variance, made of squares of Gaussian numbers, stays in with probability
+/// `1 - alpha`: exact for a sum of chi-square variables (variance twice the expectation), and for others that of the scaled
+/// chi-square distribution of the same two moments.
+pub fn band(expectation: f64, variance: f64, alpha: f64) -> Band {
+    let scale = variance / (2.0 * expectation);
+    let Ok(chi) = ChiSquared::new(expectation / scale) else {
+        return Band { low: f64::NAN, high: f64::NAN };
+    };
+    Band {
+        low: scale * chi.inverse_cdf(0.5 * alpha),
+        high: scale * chi.inverse_cdf(1.0 - 0.5 * alpha),
+    }
+}
+
+/// Whether a sum is outside that band: one value of the distribution, where a band is two inverted ones.
+pub fn outside(sum: f64, expectation: f64, variance: f64, alpha: f64) -> bool {
+    let scale = variance / (2.0 * expectation);
+    let Ok(chi) = ChiSquared::new(expectation / scale) else { return true };
+    !sum.is_finite() || chi.cdf(sum / scale) < 0.5 * alpha || chi.sf(sum / scale) < 0.5 * alpha
+}
+
+/// Expectation and variance of a chi-square variable with `m` degrees of freedom, of which a gate passed those up to
+/// `threshold` (which may be infinite).
+pub fn gated_moments(m: usize, threshold: f64) -> (f64, f64) {
+    let m_real = m as f64;
+    let cdf = |freedom: f64| match ChiSquared::new(freedom) {
+        Ok(chi) if threshold.is_finite() => chi.cdf(threshold),
+        _ => 1.0,
+    };
+    // E[x^j; x < g] = m (m + 2) ... F_{m + 2 j}(g)
+    let passed = cdf(m_real);
+    let mean = m_real * cdf(m_real + 2.0) / passed;
+    let square = m_real * (m_real + 2.0) * cdf(m_real + 4.0) / passed;
+    (mean, square - mean * mean)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use navfuse_core::model::simulate::Random;
+
+    #[test]
+    fn the_band_of_a_mean_of_100_runs_of_19_states_is_that_of_the_tables() {
+        let b = band(1900.0, 3800.0, 0.05);
+        // chi-square quantiles of 1900 degrees of freedom: 1781.1 and 2022.7
+        assert!(
+            (b.low / 100.0 - 17.81).abs() < 0.005 && (b.high / 100.0 - 20.23).abs() < 0.005,
+            "{b:?}"
+        );
+    }
+
+    #[test]
+    fn the_band_of_one_chi_square_variable_is_exact() {
+        // quantiles of 3 degrees of freedom: 0.2158 and 9.3484
+        let b = band(3.0, 6.0, 0.05);
+        assert!((b.low - 0.2158).abs() < 1e-4 && (b.high - 9.3484).abs() < 1e-4, "{b:?}");
+    }
+
+    #[test]
+    fn what_the_band_holds_is_not_outside() {
+        for (expectation, variance, alpha) in
+            [(300.0, 600.0, 0.05), (3.0, 6.0, 1e-5), (2.4e4, 3.7e4, 1e-3)]
+        {
+            let b = band(expectation, variance, alpha);
+            for (value, out) in [(b.low, -1.0), (b.high, 1.0)] {
+                assert!(outside(value * (1.0 + 1e-3 * out), expectation, variance, alpha), "{b:?}");
+                assert!(
+                    !outside(value * (1.0 - 1e-3 * out), expectation, variance, alpha),
+                    "{b:?}"
+                );
+            }
+        }
+        assert!(outside(f64::INFINITY, 3.0, 6.0, 0.05) && outside(f64::NAN, 3.0, 6.0, 0.05));
+    }
+
+    #[test]
+    fn a_gate_takes_from_mean_and_variance_what_sampling_says() {
+        let mut random = Random::new(1, "gate");
+        for (m, threshold) in [(3_usize, 2.366), (3, 16.27), (1, 3.84), (4, f64::INFINITY)] {
+            let draws = (0..400_000).map(|_| (0..m).map(|_| random.normal().powi(2)).sum::<f64>());
+            let passed: Vec<f64> = draws.filter(|x| *x <= threshold).collect();
+            let n = passed.len() as f64;
+            let mean = passed.iter().sum::<f64>() / n;
+            let variance = passed.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
+            let (expected, spread) = gated_moments(m, threshold);
+            // 4 sigma of the mean; the variance of 200 000 draws or more is good to 2 %
+            assert!(
+                (mean - expected).abs() < 4.0 * (spread / n).sqrt(),
+                "{m} {threshold}: {mean} {expected}"
+            );
+            assert!((variance / spread - 1.0).abs() < 0.02, "{m} {threshold}: {variance} {spread}");
+        }
+    }
+}

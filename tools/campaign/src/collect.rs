@@ -1,0 +1,190 @@
+//! What is kept of one run.
+
+use crate::chi_square::gated_moments;
+use crate::columns::{Columns, Places};
+use crate::grid::Grid;
+use crate::record::{Row, RunRecord, SENSOR};
+use nalgebra::{DMatrix, DVector};
+use navfuse_core::model::record::{Epoch, Outcome, Truth, UpdateRecord};
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Assembly;
+use navfuse_core::state::covariance::Covariance;
+use navfuse_core::state::manifold::MAX_TANGENT;
+use navfuse_core::state::{Layout, State};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+
+/// Runs an assembly and keeps its errors, sigmas and innovations every so many nanoseconds; `None` if it was stopped.
+pub fn run(
+    mut assembly: Assembly,
+    columns: &Arc<Columns>,
+    (point, run): (usize, usize),
+    every: i64,
+    stop: &AtomicBool,
+) -> Option<RunRecord> {
+    let seed = assembly.composition.seed;
+    let sensors = assembly.composition.sensors.iter().map(|s| s.info.name.as_str());
+    let places = columns.places(&assembly.composition.layout, sensors);
+    let kept = Arc::new(Mutex::new(Vec::new()));
+    assembly.sinks.push((
+        "campaign".into(),
+        Box::new(Collector {
+            columns: Arc::clone(columns),
+            sums: vec![[0.0; SENSOR.len()]; columns.sensors.len()],
+            moments: vec![Vec::new(); columns.sensors.len()],
+            grid: Grid::new(every),
+            places,
+            rows: Vec::new(),
+            last: None,
+            kept: Arc::clone(&kept),
+        }),
+    ));
+    let finished = runner::run(assembly, stop, |_| {});
+    if finished.interrupted {
+        return None;
+    }
+    let rows: Vec<Row> = kept.lock().map(|mut rows| std::mem::take(&mut *rows)).unwrap_or_default();
+    let unseen =
+        || rows.is_empty().then(|| "the truth was never known while the filter ran".to_owned());
+    let failure = finished.error.map(|e| e.to_string()).or_else(unseen);
+    Some(RunRecord { point, run, seed, rows, failure })
+}
+
+/// A copy of an epoch, for the one that turns out to be the last.
+struct Copied {
+    layout: Arc<Layout>,
+    state: State,
+    covariance: Covariance,
+    truth: State,
+    known: Vec<bool>,
+}
+
+struct Collector {
+    columns: Arc<Columns>,
+    places: Places,
+    grid: Grid,
+    rows: Vec<Row>,
+    /// The sums of each sensor since the row before.
+    sums: Vec<[f64; SENSOR.len()]>,
+    /// Expectation and variance of the NIS of each sensor with that many channels, once they are known.
+    moments: Vec<Vec<Option<(f64, f64)>>>,
+    /// The last epoch with a truth, and whether it is in the rows.
+    last: Option<(Copied, bool)>,
+    kept: Arc<Mutex<Vec<Row>>>,
+}
+
+impl Collector {
+    fn row(&mut self, number: i64, epoch: &Epoch<'_>, truth: &Truth<'_>) {
+        let columns = &self.columns;
+        let mut values = vec![f64::NAN; Row::width(columns)];
+        let nees_at = Row::nees_at(columns);
+        let mut indices = Vec::with_capacity(epoch.layout.tangent);
+        let mut errors = DVector::zeros(epoch.layout.tangent);
+        epoch.layout.error(truth.state, epoch.state, truth.known, errors.as_mut_slice());
+        for &(slot, at, first) in &self.places.blocks {
+            let block = &epoch.layout.blocks[slot];
+            let n = block.operations.tangent;
+            let (mut error, mut sigma) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+            block.show_sigma(&epoch.state.values, epoch.covariance, &mut sigma);
+            (0..n).for_each(|k| values[2 * (first + k) + 1] = sigma[k]);
+            if !truth.known[slot] {
+                continue;
+            }
+            block.show_error(&epoch.state.values, &truth.state.values, &mut error);
+            (0..n).for_each(|k| values[2 * (first + k)] = error[k]);
+            let range = block.tangent_range();
+            let own: Vec<usize> = range.collect();
+            values[nees_at + 1 + at] = nees(&errors, epoch.covariance, &own);
+            indices.extend(own);
+        }
+        if !indices.is_empty() {
+            values[nees_at] = nees(&errors, epoch.covariance, &indices);
+        }
+        for (k, sums) in self.sums.iter_mut().enumerate() {
+            let at = Row::sensor_at(columns, k);
+            values[at..at + SENSOR.len()].copy_from_slice(sums);
+            *sums = [0.0; SENSOR.len()];
+        }
+        self.rows.push(Row { epoch: number, time: epoch.state.time.seconds(), values });
+    }
+}
+
+/// `e' P^-1 e` over some components of the error; infinite where `P` is not positive definite, which no error can match.
+fn nees(errors: &DVector<f64>, covariance: &Covariance, indices: &[usize]) -> f64 {
+    let n = indices.len();
+    let p = DMatrix::from_fn(n, n, |i, j| covariance.get(indices[i], indices[j]));
+    let e = DVector::from_fn(n, |i, _| errors[indices[i]]);
+    p.cholesky().map_or(f64::INFINITY, |c| e.dot(&c.solve(&e)))
+}
+
+impl Sink for Collector {
+    fn start(&mut self, _run: &RunInfo) -> Result<(), StreamError> {
+        Ok(())
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        let Some(truth) = epoch.truth else { return Ok(()) };
+        let number = self.grid.due(epoch.state.time);
+        if let Some(number) = number {
+            self.row(number, epoch, &truth);
+        }
+        let (last, recorded) = self.last.get_or_insert_with(|| {
+            let copied = Copied {
+                layout: Arc::new(epoch.layout.clone()),
+                state: epoch.state.clone(),
+                covariance: epoch.covariance.clone(),
+                truth: truth.state.clone(),
+                known: truth.known.to_vec(),
+            };
+            (copied, true)
+        });
+        *recorded = number.is_some();
+        if !*recorded {
+            last.state.clone_from(epoch.state);
+            last.covariance.clone_from(epoch.covariance);
+            last.truth.clone_from(truth.state);
+            last.known.copy_from_slice(truth.known);
+        }
+        Ok(())
+    }
+
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        let Some(k) = self.places.sensors[update.sensor.0] else { return Ok(()) };
+        let sums = &mut self.sums[k];
+        match update.outcome {
+            Outcome::Rejected(_) => {}
+            Outcome::Gated => sums[1] += 1.0,
+            Outcome::Accepted => {
+                let m = update.innovation.len();
+                let moments = &mut self.moments[k];
+                if moments.len() <= m {
+                    moments.resize(m + 1, None);
+                }
+                let (mean, variance) =
+                    *moments[m].get_or_insert_with(|| gated_moments(m, update.threshold));
+                sums[0] += 1.0;
+                sums[2] += update.nis;
+                sums[3] += mean;
+                sums[4] += variance;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        if let Some((c, false)) = self.last.take() {
+            let truth = Truth { state: &c.truth, known: &c.known };
+            let (layout, state, covariance) = (&*c.layout, &c.state, &c.covariance);
+            self.row(
+                self.grid.end(),
+                &Epoch { layout, state, covariance, truth: Some(truth) },
+                &truth,
+            );
+        }
+        if let Ok(mut kept) = self.kept.lock() {
+            *kept = std::mem::take(&mut self.rows);
+        }
+        Ok(None)
+    }
+}

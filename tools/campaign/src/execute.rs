@@ -1,0 +1,126 @@
+//! Doing the jobs on all cores, and giving what they leave in order.
+
+use crate::CampaignError;
+use crate::bound::bound;
+use crate::collect;
+use crate::plan::{Job, Plan, Shard};
+use crate::record::Record;
+use navfuse_core::document::Document;
+use navfuse_core::plugin::Registry;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, mpsc};
+
+/// What was done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Done {
+    /// Jobs that were done.
+    pub done: usize,
+    /// Jobs that were asked for.
+    pub asked: usize,
+}
+
+impl Done {
+    /// Whether it was interrupted.
+    pub fn interrupted(&self) -> bool {
+        self.done < self.asked
+    }
+}
+
+/// Does the jobs of a shard, or all of them, on so many threads, and gives each record to `each` in the order of the jobs,
+/// however many threads there are. `progress` is told the number of jobs done and asked for. When `stop` is set, what was
+/// done until then is given.
+///
+/// # Errors
+/// When a point cannot be composed, a bound fails, or `each` does. A run that fails is a record.
+pub fn execute(
+    plan: &Plan,
+    registry: &Registry,
+    document: &Document,
+    (shard, threads): (Option<Shard>, usize),
+    stop: &AtomicBool,
+    mut progress: impl FnMut(Done),
+    mut each: impl FnMut(Record) -> Result<(), CampaignError>,
+) -> Result<Done, CampaignError> {
+    let jobs = plan.jobs(shard);
+    let threads = threads.clamp(1, jobs.len().max(1));
+    let columns = Arc::new(plan.columns.clone());
+    let failed = AtomicBool::new(false);
+    let over = || stop.load(Ordering::Relaxed) || failed.load(Ordering::Relaxed);
+    let next = AtomicUsize::new(0);
+    let mut count = Done { done: 0, asked: jobs.len() };
+    progress(count);
+    std::thread::scope(|scope| {
+        // a slow reader holds the workers up: what waits for it stays small
+        let (sender, receiver) = mpsc::sync_channel(2 * threads);
+        for _ in 0..threads {
+            let (sender, jobs, next, columns) = (sender.clone(), &jobs, &next, &columns);
+            scope.spawn(move || {
+                while !over() {
+                    let at = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(&job) = jobs.get(at) else { break };
+                    let record = do_job(plan, registry, document, columns, job, stop);
+                    if sender.send((at, record)).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        let mut waiting = BTreeMap::new();
+        let mut due = 0;
+        let mut give = |record| -> Result<(), CampaignError> {
+            let done = each(record);
+            if done.is_err() {
+                failed.store(true, Ordering::Relaxed);
+            }
+            done
+        };
+        let mut result = Ok(());
+        for (at, record) in receiver {
+            let record = match record {
+                Ok(record) => record,
+                Err(error) => {
+                    failed.store(true, Ordering::Relaxed);
+                    result = result.and(Err(error));
+                    None
+                }
+            };
+            waiting.insert(at, record);
+            while let Some(record) = waiting.remove(&due) {
+                due += 1;
+                if let Some(record) = record.filter(|_| result.is_ok()) {
+                    count.done += 1;
+                    progress(count);
+                    result = give(record);
+                }
+            }
+        }
+        // after an interruption: what was done behind a job that was not
+        for record in waiting.into_values().flatten() {
+            if result.is_ok() {
+                count.done += 1;
+                result = give(record);
+            }
+        }
+        result.map(|()| count)
+    })
+}
+
+/// Does one job; `None` if it was stopped.
+fn do_job(
+    plan: &Plan,
+    registry: &Registry,
+    document: &Document,
+    columns: &Arc<crate::Columns>,
+    job: Job,
+    stop: &AtomicBool,
+) -> Result<Option<Record>, CampaignError> {
+    let scenario = plan.scenario(registry, document, job)?;
+    if job.run == 0 {
+        return Ok(bound(scenario.assemble_at_truth()?, columns, job.point, plan.every, stop)?
+            .map(Record::Bound));
+    }
+    let assembly = scenario.assemble(None)?;
+    Ok(collect::run(assembly, columns, (job.point, job.run), plan.every, stop).map(Record::Run))
+}

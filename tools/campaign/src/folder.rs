@@ -1,0 +1,267 @@
+//! What a campaign writes: its records, and once all are there what they say.
+
+use crate::CampaignError;
+use crate::columns::Columns;
+use crate::execute::Done;
+use crate::plan::{Plan, Shard};
+use crate::record::{Record, Row};
+use crate::report::Report;
+use crate::statistics::PointStatistics;
+use crate::sweep;
+use crate::tables::{Names, TableWriter};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+pub const CAMPAIGN: &str = "campaign.json";
+pub const RUNS: &str = "runs.parquet";
+pub const BOUNDS: &str = "bounds.parquet";
+const EPOCHS: &str = "epochs.parquet";
+const REPORT: &str = "report.json";
+/// What a campaign of any kind writes.
+const ALL: [&str; 12] = [
+    CAMPAIGN,
+    RUNS,
+    BOUNDS,
+    EPOCHS,
+    REPORT,
+    sweep::CSV,
+    sweep::PARQUET,
+    "consistency.svg",
+    "states.svg",
+    "bound.svg",
+    "sweep.svg",
+    "campaign.rrd",
+];
+
+/// `campaign.json`: what was done.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Log {
+    /// Which part of the campaign it is; null for the whole.
+    pub shard: Option<String>,
+    /// Jobs that were done.
+    pub done: usize,
+    /// Jobs that were asked for.
+    pub asked: usize,
+    pub failures: Vec<Failure>,
+    pub plan: Plan,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Failure {
+    pub point: usize,
+    pub run: usize,
+    pub seed: u64,
+    pub reason: String,
+}
+
+/// What all records together say.
+#[derive(Debug)]
+pub struct Results {
+    /// In numbers.
+    pub report: Report,
+    /// Over time, one entry a point.
+    pub points: Vec<PointStatistics>,
+    /// The files that were written.
+    pub files: Vec<PathBuf>,
+}
+
+/// Takes records in order and writes them.
+pub struct Folder {
+    path: Option<PathBuf>,
+    plan: Plan,
+    shard: Option<Shard>,
+    runs: Option<TableWriter>,
+    pub(crate) points: Vec<PointStatistics>,
+    failures: Vec<Failure>,
+}
+
+impl Folder {
+    /// A folder to write into, or none to only sum up; a shard's records are written, but not summed up.
+    ///
+    /// # Errors
+    /// When it cannot be written to.
+    pub fn create(
+        path: Option<&Path>,
+        plan: &Plan,
+        shard: Option<Shard>,
+    ) -> Result<Self, CampaignError> {
+        let mut runs = None;
+        if let Some(path) = path {
+            std::fs::create_dir_all(path).map_err(|e| {
+                CampaignError::file(
+                    path,
+                    &format!("the output folder cannot be made: {e}; give another with --out"),
+                )
+            })?;
+            // nothing of an earlier campaign stays beside this one
+            for name in ALL {
+                std::fs::remove_file(path.join(name)).ok();
+            }
+            if plan.runs > 0 {
+                runs = Some(TableWriter::create(&path.join(RUNS), &run_names(&plan.columns))?);
+            }
+        }
+        let points = vec![PointStatistics::new(plan.from); plan.points.len()];
+        Ok(Self {
+            path: path.map(Into::into),
+            plan: plan.clone(),
+            shard,
+            runs,
+            points,
+            failures: Vec::new(),
+        })
+    }
+
+    /// Takes a record.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn add(&mut self, record: Record) -> Result<(), CampaignError> {
+        match record {
+            Record::Bound(bound) => {
+                let point = bound.point;
+                self.points[point].bound = Some(bound);
+            }
+            Record::Run(run) => {
+                self.points[run.point].add(&self.plan.columns, &run);
+                if let Some(reason) = run.failure {
+                    self.failures.push(Failure {
+                        point: run.point,
+                        run: run.run,
+                        seed: run.seed,
+                        reason,
+                    });
+                }
+                if let Some(table) = &mut self.runs {
+                    for row in &run.rows {
+                        let whole = [run.point as i64, run.run as i64, run.seed as i64, row.epoch];
+                        table.push(&[], &whole, std::iter::once(&row.time).chain(&row.values))?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Completes the files; a shard has no results.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub fn finish(mut self, done: Done) -> Result<Option<Results>, CampaignError> {
+        let mut files = Vec::new();
+        if let (Some(table), Some(path)) = (self.runs.take(), &self.path) {
+            table.finish()?;
+            files.push(path.join(RUNS));
+        }
+        self.failures.sort_by_key(|f| (f.point, f.run));
+        if let Some(path) = &self.path {
+            self.write_bounds(&path.join(BOUNDS))?;
+            let (plan, failures) = (self.plan.clone(), self.failures.clone());
+            let shard = self.shard.map(|s| s.to_string());
+            write_json(
+                &path.join(CAMPAIGN),
+                &Log { shard, done: done.done, asked: done.asked, failures, plan },
+            )?;
+            files.extend([BOUNDS, CAMPAIGN].map(|name| path.join(name)));
+        }
+        if self.shard.is_some() {
+            return Ok(None);
+        }
+        let report = Report::new(&self.plan, &self.points);
+        if let Some(path) = &self.path {
+            if self.plan.runs > 0 {
+                self.write_epochs(&path.join(EPOCHS))?;
+                files.push(path.join(EPOCHS));
+            }
+            write_json(&path.join(REPORT), &report)?;
+            files.push(path.join(REPORT));
+            if !self.plan.keys.is_empty() {
+                files.extend(sweep::write(path, &report)?);
+            }
+        }
+        Ok(Some(Results { report, points: self.points, files }))
+    }
+
+    fn write_bounds(&self, path: &Path) -> Result<(), CampaignError> {
+        let mut table = TableWriter::create(path, &bound_names(&self.plan.columns))?;
+        for bound in self.points.iter().filter_map(|p| p.bound.as_ref()) {
+            for (epoch, time, filtered, smoothed) in &bound.rows {
+                let pairs = filtered.iter().zip(smoothed).flat_map(|(f, s)| [f, s]);
+                table.push(
+                    &[],
+                    &[bound.point as i64, *epoch],
+                    std::iter::once(time).chain(pairs),
+                )?;
+            }
+        }
+        table.finish()
+    }
+
+    /// What the runs say together at each epoch.
+    fn write_epochs(&self, path: &Path) -> Result<(), CampaignError> {
+        let columns = &self.plan.columns;
+        let mut real = vec!["time_s".to_owned()];
+        for c in &columns.components {
+            real.extend(
+                ["rmse", "mean_error", "sigma", "bound"].map(|what| format!("{}.{what}", c.name())),
+            );
+        }
+        real.push("anees".into());
+        real.extend(columns.blocks.iter().map(|b| format!("{}.anees", b.name)));
+        real.extend(
+            columns
+                .sensors
+                .iter()
+                .flat_map(|s| ["mean_nis", "expected_nis"].map(|what| format!("{s}.{what}"))),
+        );
+        let names = Names {
+            text: Vec::new(),
+            whole: vec!["point".into(), "epoch".into(), "runs".into()],
+            real,
+        };
+        let mut table = TableWriter::create(path, &names)?;
+        for (number, point) in self.points.iter().enumerate() {
+            for (epoch, e) in point.epochs() {
+                let bound = point.bound.as_ref().and_then(|b| b.at(epoch));
+                let mut row = vec![e.time];
+                for k in 0..columns.components.len() {
+                    let values = [e.rmse(k), e.mean_error(k), e.sigma(k), bound.map(|b| b.2[k])];
+                    row.extend(values.map(|v| v.unwrap_or(f64::NAN)));
+                }
+                row.extend(
+                    (0..=columns.blocks.len()).map(|of| e.anees(of).map_or(f64::NAN, |a| a.0)),
+                );
+                for sensor in 0..columns.sensors.len() {
+                    let nis = e.nis(sensor);
+                    row.extend([nis.nis / nis.used, nis.expected / nis.used]);
+                }
+                let runs = e.anees(0).map_or(0, |a| a.1) as i64;
+                table.push(&[], &[number as i64, epoch, runs], &row)?;
+            }
+        }
+        table.finish()
+    }
+}
+
+pub fn run_names(columns: &Columns) -> Names {
+    let mut real = vec!["time_s".to_owned()];
+    real.extend(Row::names(columns));
+    let whole = ["point", "run", "seed", "epoch"].map(String::from).to_vec();
+    Names { text: Vec::new(), whole, real }
+}
+
+pub fn bound_names(columns: &Columns) -> Names {
+    let mut real = vec!["time_s".to_owned()];
+    real.extend(
+        columns
+            .components
+            .iter()
+            .flat_map(|c| ["bound", "smoothed"].map(|what| format!("{}.{what}", c.name()))),
+    );
+    Names { text: Vec::new(), whole: ["point", "epoch"].map(String::from).to_vec(), real }
+}
+
+fn write_json(path: &Path, value: &impl Serialize) -> Result<(), CampaignError> {
+    let text = serde_json::to_string_pretty(value).map_err(|e| CampaignError::file(path, &e))?;
+    std::fs::write(path, text + "\n").map_err(|e| CampaignError::file(path, &e))
+}

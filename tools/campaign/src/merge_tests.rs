@@ -1,0 +1,98 @@
+//! Shards of a campaign with runs that fail.
+
+use super::*;
+use crate::columns::{BlockColumns, Columns, Component};
+use crate::plan::{Point, Start};
+use std::collections::BTreeMap;
+
+const RUNS_ASKED: usize = 6;
+
+fn plan() -> Plan {
+    let component =
+        Component { state: "dvl.scale".into(), component: "k".into(), unit: String::new() };
+    Plan {
+        version: "1".into(),
+        scenario: "made up".into(),
+        keys: Vec::new(),
+        points: vec![Point::default()],
+        runs: RUNS_ASKED,
+        seed: 2,
+        every: 1,
+        from: None,
+        start: Start::Drawn,
+        columns: Columns {
+            components: vec![component],
+            blocks: vec![BlockColumns { name: "dvl.scale".into(), dimension: 1, known: true }],
+            sensors: vec!["dvl".into()],
+        },
+        overrides: Vec::new(),
+        text: String::new(),
+    }
+}
+
+/// What a job of the plan leaves: the second run fails before its first epoch, the fifth after two of three.
+fn record(plan: &Plan, job: Job) -> Record {
+    if job.run == 0 {
+        let rows = (0..3).map(|epoch| (epoch, epoch as f64, vec![0.1], vec![0.05])).collect();
+        return Record::Bound(BoundRecord { point: job.point, rows });
+    }
+    let epochs = match job.run {
+        2 => 0,
+        5 => 2,
+        _ => 3,
+    };
+    let x = job.run as f64 / 7.0;
+    let row = |epoch: i64| {
+        let values = vec![x, 0.1, x * x, x * x, 4.0, 0.0, 11.0 + x, 12.0, 24.0];
+        Row { epoch, time: epoch as f64, values }
+    };
+    let failure = (epochs < 3).then(|| format!("made up to fail after {epochs} epochs"));
+    let (point, run, seed) = (job.point, job.run, plan.seed_of(job.run));
+    Record::Run(RunRecord { point, run, seed, rows: (0..epochs).map(row).collect(), failure })
+}
+
+/// Writes a shard, or the whole campaign.
+fn write(plan: &Plan, shard: Option<Shard>, path: &Path) -> Result<Option<Results>, CampaignError> {
+    let mut folder = Folder::create(Some(path), plan, shard)?;
+    let jobs = plan.jobs(shard);
+    for job in &jobs {
+        folder.add(record(plan, *job))?;
+    }
+    folder.finish(Done { done: jobs.len(), asked: jobs.len() })
+}
+
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|e| (e.file_name().into(), std::fs::read(e.path()).unwrap_or_default())).collect()
+}
+
+#[test]
+fn failed_runs_are_told_and_shards_with_them_are_merged_to_the_same_bytes()
+-> Result<(), CampaignError> {
+    let folder = tempfile::tempdir().map_err(|e| CampaignError::other(e.to_string()))?;
+    let (plan, whole) = (plan(), folder.path().join("whole"));
+    let results = write(&plan, None, &whole)?.ok_or_else(|| CampaignError::other("no results"))?;
+    let point = &results.report.points[0];
+    assert_eq!((point.runs, point.failed), (RUNS_ASKED - 2, 2));
+    let worst =
+        point.worst.as_ref().map(|w| (w.run, w.seed, w.failure.as_deref(), w.again.as_str()));
+    let again = "--set estimator.draw=all --set seed=2000002";
+    assert_eq!(worst, Some((2, 2_000_002, Some("made up to fail after 0 epochs"), again)));
+    let verdict = point.verdict.as_ref().map_or("", |v| v.text.as_str());
+    assert_eq!(verdict, "2 of 6 runs ended early; run 2: made up to fail after 0 epochs");
+    // the runs that went to the end
+    let rmse =
+        ([1, 3, 4, 6].map(|run| (f64::from(run) / 7.0).powi(2)).iter().sum::<f64>() / 4.0).sqrt();
+    assert!(point.states[0].rmse.is_some_and(|r| (r - rmse).abs() < 1e-15), "{:?}", point.states);
+    for count in [1, 3, 7, 20] {
+        let parts: Vec<PathBuf> =
+            (1..=count).map(|index| folder.path().join(format!("{index}-{count}"))).collect();
+        for (k, part) in parts.iter().enumerate() {
+            write(&plan, Some(Shard { index: k + 1, count }), part)?;
+        }
+        let out = folder.path().join(format!("merged-{count}"));
+        merge(&parts, &out)?;
+        assert!(files(&out) == files(&whole), "{count} shards");
+    }
+    Ok(())
+}

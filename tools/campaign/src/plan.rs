@@ -1,0 +1,430 @@
+//! What a campaign does: its points, its runs, and which part of them a shard has.
+
+use crate::CampaignError;
+use crate::columns::Columns;
+use crate::grid::interval;
+use navfuse_core::document::Document;
+use navfuse_core::plugin::{BuildError, Registry};
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::units::time::Time;
+use serde::{Deserialize, Serialize};
+
+/// The most runs of a point: the seeds of two campaigns whose seeds differ do not meet.
+pub const MAX_RUNS: usize = 1_000_000;
+
+/// Epochs of a run that a campaign keeps, unless it is told how often.
+const EPOCHS: f64 = 300.0;
+
+/// What is drawn for each run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Start {
+    /// Initial errors and truths from the priors, and the noise.
+    #[default]
+    Drawn,
+    /// The noise, and what the scenario says.
+    Given,
+}
+
+/// What a campaign is asked to do.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Runs of each point; none for the bound alone.
+    pub runs: usize,
+    /// The campaign's seed; that of the scenario where there is none.
+    pub seed: Option<u64>,
+    /// Interval of the epochs that are kept, s; about 300 a run where there is none.
+    pub every: Option<f64>,
+    /// The time from which errors and sigmas are judged, s; the start where there is none.
+    pub from: Option<f64>,
+    /// What is drawn.
+    pub start: Start,
+    /// The grid: each key with its values, see [`variation`].
+    pub vary: Vec<(String, Vec<String>)>,
+}
+
+/// One point of the grid.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Point {
+    /// The value of each varied key.
+    pub values: Vec<String>,
+}
+
+/// A part of a campaign.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Which, from 1.
+    pub index: usize,
+    /// Of how many.
+    pub count: usize,
+}
+
+impl std::str::FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers = text.split_once('/').map(|(i, n)| (i.trim().parse(), n.trim().parse()));
+        match numbers {
+            Some((Ok(index), Ok(count))) if (1..=count).contains(&index) => {
+                Ok(Self { index, count })
+            }
+            _ => Err(format!("{text:?} is no part such as 1/7, 2/7 ... 7/7")),
+        }
+    }
+}
+
+impl std::fmt::Display for Shard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}/{}", self.index, self.count)
+    }
+}
+
+/// One thing to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Job {
+    /// The point of the grid.
+    pub point: usize,
+    /// The run, from 1; 0 is the bound.
+    pub run: usize,
+}
+
+/// All that a campaign does. Two shards belong together when their plans have no [`Plan::difference`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// The version of the program.
+    pub version: String,
+    /// The scenario's name.
+    pub scenario: String,
+    /// The keys that vary.
+    pub keys: Vec<String>,
+    /// The grid, the last key fastest.
+    pub points: Vec<Point>,
+    /// Runs of each point.
+    pub runs: usize,
+    /// The campaign's seed.
+    pub seed: u64,
+    /// Interval of the epochs that are kept, ns.
+    pub every: i64,
+    /// The time from which errors and sigmas are judged, s.
+    pub from: Option<f64>,
+    /// What is drawn.
+    pub start: Start,
+    /// What is compared.
+    pub columns: Columns,
+    /// What was set on top of the scenario's file, as a person gave it.
+    pub overrides: Vec<String>,
+    /// The scenario in TOML, with every override in place.
+    pub text: String,
+}
+
+impl Plan {
+    /// Plans a campaign of a scenario: composes every point, so that what does not fit is told before the first run.
+    ///
+    /// # Errors
+    /// When a point does not compose, nothing is simulated, or no truth is known.
+    pub fn new(
+        registry: &Registry,
+        document: &Document,
+        options: &Options,
+    ) -> Result<Self, CampaignError> {
+        if options.runs > MAX_RUNS {
+            return Err(CampaignError::other(format!(
+                "--runs {}: at most {MAX_RUNS}",
+                options.runs
+            )));
+        }
+        check_keys(&options.vary, options.start)?;
+        let base = Scenario::new(registry, document.clone(), &[]).map_err(BuildError::from)?;
+        let seed = match options.seed {
+            Some(seed) => seed,
+            None => base.compose()?.seed,
+        };
+        if seed > i64::MAX as u64 / (MAX_RUNS as u64 + 1) {
+            return Err(CampaignError::other(format!(
+                "--seed {seed}: a campaign's is at most 9e12"
+            )));
+        }
+        let mut plan = Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            scenario: base.name(),
+            keys: options.vary.iter().map(|v| v.0.clone()).collect(),
+            points: grid(&options.vary),
+            runs: options.runs,
+            seed,
+            every: 1,
+            from: None,
+            start: options.start,
+            columns: Columns::default(),
+            overrides: document.overrides().to_vec(),
+            text: document.to_toml(),
+        };
+        plan.from = options.from;
+        let (mut longest, mut last) = (0.0_f64, None);
+        for point in 0..plan.points.len() {
+            let scenario = plan.scenario(registry, document, Job { point, run: 1 })?;
+            if !scenario.simulates().map_err(BuildError::from)? {
+                return Err(CampaignError::other(
+                    "a recording has only the noise that it has: this needs a scenario whose sources are simulated, such \
+                     as [source.simulation]",
+                ));
+            }
+            let assembly = scenario.assemble(None)?;
+            plan.columns.add(&assembly.composition);
+            let estimator = &assembly.composition.estimator;
+            let end = assembly.sources.iter().filter_map(|(_, s)| s.end()).max();
+            let end = [end, estimator.stop()].into_iter().flatten().min();
+            longest = longest
+                .max(end.map_or(0.0, |end| end.since(estimator.start().max(Time::default()))));
+            last = last.max(end);
+        }
+        if plan.columns.known() == 0 {
+            return Err(CampaignError::other(
+                "no error can be computed: simulate a reference, [sensor.reference.simulation], which tells the truth",
+            ));
+        }
+        if let Some((from, end)) = plan.from.zip(last).filter(|(from, end)| *from > end.seconds()) {
+            return Err(CampaignError::other(format!("--from {from} s: the runs end at {end}")));
+        }
+        plan.every = match options.every {
+            Some(every) if !(every > 0.0 && every < 1e9) => {
+                return Err(CampaignError::other(format!(
+                    "--every {every} s: give a positive time"
+                )));
+            }
+            Some(every) => Time::from_seconds(every).map_or(1, Time::nanos),
+            None => interval(longest, EPOCHS),
+        };
+        Ok(plan)
+    }
+
+    /// The scenario of a job.
+    ///
+    /// # Errors
+    /// When a varied key cannot be set.
+    pub fn scenario<'a>(
+        &self,
+        registry: &'a Registry,
+        document: &Document,
+        job: Job,
+    ) -> Result<Scenario<'a>, CampaignError> {
+        let mut settings = self.settings(job.point);
+        settings.push(format!("seed={}", self.seed_of(job.run)));
+        if self.start == Start::Drawn && job.run > 0 {
+            settings.push("estimator.draw=all".into());
+        }
+        Ok(Scenario::new(registry, document.clone(), &settings).map_err(BuildError::from)?)
+    }
+
+    /// The seed of a run: that of the campaign, a million times, and the run's number.
+    pub fn seed_of(&self, run: usize) -> u64 {
+        self.seed * MAX_RUNS as u64 + run as u64
+    }
+
+    /// The settings of a point.
+    pub fn settings(&self, point: usize) -> Vec<String> {
+        let values = &self.points[point].values;
+        self.keys.iter().zip(values).map(|(key, value)| format!("{key}={value}")).collect()
+    }
+
+    /// What a person gives to `navfuse run SCENARIO` to do one run again.
+    pub fn again(&self, point: usize, run: usize) -> String {
+        let mut settings = self.overrides.clone();
+        settings.extend(self.settings(point));
+        if self.start == Start::Drawn {
+            settings.push("estimator.draw=all".into());
+        }
+        settings.push(format!("seed={}", self.seed_of(run)));
+        let plain = |c: char| c.is_ascii_alphanumeric() || "._-+=/:,%".contains(c);
+        let word = |s: &String| {
+            if s.chars().all(plain) { format!("--set {s}") } else { format!("--set {s:?}") }
+        };
+        settings.iter().map(word).collect::<Vec<_>>().join(" ")
+    }
+
+    /// What tells this campaign from another, in words; none where parts of the two belong together.
+    pub fn difference(&self, other: &Self) -> Option<String> {
+        let told = |plan: &Self| {
+            [
+                ("version", plan.version.clone()),
+                ("scenario", plan.scenario.clone()),
+                (
+                    "--vary",
+                    format!(
+                        "{:?} {:?}",
+                        plan.keys,
+                        plan.points.iter().map(|p| &p.values).collect::<Vec<_>>()
+                    ),
+                ),
+                ("--runs", plan.runs.to_string()),
+                ("--seed", plan.seed.to_string()),
+                ("--every", format!("{} s", Time::from_nanos(plan.every).seconds())),
+                ("--from", format!("{:?}", plan.from)),
+                ("--start", format!("{:?}", plan.start).to_lowercase()),
+            ]
+        };
+        let pairs = told(self).into_iter().zip(told(other));
+        let differing = pairs.into_iter().find(|(a, b)| a != b);
+        let text = (self.text != other.text || self.columns != other.columns)
+            .then_some("its scenario differs");
+        differing
+            .map(|((what, a), (_, b))| format!("{what} is {a} and not {b}"))
+            .or_else(|| text.map(Into::into))
+    }
+
+    /// The jobs of a shard, or all of them, in order.
+    pub fn jobs(&self, shard: Option<Shard>) -> Vec<Job> {
+        let per_point = self.runs + 1;
+        let count = self.points.len() * per_point;
+        let range =
+            shard.map_or(0..count, |s| (s.index - 1) * count / s.count..s.index * count / s.count);
+        range.map(|k| Job { point: k / per_point, run: k % per_point }).collect()
+    }
+}
+
+/// Whether every value of every key makes a point of its own.
+fn check_keys(vary: &[(String, Vec<String>)], start: Start) -> Result<(), CampaignError> {
+    for (k, (key, values)) in vary.iter().enumerate() {
+        let refused = |why: &str| Err(CampaignError::other(format!("--vary {key}: {why}")));
+        match key.as_str() {
+            "seed" => {
+                return refused(
+                    "each run has a seed of its own; give that of the campaign with --seed",
+                );
+            }
+            "estimator.draw" if start == Start::Drawn => {
+                return refused(
+                    "all is drawn for each run, unless --start=given leaves it to the scenario",
+                );
+            }
+            _ if vary[..k].iter().any(|(other, _)| other == key) => {
+                return refused("it is there twice; give all its values at once, KEY=V1,V2");
+            }
+            _ => {}
+        }
+        if let Some(value) = values.iter().enumerate().find(|(k, v)| values[..*k].contains(v)) {
+            return refused(&format!("the value {} is there twice", value.1));
+        }
+    }
+    Ok(())
+}
+
+/// All combinations, the last key fastest.
+fn grid(vary: &[(String, Vec<String>)]) -> Vec<Point> {
+    vary.iter().fold(vec![Point::default()], |points, (_, values)| {
+        let extended = points.iter().flat_map(|point| {
+            values.iter().map(|value| Point {
+                values: [point.values.as_slice(), std::slice::from_ref(value)].concat(),
+            })
+        });
+        extended.collect()
+    })
+}
+
+/// Reads `key.path=v1,v2,...`: values are separated by commas outside brackets, braces and quotes.
+///
+/// # Errors
+/// When there is no key or no value.
+pub fn variation(text: &str) -> Result<(String, Vec<String>), String> {
+    let (key, values) = text
+        .split_once('=')
+        .ok_or_else(|| format!("--vary {text:?}: give values too, key.path=v1,v2,..."))?;
+    let (mut depth, mut quote, mut parts) = (0_i32, None, vec![String::new()]);
+    for c in values.chars() {
+        match (quote, c) {
+            (None, '"' | '\'') => quote = Some(c),
+            (Some(q), _) if c == q => quote = None,
+            (None, '[' | '{') => depth += 1,
+            (None, ']' | '}') => depth -= 1,
+            (None, ',') if depth == 0 => {
+                parts.push(String::new());
+                continue;
+            }
+            _ => {}
+        }
+        if let Some(part) = parts.last_mut() {
+            part.push(c);
+        }
+    }
+    let parts: Vec<String> = parts.iter().map(|p| p.trim().to_owned()).collect();
+    if key.trim().is_empty() || parts.iter().any(String::is_empty) {
+        return Err(format!(
+            "--vary {text:?}: a key and values that are not empty are needed, key.path=v1,v2,..."
+        ));
+    }
+    Ok((key.trim().to_owned(), parts))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::expect_used, reason = "a test fails by panicking")]
+    use super::*;
+
+    #[test]
+    fn values_are_split_at_commas_outside_brackets_and_quotes() {
+        let (key, values) = variation("a.b=1 cm/s, [\"0 m\", \"1 m\"],\"x,y\",{ s = 1, t = 2 }")
+            .expect("a variation");
+        assert_eq!(key, "a.b");
+        assert_eq!(values, ["1 cm/s", "[\"0 m\", \"1 m\"]", "\"x,y\"", "{ s = 1, t = 2 }"]);
+        assert!(
+            variation("a.b").is_err() && variation("a=1,,2").is_err() && variation("=1").is_err()
+        );
+    }
+
+    #[test]
+    fn shards_are_the_jobs_in_order_once_each() {
+        let plan = Plan {
+            version: String::new(),
+            scenario: String::new(),
+            keys: vec!["a".into(), "b".into()],
+            points: grid(&[
+                ("a".into(), vec!["1".into(), "2".into()]),
+                ("b".into(), vec!["x".into(), "y".into()]),
+            ]),
+            runs: 5,
+            seed: 1,
+            every: 1,
+            from: None,
+            start: Start::Drawn,
+            columns: Columns::default(),
+            overrides: vec!["sensor.dvl.noise=5 mm/s".into()],
+            text: String::new(),
+        };
+        assert_eq!(
+            plan.again(1, 5),
+            "--set \"sensor.dvl.noise=5 mm/s\" --set a=1 --set b=y --set estimator.draw=all --set seed=1000005"
+        );
+        assert_eq!(plan.settings(1), ["a=1", "b=y"]);
+        let all = plan.jobs(None);
+        assert_eq!(
+            (all.len(), all[0], all[23]),
+            (24, Job { point: 0, run: 0 }, Job { point: 3, run: 5 })
+        );
+        for count in [1, 2, 7, 40] {
+            let parts = (1..=count).flat_map(|index| plan.jobs(Some(Shard { index, count })));
+            assert_eq!(parts.collect::<Vec<_>>(), all);
+        }
+    }
+
+    #[test]
+    fn a_value_of_a_key_that_makes_no_point_of_its_own_is_refused() {
+        let refused = |vary: &[(&str, &[&str])], start| {
+            let vary: Vec<_> = vary
+                .iter()
+                .map(|(k, v)| ((*k).to_owned(), v.iter().map(|v| (*v).to_owned()).collect()))
+                .collect();
+            check_keys(&vary, start).is_err()
+        };
+        assert!(!refused(&[("a", &["1", "2"]), ("b", &["1", "2"])], Start::Drawn));
+        assert!(refused(&[("a", &["1"]), ("a", &["2"])], Start::Drawn));
+        assert!(refused(&[("a", &["1", "2", "1"])], Start::Drawn));
+        assert!(refused(&[("seed", &["1", "2"])], Start::Given));
+        assert!(refused(&[("estimator.draw", &["none"])], Start::Drawn));
+        assert!(!refused(&[("estimator.draw", &["none", "start"])], Start::Given));
+    }
+
+    #[test]
+    fn a_shard_is_one_of_as_many_as_it_says() {
+        assert_eq!("3/7".parse(), Ok(Shard { index: 3, count: 7 }));
+        assert!(["0/7", "8/7", "7", "a/b", "1/0"].iter().all(|t| t.parse::<Shard>().is_err()));
+    }
+}

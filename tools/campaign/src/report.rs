@@ -1,0 +1,250 @@
+//! The result of a campaign in numbers.
+
+use crate::chi_square::Band;
+use crate::columns::{Columns, Component};
+use crate::plan::Plan;
+use crate::statistics::PointStatistics;
+use crate::verdict::{Verdict, anees_band, nis_band, verdict};
+use serde::Serialize;
+
+/// The result of a campaign.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// The keys that vary.
+    pub keys: Vec<String>,
+    /// Runs asked for of each point.
+    pub runs: usize,
+    /// The campaign's seed.
+    pub seed: u64,
+    /// One entry a point of the grid.
+    pub points: Vec<PointReport>,
+}
+
+/// The result of one point of the grid.
+#[derive(Clone, Debug, Serialize)]
+pub struct PointReport {
+    /// The value of each key that varies.
+    pub values: Vec<String>,
+    /// Runs that went to their end.
+    pub runs: usize,
+    /// Runs that ended early.
+    pub failed: usize,
+    /// The time of the end, s.
+    pub end_s: f64,
+    /// Every component at the end.
+    pub states: Vec<StateReport>,
+    /// The whole state, then every block.
+    pub anees: Vec<Anees>,
+    /// Every sensor that corrects the state.
+    pub nis: Vec<Nis>,
+    /// The run to look at: the first that ended early, else that with the largest NEES at the end; none without runs.
+    pub worst: Option<WorstRun>,
+    /// Whether errors and sigmas agree; none without runs.
+    pub verdict: Option<Verdict>,
+}
+
+/// One run of a campaign, and how to do it again.
+#[derive(Clone, Debug, Serialize)]
+pub struct WorstRun {
+    /// Its number.
+    pub run: usize,
+    /// Its seed.
+    pub seed: u64,
+    /// NEES of the whole state at its end; null where it ended early.
+    pub nees: Option<f64>,
+    /// Why it ended early, if it did.
+    pub failure: Option<String>,
+    /// What to give to `navfuse run SCENARIO` to do it again.
+    pub again: String,
+}
+
+/// A component at the end; null where it is not known.
+#[derive(Clone, Debug, Serialize)]
+pub struct StateReport {
+    /// Which.
+    #[serde(flatten)]
+    pub component: Component,
+    /// Root mean square error.
+    pub rmse: Option<f64>,
+    /// Mean error.
+    pub mean_error: Option<f64>,
+    /// Root of the mean variance that the filter computed.
+    pub sigma: Option<f64>,
+    /// RMSE over sigma.
+    pub rmse_over_sigma: Option<f64>,
+    /// The Cramer-Rao bound of a filter.
+    pub bound: Option<f64>,
+    /// RMSE over bound.
+    pub rmse_over_bound: Option<f64>,
+    /// The Cramer-Rao bound of a smoother, root mean square over the epochs.
+    pub smoothed: Option<f64>,
+}
+
+/// Average normalised estimation error squared.
+#[derive(Clone, Debug, Serialize)]
+pub struct Anees {
+    /// `whole state`, or the block.
+    pub of: String,
+    /// Its degrees of freedom: what it should be.
+    pub dimension: usize,
+    /// At the end.
+    pub value: Option<f64>,
+    /// Two-sided 95 % chi-square band.
+    pub band: Option<Band>,
+    /// The root mean square over the components of RMSE over bound at the end.
+    pub rmse_over_bound: Option<f64>,
+    /// The share of the epochs at which it was inside the band.
+    pub inside: Option<f64>,
+}
+
+/// Normalised innovation squared.
+#[derive(Clone, Debug, Serialize)]
+pub struct Nis {
+    /// The sensor.
+    pub sensor: String,
+    /// Samples used.
+    pub used: u64,
+    /// The share of the samples that the gate rejected.
+    pub gated: f64,
+    /// The mean NIS of those used.
+    pub mean: Option<f64>,
+    /// What it should be, given the gate.
+    pub expected: Option<f64>,
+    /// Two-sided 95 % chi-square band.
+    pub band: Option<Band>,
+}
+
+/// The probability outside the bands that are shown.
+const ALPHA: f64 = 0.05;
+
+impl Report {
+    /// The report on what the points' runs say.
+    pub fn new(plan: &Plan, points: &[PointStatistics]) -> Self {
+        Self {
+            scenario: plan.scenario.clone(),
+            keys: plan.keys.clone(),
+            runs: plan.runs,
+            seed: plan.seed,
+            points: points
+                .iter()
+                .enumerate()
+                .map(|(k, point)| PointReport::new(plan, k, point))
+                .collect(),
+        }
+    }
+}
+
+impl PointReport {
+    fn new(plan: &Plan, number: usize, point: &PointStatistics) -> Self {
+        let columns = &plan.columns;
+        let last = point.epochs().next_back();
+        let bound = point.bound.as_ref();
+        let bound_row = bound.and_then(|b| last.map_or(b.rows.last(), |(number, _)| b.at(number)));
+        let states: Vec<StateReport> = (columns.components.iter().enumerate())
+            .map(|(k, component)| {
+                let known = |v: f64| Some(v).filter(|v| v.is_finite());
+                let over = |a: Option<f64>, b: Option<f64>| {
+                    a.zip(b.filter(|b| *b > 0.0)).map(|(a, b)| a / b)
+                };
+                let (rmse, mean_error, sigma) = last
+                    .map_or((None, None, None), |(_, e)| (e.rmse(k), e.mean_error(k), e.sigma(k)));
+                let least = bound_row.and_then(|row| known(row.2[k]));
+                let smoothed = bound.map(|b| {
+                    (b.rows.iter().map(|r| r.3[k] * r.3[k]).sum::<f64>() / b.rows.len() as f64)
+                        .sqrt()
+                });
+                StateReport {
+                    component: component.clone(),
+                    rmse,
+                    mean_error,
+                    sigma,
+                    rmse_over_sigma: over(rmse, sigma),
+                    bound: least,
+                    rmse_over_bound: over(rmse, least),
+                    smoothed: smoothed.and_then(known),
+                }
+            })
+            .collect();
+        let anees =
+            (0..=columns.blocks.len()).map(|of| Anees::new(columns, point, of, &states)).collect();
+        let nis = (0..columns.sensors.len()).map(|k| Nis::new(columns, point, k)).collect();
+        let end_s = last.map_or_else(|| bound_row.map_or(f64::NAN, |r| r.1), |(_, e)| e.time);
+        let any = point.runs + point.failures.len() > 0;
+        Self {
+            values: plan.points[number].values.clone(),
+            runs: point.runs,
+            failed: point.failures.len(),
+            end_s,
+            states,
+            anees,
+            nis,
+            worst: WorstRun::new(plan, number, point),
+            verdict: any.then(|| verdict(columns, point)),
+        }
+    }
+}
+
+impl WorstRun {
+    fn new(plan: &Plan, number: usize, point: &PointStatistics) -> Option<Self> {
+        let (run, nees, failure) = match (point.failures.first(), point.worst) {
+            (Some((run, reason)), _) => (*run, None, Some(reason.clone())),
+            (None, Some((run, nees))) => (run, Some(nees), None),
+            (None, None) => return None,
+        };
+        Some(Self { run, seed: plan.seed_of(run), nees, failure, again: plan.again(number, run) })
+    }
+}
+
+impl Anees {
+    fn new(columns: &Columns, point: &PointStatistics, of: usize, states: &[StateReport]) -> Self {
+        let (name, dimension, range) = match of.checked_sub(1) {
+            None => ("whole state".to_owned(), columns.known(), 0..states.len()),
+            Some(k) => {
+                (columns.blocks[k].name.clone(), columns.blocks[k].dimension, columns.of_block(k))
+            }
+        };
+        let band = |runs: usize| anees_band(dimension, runs, ALPHA);
+        let last = point.epochs().next_back().and_then(|(_, e)| e.anees(of));
+        let over_time = point.judged().filter_map(|e| e.anees(of));
+        let (mut count, mut inside, mut known) = (0, 0, None);
+        for (value, runs) in over_time {
+            // the number of runs hardly changes, and a band is not cheap
+            let limits =
+                known.filter(|(r, _)| *r == runs).map_or_else(|| band(runs), |(_, limits)| limits);
+            known = Some((runs, limits));
+            count += 1;
+            inside += usize::from(limits.holds(value));
+        }
+        let ratios: Vec<f64> = states[range].iter().filter_map(|s| s.rmse_over_bound).collect();
+        let mean = ratios.iter().map(|r| r * r).sum::<f64>() / ratios.len() as f64;
+        Self {
+            of: name,
+            dimension,
+            value: last.map(|l| l.0),
+            band: last.map(|l| band(l.1)),
+            rmse_over_bound: (!ratios.is_empty()).then(|| mean.sqrt()),
+            inside: (count > 0).then(|| inside as f64 / count as f64),
+        }
+    }
+}
+
+impl Nis {
+    fn new(columns: &Columns, point: &PointStatistics, sensor: usize) -> Self {
+        let sums = point.nis(sensor);
+        let used = sums.used > 0.0;
+        Self {
+            sensor: columns.sensors[sensor].clone(),
+            used: sums.used as u64,
+            gated: if sums.used + sums.gated > 0.0 {
+                sums.gated / (sums.used + sums.gated)
+            } else {
+                0.0
+            },
+            mean: used.then(|| sums.nis / sums.used),
+            expected: used.then(|| sums.expected / sums.used),
+            band: nis_band(&sums, ALPHA),
+        }
+    }
+}

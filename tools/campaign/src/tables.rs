@@ -1,0 +1,286 @@
+//! Tables in Parquet files: columns of text, whole numbers and real numbers, none of them missing (a NaN says so).
+
+use crate::CampaignError;
+use parquet::basic::{Compression, ZstdLevel};
+use parquet::column::reader::ColumnReader;
+use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
+use parquet::errors::ParquetError;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::types::Type;
+use parquet::{basic::LogicalType, basic::Repetition, basic::Type as Physical};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Rows of a row group: what is held in memory.
+const ROWS: usize = 8192;
+
+/// The names of a table's columns by what they hold, in this order.
+#[derive(Clone, Debug, Default)]
+pub struct Names {
+    /// Text.
+    pub text: Vec<String>,
+    /// Whole numbers.
+    pub whole: Vec<String>,
+    /// Real numbers.
+    pub real: Vec<String>,
+}
+
+/// Some rows of a table, column by column.
+#[derive(Clone, Debug, Default)]
+pub struct Rows {
+    pub text: Vec<Vec<ByteArray>>,
+    pub whole: Vec<Vec<i64>>,
+    pub real: Vec<Vec<f64>>,
+}
+
+impl Rows {
+    fn like(names: &Names) -> Self {
+        Self {
+            text: vec![Vec::new(); names.text.len()],
+            whole: vec![Vec::new(); names.whole.len()],
+            real: vec![Vec::new(); names.real.len()],
+        }
+    }
+
+    /// The number of rows.
+    pub fn count(&self) -> usize {
+        let lengths = [
+            self.text.first().map(Vec::len),
+            self.whole.first().map(Vec::len),
+            self.real.first().map(Vec::len),
+        ];
+        lengths.into_iter().flatten().next().unwrap_or(0)
+    }
+}
+
+/// Writes a table.
+pub struct TableWriter {
+    path: PathBuf,
+    file: SerializedFileWriter<File>,
+    rows: Rows,
+}
+
+impl TableWriter {
+    /// An empty table in a new file.
+    ///
+    /// # Errors
+    /// When the file cannot be made.
+    pub fn create(path: &Path, names: &Names) -> Result<Self, CampaignError> {
+        let fail = |e: &dyn std::fmt::Display| CampaignError::file(path, e);
+        let column = |name: &String, physical: Physical, logical: Option<LogicalType>| {
+            let built = Type::primitive_type_builder(name, physical)
+                .with_repetition(Repetition::REQUIRED)
+                .with_logical_type(logical)
+                .build();
+            built.map(Arc::new)
+        };
+        let text =
+            names.text.iter().map(|n| column(n, Physical::BYTE_ARRAY, Some(LogicalType::String)));
+        let whole = names.whole.iter().map(|n| column(n, Physical::INT64, None));
+        let real = names.real.iter().map(|n| column(n, Physical::DOUBLE, None));
+        let fields =
+            text.chain(whole).chain(real).collect::<Result<Vec<_>, _>>().map_err(|e| fail(&e))?;
+        let schema =
+            Type::group_type_builder("schema").with_fields(fields).build().map_err(|e| fail(&e))?;
+        // measured numbers do not repeat: a dictionary of them, or their statistics, would be dead weight
+        let properties = WriterProperties::builder()
+            .set_compression(Compression::ZSTD(ZstdLevel::default()))
+            .set_dictionary_enabled(false)
+            .set_statistics_enabled(EnabledStatistics::None)
+            .build();
+        let file = File::create(path).map_err(|e| fail(&e))?;
+        let file = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))
+            .map_err(|e| fail(&e))?;
+        Ok(Self { path: path.to_path_buf(), file, rows: Rows::like(names) })
+    }
+
+    /// Adds a row.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn push<'a>(
+        &mut self,
+        text: &[&str],
+        whole: &[i64],
+        real: impl IntoIterator<Item = &'a f64>,
+    ) -> Result<(), CampaignError> {
+        self.rows
+            .text
+            .iter_mut()
+            .zip(text)
+            .for_each(|(column, v)| column.push(ByteArray::from(*v)));
+        self.rows.whole.iter_mut().zip(whole).for_each(|(column, v)| column.push(*v));
+        self.rows.real.iter_mut().zip(real).for_each(|(column, v)| column.push(*v));
+        if self.rows.count() == ROWS { self.flush() } else { Ok(()) }
+    }
+
+    fn flush(&mut self) -> Result<(), CampaignError> {
+        self.write_group().map_err(|e| CampaignError::file(&self.path, &e))
+    }
+
+    fn write_group(&mut self) -> Result<(), ParquetError> {
+        if self.rows.count() == 0 {
+            return Ok(());
+        }
+        let mut group = self.file.next_row_group()?;
+        macro_rules! write {
+            ($columns:expr, $kind:ty) => {
+                for values in $columns {
+                    if let Some(mut column) = group.next_column()? {
+                        column.typed::<$kind>().write_batch(values, None, None)?;
+                        column.close()?;
+                        values.clear();
+                    }
+                }
+            };
+        }
+        write!(&mut self.rows.text, ByteArrayType);
+        write!(&mut self.rows.whole, Int64Type);
+        write!(&mut self.rows.real, DoubleType);
+        group.close()?;
+        Ok(())
+    }
+
+    /// Completes the file.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(mut self) -> Result<(), CampaignError> {
+        self.flush()?;
+        self.file.close().map_err(|e| CampaignError::file(&self.path, &e))?;
+        Ok(())
+    }
+}
+
+/// Reads a table with whole and real numbers, a row group at a time.
+pub struct TableReader {
+    path: PathBuf,
+    file: SerializedFileReader<File>,
+    names: Names,
+}
+
+impl TableReader {
+    /// Opens a table that has exactly those columns.
+    ///
+    /// # Errors
+    /// When it cannot be read or has other columns.
+    pub fn open(path: &Path, names: &Names) -> Result<Self, CampaignError> {
+        let again = |e: &dyn std::fmt::Display| {
+            CampaignError::file(
+                path,
+                &format!("{e}: it is not complete; make it again with the same command"),
+            )
+        };
+        let file = File::open(path).map_err(|e| again(&e))?;
+        let file = SerializedFileReader::new(file).map_err(|e| again(&e))?;
+        let found = file
+            .metadata()
+            .file_metadata()
+            .schema_descr()
+            .columns()
+            .iter()
+            .map(|c| c.name().to_owned());
+        let wanted: Vec<&String> =
+            names.text.iter().chain(&names.whole).chain(&names.real).collect();
+        let found: Vec<String> = found.collect();
+        if !found.iter().eq(wanted) {
+            return Err(CampaignError::file(
+                path,
+                &"its columns are not those of campaign.json beside it",
+            ));
+        }
+        Ok(Self { path: path.to_path_buf(), file, names: names.clone() })
+    }
+
+    /// Gives its rows, a group at a time.
+    ///
+    /// # Errors
+    /// When they cannot be read, or `each` fails.
+    pub fn groups(
+        &self,
+        mut each: impl FnMut(&Rows) -> Result<(), CampaignError>,
+    ) -> Result<(), CampaignError> {
+        for group in 0..self.file.num_row_groups() {
+            let rows = self.group(group).map_err(|e| CampaignError::file(&self.path, &e))?;
+            each(&rows)?;
+        }
+        Ok(())
+    }
+
+    fn group(&self, group: usize) -> Result<Rows, ParquetError> {
+        let reader = self.file.get_row_group(group)?;
+        let count = reader.metadata().num_rows() as usize;
+        let mut rows = Rows::like(&self.names);
+        let (mut whole, mut real, mut text) = (0, 0, 0);
+        for column in 0..reader.num_columns() {
+            match reader.get_column_reader(column)? {
+                ColumnReader::Int64ColumnReader(mut r) => {
+                    r.read_records(count, None, None, &mut rows.whole[whole])?;
+                    whole += 1;
+                }
+                ColumnReader::DoubleColumnReader(mut r) => {
+                    r.read_records(count, None, None, &mut rows.real[real])?;
+                    real += 1;
+                }
+                ColumnReader::ByteArrayColumnReader(mut r) => {
+                    r.read_records(count, None, None, &mut rows.text[text])?;
+                    text += 1;
+                }
+                _ => return Err(ParquetError::General("a column of another type".into())),
+            }
+        }
+        Ok(rows)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_also_over_several_groups_and_an_empty_table_is_one()
+    -> Result<(), CampaignError> {
+        let folder = tempfile::tempdir().map_err(|e| CampaignError::other(e.to_string()))?;
+        let path = folder.path().join("t.parquet");
+        let names = Names {
+            text: vec!["a".into()],
+            whole: vec!["b".into()],
+            real: vec!["c.d".into(), "e".into()],
+        };
+        for count in [0, 1, ROWS, 2 * ROWS + 3] {
+            let mut table = TableWriter::create(&path, &names)?;
+            for k in 0..count {
+                table.push(&[&k.to_string()], &[k as i64], &[k as f64, f64::NAN])?;
+            }
+            table.finish()?;
+            let mut next = 0;
+            TableReader::open(&path, &names)?.groups(|rows| {
+                for k in 0..rows.count() {
+                    assert_eq!(rows.whole[0][k], next);
+                    assert_eq!(rows.real[0][k], next as f64);
+                    assert_eq!(rows.text[0][k].as_utf8().ok(), Some(next.to_string().as_str()));
+                    assert!(rows.real[1][k].is_nan());
+                    next += 1;
+                }
+                Ok(())
+            })?;
+            assert_eq!(next as usize, count);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_table_that_was_cut_off_says_what_to_do() -> Result<(), std::io::Error> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("cut.parquet");
+        std::fs::write(&path, b"PAR1 and no more")?;
+        let error = TableReader::open(&path, &Names::default())
+            .err()
+            .map_or_else(String::new, |e| e.to_string());
+        assert!(error.contains("cut.parquet") && error.contains("make it again"), "{error}");
+        Ok(())
+    }
+}

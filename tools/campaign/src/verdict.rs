@@ -1,0 +1,177 @@
+//! Whether errors and sigmas agree, in words.
+
+use crate::chi_square::{Band, band, outside};
+use crate::columns::Columns;
+use crate::statistics::{EpochStatistics, NisSums, PointStatistics};
+use serde::Serialize;
+
+/// The probability with which a consistent filter is called inconsistent, shared by all that is looked at: one half by what
+/// is looked at once, one half by what is looked at every epoch.
+const FALSE_ALARM: f64 = 0.05;
+
+/// The verdict on a point.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verdict {
+    /// Whether nothing was found.
+    pub consistent: bool,
+    /// It in one line: `consistent`, or what was found first.
+    pub text: String,
+    /// What was found.
+    pub findings: Vec<Finding>,
+}
+
+/// Something that a consistent filter does not do.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Finding {
+    /// The block or sensor; `whole state`.
+    pub of: String,
+    /// In words.
+    pub text: String,
+    /// How many times larger the errors, or innovations, are than their sigma; below 1 where they are smaller.
+    pub factor: f64,
+    /// When it was first so, s; none where it is so of the end, or of all samples together.
+    pub since: Option<f64>,
+}
+
+/// What is looked at.
+#[derive(Clone, Copy, Debug)]
+enum Test {
+    /// The mean NEES: of the whole state (0) or a block (from 1).
+    Nees(usize),
+    /// The NIS of a sensor.
+    Nis(usize),
+}
+
+/// A sum of squares of Gaussian numbers, what it should be, and of how many terms it is the sum.
+struct Seen {
+    sum: f64,
+    expectation: f64,
+    variance: f64,
+    count: f64,
+}
+
+impl Seen {
+    fn ratio(&self) -> f64 {
+        (self.sum / self.expectation).sqrt()
+    }
+
+    fn outside(&self, alpha: f64) -> bool {
+        outside(self.sum, self.expectation, self.variance, alpha)
+    }
+}
+
+/// The band of a mean NEES over so many runs.
+pub fn anees_band(dimension: usize, runs: usize, alpha: f64) -> Band {
+    let freedom = (dimension * runs) as f64;
+    let Band { low, high } = band(freedom, 2.0 * freedom, alpha);
+    Band { low: low / runs as f64, high: high / runs as f64 }
+}
+
+/// The band of a mean NIS.
+pub fn nis_band(sums: &NisSums, alpha: f64) -> Option<Band> {
+    (sums.used > 0.0 && sums.variance > 0.0).then(|| {
+        let Band { low, high } = band(sums.expected, sums.variance, alpha);
+        Band { low: low / sums.used, high: high / sums.used }
+    })
+}
+
+fn dimension(columns: &Columns, of: usize) -> usize {
+    if of == 0 { columns.known() } else { columns.blocks[of - 1].dimension }
+}
+
+fn nees(columns: &Columns, of: usize, (mean, runs): (f64, usize)) -> Seen {
+    let count = runs as f64;
+    let expectation = dimension(columns, of) as f64 * count;
+    Seen { sum: mean * count, expectation, variance: 2.0 * expectation, count }
+}
+
+fn nis(sums: &NisSums) -> Option<Seen> {
+    let NisSums { used: count, nis: sum, expected: expectation, variance, .. } = *sums;
+    (count > 0.0 && variance > 0.0).then_some(Seen { sum, expectation, variance, count })
+}
+
+impl Test {
+    fn name(self, columns: &Columns) -> String {
+        match self {
+            Self::Nees(0) => "whole state".into(),
+            Self::Nees(of) => columns.blocks[of - 1].name.clone(),
+            Self::Nis(sensor) => columns.sensors[sensor].clone(),
+        }
+    }
+
+    /// What is found of it: when it left the wide band for the first time, and where it ends.
+    fn find(self, columns: &Columns, point: &PointStatistics, tests: usize) -> Option<Finding> {
+        let count = point.judged().count().max(1);
+        let (once, often) =
+            (0.5 * FALSE_ALARM / tests as f64, 0.5 * FALSE_ALARM / (tests * count) as f64);
+        let at = |epoch: &EpochStatistics| match self {
+            Self::Nees(of) => epoch.anees(of).map(|mean| nees(columns, of, mean)),
+            Self::Nis(sensor) => nis(&epoch.nis(sensor)),
+        };
+        let whole = match self {
+            Self::Nees(_) => point.judged().next_back().and_then(at),
+            Self::Nis(sensor) => nis(&point.nis(sensor)),
+        };
+        let whole = whole.filter(|seen| seen.outside(once));
+        let since = point
+            .judged()
+            .find_map(|e| at(e).filter(|seen| seen.outside(often)).map(|seen| (e.time, seen)));
+        let left = since.as_ref().map(|(time, _)| *time);
+        let name = self.name(columns);
+        let end = if matches!(self, Self::Nees(_)) { "at the end" } else { "over all samples" };
+        let (seen, alpha, when) = match (whole, since) {
+            (Some(seen), _) => {
+                let first = left.map_or_else(String::new, |t| {
+                    format!(", outside for the first time at {t:.0} s")
+                });
+                (seen, once, format!("{end}{first}"))
+            }
+            (None, Some((time, seen))) => {
+                (seen, often, format!("at {time:.0} s for the first time, not {end}"))
+            }
+            (None, None) => return None,
+        };
+        let ratio = seen.ratio();
+        let word = if ratio > 1.0 { "overconfident" } else { "underconfident" };
+        let factor = if ratio > 1.0 { ratio } else { 1.0 / ratio };
+        let Band { low, high } = band(seen.expectation, seen.variance, alpha);
+        let [value, expected, low, high] =
+            [seen.sum, seen.expectation, low, high].map(|sum| sum / seen.count);
+        let of = match self {
+            Self::Nees(0) => "as a whole".to_owned(),
+            Self::Nees(_) => format!("in {name}"),
+            Self::Nis(_) => format!("in the innovations of {name}"),
+        };
+        let what = if matches!(self, Self::Nees(_)) { "ANEES" } else { "mean NIS" };
+        let text = format!(
+            "{word} {of} by {factor:.2} {when}: {what} {value:.2}, expected {expected:.2} ({low:.2} to {high:.2})"
+        );
+        Some(Finding { of: name, text, factor: ratio, since: left })
+    }
+}
+
+/// The verdict on a point's runs.
+pub fn verdict(columns: &Columns, point: &PointStatistics) -> Verdict {
+    let blocks = (1..=columns.blocks.len()).filter(|k| columns.blocks[k - 1].known).map(Test::Nees);
+    let sensors = (0..columns.sensors.len()).map(Test::Nis);
+    // what names a cause comes before what says that there is one
+    let tests: Vec<Test> = blocks.chain(sensors).chain([Test::Nees(0)]).collect();
+    let mut findings: Vec<Finding> =
+        tests.iter().filter_map(|t| t.find(columns, point, tests.len())).collect();
+    findings.sort_by(|a, b| b.factor.ln().abs().total_cmp(&a.factor.ln().abs()));
+    if let Some((run, reason)) = point.failures.first() {
+        let (failed, all) = (point.failures.len(), point.failures.len() + point.runs);
+        let text = format!("{failed} of {all} runs ended early; run {run}: {reason}");
+        findings.insert(0, Finding { of: "runs".into(), text, factor: f64::INFINITY, since: None });
+    }
+    let text = match (findings.first(), point.runs) {
+        (_, 0) if findings.is_empty() => "no runs".to_owned(),
+        (None, _) => "consistent".to_owned(),
+        (Some(first), _) => first.text.clone(),
+    };
+    Verdict { consistent: findings.is_empty() && point.runs > 0, text, findings }
+}
+
+#[cfg(test)]
+#[path = "verdict_tests.rs"]
+mod tests;

@@ -1,0 +1,94 @@
+//! Channels: named as CSV headings need it, all filled by the simulator with finite numbers.
+
+use crate::Report;
+use crate::lab::Lab;
+use navfuse_core::model::sensor::Role;
+use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
+
+pub fn check(lab: &Lab<'_>, report: &mut Report) {
+    for part in lab.sensors() {
+        let samples: Vec<&Sample> =
+            lab.samples.iter().filter(|s| s.sensor.0 == part.index).collect();
+        let sensor = &lab.composition.sensors[part.index];
+        let measured = match &sensor.role {
+            Role::Measurement(model) => model.channels(),
+            Role::Input(_) | Role::Reference(_) => sensor.info.channels.len(),
+        };
+        let names: Vec<(&str, &str)> =
+            sensor.info.channels.iter().map(|c| (c.name, c.unit)).collect();
+        report.add(
+            "channels",
+            part.about,
+            names_fit(&names).and_then(|()| filled(&names, measured, &samples)),
+        );
+    }
+}
+
+fn names_fit(channels: &[(&str, &str)]) -> Result<(), String> {
+    if channels.is_empty() {
+        return Err("it has no channels; name what a sample holds in `channels`".into());
+    }
+    let plain = |text: &str, more: &str| {
+        text.starts_with(|c: char| c.is_ascii_lowercase() || more.contains(c))
+            && text
+                .chars()
+                .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || more.contains(c))
+    };
+    for (k, (name, unit)) in channels.iter().enumerate() {
+        if !plain(name, "_") || !plain(unit, "1") {
+            return Err(format!(
+                "channel {name:?} with unit {unit:?} makes no heading of a column; use small letters, digits and _, and an SI unit \
+                 as in vel_x_mps"
+            ));
+        }
+        if channels[..k].iter().any(|(other, _)| other == name) {
+            return Err(format!("two channels are named {name:?}; give each its own name"));
+        }
+    }
+    Ok(())
+}
+
+fn filled(
+    channels: &[(&str, &str)],
+    measured: usize,
+    samples: &[&Sample],
+) -> Result<String, String> {
+    if samples.is_empty() {
+        return Err(
+            "it is not simulated; give it `simulation = { rate = \"1 Hz\" }` in the scenario"
+                .into(),
+        );
+    }
+    if measured == 0 {
+        return Err(
+            "its model predicts no channel, so that no sample is ever used; give MeasurementModel<N> with N above 0"
+                .into(),
+        );
+    }
+    let mut seen = 0_u16;
+    for sample in samples {
+        if let Some(i) = sample.not_finite() {
+            let name = channels.get(i).map_or("beyond those declared", |c| c.0);
+            return Err(format!(
+                "its simulated channel {name} is {} at {}; clear a channel that is lost (Sample::clear), and keep predict finite",
+                sample.get(i).unwrap_or(f64::NAN),
+                sample.time
+            ));
+        }
+        seen |= sample.present();
+    }
+    if let Some(i) = (channels.len()..MAX_CHANNELS).find(|i| seen >> i & 1 == 1) {
+        return Err(format!(
+            "its simulator sets channel number {}, but {} are declared in `channels`",
+            i + 1,
+            channels.len()
+        ));
+    }
+    if let Some(i) = (0..measured).find(|i| seen >> i & 1 == 0) {
+        return Err(format!(
+            "channel {} is in no simulated sample; let `simulate` set it, or do not declare it",
+            channels[i].0
+        ));
+    }
+    Ok(format!("{} channels in {} samples", channels.len(), samples.len()))
+}

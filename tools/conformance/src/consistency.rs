@@ -1,0 +1,268 @@
+//! Simulate, then estimate: innovations and errors are as large as the filter says.
+
+use crate::Report;
+use crate::lab::{Lab, Types, assemble};
+use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::nalgebra::{DMatrix, DVector};
+use navfuse_core::run::runner;
+use navfuse_core::state::{Block, Dynamics, Layout};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Runs, each with its own noise, initial errors and truths.
+const RUNS: usize = 20;
+/// Innovations of a sensor that count in a run, evenly over it: enough to see a sigma that is 10 % wrong.
+const INNOVATIONS: usize = 50;
+/// Probability that a band does not hold what is right: one test in some 10 000 fails by chance.
+const ALPHA: f64 = 1e-5;
+
+pub fn check(lab: &Lab<'_>, report: &mut Report) {
+    let (sensors, processes) = (lab.sensors(), lab.processes());
+    let names: Vec<&str> =
+        (sensors.iter().map(|p| lab.composition.sensors[p.index].info.name.as_str()))
+            .chain(processes.iter().map(|p| lab.composition.processes[p.index].name.as_str()))
+            .collect();
+    let parts: Vec<String> = sensors.iter().chain(&processes).map(|p| p.about.clone()).collect();
+    let runs = match runs(lab) {
+        Ok(runs) => runs,
+        Err(message) => return report.add("consistency", parts.join(", "), Err(message)),
+    };
+    let assumes = lab.assumes();
+    for (part, model) in lab.models() {
+        report.add("nis", part.about, nis(&runs, part.index, model.channels(), assumes));
+    }
+    let layout = &lab.composition.layout;
+    for (name, about) in names.iter().zip(parts) {
+        let own = |b: &&Block| b.name.split('.').next() == Some(name);
+        let own: Vec<&Block> =
+            layout.blocks.iter().filter(own).filter(|b| b.tangent.is_some() && random(b)).collect();
+        if !own.is_empty() {
+            report.add("nees", about, nees(&runs, &own, assumes));
+        }
+    }
+}
+
+/// Whether the truth of a block is as random as the filter takes it: a stated truth stays where it is.
+fn random(block: &Block) -> bool {
+    block.spec.truth.is_none() || block.spec.dynamics == Dynamics::Constant
+}
+
+/// What one run tells.
+#[derive(Clone, Debug, Default)]
+struct Run {
+    /// Each sensor's innovations: squared and normalised, and how many channels.
+    nis: Vec<Vec<(f64, usize)>>,
+    gated: Vec<usize>,
+    layout: Layout,
+    /// Errors and covariance at the last epoch whose truth is known, and what is known.
+    last: Option<(Vec<f64>, DMatrix<f64>, Vec<bool>)>,
+}
+
+/// All runs, in the order of their seeds, on all cores.
+fn runs(lab: &Lab<'_>) -> Result<Vec<Run>, String> {
+    let mut settings = vec!["estimator.draw=all".to_owned()];
+    for sensor in &lab.composition.sensors {
+        let name = &sensor.info.name;
+        if matches!(sensor.role, navfuse_core::model::sensor::Role::Measurement(_)) {
+            settings.push(format!("sensor.{name}.gate=off"));
+            if sensor.simulation.is_some() {
+                settings.push(format!("sensor.{name}.simulation.outliers=0"));
+            }
+        }
+        let reference = matches!(sensor.role, navfuse_core::model::sensor::Role::Reference(_));
+        if sensor.simulation.is_some() && !reference {
+            settings.push(format!("sensor.{name}.simulation.noise=1"));
+        }
+    }
+    let (types, text) = (lab.types, lab.text);
+    let (next, found) = (AtomicUsize::new(0), Mutex::new(vec![None; RUNS]));
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(RUNS);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let k = next.fetch_add(1, Ordering::Relaxed);
+                    if k >= RUNS {
+                        break;
+                    }
+                    let settings: Vec<String> =
+                        settings.iter().cloned().chain([format!("seed={}", k + 1)]).collect();
+                    let run = run(types, text, &settings)
+                        .map_err(|e| format!("with --set seed={}: {e}", k + 1));
+                    found.lock().unwrap_or_else(PoisonError::into_inner)[k] = Some(run);
+                }
+            });
+        }
+    });
+    found.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().flatten().collect()
+}
+
+fn run(types: &Types, text: &str, settings: &[String]) -> Result<Run, String> {
+    let mut assembly = assemble(types, text, settings)?;
+    let heard = Arc::new(Mutex::new(Run::default()));
+    assembly.sinks.push(("conformance".into(), Box::new(Listener(Arc::clone(&heard)))));
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    if let Some(error) = finished.error {
+        return Err(format!("the run ends early: {error}"));
+    }
+    Ok(std::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner)))
+}
+
+struct Listener(Arc<Mutex<Run>>);
+
+impl Listener {
+    fn run(&self) -> std::sync::MutexGuard<'_, Run> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Sink for Listener {
+    fn start(&mut self, info: &RunInfo) -> Result<(), StreamError> {
+        let (nis, gated) = (vec![Vec::new(); info.sensors.len()], vec![0; info.sensors.len()]);
+        *self.run() = Run { nis, gated, layout: info.layout.clone(), last: None };
+        Ok(())
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        if let Some(truth) = epoch.truth {
+            let mut error = vec![0.0; epoch.layout.tangent];
+            epoch.layout.error(truth.state, epoch.state, truth.known, &mut error);
+            self.run().last = Some((error, epoch.covariance.to_dense(), truth.known.to_vec()));
+        }
+        Ok(())
+    }
+
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        match update.outcome {
+            Outcome::Accepted => {
+                self.run().nis[update.sensor.0].push((update.nis, update.innovation.len()))
+            }
+            Outcome::Gated => self.run().gated[update.sensor.0] += 1,
+            Outcome::Rejected(_) => {}
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(None)
+    }
+}
+
+/// Whether a sum of squares is in the band of the chi-square distribution, and the band of its mean per degree of freedom;
+/// from zero on, where it `may_be_less`.
+fn judge(sum: f64, freedom: usize, may_be_less: bool) -> Option<(bool, [f64; 2])> {
+    let chi = ChiSquared::new(freedom as f64).ok()?;
+    let mut band = [0.5 * ALPHA, 1.0 - 0.5 * ALPHA].map(|p| chi.inverse_cdf(p) / freedom as f64);
+    if may_be_less {
+        band[0] = 0.0;
+    }
+    let mean = sum / freedom as f64;
+    Some((mean.is_finite() && mean >= band[0] && mean <= band[1], band))
+}
+
+fn nis(runs: &[Run], sensor: usize, channels: usize, may_be_less: bool) -> Result<String, String> {
+    let gated: usize = runs.iter().map(|r| r.gated[sensor]).sum();
+    if gated > 0 {
+        return Err(format!(
+            "{gated} of its innovations are not finite; let predict be finite wherever the simulated vehicle goes"
+        ));
+    }
+    let thin = |r: &Run| {
+        let all = &r.nis[sensor];
+        let count = INNOVATIONS.min(all.len());
+        (0..count).map(|k| all[k * all.len() / count]).collect::<Vec<_>>()
+    };
+    let counted: Vec<(f64, usize)> = runs.iter().flat_map(thin).collect();
+    let (sum, freedom) = counted.iter().fold((0.0, 0), |(s, f), (nis, m)| (s + nis, f + m));
+    let Some((holds, [low, high])) = judge(sum, freedom, may_be_less) else {
+        return Err(
+            "none of its samples corrects the state; simulate it, at a time when the filter runs"
+                .into(),
+        );
+    };
+    let mean = sum / freedom as f64;
+    let numbers = format!(
+        "mean {mean:.3} a channel in {} innovations of {} runs, band {low:.3} to {high:.3}",
+        counted.len(),
+        runs.len()
+    );
+    if holds {
+        return Ok(numbers);
+    }
+    Err(format!(
+        "NIS {numbers}: {}; compare what `simulate` adds with `noise` (sigma squared, of {channels} channels), and `predict` \
+         with it; where all this is right, start the scenario nearer to the truth",
+        if mean > high {
+            "innovations are larger than the filter says"
+        } else {
+            "they are smaller than the filter says"
+        }
+    ))
+}
+
+/// The errors of blocks at the end of all runs.
+fn nees(runs: &[Run], blocks: &[&Block], may_be_less: bool) -> Result<String, String> {
+    let (mut sum, mut freedom) = (0.0, 0);
+    let mut alone: Vec<(String, f64, usize)> =
+        blocks.iter().map(|b| (b.name.clone(), 0.0, 0)).collect();
+    for run in runs {
+        let Some((error, covariance, known)) = &run.last else {
+            return Err(
+                "no truth is known in its runs; add [sensor.reference] with a simulation".into()
+            );
+        };
+        let mut all = Vec::new();
+        for (slot, block) in run.layout.blocks.iter().enumerate().filter(|(slot, _)| known[*slot]) {
+            let Some(own) = alone.iter_mut().find(|(name, _, _)| *name == block.name) else {
+                continue;
+            };
+            let columns: Vec<usize> = block.tangent_range().collect();
+            own.1 += normalised(error, covariance, &columns)
+                .ok_or_else(|| singular(&run.layout.blocks[slot].name))?;
+            own.2 += columns.len();
+            all.extend(columns);
+        }
+        let squared = normalised(error, covariance, &all);
+        sum += squared.ok_or_else(|| singular("its states"))?;
+        freedom += all.len();
+    }
+    let Some((holds, [low, high])) = judge(sum, freedom, may_be_less) else {
+        return Err(
+            "no true value of its states is known; add [sensor.reference] with a simulation".into(),
+        );
+    };
+    let numbers = format!(
+        "mean {:.3} an axis at the end of {} runs, band {low:.3} to {high:.3}",
+        sum / freedom as f64,
+        runs.len()
+    );
+    let worst = alone.iter().find(|(_, sum, freedom)| {
+        judge(*sum, *freedom, may_be_less).is_some_and(|(holds, _)| !holds)
+    });
+    if holds && worst.is_none() {
+        return Ok(numbers);
+    }
+    let of = worst.map_or_else(String::new, |(name, sum, freedom)| {
+        format!(" ({name}: {:.3} of {freedom})", sum / *freedom as f64)
+    });
+    Err(format!(
+        "NEES {numbers}{of}: the errors of its states are not as large as the filter's covariance says; look at `predict` and \
+         `noise`, at Phi and Q of a process, and whether the simulator gives what the state stands for"
+    ))
+}
+
+fn singular(name: &str) -> String {
+    format!(
+        "the covariance of {name} is singular at the end; give its noise, and the prior, a sigma above zero"
+    )
+}
+
+/// `e' P^-1 e` of some axes.
+fn normalised(error: &[f64], covariance: &DMatrix<f64>, columns: &[usize]) -> Option<f64> {
+    let e = DVector::from_iterator(columns.len(), columns.iter().map(|&i| error[i]));
+    let p =
+        DMatrix::from_fn(columns.len(), columns.len(), |i, j| covariance[(columns[i], columns[j])]);
+    Some(e.dot(&p.cholesky()?.solve(&e)))
+}

@@ -1,0 +1,235 @@
+//! `H` against central differences of `h` on the manifold, also of samples that lack channels.
+
+use crate::lab::{Lab, Moment, all_estimated};
+use crate::{Report, lab};
+use navfuse_core::model::measurement::{AnyMeasurement, At, slots};
+use navfuse_core::state::covariance::Update;
+use navfuse_core::state::manifold::MAX_TANGENT;
+use navfuse_core::state::{Block, Layout};
+use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
+
+/// The largest error of a derivative, relative to the largest of its channel and block: central differences at the best of
+/// several steps are good to about 1e-9, and a wrong term is an error of more than its own size.
+const BOUND: f64 = 1e-6;
+
+pub fn check(lab: &Lab<'_>, report: &mut Report) {
+    let layout = all_estimated(&lab.composition.layout);
+    for (part, model) in lab.models() {
+        let moments = lab.moments_of(part.index, &layout);
+        if moments.is_empty() {
+            let message = "no sample of it reaches the running filter: give it `simulation = { rate = \"1 Hz\" }`, and \
+                           a trajectory on which it measures";
+            report.add("jacobian", part.about, Err(message.into()));
+            continue;
+        }
+        let names: Vec<&str> =
+            lab.composition.sensors[part.index].info.channels.iter().map(|c| c.name).collect();
+        report.add("jacobian", part.about, of_model(model.as_ref(), &layout, &moments, &names));
+    }
+}
+
+fn of_model(
+    model: &dyn AnyMeasurement,
+    layout: &Layout,
+    moments: &[Moment],
+    names: &[&str],
+) -> Result<String, String> {
+    let (n, mut worst, mut used, mut finite) = (model.channels(), 0.0_f64, 0, 0);
+    let mut reads: Option<u128> = None;
+    let mut update = Update::with_capacity(layout.tangent, MAX_CHANNELS);
+    for Moment { state, sample: all } in moments {
+        let mut whole = false; // whether the sample itself is predicted
+        for sample in subsets(all, names.len()) {
+            let at = At { layout, state, sample: &sample };
+            let (mut z, present) =
+                ([0.0; MAX_CHANNELS], (0..n).filter(|&i| sample.get(i).is_some()));
+            let present: Vec<usize> = present.collect();
+            model.predict(&at, &mut z[..n]);
+            if present.iter().any(|&i| !z[i].is_finite()) {
+                let lacking =
+                    |i: &usize| whole && all.get(*i).is_some() && sample.get(*i).is_none();
+                // a sample without what is told beside may be useless; one without another measured channel may not
+                if let Some(lacking) = (0..n)
+                    .find(lacking)
+                    .filter(|_| (n..names.len()).all(|i| sample.get(i) == all.get(i)))
+                {
+                    return Err(format!(
+                        "without channel {} the prediction of another one is not finite; let the prediction of one channel not \
+                         depend on another that may be missing",
+                        names[lacking]
+                    ));
+                }
+                continue;
+            }
+            whole |= sample == *all;
+            finite += usize::from(sample == *all);
+            let read = model.blocks(&at);
+            if *reads.get_or_insert(read) != read {
+                let other =
+                    slots(reads.unwrap_or(0) ^ read).map(|s| layout.blocks[s].name.as_str());
+                return Err(format!(
+                    "predict reads {} at some states and not at others, so its derivative is lost there; read every state \
+                     with x.get(...) before the first branch",
+                    other.collect::<Vec<_>>().join(", ")
+                ));
+            }
+            update.m = 0;
+            model.linearise(&at, &mut update);
+            if update.m != present.len() || update.h.len() < update.m * update.columns.len() {
+                let lacking: Vec<&str> =
+                    (0..n).filter(|i| !present.contains(i)).map(|i| names[i]).collect();
+                return Err(format!(
+                    "a sample without {} is linearised with {} rows, {} are needed; leave out the rows of `H` and `R` of \
+                     channels that are missing, or let MeasurementModel do it",
+                    lacking.join(", "),
+                    update.m,
+                    present.len()
+                ));
+            }
+            used += 1;
+            let mut noise = [0.0; MAX_CHANNELS * MAX_CHANNELS];
+            model.noise(&at, &mut noise[..n * n]);
+            let mut column = 0;
+            for slot in slots(read) {
+                let block = &layout.blocks[slot];
+                for (row, &channel) in present.iter().enumerate() {
+                    let start = row * update.columns.len() + column;
+                    let given = &update.h[start..start + block.operations.tangent];
+                    let sigma = noise[channel * n + channel].max(0.0).sqrt();
+                    let error = of_row(model, &at, block, channel, sigma, given).map_err(|wrong| {
+                        format!(
+                            "the derivative of channel {} with respect to {}, axis {}, is {:.6e}; central differences of \
+                             predict give {:.6e} (off by {:.1e} of the block's largest, the bound is {BOUND:.0e}); mend \
+                             `jacobian`, or remove it and let the dual numbers do it; where there is none, predict \
+                             computes with plain numbers instead of its T, or has a jump",
+                            names[channel],
+                            block.name,
+                            wrong.axis + 1,
+                            given[wrong.axis],
+                            wrong.numeric,
+                            wrong.relative
+                        )
+                    })?;
+                    worst = worst.max(error);
+                }
+                column += block.operations.tangent;
+            }
+        }
+    }
+    if 2 * finite < moments.len() {
+        return Err(format!(
+            "predict is not finite at {} of {} states about the run; let it be finite wherever the vehicle may be",
+            moments.len() - finite,
+            moments.len()
+        ));
+    }
+    Ok(format!("largest error {worst:.1e} of {used} samples and states"))
+}
+
+/// The sample itself, and with each of its channels missing, and with that channel alone.
+fn subsets(sample: &Sample, channels: usize) -> Vec<Sample> {
+    let present: Vec<usize> = (0..channels).filter(|&i| sample.get(i).is_some()).collect();
+    let mut all = vec![*sample];
+    if present.len() > 1 {
+        for &i in &present {
+            let mut without = *sample;
+            without.clear(i);
+            let mut alone = *sample;
+            present.iter().filter(|&&k| k != i).for_each(|&k| alone.clear(k));
+            all.extend([without, alone]);
+        }
+    }
+    all
+}
+
+/// A step for central differences: the cube root of the rounding, times the size of what is displaced.
+fn step(block: &Block, values: &[f64], axis: usize) -> f64 {
+    let size = values.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+    let position =
+        block.operations.kind == std::any::TypeId::of::<navfuse_core::state::manifold::Position>();
+    6e-6 * if position { 1e3 } else { size.max(lab::reach(block, values, axis)) }
+}
+
+fn slope(
+    model: &dyn AnyMeasurement,
+    at: &At<'_>,
+    block: &Block,
+    axis: usize,
+    step: f64,
+) -> [f64; MAX_CHANNELS] {
+    let n = model.channels();
+    let side = |step: f64| {
+        let (mut moved, mut delta, mut z) =
+            (at.state.clone(), [0.0; MAX_TANGENT], [0.0; MAX_CHANNELS]);
+        delta[axis] = step;
+        (block.operations.retract)(
+            &mut moved.values[block.range()],
+            &delta[..block.operations.tangent],
+        );
+        model.predict(&At { layout: at.layout, state: &moved, sample: at.sample }, &mut z[..n]);
+        z
+    };
+    let (after, before) = (side(step), side(-step));
+    std::array::from_fn(|i| (after[i] - before[i]) / (2.0 * step))
+}
+
+/// A derivative that differs.
+struct Wrong {
+    axis: usize,
+    numeric: f64,
+    relative: f64,
+}
+
+/// The largest error of a channel's derivatives with respect to a block, relative to the largest of them. Steps of several
+/// sizes are tried: a good one is not the same for every function, a wrong derivative is wrong at all of them. An error that
+/// moves the prediction by less than a millionth of its noise is rounding.
+fn of_row(
+    model: &dyn AnyMeasurement,
+    at: &At<'_>,
+    block: &Block,
+    channel: usize,
+    sigma: f64,
+    given: &[f64],
+) -> Result<f64, Wrong> {
+    let values = &at.state.values[block.range()];
+    let numeric = |axis: usize, scale: f64| {
+        slope(model, at, block, axis, scale * step(block, values, axis))[channel]
+    };
+    let first: Vec<f64> = (0..given.len()).map(|axis| numeric(axis, 1.0)).collect();
+    let largest = first.iter().fold(f64::MIN_POSITIVE, |a, x| a.max(x.abs()));
+    let mut worst = 0.0_f64;
+    for axis in 0..given.len() {
+        let negligible = 1e-6 * sigma / lab::reach(block, values, axis);
+        let mut least = f64::INFINITY;
+        for scale in [1.0, 1e-1, 1e1, 1e-2, 1e2] {
+            let error = (given[axis] - numeric(axis, scale)).abs();
+            least = least.min(error / largest);
+            if least <= BOUND {
+                break;
+            }
+            if error <= negligible {
+                least = 0.0;
+                break;
+            }
+        }
+        if least > BOUND || least.is_nan() {
+            return Err(Wrong { axis, numeric: first[axis], relative: least });
+        }
+        worst = worst.max(least);
+    }
+    Ok(worst)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use navfuse_core::units::sample::SensorId;
+    use navfuse_core::units::time::Time;
+
+    #[test]
+    fn every_channel_is_once_missing_and_once_alone() {
+        let sample = Sample::new(Time::MIN, SensorId(0), &[1.0, 2.0, 3.0]);
+        let present: Vec<u16> = subsets(&sample, 3).iter().map(Sample::present).collect();
+        assert_eq!(present, [0b111, 0b110, 0b001, 0b101, 0b010, 0b011, 0b100]);
+    }
+}

@@ -1,0 +1,165 @@
+//! Conformance tests for plugins: one call checks every type that a plugin registers.
+//!
+//! ```
+//! # use navfuse_ins::InsPlugin as MyPlugin;
+//! # const SCENARIO: &str = r#"
+//! # [process.ins]
+//! # attitude = { sigma = "0.1 deg" }
+//! # velocity = { sigma = "1 cm/s" }
+//! # position = { sigma = "1 m" }
+//! # [sensor.imu]
+//! # gyro_noise = "0.1 deg/h/sqrt(Hz)"
+//! # accel_noise = "10 ug/sqrt(Hz)"
+//! # simulation = { rate = "20 Hz" }
+//! # [sensor.reference]
+//! # simulation = { rate = "1 Hz" }
+//! # [source.simulation]
+//! # segments = [{ type = "surge", duration = "20 s", speed = "1 m/s" }]
+//! # "#;
+//! // under #[test]
+//! fn it_conforms() -> Result<(), navfuse_conformance::Failed> {
+//!     navfuse_conformance::check(&[&MyPlugin], SCENARIO)
+//! }
+//! # it_conforms().unwrap();
+//! ```
+//!
+//! The scenario is one that `navfuse run` runs, of a minute or a few, on simulated samples; where only sources and sinks are
+//! checked, recorded ones will do. Its types that the given plugins register are checked; the IMU, the strapdown process and the simulation are there in any case.
+
+mod channels;
+mod consistency;
+mod jacobian;
+mod lab;
+mod noise;
+mod parameters;
+mod repeat;
+mod streams;
+mod transition;
+
+use lab::Lab;
+use navfuse_core::plugin::{Plugin, Registry, SensorType};
+use std::fmt;
+use std::marker::PhantomData;
+
+/// Checks every process, sensor, source and sink type that the plugins register and the scenario (TOML) uses.
+///
+/// # Errors
+/// All checks that failed, each with what is wrong, the numbers, and what to mend.
+pub fn check(plugins: &[&dyn Plugin], scenario: &str) -> Result<(), Failed> {
+    let report = report(plugins, scenario);
+    println!("{report}"); // shown by `cargo test -- --nocapture`
+    if report.findings.iter().any(|f| f.outcome.is_err()) { Err(Failed(report)) } else { Ok(()) }
+}
+
+/// [`check`] of one sensor type that is in no plugin: of a program that registers it by itself.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_sensor<S: SensorType>(scenario: &str) -> Result<(), Failed> {
+    struct Only<S>(PhantomData<S>);
+    impl<S: SensorType> Plugin for Only<S> {
+        fn build(&self, registry: &mut Registry) {
+            registry.sensor::<S>();
+        }
+    }
+    check(&[&Only::<S>(PhantomData)], scenario)
+}
+
+/// As [`check`], with what passed.
+pub fn report(plugins: &[&dyn Plugin], scenario: &str) -> Report {
+    let registry = lab::registry(plugins);
+    let mut report = Report::default();
+    match Lab::new(&registry, scenario) {
+        Err(message) => report.add("scenario", "the scenario", Err(message)),
+        Ok(lab) => {
+            if let Some(ended) = &lab.ended {
+                report.add("scenario", "the scenario", Err(ended.clone()));
+            }
+            parameters::check(&lab, &mut report);
+            if lab.has_models() {
+                channels::check(&lab, &mut report);
+                jacobian::check(&lab, &mut report);
+                noise::check(&lab, &mut report);
+                transition::check(&lab, &mut report);
+            }
+            repeat::check(&lab, &mut report);
+            if lab.has_models() {
+                consistency::check(&lab, &mut report);
+            }
+            streams::check(&lab, &mut report);
+        }
+    }
+    report
+}
+
+/// What one check found of one type.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// The check: `jacobian`, `noise`, `transition`, ...
+    pub check: &'static str,
+    /// The type and its table: `sensor type dvl ([sensor.port])`.
+    pub about: String,
+    /// What was measured; or what is wrong, and what to mend.
+    pub outcome: Result<String, String>,
+}
+
+/// What all checks found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// In the order of the checks.
+    pub findings: Vec<Finding>,
+}
+
+impl Report {
+    fn add(
+        &mut self,
+        check: &'static str,
+        about: impl Into<String>,
+        outcome: Result<String, String>,
+    ) {
+        self.findings.push(Finding { check, about: about.into(), outcome });
+    }
+
+    /// The findings that failed.
+    pub fn failures(&self) -> impl Iterator<Item = &Finding> {
+        self.findings.iter().filter(|f| f.outcome.is_err())
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.outcome {
+            Ok(measured) => write!(f, "ok    {:<12} {}: {measured}", self.check, self.about),
+            Err(wrong) => write!(f, "WRONG {:<12} {}: {wrong}", self.check, self.about),
+        }
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.findings.iter().try_for_each(|finding| writeln!(f, "{finding}"))
+    }
+}
+
+/// A plugin that does not conform.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Failed(
+    /// All findings, also those that passed.
+    pub Report,
+);
+
+impl fmt::Display for Failed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} of {} checks failed", self.0.failures().count(), self.0.findings.len())?;
+        self.0.failures().try_for_each(|finding| write!(f, "\n{finding}"))
+    }
+}
+
+// what a test that returns an error prints
+impl fmt::Debug for Failed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl std::error::Error for Failed {}

@@ -1,0 +1,208 @@
+//! Sources: samples that a filter can take. Sinks: they write what a run tells, the same for the same run, and leave a file
+//! when it is interrupted.
+
+use crate::Report;
+use crate::lab::{Lab, Stream, assemble_to, stranger};
+use navfuse_core::model::record::Level;
+use navfuse_core::model::stream::{RunInfo, Sink, Source, StreamError};
+use navfuse_core::plugin::Kind;
+use navfuse_core::run::runner;
+use navfuse_core::run::runner::Finished;
+use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
+use navfuse_core::units::time::Time;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+pub fn check(lab: &Lab<'_>, report: &mut Report) {
+    for part in lab.streams(Kind::Source) {
+        let outcome = source(lab, &part.name);
+        report.add("source", part.about, outcome);
+    }
+    for part in lab.streams(Kind::Sink) {
+        let outcome = sink(lab, &part);
+        report.add("sink", part.about, outcome);
+    }
+}
+
+fn source(lab: &Lab<'_>, name: &str) -> Result<String, String> {
+    let mut assembly = assemble_to(lab.types, lab.text, None)?;
+    let mut count = 0;
+    for (_, stream) in assembly.sources.iter_mut().filter(|(n, _)| n == name) {
+        count += one_stream(lab, &mut **stream)?;
+    }
+    match count {
+        0 => {
+            Err("it gives no sample; give those of the scenario's sensors, or an error that says why there are none"
+                .into())
+        }
+        _ => Ok(format!("{count} samples are in order of time, finite, and of sensors of the scenario")),
+    }
+}
+
+/// Reads a stream to its end; the number of its samples.
+fn one_stream(lab: &Lab<'_>, stream: &mut dyn Source) -> Result<usize, String> {
+    let sensors = &lab.composition.sensors;
+    let (mut last, mut count, end) = (vec![None::<Time>; sensors.len()], 0, stream.end());
+    let mut sample = Sample::empty(Time::MIN, SensorId(0));
+    // a source without an end is cut by the filter's
+    let until = lab.composition.estimator.stop().unwrap_or(Time::MAX);
+    while stream.next(&mut sample).map_err(|e| format!("it fails: {e}"))? {
+        let (time, index) = (sample.time, sample.sensor.0);
+        if time > until {
+            return Ok(count);
+        }
+        count += 1;
+        let Some(sensor) = sensors.get(index) else { return Err(stranger(&sample, sensors.len())) };
+        let name = &sensor.info.name;
+        let before = last[index].replace(time);
+        if let Some(before) = before.filter(|before| *before >= time) {
+            return Err(format!(
+                "the samples of [sensor.{name}] go from {before} to {time}; give each sensor's in increasing order of time, or an \
+                 error that names the place and the remedy"
+            ));
+        }
+        for channel in (0..MAX_CHANNELS).filter(|i| sample.get(*i).is_some()) {
+            if channel >= sensor.info.channels.len() {
+                let declared = sensor.info.channels.len();
+                return Err(format!(
+                    "a sample of [sensor.{name}] at {time} has channel number {channel}, and {declared} are declared; begin each \
+                     with Sample::empty"
+                ));
+            }
+            if sample.get(channel).is_some_and(|v| !v.is_finite()) {
+                return Err(format!(
+                    "channel {} of [sensor.{name}] at {time} is not finite; leave a channel out where there is no value, or give \
+                     an error",
+                    sensor.info.channels[channel].name
+                ));
+            }
+        }
+        if let Some(end) = end.filter(|end| time > *end) {
+            return Err(format!(
+                "a sample is at {time}, after the end that it tells, {end}; tell the last one's time, or None"
+            ));
+        }
+    }
+    if stream.next(&mut sample).is_ok_and(|more| more) {
+        return Err(
+            "it gives a sample after it said that there is none; once at the end, stay there"
+                .into(),
+        );
+    }
+    Ok(count)
+}
+
+fn sink(lab: &Lab<'_>, part: &Stream) -> Result<String, String> {
+    let once = |half: bool| -> Result<(String, Files), String> {
+        let failed = |e: std::io::Error| format!("the folder for its output: {e}");
+        let folder = tempfile::tempdir().map_err(failed)?;
+        let told = place(part, &run(lab, folder.path(), half)?)?;
+        Ok((told, files(folder.path()).map_err(failed)?))
+    };
+    let ((told, first), (_, second)) = (once(false)?, once(false)?);
+    let (_, cut) = once(true).map_err(|e| format!("of a run that is interrupted: {e}"))?;
+    if first.is_empty() {
+        return if told.is_empty() || told.contains("://") || Path::new(&told).exists() {
+            Ok("it takes whole runs and one that is interrupted; it writes nothing into the folder of the run".into())
+        } else {
+            Err(format!(
+                "it tells that it wrote to {told}, and there is no such file; return the place of what was written, or None"
+            ))
+        };
+    }
+    for (name, bytes) in &first {
+        if bytes.is_empty() {
+            return Err(format!(
+                "the file {name} that it wrote is empty; write what is left in finish"
+            ));
+        }
+        if !cut.contains_key(name) {
+            return Err(format!(
+                "of a run that is interrupted it leaves no {name}; create it when it is opened, and write what is left in finish"
+            ));
+        }
+        let again = second.get(name).map_or(&[][..], Vec::as_slice);
+        if bytes != again {
+            let at = bytes.iter().zip(again).take_while(|(a, b)| a == b).count();
+            return Err(format!(
+                "two runs with the same seed write {name} differently from byte {at} on; write no clock, path, random id or \
+                 hash order, so that a run can be compared with another"
+            ));
+        }
+    }
+    let bytes: usize = first.values().map(Vec::len).sum();
+    Ok(format!(
+        "{bytes} bytes in {}, the same again; a run that is interrupted leaves them too",
+        names(&first)
+    ))
+}
+
+/// The files of a folder and what is in them.
+type Files = BTreeMap<String, Vec<u8>>;
+
+fn files(folder: &Path) -> std::io::Result<Files> {
+    let mut files = Files::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_file() {
+            let name =
+                path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+            files.insert(name, std::fs::read(&path)?);
+        }
+    }
+    Ok(files)
+}
+
+fn names(files: &Files) -> String {
+    files.keys().map(String::as_str).collect::<Vec<_>>().join(", ")
+}
+
+/// Runs the scenario with its sinks; or until its middle, as Ctrl-C ends it.
+fn run(lab: &Lab<'_>, output: &Path, half: bool) -> Result<Finished, String> {
+    let mut assembly = assemble_to(lab.types, lab.text, Some(output))?;
+    let stop = Arc::new(AtomicBool::new(false));
+    if half {
+        let middle = lab.samples[lab.samples.len() / 2].time;
+        assembly.sinks.push((
+            "conformance".into(),
+            Box::new(Interruption { middle, stop: Arc::clone(&stop) }),
+        ));
+    }
+    Ok(runner::run(assembly, &stop, |_| {}))
+}
+
+/// Interrupts a run.
+struct Interruption {
+    middle: Time,
+    stop: Arc<AtomicBool>,
+}
+
+impl Sink for Interruption {
+    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
+        Ok(())
+    }
+    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+        if sample.time >= self.middle {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(None)
+    }
+}
+
+/// Where a sink says that it wrote.
+fn place(part: &Stream, finished: &Finished) -> Result<String, String> {
+    let own = finished.events.iter().find(|e| e.level == Level::Error && e.about == part.name);
+    if let Some(error) = &finished.error {
+        return Err(format!("the run ends early: {error}"));
+    }
+    if let Some(event) = own {
+        return Err(format!("it fails at {}: {}", event.time, event.text));
+    }
+    let recorded = finished.recorded.iter().find(|r| r.sink == part.name);
+    Ok(recorded.map_or_else(String::new, |r| r.place.clone()))
+}

@@ -1,0 +1,222 @@
+//! Our own plugins conform.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use navfuse_conformance::{Failed, check};
+use navfuse_core::document::Document;
+use navfuse_core::plugin::{Plugin, Registry};
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+/// A minute and a half of a vehicle that surges, descends and turns, and the sensor that is given.
+fn scenario(sensor: &str) -> String {
+    format!(
+        r#"
+        [process.ins]
+        attitude = {{ sigma = ["0.02 deg", "0.02 deg", "0.2 deg"] }}
+        velocity = {{ sigma = "1 cm/s" }}
+        position = {{ sigma = "1 m" }}
+        gyro_bias = {{ sigma = "1 deg/h" }}
+        accel_bias = {{ sigma = "100 ug" }}
+
+        [sensor.imu]
+        gyro_noise = "0.1 deg/h/sqrt(Hz)"
+        accel_noise = "10 ug/sqrt(Hz)"
+        simulation = {{ rate = "50 Hz" }}
+
+        [sensor.reference]
+        simulation = {{ rate = "1 Hz" }}
+
+        [source.simulation]
+        start = {{ latitude = "43 deg", heading = "30 deg" }}
+        segments = [
+            {{ type = "surge", duration = "20 s", speed = "2 m/s" }},
+            {{ type = "descend", duration = "30 s", rate = "0.5 m/s" }},
+            {{ type = "turn", duration = "20 s", angle = "90 deg", bank = "8 deg" }},
+            {{ type = "cruise", duration = "20 s" }},
+        ]
+        {sensor}
+        "#
+    )
+}
+
+fn conforms(plugin: &dyn Plugin, sensor: &str) -> Result<(), Failed> {
+    check(&[plugin], &scenario(sensor))
+}
+
+#[test]
+fn the_imu_the_strapdown_process_and_the_reference_conform() -> Result<(), Failed> {
+    conforms(&navfuse_ins::InsPlugin, "")
+}
+
+#[test]
+fn the_dvl_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_dvl::DvlPlugin,
+        r#"
+        [sensor.dvl]
+        noise = "1 cm/s"
+        scale = { sigma = "1 %" }
+        misalignment = { sigma = "0.5 deg" }
+        lever_arm = ["0.3 m", "0 m", "0.2 m"]
+        simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
+
+#[test]
+fn the_dvl_by_beams_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_dvl::DvlPlugin,
+        r#"
+        [sensor.dvl-beams]
+        noise = "1 cm/s"
+        scale = { sigma = "1 %" }
+        misalignment = { sigma = "0.5 deg" }
+        lever_arm = { initial = ["0.3 m", "0 m", "0.2 m"], sigma = "2 cm" }
+        simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
+
+#[test]
+fn the_laser_doppler_conforms_with_one_two_and_three_beams() -> Result<(), Failed> {
+    for beams in ["[[1, 0, 1]]", "[[1, 0, 1], [-1, 0, 1]]", "[[1, 0, 1], [-1, 0, 1], [0, 1, 1]]"] {
+        let sensor = format!(
+            r#"
+            [sensor.laser-doppler]
+            beams = {beams}
+            noise = "5 mm/s"
+            scale = {{ sigma = "0.5 %" }}
+            misalignment = {{ sigma = "0.3 deg" }}
+            lever_arm = ["0.3 m", "0 m", "0.2 m"]
+            simulation = {{ rate = "2 Hz" }}
+            "#
+        );
+        conforms(&navfuse_laser_doppler::LaserDopplerPlugin, &sensor)?;
+    }
+    Ok(())
+}
+
+#[test]
+fn gnss_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_gnss::GnssPlugin,
+        r#"
+        [sensor.gnss]
+        horizontal_noise = "1 m"
+        vertical_noise = "2 m"
+        velocity_noise = "5 cm/s"
+        bias = { sigma = ["1 m", "1 m", "2 m"], correlation_time = "10 min" }
+        lever_arm = { initial = ["-0.4 m", "0 m", "-0.8 m"], sigma = "10 cm" }
+        simulation = { rate = "1 Hz" }
+        "#,
+    )
+}
+
+#[test]
+fn the_odometer_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_odometer::OdometerPlugin,
+        r#"
+        [sensor.odometer]
+        noise = "5 cm/s"
+        lateral_noise = "5 cm/s"
+        vertical_noise = "10 cm/s"
+        scale = { sigma = "1 %" }
+        pitch = { sigma = "0.5 deg" }
+        yaw = { sigma = "0.5 deg" }
+        lever_arm = { initial = ["-1 m", "0.5 m", "0.5 m"], sigma = "10 cm" }
+        simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
+
+#[test]
+fn the_depth_sensor_conforms() -> Result<(), Failed> {
+    conforms(
+        &navfuse_depth::DepthPlugin,
+        r#"
+        [sensor.depth]
+        noise = "5 cm"
+        bias = { sigma = "20 cm", correlation_time = "10 min" }
+        lever_arm = { initial = ["0.3 m", "0 m", "0.2 m"], sigma = "2 cm" }
+        simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
+
+#[test]
+fn the_altimeter_of_the_tutorial_conforms() -> Result<(), Failed> {
+    conforms(
+        &first_plugin::AltimeterPlugin,
+        r#"
+        [sensor.altimeter]
+        noise = "5 cm"
+        bottom = { initial = "-80 m", sigma = "5 m" }
+        lever_arm = ["0.5 m", "0 m", "0.2 m"]
+        simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
+
+#[test]
+fn the_simulation_conforms() -> Result<(), Failed> {
+    conforms(&navfuse_simulation::SimulationPlugin, "")
+}
+
+/// What a sink wrote of a run, its source reads.
+fn streams_conform(
+    plugin: &dyn Plugin,
+    sink: &str,
+    source: impl Fn(&Path) -> String,
+) -> Result<(), Failed> {
+    check(&[plugin], &scenario(sink))?;
+    let folder = tempfile::tempdir().unwrap();
+    let mut registry = Registry::new();
+    registry.add(&navfuse_ins::InsPlugin).add(&navfuse_simulation::SimulationPlugin).add(plugin);
+    let document = Document::parse("scenario", scenario(sink)).unwrap();
+    let assembly =
+        Scenario::new(&registry, document, &[]).unwrap().assemble(Some(folder.path())).unwrap();
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let simulated = scenario("");
+    let (filter, _) = simulated.split_once("[source.simulation]").unwrap();
+    check(&[plugin], &format!("{filter}\n{}", source(folder.path())))
+}
+
+#[test]
+fn logs_conform() -> Result<(), Failed> {
+    let source = |folder: &Path| format!("[source.mcap]\npath = {:?}", folder.join("run.mcap"));
+    streams_conform(&navfuse_mcap::McapPlugin, "[sink.mcap]", source)
+}
+
+#[test]
+fn csv_conforms() -> Result<(), Failed> {
+    check(&[&navfuse_csv::CsvPlugin], &scenario("[sink.csv]"))?;
+    let folder = tempfile::tempdir().unwrap();
+    let row = |k: i32| format!("{},0,0,0,0,0,-9.8\n", f64::from(k) * 0.1);
+    let heading =
+        "time_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,accel_x_mps2,accel_y_mps2,accel_z_mps2\n"
+            .to_owned();
+    std::fs::write(
+        folder.path().join("imu.csv"),
+        (1..=200).map(row).fold(heading, |all, row| all + &row),
+    )
+    .unwrap();
+    let filter = r#"
+        [process.ins]
+        attitude = { sigma = "1 deg", initial = "0 deg" }
+        velocity = { sigma = "1 cm/s", initial = "0 m/s" }
+        position = { sigma = "1 m", latitude = "32 deg", longitude = "34 deg", height = "0 m" }
+        [sensor.imu]
+        gyro_noise = "0.1 deg/h/sqrt(Hz)"
+        accel_noise = "10 ug/sqrt(Hz)"
+    "#;
+    check(
+        &[&navfuse_csv::CsvPlugin],
+        &format!("{filter}\n[source.csv]\ndirectory = {:?}", folder.path()),
+    )
+}

@@ -1,0 +1,21 @@
+//! The sensor that `navfuse new-plugin` writes and the one in `examples/` conform; their own tests, in crates of their own, are
+//! run by `tests/outside.rs` of the root package.
+
+#[path = "../../../src/templates/plugin/lib.txt"]
+mod my_sensor;
+#[path = "../../../examples/outside-sensor/src/lib.rs"]
+mod outside_sensor;
+
+use navfuse_conformance::{Failed, check_sensor};
+
+#[test]
+fn the_sensor_of_a_new_plugin_conforms() -> Result<(), Failed> {
+    check_sensor::<my_sensor::MySensor>(include_str!("../../../src/templates/plugin/scenario.txt"))
+}
+
+#[test]
+fn the_sensor_of_the_example_conforms() -> Result<(), Failed> {
+    check_sensor::<outside_sensor::Magnetometer>(include_str!(
+        "../../../examples/outside-sensor/scenario.toml"
+    ))
+}

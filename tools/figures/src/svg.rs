@@ -1,0 +1,165 @@
+//! A figure as SVG: where its title, legends and panels go.
+
+use crate::legend::Legend;
+use crate::look::{FIGURE_TITLE, PANEL_TITLE, UNITS, fit, style_sheet, text, units};
+use crate::panel::{Prepared, is_map};
+use crate::{Figure, FigureError, Panel};
+use plotters::backend::SVGBackend;
+use plotters::coord::Shift;
+use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
+use plotters::element::Text;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{FontStyle, WHITE};
+
+/// Where is drawn.
+pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// The outcome of drawing something.
+pub type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+
+/// Width of a figure, page pixels; where its columns would be narrower than `NARROWEST` it is wider.
+const WIDTH: f64 = 900.0;
+const NARROWEST: f64 = 180.0;
+/// At the edges of a figure and between panels, page pixels.
+const GAP: f64 = 12.0;
+/// Height of titles, page pixels.
+const TITLES: [f64; 2] = [28.0, 20.0];
+
+/// What the backend writes of every point although it is so anyway, a third of the whole. In a text a quotation mark is
+/// escaped, so that these are attributes wherever they are.
+const DEFAULTS: [&str; 2] = [" opacity=\"1\"", " stroke=\"none\" stroke-width=\"0\""];
+
+/// Draws a figure, to be shown 900 pixels wide. The same figure gives the same bytes.
+///
+/// What cannot be drawn is left out: points that are not finite or, on a logarithmic axis, not positive. A panel of which
+/// nothing is left says "no data".
+///
+/// # Errors
+/// When the drawing library gives up.
+pub fn svg(figure: &Figure) -> Result<String, FigureError> {
+    let layout = Layout::new(figure);
+    let size = [layout.width, layout.height].map(|s| units(s).unsigned_abs());
+    let mut svg = String::new();
+    let area = SVGBackend::with_string(&mut svg, (size[0], size[1])).into_drawing_area();
+    let drawn = layout.draw(&area).and_then(|()| area.present());
+    drop(area);
+    drawn.map_err(|e| FigureError::Draw { name: figure.name.clone(), reason: e.to_string() })?;
+    // the drawing has finer units than the page
+    let tag = format!("width=\"{}\" height=\"{}\"", size[0], size[1]);
+    let page = size.map(|s| f64::from(s) / UNITS);
+    let svg = svg.replacen(
+        &tag,
+        &format!("class=\"navfuse\" width=\"{}\" height=\"{}\"", page[0], page[1]),
+        1,
+    );
+    let svg = svg.replacen(">\n", &format!(">\n{}", style_sheet()), 1);
+    Ok(DEFAULTS.iter().fold(svg, |svg, default| svg.replace(default, "")))
+}
+
+struct Layout<'a> {
+    figure: &'a Figure,
+    width: f64,
+    height: f64,
+    /// Below the title, where there is one.
+    legend: Option<(Legend, f64)>,
+    cells: Vec<Cell<'a>>,
+}
+
+/// A panel and its place.
+struct Cell<'a> {
+    panel: &'a Panel,
+    prepared: Prepared<'a>,
+    legend: Legend,
+    /// Left, top, width and height of the plot.
+    plot: [f64; 4],
+    /// Whether the horizontal axis has a label: not where the panel below has the same.
+    labelled: bool,
+}
+
+impl<'a> Layout<'a> {
+    fn new(figure: &'a Figure) -> Self {
+        let columns = figure.columns.clamp(1, figure.panels.len().max(1));
+        let width = WIDTH.max(NARROWEST * columns as f64);
+        let wide = (width - GAP) / columns as f64; // with the gap at its right
+        let maps = figure.panels.iter().any(is_map);
+        let high =
+            if maps { (0.75 * wide).clamp(130.0, 460.0) } else { (0.5 * wide).clamp(130.0, 260.0) };
+        let prepared: Vec<_> =
+            figure.panels.iter().map(|p| Prepared::new(p, [wide - 60.0, high])).collect();
+        // plots of a column are as wide as the widest numbers beside them allow
+        let widest = |of: fn(&Prepared<'a>) -> f64| -> Vec<f64> {
+            let column = |c| {
+                prepared.iter().skip(c).step_by(columns).map(of).fold(0.0, f64::max).min(0.5 * wide)
+            };
+            (0..columns).map(column).collect()
+        };
+        let (left, right) = (widest(Prepared::left), widest(Prepared::right));
+        let mut y = if figure.title.is_empty() { GAP } else { GAP + TITLES[0] };
+        let common = Legend::common(figure);
+        let legend = common.clone().map(|l| (l, y));
+        if let Some((legend, _)) = &legend {
+            y += legend.height(width - 2.0 * GAP) + 0.5 * GAP;
+        }
+        let mut cells: Vec<Cell<'a>> = Vec::new();
+        let mut prepared = prepared.into_iter().enumerate();
+        for row in figure.panels.chunks(columns) {
+            let own = |p: &Panel| if common.is_some() { Legend::default() } else { Legend::of(p) };
+            let room = |c: usize| wide - left[c] - right[c].max(GAP);
+            let tallest =
+                row.iter().enumerate().map(|(c, p)| own(p).height(room(c))).fold(0.0, f64::max);
+            let titles = if row.iter().all(|p| p.title.is_empty()) { 0.5 * GAP } else { TITLES[1] };
+            let mut below: f64 = 0.0;
+            for (c, (panel, (k, mut prepared))) in row.iter().zip(prepared.by_ref()).enumerate() {
+                let labelled =
+                    figure.panels.get(k + columns).is_none_or(|p| p.x.label != panel.x.label);
+                below = below.max(prepared.below(labelled));
+                let plot = [GAP + c as f64 * wide + left[c], y + titles + tallest, room(c), high];
+                prepared.fit([plot[2], plot[3]]);
+                cells.push(Cell { panel, prepared, legend: own(panel), plot, labelled });
+            }
+            y += titles + tallest + high + below + 0.5 * GAP;
+        }
+        if figure.panels.is_empty() {
+            y += TITLES[0];
+        }
+        Self { figure, width, height: (y + 0.5 * GAP).ceil(), legend, cells }
+    }
+
+    fn draw(&self, area: &Area<'_>) -> Drawn {
+        area.fill(&WHITE)?;
+        let title = |title: &str, size: f64, left: f64, middle: f64, room: f64| {
+            let style = text(size, FontStyle::Bold).pos(Pos::new(HPos::Left, VPos::Center));
+            area.draw(&Text::new(fit(title, size, room), (units(left), units(middle)), style))
+        };
+        if !self.figure.title.is_empty() {
+            title(
+                &self.figure.title,
+                FIGURE_TITLE,
+                GAP,
+                GAP + 0.35 * TITLES[0],
+                self.width - 2.0 * GAP,
+            )?;
+        }
+        if let Some((legend, top)) = &self.legend {
+            legend.draw(area, [GAP, *top], self.width - 2.0 * GAP)?;
+        }
+        for cell in &self.cells {
+            let [left, top, wide, _] = cell.plot;
+            let top = top - cell.legend.height(wide);
+            cell.legend.draw(area, [left, top], wide)?;
+            if !cell.panel.title.is_empty() {
+                title(&cell.panel.title, PANEL_TITLE, left, top - 0.5 * TITLES[1], wide)?;
+            }
+            cell.prepared.draw(area, cell.plot, cell.labelled)?;
+        }
+        if self.cells.is_empty() {
+            let style =
+                text(PANEL_TITLE, FontStyle::Normal).pos(Pos::new(HPos::Center, VPos::Center));
+            area.draw(&Text::new(
+                "no data",
+                (units(0.5 * self.width), units(self.height - 1.5 * GAP)),
+                style,
+            ))?;
+        }
+        Ok(())
+    }
+}

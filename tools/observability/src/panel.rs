@@ -1,0 +1,39 @@
+//! What a run determines, as a page in Markdown: for an operator, while the run goes on.
+
+use crate::component::Verdict;
+use crate::tracker::{Now, Tracker};
+use crate::words::{self, short};
+use std::fmt::Write;
+
+/// What is missing, and under it a table of all states.
+pub fn markdown(tracker: &Tracker) -> String {
+    let title = |i: usize| tracker.components()[i].title(tracker.layout());
+    let mut page = format!("at {:.0} s\n", tracker.span().1.seconds());
+    let missing: Vec<(usize, String)> = (0..tracker.components().len())
+        .filter_map(|i| Some((i, words::missing(tracker, i)?)))
+        .collect();
+    if !missing.is_empty() {
+        page += "\n**What is missing**\n\n";
+    }
+    for (i, why) in missing {
+        let _ = writeln!(page, "- **{}**: {why}", title(i));
+    }
+    page += "\n| state | prior | now | bits | |\n|---|--:|--:|--:|---|\n";
+    for (i, (component, now)) in tracker.components().iter().zip(tracker.now()).enumerate() {
+        let unit = component.unit;
+        let (prior, sigma, bits, verdict) =
+            (short(now.prior), short(now.sigma), now.bits() + 0.0, verdict(now));
+        let _ =
+            writeln!(page, "| {} | {prior} | {sigma} {unit} | {bits:.1} | {verdict} |", title(i));
+    }
+    page
+}
+
+fn verdict(now: &Now) -> String {
+    match (now.verdict, now.since) {
+        (Verdict::Determined, Some(since)) => {
+            format!("**determined** since {:.0} s", since.seconds())
+        }
+        (verdict, _) => verdict.text().to_owned(),
+    }
+}

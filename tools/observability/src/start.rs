@@ -1,0 +1,178 @@
+//! What is left of the error at the start: a fixed-point smoother of the whole state.
+//!
+//! With `x_0` the error at the start, whose covariance is `P_0 = L L'`, and the filter's own `Phi`, `H`, `S` and `K`, it
+//! carries (Simon, *Optimal State Estimation*, 2006, section 9.2)
+//! ```text
+//! G = cov(x_t, x_0) L'^-1:   G- = Phi G,   G+ = (I - K H) G-,                    G = L at the start
+//! M = L^-1 cov(x_0 | z) L'^-1:             M+ = M - (H G-)' S^-1 (H G-),         M = I at the start
+//! ```
+//! `M` is what is left of the prior in units of the prior: its eigenvalues are between 0 and 1, and an eigenvector of
+//! eigenvalue 1 is a direction of which the measurements said nothing. `M^-1 - I` is the local observability Gramian
+//! `sum Phi' H' R^-1 H Phi` in those units where there is no process noise, and what remains of it where there is; neither is
+//! ever inverted. `G` is `(I - K H) Phi ...  L`, what an error at the start has become. Beside it goes the same without
+//! measurements, `F = Phi ... L`, and of the Gramian of `F` its diagonal: what the measurements would tell of each component
+//! alone, were all others known.
+
+use navfuse_core::state::Layout;
+use navfuse_core::state::covariance::{Transition, Update};
+
+/// The smoother. All indices are of the error state; of the start, of components in units of their prior.
+#[derive(Clone, Debug)]
+pub struct StartError {
+    n: usize,
+    stride: usize,
+    /// `G`, row-major with padded rows.
+    carried: Vec<f64>,
+    /// `F`.
+    free: Vec<f64>,
+    /// `M`, row-major.
+    left: Vec<f64>,
+    /// The diagonal of the Gramian.
+    alone: Vec<f64>,
+    work: Vec<f64>,
+    rows: Vec<f64>,
+}
+
+impl StartError {
+    /// From `L`, whose column `i` is the error of one prior sigma in the component `i`; row-major `n` x `n`.
+    pub fn new(n: usize, l: &[f64]) -> Self {
+        let stride = n.next_multiple_of(4);
+        let mut carried = vec![0.0; n * stride];
+        let mut left = vec![0.0; n * n];
+        for i in 0..n {
+            carried[i * stride..][..n].copy_from_slice(&l[i * n..][..n]);
+            // a component that is known exactly has no error to be left
+            left[i * n + i] = f64::from(u8::from((0..n).any(|k| l[k * n + i] != 0.0)));
+        }
+        Self {
+            n,
+            stride,
+            free: carried.clone(),
+            carried,
+            left,
+            alone: vec![0.0; n],
+            work: Vec::new(),
+            rows: Vec::new(),
+        }
+    }
+
+    /// The error moved.
+    pub fn transition(&mut self, transition: &Transition) {
+        transition.carry(&mut self.carried, self.stride, &mut self.work);
+        transition.carry(&mut self.free, self.stride, &mut self.work);
+    }
+
+    /// A measurement corrected the state; `told` gets, for each component, by how much what is left of it shrank: the
+    /// variance before over that after.
+    pub fn correction(&mut self, layout: &Layout, update: &Update, told: &mut [f64]) {
+        let (n, m) = (self.n, update.m);
+        let (s, r) = (Lower::of(&update.s, m), Lower::of(&update.r, m));
+        let mut rows = std::mem::take(&mut self.rows);
+        read(update, &self.free, self.stride, &mut rows);
+        if let Some(r) = r {
+            r.solve(&mut rows, self.stride);
+            for row in rows.chunks_exact(self.stride) {
+                self.alone.iter_mut().zip(row).for_each(|(sum, y)| *sum += y * y);
+            }
+        }
+        read(update, &self.carried, self.stride, &mut rows);
+        for (g, k) in self.carried.chunks_exact_mut(self.stride).zip(update.gain().chunks_exact(m))
+        {
+            for (k, row) in k.iter().zip(rows.chunks_exact(self.stride)).filter(|(k, _)| **k != 0.0)
+            {
+                g.iter_mut().zip(row).for_each(|(g, y)| *g -= k * y);
+            }
+        }
+        layout.reset_rows(&update.delta, &mut self.carried, self.stride);
+        layout.reset_rows(&update.delta, &mut self.free, self.stride);
+        if let Some(s) = s {
+            s.solve(&mut rows, self.stride);
+            for (i, told) in told.iter_mut().enumerate() {
+                *told = self.left[i * n + i];
+            }
+            for y in rows.chunks_exact(self.stride) {
+                for (i, left) in self.left.chunks_exact_mut(n).enumerate() {
+                    let by = y[i];
+                    left.iter_mut().zip(y).for_each(|(l, y)| *l -= by * y);
+                }
+            }
+            for (i, told) in told.iter_mut().enumerate() {
+                let left = &mut self.left[i * n + i];
+                *left = left.max(SMALLEST);
+                *told = (*told / *left).max(1.0);
+            }
+        }
+        self.rows = rows;
+    }
+
+    /// `M`, row-major.
+    pub fn left(&self) -> &[f64] {
+        &self.left
+    }
+
+    /// What the measurements would tell of each component if all others were known: prior over remaining variance, less one.
+    pub fn alone(&self) -> &[f64] {
+        &self.alone
+    }
+
+    /// What an error at the start has become: element `(i, j)` is the error in the state `i` of one prior sigma in the
+    /// component `j`.
+    pub fn carried(&self, i: usize, j: usize) -> f64 {
+        self.carried[i * self.stride + j]
+    }
+}
+
+/// Below this share of a prior variance rounding rules: 20 bits.
+const SMALLEST: f64 = 1e-12;
+
+/// `H X`, with rows of the stride.
+fn read(update: &Update, x: &[f64], stride: usize, out: &mut Vec<f64>) {
+    let w = update.columns.len();
+    out.clear();
+    out.resize(update.m * stride, 0.0);
+    for (row, h) in out.chunks_exact_mut(stride).zip(update.h.chunks_exact(w.max(1))) {
+        for (&column, &h) in update.columns.iter().zip(h).filter(|(_, h)| **h != 0.0) {
+            row.iter_mut().zip(&x[column * stride..][..stride]).for_each(|(y, x)| *y += h * x);
+        }
+    }
+}
+
+/// A Cholesky factor of a small matrix, on the stack.
+struct Lower {
+    m: usize,
+    l: [f64; MAX * MAX],
+}
+
+const MAX: usize = navfuse_core::units::sample::MAX_CHANNELS;
+
+impl Lower {
+    /// `None` where the matrix is not positive definite.
+    fn of(a: &[f64], m: usize) -> Option<Self> {
+        let mut l = [0.0; MAX * MAX];
+        for i in 0..m {
+            for j in 0..=i {
+                let sum: f64 = (0..j).map(|k| l[i * MAX + k] * l[j * MAX + k]).sum();
+                let rest = a[i * m + j] - sum;
+                l[i * MAX + j] = if i == j { rest.sqrt() } else { rest / l[j * MAX + j] };
+            }
+            if l[i * MAX + i].is_nan() || l[i * MAX + i] <= 0.0 {
+                return None;
+            }
+        }
+        Some(Self { m, l })
+    }
+
+    /// `L^-1 X` in place, rows of the stride.
+    fn solve(&self, x: &mut [f64], stride: usize) {
+        for i in 0..self.m {
+            let (done, rest) = x.split_at_mut(i * stride);
+            let row = &mut rest[..stride];
+            for (k, before) in done.chunks_exact(stride).enumerate() {
+                let l = self.l[i * MAX + k];
+                row.iter_mut().zip(before).for_each(|(y, b)| *y -= l * b);
+            }
+            let d = self.l[i * MAX + i];
+            row.iter_mut().for_each(|y| *y /= d);
+        }
+    }
+}

@@ -1,0 +1,405 @@
+//! The tracker: listens to a run and says at any time what it has determined.
+
+use crate::component::{Component, Verdict, square_root};
+use crate::direction::{self, Direction};
+use crate::reference::Reference;
+use crate::start::StartError;
+use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
+use navfuse_core::model::sensor::Purpose;
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::state::Layout;
+use navfuse_core::state::covariance::{Covariance, Transition, Update};
+use navfuse_core::state::manifold::MAX_TANGENT;
+use navfuse_core::units::sample::SensorId;
+use navfuse_core::units::time::Time;
+use std::sync::{Arc, Mutex};
+
+/// A component is determined when no more than this share of it is still prior: four times better than the prior, 2 bits.
+pub const DETERMINED: f64 = 1.0 / 16.0;
+/// What was determined is so until more than this share is prior again.
+pub const LOST: f64 = 1.0 / 8.0;
+/// Below this share, at which the measurements weigh as much as the prior, it is determined in part.
+pub const IN_PART: f64 = 0.5;
+
+/// A sensor reads a component of which one prior sigma changes a sample by a thousandth of its noise: this squared.
+const READS: f64 = 1e-6;
+
+/// What is known of a component now.
+#[derive(Clone, Copy, Debug)]
+pub struct Now {
+    /// 1-sigma at the start, in the unit of the component.
+    pub prior: f64,
+    /// 1-sigma without measurements, by own dynamics.
+    pub reference: f64,
+    /// 1-sigma.
+    pub sigma: f64,
+    /// The share that is still prior, 0 to 1: see [`Tracker`].
+    pub weight: f64,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Since when it is determined.
+    pub since: Option<Time>,
+    /// When it ceased to be determined, the last time it did.
+    pub lost: Option<Time>,
+}
+
+impl Now {
+    /// Sigma over what it would be without measurements.
+    pub fn normalised(&self) -> f64 {
+        if self.reference > 0.0 { self.sigma / self.reference } else { 1.0 }
+    }
+
+    /// Information gained, bits: how many times sigma was halved. Below zero where it has grown.
+    pub fn bits(&self) -> f64 {
+        0.0 - self.normalised().log2()
+    }
+}
+
+/// What a sensor did.
+#[derive(Clone, Debug)]
+pub struct SensorShare {
+    /// Its name.
+    pub name: String,
+    /// Whether it corrects the state.
+    pub measures: bool,
+    /// Samples used.
+    pub used: u64,
+    /// Bits that it told of each component at the start.
+    pub told: Vec<f64>,
+    /// Which components its model reads.
+    pub reads: Vec<bool>,
+}
+
+/// Follows what a run determines, for any composition.
+///
+/// The share of a component that is still prior is `(sigma / reference)^2`, with the reference of its own dynamics
+/// ([`Now::reference`]): for a constant, what is left of its prior variance. A block that others drive, such as the velocity of
+/// an INS, has no such reference: its share is that of the variance at the start which is still in the estimate, `Psi P_0 Psi' /
+/// P_0` with `Psi` the product of all `(I - K H) Phi`. A position that nothing sees keeps all of it, however little its sigma
+/// has grown; a velocity that is measured forgets where it began.
+pub struct Tracker {
+    layout: Layout,
+    components: Vec<Component>,
+    now: Vec<Now>,
+    sensors: Vec<SensorShare>,
+    started: Option<Started>,
+    last_used: Option<SensorId>,
+    told: Vec<f64>,
+    begin: Time,
+    end: Time,
+    every: i64,
+    next: Time,
+    /// The estimate at the last epoch.
+    values: Vec<f64>,
+    /// Times of the history, and normalised sigmas row by row.
+    times: Vec<f64>,
+    history: Vec<f64>,
+}
+
+/// What is followed from the start on.
+struct Started {
+    error: StartError,
+    reference: Reference,
+    /// Whether something happened since.
+    moved: bool,
+    work: Covariance,
+}
+
+impl Started {
+    fn new(layout: &Layout, values: &[f64], covariance: &Covariance) -> Self {
+        let l = square_root(layout, values, &covariance.to_dense());
+        Self {
+            error: StartError::new(layout.tangent, &l),
+            reference: Reference::new(layout, covariance),
+            moved: false,
+            work: Covariance::zero(layout.tangent),
+        }
+    }
+}
+
+impl Tracker {
+    /// A tracker of a run, which keeps a history at that interval, s; an infinite one keeps none.
+    pub fn new(run: &RunInfo, every: f64) -> Self {
+        let layout = run.layout.clone();
+        let components = Component::of(&layout);
+        let n = components.len();
+        let sensor = |s: &navfuse_core::model::sensor::SensorInfo| SensorShare {
+            name: s.name.clone(),
+            measures: s.purpose == Purpose::Measurement,
+            used: 0,
+            told: vec![0.0; n],
+            reads: vec![false; n],
+        };
+        let verdict =
+            |c: &Component| if c.considered { Verdict::Considered } else { Verdict::NotDetermined };
+        let nan = f64::NAN;
+        let first = |c| Now {
+            prior: nan,
+            reference: nan,
+            sigma: nan,
+            weight: 1.0,
+            verdict: verdict(c),
+            since: None,
+            lost: None,
+        };
+        Self {
+            now: components.iter().map(first).collect(),
+            sensors: run.sensors.iter().map(sensor).collect(),
+            components,
+            layout,
+            started: None,
+            last_used: None,
+            told: vec![1.0; n],
+            begin: Time::MIN,
+            end: Time::MIN,
+            every: Time::from_seconds(every).map_or(i64::MAX, Time::nanos).max(1),
+            next: Time::MIN,
+            values: Vec::new(),
+            times: Vec::new(),
+            history: Vec::new(),
+        }
+    }
+
+    /// The layout of the state.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// The uncertain components.
+    pub fn components(&self) -> &[Component] {
+        &self.components
+    }
+
+    /// What is known of each now.
+    pub fn now(&self) -> &[Now] {
+        &self.now
+    }
+
+    /// The coordinates (SI) of a block at the last epoch; `None` before it, or where there is no such block.
+    pub fn coordinates(&self, name: &str) -> Option<Vec<f64>> {
+        let block = self.layout.find(name).filter(|_| !self.values.is_empty())?;
+        let mut out = vec![0.0; block.operations.tangent];
+        (block.operations.coordinates)(&self.values[block.range()], &mut out);
+        Some(out)
+    }
+
+    /// What each sensor did.
+    pub fn sensors(&self) -> &[SensorShare] {
+        &self.sensors
+    }
+
+    /// When the filter started, and the last epoch.
+    pub fn span(&self) -> (Time, Time) {
+        (self.begin, self.end)
+    }
+
+    /// Whether there was an estimate.
+    pub fn started(&self) -> bool {
+        self.begin != Time::MIN
+    }
+
+    /// Times of the history, s, and the normalised sigmas, row by row.
+    pub fn history(&self) -> (&[f64], &[f64]) {
+        (&self.times, &self.history)
+    }
+
+    /// What is left of the prior of the error at the start, in units of the prior; row-major, empty before the start.
+    pub fn left(&self) -> &[f64] {
+        self.started.as_ref().map_or(&[], |s| s.error.left())
+    }
+
+    /// What the measurements would tell of each component if all others were known: prior over remaining variance, less one.
+    pub fn alone(&self) -> &[f64] {
+        self.started.as_ref().map_or(&[], |s| s.error.alone())
+    }
+
+    /// Whether errors of other blocks flow into that one.
+    pub fn driven(&self, slot: usize) -> bool {
+        self.started.as_ref().is_some_and(|s| s.reference.driven(slot))
+    }
+
+    /// The directions of which the measurements said least: of what is still in the estimate, and not considered.
+    pub fn undetermined(&self) -> Vec<Direction> {
+        let forgotten =
+            |i: usize| self.driven(self.components[i].slot) && self.now[i].weight <= DETERMINED;
+        let of = |i: usize| !self.components[i].considered && !forgotten(i);
+        direction::undetermined(self.components.len(), self.left(), of)
+    }
+
+    /// The error moved.
+    pub fn transition(&mut self, transition: &Transition) {
+        if let Some(s) = &mut self.started {
+            s.moved = true;
+            s.error.transition(transition);
+            s.reference.transition(transition);
+        }
+    }
+
+    /// A sample was used, or not: comes before its correction.
+    pub fn update(&mut self, update: &UpdateRecord<'_>) {
+        self.last_used = (update.outcome == Outcome::Accepted).then_some(update.sensor);
+    }
+
+    /// The state was corrected.
+    pub fn correction(&mut self, update: &Update) {
+        // a filter without a driving sensor corrects before its first epoch
+        let layout = &self.layout;
+        let started = self.started.get_or_insert_with(|| {
+            let state = layout.initial_state();
+            let mut covariance = Covariance::zero(layout.tangent);
+            for block in layout.blocks.iter().filter(|b| b.tangent.is_some()) {
+                let (prior, range) = (block.prior(&state.values), block.tangent_range());
+                for (k, &p) in prior.iter().enumerate() {
+                    covariance.set(range.start + k % range.len(), range.start + k / range.len(), p);
+                }
+            }
+            Started::new(layout, &state.values, &covariance)
+        });
+        started.moved = true;
+        started.error.correction(layout, update, &mut self.told);
+        let Some(sensor) = self.last_used.and_then(|id| self.sensors.get_mut(id.0)) else { return };
+        sensor.used += 1;
+        sensor.told.iter_mut().zip(&self.told).for_each(|(sum, told)| *sum += 0.5 * told.log2());
+        let (w, prior) = (update.columns.len(), started.reference.prior());
+        for (k, &column) in update.columns.iter().enumerate() {
+            let sigma = prior.get(column, column).sqrt();
+            let seen = |a: usize| {
+                (update.h[a * w + k] * sigma).powi(2) > READS * update.r[a * update.m + a]
+            };
+            sensor.reads[column] |= (0..update.m).any(seen);
+        }
+    }
+
+    /// An estimate; says whether the verdict of some component changed.
+    pub fn epoch(&mut self, epoch: &Epoch<'_>) -> bool {
+        let values = &epoch.state.values;
+        let time = epoch.state.time;
+        if self.started.as_ref().is_none_or(|s| !s.moved && self.begin == Time::MIN) {
+            self.started = Some(Started::new(&self.layout, values, epoch.covariance));
+        }
+        let Some(started) = &mut self.started else { return false };
+        if self.begin == Time::MIN {
+            self.begin = time;
+        }
+        self.end = time;
+        self.values.clone_from(values);
+        let mut changed = false;
+        let mut first = 0;
+        for (slot, block) in self.layout.blocks.iter().enumerate() {
+            let range = block.tangent_range();
+            if range.is_empty() {
+                continue;
+            }
+            let shown = |covariance: &Covariance| {
+                let mut out = [0.0; MAX_TANGENT];
+                block.show_sigma(values, covariance, &mut out);
+                out
+            };
+            let (sigma, prior) = (shown(epoch.covariance), shown(started.reference.prior()));
+            let reference = shown(started.reference.carried());
+            let driven = started.reference.driven(slot);
+            let mut carried = [0.0; MAX_TANGENT];
+            if driven {
+                for (i, j) in range.clone().flat_map(|i| range.clone().map(move |j| (i, j))) {
+                    let product = |k| started.error.carried(i, k) * started.error.carried(j, k);
+                    started.work.set(i, j, range.clone().map(product).sum());
+                }
+                carried = shown(&started.work);
+            }
+            for k in 0..range.len() {
+                let weight = match (driven, reference[k] > 0.0) {
+                    (true, true) => (carried[k] / prior[k]).powi(2),
+                    (false, true) => (sigma[k] / reference[k]).powi(2),
+                    (_, false) => 1.0,
+                };
+                let now = &mut self.now[first + k];
+                changed |= now.look(time, prior[k], reference[k], sigma[k], weight);
+            }
+            first += range.len();
+        }
+        if time >= self.next && self.every < i64::MAX {
+            self.next = Time::from_nanos((time.nanos().div_euclid(self.every) + 1) * self.every);
+            self.times.push(time.seconds());
+            self.history.extend(self.now.iter().map(Now::normalised));
+        }
+        changed
+    }
+}
+
+impl Now {
+    /// Takes the sigmas and the weight of the prior at a time; says whether the verdict changed.
+    fn look(&mut self, time: Time, prior: f64, reference: f64, sigma: f64, weight: f64) -> bool {
+        (self.prior, self.reference, self.sigma, self.weight) = (prior, reference, sigma, weight);
+        if self.verdict == Verdict::Considered {
+            return false;
+        }
+        if self.weight <= DETERMINED {
+            self.since.get_or_insert(time);
+        } else if self.weight > LOST && self.since.take().is_some() {
+            self.lost = Some(time);
+        }
+        let verdict = match (self.since, self.weight <= IN_PART) {
+            (Some(_), _) => Verdict::Determined,
+            (None, true) => Verdict::InPart,
+            (None, false) => Verdict::NotDetermined,
+        };
+        std::mem::replace(&mut self.verdict, verdict) != verdict
+    }
+}
+
+/// A sink that tracks a run.
+pub struct Watch {
+    every: f64,
+    tracker: Option<Tracker>,
+    kept: Arc<Mutex<Option<Tracker>>>,
+}
+
+impl Watch {
+    /// The sink, and where its tracker is when the run is over.
+    pub fn new(every: f64) -> (Self, Arc<Mutex<Option<Tracker>>>) {
+        let kept = Arc::new(Mutex::new(None));
+        (Self { every, tracker: None, kept: Arc::clone(&kept) }, kept)
+    }
+}
+
+impl Sink for Watch {
+    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
+        self.tracker = Some(Tracker::new(run, self.every));
+        Ok(())
+    }
+
+    fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
+        if let Some(tracker) = &mut self.tracker {
+            tracker.transition(transition);
+        }
+        Ok(())
+    }
+
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        if let Some(tracker) = &mut self.tracker {
+            tracker.update(update);
+        }
+        Ok(())
+    }
+
+    fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
+        if let Some(tracker) = &mut self.tracker {
+            tracker.correction(update);
+        }
+        Ok(())
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        if let Some(tracker) = &mut self.tracker {
+            tracker.epoch(epoch);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        if let Ok(mut kept) = self.kept.lock() {
+            *kept = self.tracker.take();
+        }
+        Ok(None)
+    }
+}

@@ -1,0 +1,114 @@
+//! Why a state is not determined, in words.
+
+use crate::component::Verdict;
+use crate::direction::Direction;
+use crate::tracker::Tracker;
+
+/// Correlations of the error at the start above this are named.
+const PARTNER: f64 = 0.5;
+/// The most partners that are named.
+const PARTNERS: usize = 2;
+
+/// What is missing to determine the component; `None` where nothing is.
+pub fn missing(tracker: &Tracker, i: usize) -> Option<String> {
+    let (component, now) = (&tracker.components()[i], &tracker.now()[i]);
+    match now.verdict {
+        Verdict::Determined => return None,
+        Verdict::Considered => {
+            return Some("the scenario says mode = \"consider\": it is not estimated".into());
+        }
+        Verdict::InPart | Verdict::NotDetermined => {}
+    }
+    let measuring = || tracker.sensors().iter().filter(|s| s.measures);
+    if measuring().next().is_none() {
+        return Some("no sensor measures: enable one".into());
+    }
+    if measuring().all(|s| s.used == 0) {
+        return Some("no measurement was used so far".into());
+    }
+    let owner = component.state.split('.').next().unwrap_or_default();
+    if let Some(sensor) = measuring().find(|s| s.name == owner && s.used == 0) {
+        return Some(format!("{} gave no sample that was used", sensor.name));
+    }
+    let readers: Vec<&str> = measuring().filter(|s| s.reads[i]).map(|s| s.name.as_str()).collect();
+    let alone = tracker.alone().get(i).copied().unwrap_or(0.0);
+    let reading = match readers.as_slice() {
+        [] => format!("no enabled sensor reads {}", component.title(tracker.layout())),
+        [one] => format!("{one} reads it"),
+        [.., last] => format!("{} and {last} read it", readers[..readers.len() - 1].join(", ")),
+    };
+    let grown = if now.sigma > 1.05 * now.prior {
+        let unit =
+            if component.unit.is_empty() { String::new() } else { format!(" {}", component.unit) };
+        format!("; its sigma has grown from {} to {}{unit}", short(now.prior), short(now.sigma))
+    } else {
+        String::new()
+    };
+    // the measurements would tell less than the prior does, were all else known
+    if alone < 1.0 {
+        let left = 100.0 / (1.0 + alone).sqrt();
+        let so = match readers.as_slice() {
+            [] => "and what the sensors read hardly depends on it",
+            _ => "but it made little difference to what they read",
+        };
+        let if_known = match left {
+            99.5.. => String::new(),
+            _ => format!(": were all else known, {left:.0} % of its prior sigma would be left"),
+        };
+        return Some(format!("{reading}, {so}{if_known}{grown}"));
+    }
+    let with = partners(tracker, i);
+    if with.is_empty() {
+        return Some(format!(
+            "{reading}; it shows slowly, against the noise of what drives the process{grown}"
+        ));
+    }
+    let with: Vec<String> = with
+        .iter()
+        .map(|&(k, r)| format!("{} ({r:+.2})", tracker.components()[k].title(tracker.layout())))
+        .collect();
+    Some(format!("{reading}; so far it is told only together with {}{grown}", with.join(" and ")))
+}
+
+/// The components with which what is left of it is correlated most, and the correlations.
+fn partners(tracker: &Tracker, i: usize) -> Vec<(usize, f64)> {
+    let (n, left) = (tracker.components().len(), tracker.left());
+    let correlation = |k: usize| left[i * n + k] / (left[i * n + i] * left[k * n + k]).sqrt();
+    let mut with: Vec<(usize, f64)> =
+        (0..n).filter(|&k| k != i).map(|k| (k, correlation(k))).collect();
+    with.retain(|p| p.1.abs() >= PARTNER);
+    with.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    with.truncate(PARTNERS);
+    with
+}
+
+/// A direction, in terms of states: `0.98 ins.gyro_bias z + 0.20 ins.attitude yaw`.
+pub fn direction(tracker: &Tracker, direction: &Direction) -> String {
+    let title = |k: usize| tracker.components()[k].title(tracker.layout());
+    match direction.parts.as_slice() {
+        [(only, _)] => title(*only),
+        [(first, weight), rest @ ..] => {
+            let mut text = format!("{weight:.2} {}", title(*first));
+            for (k, weight) in rest {
+                let sign = if *weight < 0.0 { '-' } else { '+' };
+                text += &format!(" {sign} {:.2} {}", weight.abs(), title(*k));
+            }
+            text
+        }
+        [] => "many states at once".into(),
+    }
+}
+
+/// A number with two or three significant digits.
+pub fn short(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let decimals = (1.0 - value.abs().log10().floor()).clamp(0.0, 12.0) as usize;
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}

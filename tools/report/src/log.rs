@@ -1,0 +1,79 @@
+//! The history of a run from its log.
+
+use crate::history::{BlockInfo, Fate, History, Row, SensorHistory};
+use navfuse_core::model::stream::StreamError;
+use navfuse_mcap::{Entry, InnovationEntry, LogReader};
+use std::path::Path;
+
+/// Reads the history of the run that a log records; `progress` is told how many bytes of how many were read.
+///
+/// # Errors
+/// When the log cannot be read, is damaged, was not recorded by navfuse, or holds no estimate.
+pub fn read_log(path: &Path, mut progress: impl FnMut([u64; 2])) -> Result<History, StreamError> {
+    let mut log = LogReader::open(path)?;
+    let info = log.info();
+    let mut history = History {
+        name: info.name.clone(),
+        version: info.version.clone(),
+        scenario: info.scenario.clone(),
+        ..History::default()
+    };
+    let mut count = 0_u64;
+    while log.next(|entry| take(&mut history, entry))? {
+        count += 1;
+        if count.is_multiple_of(4096) {
+            progress(log.progress());
+        }
+    }
+    history.warnings.extend(log.warning());
+    if history.blocks.is_empty() {
+        let why = "the log holds no estimate: the filter never started in the run that it records";
+        return Err(StreamError(format!("{}: {why}; its events say why", path.display())));
+    }
+    Ok(history)
+}
+
+fn take(history: &mut History, entry: Entry<'_>) {
+    match entry {
+        Entry::Sensor(s) => history.sensors.push(SensorHistory {
+            name: s.name.to_owned(),
+            kind: s.kind.map(str::to_owned),
+            purpose: s.purpose,
+            ..SensorHistory::default()
+        }),
+        Entry::Sample(sample, columns) => history.sample(&sample, columns.into_iter()),
+        Entry::Block(block) => {
+            let row = Row {
+                time: block.time.seconds(),
+                estimate: block.estimate,
+                sigma: block.sigma,
+                error: block.error,
+            };
+            let info = BlockInfo {
+                name: block.name,
+                mode: block.mode,
+                components: block.components.into_iter(),
+                unit: block.unit,
+                geodetic: block.geodetic,
+            };
+            history.state(info, row);
+        }
+        Entry::Innovation(update) => innovation(history, &update),
+        Entry::Event(event) => history.event(&event),
+    }
+}
+
+fn innovation(history: &mut History, update: &InnovationEntry<'_>) {
+    let Some(index) = history.sensors.iter().position(|s| s.name == update.sensor) else { return };
+    let fate = match update.outcome {
+        "accepted" => Fate::Accepted,
+        "gated" => Fate::Gated,
+        other => Fate::Rejected(other.strip_prefix("rejected: ").unwrap_or(other)),
+    };
+    let columns = history.sensors[index].channels.clone();
+    let of = update.channels.iter().zip(&update.innovation).zip(&update.sigma);
+    let channels = of.filter_map(|((name, z), sigma)| {
+        Some((columns.iter().position(|c| c == name)?, *z, *sigma))
+    });
+    history.update((index, update.time, fate), (update.nis, update.threshold), channels);
+}

@@ -1,0 +1,368 @@
+//! Figures of any run.
+
+use crate::history::{
+    BlockHistory, Consistency, History, Innovation, Row, SensorHistory, displacement,
+};
+use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Bins of the mean NIS over time: few enough for a mean over many samples, as many as one can tell apart.
+const BINS: usize = 60;
+
+/// A curve.
+pub(crate) fn curve(name: &str, look: Look, points: impl Iterator<Item = [f64; 2]>) -> Curve {
+    Curve { name: name.into(), look, points: points.collect() }
+}
+
+/// A panel over time.
+pub(crate) fn over_time(
+    title: impl Into<String>,
+    y: Axis,
+    curves: Vec<Curve>,
+    bands: Vec<Band>,
+) -> Panel {
+    Panel { title: title.into(), x: Axis::time(), y, curves, bands }
+}
+
+/// A label with its unit.
+pub(crate) fn label(what: &str, unit: &str) -> String {
+    match (what.is_empty(), unit.is_empty()) {
+        (_, true) => what.to_owned(),
+        (true, false) => format!("[{unit}]"),
+        (false, false) => format!("{what} [{unit}]"),
+    }
+}
+
+/// North, east and down (m) from the first position, with their times.
+pub(crate) type Track = Vec<(f64, [f64; 3])>;
+
+/// The tracks of the estimate and of the truth, from the first position: the true one, where it is known.
+pub(crate) fn tracks(position: &BlockHistory) -> (Track, Track) {
+    let origin = &position.first.estimate;
+    let off = position.first.error.first_chunk::<3>().copied().unwrap_or_default();
+    let place = |r: &Row| {
+        let from = displacement(&r.estimate, origin);
+        std::array::from_fn(|k| from[k] + off[k])
+    };
+    let estimate = position.shown().map(|r| (r.time, place(r)));
+    let truth = position.shown().filter_map(|r| {
+        let (place, error): ([f64; 3], _) = (place(r), r.error.first_chunk::<3>()?);
+        Some((r.time, std::array::from_fn(|k| place[k] - error[k])))
+    });
+    (estimate.collect(), truth.collect())
+}
+
+/// The track on a map and its height over time; none without a position.
+pub fn trajectory(history: &History) -> Option<Figure> {
+    let (estimate, truth) = tracks(history.position()?);
+    let both = [("truth", Look::Truth, &truth), ("estimate", Look::Data(0), &estimate)];
+    let both = || both.iter().filter(|(_, _, track)| !track.is_empty());
+    let map = Panel {
+        title: "track, from its beginning".into(),
+        x: Axis::map("east [m]"),
+        y: Axis::map("north [m]"),
+        curves: both()
+            .map(|(n, look, t)| curve(n, *look, t.iter().map(|(_, p)| [p[1], p[0]])))
+            .collect(),
+        bands: Vec::new(),
+    };
+    let curves = both()
+        .map(|(n, look, t)| curve(n, *look, t.iter().map(|(time, p)| [*time, -p[2]])))
+        .collect();
+    let height =
+        over_time("height above its beginning", Axis::linear("up [m]"), curves, Vec::new());
+    Some(Figure {
+        name: "trajectory".into(),
+        title: String::new(),
+        columns: 2,
+        panels: vec![map, height],
+    })
+}
+
+/// What the filter believes of a block, over what is true: above, a constant between its bounds of 3 sigma beside the truth,
+/// or the error of what moves; below, sigma and error by decades. None of a block that is held fixed.
+pub fn state(block: &BlockHistory) -> Option<Figure> {
+    if !block.uncertain() {
+        return None;
+    }
+    let n = block.components.len();
+    let constant = block.constant();
+    let value = |k| {
+        if constant { close(block, k, beside_truth(block, k, 1.0)) } else { error(block, k, 1.0) }
+    };
+    // the two rows of few components, and of many the two panels of each side by side
+    let (columns, panels): (usize, Vec<Panel>) = if n <= 4 {
+        (n.max(1), (0..n).map(value).chain((0..n).map(|k| convergence(block, k))).collect())
+    } else {
+        (2, (0..n).flat_map(|k| [value(k), convergence(block, k)]).collect())
+    };
+    Some(Figure { name: format!("state-{}", block.name), title: String::new(), columns, panels })
+}
+
+/// A component between its bounds of 3 sigma, and its truth where it is known. `sign` is -1 for an axis that is shown the
+/// other way.
+pub(crate) fn beside_truth(block: &BlockHistory, k: usize, sign: f64) -> Panel {
+    let value = |r: &Row| sign * r.estimate[k];
+    let bounds =
+        block.shown().map(|r| [r.time, value(r) - 3.0 * r.sigma[k], value(r) + 3.0 * r.sigma[k]]);
+    let truth = block.shown().filter(|r| !r.error.is_empty());
+    let mut curves =
+        vec![curve("estimate", Look::Data(0), block.shown().map(|r| [r.time, value(r)]))];
+    if block.compared.is_some() {
+        let truth = truth.map(|r| [r.time, value(r) - sign * r.error[k]]);
+        curves.insert(0, curve("truth", Look::Truth, truth));
+    }
+    let bands = vec![Band { name: "±3 sigma".into(), points: bounds.collect() }];
+    over_time(block.component(k), Axis::linear(label("", &block.unit)), curves, bands)
+}
+
+/// A panel of a component near where it ended: 12 sigmas of the end to each side, with all that was estimated in the second
+/// half of the run, and the truth; the whole panel where that is no more.
+fn close(block: &BlockHistory, k: usize, panel: Panel) -> Panel {
+    let half = 0.5 * (block.first.time + block.last.time);
+    let (end, sigma) = (block.last.estimate[k], block.last.sigma[k]);
+    let later = block.shown().filter(|r| r.time >= half);
+    let values =
+        later.flat_map(|r| [r.estimate[k], r.estimate[k] - r.error.get(k).unwrap_or(&0.0)]);
+    let ends = [end - 12.0 * sigma, end + 12.0 * sigma].into_iter().chain(values);
+    let [low, high] =
+        ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
+    let all = panel.curves.iter().flat_map(|c| c.points.iter().map(|p| p[1]));
+    let all =
+        all.chain(panel.bands.iter().flat_map(|b| b.points.iter().flat_map(|p| [p[1], p[2]])));
+    let [least, most] =
+        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
+    if high - low >= 0.8 * (most - least) {
+        return panel;
+    }
+    Panel { y: panel.y.within([low, high]), ..panel }
+}
+
+/// The error of a component between its bounds of 3 sigma; where no truth is known, the estimate between them.
+pub(crate) fn error(block: &BlockHistory, k: usize, sign: f64) -> Panel {
+    if block.compared.is_none() {
+        return if block.geodetic { displaced(block, k) } else { beside_truth(block, k, sign) };
+    }
+    let bounds = block.shown().map(|r| [r.time, -3.0 * r.sigma[k], 3.0 * r.sigma[k]]);
+    let error = block.shown().filter(|r| !r.error.is_empty()).map(|r| [r.time, sign * r.error[k]]);
+    let bands = vec![Band { name: "±3 sigma".into(), points: bounds.collect() }];
+    let title = format!("{} {}", block.name, block.axis(k));
+    let curves = vec![curve("error", Look::Data(0), error)];
+    over_time(title, Axis::linear(label("error", &block.unit)), curves, bands)
+}
+
+/// A component of a position from its beginning.
+fn displaced(block: &BlockHistory, k: usize) -> Panel {
+    let place = |r: &Row| displacement(&r.estimate, &block.first.estimate)[k];
+    let bounds =
+        block.shown().map(|r| [r.time, place(r) - 3.0 * r.sigma[k], place(r) + 3.0 * r.sigma[k]]);
+    let bands = vec![Band { name: "±3 sigma".into(), points: bounds.collect() }];
+    let curves = vec![curve("estimate", Look::Data(0), block.shown().map(|r| [r.time, place(r)]))];
+    over_time(
+        format!("{} {}", block.name, block.axis(k)),
+        Axis::linear("from its beginning [m]"),
+        curves,
+        bands,
+    )
+}
+
+/// Sigma and the size of the error of a component, by decades.
+pub(crate) fn convergence(block: &BlockHistory, k: usize) -> Panel {
+    let sigma = || block.shown().map(|r| [r.time, r.sigma[k]]);
+    let error = block.shown().filter(|r| !r.error.is_empty()).map(|r| [r.time, r.error[k].abs()]);
+    let mut curves = vec![curve("1-sigma", Look::Sigma, sigma())];
+    if block.compared.is_some() {
+        curves.insert(0, curve("size of the error", Look::Data(0), error));
+    }
+    // where an error goes through zero its logarithm has no end: it is cut off well below sigma
+    let least = sigma().map(|p| p[1]).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+    let most = curves.iter().flat_map(|c| c.points.iter().map(|p| p[1])).fold(0.0, f64::max);
+    let y = Axis::logarithmic(label("", &block.unit)).within([least / 20.0, 1.3 * most]);
+    let y = if block.compared.is_some() { y } else { Axis { limits: None, ..y } };
+    over_time("", y, curves, Vec::new())
+}
+
+/// Every component's sigma as a part of its first one, a panel a block: what falls was observed, from when on, and with what.
+pub fn normalised(history: &History) -> Figure {
+    let blocks = history.blocks.iter().filter(|b| b.uncertain());
+    let panels = blocks.map(|b| normalised_panel(b, &(0..b.components.len()).collect::<Vec<_>>()));
+    Figure {
+        name: "observability".into(),
+        title: String::new(),
+        columns: 3,
+        panels: panels.collect(),
+    }
+}
+
+/// The normalised sigma of some components of a block.
+pub(crate) fn normalised_panel(block: &BlockHistory, components: &[usize]) -> Panel {
+    let curves = components.iter().enumerate().map(|(place, &k)| {
+        let first = block.first.sigma[k];
+        curve(block.axis(k), Look::Data(place), block.shown().map(|r| [r.time, r.sigma[k] / first]))
+    });
+    over_time(
+        block.name.as_str(),
+        Axis::logarithmic("sigma / first sigma"),
+        curves.collect(),
+        Vec::new(),
+    )
+}
+
+/// The innovations of a sensor between their bounds of 3 sigma, a panel a channel, and those that were gated. None of a
+/// sensor of which no innovation was computed.
+pub fn innovations(sensor: &SensorHistory) -> Option<Figure> {
+    let updates = &sensor.updates;
+    if updates.accepted + updates.gated == 0 {
+        return None;
+    }
+    let has = |k: usize| {
+        let all = updates.innovations.rows().iter().chain(updates.outliers.rows());
+        all.map(|i| i.sigma[k]).any(f64::is_finite)
+    };
+    let channels = (0..sensor.channels.len()).filter(|k| has(*k));
+    let panels: Vec<Panel> = channels
+        .map(|k| {
+            let (name, unit, factor) = channel(&sensor.channels[k]);
+            let of = |look, name: &str, rows: &[Innovation]| {
+                curve(name, look, rows.iter().map(|i| [i.time, factor * i.innovation[k]]))
+            };
+            let mut curves = vec![of(Look::Points(0), "accepted", updates.innovations.rows())];
+            if updates.gated > 0 {
+                curves.push(of(Look::Points(1), "gated", updates.outliers.rows()));
+            }
+            let bound =
+                updates.innovations.rows().iter().map(|i| (i.time, 3.0 * factor * i.sigma[k]));
+            let bands = vec![Band {
+                name: "±3 sigma".into(),
+                points: bound.map(|(t, b)| [t, -b, b]).collect(),
+            }];
+            over_time(name, Axis::linear(label("innovation", unit)), curves, bands)
+        })
+        .collect();
+    let columns = panels.len().clamp(1, 3);
+    Some(Figure {
+        name: format!("innovations-{}", sensor.name),
+        title: String::new(),
+        columns,
+        panels,
+    })
+}
+
+/// The NIS of a sensor's samples against the gate, and its mean over time against its 95 % band.
+pub fn nis(sensor: &SensorHistory) -> Option<Figure> {
+    let updates = &sensor.updates;
+    if updates.accepted + updates.gated == 0 {
+        return None;
+    }
+    let of = |rows: &[Innovation]| rows.iter().map(|i| [i.time, i.nis]).collect::<Vec<_>>();
+    let mut curves = vec![Curve {
+        name: "accepted".into(),
+        look: Look::Points(0),
+        points: of(updates.innovations.rows()),
+    }];
+    if updates.gated > 0 {
+        curves.push(Curve {
+            name: "gated".into(),
+            look: Look::Points(1),
+            points: of(updates.outliers.rows()),
+        });
+    }
+    let mut gate: Vec<[f64; 2]> = updates
+        .innovations
+        .rows()
+        .iter()
+        .chain(updates.outliers.rows())
+        .map(|i| [i.time, i.threshold])
+        .collect();
+    gate.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    if gate.iter().any(|g| g[1].is_finite()) {
+        curves.push(Curve { name: "gate".into(), look: Look::Bound, points: gate });
+    }
+    let each = over_time("each sample", Axis::logarithmic("NIS"), curves, Vec::new());
+    let bins = bins(updates.consistency.rows());
+    let middle = |c: &Consistency| 0.5 * (c.span[0] + c.span[1]);
+    let mean = bins.iter().map(|c| [middle(c), c.nis / c.expected]);
+    let expected = bins.iter().map(|c| [middle(c), 1.0]);
+    let band =
+        bins.iter().filter_map(|c| band(c.expected).map(|[low, high]| [middle(c), low, high]));
+    let curves = vec![curve("expected", Look::Bound, expected), curve("mean", Look::Data(0), mean)];
+    let bands = vec![Band { name: "95 % band".into(), points: band.collect() }];
+    let mean = over_time("mean of the accepted", Axis::linear("NIS a channel"), curves, bands);
+    Some(Figure {
+        name: format!("nis-{}", sensor.name),
+        title: String::new(),
+        columns: 2,
+        panels: vec![each, mean],
+    })
+}
+
+/// Sums joined so that there are not too many.
+fn bins(rows: &[Consistency]) -> Vec<Consistency> {
+    let each = rows.len().div_ceil(BINS).max(1);
+    let join = |c: &[Consistency]| Consistency {
+        span: [c[0].span[0], c[c.len() - 1].span[1]],
+        nis: c.iter().map(|c| c.nis).sum(),
+        expected: c.iter().map(|c| c.expected).sum(),
+    };
+    let mut bins: Vec<Consistency> =
+        rows.chunks(each).map(join).filter(|c| c.expected > 0.0).collect();
+    // what is left over is no mean of its own
+    if let [.., before, last] = bins[..]
+        && last.expected < 0.5 * before.expected
+    {
+        bins.truncate(bins.len() - 2);
+        bins.push(join(&[before, last]));
+    }
+    bins
+}
+
+/// Where the mean of so many squares of independent Gaussian numbers is in nineteen cases of twenty.
+pub(crate) fn band(freedom: f64) -> Option<[f64; 2]> {
+    let chi = ChiSquared::new(freedom).ok()?;
+    Some([0.025, 0.975].map(|p| chi.inverse_cdf(p) / freedom))
+}
+
+/// What a sensor said, a panel a channel: where there are more samples than can be shown, from the least to the greatest.
+pub fn samples(sensor: &SensorHistory) -> Figure {
+    let panels: Vec<Panel> = (0..sensor.channels.len())
+        .map(|k| {
+            let (name, unit, factor) = channel(&sensor.channels[k]);
+            let points = profile(sensor, k).map(|[t, v]| [t, factor * v]);
+            over_time(
+                name,
+                Axis::linear(label("", unit)),
+                vec![curve("", Look::Data(0), points)],
+                Vec::new(),
+            )
+        })
+        .collect();
+    let columns = panels.len().clamp(1, 3);
+    Figure { name: format!("samples-{}", sensor.name), title: String::new(), columns, panels }
+}
+
+/// A channel over time, SI: the least and the greatest of the samples for which a row stands, one after the other.
+pub(crate) fn profile(sensor: &SensorHistory, k: usize) -> impl Iterator<Item = [f64; 2]> + '_ {
+    let dense = sensor.samples.each() > 1;
+    sensor.samples.rows().iter().enumerate().flat_map(move |(row, e)| {
+        let (first, second) =
+            if row % 2 == 0 { (e.low[k], e.high[k]) } else { (e.high[k], e.low[k]) };
+        let second = (dense && first != second).then_some([e.time, second]);
+        [Some([e.time, first]), second].into_iter().flatten()
+    })
+}
+
+/// A channel's name, the unit in which it is shown, and what its SI value is multiplied by for that.
+pub fn channel(column: &str) -> (&str, &str, f64) {
+    let degrees = 180.0 / std::f64::consts::PI;
+    let units = [
+        ("_radps", "deg/s", degrees),
+        ("_rad", "deg", degrees),
+        ("_mps2", "m/s^2", 1.0),
+        ("_mps", "m/s", 1.0),
+        ("_m", "m", 1.0),
+        ("_s", "s", 1.0),
+        ("_1", "", 1.0),
+    ];
+    let of = |(ending, unit, factor)| column.strip_suffix(ending).map(|name| (name, unit, factor));
+    units.into_iter().find_map(of).unwrap_or((column, "", 1.0))
+}

@@ -1,0 +1,127 @@
+//! The history of a run while it runs.
+
+use crate::history::{BlockInfo, Fate, History, Row, SensorHistory};
+use navfuse_core::model::record::{Epoch, Event, Outcome, UpdateRecord};
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::state::manifold::{MAX_TANGENT, Position};
+use navfuse_core::units::sample::{Channel, Sample};
+use navfuse_core::units::time::Time;
+use std::any::TypeId;
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+/// A sink that gathers the history of a run, and hands it over when the run is over.
+#[derive(Debug)]
+pub struct Recorder {
+    history: History,
+    columns: Vec<Vec<String>>,
+    /// The latest time of all: that of an event from before the clock was known, as in the log.
+    latest: Time,
+    done: Sender<History>,
+}
+
+impl Recorder {
+    /// The sink, and where its history is received after the run.
+    pub fn new() -> (Self, Receiver<History>) {
+        let (done, receiver) = channel();
+        (
+            Self { history: History::default(), columns: Vec::new(), latest: Time::MIN, done },
+            receiver,
+        )
+    }
+}
+
+impl Sink for Recorder {
+    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
+        let sensors = run.sensors.iter().map(|s| SensorHistory {
+            name: s.name.clone(),
+            kind: Some(s.kind.clone()),
+            purpose: Some(s.purpose),
+            ..SensorHistory::default()
+        });
+        self.history.name.clone_from(&run.name);
+        self.history.version.clone_from(&run.version);
+        self.history.scenario.clone_from(&run.scenario);
+        self.history.sensors = sensors.collect();
+        self.columns =
+            run.sensors.iter().map(|s| s.channels.iter().map(Channel::column).collect()).collect();
+        Ok(())
+    }
+
+    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+        if self.latest <= Time::MIN {
+            self.history
+                .events
+                .iter_mut()
+                .filter(|e| e.time <= Time::MIN)
+                .for_each(|e| e.time = sample.time);
+        }
+        self.latest = self.latest.max(sample.time);
+        self.history.sample(sample, self.columns[sample.sensor.0].iter().map(String::as_str));
+        Ok(())
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        let values = &epoch.state.values;
+        self.latest = self.latest.max(epoch.state.time);
+        for (slot, block) in epoch.layout.blocks.iter().enumerate() {
+            let n = block.operations.tangent;
+            let show = |show: &dyn Fn(&mut [f64])| {
+                let mut out = [0.0; MAX_TANGENT];
+                show(&mut out);
+                out[..n].to_vec()
+            };
+            let truth = epoch.truth.filter(|t| t.known[slot]);
+            let row = Row {
+                time: epoch.state.time.seconds(),
+                estimate: show(&|out| block.show(values, out)),
+                sigma: show(&|out| block.show_sigma(values, epoch.covariance, out)),
+                error: truth.map_or_else(Vec::new, |t| {
+                    show(&|out| block.show_error(values, &t.state.values, out))
+                }),
+            };
+            let info = BlockInfo {
+                name: &block.name,
+                mode: block.spec.mode,
+                components: (0..n)
+                    .map(|k| block.spec.display.components.get(k).copied().unwrap_or("")),
+                unit: block.spec.display.unit,
+                geodetic: block.operations.kind == TypeId::of::<Position>(),
+            };
+            self.history.state(info, row);
+        }
+        Ok(())
+    }
+
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        let why;
+        let sensor = update.sensor.0;
+        let fate = match update.outcome {
+            Outcome::Accepted => Fate::Accepted,
+            Outcome::Gated => Fate::Gated,
+            Outcome::Rejected(rejection) => {
+                why = navfuse_mcap::reason(rejection, &self.columns[sensor]);
+                Fate::Rejected(&why)
+            }
+        };
+        self.history.update(
+            (sensor, update.time, fate),
+            (update.nis, update.threshold),
+            update.channels(),
+        );
+        Ok(())
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
+        let known = event.time > Time::MIN;
+        let time = if known { event.time } else { self.latest };
+        self.latest = self.latest.max(time);
+        self.history.event(&Event { time, ..event.clone() });
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        // nobody may be waiting for it any more
+        self.done.send(std::mem::take(&mut self.history)).ok();
+        Ok(None)
+    }
+}

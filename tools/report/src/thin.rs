@@ -1,0 +1,112 @@
+//! Series of any length in a bounded number of rows, found while they come in.
+
+/// The most rows that are kept; from half of it on, where there are so many.
+pub const ROWS: usize = 1024;
+
+/// Something that can stand for two of its kind.
+///
+/// ```
+/// use navfuse_report::Merge;
+/// /// The largest of what it stands for.
+/// struct Peak(f64);
+/// impl Merge for Peak {
+///     fn merge(&mut self, next: Self) {
+///         self.0 = self.0.max(next.0);
+///     }
+/// }
+/// ```
+pub trait Merge {
+    /// What stands for this row and the one after it.
+    fn merge(&mut self, next: Self);
+}
+
+/// Rows, each of which stands for the same number of items, but the last for what is left.
+///
+/// When there are [`ROWS`] of them, pairs are merged, and each stands for twice as many from then on: the result depends on
+/// the items alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Thin<T> {
+    rows: Vec<T>,
+    /// Items in a row.
+    each: u64,
+    /// Items in the last row.
+    last: u64,
+}
+
+impl<T> Default for Thin<T> {
+    fn default() -> Self {
+        Self { rows: Vec::new(), each: 1, last: 0 }
+    }
+}
+
+impl<T: Merge> Thin<T> {
+    /// Takes the next item.
+    pub fn push(&mut self, item: T) {
+        match self.rows.last_mut() {
+            Some(row) if self.last < self.each => {
+                row.merge(item);
+                self.last += 1;
+                return;
+            }
+            _ => {}
+        }
+        if self.rows.len() == ROWS {
+            self.halve();
+            // the pairs are full: ROWS is even
+        }
+        self.rows.push(item);
+        self.last = 1;
+    }
+
+    fn halve(&mut self) {
+        let mut rows = std::mem::take(&mut self.rows).into_iter();
+        while let Some(mut row) = rows.next() {
+            if let Some(next) = rows.next() {
+                row.merge(next);
+            }
+            self.rows.push(row);
+        }
+        self.each *= 2;
+    }
+
+    /// The rows.
+    pub fn rows(&self) -> &[T] {
+        &self.rows
+    }
+
+    /// For how many items a row stands.
+    pub fn each(&self) -> u64 {
+        self.each
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    impl Merge for (u64, u64) {
+        fn merge(&mut self, next: Self) {
+            assert_eq!(self.1 + 1, next.0, "rows are joined in their order and without a gap");
+            self.1 = next.1;
+        }
+    }
+
+    #[test]
+    fn every_item_is_in_one_row_and_the_number_of_rows_is_bounded() {
+        for count in [1, 2, ROWS as u64, ROWS as u64 + 1, 5000, 100_003] {
+            let mut thin = Thin::default();
+            (0..count).for_each(|k| thin.push((k, k)));
+            let rows = thin.rows();
+            assert!(
+                rows.len() <= ROWS && (rows.len() as u64 >= count.min(ROWS as u64 / 2)),
+                "{count}: {}",
+                rows.len()
+            );
+            assert_eq!((rows[0].0, rows[rows.len() - 1].1), (0, count - 1));
+            assert!(
+                rows.windows(2).all(|w| w[0].1 + 1 == w[1].0 && w[0].1 - w[0].0 + 1 == thin.each()),
+                "{count}"
+            );
+        }
+    }
+}

@@ -1,0 +1,245 @@
+//! The history of a run and of its log, and the page about it.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may stop")]
+
+use navfuse_core::document::Document;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner;
+use navfuse_core::run::runner::Finished;
+use navfuse_core::run::scenario::Scenario;
+use navfuse_report::{History, Recorder, page, read_log};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+/// Everything that a report can tell: dropouts, outliers that are gated, a fixed state, and a scale factor without truth.
+const SCENARIO: &str = r#"
+name = "short <dive> & back"
+seed = 3
+
+[estimator]
+start = "1 s"
+draw = "start"
+
+[process.ins]
+attitude = { sigma = ["0.01 deg", "0.01 deg", "0.1 deg"] }
+velocity = { sigma = "5 mm/s" }
+position = { sigma = "1 m" }
+gyro_bias = { sigma = "0.01 deg/h", truth = "0.01 deg/h" }
+accel_bias = { sigma = "50 ug", truth = "50 ug" }
+
+[sensor.imu]
+gyro_noise = "0.1 deg/h/sqrt(Hz)"
+accel_noise = "10 ug/sqrt(Hz)"
+simulation = { rate = "100 Hz" }
+
+[sensor.dvl]
+noise = "2 cm/s"
+gate = 0.999
+scale = { sigma = 0.01 }
+misalignment = { sigma = "1 deg", truth = ["0.1 deg", "0 deg", "0 deg"] }
+simulation = { rate = "5 Hz", dropout = 0.1, outliers = 0.05 }
+
+[sensor.depth]
+noise = "5 cm"
+simulation = { rate = "2 Hz" }
+
+[sensor.reference]
+simulation = { rate = "10 Hz" }
+
+[source.simulation.start]
+latitude = "30 deg"
+height = "0 m"
+heading = "10 deg"
+
+[[source.simulation.segments]]
+type = "static"
+duration = "5 s"
+
+[[source.simulation.segments]]
+type = "surge"
+duration = "75 s"
+speed = "2 m/s"
+
+[[source.simulation.segments]]
+type = "turn"
+duration = "20 s"
+angle = "90 deg"
+bank = "2 deg"
+"#;
+
+/// A run of the scenario with its history and its log.
+fn run(settings: &[&str], output: &Path) -> (History, Finished) {
+    let mut registry = Registry::new();
+    registry
+        .add(&navfuse_ins::InsPlugin)
+        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_depth::DepthPlugin)
+        .add(&navfuse_simulation::SimulationPlugin)
+        .add(&navfuse_mcap::McapPlugin);
+    let document = Document::parse("short.toml", SCENARIO).unwrap();
+    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
+    let scenario = Scenario::new(&registry, document, &settings).unwrap();
+    let mut assembly = scenario.assemble(Some(output)).unwrap_or_else(|e| panic!("{e}"));
+    let (recorder, history) = Recorder::new();
+    assembly.sinks.push(("report".into(), Box::new(recorder)));
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| ());
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    (history.recv().unwrap(), finished)
+}
+
+#[test]
+fn a_log_tells_the_same_history_as_the_run_that_wrote_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (told, _) = run(&[], folder.path());
+    let read = read_log(&folder.path().join("run.mcap"), |_| ()).unwrap();
+    // as texts: a NaN is not equal to itself
+    assert_eq!(format!("{told:#?}"), format!("{read:#?}"));
+    assert_eq!(page::report(&told, None).unwrap(), page::report(&read, None).unwrap());
+}
+
+#[test]
+fn the_history_counts_as_the_summary_of_the_run_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let (told, Finished { summary, .. }) = run(&[], folder.path());
+    for sensor in &told.sensors {
+        let counts = &summary.samples[&sensor.name];
+        assert_eq!(counts["read"], sensor.read, "{}", sensor.name);
+        if sensor.name == "dvl" {
+            let updates = &sensor.updates;
+            assert!(updates.gated > 0, "the outliers should be gated");
+            assert_eq!(
+                (counts["accepted"].as_u64(), counts["gated"].as_u64()),
+                (Some(updates.accepted), Some(updates.gated))
+            );
+            let mean = counts["mean_nis"].as_f64().unwrap();
+            assert!((mean - updates.nis[0] / updates.accepted as f64).abs() < 1e-9);
+        }
+    }
+    for row in &summary.rows {
+        let block = told.block(&row.name).unwrap();
+        assert_eq!(
+            (&block.last.estimate, &block.last.sigma),
+            (&row.estimate, &row.sigma),
+            "{}",
+            row.name
+        );
+        assert_eq!(
+            (!block.last.error.is_empty()).then(|| block.last.error.clone()),
+            row.error,
+            "{}",
+            row.name
+        );
+    }
+    // the path is computed here from degrees, there from radians: to a micrometre
+    let position = told.position().unwrap();
+    assert!((position.travelled.truth - summary.distance_m).abs() < 1e-6);
+    let rms = (position.travelled.squares.0 / position.travelled.squares.1 as f64).sqrt();
+    assert!((rms - summary.horizontal_error_m.unwrap().rms).abs() < 1e-9);
+}
+
+#[test]
+fn what_is_a_calibration_has_a_row_of_before_and_after_and_what_moves_has_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let (told, _) = run(&[], folder.path());
+    let constant: Vec<&str> =
+        told.blocks.iter().filter(|b| b.constant()).map(|b| b.name.as_str()).collect();
+    let expected =
+        ["ins.gyro_bias", "ins.accel_bias", "dvl.scale", "dvl.misalignment", "dvl.lever_arm"];
+    assert_eq!(constant[..5], expected);
+    assert_eq!(constant[5..], ["depth.bias", "depth.lever_arm"]);
+    assert_eq!(told.block("dvl.scale").unwrap().first.sigma, [0.01], "the prior");
+    assert_eq!(
+        told.block("dvl.misalignment").unwrap().first.estimate,
+        [0.0; 3],
+        "the initial value"
+    );
+}
+
+#[test]
+fn every_state_has_its_plots_and_every_measuring_sensor_its_innovations() {
+    let folder = tempfile::tempdir().unwrap();
+    let (told, _) = run(&[], folder.path());
+    let page = page::report(&told, None).unwrap();
+    let mut components = 0;
+    for block in told.blocks.iter().filter(|b| b.uncertain()) {
+        let from = page
+            .find(&format!("id=\"state-{}\"", block.name))
+            .unwrap_or_else(|| panic!("{}", block.name));
+        let figure = &page[from..from + page[from..].find("</figure>").unwrap()];
+        for k in 0..block.components.len() {
+            let name = if block.geodetic {
+                format!("{} {}", block.name, block.axis(k))
+            } else {
+                block.component(k)
+            };
+            assert!(figure.contains(&name), "{name}");
+            components += 1;
+        }
+        assert!(!figure.contains("no data"), "{}", block.name);
+    }
+    assert_eq!(components, 19);
+    for figure in [
+        "trajectory",
+        "observability",
+        "innovations-dvl",
+        "nis-dvl",
+        "innovations-depth",
+        "nis-depth",
+        "samples-imu",
+    ] {
+        assert!(page.contains(&format!("id=\"{figure}\"")), "{figure}");
+    }
+    assert!(page.contains("Held fixed: dvl.lever_arm = 0, 0, 0 m"));
+}
+
+/// Attributes by which a page would load something, and style sheets that would.
+#[test]
+fn the_page_is_one_file_that_loads_nothing_and_escapes_what_it_shows() {
+    let folder = tempfile::tempdir().unwrap();
+    let (told, _) = run(&["description=\"<script>alert(1)</script>\""], folder.path());
+    let page = page::report(&told, None).unwrap();
+    for loading in [
+        "<script",
+        "<link",
+        "<img",
+        "<iframe",
+        "<object",
+        "<embed",
+        "src=",
+        "@import",
+        "url(",
+        "xlink:href",
+    ] {
+        assert!(!page.contains(loading), "{loading}");
+    }
+    for at in page.match_indices("href=\"").map(|(at, found)| at + found.len()) {
+        assert!(page[at..].starts_with('#'), "a link that leaves the page: {}", &page[at..at + 40]);
+    }
+    assert!(
+        page.contains("<h1>short &lt;dive&gt; &amp; back</h1>")
+            && page.contains("&lt;script&gt;alert(1)")
+    );
+    assert!(page.len() < 2_000_000, "{} bytes", page.len());
+}
+
+#[test]
+fn a_run_without_truth_and_without_measurements_has_a_page_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = [
+        "sensor.dvl.enabled=false",
+        "sensor.depth.enabled=false",
+        "sensor.reference.enabled=false",
+        "estimator.draw=nothing",
+        "process.ins.attitude.initial=\"0 deg\"",
+        "process.ins.velocity.initial=\"0 m/s\"",
+        "process.ins.position.latitude=\"30 deg\"",
+        "process.ins.position.longitude=\"0 deg\"",
+        "process.ins.position.height=\"0 m\"",
+        "process.ins.gyro_bias={ sigma = \"0.01 deg/h\" }",
+        "process.ins.accel_bias={ sigma = \"50 ug\" }",
+    ];
+    let (told, _) = run(&settings, folder.path());
+    let page = page::report(&told, None).unwrap();
+    assert!(page.contains("No truth is known") && page.contains("No sensor corrected the state"));
+    assert!(page.contains("id=\"state-ins.position\"") && !page.contains("NaN"));
+}

@@ -1,0 +1,170 @@
+//! The attitude over a recording, from its gyros.
+
+use crate::{Mounting, Recording, SegmentError};
+use nalgebra::{UnitQuaternion, Vector3};
+use navfuse_core::state::geodesy::Geodetic;
+use navfuse_ins::earth::LocalEarth;
+
+/// Where an [`Attitude`] begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AttitudeStart {
+    /// When, s.
+    pub time: f64,
+    /// Attitude: body to north-east-down.
+    pub c_b_n: UnitQuaternion<f64>,
+    /// Where, for the Earth's rate and gravity.
+    pub position: Geodetic,
+}
+
+impl AttitudeStart {
+    /// The first sample of the reference at or after the filter's start, or else what the scenario gives.
+    ///
+    /// # Errors
+    /// When neither is there.
+    pub fn of(recording: &Recording) -> Result<Self, SegmentError> {
+        let reference = recording.reference.as_ref().and_then(|r| {
+            let k = r.time.partition_point(|t| *t < recording.start);
+            r.time.get(k).map(|time| Self {
+                time: *time,
+                c_b_n: r.value[k].c_b_n,
+                position: r.value[k].position,
+            })
+        });
+        let given = recording.initial_attitude;
+        let begin = recording.start.max(recording.imu.samples.time.first().copied().unwrap_or(0.0));
+        (given.map(|c_b_n| Self { time: begin, c_b_n, position: recording.initial_position })).or(reference).ok_or_else(
+            || {
+                SegmentError::Missing(
+                    "no attitude to begin from: the reference has no sample after estimator.start; give \
+                 process.ins.attitude.initial and estimator.initial = \"given\", or a reference"
+                        .into(),
+                )
+            },
+        )
+    }
+}
+
+/// The attitude at every sample of the IMU: the gyros integrated from one known attitude, forward and backward, less the rates
+/// of the Earth and of the local axes (Pan & Wu eq. 3).
+#[derive(Clone, Debug)]
+pub struct Attitude {
+    /// Where it begins.
+    pub start: AttitudeStart,
+    /// Gyro bias that was taken off, rad/s.
+    pub gyro_bias: Vector3<f64>,
+    /// Times, s: those of the IMU's samples.
+    pub time: Vec<f64>,
+    /// Body to north-east-down at these times.
+    pub c_b_n: Vec<UnitQuaternion<f64>>,
+    /// Angular rate of the body with respect to north-east-down, body axes, rad/s: the mean of the interval that ends there.
+    pub w_nb_b: Vec<Vector3<f64>>,
+}
+
+impl Attitude {
+    /// Integrates the gyros less `gyro_bias`. The transport rate is that of the first body velocity at the given mounting;
+    /// without one it is left out.
+    pub fn integrate(
+        recording: &Recording,
+        start: AttitudeStart,
+        gyro_bias: Vector3<f64>,
+        mounting: Option<&Mounting>,
+    ) -> Self {
+        let imu = &recording.imu.samples;
+        let n = imu.time.len();
+        let earth = LocalEarth::at(start.position.latitude, start.position.height);
+        let moving = mounting.zip(recording.velocities.first());
+        let velocity = |t: f64, c: &UnitQuaternion<f64>| {
+            let y = moving.and_then(|(m, v)| v.samples.at(t).map(|y| m.body(&y)));
+            y.map_or_else(Vector3::zeros, |v| c * v)
+        };
+        let rate_of_axes = |t: f64, c: &UnitQuaternion<f64>| {
+            c.inverse_transform_vector(
+                &(earth.earth_rate() + earth.transport_rate(&velocity(t, c))),
+            )
+        };
+        let mut c_b_n = vec![start.c_b_n; n];
+        let mut w_nb_b = vec![Vector3::zeros(); n];
+        let first = imu.time.partition_point(|t| *t <= start.time);
+        let mut c = start.c_b_n;
+        let mut from = start.time;
+        for k in first..n {
+            let (s, t) = (&imu.value[k], imu.time[k]);
+            w_nb_b[k] = s.rate - gyro_bias - rate_of_axes(t, &c);
+            c *= UnitQuaternion::from_scaled_axis(w_nb_b[k] * (t - from).min(s.dt));
+            c.renormalize_fast();
+            (c_b_n[k], from) = (c, t);
+        }
+        let (mut c, mut to) = (start.c_b_n, start.time);
+        for k in (0..first).rev() {
+            let (s, t) = (&imu.value[k], imu.time[k]);
+            c_b_n[k] = c;
+            if let Some(after) = imu.value.get(k + 1).filter(|_| to > t) {
+                let w = after.rate - gyro_bias - rate_of_axes(t, &c);
+                c *= UnitQuaternion::from_scaled_axis(-w * (to - t).min(after.dt));
+                c.renormalize_fast();
+                c_b_n[k] = c;
+            }
+            w_nb_b[k] = s.rate - gyro_bias - rate_of_axes(t, &c);
+            to = t;
+        }
+        Self { start, gyro_bias, time: imu.time.clone(), c_b_n, w_nb_b }
+    }
+
+    /// Takes the reference's attitude at each of its samples, and the gyros between them and where there are none.
+    pub fn anchor(&mut self, recording: &Recording) {
+        let Some(reference) = &recording.reference else { return };
+        let mut next = 0;
+        let mut off = UnitQuaternion::identity(); // what the reference adds, body axes
+        for (k, c) in self.c_b_n.iter_mut().enumerate() {
+            while let Some(t) = reference.time.get(next).filter(|t| **t <= self.time[k]) {
+                let then =
+                    *c * UnitQuaternion::from_scaled_axis(self.w_nb_b[k] * (t - self.time[k]));
+                off = then.inverse() * reference.value[next].c_b_n;
+                next += 1;
+            }
+            *c *= off;
+        }
+    }
+
+    /// The gyro bias over spans of time at rest: the mean rate less that of the Earth, rad/s. `None` without such spans. An
+    /// error of the heading is in it as far as the Earth's rate has it: at that attitude both cancel.
+    pub fn bias_at_rest(
+        recording: &Recording,
+        start: &AttitudeStart,
+        spans: &[[f64; 2]],
+    ) -> Option<Vector3<f64>> {
+        let earth = LocalEarth::at(start.position.latitude, start.position.height);
+        let (mut sum, mut duration) = (Vector3::zeros(), 0.0);
+        for [from, to] in spans {
+            for (_, s) in recording.imu.samples.samples(*from, *to) {
+                sum += s.rate * s.dt;
+                duration += s.dt;
+            }
+        }
+        let w_ie_b = start.c_b_n.inverse_transform_vector(&earth.earth_rate());
+        (duration > 0.0).then(|| sum / duration - w_ie_b)
+    }
+
+    /// The attitude at a time: that of the nearest sample at or before it, turned on by its rate. Before the first sample, the
+    /// first.
+    pub fn at(&self, time: f64) -> UnitQuaternion<f64> {
+        let after = self.time.partition_point(|t| *t <= time);
+        let Some(k) = after.checked_sub(1) else {
+            return self.c_b_n.first().copied().unwrap_or_default();
+        };
+        match self.w_nb_b.get(after) {
+            Some(w) => self.c_b_n[k] * UnitQuaternion::from_scaled_axis(w * (time - self.time[k])),
+            None => self.c_b_n[k],
+        }
+    }
+
+    /// The attitude between two times: body at `to` to body at `from`, with the axes of the Earth taken as still.
+    pub fn between(&self, from: f64, to: f64) -> UnitQuaternion<f64> {
+        self.at(from).inverse() * self.at(to)
+    }
+
+    /// The Earth where it begins.
+    pub fn earth(&self) -> LocalEarth {
+        LocalEarth::at(self.start.position.latitude, self.start.position.height)
+    }
+}

@@ -1,0 +1,323 @@
+//! Finds the segments of a recording.
+
+use crate::{Attitude, AttitudeStart, Recording, SegmentError};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use serde::Serialize;
+
+/// What a segment is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// At rest.
+    Static,
+    /// Constant attitude and constant specific force, but not known to be at rest.
+    Steady,
+    /// Constant attitude, varying specific force: Type I of Theorem 1.
+    #[serde(rename = "type-i")]
+    TypeI,
+    /// Turning: Type II.
+    #[serde(rename = "type-ii")]
+    TypeII,
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Static => "static",
+            Self::Steady => "steady",
+            Self::TypeI => "type I",
+            Self::TypeII => "type II",
+        })
+    }
+}
+
+/// A part of the recording in which one kind of motion holds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Segment {
+    /// What it is.
+    pub kind: Kind,
+    /// Where it begins, s on the recording's clock.
+    pub from: f64,
+    /// Where it ends, s.
+    pub to: f64,
+}
+
+impl Segment {
+    /// Its length, s.
+    pub fn duration(&self) -> f64 {
+        self.to - self.from
+    }
+}
+
+/// Thresholds of the finder. [`Settings::of`] derives them from the noise of the sensors; any can be set otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Settings {
+    /// The samples are averaged over so long, s.
+    pub bin: f64,
+    /// The rate of the specific force is the slope over so many bins.
+    pub slope_bins: usize,
+    /// The rate of turn is the mean over so many bins: a vehicle that rolls and pitches in the sea does not turn.
+    pub turn_bins: usize,
+    /// Above this rate the attitude is not constant, rad/s; it is again below half of it.
+    pub turn_rate: f64,
+    /// A segment of constant attitude ends where the attitude is off that of its beginning by more than this, rad.
+    pub turn_angle: f64,
+    /// Above this rate the specific force varies, m/s^3; it does no more below half of it.
+    pub force_rate: f64,
+    /// The vehicle is at rest where the mean of the body velocity over ten bins is below this, m/s.
+    pub rest_speed: f64,
+    /// Shortest segment at rest, of Type I, and of Type II, s.
+    pub shortest: [f64; 3],
+}
+
+impl Settings {
+    /// What the noise leaves to be told.
+    ///
+    /// The rate of the specific force is the slope of means over `n` bins, of sigma `N_a sqrt(12 / T^3)` with `T = n bin`, and
+    /// so is what a gyro's bias and random walk make of gravity; six sigma of an axis are beyond noise. A vehicle under way
+    /// is never still: below 0.3 deg/s it counts as not turning.
+    pub fn of(recording: &Recording) -> Self {
+        let (bin, slope_bins) = (1.0, 5);
+        let imu = &recording.imu;
+        let slope = (bin * slope_bins as f64).powi(3);
+        let gyro = imu.gyro_noise.amax() / f64::sqrt(bin);
+        let force = imu.accel_noise.amax() * (12.0 / slope).sqrt();
+        let leak =
+            G * (imu.gyro_bias.amax() + imu.gyro_noise.amax() / (bin * slope_bins as f64).sqrt());
+        let rest = recording.velocities.first().map_or(0.0, |v| {
+            let samples = (10.0 * bin / v.samples.period()).max(1.0);
+            4.0 * (v.covariance.trace() / samples).sqrt()
+        });
+        Self {
+            bin,
+            slope_bins,
+            turn_bins: 9,
+            turn_rate: 0.3_f64.to_radians().max(6.0 * gyro + 3.0 * imu.gyro_bias.amax()),
+            turn_angle: 2_f64.to_radians(),
+            force_rate: 6.0 * force.hypot(leak),
+            rest_speed: rest.max(0.005),
+            shortest: [30.0, 10.0, 5.0],
+        }
+    }
+
+    /// 1-sigma of the noise of one axis of a slope of the specific force, m/s^3.
+    pub fn slope_noise(&self, recording: &Recording) -> f64 {
+        recording.imu.accel_noise.amax()
+            * (12.0 / (self.bin * self.slope_bins as f64).powi(3)).sqrt()
+    }
+}
+
+/// Standard gravity, m/s^2.
+const G: f64 = 9.80665;
+
+/// Means over one bin.
+#[derive(Clone, Copy, Debug)]
+struct Bin {
+    /// Its middle, s.
+    time: f64,
+    /// Angular rate with respect to the local axes, body axes, rad/s.
+    rate: Vector3<f64>,
+    /// Specific force in local axes, m/s^2.
+    force: Vector3<f64>,
+}
+
+/// Finds the segments of a recording, in order of time, and the attitude that they were found with. Where something is at
+/// rest, the mean of its gyros there is their bias.
+///
+/// # Errors
+/// When no attitude is known to begin from.
+pub fn find(
+    recording: &Recording,
+    settings: &Settings,
+) -> Result<(Vec<Segment>, Attitude), SegmentError> {
+    let start = AttitudeStart::of(recording)?;
+    let mounting = recording.velocities.first().map(|v| v.initial);
+    let attitude = Attitude::integrate(recording, start, Vector3::zeros(), mounting.as_ref());
+    let first = label(recording, settings, &attitude);
+    let rest: Vec<[f64; 2]> =
+        first.iter().filter(|s| s.kind == Kind::Static).map(|s| [s.from, s.to]).collect();
+    let Some(bias) = Attitude::bias_at_rest(recording, &start, &rest) else {
+        return Ok((first, attitude));
+    };
+    let attitude = Attitude::integrate(recording, start, bias, mounting.as_ref());
+    Ok((label(recording, settings, &attitude), attitude))
+}
+
+fn label(recording: &Recording, settings: &Settings, attitude: &Attitude) -> Vec<Segment> {
+    let bins = bins(recording, settings, attitude);
+    let slopes = slopes(&bins, settings);
+    let turning = turning(&bins, settings);
+    let varying = hysteresis(slopes.iter().map(Vector3::norm), settings.force_rate);
+    let velocity = recording.velocities.first().filter(|v| !v.water && !v.samples.is_empty());
+    let resting = |bin: &Bin| {
+        let mean = velocity.and_then(|v| {
+            v.samples.mean(bin.time - 5.0 * settings.bin, bin.time + 5.0 * settings.bin)
+        });
+        mean.is_some_and(|(mean, _)| mean.norm() < settings.rest_speed)
+    };
+    let kinds: Vec<Kind> = (bins.iter().enumerate())
+        .map(|(k, bin)| match (turning[k], varying[k]) {
+            (true, _) => Kind::TypeII,
+            (false, true) => Kind::TypeI,
+            (false, false) if resting(bin) => Kind::Static,
+            (false, false) => Kind::Steady,
+        })
+        .collect();
+    let kinds = without_short(kinds, settings);
+    runs(&bins, &kinds, settings, attitude)
+}
+
+/// Means of the IMU's samples over bins; a bin without samples is left out.
+fn bins(recording: &Recording, settings: &Settings, attitude: &Attitude) -> Vec<Bin> {
+    let imu = &recording.imu.samples;
+    let mut bins: Vec<Bin> = Vec::new();
+    let mut k = 0;
+    let begin = imu.time.first().map_or(0.0, |t| t - imu.value[0].dt);
+    while k < imu.time.len() {
+        let index = ((imu.time[k] - 0.5 * imu.value[k].dt - begin) / settings.bin).floor();
+        let end = begin + (index + 1.0) * settings.bin;
+        let (mut rate, mut force, mut dt) = (Vector3::zeros(), Vector3::zeros(), 0.0);
+        while k < imu.time.len() && imu.time[k] - 0.5 * imu.value[k].dt < end {
+            let s = &imu.value[k];
+            let middle = attitude.c_b_n[k]
+                * UnitQuaternion::from_scaled_axis(attitude.w_nb_b[k] * (-0.5 * s.dt));
+            rate += attitude.w_nb_b[k] * s.dt;
+            force += middle * s.force * s.dt;
+            dt += s.dt;
+            k += 1;
+        }
+        bins.push(Bin { time: end - 0.5 * settings.bin, rate: rate / dt, force: force / dt });
+    }
+    bins
+}
+
+/// The slope of the specific force at every bin, local axes, m/s^3: least squares over the bins around it.
+fn slopes(bins: &[Bin], settings: &Settings) -> Vec<Vector3<f64>> {
+    let reach = settings.slope_bins / 2;
+    (0..bins.len())
+        .map(|k| {
+            let around = &bins[k.saturating_sub(reach)..(k + reach + 1).min(bins.len())];
+            slope(around.iter().map(|b| (b.time, b.force)))
+        })
+        .collect()
+}
+
+/// The slope of a vector over time, by least squares; zero of fewer than two samples.
+pub(crate) fn slope(samples: impl Iterator<Item = (f64, Vector3<f64>)> + Clone) -> Vector3<f64> {
+    let n = samples.clone().count().max(1) as f64;
+    let middle = samples.clone().map(|s| s.0).sum::<f64>() / n;
+    let spread: f64 = samples.clone().map(|s| (s.0 - middle).powi(2)).sum();
+    if spread <= 0.0 {
+        return Vector3::zeros();
+    }
+    samples.map(|(t, v)| v * (t - middle)).sum::<Vector3<f64>>() / spread
+}
+
+/// Where a quantity is above a threshold, and stays above half of it.
+fn hysteresis(values: impl Iterator<Item = f64>, threshold: f64) -> Vec<bool> {
+    let values: Vec<f64> = values.collect();
+    let mut on: Vec<bool> = values.iter().map(|v| *v > threshold).collect();
+    for k in 1..on.len() {
+        on[k] = on[k] || (on[k - 1] && values[k] > 0.5 * threshold);
+    }
+    for k in (0..on.len().saturating_sub(1)).rev() {
+        on[k] = on[k] || (on[k + 1] && values[k] > 0.5 * threshold);
+    }
+    on
+}
+
+/// Where the mean rate over some bins is that of a turn. The bins reach farther than those of a slope, so that no slope of what
+/// is left reaches into a turn.
+fn turning(bins: &[Bin], settings: &Settings) -> Vec<bool> {
+    let reach = settings.turn_bins / 2;
+    let mean = |k: usize| {
+        let around = &bins[k.saturating_sub(reach)..(k + reach + 1).min(bins.len())];
+        (around.iter().map(|b| b.rate).sum::<Vector3<f64>>() / around.len() as f64).norm()
+    };
+    hysteresis((0..bins.len()).map(mean), settings.turn_rate)
+}
+
+/// What is too short for its kind becomes what it lies in: a break in a turn or in a Type I is part of it, and a
+/// too short Type I is steady.
+fn without_short(mut kinds: Vec<Kind>, settings: &Settings) -> Vec<Kind> {
+    let shortest = |kind: Kind| match kind {
+        Kind::Static => settings.shortest[0],
+        Kind::Steady => settings.slope_bins as f64 * settings.bin,
+        Kind::TypeI => settings.shortest[1],
+        Kind::TypeII => settings.shortest[2],
+    };
+    for kind in [Kind::TypeII, Kind::Steady, Kind::Static, Kind::TypeI] {
+        let mut k = 0;
+        while k < kinds.len() {
+            let end = kinds[k..].iter().position(|x| *x != kinds[k]).map_or(kinds.len(), |n| k + n);
+            if kinds[k] == kind && ((end - k) as f64) * settings.bin < shortest(kind) {
+                let (before, after) = (k.checked_sub(1).map(|b| kinds[b]), kinds.get(end).copied());
+                let into = match (kind, before, after) {
+                    (Kind::TypeII, _, _) => Kind::TypeI,
+                    (Kind::TypeI, _, _) => Kind::Steady,
+                    (_, Some(before), Some(after)) if before == after => before,
+                    (Kind::Static, _, _) => Kind::Steady,
+                    (_, before, after) => {
+                        before.filter(|b| *b != Kind::TypeII).or(after).unwrap_or(kind)
+                    }
+                };
+                kinds[k..end].fill(into);
+            }
+            k = end;
+        }
+    }
+    kinds
+}
+
+/// Joins bins of one kind, and parts them where the attitude has drifted away.
+fn runs(bins: &[Bin], kinds: &[Kind], settings: &Settings, attitude: &Attitude) -> Vec<Segment> {
+    let mut segments: Vec<Segment> = Vec::new();
+    let half = 0.5 * settings.bin;
+    for (bin, kind) in bins.iter().zip(kinds) {
+        let (from, to) = (bin.time - half, bin.time + half);
+        if let Some(last) = segments.last_mut() {
+            let joined = last.kind == *kind && from - last.to < half;
+            let same = *kind == Kind::TypeII
+                || attitude.between(last.from, to).angle() < settings.turn_angle;
+            if joined && same {
+                last.to = to;
+                continue;
+            }
+        }
+        segments.push(Segment { kind: *kind, from, to });
+    }
+    let end = bins.last().map_or(0.0, |b| b.time + half);
+    let short = |s: &Segment| {
+        let least = if s.kind == Kind::TypeI { settings.shortest[1] } else { 0.0 };
+        s.duration() + 1e-9 < least && s.to < end + half
+    };
+    // what the attitude parted off may be too short to be of use: it is no segment of its kind
+    segments.iter_mut().filter(|s| short(s)).for_each(|s| s.kind = Kind::Steady);
+    segments
+}
+
+/// The slopes of the specific force on a segment, body axes, m/s^3, one every bin.
+pub(crate) fn body_slopes(
+    recording: &Recording,
+    settings: &Settings,
+    attitude: &Attitude,
+    segment: &Segment,
+) -> Vec<Vector3<f64>> {
+    let bins = bins(recording, settings, attitude);
+    let inside: Vec<Bin> =
+        bins.into_iter().filter(|b| b.time > segment.from && b.time < segment.to).collect();
+    let slopes = slopes(&inside, settings);
+    // at the ends there are fewer bins, and more noise
+    let reach = settings.slope_bins / 2;
+    let whole = reach..inside.len().saturating_sub(reach);
+    whole.map(|k| attitude.at(inside[k].time).inverse_transform_vector(&slopes[k])).collect()
+}
+
+/// A symmetric matrix's eigenvalues, the largest first, with the matching axes as columns.
+pub(crate) fn eigen(matrix: Matrix3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
+    let eigen = matrix.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let axes = Matrix3::from_columns(&order.map(|k| eigen.eigenvectors.column(k).into_owned()));
+    (Vector3::from(order.map(|k| eigen.eigenvalues[k])), axes)
+}

@@ -1,0 +1,391 @@
+//! Finds what each sensor of a composition is, and gathers its samples in SI.
+
+use crate::recording::{BodyVelocity, Imu, Inertial, Mounting, PositionFix, Positions, Recording};
+use crate::{SegmentError, Series};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use navfuse_core::compose::Composition;
+use navfuse_core::document::Document;
+use navfuse_core::model::measurement::{AnyMeasurement, At, slots};
+use navfuse_core::model::motion::Motion;
+use navfuse_core::model::sensor::{Role, Sensor};
+use navfuse_core::plugin::Kind;
+use navfuse_core::run::scenario::common_keys;
+use navfuse_core::state::geodesy::{Geodetic, radii_of_curvature};
+use navfuse_core::state::manifold::{Manifold, Position, Rotation};
+use navfuse_core::state::{Dynamics, Layout, State};
+use navfuse_core::units::Components;
+use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
+use navfuse_core::units::time::Time;
+use navfuse_ins::Output;
+
+/// Times within this of zero, s, are told on the run's own clock: doubles hold them to a nanosecond.
+const NEAR_ZERO: f64 = 1e6;
+
+/// Makes a [`Recording`] of the samples of a composition's sensors.
+pub(crate) struct Builder<'a> {
+    composition: &'a Composition,
+    layout: &'a Layout,
+    samples: Vec<Vec<Sample>>,
+    zero: Time,
+    /// The initial state, at the position where the run begins.
+    state: State,
+}
+
+impl<'a> Builder<'a> {
+    pub(crate) fn new(
+        composition: &'a Composition,
+        samples: Vec<Vec<Sample>>,
+    ) -> Result<Self, SegmentError> {
+        let layout = &*composition.layout;
+        let first = samples.iter().filter_map(|s| s.first()).map(|s| s.time).min();
+        let first =
+            first.ok_or_else(|| SegmentError::Missing("the sources have no samples".into()))?;
+        let zero = if first.seconds().abs() < NEAR_ZERO { Time::default() } else { first };
+        Ok(Self { composition, layout, samples, zero, state: layout.initial_state() })
+    }
+
+    pub(crate) fn build(mut self) -> Result<Recording, SegmentError> {
+        let reference = self.reference();
+        let initial = self.block::<Position>(".position");
+        let mut initial_position =
+            Geodetic { latitude: initial[0], longitude: initial[1], height: initial[2] };
+        if let Some(first) = reference.as_ref().and_then(|r| r.value.first()) {
+            initial_position = first.position;
+            self.set(
+                ".position",
+                &[first.position.latitude, first.position.longitude, first.position.height],
+            );
+        }
+        let imu = self.imu()?;
+        let start = self.composition.start().max(self.zero).since(self.zero);
+        let given = !self.composition.estimator.from_reference();
+        let initial_attitude = given.then(|| {
+            let c = self.block::<Rotation>(".attitude");
+            UnitQuaternion::from_euler_angles(c[0], c[1], c[2])
+        });
+        let mut recording = Recording {
+            name: self.composition.name.clone(),
+            zero: self.zero,
+            imu,
+            velocities: Vec::new(),
+            depths: Vec::new(),
+            positions: Vec::new(),
+            reference,
+            start,
+            initial_attitude,
+            initial_position,
+            attitude_sigma: self.sigma(".attitude"),
+            warnings: Vec::new(),
+        };
+        for (index, sensor) in self.composition.sensors.iter().enumerate() {
+            let Role::Measurement(model) = &sensor.role else { continue };
+            let place = |name: &str| sensor.info.channels.iter().position(|c| c.name == name);
+            if let Some(velocity) = self.velocity(index, sensor, &**model, &recording.imu) {
+                recording.velocities.push(velocity);
+            } else if let Some((lat, lon)) = place("lat").zip(place("lon")) {
+                recording.positions.push(self.positions(index, sensor, &**model, [lat, lon]));
+            } else if let Some(channel) = place("depth") {
+                let mut series = Series::new(&sensor.info.name);
+                for sample in &self.samples[index] {
+                    if let Some(depth) = sample.get(channel) {
+                        series.push(sample.time.since(self.zero), depth);
+                    }
+                }
+                let sigma =
+                    self.noise(&**model, &Sample::empty(Time::MIN, SensorId(index)))[(0, 0)].sqrt();
+                recording.depths.push((series, sigma));
+            }
+        }
+        Ok(recording)
+    }
+
+    /// The initial coordinates of the first block whose name ends so; zero where there is none.
+    fn block<M: Manifold>(&self, ending: &str) -> [f64; 3] {
+        let kind = std::any::TypeId::of::<M>();
+        let block = self
+            .layout
+            .blocks
+            .iter()
+            .find(|b| b.operations.kind == kind && b.name.ends_with(ending));
+        std::array::from_fn(|i| block.and_then(|b| b.spec.initial.get(i)).copied().unwrap_or(0.0))
+    }
+
+    /// Sets the coordinates of the blocks whose names end so.
+    fn set(&mut self, ending: &str, coordinates: &[f64]) {
+        for block in self.layout.blocks.iter().filter(|b| b.name.ends_with(ending)) {
+            (block.operations.from_coordinates)(coordinates, &mut self.state.values[block.range()]);
+        }
+    }
+
+    fn reference(&self) -> Option<Series<Motion>> {
+        let found = self.composition.sensors.iter().zip(&self.samples).find_map(|(s, samples)| {
+            match &s.role {
+                Role::Reference(r) if !samples.is_empty() => Some((s, r, samples)),
+                _ => None,
+            }
+        });
+        let (sensor, reference, samples) = found?;
+        let mut series = Series::new(&sensor.info.name);
+        for sample in samples {
+            if let Some(motion) = reference.motion(self.layout, &self.state, sample) {
+                series.push(sample.time.since(self.zero), motion);
+            }
+        }
+        Some(series)
+    }
+
+    fn imu(&self) -> Result<Imu, SegmentError> {
+        let index =
+            self.composition.processes.iter().find_map(|p| p.input).filter(|i| self.is_imu(*i));
+        let Some(index) = index else {
+            return Err(SegmentError::Missing(
+                "no process is driven by an IMU: add [sensor.imu] and [process.ins]".into(),
+            ));
+        };
+        let name = &self.composition.sensors[index].info.name;
+        let document = Document::parse(name.clone(), self.composition.text.clone())?;
+        let node = document.root().get("sensor").and_then(|s| s.get(name));
+        let node = node
+            .ok_or_else(|| SegmentError::Missing(format!("the scenario has no [sensor.{name}]")))?;
+        let config: navfuse_ins::Imu = node.without(common_keys(Kind::Sensor)).parse()?;
+        let samples = &self.samples[index];
+        let mut series = Series::new(name);
+        let gap = config.max_gap.value().si();
+        let first = samples
+            .windows(2)
+            .map(|w| w[1].time.since(w[0].time))
+            .find(|dt| *dt > 0.0)
+            .unwrap_or(gap);
+        let mut before = None;
+        for sample in samples {
+            let dt = before.map_or(first, |t| sample.time.since(t));
+            let Some(c) = sample.array::<6>(0).filter(|_| dt > 0.0) else { continue };
+            // the interval of a first increment is not known; its mean over the next sample's interval is
+            let share = if config.output == Output::Rates { 1.0 } else { 1.0 / dt };
+            let (rate, force) =
+                (Vector3::new(c[0], c[1], c[2]) * share, Vector3::new(c[3], c[4], c[5]) * share);
+            series.push(sample.time.since(self.zero), Inertial { dt: dt.min(gap), rate, force });
+            before = Some(sample.time);
+        }
+        if series.time.len() < 2 {
+            return Err(SegmentError::Missing(format!(
+                "[sensor.{name}] has no samples: check its source"
+            )));
+        }
+        Ok(Imu {
+            samples: series,
+            gyro_noise: triple(&config.gyro_noise.value().components()),
+            accel_noise: triple(&config.accel_noise.value().components()),
+            gyro_bias: self.sigma(".gyro_bias"),
+            accel_bias: self.sigma(".accel_bias"),
+        })
+    }
+
+    /// The prior sigma of the first block whose name ends so; zero where there is none.
+    fn sigma(&self, ending: &str) -> Vector3<f64> {
+        let block = self.layout.blocks.iter().find(|b| b.name.ends_with(ending));
+        block.map_or_else(Vector3::zeros, |b| triple(&b.spec.sigma))
+    }
+
+    fn is_imu(&self, index: usize) -> bool {
+        let names = self.composition.sensors[index].info.channels.iter().map(|c| c.name);
+        names.eq(["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"])
+            || self.composition.sensors[index].info.channels.iter().any(|c| c.name == "dtheta_x")
+    }
+
+    fn noise(&self, model: &dyn AnyMeasurement, sample: &Sample) -> DMatrix<f64> {
+        let n = model.channels();
+        let mut r = vec![0.0; n * n];
+        model.noise(&At { layout: self.layout, state: &self.state, sample }, &mut r);
+        DMatrix::from_vec(n, n, r)
+    }
+
+    /// A sensor of the body's velocity: one whose model reads a scale factor and a misalignment of its own.
+    fn velocity(
+        &self,
+        index: usize,
+        sensor: &Sensor,
+        model: &dyn AnyMeasurement,
+        imu: &Imu,
+    ) -> Option<BodyVelocity> {
+        let name = &sensor.info.name;
+        let scale = self.layout.find(&format!("{name}.scale"))?;
+        let misalignment = self.layout.find(&format!("{name}.misalignment"))?;
+        let probe = Probe::new(self.layout, &self.state, name);
+        let no_sample = Sample::empty(Time::MIN, SensorId(index));
+        let c = &misalignment.spec.initial;
+        let mounting = |k: f64, c: &[f64]| Mounting {
+            k,
+            c_b_d: Rotation3::from_euler_angles(c[0], c[1], c[2]),
+        };
+        let initial = mounting(scale.spec.initial[0], c);
+        let (mut values, mut covariance) = (Series::new(name), None);
+        let lever_arm = self
+            .layout
+            .find(&format!("{name}.lever_arm"))
+            .map_or_else(Vector3::zeros, |b| Vector3::from_column_slice(&b.spec.initial));
+        let lag =
+            self.layout.find(&format!("{name}.time_offset")).map_or(0.0, |b| b.spec.initial[0]);
+        let rates = imu.samples.clone_rates();
+        let nominal = probe.beams(model, &no_sample);
+        for sample in &self.samples[index] {
+            // a sample that tells the speed of sound has its own beams
+            let told = sensor.info.channels.len() > model.channels();
+            let beams = if told { probe.beams(model, sample) } else { nominal.clone() };
+            let present: Vec<usize> =
+                (0..model.channels()).filter(|i| sample.get(*i).is_some()).collect();
+            let Some(inverse) = pseudo_inverse(&beams, &present) else { continue };
+            let z = DVector::from_iterator(
+                present.len(),
+                present.iter().filter_map(|i| sample.get(*i)),
+            );
+            let y = &inverse * z;
+            let time = sample.time.since(self.zero) - lag;
+            let around = rates.at(time).map_or_else(Vector3::zeros, |w| w.cross(&lever_arm));
+            let y = Vector3::new(y[0], y[1], y[2]) - initial.c_b_d * around * initial.k;
+            values.push(time, y);
+            if covariance.is_none() && present.len() == model.channels() {
+                let r = &inverse * self.noise(model, sample) * inverse.transpose();
+                covariance = Some(Matrix3::from_fn(|i, j| r[(i, j)]));
+            }
+        }
+        // one that cannot tell all three axes is none, also where it has said nothing yet
+        pseudo_inverse(&nominal, &(0..model.channels()).collect::<Vec<_>>())?;
+        let at = At { layout: self.layout, state: &self.state, sample: &no_sample };
+        let water = slots(model.blocks(&at))
+            .any(|slot| self.layout.blocks[slot].name.ends_with(".current"));
+        let truth = scale
+            .spec
+            .truth
+            .as_ref()
+            .zip(misalignment.spec.truth.as_ref())
+            .map(|(k, c)| mounting(k[0], c));
+        Some(BodyVelocity {
+            samples: values,
+            covariance: covariance.unwrap_or_else(Matrix3::zeros),
+            initial,
+            scale_sigma: scale.spec.sigma[0],
+            angle_sigma: Vector3::from_column_slice(&misalignment.spec.sigma),
+            truth,
+            water,
+        })
+    }
+
+    fn positions(
+        &self,
+        index: usize,
+        sensor: &Sensor,
+        model: &dyn AnyMeasurement,
+        [lat, lon]: [usize; 2],
+    ) -> Positions {
+        let place = |name: &str| sensor.info.channels.iter().position(|c| c.name == name);
+        let height = place("height");
+        let velocity = place("vel_n").zip(place("vel_e")).zip(place("vel_d"));
+        let name = &sensor.info.name;
+        let dynamics = self.layout.find(&format!("{name}.bias")).map(|b| &b.spec.dynamics);
+        let (bias, bias_walk) = match dynamics {
+            Some(Dynamics::GaussMarkov { sigma, time }) => {
+                let sigma = triple(sigma);
+                (sigma, sigma.map(|s| 2.0 * s * s / time))
+            }
+            Some(Dynamics::RandomWalk(density)) => (Vector3::zeros(), triple(density)),
+            Some(Dynamics::Constant) | None => Default::default(),
+        };
+        let mut series = Series::new(name);
+        for sample in &self.samples[index] {
+            let Some((latitude, longitude)) = sample.get(lat).zip(sample.get(lon)) else {
+                continue;
+            };
+            let r = self.noise(model, sample);
+            let (r_n, _) = radii_of_curvature(latitude);
+            let h = height.and_then(|k| sample.get(k));
+            let velocity = velocity.and_then(|((n, e), d)| {
+                Some(Vector3::new(sample.get(n)?, sample.get(e)?, sample.get(d)?))
+            });
+            series.push(
+                sample.time.since(self.zero),
+                PositionFix {
+                    position: Geodetic { latitude, longitude, height: h.unwrap_or(f64::NAN) },
+                    velocity,
+                    sigma: (r[(lat, lat)].sqrt() * r_n).hypot(bias.x.max(bias.y)),
+                    sigma_height: height.map_or(f64::INFINITY, |k| r[(k, k)].sqrt().hypot(bias.z)),
+                },
+            );
+        }
+        let lever_arm = self.layout.find(&format!("{name}.lever_arm"));
+        let lever_arm =
+            lever_arm.map_or_else(Vector3::zeros, |b| Vector3::from_column_slice(&b.spec.initial));
+        Positions { fixes: series, lever_arm, bias_walk }
+    }
+}
+
+/// Three of what is given for three axes, or for all of them at once.
+fn triple(c: &[f64]) -> Vector3<f64> {
+    Vector3::from_fn(|i, _| c.get(i).or(c.first()).copied().unwrap_or(0.0))
+}
+
+impl Series<Inertial> {
+    /// The angular rates alone, at the middles of their intervals.
+    fn clone_rates(&self) -> Series<Vector3<f64>> {
+        let mut rates = Series::new(&self.name);
+        self.time.iter().zip(&self.value).for_each(|(t, s)| rates.push(t - 0.5 * s.dt, s.rate));
+        rates
+    }
+}
+
+/// Asks a model how its channels follow the velocity in the instrument's axes: a DVL's are that velocity, beams are its
+/// projections, and the speed of sound in a sample may stretch them.
+struct Probe<'a> {
+    layout: &'a Layout,
+    state: State,
+    velocity: Option<usize>,
+}
+
+impl<'a> Probe<'a> {
+    /// With the sensor `name` aligned, at the IMU and of scale factor one, on a level vehicle heading north.
+    fn new(layout: &'a Layout, state: &State, name: &str) -> Self {
+        let mut state = state.clone();
+        state.signals.fill(0.0);
+        let mut set = |full: &str, c: &[f64]| {
+            for block in layout.blocks.iter().filter(|b| b.name.ends_with(full)) {
+                (block.operations.from_coordinates)(c, &mut state.values[block.range()]);
+            }
+        };
+        set(&format!("{name}.scale"), &[1.0]);
+        set(&format!("{name}.misalignment"), &[0.0; 3]);
+        set(&format!("{name}.lever_arm"), &[0.0; 3]);
+        set(".attitude", &[0.0; 3]);
+        let velocity = layout.blocks.iter().position(|b| b.name.ends_with(".velocity"));
+        Self { layout, state, velocity }
+    }
+
+    /// The matrix, channels by three, that maps the velocity to what is predicted of it.
+    fn beams(&self, model: &dyn AnyMeasurement, sample: &Sample) -> DMatrix<f64> {
+        let n = model.channels();
+        let mut state = self.state.clone();
+        let mut predict = |v: [f64; 3]| {
+            if let Some(slot) = self.velocity {
+                state.values[self.layout.blocks[slot].range()].copy_from_slice(&v);
+            }
+            let mut out = [0.0; MAX_CHANNELS];
+            model.predict(&At { layout: self.layout, state: &state, sample }, &mut out[..n]);
+            out
+        };
+        let still = predict([0.0; 3]);
+        let columns =
+            [predict([1.0, 0.0, 0.0]), predict([0.0, 1.0, 0.0]), predict([0.0, 0.0, 1.0])];
+        DMatrix::from_fn(n, 3, |i, j| columns[j][i] - still[i])
+    }
+}
+
+/// The least-squares inverse of the rows that are present, three by their number; `None` if they do not tell three axes.
+fn pseudo_inverse(beams: &DMatrix<f64>, present: &[usize]) -> Option<DMatrix<f64>> {
+    if present.len() < 3 {
+        return None;
+    }
+    let rows = DMatrix::from_fn(present.len(), 3, |i, j| beams[(present[i], j)]);
+    let normal = rows.transpose() * &rows;
+    let eigen = normal.clone().symmetric_eigenvalues();
+    (eigen.min() > 1e-6 * eigen.max())
+        .then(|| normal.try_inverse().map(|inverse| inverse * rows.transpose()))?
+}

@@ -1,0 +1,47 @@
+//! The segments of a run that decide what can be observed: Pan & Wu (2016), section 2.2.
+//!
+//! ```text
+//! Scenario ──▶ Recording ──▶ Attitude ──▶ find ──▶ Segment ──▶ Directions   rank of the specific-force rate (Theorem 1)
+//!              all samples    by gyros             I, II  ├──▶ Increments   β and γ of eq. (18)
+//!                                                         └──▶ Sphere       α of eq. (13), and its conditioning (Lemma 2)
+//! ```
+//! Nothing here runs the filter: the samples of a scenario's sources, or of a log, are gathered as they are.
+
+mod attitude;
+mod directions;
+mod finder;
+mod gather;
+mod increments;
+mod recording;
+mod series;
+mod sphere;
+
+pub use attitude::{Attitude, AttitudeStart};
+pub use directions::Directions;
+pub use finder::{Kind, Segment, Settings, find};
+pub use increments::Increments;
+pub use recording::{BodyVelocity, Imu, Inertial, Mounting, PositionFix, Positions, Recording};
+pub use series::Series;
+pub use sphere::Sphere;
+
+use navfuse_core::document::DocumentError;
+
+/// Why segments cannot be found.
+#[derive(Debug, thiserror::Error)]
+pub enum SegmentError {
+    /// The scenario, or a source of it.
+    #[error(transparent)]
+    Scenario(#[from] navfuse_core::plugin::BuildError),
+    /// A source failed while it was read.
+    #[error("source {0}: {1}")]
+    Source(String, navfuse_core::model::stream::StreamError),
+    /// Samples are missing.
+    #[error("{0}")]
+    Missing(String),
+}
+
+impl From<DocumentError> for SegmentError {
+    fn from(error: DocumentError) -> Self {
+        Self::Scenario(error.into())
+    }
+}
