@@ -5,7 +5,7 @@ use crate::print;
 use crate::print_campaign::{self as show, Shown};
 use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use crate::run::folder_name;
-use navfuse_campaign::{Done, Folder, Options, Plan, Results, Shard, execute, variation};
+use navfuse_campaign::{Campaign, Folder, JobCount, Options, Results, Shard, execute, variation};
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::units::Time as Duration;
@@ -55,13 +55,13 @@ pub fn sweep(registry: &Registry, arguments: &Sweep) -> Result<ExitCode> {
 }
 
 fn drawn(runs: usize, draws: &Draws, vary: &[String]) -> Result<Options> {
-    let start = match draws.start {
-        Start::Drawn => navfuse_campaign::Start::Drawn,
-        Start::Given => navfuse_campaign::Start::Given,
+    let initial_errors = match draws.start {
+        Start::Drawn => navfuse_campaign::InitialErrors::Drawn,
+        Start::Given => navfuse_campaign::InitialErrors::Given,
     };
     let vary = vary.iter().map(|v| variation(v)).collect::<std::result::Result<_, _>>()?;
     let from = draws.from.as_deref().map(|text| seconds("--from", text)).transpose()?;
-    Ok(Options { runs, seed: draws.seed, start, vary, every: None, from })
+    Ok(Options { runs, seed: draws.seed, initial_errors, vary, every: None, from })
 }
 
 fn go(
@@ -77,7 +77,7 @@ fn go(
     let mut document = Document::from_file(path)?;
     settings.set.iter().try_for_each(|s| document.set(s))?;
     options.every = settings.every.as_deref().map(|text| seconds("--every", text)).transpose()?;
-    let plan = Plan::new(registry, &document, &options)?;
+    let plan = Campaign::new(registry, &document, &options)?;
     kind.shown.check(&plan)?;
     let out = (!settings.no_output).then(|| {
         let part =
@@ -115,7 +115,7 @@ fn go(
         print::line(format_args!("{jobs} on {threads} in {:.1} s", clock.elapsed().as_secs_f64()));
     }
     if done.interrupted() {
-        let Done { done, asked } = done;
+        let JobCount { done, asked } = done;
         let what = match settings.shard {
             None => "and are what is told",
             Some(_) => {
@@ -129,9 +129,9 @@ fn go(
 }
 
 /// Tells where a part is.
-fn part(shard: Option<Shard>, done: Done, out: &Path, text: bool) {
+fn part(shard: Option<Shard>, done: JobCount, out: &Path, text: bool) {
     let shard = shard.map_or_else(String::new, |s| s.to_string());
-    let Done { done, asked } = done;
+    let JobCount { done, asked } = done;
     if text {
         let next = if done == asked { "; `navfuse merge` joins the parts" } else { "" };
         print::line(format_args!(
@@ -152,7 +152,7 @@ fn counted(count: usize, what: &str) -> String {
 
 /// `navfuse merge`
 pub fn merge(arguments: &Merge) -> Result<ExitCode> {
-    let plan = navfuse_campaign::plan_of(&arguments.parts[0])?;
+    let plan = navfuse_campaign::campaign_of(&arguments.parts[0])?;
     let name = format!("{}-merged", plan.scenario);
     let out =
         arguments.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(folder_name(&name)));
@@ -182,7 +182,7 @@ pub fn merge(arguments: &Merge) -> Result<ExitCode> {
 
 /// Prints the results and draws them.
 fn report(
-    plan: &Plan,
+    plan: &Campaign,
     results: &Results,
     kind: &Kind<'_>,
     out: Option<&Path>,

@@ -4,7 +4,7 @@ use crate::print;
 use crate::progress::{Bar, stop_on_ctrl_c};
 use crate::report::{End, run, write};
 use clap::{Args, ValueEnum};
-use navfuse_calibration::{AttitudeSource, Data, Method};
+use navfuse_calibration::{AttitudeSource, CalibrationData, Method};
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::Progress;
@@ -97,7 +97,7 @@ fn observers(registry: &Registry, settings: &[String]) -> Result<Vec<Observer>> 
     let recording =
         Recording::gather(scenario.assemble(None)?, |now, end| bar.run(Progress { now, end }));
     bar.done();
-    let data = Data::new(recording?, AttitudeSource::Gyros)?;
+    let data = CalibrationData::new(recording?, AttitudeSource::Gyros)?;
     let methods = [(Method::IoDvlcPrinted, "eq. (18) as printed"), (Method::IoDvlc, "improved")];
     let observers = methods.map(|(method, name)| -> Result<Observer> {
         let estimate = method.estimate(&data)?;

@@ -6,11 +6,11 @@ use crate::print;
 use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use crate::run;
 use clap::Args;
-use navfuse_campaign::Done;
+use navfuse_campaign::JobCount;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_observability::{Report, Verdict, Watch, plan, words};
+use navfuse_observability::{ObservabilityReport, TrackerSink, Verdict, plan, words};
 use navfuse_segments::{Kind, Recording};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -69,7 +69,7 @@ pub fn observability(registry: &Registry, arguments: &Observability) -> Result<E
     let scenario = Scenario::new(registry, document, &settings)?;
     let name = scenario.name();
     let mut assembly = scenario.assemble(None)?;
-    let (watch, kept) = Watch::new(EVERY);
+    let (watch, kept) = TrackerSink::new(EVERY);
     assembly.sinks.push(("observability".into(), Box::new(watch)));
     let stop = stop_on_ctrl_c();
     let text = arguments.format == Format::Text;
@@ -78,7 +78,7 @@ pub fn observability(registry: &Registry, arguments: &Observability) -> Result<E
     bar.done();
     let tracker = kept.lock().ok().and_then(|mut kept| kept.take());
     if let (Some(tracker), None) = (tracker.as_ref().filter(|t| t.started()), &finished.error) {
-        let mut report = Report::new(&name, tracker);
+        let mut report = ObservabilityReport::new(&name, tracker);
         report.judge(
             scenario
                 .assemble(None)
@@ -111,7 +111,7 @@ fn suggest(registry: &Registry, arguments: &Observability) -> Result<ExitCode> {
     let options = plan::Options { at, of: arguments.of.clone() };
     let text = arguments.format == Format::Text;
     let (bar, stop) = (Bar::new(text), stop_on_ctrl_c());
-    let tell = |done, asked| bar.campaign(Done { done, asked });
+    let tell = |done, asked| bar.campaign(JobCount { done, asked });
     let plan = plan::suggest(registry, &document, &options, &stop, tell);
     bar.done();
     let Some(plan) = plan? else { return Ok(ExitCode::from(INTERRUPTED)) };
@@ -163,7 +163,7 @@ fn tenths(value: f64) -> String {
 }
 
 /// The report for a person.
-fn show(report: &Report) {
+fn show(report: &ObservabilityReport) {
     print::line(format_args!(
         "{}, {:.0} s to {:.0} s",
         report.scenario, report.start_s, report.end_s
@@ -213,7 +213,7 @@ fn show(report: &Report) {
 }
 
 /// The segments, and Theorem 1.
-fn segments(report: &Report) {
+fn segments(report: &ObservabilityReport) {
     let Some(view) = &report.segments else {
         if let Some(why) = &report.no_segments {
             print::line(format_args!("\nno segments: {why}"));
@@ -276,7 +276,7 @@ fn directions(rank: usize) -> String {
 }
 
 /// Writes the report and the figure.
-fn write(report: &Report, out: &Path, text: bool) -> Result<()> {
+fn write(report: &ObservabilityReport, out: &Path, text: bool) -> Result<()> {
     let figure = report.figure();
     let files = [
         ("observability.json".to_owned(), serde_json::to_string_pretty(report)?),

@@ -2,7 +2,7 @@
 
 use crate::print::{line, right, table};
 use comfy_table::Table;
-use navfuse_campaign::{Band, Component, Plan, PointReport, Results, StateReport, WorstRun};
+use navfuse_campaign::{Band, Campaign, Component, PointReport, Results, StateReport, WorstRun};
 use std::path::{Path, PathBuf};
 
 /// What is shown.
@@ -18,7 +18,7 @@ pub enum Shown<'a> {
 
 impl Shown<'_> {
     /// Whether what is to be shown is there.
-    pub fn check(self, plan: &Plan) -> Result<(), String> {
+    pub fn check(self, plan: &Campaign) -> Result<(), String> {
         let Self::Grid(names) = self else { return Ok(()) };
         let components = &plan.columns.components;
         match names.iter().find(|name| !components.iter().any(|c| is_of(c, name))) {
@@ -49,7 +49,7 @@ fn is_of(component: &Component, name: &str) -> bool {
 }
 
 /// The result of a campaign; `scenario` is the file to do a run of it again.
-pub fn results(plan: &Plan, results: &Results, shown: Shown<'_>, scenario: &str) {
+pub fn results(plan: &Campaign, results: &Results, shown: Shown<'_>, scenario: &str) {
     match (shown, results.report.points.first()) {
         (Shown::Grid(_), _) => grid(plan, results, shown),
         (Shown::Consistency, Some(point)) => consistency(plan, point),
@@ -110,7 +110,7 @@ fn once(states: &[StateReport], k: usize) -> String {
     if k > 0 && states[k - 1].component.state == *state { String::new() } else { state.clone() }
 }
 
-fn consistency(plan: &Plan, point: &PointReport) {
+fn consistency(plan: &Campaign, point: &PointReport) {
     let failed =
         if point.failed > 0 { format!(", {} failed", point.failed) } else { String::new() };
     line(format_args!(
@@ -171,7 +171,7 @@ fn consistency(plan: &Plan, point: &PointReport) {
     }
 }
 
-fn bound(plan: &Plan, results: &Results) {
+fn bound(plan: &Campaign, results: &Results) {
     let Some(bound) = results.points.first().and_then(|p| p.bound.as_ref()) else { return };
     let (Some(first), Some(last)) = (bound.rows.first(), bound.rows.last()) else { return };
     line(format_args!(
@@ -196,7 +196,7 @@ fn bound(plan: &Plan, results: &Results) {
 }
 
 /// One table a state: a row a point, the components beside each other.
-fn grid(plan: &Plan, results: &Results, shown: Shown<'_>) {
+fn grid(plan: &Campaign, results: &Results, shown: Shown<'_>) {
     let runs = plan.runs > 0;
     let what = if runs {
         format!("RMSE of {} runs over 1-sigma bound", plan.runs)

@@ -1,7 +1,7 @@
 //! Long work: a progress bar, and Ctrl-C.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use navfuse_campaign::Done;
+use navfuse_campaign::JobCount;
 use navfuse_core::run::runner::Progress;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -44,7 +44,7 @@ impl Bar {
     }
 
     /// Shows the jobs that a campaign has done.
-    pub fn campaign(&self, done: Done) {
+    pub fn campaign(&self, done: JobCount) {
         self.length(done.asked as u64, "jobs");
         self.0.set_position(done.done as u64);
     }

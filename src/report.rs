@@ -9,7 +9,7 @@ use navfuse_core::model::stream::Sink;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_observability::{Report as Observed, Tracker, Watch};
+use navfuse_observability::{ObservabilityReport, Tracker, TrackerSink};
 use navfuse_report::{History, Recorder};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
         .is_some_and(|e| e.eq_ignore_ascii_case("toml"))
     {
         let document = Document::from_file(of)?;
-        let (watch, kept) = Watch::new(EVERY);
+        let (watch, kept) = TrackerSink::new(EVERY);
         let sinks: [(String, Box<dyn Sink>); 1] = [("observability".to_owned(), Box::new(watch))];
         let (history, end) = run(registry, document, &arguments.set, sinks, &stop, &bar)?;
         let observed = if end == End::Interrupted { None } else { judged(&history.name, &kept) };
@@ -88,7 +88,7 @@ fn observed(
     log: &Path,
     stop: &AtomicBool,
     bar: &Bar,
-) -> Result<Option<Observed>> {
+) -> Result<Option<ObservabilityReport>> {
     let (document, settings) = match document_of(log) {
         Ok(found) => found,
         Err(error) => return unjudged(&*error),
@@ -98,7 +98,7 @@ fn observed(
         Ok(assembly) => assembly,
         Err(error) => return unjudged(&error),
     };
-    let (watch, kept) = Watch::new(EVERY);
+    let (watch, kept) = TrackerSink::new(EVERY);
     assembly.sinks.push(("observability".to_owned(), Box::new(watch)));
     runner::run(assembly, stop, |progress| bar.run(progress));
     bar.done();
@@ -106,13 +106,13 @@ fn observed(
 }
 
 /// What a watched run determined; nothing where the filter did not start.
-fn judged(name: &str, kept: &Mutex<Option<Tracker>>) -> Option<Observed> {
+fn judged(name: &str, kept: &Mutex<Option<Tracker>>) -> Option<ObservabilityReport> {
     let tracker = kept.lock().ok().and_then(|mut kept| kept.take());
-    tracker.filter(Tracker::started).map(|tracker| Observed::new(name, &tracker))
+    tracker.filter(Tracker::started).map(|tracker| ObservabilityReport::new(name, &tracker))
 }
 
 /// Says why the states are not judged.
-fn unjudged(why: &dyn std::fmt::Display) -> Result<Option<Observed>> {
+fn unjudged(why: &dyn std::fmt::Display) -> Result<Option<ObservabilityReport>> {
     print::warn(format_args!("warning: the page is without verdicts of observability: {why}"));
     Ok(None)
 }

@@ -10,7 +10,7 @@ use navfuse_core::document::Document;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_observability::plan::{self, Options};
-use navfuse_observability::{Report, Tracker, Verdict, Watch};
+use navfuse_observability::{ObservabilityReport, Tracker, TrackerSink, Verdict};
 use navfuse_segments::Recording;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -29,7 +29,7 @@ fn tracked(name: &str, settings: &[String], at_truth: bool) -> Tracker {
     let scenario = Scenario::new(&registry, document, settings).expect("the settings fit");
     let assembly = if at_truth { scenario.assemble_at_truth() } else { scenario.assemble(None) };
     let mut assembly = assembly.unwrap_or_else(|e| panic!("{e}"));
-    let (watch, kept) = Watch::new(1.0);
+    let (watch, kept) = TrackerSink::new(1.0);
     assembly.sinks.push(("watch".into(), Box::new(watch)));
     let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
     assert!(finished.error.is_none(), "{:?}", finished.error);
@@ -37,29 +37,29 @@ fn tracked(name: &str, settings: &[String], at_truth: bool) -> Tracker {
     tracker.expect("the run is over")
 }
 
-fn report(name: &str, settings: &[&str]) -> Report {
+fn report(name: &str, settings: &[&str]) -> ObservabilityReport {
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
     let tracker = tracked(name, &settings, false);
     let registry = navfuse::standard_plugins();
     let document = Document::from_file(path(name)).expect("the scenario is there");
     let recording =
         Recording::read(&Scenario::new(&registry, document, &settings).expect("the settings fit"));
-    let mut report = Report::new(name, &tracker);
+    let mut report = ObservabilityReport::new(name, &tracker);
     report.judge(recording, &tracker);
     report
 }
 
 /// Reports of several seeds.
-fn reports(name: &str) -> Vec<Report> {
+fn reports(name: &str) -> Vec<ObservabilityReport> {
     parallel(&SEEDS, |seed| report(name, &[&format!("seed={seed}")]))
 }
 
-fn verdict(report: &Report, title: &str) -> Verdict {
+fn verdict(report: &ObservabilityReport, title: &str) -> Verdict {
     report.state(title).unwrap_or_else(|| panic!("{title}")).verdict
 }
 
 /// The verdicts about the theorem and the remarks, and that the filter agrees with each.
-fn agreed(report: &Report) -> Vec<&str> {
+fn agreed(report: &ObservabilityReport) -> Vec<&str> {
     let view = report.segments.as_ref().expect("there are segments");
     for v in &view.verdicts {
         assert!(v.agrees, "{}: {}: {}", report.scenario, v.about, v.text);
@@ -67,7 +67,7 @@ fn agreed(report: &Report) -> Vec<&str> {
     view.verdicts.iter().map(|v| v.about).collect()
 }
 
-fn all_determined(report: &Report, titles: &[&str]) {
+fn all_determined(report: &ObservabilityReport, titles: &[&str]) {
     for title in titles {
         assert_eq!(verdict(report, title), Verdict::Determined, "{}: {title}", report.scenario);
     }
@@ -184,7 +184,7 @@ fn what_is_left_of_a_constant_is_its_variance_over_its_prior() {
     let t = tracked("pan-wu-3d", &["estimator.stop=1100 s".to_owned()], true);
     let n = t.components().len();
     let mut checked = 0;
-    for (i, (c, now)) in t.components().iter().zip(t.now()).enumerate() {
+    for (i, (c, now)) in t.components().iter().zip(t.status()).enumerate() {
         if t.driven(c.slot) {
             continue;
         }
@@ -209,7 +209,7 @@ fn corrections_of_a_degree_do_not_break_what_is_left() {
     let t = tracked("pan-wu-3d", &["estimator.stop=1100 s".to_owned()], false);
     let n = t.components().len();
     for (i, (c, now)) in
-        t.components().iter().zip(t.now()).enumerate().filter(|(_, (c, _))| !t.driven(c.slot))
+        t.components().iter().zip(t.status()).enumerate().filter(|(_, (c, _))| !t.driven(c.slot))
     {
         let (left, ratio) = (t.left()[i * n + i], (now.sigma / now.prior).powi(2));
         println!("{} {}: {left:.3e} {ratio:.3e}", c.state, c.name);

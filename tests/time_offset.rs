@@ -4,7 +4,7 @@
 mod common;
 
 use common::{run_without_sinks, scenario, snapir};
-use navfuse_campaign::{Folder, Options, Plan, execute};
+use navfuse_campaign::{Campaign, Folder, Options, execute};
 use navfuse_core::document::Document;
 use navfuse_core::run::summary::Summary;
 use std::fmt::Write as _;
@@ -23,7 +23,7 @@ fn a_lag_of_300_ms_is_found_to_20_ms_and_errors_are_as_large_as_their_sigma() {
     let registry = navfuse::standard_plugins();
     let document = Document::from_file(scenario("time-offset")).expect("the scenario is there");
     let options = Options { runs: 20, ..Options::default() };
-    let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
+    let plan = Campaign::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).unwrap_or_else(|e| panic!("{e}"));
     let mut last = Vec::new();
     let at = plan

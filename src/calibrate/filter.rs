@@ -1,7 +1,7 @@
 //! The scenario's filter as one of the methods.
 
 use super::{Outcome, Result};
-use navfuse_calibration::{Data, Estimate, Step};
+use navfuse_calibration::{CalibrationData, Estimate, IntermediateEstimate};
 use navfuse_core::document::Document;
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::sensor::Purpose;
@@ -21,7 +21,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub fn outcomes(
     registry: &Registry,
     document: &Document,
-    data: &Data,
+    data: &CalibrationData,
     progress: &dyn Fn(Progress),
 ) -> Result<Vec<Outcome>> {
     let name = &data.velocity()?.samples.name;
@@ -49,7 +49,7 @@ fn filter(
     mut assembly: Assembly,
     name: &str,
     sensors: String,
-    data: &Data,
+    data: &CalibrationData,
     progress: &dyn Fn(Progress),
 ) -> Result<Outcome> {
     let dvl = &data.velocity()?.samples.name;
@@ -83,7 +83,7 @@ fn filter(
 /// What a filter's run tells of the DVL.
 #[derive(Default)]
 struct Kept {
-    history: Vec<Step>,
+    history: Vec<IntermediateEstimate>,
     covariance: Matrix4<f64>,
     told: [bool; 4],
 }
@@ -109,7 +109,8 @@ impl Sink for Listener {
         let values = &epoch.state.values;
         let k = Scalar::load::<f64>(&values[scale.range()]);
         let mounting = Mounting { k, c_b_d: Rotation::load::<f64>(&values[misalignment.range()]) };
-        kept.history.push(Step { time: epoch.state.time.since(self.zero), mounting });
+        kept.history
+            .push(IntermediateEstimate { time: epoch.state.time.since(self.zero), mounting });
         // the error of a rotation is a rotation vector to its left, as an estimate's is
         let places: Vec<Option<usize>> = std::iter::once(scale.tangent)
             .chain((0..3).map(|i| misalignment.tangent.map(|t| t + i)))

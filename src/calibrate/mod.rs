@@ -10,7 +10,7 @@ use crate::print;
 use crate::progress::Bar;
 use crate::run::document_of;
 use clap::{Args, ValueEnum};
-use navfuse_calibration::{AttitudeSource, Data, Estimate, Method};
+use navfuse_calibration::{AttitudeSource, CalibrationData, Estimate, Method};
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::Progress;
@@ -163,7 +163,7 @@ fn outcomes(
     methods: &[Method],
     arguments: &Calibrate,
     progress: &dyn Fn(Progress),
-) -> Result<(Data, Vec<Outcome>)> {
+) -> Result<(CalibrationData, Vec<Outcome>)> {
     let scenario = Scenario::new(registry, document.clone(), &[])?;
     let recording =
         Recording::gather(scenario.assemble(None)?, |now, end| progress(Progress { now, end }))?;
@@ -171,7 +171,7 @@ fn outcomes(
         From::Gyros => AttitudeSource::Gyros,
         From::Reference => AttitudeSource::Reference,
     };
-    let data = Data::new(recording, source)?;
+    let data = CalibrationData::new(recording, source)?;
     let outcome = |m: &Method| Outcome {
         name: m.name().into(),
         sensors: m.sensors().into(),

@@ -6,7 +6,7 @@ use crate::arguments::Format;
 use crate::print;
 use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use navfuse_calibration::Method;
-use navfuse_campaign::Done;
+use navfuse_campaign::JobCount;
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::Scenario;
@@ -97,7 +97,7 @@ pub fn repeat(
     let seeds: Vec<u64> = (first..end).collect();
     let text = arguments.format == Format::Text;
     let (bar, done) = (Bar::new(text), AtomicUsize::new(0));
-    let progress = |done| bar.campaign(Done { done, asked: seeds.len() });
+    let progress = |done| bar.campaign(JobCount { done, asked: seeds.len() });
     progress(0);
     let stop = stop_on_ctrl_c();
     let results: std::result::Result<Vec<_>, String> = (seeds.par_iter())

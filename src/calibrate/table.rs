@@ -2,7 +2,7 @@
 
 use super::{Outcome, decimals, unit};
 use crate::print;
-use navfuse_calibration::{Data, Estimate};
+use navfuse_calibration::{CalibrationData, Estimate};
 use navfuse_segments::Kind;
 use serde_json::{Value, json};
 
@@ -13,7 +13,7 @@ pub const HEADINGS: [&str; 7] =
 pub const NUMBERS: std::ops::Range<usize> = 1..6;
 
 /// Prints the table, and the notes below it.
-pub fn print(data: &Data, outcomes: &[Outcome]) {
+pub fn print(data: &CalibrationData, outcomes: &[Outcome]) {
     print::line(format_args!("{}: {}", data.recording.name, found(data)));
     let truth = data.velocity().ok().and_then(|v| v.truth);
     let mut table = print::table(&HEADINGS);
@@ -89,7 +89,7 @@ pub fn settles() -> String {
 }
 
 /// The segments that were found, in words.
-fn found(data: &Data) -> String {
+fn found(data: &CalibrationData) -> String {
     let of =
         |kind: Kind| format!("{kind} {:.0} s ({})", data.duration(kind), data.of(kind).count());
     let kinds = [Kind::Static, Kind::TypeI, Kind::TypeII, Kind::Steady].map(of);
@@ -97,7 +97,7 @@ fn found(data: &Data) -> String {
 }
 
 /// The same for a program.
-pub fn in_json(data: &Data, outcomes: &[Outcome]) -> Value {
+pub fn in_json(data: &CalibrationData, outcomes: &[Outcome]) -> Value {
     let truth = data.velocity().ok().and_then(|v| v.truth);
     let methods: Vec<Value> = (outcomes.iter())
         .map(|o| match &o.result {
@@ -115,7 +115,7 @@ pub fn in_json(data: &Data, outcomes: &[Outcome]) -> Value {
             }),
         })
         .collect();
-    json!({ "scenario": data.recording.name, "segments": data.segments, "attitude": data.attitude_told(), "methods": methods })
+    json!({ "scenario": data.recording.name, "segments": data.segments, "attitude": data.attitude_source(), "methods": methods })
 }
 
 /// `k` and angles, rad, by their names, in deg.

@@ -1,7 +1,7 @@
 //! The scenario with a calibration in it.
 
 use super::Result;
-use navfuse_calibration::{Data, Estimate};
+use navfuse_calibration::{CalibrationData, Estimate};
 use navfuse_core::document::Document;
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use std::path::Path;
 pub fn scenario(
     document: &mut Document,
     path: &Path,
-    data: &Data,
+    data: &CalibrationData,
     e: &Estimate,
     keep_prior: bool,
 ) -> Result<()> {

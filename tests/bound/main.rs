@@ -9,7 +9,7 @@ mod table;
 
 use common::scenario;
 use navfuse_campaign::{
-    BoundRecord, Columns, Component, Options, Plan, Record, RunRecord, execute,
+    BoundRecord, Campaign, Columns, Component, Options, Record, RunRecord, execute,
 };
 use navfuse_core::document::Document;
 use std::fmt::Write as _;
@@ -88,7 +88,7 @@ impl Bound {
         let registry = navfuse::standard_plugins();
         settings.iter().try_for_each(|s| document.set(s)).expect("the settings fit");
         let options = Options { runs, every: Some(20.0), ..Options::default() };
-        let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
+        let plan = Campaign::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
         let (mut bound, mut records) = (None, Vec::new());
         let keep = |record| {
             match record {

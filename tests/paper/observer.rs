@@ -1,7 +1,7 @@
 //! The ideal observer IO-DVLC: Figures 2 to 5, and how it compares with the filter.
 
 use crate::runs::{dives, for_seeds, rms, with};
-use navfuse_calibration::{AttitudeSource, Data, Estimate, Method};
+use navfuse_calibration::{AttitudeSource, CalibrationData, Estimate, Method};
 use navfuse_segments::{Directions, Kind, Recording};
 use std::sync::LazyLock;
 
@@ -9,7 +9,7 @@ const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// One 3-D run until 720 s, as the observer sees it.
 struct Seen {
-    data: Data,
+    data: CalibrationData,
     printed: Estimate,
 }
 
@@ -19,8 +19,8 @@ fn seen() -> &'static [Seen] {
             settings.push("estimator.stop=720 s".into());
             let recording =
                 with("pan-wu-3d", &settings, Recording::read).unwrap_or_else(|e| panic!("{e}"));
-            let data =
-                Data::new(recording, AttitudeSource::Gyros).unwrap_or_else(|e| panic!("{e}"));
+            let data = CalibrationData::new(recording, AttitudeSource::Gyros)
+                .unwrap_or_else(|e| panic!("{e}"));
             let printed = Method::IoDvlcPrinted.estimate(&data).unwrap_or_else(|e| panic!("{e}"));
             Seen { data, printed }
         })

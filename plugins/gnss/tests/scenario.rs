@@ -1,7 +1,7 @@
 //! The scenario surface-dive as it is in the repository: what is known of the position before, in and after the dive.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-use navfuse_campaign::{Folder, Options, Plan, execute};
+use navfuse_campaign::{Campaign, Folder, Options, execute};
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
@@ -66,7 +66,7 @@ fn the_error_grows_in_the_dive_and_is_that_of_gnss_before_and_after() {
 fn twenty_runs_are_consistent() {
     let (registry, document) = (registry(), document());
     let options = Options { runs: 20, every: Some(20.0), ..Options::default() };
-    let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
+    let plan = Campaign::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).expect("no folder");
     let stop = AtomicBool::new(false);
     let done =

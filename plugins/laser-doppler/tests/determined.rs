@@ -9,7 +9,7 @@
 mod common;
 
 use common::{document, registry};
-use navfuse_campaign::{Options, Plan, bound};
+use navfuse_campaign::{Campaign, Options, bound};
 use navfuse_core::nalgebra::{DMatrix, Matrix4, Vector3, Vector4};
 use navfuse_core::run::scenario::Scenario;
 use std::sync::atomic::AtomicBool;
@@ -75,7 +75,7 @@ fn achieved(beams: &[[f64; 3]], motion: &Motion) -> [f64; 4] {
         &format!("sensor.laser.lever_arm=[\"{} m\", \"0 m\", \"0 m\"]", motion.2),
     ]);
     let plan =
-        Plan::new(&registry, &document, &Options::default()).unwrap_or_else(|e| panic!("{e}"));
+        Campaign::new(&registry, &document, &Options::default()).unwrap_or_else(|e| panic!("{e}"));
     let scenario = Scenario::new(&registry, document, &[]).expect("a scenario");
     let assembly = scenario.assemble_at_truth().unwrap_or_else(|e| panic!("{e}"));
     let stop = AtomicBool::new(false);

@@ -3,7 +3,7 @@
 
 mod common;
 
-use navfuse_campaign::{Folder, Options, Plan, Verdict, execute};
+use navfuse_campaign::{Campaign, Folder, Options, Verdict, execute};
 use navfuse_core::document::Document;
 use std::sync::atomic::AtomicBool;
 
@@ -14,7 +14,7 @@ fn verdict(file: &str, settings: &[&str]) -> Verdict {
     let mut document = Document::from_file(path).unwrap_or_else(|e| panic!("{e}"));
     settings.iter().for_each(|s| document.set(s).unwrap_or_else(|e| panic!("{e}")));
     let options = Options { runs: 20, ..Options::default() };
-    let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
+    let plan = Campaign::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).expect("no folder");
     let stop = AtomicBool::new(false);
     let done =

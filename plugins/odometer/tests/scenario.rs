@@ -1,7 +1,7 @@
 //! The scenario land-odometer as it is in the repository: its drift, and what it finds of the odometer.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-use navfuse_campaign::{Folder, Options, Plan, execute};
+use navfuse_campaign::{Campaign, Folder, Options, execute};
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
@@ -58,7 +58,7 @@ fn scale_angles_and_lever_arm_converge_and_the_position_drifts_by_less_than_a_te
 fn twenty_runs_are_consistent() {
     let (registry, document) = (registry(), document());
     let options = Options { runs: 20, every: Some(20.0), ..Options::default() };
-    let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
+    let plan = Campaign::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).expect("no folder");
     let stop = AtomicBool::new(false);
     let done =

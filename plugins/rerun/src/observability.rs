@@ -74,7 +74,7 @@ impl Observability {
         }
         let second = time.nanos().div_euclid(EVERY);
         self.next = Time::from_nanos((second + 1) * EVERY);
-        let mut bits = self.tracker.now().iter().map(|now| now.bits());
+        let mut bits = self.tracker.status().iter().map(|now| now.bits());
         for block in &mut self.blocks {
             for (series, bits) in block.components.iter_mut().zip(&mut bits) {
                 series.push(recording, time, &[bits])?;

@@ -1,6 +1,6 @@
 //! What the methods work on: a recording, its segments, and an attitude.
 
-use crate::Need;
+use crate::CalibrationError;
 use nalgebra::{Matrix3, Matrix4, Vector3};
 use navfuse_segments::{
     Attitude, AttitudeStart, BodyVelocity, Directions, Kind, Mounting, Recording, Segment,
@@ -22,7 +22,7 @@ pub enum AttitudeSource {
 
 /// A recording made ready.
 #[derive(Clone, Debug)]
-pub struct Data {
+pub struct CalibrationData {
     /// All samples.
     pub recording: Recording,
     /// How segments are found.
@@ -35,7 +35,7 @@ pub struct Data {
     pub source: AttitudeSource,
 }
 
-impl Data {
+impl CalibrationData {
     /// Finds the segments of a recording, and its attitude.
     ///
     /// # Errors
@@ -69,15 +69,15 @@ impl Data {
     ///
     /// # Errors
     /// When there is none, it has no samples, or it measures the velocity through the water.
-    pub fn velocity(&self) -> Result<&BodyVelocity, Need> {
+    pub fn velocity(&self) -> Result<&BodyVelocity, CalibrationError> {
         let Some(velocity) = self.recording.velocities.first() else {
-            return Err(Need::new(
+            return Err(CalibrationError::new(
                 "there is no sensor of the body's velocity along three axes: add [sensor.dvl], with a `scale` and a \
                  `misalignment` of its own",
             ));
         };
         if velocity.samples.is_empty() {
-            return Err(Need(format!(
+            return Err(CalibrationError(format!(
                 "[sensor.{}] has no samples: check its source",
                 velocity.samples.name
             )));
@@ -89,10 +89,10 @@ impl Data {
     ///
     /// # Errors
     /// Also when the velocity is that through the water.
-    pub(crate) fn over_ground(&self) -> Result<&BodyVelocity, Need> {
+    pub(crate) fn over_ground(&self) -> Result<&BodyVelocity, CalibrationError> {
         let velocity = self.velocity()?;
         if velocity.water {
-            return Err(Need(format!(
+            return Err(CalibrationError(format!(
                 "[sensor.{}] tracks the water, whose current would be taken for a misalignment: this method needs bottom track",
                 velocity.samples.name
             )));
@@ -127,7 +127,7 @@ impl Data {
     pub(crate) fn type_one(
         &self,
         gaps: Gaps,
-    ) -> Result<(Vec<Segment>, Directions, Vec<String>), Need> {
+    ) -> Result<(Vec<Segment>, Directions, Vec<String>), CalibrationError> {
         let velocity = self.velocity()?;
         let limit = (3.0 * velocity.samples.period()).max(1.0);
         let mut notes = Vec::new();
@@ -159,7 +159,7 @@ impl Data {
         }
         let directions = Directions::of(&self.recording, &self.settings, &self.attitude, &segments);
         if directions.rank == 0 {
-            return Err(Need(format!(
+            return Err(CalibrationError(format!(
                 "the specific force varies by less than the noise on the segments of Type I ({:.1e} m/s^3): accelerate more, \
                  or longer",
                 directions.noise
@@ -185,13 +185,13 @@ impl Data {
         Ok((segments, directions, notes))
     }
 
-    fn no_type_one(&self, notes: Vec<String>) -> Need {
+    fn no_type_one(&self, notes: Vec<String>) -> CalibrationError {
         if !notes.is_empty() {
-            return Need(format!("no segment of Type I is left: {}", notes.join("; ")));
+            return CalibrationError(format!("no segment of Type I is left: {}", notes.join("; ")));
         }
         let turning = self.duration(Kind::TypeII);
         let straight = self.duration(Kind::Steady);
-        Need(format!(
+        CalibrationError(format!(
             "there is no segment of Type I, constant attitude (below {:.2} deg/s, within {:.1} deg) and varying specific force \
              (above {:.1e} m/s^3) for {:.0} s or more: {turning:.0} s are turning, {straight:.0} s steady or too short, {:.0} s \
              at rest; accelerate, dive or thrust sideways on a straight course",
@@ -230,7 +230,7 @@ impl Data {
     }
 
     /// The start of the attitude, in words.
-    pub fn attitude_told(&self) -> String {
+    pub fn attitude_source(&self) -> String {
         let AttitudeStart { time, .. } = self.attitude.start;
         match self.source {
             AttitudeSource::Reference => "attitude from the reference".into(),

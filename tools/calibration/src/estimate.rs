@@ -5,7 +5,7 @@ use navfuse_segments::Mounting;
 
 /// The estimate as it was at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub struct IntermediateEstimate {
     /// When, s on the recording's clock.
     pub time: f64,
     /// The estimate from what was measured until then.
@@ -23,7 +23,7 @@ pub struct Estimate {
     /// Whether `k`, roll, pitch and yaw are determined. What is not keeps its initial value.
     pub determined: [bool; 4],
     /// The estimate over time, where the method has one.
-    pub history: Vec<Step>,
+    pub history: Vec<IntermediateEstimate>,
     /// From when to when samples were used, s on the recording's clock.
     pub used: [f64; 2],
     /// What a person should know.
@@ -70,7 +70,7 @@ impl Estimate {
     /// history.
     pub fn settled_after(&self) -> Option<f64> {
         let end = self.history.last()?;
-        let off = |s: &Step| {
+        let off = |s: &IntermediateEstimate| {
             (s.mounting.k - end.mounting.k).abs() > Self::SETTLED.0
                 || (s.mounting.angles().z - end.mounting.angles().z).abs() > Self::SETTLED.1
         };

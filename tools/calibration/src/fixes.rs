@@ -1,6 +1,6 @@
 //! Position fixes and velocities over the ground, at the IMU's point, paired with what the DVL read.
 
-use crate::{Data, Need};
+use crate::{CalibrationData, CalibrationError};
 use nalgebra::{UnitQuaternion, Vector3};
 use navfuse_segments::{Positions, Series};
 
@@ -21,11 +21,11 @@ pub struct Fix {
 ///
 /// # Errors
 /// When there is no sensor of the position, or too few fixes.
-pub fn blocks(data: &Data) -> Result<Vec<Vec<Fix>>, Need> {
+pub fn blocks(data: &CalibrationData) -> Result<Vec<Vec<Fix>>, CalibrationError> {
     let velocity = data.over_ground()?;
     let Some(Positions { fixes: series, lever_arm: lever, .. }) = data.recording.positions.first()
     else {
-        return Err(Need::new(
+        return Err(CalibrationError::new(
             "this method needs position fixes, and no sensor of the scenario has latitude and longitude: add [sensor.gnss], \
              or use io-dvlc, which needs none",
         ));
@@ -67,7 +67,7 @@ pub fn blocks(data: &Data) -> Result<Vec<Vec<Fix>>, Need> {
     let covered =
         blocks.iter().map(|b| b[b.len() - 1].time - b[0].time).fold(0.0, |sum, t| sum + t);
     if covered < 60.0 {
-        return Err(Need(format!(
+        return Err(CalibrationError(format!(
             "[sensor.{}] and [sensor.{}] speak together for {covered:.0} s: a minute at least is needed; stay at the surface \
              longer, under way",
             series.name, velocity.samples.name
@@ -97,7 +97,7 @@ const WINDOW: f64 = 10.0;
 ///
 /// # Errors
 /// As [`blocks`], and when the vehicle does not move.
-pub fn pairs(data: &Data) -> Result<(Vec<Pair>, bool), Need> {
+pub fn pairs(data: &CalibrationData) -> Result<(Vec<Pair>, bool), CalibrationError> {
     let velocity = data.over_ground()?;
     let blocks = blocks(data)?;
     let own = blocks.iter().flatten().all(|f| f.velocity.is_some());
@@ -131,7 +131,7 @@ pub fn pairs(data: &Data) -> Result<(Vec<Pair>, bool), Need> {
         / pairs.len().max(1) as f64)
         .sqrt();
     if speed < 0.2 {
-        return Err(Need(format!(
+        return Err(CalibrationError(format!(
             "the vehicle moves at {speed:.2} m/s while there are fixes: be under way"
         )));
     }
@@ -141,7 +141,7 @@ pub fn pairs(data: &Data) -> Result<(Vec<Pair>, bool), Need> {
 /// The displacement in instrument axes: `a(t) = C_n^b p |_0^t + ∫ w_nb^b x C_n^b p dτ = ∫ C_n^b pdot dτ`, which needs no derivative
 /// of `p`, and `b(t) = ∫ y dτ`, at the fixes (Kinsey & Whitcomb 2007).
 pub fn instrument(
-    data: &Data,
+    data: &CalibrationData,
     block: &[Fix],
     y: &Series<Vector3<f64>>,
 ) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {

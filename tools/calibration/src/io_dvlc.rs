@@ -13,7 +13,7 @@
 
 use crate::data::Gaps;
 use crate::solve::{determined, moved, prior, sensitivity};
-use crate::{Data, Estimate, Need, Step};
+use crate::{CalibrationData, CalibrationError, Estimate, IntermediateEstimate};
 use nalgebra::{
     Cholesky, DMatrix, DVector, Dyn, Matrix2, Matrix3x4, Matrix4, Matrix4x2, UnitQuaternion,
     Vector2, Vector3, Vector4,
@@ -27,7 +27,7 @@ const BIN: f64 = 1.0;
 /// Gauss-Newton steps: from `k` 20 % and angles 10 deg off the sixth is below 1e-9.
 const ROUNDS: usize = 6;
 
-pub fn estimate(data: &Data) -> Result<Estimate, Need> {
+pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let velocity = data.velocity()?;
     let (segments, _, mut notes) = data.type_one(Gaps::Bridged)?;
     let stretches = stretches(data, &segments);
@@ -49,13 +49,13 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
         let d = solved.step;
         mounting = moved(&mounting, d[0], &Vector3::new(d[1], d[2], d[3]));
         if mounting.k.abs() < 0.01 {
-            return Err(Need::new(
+            return Err(CalibrationError::new(
                 "the scale factor comes out as zero: do IMU and DVL belong together?",
             ));
         }
         result = Some(solved);
     }
-    let Some(solved) = result else { return Err(Need::new("no estimate")) };
+    let Some(solved) = result else { return Err(CalibrationError::new("no estimate")) };
     let mut covariance = solved.covariance;
     let (square, freedom) = solved.residuals;
     let excess = square / freedom;
@@ -95,7 +95,7 @@ struct Stretch {
     to: f64,
 }
 
-fn stretches(data: &Data, segments: &[Segment]) -> Vec<Stretch> {
+fn stretches(data: &CalibrationData, segments: &[Segment]) -> Vec<Stretch> {
     let calm = |kind: Kind| matches!(kind, Kind::Static | Kind::Steady | Kind::TypeI);
     let touches = |a: f64, b: f64| (a - b).abs() < 0.5 * data.settings.bin;
     let mut out: Vec<Stretch> = Vec::new();
@@ -120,7 +120,7 @@ fn stretches(data: &Data, segments: &[Segment]) -> Vec<Stretch> {
 }
 
 struct Problem<'a> {
-    data: &'a Data,
+    data: &'a CalibrationData,
     attitude: &'a Attitude,
     mounting: Mounting,
 }
@@ -128,7 +128,7 @@ struct Problem<'a> {
 struct Solved {
     step: Vector4<f64>,
     covariance: Matrix4<f64>,
-    history: Vec<Step>,
+    history: Vec<IntermediateEstimate>,
     /// Sum of the squares of the white residuals, and their degrees of freedom.
     residuals: (f64, f64),
     parts: Vec<Part>,
@@ -181,7 +181,7 @@ struct Axis {
 }
 
 impl Problem<'_> {
-    fn solve(&self, stretches: &[Stretch], known: &[Known]) -> Result<Solved, Need> {
+    fn solve(&self, stretches: &[Stretch], known: &[Known]) -> Result<Solved, CalibrationError> {
         let initial = self.data.velocity()?.initial;
         let mut total = prior(&initial, &self.mounting);
         let (mut history, mut parts) = (Vec::new(), Vec::new());
@@ -199,7 +199,7 @@ impl Problem<'_> {
                 if let Some(step) = whole.0.cholesky().map(|c| c.solve(&whole.1)) {
                     let mounting =
                         moved(&self.mounting, step[0], &Vector3::new(step[1], step[2], step[3]));
-                    history.push(Step { time: stretch.from + row.t, mounting });
+                    history.push(IntermediateEstimate { time: stretch.from + row.t, mounting });
                 }
             }
             if let Some(last) = sums.last() {
@@ -207,7 +207,10 @@ impl Problem<'_> {
             }
             parts.push((rows, axes));
         }
-        let cholesky = total.0.cholesky().ok_or_else(|| Need::new("the samples are not finite"))?;
+        let cholesky = total
+            .0
+            .cholesky()
+            .ok_or_else(|| CalibrationError::new("the samples are not finite"))?;
         let step = cholesky.solve(&total.1);
         let mut residuals = (0.0, -4.0);
         for (rows, axes) in &parts {
@@ -232,7 +235,11 @@ impl Problem<'_> {
     }
 
     /// The bins of a stretch.
-    fn rows(&self, stretch: &Stretch, level: &UnitQuaternion<f64>) -> Result<Vec<Row>, Need> {
+    fn rows(
+        &self,
+        stretch: &Stretch,
+        level: &UnitQuaternion<f64>,
+    ) -> Result<Vec<Row>, CalibrationError> {
         let velocity = self.data.velocity()?;
         let (imu, attitude) = (&self.data.recording.imu.samples, self.attitude);
         let earth = attitude.earth();
@@ -293,7 +300,11 @@ impl Problem<'_> {
     ///
     /// White noise of the DVL; the integral of white noise `N_a`, `min(t, s)`; gravity times the double integral of `N_g`,
     /// `s^3 / 3 + s^2 (t - s) / 2` for `s < t`; gravity times a constant rate, `(t s)^2 / 4`.
-    fn noise(&self, rows: &[Row], horizontal: bool) -> Result<(DMatrix<f64>, Vec<f64>), Need> {
+    fn noise(
+        &self,
+        rows: &[Row],
+        horizontal: bool,
+    ) -> Result<(DMatrix<f64>, Vec<f64>), CalibrationError> {
         let velocity = self.data.velocity()?;
         let imu = &self.data.recording.imu;
         let white = velocity.covariance.trace() / 3.0 / (self.mounting.k * self.mounting.k);
@@ -314,14 +325,14 @@ impl Problem<'_> {
     }
 
     /// The information on `k` and `δ` of the bins up to each, once `u` and `c` are taken out; and the axes.
-    fn accumulate(&self, rows: &[Row]) -> Result<(Vec<Information>, Vec<Axis>), Need> {
+    fn accumulate(&self, rows: &[Row]) -> Result<(Vec<Information>, Vec<Axis>), CalibrationError> {
         let mut sums = vec![(Matrix4::zeros(), Vector4::zeros()); rows.len()];
         let mut axes = Vec::new();
         for axis in 0..3 {
             let (noise, white) = self.noise(rows, axis < 2)?;
             let cholesky = noise.cholesky();
             let cholesky = cholesky.ok_or_else(|| {
-                Need::new("the noise of the DVL is zero: give [sensor.dvl] a `noise`")
+                CalibrationError::new("the noise of the DVL is zero: give [sensor.dvl] a `noise`")
             })?;
             // columns: k and δ, the velocity u and the acceleration c, the residual
             let mut whitened = DMatrix::from_fn(rows.len(), 7, |i, j| match j {

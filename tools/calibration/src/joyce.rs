@@ -2,7 +2,7 @@
 
 use crate::fixes::pairs;
 use crate::kinsey::velocities;
-use crate::{Data, Estimate, Need, Step};
+use crate::{CalibrationData, CalibrationError, Estimate, IntermediateEstimate};
 use nalgebra::{Matrix4, Rotation3, Vector3, Vector4};
 use navfuse_segments::Mounting;
 
@@ -12,7 +12,7 @@ use navfuse_segments::Mounting;
 /// tan a = <u_d v - v_d u> / <u_d u + v_d v>        A^2 = <u^2 + v^2> / <u_d^2 + v_d^2>
 /// ```
 /// `v^n = A R(a) v_d^n`: the instrument's yaw is less by `a`, and `k` by `A`. Roll and pitch stay.
-pub fn estimate(data: &Data) -> Result<Estimate, Need> {
+pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let velocity = data.over_ground()?;
     let initial = velocity.initial;
     let (pairs, own) = pairs(data)?;
@@ -35,11 +35,11 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
         doppler += d.norm_squared();
         if ground > 0.0 && doppler > 0.0 {
             mounting = at(sine, cosine, ground, doppler);
-            history.push(Step { time: pair.time, mounting });
+            history.push(IntermediateEstimate { time: pair.time, mounting });
         }
     }
     if history.is_empty() {
-        return Err(Need::new("the vehicle does not move while there are fixes"));
+        return Err(CalibrationError::new("the vehicle does not move while there are fixes"));
     }
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), f64::atan2(sine, cosine));
     let gain = (ground / doppler).sqrt();
@@ -52,7 +52,7 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
     let covariance = Matrix4::from_diagonal(&Vector4::new(scale, tilt.x, tilt.y, variance))
         + data.attitude_covariance(&mounting, used);
     let notes = vec![
-        data.attitude_told(),
+        data.attitude_source(),
         velocities(own),
         "scale factor and yaw only: roll and pitch keep their initial values and their prior; sigma from the residuals, as if they were white, and of that tilt".into(),
     ];

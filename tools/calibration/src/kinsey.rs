@@ -2,7 +2,7 @@
 
 use crate::fixes::{Fix, blocks, instrument, pairs};
 use crate::solve::{Residual, determined, sensitivity, shown_by_integrals, wahba};
-use crate::{Data, Estimate, Need, Step};
+use crate::{CalibrationData, CalibrationError, Estimate, IntermediateEstimate};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use navfuse_segments::Mounting;
 
@@ -12,7 +12,7 @@ const GAIN: f64 = 0.02;
 /// `dR/dt = [g (R x) × y ×] R` for pairs `y = R x`, `x` and `y` of length one (Kinsey & Whitcomb 2006, adaptive identification on
 /// the group of rotations): `d/dt |log(R_true' R)|` is never positive, and the error vanishes if the directions of `x` keep
 /// changing. It has no scale factor, and no sigma.
-pub fn observer(data: &Data) -> Result<Estimate, Need> {
+pub fn observer(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let initial = data.velocity()?.initial;
     let (pairs, own) = pairs(data)?;
     let spread = spread(&pairs.iter().map(|p| p.y.normalize()).collect::<Vec<_>>());
@@ -24,15 +24,16 @@ pub fn observer(data: &Data) -> Result<Estimate, Need> {
         before = pair.time;
         let (x, y) = (pair.y.normalize(), pair.body.normalize());
         r = Rotation3::from_scaled_axis((r * x).cross(&y) * (GAIN * dt)) * r;
-        history.push(Step {
+        history.push(IntermediateEstimate {
             time: pair.time,
             mounting: Mounting { k: initial.k, c_b_d: r.inverse() },
         });
     }
     let Some(last) = history.last() else {
-        return Err(Need::new("the vehicle does not move while there are fixes"));
+        return Err(CalibrationError::new("the vehicle does not move while there are fixes"));
     };
-    let mut notes = vec![data.attitude_told(), velocities(own), "no scale factor, no sigma".into()];
+    let mut notes =
+        vec![data.attitude_source(), velocities(own), "no scale factor, no sigma".into()];
     // the angle about a direction that hardly changes decays with the spread of the directions about it
     let seconds = last.time - pairs[0].time;
     let about = spread > 0.0 && GAIN * spread * seconds > 2.0;
@@ -69,7 +70,7 @@ struct Point {
 
 /// `a(t) = C_d^b b(t) / k` with both sides displacements in instrument axes ([`instrument`]): least squares over `k` and
 /// SO(3), each block of fixes about its own mean. (Kinsey & Whitcomb's `R` has no `k`.)
-pub fn displacements(data: &Data) -> Result<Estimate, Need> {
+pub fn displacements(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let velocity = data.over_ground()?;
     let blocks = blocks(data)?;
     let mut points: Vec<Vec<Point>> = Vec::new();
@@ -89,7 +90,7 @@ pub fn displacements(data: &Data) -> Result<Estimate, Need> {
             let (m, s) =
                 (cross + sab - sa * sb.transpose() / n, square + sbb - sb.norm_squared() / n);
             if let Some(mounting) = fit(&m, s) {
-                history.push(Step { time: fix.time, mounting });
+                history.push(IntermediateEstimate { time: fix.time, mounting });
             }
         }
         cross += sab - sa * sb.transpose() / n;
@@ -100,13 +101,14 @@ pub fn displacements(data: &Data) -> Result<Estimate, Need> {
     }
     let way = (square / points.iter().flatten().count() as f64).sqrt();
     if way < 10.0 * blocks[0][0].sigma {
-        return Err(Need(format!(
+        return Err(CalibrationError(format!(
             "the way is {way:.0} m r.m.s. about its mean, less than ten times the fixes' error of {:.1} m: go farther",
             blocks[0][0].sigma
         )));
     }
-    let mounting = fit(&cross, square)
-        .ok_or_else(|| Need::new("the way keeps one direction in the instrument: turn or dive"))?;
+    let mounting = fit(&cross, square).ok_or_else(|| {
+        CalibrationError::new("the way keeps one direction in the instrument: turn or dive")
+    })?;
     let residuals: Vec<Vec<Residual>> = (points.iter())
         .map(|block| {
             let turned = |from: usize, to: usize| {
@@ -130,7 +132,7 @@ pub fn displacements(data: &Data) -> Result<Estimate, Need> {
     let covariance = shown_by_integrals(&residuals, walk, &velocity.initial, &mounting)
         + data.attitude_covariance(&mounting, used);
     let notes = vec![
-        data.attitude_told(),
+        data.attitude_source(),
         "sigma from the residuals as white noise and a random walk, the bias of the fixes, and the attitude".into(),
     ];
     Ok(Estimate {

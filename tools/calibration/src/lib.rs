@@ -22,8 +22,8 @@ mod solve;
 mod tang;
 mod troni;
 
-pub use data::{AttitudeSource, Data};
-pub use estimate::{Estimate, Step};
+pub use data::{AttitudeSource, CalibrationData};
+pub use estimate::{Estimate, IntermediateEstimate};
 
 use serde::Serialize;
 
@@ -108,7 +108,7 @@ impl Method {
     ///
     /// # Errors
     /// When something that the method needs is not in the data: which, and what to do.
-    pub fn estimate(self, data: &Data) -> Result<Estimate, Need> {
+    pub fn estimate(self, data: &CalibrationData) -> Result<Estimate, CalibrationError> {
         match self {
             Self::IoDvlc => io_dvlc::estimate(data),
             Self::IoDvlcPrinted => printed::estimate(data),
@@ -136,9 +136,9 @@ impl std::str::FromStr for Method {
 /// What a method needs and the data has not: what is missing, and what to do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
-pub struct Need(pub String);
+pub struct CalibrationError(pub String);
 
-impl Need {
+impl CalibrationError {
     pub(crate) fn new(text: impl Into<String>) -> Self {
         Self(text.into())
     }

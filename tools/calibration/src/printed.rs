@@ -2,13 +2,13 @@
 
 use crate::data::Gaps;
 use crate::solve::wahba;
-use crate::{Data, Estimate, Need, Step};
+use crate::{CalibrationData, CalibrationError, Estimate, IntermediateEstimate};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use navfuse_segments::{Increments, Mounting};
 
 /// Step 1 gives `k = |γ(t)| / |β(t)|` at each time, and the paper plots it over time; where one number is wanted it is the one
 /// of the mean squares, `k^2 = ∫ |γ|^2 / ∫ |β|^2`. Step 2 is Wahba's problem of the pairs `(β, γ)`. No sigma is given.
-pub fn estimate(data: &Data) -> Result<Estimate, Need> {
+pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let velocity = data.velocity()?;
     let (segments, directions, mut notes) = data.type_one(Gaps::Refused)?;
     let mut history = Vec::new();
@@ -29,19 +29,21 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
                     &directions.axes.column(0).into_owned(),
                     &initial,
                 );
-                history.push(Step { time: segment.from + t, mounting });
+                history.push(IntermediateEstimate { time: segment.from + t, mounting });
             }
         }
     }
     if history.is_empty() || mounting.k <= 0.0 {
-        return Err(Need::new("the DVL has no samples on the segments of Type I: check its times"));
+        return Err(CalibrationError::new(
+            "the DVL has no samples on the segments of Type I: check its times",
+        ));
     }
     let (ratio, fit) = (
         mounting.k / initial.k,
         (mounting.c_b_d.matrix().transpose() * b).trace() / (beta2 * gamma2).sqrt(),
     );
     if !(0.5..2.0).contains(&ratio) || fit < 0.5 {
-        return Err(Need(format!(
+        return Err(CalibrationError(format!(
             "β and γ do not belong together (k = {:.3}, correlation {fit:.2}): the anchors are single samples, and where a \
              segment does not begin in steady motion they are wrong; use io-dvlc",
             mounting.k

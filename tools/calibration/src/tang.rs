@@ -3,7 +3,7 @@
 use crate::fixes::{Fix, blocks, pairs};
 use crate::kinsey::velocities;
 use crate::solve::{determined, moved, sensitivity, shown, wahba};
-use crate::{Data, Estimate, Need, Step};
+use crate::{CalibrationData, CalibrationError, Estimate, IntermediateEstimate};
 use nalgebra::{Matrix3, Vector3};
 use navfuse_segments::{Mounting, Series};
 
@@ -13,7 +13,7 @@ const WAY: f64 = 100.0;
 /// 1. `k` by the ratio of displacements, `|Σ C_b^n C_d^b y dt| / |Δp|`; 2. `C_d^b` from the pairs `(C_n^b v_GNSS, y / k)`, Wahba's
 ///    problem; then the displacement by the calibrated DVL is compared with that of the fixes: what its length and heading still
 ///    lack goes into `k` and yaw, until both are below 1e-6.
-pub fn estimate(data: &Data) -> Result<Estimate, Need> {
+pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let velocity = data.over_ground()?;
     let blocks = blocks(data)?;
     let (pairs, own) = pairs(data)?;
@@ -23,7 +23,7 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
     };
     let way = blocks.iter().filter_map(farthest).max_by(|x, y| x.2.total_cmp(&y.2));
     let Some((from, to, distance)) = way.filter(|w| w.2 > WAY * w.1.sigma) else {
-        return Err(Need(format!(
+        return Err(CalibrationError(format!(
             "the vehicle goes {:.0} m at most from where its fixes begin, less than {WAY} times their noise: go straight on for \
              longer",
             way.map_or(0.0, |w| w.2)
@@ -38,11 +38,14 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
         doppler += pair.y.norm_squared();
         if let Some(c) = wahba(&cross) {
             let k = (doppler / ground).sqrt();
-            history.push(Step { time: pair.time, mounting: Mounting { k, c_b_d: c.inverse() } });
+            history.push(IntermediateEstimate {
+                time: pair.time,
+                mounting: Mounting { k, c_b_d: c.inverse() },
+            });
         }
     }
     let c_d_b = wahba(&cross).ok_or_else(|| {
-        Need::new("the velocity keeps one direction in the instrument: turn or dive")
+        CalibrationError::new("the velocity keeps one direction in the instrument: turn or dive")
     })?;
     let mut mounting = Mounting { k: 1.0, c_b_d: c_d_b.inverse() };
     let fixed = (to.position - from.position).xy();
@@ -58,7 +61,7 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
         }
     }
     // until then the scale is that of the velocities; the last is the one of the displacement
-    history.push(Step { time: to.time.max(pairs[pairs.len() - 1].time), mounting });
+    history.push(IntermediateEstimate { time: to.time.max(pairs[pairs.len() - 1].time), mounting });
     let rows: Vec<_> = pairs
         .iter()
         .map(|p| (sensitivity(&mounting, &p.y), p.body - mounting.body(&p.y)))
@@ -75,7 +78,7 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
     let told = format!(
         "scale factor by a displacement of {distance:.0} m; sigma of the angles from the residuals"
     );
-    let notes = vec![data.attitude_told(), velocities(own), told];
+    let notes = vec![data.attitude_source(), velocities(own), told];
     Ok(Estimate {
         mounting,
         determined: determined(&covariance),
@@ -88,7 +91,7 @@ pub fn estimate(data: &Data) -> Result<Estimate, Need> {
 
 /// The displacement by the DVL, north, east, down, m.
 fn reckoned(
-    data: &Data,
+    data: &CalibrationData,
     y: &Series<Vector3<f64>>,
     m: &Mounting,
     [from, to]: [f64; 2],

@@ -9,7 +9,7 @@
 //! that the term `C_n^b g^n` is neglected: then what the constant mean does not take with it is left in.
 
 use crate::solve::{determined, moved, prior, sensitivity};
-use crate::{Data, Estimate, Need, Step};
+use crate::{CalibrationData, CalibrationError, Estimate, IntermediateEstimate};
 use nalgebra::{Matrix3x4, Matrix4, Vector3, Vector4};
 use navfuse_segments::Mounting;
 
@@ -35,11 +35,11 @@ struct Window {
     count: f64,
 }
 
-pub fn estimate(data: &Data, gravity: bool) -> Result<Estimate, Need> {
+pub fn estimate(data: &CalibrationData, gravity: bool) -> Result<Estimate, CalibrationError> {
     let velocity = data.over_ground()?;
     let windows = windows(data, gravity)?;
     if windows.len() < 10 {
-        return Err(Need(format!(
+        return Err(CalibrationError(format!(
             "{} windows of {:.0} s with IMU and [sensor.{}] in them: at least 10 are needed; record longer, or fill the gaps",
             windows.len(),
             length(data)?,
@@ -49,7 +49,7 @@ pub fn estimate(data: &Data, gravity: bool) -> Result<Estimate, Need> {
     let still = windows.iter().map(|w| w.ydot.norm_squared()).sum::<f64>() / windows.len() as f64;
     let noise = slope_variance(data)?;
     if still < 3.0 * noise * 1.5 {
-        return Err(Need(format!(
+        return Err(CalibrationError(format!(
             "the velocity changes by {:.1} mm/s^2 r.m.s., its noise is {:.1}: accelerate and turn more",
             1e3 * still.sqrt(),
             1e3 * (3.0 * noise).sqrt()
@@ -62,7 +62,7 @@ pub fn estimate(data: &Data, gravity: bool) -> Result<Estimate, Need> {
         let d = fit.step;
         mounting = moved(&mounting, d[0], &Vector3::new(d[1], d[2], d[3]));
         if !(mounting.k > 1e-3 && mounting.k < 1e3) {
-            return Err(Need(format!(
+            return Err(CalibrationError(format!(
                 "the accelerations do not follow the DVL's velocity (k = {:.2e}): {}",
                 mounting.k,
                 if gravity {
@@ -73,7 +73,7 @@ pub fn estimate(data: &Data, gravity: bool) -> Result<Estimate, Need> {
             )));
         }
     }
-    let mut notes = vec![data.attitude_told()];
+    let mut notes = vec![data.attitude_source()];
     if !gravity {
         notes.push(
             "the change of C_n^b g is left in the accelerations, as Pan & Wu describe the method"
@@ -108,18 +108,18 @@ pub fn estimate(data: &Data, gravity: bool) -> Result<Estimate, Need> {
     })
 }
 
-fn length(data: &Data) -> Result<f64, Need> {
+fn length(data: &CalibrationData) -> Result<f64, CalibrationError> {
     Ok(WINDOW.max(SAMPLES * data.velocity()?.samples.period()))
 }
 
 /// Variance of the noise of one axis of a slope, (m/s^2)^2.
-fn slope_variance(data: &Data) -> Result<f64, Need> {
+fn slope_variance(data: &CalibrationData) -> Result<f64, CalibrationError> {
     let velocity = data.velocity()?;
     let (t, period) = (length(data)?, velocity.samples.period());
     Ok(velocity.covariance.trace() / 3.0 * 12.0 * period / t.powi(3))
 }
 
-fn windows(data: &Data, gravity: bool) -> Result<Vec<Window>, Need> {
+fn windows(data: &CalibrationData, gravity: bool) -> Result<Vec<Window>, CalibrationError> {
     let velocity = data.over_ground()?;
     let (imu, attitude, window) = (&data.recording.imu.samples, &data.attitude, length(data)?);
     let down_gravity = Vector3::new(0.0, 0.0, attitude.earth().gravity);
@@ -182,7 +182,7 @@ fn windows(data: &Data, gravity: bool) -> Result<Vec<Window>, Need> {
     Ok(out)
 }
 
-fn acceleration(data: &Data, k: usize, gravity: bool, g: &Vector3<f64>) -> Vector3<f64> {
+fn acceleration(data: &CalibrationData, k: usize, gravity: bool, g: &Vector3<f64>) -> Vector3<f64> {
     let force = data.recording.imu.samples.value[k].force;
     if gravity { force + data.attitude.c_b_n[k].inverse_transform_vector(g) } else { force }
 }
@@ -201,7 +201,7 @@ struct Fit {
     covariance: Matrix4<f64>,
     /// Of the accelerations' residuals, (m/s^2)^2.
     variance: f64,
-    history: Vec<Step>,
+    history: Vec<IntermediateEstimate>,
 }
 
 /// One Gauss-Newton step; the depth's rows weigh as their noise to the residuals of the accelerations.
@@ -236,7 +236,7 @@ fn fit_at(windows: &[Window], m: &Mounting, velocity: &navfuse_segments::BodyVel
         }
         if let Some(step) = information.cholesky().map(|c| c.solve(&right)) {
             let mounting = moved(m, step[0], &Vector3::new(step[1], step[2], step[3]));
-            history.push(Step { time: w.time, mounting });
+            history.push(IntermediateEstimate { time: w.time, mounting });
         }
     }
     let cholesky = information.cholesky();

@@ -11,7 +11,7 @@
 mod common;
 
 use common::{data, seeds};
-use navfuse_calibration::{Data, Estimate, Method};
+use navfuse_calibration::{CalibrationData, Estimate, Method};
 use navfuse_segments::{Kind, Segment};
 
 /// Mean and standard deviation of the error of k (ppm), roll, pitch and yaw (deg), and the mean of e' P^-1 e.
@@ -29,7 +29,7 @@ fn runs() -> u64 {
 }
 
 /// The paper's segments, as Table 1 has them.
-fn of_table_1(mut data: Data) -> Data {
+fn of_table_1(mut data: CalibrationData) -> CalibrationData {
     let segment = |kind, from, to| Segment { kind, from, to };
     data.segments = vec![
         segment(Kind::Static, 0.0, 600.0),

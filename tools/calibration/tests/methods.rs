@@ -9,7 +9,7 @@
 mod common;
 
 use common::{data, read};
-use navfuse_calibration::{AttitudeSource, Data, Estimate, Method};
+use navfuse_calibration::{AttitudeSource, CalibrationData, Estimate, Method};
 
 /// No noise, no biases, and the attitude known: what the methods of an AHRS take for granted.
 const EXACT: [&str; 8] = [
@@ -23,13 +23,13 @@ const EXACT: [&str; 8] = [
     "process.ins.accel_bias={ sigma = \"100 ug\", truth = \"0 ug\" }",
 ];
 
-fn exact(more: &[&str]) -> Data {
+fn exact(more: &[&str]) -> CalibrationData {
     let recording = read("calibration", &[&EXACT, more].concat());
-    Data::new(recording, AttitudeSource::Reference).unwrap_or_else(|e| panic!("{e}"))
+    CalibrationData::new(recording, AttitudeSource::Reference).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Error of k (ppm), roll, pitch, yaw (deg).
-fn error(data: &Data, method: Method) -> (Estimate, [f64; 4]) {
+fn error(data: &CalibrationData, method: Method) -> (Estimate, [f64; 4]) {
     let estimate = method.estimate(data).unwrap_or_else(|e| panic!("{}: {e}", method.name()));
     let e = estimate.error(&data.velocity().unwrap().truth.unwrap());
     let deg = |i: usize| e[i].to_degrees();

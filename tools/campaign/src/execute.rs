@@ -2,8 +2,8 @@
 
 use crate::CampaignError;
 use crate::bound::bound;
+use crate::campaign::{Campaign, Job, Shard};
 use crate::collect;
-use crate::plan::{Job, Plan, Shard};
 use crate::record::Record;
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
@@ -13,14 +13,14 @@ use std::sync::{Arc, mpsc};
 
 /// What was done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Done {
+pub struct JobCount {
     /// Jobs that were done.
     pub done: usize,
     /// Jobs that were asked for.
     pub asked: usize,
 }
 
-impl Done {
+impl JobCount {
     /// Whether it was interrupted.
     pub fn interrupted(&self) -> bool {
         self.done < self.asked
@@ -34,21 +34,21 @@ impl Done {
 /// # Errors
 /// When a point cannot be composed, a bound fails, or `each` does. A run that fails is a record.
 pub fn execute(
-    plan: &Plan,
+    campaign: &Campaign,
     registry: &Registry,
     document: &Document,
     (shard, threads): (Option<Shard>, usize),
     stop: &AtomicBool,
-    mut progress: impl FnMut(Done),
+    mut progress: impl FnMut(JobCount),
     mut each: impl FnMut(Record) -> Result<(), CampaignError>,
-) -> Result<Done, CampaignError> {
-    let jobs = plan.jobs(shard);
+) -> Result<JobCount, CampaignError> {
+    let jobs = campaign.jobs(shard);
     let threads = threads.clamp(1, jobs.len().max(1));
-    let columns = Arc::new(plan.columns.clone());
+    let columns = Arc::new(campaign.columns.clone());
     let failed = AtomicBool::new(false);
     let over = || stop.load(Ordering::Relaxed) || failed.load(Ordering::Relaxed);
     let next = AtomicUsize::new(0);
-    let mut count = Done { done: 0, asked: jobs.len() };
+    let mut count = JobCount { done: 0, asked: jobs.len() };
     progress(count);
     std::thread::scope(|scope| {
         // a slow reader holds the workers up: what waits for it stays small
@@ -59,7 +59,7 @@ pub fn execute(
                 while !over() {
                     let at = next.fetch_add(1, Ordering::Relaxed);
                     let Some(&job) = jobs.get(at) else { break };
-                    let record = do_job(plan, registry, document, columns, job, stop);
+                    let record = do_job(campaign, registry, document, columns, job, stop);
                     if sender.send((at, record)).is_err() {
                         break;
                     }
@@ -109,18 +109,18 @@ pub fn execute(
 
 /// Does one job; `None` if it was stopped.
 fn do_job(
-    plan: &Plan,
+    campaign: &Campaign,
     registry: &Registry,
     document: &Document,
     columns: &Arc<crate::Columns>,
     job: Job,
     stop: &AtomicBool,
 ) -> Result<Option<Record>, CampaignError> {
-    let scenario = plan.scenario(registry, document, job)?;
+    let scenario = campaign.scenario(registry, document, job)?;
     if job.run == 0 {
-        return Ok(bound(scenario.assemble_at_truth()?, columns, job.point, plan.every, stop)?
+        return Ok(bound(scenario.assemble_at_truth()?, columns, job.point, campaign.every, stop)?
             .map(Record::Bound));
     }
     let assembly = scenario.assemble(None)?;
-    Ok(collect::run(assembly, columns, (job.point, job.run), plan.every, stop).map(Record::Run))
+    Ok(collect::run(assembly, columns, (job.point, job.run), campaign.every, stop).map(Record::Run))
 }

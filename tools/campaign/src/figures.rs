@@ -1,8 +1,8 @@
 //! The plots of a campaign.
 
+use crate::campaign::Campaign;
 use crate::chi_square::Band;
 use crate::folder::Results;
-use crate::plan::Plan;
 use crate::statistics::{EpochStatistics, PointStatistics};
 use crate::verdict::{anees_band, nis_band};
 use navfuse_figures::{Axis, Band as Shade, Curve, Figure, Look, Panel};
@@ -12,16 +12,16 @@ const ALPHA: f64 = 0.05;
 
 /// The plots: of one point over time, or of a grid at the end; of the grid those components that `shown` says.
 pub fn figures(
-    plan: &Plan,
+    campaign: &Campaign,
     results: &Results,
     shown: impl Fn(&crate::Component) -> bool,
 ) -> Vec<Figure> {
     let ran = |p: &PointStatistics| p.epochs().next().is_some();
     match results.points.as_slice() {
-        [point] if ran(point) => vec![consistency(plan, point), states(plan, point)],
+        [point] if ran(point) => vec![consistency(campaign, point), states(campaign, point)],
         // none where it was interrupted before the bound was there
-        [point] => point.bound.iter().map(|_| bound(plan, point)).collect(),
-        _ => grid(plan, results, shown),
+        [point] => point.bound.iter().map(|_| bound(campaign, point)).collect(),
+        _ => grid(campaign, results, shown),
     }
 }
 
@@ -30,8 +30,8 @@ fn curve(name: &str, look: Look, points: impl Iterator<Item = [f64; 2]>) -> Curv
 }
 
 /// ANEES and NIS over time, with their bands.
-fn consistency(plan: &Plan, point: &PointStatistics) -> Figure {
-    let columns = &plan.columns;
+fn consistency(campaign: &Campaign, point: &PointStatistics) -> Figure {
+    let columns = &campaign.columns;
     let panel = |title: &str,
                  what: &str,
                  level: f64,
@@ -81,13 +81,13 @@ fn consistency(plan: &Plan, point: &PointStatistics) -> Figure {
             },
         ));
     }
-    let title = format!("{}: errors against sigma, {} runs", plan.scenario, point.runs);
+    let title = format!("{}: errors against sigma, {} runs", campaign.scenario, point.runs);
     Figure { name: "consistency".into(), title, columns: 3, panels }
 }
 
 /// RMSE, sigma and bound of every component over time.
-fn states(plan: &Plan, point: &PointStatistics) -> Figure {
-    let components = plan.columns.components.iter().enumerate();
+fn states(campaign: &Campaign, point: &PointStatistics) -> Figure {
+    let components = campaign.columns.components.iter().enumerate();
     let panels = components.map(|(k, component)| {
         let over_time = |of: &dyn Fn(&EpochStatistics) -> Option<f64>| -> Vec<[f64; 2]> {
             point.epochs().filter_map(|(_, e)| of(e).map(|value| [e.time, value])).collect()
@@ -103,14 +103,14 @@ fn states(plan: &Plan, point: &PointStatistics) -> Figure {
         Panel { title: component.name(), x: Axis::time(), y, curves, bands: Vec::new() }
     });
     let title =
-        format!("{}: RMSE of {} runs, sigma and Cramer-Rao bound", plan.scenario, point.runs);
+        format!("{}: RMSE of {} runs, sigma and Cramer-Rao bound", campaign.scenario, point.runs);
     Figure { name: "states".into(), title, columns: 3, panels: panels.collect() }
 }
 
 /// The bound of every component over time.
-fn bound(plan: &Plan, point: &PointStatistics) -> Figure {
+fn bound(campaign: &Campaign, point: &PointStatistics) -> Figure {
     let rows = || point.bound.iter().flat_map(|b| &b.rows);
-    let components = plan.columns.components.iter().enumerate();
+    let components = campaign.columns.components.iter().enumerate();
     let panels = components.map(|(k, component)| {
         let curves = vec![
             curve("filter", Look::Data(0), rows().map(|r| [r.1, r.2[k]])),
@@ -120,15 +120,19 @@ fn bound(plan: &Plan, point: &PointStatistics) -> Figure {
             Axis::logarithmic(if component.unit.is_empty() { "ratio" } else { &component.unit });
         Panel { title: component.name(), x: Axis::time(), y, curves, bands: Vec::new() }
     });
-    let title = format!("{}: the least 1-sigma that can be reached", plan.scenario);
+    let title = format!("{}: the least 1-sigma that can be reached", campaign.scenario);
     Figure { name: "bound".into(), title, columns: 3, panels: panels.collect() }
 }
 
 /// Every shown component at the end against the first key, a curve for each combination of the others.
-fn grid(plan: &Plan, results: &Results, shown: impl Fn(&crate::Component) -> bool) -> Vec<Figure> {
-    let Some(key) = plan.keys.first() else { return Vec::new() };
+fn grid(
+    campaign: &Campaign,
+    results: &Results,
+    shown: impl Fn(&crate::Component) -> bool,
+) -> Vec<Figure> {
+    let Some(key) = campaign.keys.first() else { return Vec::new() };
     let (mut values, mut others): (Vec<&str>, Vec<&[String]>) = Default::default();
-    for point in &plan.points {
+    for point in &campaign.points {
         if !values.contains(&point.values[0].as_str()) {
             values.push(&point.values[0]);
         }
@@ -137,7 +141,7 @@ fn grid(plan: &Plan, results: &Results, shown: impl Fn(&crate::Component) -> boo
         }
     }
     let (places, x) = axis(key, &values);
-    let components = plan.columns.components.iter().enumerate().filter(|(_, c)| shown(c));
+    let components = campaign.columns.components.iter().enumerate().filter(|(_, c)| shown(c));
     let panels: Vec<Panel> = components
         .map(|(k, component)| {
             let mut curves = Vec::new();
@@ -156,7 +160,7 @@ fn grid(plan: &Plan, results: &Results, shown: impl Fn(&crate::Component) -> boo
                     let rest = rest.join(", ");
                     if rest.is_empty() { what.to_owned() } else { format!("{what}, {rest}") }
                 };
-                if plan.runs > 0 {
+                if campaign.runs > 0 {
                     curves.push(curve(
                         &name("RMSE"),
                         Look::Points(number),
@@ -177,8 +181,11 @@ fn grid(plan: &Plan, results: &Results, shown: impl Fn(&crate::Component) -> boo
             Panel { title: component.name(), x: x.clone(), y, curves, bands: Vec::new() }
         })
         .collect();
-    let title =
-        format!("{}: 1-sigma at the end against {}", plan.scenario, plan.keys.join(" and "));
+    let title = format!(
+        "{}: 1-sigma at the end against {}",
+        campaign.scenario,
+        campaign.keys.join(" and ")
+    );
     vec![Figure { name: "sweep".into(), title, columns: panels.len().clamp(1, 3), panels }]
 }
 

@@ -1,11 +1,11 @@
 //! What a campaign writes: its records, and once all are there what they say.
 
 use crate::CampaignError;
+use crate::campaign::{Campaign, Shard};
 use crate::columns::Columns;
-use crate::execute::Done;
-use crate::plan::{Plan, Shard};
+use crate::execute::JobCount;
 use crate::record::{Record, Row};
-use crate::report::Report;
+use crate::report::CampaignReport;
 use crate::statistics::PointStatistics;
 use crate::sweep;
 use crate::tables::{Names, TableWriter};
@@ -43,7 +43,8 @@ pub struct Log {
     /// Jobs that were asked for.
     pub asked: usize,
     pub failures: Vec<Failure>,
-    pub plan: Plan,
+    #[serde(rename = "plan")]
+    pub campaign: Campaign,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -58,7 +59,7 @@ pub struct Failure {
 #[derive(Debug)]
 pub struct Results {
     /// In numbers.
-    pub report: Report,
+    pub report: CampaignReport,
     /// Over time, one entry a point.
     pub points: Vec<PointStatistics>,
     /// The files that were written.
@@ -68,7 +69,7 @@ pub struct Results {
 /// Takes records in order and writes them.
 pub struct Folder {
     path: Option<PathBuf>,
-    plan: Plan,
+    campaign: Campaign,
     shard: Option<Shard>,
     runs: Option<TableWriter>,
     pub(crate) points: Vec<PointStatistics>,
@@ -82,7 +83,7 @@ impl Folder {
     /// When it cannot be written to.
     pub fn create(
         path: Option<&Path>,
-        plan: &Plan,
+        campaign: &Campaign,
         shard: Option<Shard>,
     ) -> Result<Self, CampaignError> {
         let mut runs = None;
@@ -97,14 +98,14 @@ impl Folder {
             for name in ALL {
                 std::fs::remove_file(path.join(name)).ok();
             }
-            if plan.runs > 0 {
-                runs = Some(TableWriter::create(&path.join(RUNS), &run_names(&plan.columns))?);
+            if campaign.runs > 0 {
+                runs = Some(TableWriter::create(&path.join(RUNS), &run_names(&campaign.columns))?);
             }
         }
-        let points = vec![PointStatistics::new(plan.from); plan.points.len()];
+        let points = vec![PointStatistics::new(campaign.from); campaign.points.len()];
         Ok(Self {
             path: path.map(Into::into),
-            plan: plan.clone(),
+            campaign: campaign.clone(),
             shard,
             runs,
             points,
@@ -123,7 +124,7 @@ impl Folder {
                 self.points[point].bound = Some(bound);
             }
             Record::Run(run) => {
-                self.points[run.point].add(&self.plan.columns, &run);
+                self.points[run.point].add(&self.campaign.columns, &run);
                 if let Some(reason) = run.failure {
                     self.failures.push(Failure {
                         point: run.point,
@@ -147,7 +148,7 @@ impl Folder {
     ///
     /// # Errors
     /// When they cannot be written.
-    pub fn finish(mut self, done: Done) -> Result<Option<Results>, CampaignError> {
+    pub fn finish(mut self, done: JobCount) -> Result<Option<Results>, CampaignError> {
         let mut files = Vec::new();
         if let (Some(table), Some(path)) = (self.runs.take(), &self.path) {
             table.finish()?;
@@ -156,26 +157,26 @@ impl Folder {
         self.failures.sort_by_key(|f| (f.point, f.run));
         if let Some(path) = &self.path {
             self.write_bounds(&path.join(BOUNDS))?;
-            let (plan, failures) = (self.plan.clone(), self.failures.clone());
+            let (campaign, failures) = (self.campaign.clone(), self.failures.clone());
             let shard = self.shard.map(|s| s.to_string());
             write_json(
                 &path.join(CAMPAIGN),
-                &Log { shard, done: done.done, asked: done.asked, failures, plan },
+                &Log { shard, done: done.done, asked: done.asked, failures, campaign },
             )?;
             files.extend([BOUNDS, CAMPAIGN].map(|name| path.join(name)));
         }
         if self.shard.is_some() {
             return Ok(None);
         }
-        let report = Report::new(&self.plan, &self.points);
+        let report = CampaignReport::new(&self.campaign, &self.points);
         if let Some(path) = &self.path {
-            if self.plan.runs > 0 {
+            if self.campaign.runs > 0 {
                 self.write_epochs(&path.join(EPOCHS))?;
                 files.push(path.join(EPOCHS));
             }
             write_json(&path.join(REPORT), &report)?;
             files.push(path.join(REPORT));
-            if !self.plan.keys.is_empty() {
+            if !self.campaign.keys.is_empty() {
                 files.extend(sweep::write(path, &report)?);
             }
         }
@@ -183,7 +184,7 @@ impl Folder {
     }
 
     fn write_bounds(&self, path: &Path) -> Result<(), CampaignError> {
-        let mut table = TableWriter::create(path, &bound_names(&self.plan.columns))?;
+        let mut table = TableWriter::create(path, &bound_names(&self.campaign.columns))?;
         for bound in self.points.iter().filter_map(|p| p.bound.as_ref()) {
             for (epoch, time, filtered, smoothed) in &bound.rows {
                 let pairs = filtered.iter().zip(smoothed).flat_map(|(f, s)| [f, s]);
@@ -199,7 +200,7 @@ impl Folder {
 
     /// What the runs say together at each epoch.
     fn write_epochs(&self, path: &Path) -> Result<(), CampaignError> {
-        let columns = &self.plan.columns;
+        let columns = &self.campaign.columns;
         let mut real = vec!["time_s".to_owned()];
         for c in &columns.components {
             real.extend(

@@ -1,13 +1,14 @@
 //! Campaigns: many runs of a scenario, what its errors and sigmas say of each other, and how good it could ever be.
 //!
 //! ```text
-//! Plan ──jobs──▶ execute ──records in order──▶ Tables (Parquet)
-//!                  │ bound, run                 Statistics ──▶ Report (verdict, tables, figures)
+//! Campaign ──jobs──▶ execute ──records in order──▶ Tables (Parquet)
+//!                  │ bound, run                 Statistics ──▶ CampaignReport (verdict, tables, figures)
 //! ```
 //! A record is all that a job leaves. Shards write their records; merging reads them in order and goes on as if they had
 //! just been made, so that it gives what one machine would have written.
 
 mod bound;
+mod campaign;
 mod chi_square;
 mod collect;
 mod columns;
@@ -16,7 +17,6 @@ mod figures;
 mod folder;
 mod grid;
 mod merge;
-mod plan;
 mod record;
 mod report;
 mod statistics;
@@ -26,15 +26,15 @@ mod tape;
 mod verdict;
 
 pub use bound::bound;
+pub use campaign::{Campaign, InitialErrors, Options, Point, Shard, variation};
 pub use chi_square::{Band, band};
 pub use columns::{BlockColumns, Columns, Component};
-pub use execute::{Done, execute};
+pub use execute::{JobCount, execute};
 pub use figures::figures;
 pub use folder::{Folder, Results};
-pub use merge::{merge, plan_of};
-pub use plan::{Options, Plan, Point, Shard, Start, variation};
+pub use merge::{campaign_of, merge};
 pub use record::{BoundRecord, Record, Row, RunRecord};
-pub use report::{Anees, Nis, PointReport, Report, StateReport, WorstRun};
+pub use report::{Anees, CampaignReport, Nis, PointReport, StateReport, WorstRun};
 pub use statistics::{EpochStatistics, PointStatistics};
 pub use verdict::{Finding, Verdict};
 

@@ -1,11 +1,11 @@
 //! Shards joined to what one machine would have written.
 
 use crate::CampaignError;
-use crate::execute::Done;
+use crate::campaign::{Campaign, Job, Shard};
+use crate::execute::JobCount;
 use crate::folder::{
     BOUNDS, CAMPAIGN, Failure, Folder, Log, RUNS, Results, bound_names, run_names,
 };
-use crate::plan::{Job, Plan, Shard};
 use crate::record::{BoundRecord, Record, Row, RunRecord};
 use crate::tables::TableReader;
 use std::path::{Path, PathBuf};
@@ -27,8 +27,8 @@ fn read_log(folder: &Path) -> Result<Log, CampaignError> {
 ///
 /// # Errors
 /// When there is none.
-pub fn plan_of(folder: &Path) -> Result<Plan, CampaignError> {
-    Ok(read_log(folder)?.plan)
+pub fn campaign_of(folder: &Path) -> Result<Campaign, CampaignError> {
+    Ok(read_log(folder)?.campaign)
 }
 
 /// A part of a campaign.
@@ -60,7 +60,7 @@ impl<'a> Part<'a> {
         let other = |why: String| {
             self.error(&format!("a part of another campaign than {}: {why}", first.path.display()))
         };
-        if let Some(difference) = self.log.plan.difference(&first.log.plan) {
+        if let Some(difference) = self.log.campaign.difference(&first.log.campaign) {
             return Err(other(difference));
         }
         if count != first.shard.count {
@@ -83,7 +83,7 @@ impl<'a> Part<'a> {
         run: impl Fn(&Job) -> bool,
     ) -> Result<(), CampaignError> {
         let asked: Vec<Job> =
-            self.log.plan.jobs(Some(self.shard)).into_iter().filter(run).collect();
+            self.log.campaign.jobs(Some(self.shard)).into_iter().filter(run).collect();
         if found == asked {
             return Ok(());
         }
@@ -93,7 +93,7 @@ impl<'a> Part<'a> {
 
     fn read_bounds(&self, folder: &mut Folder) -> Result<(), CampaignError> {
         let reader =
-            TableReader::open(&self.path.join(BOUNDS), &bound_names(&self.log.plan.columns))?;
+            TableReader::open(&self.path.join(BOUNDS), &bound_names(&self.log.campaign.columns))?;
         let mut found: Vec<Job> = Vec::new();
         reader.groups(|rows| {
             for k in 0..rows.count() {
@@ -123,13 +123,13 @@ impl<'a> Part<'a> {
     }
 
     fn read_runs(&self, folder: &mut Folder) -> Result<(), CampaignError> {
-        let plan = &self.log.plan;
-        let reader = TableReader::open(&self.path.join(RUNS), &run_names(&plan.columns))?;
+        let campaign = &self.log.campaign;
+        let reader = TableReader::open(&self.path.join(RUNS), &run_names(&campaign.columns))?;
         let mut failures = self.log.failures.clone();
         let mut found: Vec<Job> = Vec::new();
         let mut current: Option<RunRecord> = None;
         let mut give = |mut run: RunRecord, folder: &mut Folder| {
-            if run.point >= plan.points.len() || run.seed != plan.seed_of(run.run) {
+            if run.point >= campaign.points.len() || run.seed != campaign.seed_of(run.run) {
                 return Err(self.error(&format!(
                     "{RUNS}: no run of this campaign: point {}, run {}",
                     run.point, run.run
@@ -208,16 +208,16 @@ pub fn merge(parts: &[PathBuf], out: &Path) -> Result<Results, CampaignError> {
     if parts.len() < first.shard.count {
         return Err(missing(parts.len() + 1, first.shard.count));
     }
-    let plan = first.log.plan.clone();
-    let mut folder = Folder::create(Some(out), &plan, None)?;
+    let campaign = first.log.campaign.clone();
+    let mut folder = Folder::create(Some(out), &campaign, None)?;
     for part in &parts {
         part.read_bounds(&mut folder)?;
-        if plan.runs > 0 {
+        if campaign.runs > 0 {
             part.read_runs(&mut folder)?;
         }
     }
-    let asked = plan.jobs(None).len();
-    let results = folder.finish(Done { done: asked, asked })?;
+    let asked = campaign.jobs(None).len();
+    let results = folder.finish(JobCount { done: asked, asked })?;
     results.ok_or_else(|| CampaignError::other("the merged campaign is a part"))
 }
 

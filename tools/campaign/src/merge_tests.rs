@@ -1,16 +1,16 @@
 //! Shards of a campaign with runs that fail.
 
 use super::*;
+use crate::campaign::{InitialErrors, Point};
 use crate::columns::{BlockColumns, Columns, Component};
-use crate::plan::{Point, Start};
 use std::collections::BTreeMap;
 
 const RUNS_ASKED: usize = 6;
 
-fn plan() -> Plan {
+fn campaign() -> Campaign {
     let component =
         Component { state: "dvl.scale".into(), component: "k".into(), unit: String::new() };
-    Plan {
+    Campaign {
         version: "1".into(),
         scenario: "made up".into(),
         keys: Vec::new(),
@@ -19,7 +19,7 @@ fn plan() -> Plan {
         seed: 2,
         every: 1,
         from: None,
-        start: Start::Drawn,
+        initial_errors: InitialErrors::Drawn,
         columns: Columns {
             components: vec![component],
             blocks: vec![BlockColumns { name: "dvl.scale".into(), dimension: 1, known: true }],
@@ -31,7 +31,7 @@ fn plan() -> Plan {
 }
 
 /// What a job of the plan leaves: the second run fails before its first epoch, the fifth after two of three.
-fn record(plan: &Plan, job: Job) -> Record {
+fn record(campaign: &Campaign, job: Job) -> Record {
     if job.run == 0 {
         let rows = (0..3).map(|epoch| (epoch, epoch as f64, vec![0.1], vec![0.05])).collect();
         return Record::Bound(BoundRecord { point: job.point, rows });
@@ -47,18 +47,22 @@ fn record(plan: &Plan, job: Job) -> Record {
         Row { epoch, time: epoch as f64, values }
     };
     let failure = (epochs < 3).then(|| format!("made up to fail after {epochs} epochs"));
-    let (point, run, seed) = (job.point, job.run, plan.seed_of(job.run));
+    let (point, run, seed) = (job.point, job.run, campaign.seed_of(job.run));
     Record::Run(RunRecord { point, run, seed, rows: (0..epochs).map(row).collect(), failure })
 }
 
 /// Writes a shard, or the whole campaign.
-fn write(plan: &Plan, shard: Option<Shard>, path: &Path) -> Result<Option<Results>, CampaignError> {
-    let mut folder = Folder::create(Some(path), plan, shard)?;
-    let jobs = plan.jobs(shard);
+fn write(
+    campaign: &Campaign,
+    shard: Option<Shard>,
+    path: &Path,
+) -> Result<Option<Results>, CampaignError> {
+    let mut folder = Folder::create(Some(path), campaign, shard)?;
+    let jobs = campaign.jobs(shard);
     for job in &jobs {
-        folder.add(record(plan, *job))?;
+        folder.add(record(campaign, *job))?;
     }
-    folder.finish(Done { done: jobs.len(), asked: jobs.len() })
+    folder.finish(JobCount { done: jobs.len(), asked: jobs.len() })
 }
 
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -70,8 +74,9 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 fn failed_runs_are_told_and_shards_with_them_are_merged_to_the_same_bytes()
 -> Result<(), CampaignError> {
     let folder = tempfile::tempdir().map_err(|e| CampaignError::other(e.to_string()))?;
-    let (plan, whole) = (plan(), folder.path().join("whole"));
-    let results = write(&plan, None, &whole)?.ok_or_else(|| CampaignError::other("no results"))?;
+    let (campaign, whole) = (campaign(), folder.path().join("whole"));
+    let results =
+        write(&campaign, None, &whole)?.ok_or_else(|| CampaignError::other("no results"))?;
     let point = &results.report.points[0];
     assert_eq!((point.runs, point.failed), (RUNS_ASKED - 2, 2));
     let worst =
@@ -88,7 +93,7 @@ fn failed_runs_are_told_and_shards_with_them_are_merged_to_the_same_bytes()
         let parts: Vec<PathBuf> =
             (1..=count).map(|index| folder.path().join(format!("{index}-{count}"))).collect();
         for (k, part) in parts.iter().enumerate() {
-            write(&plan, Some(Shard { index: k + 1, count }), part)?;
+            write(&campaign, Some(Shard { index: k + 1, count }), part)?;
         }
         let out = folder.path().join(format!("merged-{count}"));
         merge(&parts, &out)?;

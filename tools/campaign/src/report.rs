@@ -1,15 +1,15 @@
 //! The result of a campaign in numbers.
 
+use crate::campaign::Campaign;
 use crate::chi_square::Band;
 use crate::columns::{Columns, Component};
-use crate::plan::Plan;
 use crate::statistics::PointStatistics;
 use crate::verdict::{Verdict, anees_band, nis_band, verdict};
 use serde::Serialize;
 
 /// The result of a campaign.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct CampaignReport {
     /// Name of the scenario.
     pub scenario: String,
     /// The keys that vary.
@@ -119,26 +119,26 @@ pub struct Nis {
 /// The probability outside the bands that are shown.
 const ALPHA: f64 = 0.05;
 
-impl Report {
+impl CampaignReport {
     /// The report on what the points' runs say.
-    pub fn new(plan: &Plan, points: &[PointStatistics]) -> Self {
+    pub fn new(campaign: &Campaign, points: &[PointStatistics]) -> Self {
         Self {
-            scenario: plan.scenario.clone(),
-            keys: plan.keys.clone(),
-            runs: plan.runs,
-            seed: plan.seed,
+            scenario: campaign.scenario.clone(),
+            keys: campaign.keys.clone(),
+            runs: campaign.runs,
+            seed: campaign.seed,
             points: points
                 .iter()
                 .enumerate()
-                .map(|(k, point)| PointReport::new(plan, k, point))
+                .map(|(k, point)| PointReport::new(campaign, k, point))
                 .collect(),
         }
     }
 }
 
 impl PointReport {
-    fn new(plan: &Plan, number: usize, point: &PointStatistics) -> Self {
-        let columns = &plan.columns;
+    fn new(campaign: &Campaign, number: usize, point: &PointStatistics) -> Self {
+        let columns = &campaign.columns;
         let last = point.epochs().next_back();
         let bound = point.bound.as_ref();
         let bound_row = bound.and_then(|b| last.map_or(b.rows.last(), |(number, _)| b.at(number)));
@@ -173,27 +173,33 @@ impl PointReport {
         let end_s = last.map_or_else(|| bound_row.map_or(f64::NAN, |r| r.1), |(_, e)| e.time);
         let any = point.runs + point.failures.len() > 0;
         Self {
-            values: plan.points[number].values.clone(),
+            values: campaign.points[number].values.clone(),
             runs: point.runs,
             failed: point.failures.len(),
             end_s,
             states,
             anees,
             nis,
-            worst: WorstRun::new(plan, number, point),
+            worst: WorstRun::new(campaign, number, point),
             verdict: any.then(|| verdict(columns, point)),
         }
     }
 }
 
 impl WorstRun {
-    fn new(plan: &Plan, number: usize, point: &PointStatistics) -> Option<Self> {
+    fn new(campaign: &Campaign, number: usize, point: &PointStatistics) -> Option<Self> {
         let (run, nees, failure) = match (point.failures.first(), point.worst) {
             (Some((run, reason)), _) => (*run, None, Some(reason.clone())),
             (None, Some((run, nees))) => (run, Some(nees), None),
             (None, None) => return None,
         };
-        Some(Self { run, seed: plan.seed_of(run), nees, failure, again: plan.again(number, run) })
+        Some(Self {
+            run,
+            seed: campaign.seed_of(run),
+            nees,
+            failure,
+            again: campaign.again(number, run),
+        })
     }
 }
 

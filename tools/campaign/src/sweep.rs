@@ -1,7 +1,7 @@
 //! A grid's result as a table: one row a point.
 
 use crate::CampaignError;
-use crate::report::{PointReport, Report};
+use crate::report::{CampaignReport, PointReport};
 use crate::tables::{Names, TableWriter};
 use std::path::{Path, PathBuf};
 
@@ -30,7 +30,7 @@ fn numbers(point: &PointReport) -> Vec<(String, f64)> {
 }
 
 /// Writes the table as CSV and as Parquet; gives their paths.
-pub fn write(folder: &Path, report: &Report) -> Result<[PathBuf; 2], CampaignError> {
+pub fn write(folder: &Path, report: &CampaignReport) -> Result<[PathBuf; 2], CampaignError> {
     let paths = [folder.join(CSV), folder.join(PARQUET)];
     let rows: Vec<Vec<(String, f64)>> = report.points.iter().map(numbers).collect();
     // a point that failed before its first run has fewer columns

@@ -1,7 +1,7 @@
 //! A filter that is wrong is found out, and the verdict names what is wrong; the same filter unbroken passes.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-use navfuse_campaign::{Folder, Options, Plan, PointReport, Verdict, execute};
+use navfuse_campaign::{Campaign, Folder, Options, PointReport, Verdict, execute};
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::ScaleFactor;
@@ -130,7 +130,7 @@ fn campaign(settings: &[&str]) -> PointReport {
     let mut document = Document::parse("linear.toml", SCENARIO).expect("a scenario");
     settings.iter().for_each(|s| document.set(s).expect("a setting"));
     let options = Options { runs: 60, every: Some(2.0), ..Options::default() };
-    let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
+    let plan = Campaign::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).expect("no folder");
     let stop = AtomicBool::new(false);
     let done =

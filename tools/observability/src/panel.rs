@@ -1,7 +1,7 @@
 //! What a run determines, as a page in Markdown: for an operator, while the run goes on.
 
 use crate::component::Verdict;
-use crate::tracker::{Now, Tracker};
+use crate::tracker::{ComponentStatus, Tracker};
 use crate::words::{self, short};
 use std::fmt::Write;
 
@@ -19,7 +19,7 @@ pub fn markdown(tracker: &Tracker) -> String {
         let _ = writeln!(page, "- **{}**: {why}", title(i));
     }
     page += "\n| state | prior | now | bits | |\n|---|--:|--:|--:|---|\n";
-    for (i, (component, now)) in tracker.components().iter().zip(tracker.now()).enumerate() {
+    for (i, (component, now)) in tracker.components().iter().zip(tracker.status()).enumerate() {
         let unit = component.unit;
         let (prior, sigma, bits, verdict) =
             (short(now.prior), short(now.sigma), now.bits() + 0.0, verdict(now));
@@ -29,7 +29,7 @@ pub fn markdown(tracker: &Tracker) -> String {
     page
 }
 
-fn verdict(now: &Now) -> String {
+fn verdict(now: &ComponentStatus) -> String {
     match (now.verdict, now.since) {
         (Verdict::Determined, Some(since)) => {
             format!("**determined** since {:.0} s", since.seconds())

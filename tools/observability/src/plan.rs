@@ -3,7 +3,7 @@
 //! Every candidate is put after the scenario's own segments and run at the truth, where the filter's covariance is the bound
 //! ([`navfuse_core::run::scenario::Scenario::assemble_at_truth`]). It is judged against going straight on for as long.
 
-use crate::tracker::{Tracker, Watch};
+use crate::tracker::{Tracker, TrackerSink};
 use crate::{Verdict, words};
 use navfuse_core::document::{Document, DocumentError, Node};
 use navfuse_core::plugin::{BuildError, Registry};
@@ -43,7 +43,7 @@ pub struct Options {
 
 /// What the planner says.
 #[derive(Clone, Debug, Serialize)]
-pub struct Plan {
+pub struct ManoeuvrePlan {
     /// When the manoeuvre begins, s.
     pub at_s: f64,
     /// Forward speed there, m/s.
@@ -266,7 +266,7 @@ pub fn suggest(
     options: &Options,
     stop: &AtomicBool,
     progress: impl Fn(usize, usize) + Sync,
-) -> Result<Option<Plan>, PlanError> {
+) -> Result<Option<ManoeuvrePlan>, PlanError> {
     let base = Base::of(document, options.at)?;
     let candidates = candidates(base.speed);
     let longest = candidates.iter().map(Candidate::duration).fold(0.0, f64::max);
@@ -294,7 +294,7 @@ pub fn suggest(
         .collect();
     suggestions.sort_by(|a, b| b.bits.total_cmp(&a.bits));
     let title = |(c, counts): (&crate::Component, &bool)| counts.then(|| c.title(before.layout()));
-    Ok(Some(Plan {
+    Ok(Some(ManoeuvrePlan {
         at_s: base.end,
         speed: base.speed,
         of: before.components().iter().zip(&counts).filter_map(title).collect(),
@@ -311,7 +311,7 @@ fn run(
 ) -> Result<Option<Tracker>, PlanError> {
     let scenario = Scenario::new(registry, document.clone(), settings)?;
     let mut assembly = scenario.assemble_at_truth()?;
-    let (watch, kept) = Watch::new(1.0);
+    let (watch, kept) = TrackerSink::new(1.0);
     assembly.sinks.push(("plan".into(), Box::new(watch)));
     let finished = runner::run(assembly, stop, |_| {});
     if finished.interrupted {
@@ -329,7 +329,7 @@ fn counting(before: &Tracker, of: &[String]) -> Result<Vec<bool>, PlanError> {
     let components = before.components();
     if of.is_empty() {
         let open: Vec<bool> = before
-            .now()
+            .status()
             .iter()
             .map(|n| matches!(n.verdict, Verdict::InPart | Verdict::NotDetermined))
             .collect();
@@ -363,7 +363,7 @@ fn compare(
     let row = times.partition_point(|t| *t <= end + 1e-6).saturating_sub(1);
     let without = &values[row * n..(row + 1) * n];
     let mut improves: Vec<(usize, Improvement)> =
-        (with.components().iter().zip(with.now()).enumerate())
+        (with.components().iter().zip(with.status()).enumerate())
             .map(|(i, (c, now))| {
                 let improvement = Improvement {
                     title: c.title(with.layout()),

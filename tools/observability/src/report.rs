@@ -15,7 +15,7 @@ const ROWS: usize = 400;
 
 /// The report. Times are of the run's clock.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct ObservabilityReport {
     /// Name of the scenario.
     pub scenario: String,
     /// When the filter started, s.
@@ -28,7 +28,7 @@ pub struct Report {
     pub sensors: Vec<SensorReport>,
     /// The directions of the error at the start of which more than a half of the prior is left, the worst first.
     pub undetermined: Vec<DirectionReport>,
-    /// What the segments of the recording say (Pan & Wu 2016, Theorem 1); none before [`Report::judge`].
+    /// What the segments of the recording say (Pan & Wu 2016, Theorem 1); none before [`ObservabilityReport::judge`].
     pub segments: Option<SegmentView>,
     /// Why there are none.
     pub no_segments: Option<String>,
@@ -104,7 +104,7 @@ pub struct History {
     pub normalised: Vec<(String, Vec<f64>)>,
 }
 
-impl Report {
+impl ObservabilityReport {
     /// The report of a run that was tracked.
     pub fn new(scenario: &str, tracker: &Tracker) -> Self {
         let (start, end) = tracker.span();
@@ -112,7 +112,7 @@ impl Report {
             tracker.components().iter().map(|c| c.title(tracker.layout())).collect();
         let seconds = |t: Time| t.seconds();
         let states =
-            tracker.components().iter().zip(tracker.now()).enumerate().map(|(i, (c, now))| {
+            tracker.components().iter().zip(tracker.status()).enumerate().map(|(i, (c, now))| {
                 let told = tracker
                     .sensors()
                     .iter()

@@ -26,7 +26,7 @@ const READS: f64 = 1e-6;
 
 /// What is known of a component now.
 #[derive(Clone, Copy, Debug)]
-pub struct Now {
+pub struct ComponentStatus {
     /// 1-sigma at the start, in the unit of the component.
     pub prior: f64,
     /// 1-sigma without measurements, by own dynamics.
@@ -43,7 +43,7 @@ pub struct Now {
     pub lost: Option<Time>,
 }
 
-impl Now {
+impl ComponentStatus {
     /// Sigma over what it would be without measurements.
     pub fn normalised(&self) -> f64 {
         if self.reference > 0.0 { self.sigma / self.reference } else { 1.0 }
@@ -73,14 +73,14 @@ pub struct SensorShare {
 /// Follows what a run determines, for any composition.
 ///
 /// The share of a component that is still prior is `(sigma / reference)^2`, with the reference of its own dynamics
-/// ([`Now::reference`]): for a constant, what is left of its prior variance. A block that others drive, such as the velocity of
+/// ([`ComponentStatus::reference`]): for a constant, what is left of its prior variance. A block that others drive, such as the velocity of
 /// an INS, has no such reference: its share is that of the variance at the start which is still in the estimate, `Psi P_0 Psi' /
 /// P_0` with `Psi` the product of all `(I - K H) Phi`. A position that nothing sees keeps all of it, however little its sigma
 /// has grown; a velocity that is measured forgets where it began.
 pub struct Tracker {
     layout: Layout,
     components: Vec<Component>,
-    now: Vec<Now>,
+    now: Vec<ComponentStatus>,
     sensors: Vec<SensorShare>,
     started: Option<Started>,
     last_used: Option<SensorId>,
@@ -133,7 +133,7 @@ impl Tracker {
         let verdict =
             |c: &Component| if c.considered { Verdict::Considered } else { Verdict::NotDetermined };
         let nan = f64::NAN;
-        let first = |c| Now {
+        let first = |c| ComponentStatus {
             prior: nan,
             reference: nan,
             sigma: nan,
@@ -171,7 +171,7 @@ impl Tracker {
     }
 
     /// What is known of each now.
-    pub fn now(&self) -> &[Now] {
+    pub fn status(&self) -> &[ComponentStatus] {
         &self.now
     }
 
@@ -320,13 +320,13 @@ impl Tracker {
         if time >= self.next && self.every < i64::MAX {
             self.next = Time::from_nanos((time.nanos().div_euclid(self.every) + 1) * self.every);
             self.times.push(time.seconds());
-            self.history.extend(self.now.iter().map(Now::normalised));
+            self.history.extend(self.now.iter().map(ComponentStatus::normalised));
         }
         changed
     }
 }
 
-impl Now {
+impl ComponentStatus {
     /// Takes the sigmas and the weight of the prior at a time; says whether the verdict changed.
     fn look(&mut self, time: Time, prior: f64, reference: f64, sigma: f64, weight: f64) -> bool {
         (self.prior, self.reference, self.sigma, self.weight) = (prior, reference, sigma, weight);
@@ -348,13 +348,13 @@ impl Now {
 }
 
 /// A sink that tracks a run.
-pub struct Watch {
+pub struct TrackerSink {
     every: f64,
     tracker: Option<Tracker>,
     kept: Arc<Mutex<Option<Tracker>>>,
 }
 
-impl Watch {
+impl TrackerSink {
     /// The sink, and where its tracker is when the run is over.
     pub fn new(every: f64) -> (Self, Arc<Mutex<Option<Tracker>>>) {
         let kept = Arc::new(Mutex::new(None));
@@ -362,7 +362,7 @@ impl Watch {
     }
 }
 
-impl Sink for Watch {
+impl Sink for TrackerSink {
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.tracker = Some(Tracker::new(run, self.every));
         Ok(())

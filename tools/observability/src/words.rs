@@ -11,7 +11,7 @@ const PARTNERS: usize = 2;
 
 /// What is missing to determine the component; `None` where nothing is.
 pub fn missing(tracker: &Tracker, i: usize) -> Option<String> {
-    let (component, now) = (&tracker.components()[i], &tracker.now()[i]);
+    let (component, now) = (&tracker.components()[i], &tracker.status()[i]);
     match now.verdict {
         Verdict::Determined => return None,
         Verdict::Considered => {

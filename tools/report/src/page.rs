@@ -6,7 +6,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use navfuse_core::model::record::Level;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_figures::{Figure, FigureError, svg};
-use navfuse_observability::{Report as Observed, Verdict};
+use navfuse_observability::{ObservabilityReport, Verdict};
 
 /// The style of every page.
 const STYLE: &str = include_str!("page.css");
@@ -44,7 +44,10 @@ pub(crate) fn picture(figure: &Figure, caption: &Markup) -> Result<Markup, Figur
 ///
 /// # Errors
 /// When the drawing library gives up.
-pub fn report(history: &History, observed: Option<&Observed>) -> Result<String, FigureError> {
+pub fn report(
+    history: &History,
+    observed: Option<&ObservabilityReport>,
+) -> Result<String, FigureError> {
     let facts = Facts::of(history);
     let (constant, moving): (Vec<&BlockHistory>, Vec<&BlockHistory>) =
         history.blocks.iter().partition(|b| b.constant());
@@ -404,7 +407,7 @@ fn sensors(history: &History) -> Markup {
 }
 
 /// What the run determined, since when and by what, and what is missing.
-fn verdicts(observed: &Observed) -> Markup {
+fn verdicts(observed: &ObservabilityReport) -> Markup {
     let told = |by: &std::collections::BTreeMap<String, f64>| {
         let mut by: Vec<_> = by.iter().filter(|(_, bits)| **bits >= 0.05).collect();
         by.sort_by(|a, b| b.1.total_cmp(a.1));

@@ -1,7 +1,7 @@
 //! What the tests share: recordings of the scenarios of the repository.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
-use navfuse_calibration::{AttitudeSource, Data};
+use navfuse_calibration::{AttitudeSource, CalibrationData};
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::Scenario;
@@ -24,8 +24,9 @@ pub fn read(name: &str, settings: &[&str]) -> Recording {
     Recording::read(&scenario).unwrap_or_else(|e| panic!("{e}"))
 }
 
-pub fn data(name: &str, settings: &[&str]) -> Data {
-    Data::new(read(name, settings), AttitudeSource::Gyros).unwrap_or_else(|e| panic!("{e}"))
+pub fn data(name: &str, settings: &[&str]) -> CalibrationData {
+    CalibrationData::new(read(name, settings), AttitudeSource::Gyros)
+        .unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Runs `job` for seeds 1 to `count` on all cores.

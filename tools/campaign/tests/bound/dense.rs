@@ -10,7 +10,7 @@ use navfuse_core::nalgebra::{DMatrix, SymmetricEigen};
 pub type Measurement = (DMatrix<f64>, DMatrix<f64>);
 
 /// A step to the time of a measurement, or of an epoch where there is none.
-pub struct Step {
+pub struct Propagation {
     pub phi: DMatrix<f64>,
     pub q: DMatrix<f64>,
     pub measurement: Option<Measurement>,
@@ -24,11 +24,11 @@ pub struct Sigmas {
 
 pub struct Dense {
     prior: DMatrix<f64>,
-    steps: Vec<Step>,
+    steps: Vec<Propagation>,
 }
 
 impl Dense {
-    pub fn new(prior: DMatrix<f64>, steps: Vec<Step>) -> Self {
+    pub fn new(prior: DMatrix<f64>, steps: Vec<Propagation>) -> Self {
         Self { prior, steps }
     }
 

@@ -4,8 +4,8 @@
 mod dense;
 mod outsider;
 
-use dense::{Dense, Measurement, Step};
-use navfuse_campaign::{BoundRecord, Columns, Options, Plan, Record, execute};
+use dense::{Dense, Measurement, Propagation};
+use navfuse_campaign::{BoundRecord, Campaign, Columns, Options, Record, execute};
 use navfuse_core::document::Document;
 use navfuse_core::nalgebra::{DMatrix, dmatrix};
 use navfuse_core::plugin::Registry;
@@ -24,7 +24,7 @@ fn bound(mut document: Document, settings: &[&str], every: f64) -> (Columns, Bou
     let registry = registry();
     settings.iter().try_for_each(|s| document.set(s)).expect("the settings fit");
     let options = Options { every: Some(every), ..Options::default() };
-    let plan = Plan::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
+    let plan = Campaign::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut bound = None;
     let keep = |record| {
         if let Record::Bound(record) = record {
@@ -166,7 +166,7 @@ fn cart(noise: f64) -> Dense {
         let mut q = DMatrix::zeros(4, 4);
         q.view_mut((0, 0), (2, 2)).copy_from(&outsider::white_acceleration(dt));
         q[(3, 3)] = 0.25 * (1.0 - decay * decay);
-        Step { phi, q, measurement }
+        Propagation { phi, q, measurement }
     });
     let prior = [outsider::PLACE_SIGMA, outsider::SPEED_SIGMA, 0.3, 0.5].map(|s: f64| s * s);
     Dense::new(DMatrix::from_diagonal(&prior.to_vec().into()), steps.collect())

@@ -221,13 +221,13 @@ impl SensorType for Witness {
         vec![Channel::new("speed", "mps")]
     }
     fn build(self, _: &mut Composer) -> Result<Role, ComposeError> {
-        Ok(Role::Reference(Arc::new(Told)))
+        Ok(Role::Reference(Arc::new(WitnessModel)))
     }
 }
 
-struct Told;
+struct WitnessModel;
 
-impl Reference for Told {
+impl Reference for WitnessModel {
     fn motion(&self, _: &Layout, _: &State, sample: &Sample) -> Option<Motion> {
         Some(Motion {
             time: sample.time,

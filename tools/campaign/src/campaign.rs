@@ -18,7 +18,7 @@ const EPOCHS: f64 = 300.0;
 /// What is drawn for each run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Start {
+pub enum InitialErrors {
     /// Initial errors and truths from the priors, and the noise.
     #[default]
     Drawn,
@@ -38,7 +38,7 @@ pub struct Options {
     /// The time from which errors and sigmas are judged, s; the start where there is none.
     pub from: Option<f64>,
     /// What is drawn.
-    pub start: Start,
+    pub initial_errors: InitialErrors,
     /// The grid: each key with its values, see [`variation`].
     pub vary: Vec<(String, Vec<String>)>,
 }
@@ -88,9 +88,9 @@ pub struct Job {
     pub run: usize,
 }
 
-/// All that a campaign does. Two shards belong together when their plans have no [`Plan::difference`].
+/// All that a campaign does. Two shards belong together when their plans have no [`Campaign::difference`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Plan {
+pub struct Campaign {
     /// The version of the program.
     pub version: String,
     /// The scenario's name.
@@ -108,7 +108,8 @@ pub struct Plan {
     /// The time from which errors and sigmas are judged, s.
     pub from: Option<f64>,
     /// What is drawn.
-    pub start: Start,
+    #[serde(rename = "start")]
+    pub initial_errors: InitialErrors,
     /// What is compared.
     pub columns: Columns,
     /// What was set on top of the scenario's file, as a person gave it.
@@ -117,7 +118,7 @@ pub struct Plan {
     pub text: String,
 }
 
-impl Plan {
+impl Campaign {
     /// Plans a campaign of a scenario: composes every point, so that what does not fit is told before the first run.
     ///
     /// # Errors
@@ -133,7 +134,7 @@ impl Plan {
                 options.runs
             )));
         }
-        check_keys(&options.vary, options.start)?;
+        check_keys(&options.vary, options.initial_errors)?;
         let base = Scenario::new(registry, document.clone(), &[]).map_err(BuildError::from)?;
         let seed = match options.seed {
             Some(seed) => seed,
@@ -144,7 +145,7 @@ impl Plan {
                 "--seed {seed}: a campaign's is at most 9e12"
             )));
         }
-        let mut plan = Self {
+        let mut campaign = Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scenario: base.name(),
             keys: options.vary.iter().map(|v| v.0.clone()).collect(),
@@ -153,15 +154,15 @@ impl Plan {
             seed,
             every: 1,
             from: None,
-            start: options.start,
+            initial_errors: options.initial_errors,
             columns: Columns::default(),
             overrides: document.overrides().to_vec(),
             text: document.to_toml(),
         };
-        plan.from = options.from;
+        campaign.from = options.from;
         let (mut longest, mut last) = (0.0_f64, None);
-        for point in 0..plan.points.len() {
-            let scenario = plan.scenario(registry, document, Job { point, run: 1 })?;
+        for point in 0..campaign.points.len() {
+            let scenario = campaign.scenario(registry, document, Job { point, run: 1 })?;
             if !scenario.simulates().map_err(BuildError::from)? {
                 return Err(CampaignError::other(
                     "a recording has only the noise that it has: this needs a scenario whose sources are simulated, such \
@@ -169,7 +170,7 @@ impl Plan {
                 ));
             }
             let assembly = scenario.assemble(None)?;
-            plan.columns.add(&assembly.composition);
+            campaign.columns.add(&assembly.composition);
             let estimator = &assembly.composition.estimator;
             let end = assembly.sources.iter().filter_map(|(_, s)| s.end()).max();
             let end = [end, estimator.stop()].into_iter().flatten().min();
@@ -177,15 +178,17 @@ impl Plan {
                 .max(end.map_or(0.0, |end| end.since(estimator.start().max(Time::default()))));
             last = last.max(end);
         }
-        if plan.columns.known() == 0 {
+        if campaign.columns.known() == 0 {
             return Err(CampaignError::other(
                 "no error can be computed: simulate a reference, [sensor.reference.simulation], which tells the truth",
             ));
         }
-        if let Some((from, end)) = plan.from.zip(last).filter(|(from, end)| *from > end.seconds()) {
+        if let Some((from, end)) =
+            campaign.from.zip(last).filter(|(from, end)| *from > end.seconds())
+        {
             return Err(CampaignError::other(format!("--from {from} s: the runs end at {end}")));
         }
-        plan.every = match options.every {
+        campaign.every = match options.every {
             Some(every) if !(every > 0.0 && every < 1e9) => {
                 return Err(CampaignError::other(format!(
                     "--every {every} s: give a positive time"
@@ -194,7 +197,7 @@ impl Plan {
             Some(every) => Time::from_seconds(every).map_or(1, Time::nanos),
             None => interval(longest, EPOCHS),
         };
-        Ok(plan)
+        Ok(campaign)
     }
 
     /// The scenario of a job.
@@ -209,7 +212,7 @@ impl Plan {
     ) -> Result<Scenario<'a>, CampaignError> {
         let mut settings = self.settings(job.point);
         settings.push(format!("seed={}", self.seed_of(job.run)));
-        if self.start == Start::Drawn && job.run > 0 {
+        if self.initial_errors == InitialErrors::Drawn && job.run > 0 {
             settings.push("estimator.draw=all".into());
         }
         Ok(Scenario::new(registry, document.clone(), &settings).map_err(BuildError::from)?)
@@ -230,7 +233,7 @@ impl Plan {
     pub fn again(&self, point: usize, run: usize) -> String {
         let mut settings = self.overrides.clone();
         settings.extend(self.settings(point));
-        if self.start == Start::Drawn {
+        if self.initial_errors == InitialErrors::Drawn {
             settings.push("estimator.draw=all".into());
         }
         settings.push(format!("seed={}", self.seed_of(run)));
@@ -243,23 +246,23 @@ impl Plan {
 
     /// What tells this campaign from another, in words; none where parts of the two belong together.
     pub fn difference(&self, other: &Self) -> Option<String> {
-        let told = |plan: &Self| {
+        let told = |campaign: &Self| {
             [
-                ("version", plan.version.clone()),
-                ("scenario", plan.scenario.clone()),
+                ("version", campaign.version.clone()),
+                ("scenario", campaign.scenario.clone()),
                 (
                     "--vary",
                     format!(
                         "{:?} {:?}",
-                        plan.keys,
-                        plan.points.iter().map(|p| &p.values).collect::<Vec<_>>()
+                        campaign.keys,
+                        campaign.points.iter().map(|p| &p.values).collect::<Vec<_>>()
                     ),
                 ),
-                ("--runs", plan.runs.to_string()),
-                ("--seed", plan.seed.to_string()),
-                ("--every", format!("{} s", Time::from_nanos(plan.every).seconds())),
-                ("--from", format!("{:?}", plan.from)),
-                ("--start", format!("{:?}", plan.start).to_lowercase()),
+                ("--runs", campaign.runs.to_string()),
+                ("--seed", campaign.seed.to_string()),
+                ("--every", format!("{} s", Time::from_nanos(campaign.every).seconds())),
+                ("--from", format!("{:?}", campaign.from)),
+                ("--start", format!("{:?}", campaign.initial_errors).to_lowercase()),
             ]
         };
         let pairs = told(self).into_iter().zip(told(other));
@@ -282,7 +285,10 @@ impl Plan {
 }
 
 /// Whether every value of every key makes a point of its own.
-fn check_keys(vary: &[(String, Vec<String>)], start: Start) -> Result<(), CampaignError> {
+fn check_keys(
+    vary: &[(String, Vec<String>)],
+    initial_errors: InitialErrors,
+) -> Result<(), CampaignError> {
     for (k, (key, values)) in vary.iter().enumerate() {
         let refused = |why: &str| Err(CampaignError::other(format!("--vary {key}: {why}")));
         match key.as_str() {
@@ -291,7 +297,7 @@ fn check_keys(vary: &[(String, Vec<String>)], start: Start) -> Result<(), Campai
                     "each run has a seed of its own; give that of the campaign with --seed",
                 );
             }
-            "estimator.draw" if start == Start::Drawn => {
+            "estimator.draw" if initial_errors == InitialErrors::Drawn => {
                 return refused(
                     "all is drawn for each run, unless --start=given leaves it to the scenario",
                 );
@@ -372,7 +378,7 @@ mod tests {
 
     #[test]
     fn shards_are_the_jobs_in_order_once_each() {
-        let plan = Plan {
+        let campaign = Campaign {
             version: String::new(),
             scenario: String::new(),
             keys: vec!["a".into(), "b".into()],
@@ -384,23 +390,23 @@ mod tests {
             seed: 1,
             every: 1,
             from: None,
-            start: Start::Drawn,
+            initial_errors: InitialErrors::Drawn,
             columns: Columns::default(),
             overrides: vec!["sensor.dvl.noise=5 mm/s".into()],
             text: String::new(),
         };
         assert_eq!(
-            plan.again(1, 5),
+            campaign.again(1, 5),
             "--set \"sensor.dvl.noise=5 mm/s\" --set a=1 --set b=y --set estimator.draw=all --set seed=1000005"
         );
-        assert_eq!(plan.settings(1), ["a=1", "b=y"]);
-        let all = plan.jobs(None);
+        assert_eq!(campaign.settings(1), ["a=1", "b=y"]);
+        let all = campaign.jobs(None);
         assert_eq!(
             (all.len(), all[0], all[23]),
             (24, Job { point: 0, run: 0 }, Job { point: 3, run: 5 })
         );
         for count in [1, 2, 7, 40] {
-            let parts = (1..=count).flat_map(|index| plan.jobs(Some(Shard { index, count })));
+            let parts = (1..=count).flat_map(|index| campaign.jobs(Some(Shard { index, count })));
             assert_eq!(parts.collect::<Vec<_>>(), all);
         }
     }
@@ -414,12 +420,12 @@ mod tests {
                 .collect();
             check_keys(&vary, start).is_err()
         };
-        assert!(!refused(&[("a", &["1", "2"]), ("b", &["1", "2"])], Start::Drawn));
-        assert!(refused(&[("a", &["1"]), ("a", &["2"])], Start::Drawn));
-        assert!(refused(&[("a", &["1", "2", "1"])], Start::Drawn));
-        assert!(refused(&[("seed", &["1", "2"])], Start::Given));
-        assert!(refused(&[("estimator.draw", &["none"])], Start::Drawn));
-        assert!(!refused(&[("estimator.draw", &["none", "start"])], Start::Given));
+        assert!(!refused(&[("a", &["1", "2"]), ("b", &["1", "2"])], InitialErrors::Drawn));
+        assert!(refused(&[("a", &["1"]), ("a", &["2"])], InitialErrors::Drawn));
+        assert!(refused(&[("a", &["1", "2", "1"])], InitialErrors::Drawn));
+        assert!(refused(&[("seed", &["1", "2"])], InitialErrors::Given));
+        assert!(refused(&[("estimator.draw", &["none"])], InitialErrors::Drawn));
+        assert!(!refused(&[("estimator.draw", &["none", "start"])], InitialErrors::Given));
     }
 
     #[test]
