@@ -1,4 +1,4 @@
-//! The page `docs/src/reference/scenario.md` is what the registered types say of themselves.
+//! The page `docs/src/reference/scenario.md` is generated from the registered types.
 //!
 //! `UPDATE=1 cargo test --test scenario_reference` writes it anew.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
@@ -14,11 +14,12 @@ const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/src/reference/scen
 const HEAD: &str = "\
 # Scenario reference
 
-<!-- Written by `UPDATE=1 cargo test --test scenario_reference`: change the documentation of the types, not this page. -->
+<!-- Generated from doc comments by `UPDATE=1 cargo test --test scenario_reference`. -->
 
-A scenario is a TOML file. `navfuse list TYPE` prints these tables, `navfuse schema` the JSON Schema. A quantity is text with
-its unit; see [Conventions and units](conventions.md#units-in-a-scenario). *(required)* must be given; `-` says that the
-meaning tells what happens without it.
+A scenario is a TOML file. `navfuse list TYPE` prints the tables of this page, and `navfuse schema` prints
+the JSON Schema. A quantity is a string with a unit; see
+[Conventions and units](conventions.md#units-in-a-scenario). *(required)* marks a key that a table must have.
+For a key with the default `-`, the last column states what happens without the key.
 ";
 
 /// Rows of a table; an empty one is left out.
@@ -28,7 +29,7 @@ fn table(out: &mut String, rows: impl IntoIterator<Item = Parameter>) {
     for p in rows {
         let takes = match p.takes.strip_prefix("calibration") {
             Some(value) => {
-                format!("[calibration](guide/scenario.md#calibration-states){}", cell(value))
+                format!("[calibration](../how-to/scenario.md#calibration-states){}", cell(value))
             }
             None => cell(&p.takes),
         };
@@ -96,7 +97,7 @@ fn page(registry: &Registry) -> String {
     out += "## `[estimator]`\n\n";
     table(&mut out, keys(&schema["properties"]["estimator"]));
     for kind in Kind::ALL {
-        let _ = write!(out, "## `[{}.NAME]`\n\nKeys of all of them:\n\n", kind.table());
+        let _ = write!(out, "## `[{}.NAME]`\n\nCommon keys:\n\n", kind.table());
         let of_kind = || registry.entries().filter(move |e| e.kind == kind);
         let first = of_kind().next().unwrap();
         let common = parameters(first).into_iter().filter(|p| is_common(kind, p));
