@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs a scenario over seeds and prints, for each component: sigma, rms and largest error over sigma.
+"""Runs a scenario with several seeds and prints sigma, rms error over sigma, and largest error over sigma of each component.
 
     cargo build --release
     python3 docs/seeds.py scenarios/pan-wu-3d.toml --runs 50

@@ -1,4 +1,5 @@
-"""Of a campaign of 1000 runs: at how many epochs from 700 s on each hundred leaves the 95 % band of 100 runs of 19 states."""
+"""Counts, for each hundred of a campaign of 1000 runs, the epochs from 700 s on at which its ANEES leaves the 95 % band
+of 100 runs of 19 states."""
 import polars as pl
 
 runs = pl.read_parquet("runs/pan-wu-3d-monte-carlo/runs.parquet", columns=["run", "time_s", "nees"])

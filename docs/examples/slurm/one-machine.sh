@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Brings up a Slurm of one node on this machine, runs a command in it, waits for the jobs that the command
-# submitted, and takes everything down again. To try a job array before it goes to a cluster.
+# Starts a Slurm of one node on this machine, runs a command in it, waits for the jobs that the command submitted,
+# and stops everything again. Use it to try a job array before it goes to a cluster.
 #
 #   one-machine.sh ./submit.sh runs/campaign scenarios/quickstart.toml --runs 21
 #   one-machine.sh bash                                    # a shell in which sbatch, squeue and scancel work
 #
 # It needs Debian's or Ubuntu's packages slurmctld, slurmd, slurm-client and munge, but no systemd, no cgroups and no
-# dbus: a container will do. Configuration, state, logs and sockets are in a temporary folder and the ports are free
+# dbus, so it works in a container. Configuration, state, logs and sockets are in a temporary folder and the ports are free
 # ones, so that /etc/slurm is not touched and several of these run beside each other.
 # It ends with the status of the command, or with 1 if a job failed.
 set -euo pipefail
@@ -30,7 +30,7 @@ export SLURM_CONF="$folder/slurm.conf"
 command_pid=""
 daemons=() # in the order of their start
 
-# The jobs that are not over.
+# Lists the jobs that are still running or waiting.
 jobs_left() { timeout 60 squeue --noheader --array --format=%i; }
 
 is_running() { kill -0 "$1" 2>/dev/null; }
@@ -67,13 +67,13 @@ trap 'exit 130' INT
 trap 'exit 143' TERM
 trap 'exit 129' HUP
 
-# A daemon: off the terminal, so that Ctrl-C does not end it before its jobs, and ended by the kernel if this script is.
+# Starts a daemon without a terminal, so that Ctrl-C does not end it before its jobs. The kernel ends it with this script.
 daemon() {
   setsid setpriv --pdeathsig KILL "$@" >"$folder/$(basename "$1").out" 2>&1 </dev/null &
   daemons+=($!)
 }
 
-# A port nobody listens on, from the 6000 after the given one: below those that the kernel gives to clients.
+# An unused port among the 6000 after the given one, below the range that the kernel gives to clients.
 free_port() {
   local port=$(($1 + RANDOM % 6000))
   while (exec 3<>"/dev/tcp/127.0.0.1/$port") 2>/dev/null; do
@@ -110,19 +110,19 @@ AccountingStorageType=accounting_storage/none
 MpiDefault=none
 SelectType=select/cons_tres
 SelectTypeParameters=CR_CPU
-# the processors are those that this script may use, whatever slurmd finds
+# use the processors that this script may use, whatever slurmd finds
 SlurmdParameters=config_overrides
 ReturnToService=2
 KillWait=2
-# finished jobs are remembered, so that this script can tell how they ended
+# keep finished jobs in the list, so that this script can read how they ended
 MinJobAge=1000000
 SchedulerParameters=sched_interval=2,bf_interval=2
 NodeName=$name NodeAddr=127.0.0.1 CPUs=$(nproc) RealMemory=$memory State=UNKNOWN
 PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 CONF
 
-# slurmd wants cgroups even where nothing is to use them: it is told not to look. Before version 23.02 that cannot be
-# said; but the plugin for cgroups v1 does not look before it is used.
+# slurmd looks for cgroups even if nothing uses them; this switches that off. Versions before 23.02 have no such
+# setting, but their plugin for cgroups v1 does not look before it is used.
 case $(slurmd -V) in
   *' 21.'* | *' 22.'*) cgroup=cgroup/v1 ;;
   *) cgroup=disabled ;;
@@ -154,7 +154,7 @@ until [ "$(timeout 5 sinfo --noheader --format=%T 2>/dev/null)" = idle ]; do
 done
 say "Slurm $(sinfo --version | cut -d' ' -f2) on $name: $(nproc) cores"
 
-# in the background, since bash would put off its traps until a command in the foreground ends
+# in the background, because bash delays its traps until a command in the foreground ends
 env --default-signal=INT,QUIT "$@" <&0 &
 command_pid=$!
 status=0

@@ -3,11 +3,11 @@
 #
 #   submit.sh OUT SCENARIO --runs N --seed S [--set KEY.PATH=VALUE ...]
 #
-#   SHARDS=20 submit.sh ...      so many tasks instead of those of campaign.sbatch
-#   CPUS=8 submit.sh ...         so many cores for each task
+#   SHARDS=20 submit.sh ...      20 tasks instead of the number in campaign.sbatch
+#   CPUS=8 submit.sh ...         8 cores for each task
 #
-# The result is OUT/merged, the jobs' own output OUT/slurm-*.out. Account, partition and the like can be given in
-# Slurm's variables: SBATCH_ACCOUNT, SBATCH_PARTITION, SBATCH_TIMELIMIT.
+# The result is OUT/merged, the output of the jobs OUT/slurm-*.out. Give account, partition and the like in
+# the variables of Slurm: SBATCH_ACCOUNT, SBATCH_PARTITION, SBATCH_TIMELIMIT.
 set -euo pipefail
 
 if [ $# -lt 2 ]; then
