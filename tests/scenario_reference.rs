@@ -3,11 +3,13 @@
 //! `UPDATE=1 cargo test --test scenario_reference` writes it anew.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
+use navfuse_core::document::Document;
 use navfuse_core::plugin::{Entry, Kind, Registry};
-use navfuse_core::run::scenario::common_keys;
+use navfuse_core::run::scenario::{Scenario, common_keys};
 use navfuse_core::run::schema::{Parameter, parameters, scenario_schema};
 use serde_json::Value;
 use std::fmt::Write;
+use std::path::Path;
 
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/src/reference/scenario.md");
 
@@ -145,4 +147,39 @@ fn every_parameter_is_documented() {
             assert!(!p.takes.is_empty(), "{entry:?}: {} does not say what it takes", p.key);
         }
     }
+}
+
+/// The examples in TOML of a page.
+fn examples(page: &str) -> Vec<toml::Table> {
+    let blocks = page.split("```toml\n").skip(1);
+    blocks.map(|block| block.split("```").next().unwrap().parse().unwrap()).collect()
+}
+
+#[test]
+fn the_example_of_every_plugin_composes() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let registry = navfuse::standard_plugins();
+    let quickstart = std::fs::read_to_string(root.join("scenarios/quickstart.toml")).unwrap();
+    let quickstart: toml::Table = quickstart.parse().unwrap();
+    let (mut composed, output) = (0, tempfile::tempdir().unwrap());
+    for plugin in std::fs::read_dir(root.join("plugins")).unwrap() {
+        let page = plugin.unwrap().path().join("README.md");
+        let Ok(text) = std::fs::read_to_string(&page) else { continue };
+        for example in examples(&text) {
+            let mut scenario = quickstart.clone();
+            for (kind, named) in example {
+                let table = scenario.entry(&kind).or_insert_with(|| toml::Table::new().into());
+                table.as_table_mut().unwrap().extend(named.as_table().unwrap().clone());
+            }
+            let text = toml::to_string(&scenario).unwrap();
+            let document = Document::parse(page.display().to_string(), text).unwrap();
+            let scenario = Scenario::new(&registry, document, &[]).unwrap();
+            if let Err(error) = scenario.assemble(Some(output.path())) {
+                // the example of the recording in CSV has no files here
+                assert!(error.to_string().contains("there is none of imu.csv"), "{error}");
+            }
+            composed += 1;
+        }
+    }
+    assert!(composed > 6, "only {composed} examples were found");
 }

@@ -31,3 +31,8 @@ pub use nalgebra;
 /// ```
 pub trait Real: nalgebra::RealField + Copy {}
 impl<T: nalgebra::RealField + Copy> Real for T {}
+
+/// The example in README.md is compiled with the documentation.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

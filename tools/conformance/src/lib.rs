@@ -163,3 +163,8 @@ impl fmt::Debug for Failed {
 }
 
 impl std::error::Error for Failed {}
+
+/// The example in README.md is compiled with the documentation.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

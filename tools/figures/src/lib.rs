@@ -157,3 +157,8 @@ pub enum FigureError {
         reason: String,
     },
 }
+
+/// The example in README.md is compiled with the documentation.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
