@@ -35,9 +35,8 @@ pub fn standard_plugins() -> Registry {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_doppler::DopplerPlugin)
         .add(&navfuse_depth::DepthPlugin)
-        .add(&navfuse_laser_doppler::LaserDopplerPlugin)
         .add(&navfuse_gnss::GnssPlugin)
         .add(&navfuse_odometer::OdometerPlugin)
         .add(&navfuse_simulation::SimulationPlugin)

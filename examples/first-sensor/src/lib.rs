@@ -156,7 +156,7 @@ mod tests {
         let mut registry = Registry::new();
         registry
             .add(&navfuse_ins::InsPlugin)
-            .add(&navfuse_dvl::DvlPlugin)
+            .add(&navfuse_doppler::DvlPlugin)
             .add(&navfuse_simulation::SimulationPlugin)
             .add(&AltimeterPlugin);
         let document = Document::parse("altimeter.toml", SCENARIO).unwrap();

@@ -65,7 +65,7 @@ fn run(scenario: &str, settings: &[String], output: &Path) -> Finished {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_doppler::DvlPlugin)
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_simulation::SimulationPlugin)
         .add(&navfuse_mcap::McapPlugin);

@@ -39,7 +39,7 @@ fn assembly() -> Assembly {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_doppler::DvlPlugin)
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_simulation::SimulationPlugin);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/pan-wu-3d.toml");

@@ -42,7 +42,7 @@ fn assembly(text: &str) -> Assembly {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_doppler::DvlPlugin)
         .add(&navfuse_depth::DepthPlugin);
     registry.add(&navfuse_gnss::GnssPlugin).add(&navfuse_simulation::SimulationPlugin);
     let document = Document::parse("cost.toml", text).unwrap();

@@ -20,7 +20,7 @@ fn assemble_text(text: &str, settings: &[&str]) -> Result<Assembly, String> {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_doppler::DvlPlugin)
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_simulation::SimulationPlugin);
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();

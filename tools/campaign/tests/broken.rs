@@ -124,7 +124,7 @@ fn campaign(settings: &[&str]) -> PointReport {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_doppler::DvlPlugin)
         .add(&navfuse_simulation::SimulationPlugin);
     registry.sensor::<Velocimeter>();
     let mut document = Document::parse("linear.toml", SCENARIO).expect("a scenario");

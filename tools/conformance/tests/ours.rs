@@ -54,7 +54,7 @@ fn the_imu_the_strapdown_process_and_the_reference_conform() -> Result<(), Faile
 #[test]
 fn the_dvl_conforms() -> Result<(), Failed> {
     conforms(
-        &navfuse_dvl::DvlPlugin,
+        &navfuse_doppler::DvlPlugin,
         r#"
         [sensor.dvl]
         noise = "1 cm/s"
@@ -69,7 +69,7 @@ fn the_dvl_conforms() -> Result<(), Failed> {
 #[test]
 fn the_dvl_by_beams_conforms() -> Result<(), Failed> {
     conforms(
-        &navfuse_dvl::DvlPlugin,
+        &navfuse_doppler::DvlPlugin,
         r#"
         [sensor.dvl-beams]
         noise = "1 cm/s"
@@ -95,7 +95,7 @@ fn the_laser_doppler_conforms_with_one_two_and_three_beams() -> Result<(), Faile
             simulation = {{ rate = "2 Hz" }}
             "#
         );
-        conforms(&navfuse_laser_doppler::LaserDopplerPlugin, &sensor)?;
+        conforms(&navfuse_doppler::LaserDopplerPlugin, &sensor)?;
     }
     Ok(())
 }

@@ -72,7 +72,7 @@ fn run(settings: &[&str], output: &Path) -> (History, Finished) {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_doppler::DvlPlugin)
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_simulation::SimulationPlugin)
         .add(&navfuse_mcap::McapPlugin);

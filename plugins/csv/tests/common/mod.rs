@@ -47,7 +47,7 @@ pub fn assemble(
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_doppler::DvlPlugin)
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_csv::CsvPlugin);
     let name = folder.join("test.toml").display().to_string();

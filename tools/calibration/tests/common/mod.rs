@@ -16,7 +16,7 @@ pub fn read(name: &str, settings: &[&str]) -> Recording {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_doppler::DvlPlugin)
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_gnss::GnssPlugin)
         .add(&navfuse_simulation::SimulationPlugin);

@@ -16,7 +16,7 @@ fn registry() -> Registry {
     let mut registry = Registry::new();
     registry.add(&outsider::Outsider);
     registry.add(&navfuse_simulation::SimulationPlugin);
-    registry.add(&navfuse_ins::InsPlugin).add(&navfuse_dvl::DvlPlugin);
+    registry.add(&navfuse_ins::InsPlugin).add(&navfuse_doppler::DvlPlugin);
     registry
 }
 

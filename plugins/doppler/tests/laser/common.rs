@@ -1,5 +1,4 @@
 //! What the tests share: a scenario whose beams and motion a test sets.
-#![allow(dead_code, reason = "each test uses its own part")]
 
 use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
@@ -12,7 +11,7 @@ pub fn registry() -> Registry {
     registry
         .add(&navfuse_ins::InsPlugin)
         .add(&navfuse_simulation::SimulationPlugin)
-        .add(&navfuse_laser_doppler::LaserDopplerPlugin);
+        .add(&navfuse_doppler::LaserDopplerPlugin);
     registry
 }
 

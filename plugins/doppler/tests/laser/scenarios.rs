@@ -1,7 +1,4 @@
 //! The scenarios of the laser are consistent.
-#![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
-
-mod common;
 
 use navfuse_campaign::{Campaign, Folder, Options, Verdict, execute};
 use navfuse_core::document::Document;
@@ -9,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 /// 20 runs, all initial errors and truths drawn.
 fn verdict(file: &str, settings: &[&str]) -> Verdict {
-    let registry = common::registry();
+    let registry = crate::common::registry();
     let path = format!("{}/../../scenarios/{file}", env!("CARGO_MANIFEST_DIR"));
     let mut document = Document::from_file(path).unwrap_or_else(|e| panic!("{e}"));
     settings.iter().for_each(|s| document.set(s).unwrap_or_else(|e| panic!("{e}")));

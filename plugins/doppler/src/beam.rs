@@ -1,4 +1,4 @@
-//! The direction of a beam, and values that may differ from beam to beam.
+//! Direction of a beam, and values that may differ from beam to beam.
 
 use navfuse_core::nalgebra::Vector3;
 use navfuse_core::units::Angle;
@@ -11,19 +11,29 @@ use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 use std::marker::PhantomData;
 
+/// Scales a vector to length one, unless it is zero or not finite.
+pub(crate) fn unit_vector(axes: [f64; 3]) -> Option<Vector3<f64>> {
+    let v = Vector3::from(axes);
+    // scaled by its largest component first, so that no square overflows or vanishes: [1e-200, 0, 0]
+    // has a direction
+    let unit = (v / v.amax()).normalize();
+    unit.iter().all(|x| x.is_finite()).then_some(unit)
+}
+
 /// The direction in which a beam leaves the instrument: a unit vector in its axes forward, right, down.
 ///
 /// In TOML a vector of any length, `[1, 0, 1]`, or two angles, `{ azimuth = "0 deg", elevation = "-45 deg" }`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beam(Vector3<f64>);
 
-/// The form with angles, from which the schema comes.
+/// The form with angles, which provides the schema.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Angles {
     /// From forward towards right.
     azimuth: Angle,
-    /// Above the plane of forward and right: a beam to the ground has a negative one, straight down is -90 deg.
+    /// Above the plane of forward and right: negative for a beam to the ground, -90 deg straight
+    /// down.
     elevation: Angle,
 }
 
@@ -34,15 +44,11 @@ impl Beam {
     }
 
     fn from_vector<E: Error>(axes: [f64; 3]) -> Result<Self, E> {
-        let (vector, largest) =
-            (Vector3::from(axes), axes.iter().fold(0.0_f64, |a, x| a.max(x.abs())));
-        if largest == 0.0 || axes.iter().any(|x| !x.is_finite()) {
-            return Err(E::custom(format!(
+        unit_vector(axes).map(Self).ok_or_else(|| {
+            E::custom(format!(
                 "{axes:?} has no direction; give three finite numbers that are not all zero"
-            )));
-        }
-        // scaled first, so that no square is lost: [1e-200, 0, 0] has a direction
-        Ok(Self((vector / largest).normalize()))
+            ))
+        })
     }
 
     fn from_angles<E: Error>(angles: &Angles) -> Result<Self, E> {
@@ -66,7 +72,8 @@ impl<'de> Deserialize<'de> for Beam {
             type Value = Beam;
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str(
-                    "the direction of a beam: [forward, right, down] or { azimuth = \"0 deg\", elevation = \"-45 deg\" }",
+                    "the direction of a beam: [forward, right, down] or \
+                     { azimuth = \"0 deg\", elevation = \"-45 deg\" }",
                 )
             }
             fn visit_seq<S: SeqAccess<'de>>(self, seq: S) -> Result<Beam, S::Error> {
@@ -97,14 +104,17 @@ impl JsonSchema for Beam {
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let angles = Angles::json_schema(generator);
         json_schema!({
-            "anyOf": [{ "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 }, angles],
+            "anyOf": [
+                { "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 },
+                angles,
+            ],
             "description": "forward, right, down; or azimuth and elevation",
             "examples": [[1, 0, 1]],
         })
     }
 }
 
-/// A value for each beam: in TOML one for all of them, or an array.
+/// A value for each beam: in TOML one for all beams, or an array.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerBeam<T>(Values<T>);
 
@@ -123,7 +133,7 @@ impl<T: Copy> PerBeam<T> {
     /// The values of `N` beams.
     ///
     /// # Errors
-    /// The number of values, where it is another.
+    /// The number of values found, where it differs from `N`.
     pub fn values<const N: usize>(&self) -> Result<[T; N], usize> {
         match &self.0 {
             Values::All(value) => Ok([*value; N]),
@@ -138,7 +148,7 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for PerBeam<T> {
         impl<'de, T: Deserialize<'de>> Visitor<'de> for Written<T> {
             type Value = PerBeam<T>;
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("one value for all beams, or an array with one a beam")
+                f.write_str("one value for all beams, or an array with one per beam")
             }
             fn visit_str<E: Error>(self, text: &str) -> Result<PerBeam<T>, E> {
                 Ok(PerBeam(Values::All(T::deserialize(text.into_deserializer())?)))
@@ -167,6 +177,9 @@ impl<T: JsonSchema> JsonSchema for PerBeam<T> {
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let value = generator.subschema_for::<T>();
         let each = json_schema!({ "type": "array", "items": value, "minItems": 1, "maxItems": 4 });
-        json_schema!({ "anyOf": [value, each], "description": "one value for all beams, or an array with one a beam" })
+        json_schema!({
+            "anyOf": [value, each],
+            "description": "one value for all beams, or an array with one per beam",
+        })
     }
 }

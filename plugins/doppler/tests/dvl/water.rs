@@ -1,13 +1,10 @@
 //! Water tracking and the current: the equation, and ten minutes without the bottom.
-#![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-mod common;
-
-use common::{bound, compose, no_sample, predict, refused, run, set};
+use crate::common::{bound, compose, no_sample, predict, refused, run, set};
 use navfuse_core::nalgebra::Vector3;
 use navfuse_core::state::Dynamics;
 
-const SCENARIO: &str = include_str!("../../../scenarios/water-track.toml");
+const SCENARIO: &str = include_str!("../../../../scenarios/water-track.toml");
 
 const NO_WATER: &str = "sensor.water-track.enabled=false";
 
@@ -165,6 +162,6 @@ fn beams_water_track_and_current_conform() {
             { type = "cruise", duration = "20 s" },
         ]
     "#;
-    let report = navfuse_conformance::report(&[&navfuse_dvl::DvlPlugin], text);
+    let report = navfuse_conformance::report(&[&navfuse_doppler::DvlPlugin], text);
     assert!(report.failures().count() == 0 && report.findings.len() > 10, "{report}");
 }

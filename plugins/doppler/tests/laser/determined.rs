@@ -4,11 +4,8 @@
 //! misalignment, its change is `(u · v) dk + (v x u) · eta`. Motion that goes through the velocities `v_j` therefore
 //! determines the numbers `[u_i · v_j, v_j x u_i] · [dk, eta]` and nothing else. The Cramer-Rao bound of the whole filter
 //! must find the same: next to nothing left where these determine a state, and what the prior leaves elsewhere.
-#![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-mod common;
-
-use common::{document, registry};
+use crate::common::{document, registry};
 use navfuse_campaign::{Campaign, Options, bound};
 use navfuse_core::nalgebra::{DMatrix, Matrix4, Vector3, Vector4};
 use navfuse_core::run::scenario::Scenario;
@@ -92,7 +89,7 @@ fn achieved(beams: &[[f64; 3]], motion: &Motion) -> [f64; 4] {
     [of("laser.scale.k"), angle("roll"), angle("pitch"), angle("yaw")]
 }
 
-/// `cargo test -p navfuse-laser-doppler --test determined -- --nocapture` prints the table of the book.
+/// `cargo test -p navfuse-doppler --test laser determined -- --nocapture` prints the table of the book.
 #[test]
 fn the_bound_is_what_the_geometry_of_beams_and_motion_says() {
     println!(

@@ -1,9 +1,6 @@
 //! A DVL of single beams: its geometry, what it is to one that gives a velocity, lost beams, and the speed of sound.
-#![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-mod common;
-
-use common::{Log, bound, compose, model, no_sample, predict, refused, run, set};
+use crate::common::{Log, bound, compose, model, no_sample, predict, refused, run, set};
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::measurement::{At, jacobian_error};
 use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};

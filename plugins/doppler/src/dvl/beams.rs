@@ -1,8 +1,9 @@
-//! The velocity along each beam.
+//! The velocity along each beam of a DVL.
 
-use crate::geometry::{MAX_BEAMS, count, directions};
-use crate::instrument::{Instrument, Settings, Track};
-use crate::sound::{Array, gains};
+use super::geometry::{MAX_BEAMS, count, directions};
+use super::sound::{Array, gains};
+use crate::instrument::{Instrument, TrackingMode};
+use crate::keys::doppler_sensor;
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
@@ -18,49 +19,34 @@ use navfuse_core::units::{Angle, Positive, Ratio, Sigma, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Doppler velocity log that gives the velocity along each of its beams: what is left is used where beams are lost.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DvlBeams {
-    /// 1-sigma noise of one beam of one sample.
-    pub noise: Sigma<Speed>,
-    /// Angle between the beams and the instrument's down axis. Without it 30 deg.
-    pub slant: Option<Angle>,
-    /// Azimuths of the beams, from forward towards right, one to five. Without it an X: 45, 135, 225 and 315 deg.
-    pub azimuth: Option<Vec<Angle>>,
-    /// Or the direction of each beam in the instrument's axes [forward, right, down], of any length.
-    pub beams: Option<Vec<[f64; 3]>>,
-    /// Scale factor k: the output is k times the velocity. Without it k = 1.
-    #[serde(default)]
-    pub scale: ScaleFactor,
-    /// Roll, pitch and yaw of the instrument: C_d^b = R_x(roll) R_y(pitch) R_z(yaw). Without it they are zero.
-    #[serde(default)]
-    pub misalignment: Misalignment,
-    /// Where the instrument is, from the IMU, in body axes. Without it at the IMU.
-    #[serde(default)]
-    pub lever_arm: LeverArm,
-    /// Another DVL, above this one, of the same transducer: its misalignment and lever arm are those of this one too. For
-    /// one instrument that tracks both bottom and water.
-    pub transducer: Option<String>,
-    /// The process whose motion it measures.
-    #[serde(default = "navfuse_ins::default_name")]
-    pub navigation: String,
-    /// What the velocity is relative to: `bottom` (default) or `water`.
-    #[serde(default)]
-    pub track: Track,
-    /// With track = "water", the current: the name of a `[process.NAME]` of type water-current.
-    pub current: Option<String>,
-    /// The speed of sound that the instrument was set to. With it there is one more channel, `sound_speed`: the true one at
-    /// the transducer. A sample without that channel is taken as if both were the same.
-    pub assumed_sound_speed: Option<Positive<Speed>>,
-    /// How the beams are made: `piston` (default) or `phased`, whose horizontal velocity is independent of the speed of
-    /// sound. The beams of a phased array are given as they are at the assumed speed of sound.
-    pub array: Option<Array>,
-    /// Simulation: the true speed of sound. Without it the assumed one.
-    pub simulated_sound_speed: Option<Positive<Speed>>,
-    /// Simulation: the probability that a beam is lost, each by itself.
-    #[serde(default = "none")]
-    pub beam_dropout: Sigma<Ratio>,
+doppler_sensor! {
+    /// Doppler velocity log that outputs the velocity along each of its beams. The filter uses
+    /// whichever beams are valid, even a single one.
+    pub struct DvlBeams {
+        /// 1-sigma noise of one beam of one sample.
+        pub noise: Sigma<Speed>,
+        /// Angle between the beams and the instrument's down axis. Default: 30 deg.
+        pub slant: Option<Angle>,
+        /// Azimuths of the beams, from forward towards right, one to five. Default: an X of 45,
+        /// 135, 225 and 315 deg.
+        pub azimuth: Option<Vec<Angle>>,
+        /// Direction of each beam in the instrument's axes [forward, right, down], of any length,
+        /// in place of slant and azimuth.
+        pub beams: Option<Vec<[f64; 3]>>,
+        /// Speed of sound that the instrument was set to. With it there is one more channel,
+        /// `sound_speed`: the true one at the transducer. For a sample without that channel, both
+        /// are taken to be equal.
+        pub assumed_sound_speed: Option<Positive<Speed>>,
+        /// Construction of the transducer: `piston` (default) or `phased`, whose horizontal
+        /// velocity is independent of the speed of sound. The beams of a phased array are given as
+        /// they are at the assumed speed of sound.
+        pub array: Option<Array>,
+        /// Simulation: true speed of sound. Default: the assumed one.
+        pub simulated_sound_speed: Option<Positive<Speed>>,
+        /// Simulation: probability that a beam is lost, independently of the others.
+        #[serde(default = "none")]
+        pub beam_dropout: Sigma<Ratio>,
+    } tracks
 }
 
 fn none() -> Sigma<Ratio> {
@@ -96,18 +82,9 @@ impl DvlBeams {
         beams: &[Vector3<f64>; N],
         composer: &mut Composer,
     ) -> Result<Role, ComposeError> {
-        let settings = Settings {
-            scale: self.scale,
-            misalignment: self.misalignment,
-            lever_arm: self.lever_arm,
-            transducer: self.transducer.as_deref(),
-            navigation: &self.navigation,
-            track: self.track,
-            current: self.current.as_deref(),
-        };
         let array = self.array.unwrap_or_default();
         Ok(Role::measurement(DvlBeamsModel {
-            instrument: settings.build(composer)?,
+            instrument: self.instrument(composer)?,
             beams: *beams,
             sound: self.sound(array, beams)?,
             sigma: self.noise.value().si(),
@@ -130,7 +107,8 @@ impl DvlBeams {
             };
         };
         if array == Array::Phased && beams.iter().any(|b| b.z == 0.0) {
-            let message = "a phased array normal to the down axis has no beam across that axis; give other `beams`";
+            let message = "a phased array normal to the down axis has no beam across that axis; \
+                           give other `beams`";
             return Err(ComposeError::new("array", message));
         }
         let set = set.value().si();

@@ -1,9 +1,6 @@
 //! The equation against geometry, its Jacobian against differences, and what is refused or noted.
-#![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-mod common;
-
-use common::{compose, refused};
+use crate::common::{compose, refused};
 use navfuse_core::compose::Composition;
 use navfuse_core::model::measurement::{At, jacobian_error};
 use navfuse_core::model::sensor::Role;

@@ -1,10 +1,4 @@
 //! What the tests of this crate share: a registry, scenarios, states set by name, and runs.
-#![allow(
-    dead_code,
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "each test uses a part; a test fails by panicking"
-)]
 
 use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
@@ -26,7 +20,7 @@ pub fn registry() -> Registry {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_dvl::DvlPlugin)
+        .add(&navfuse_doppler::DvlPlugin)
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_simulation::SimulationPlugin);
     registry

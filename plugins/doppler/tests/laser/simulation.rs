@@ -1,9 +1,6 @@
 //! What a simulated laser loses.
-#![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-mod common;
-
-use common::{document, registry};
+use crate::common::{document, registry};
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;

@@ -1,0 +1,10 @@
+//! Doppler velocity logs, by axes and by beams.
+
+mod beams;
+mod geometry;
+mod sound;
+mod velocity;
+
+pub use beams::{DvlBeams, DvlBeamsModel};
+pub use sound::Array;
+pub use velocity::{Dvl, DvlModel};

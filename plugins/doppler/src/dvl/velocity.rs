@@ -1,0 +1,56 @@
+//! The velocity along the instrument's own three axes.
+
+use crate::instrument::{Instrument, TrackingMode};
+use crate::keys::doppler_sensor;
+use navfuse_core::Real;
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::sensor::Role;
+use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
+use navfuse_core::plugin::SensorType;
+use navfuse_core::state::View;
+use navfuse_core::units::sample::Channel;
+use navfuse_core::units::{Sigma, Speed, Triple};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+doppler_sensor! {
+    /// Doppler velocity log that outputs the velocity over the bottom, or through the water, along
+    /// its own three axes.
+    pub struct Dvl {
+        /// 1-sigma noise of one sample, one value or one per axis.
+        pub noise: Sigma<Triple<Speed>>,
+    } tracks
+}
+
+impl SensorType for Dvl {
+    const TYPE: &'static str = "dvl";
+
+    fn channels(&self) -> Vec<Channel> {
+        ["vel_x", "vel_y", "vel_z"].map(|name| Channel::new(name, "mps")).to_vec()
+    }
+
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let instrument = self.instrument(composer)?;
+        Ok(Role::measurement(DvlModel { instrument, sigma: self.noise.value().si() }))
+    }
+}
+
+/// The measurement model of a [`Dvl`].
+#[derive(Clone, Debug)]
+pub struct DvlModel {
+    instrument: Instrument,
+    sigma: Vector3<f64>,
+}
+
+impl MeasurementModel<3> for DvlModel {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
+        self.instrument.velocity(x)
+    }
+
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
+        SMatrix::from_diagonal(&self.sigma.map(|s| s * s))
+    }
+}

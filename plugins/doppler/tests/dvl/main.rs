@@ -1,0 +1,6 @@
+//! Doppler velocity logs, by axes and by beams, over the bottom and through the water.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod beams;
+mod common;
+mod water;
