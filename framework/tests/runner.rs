@@ -45,7 +45,7 @@ impl Source for Clockwork {
                 return Ok(false);
             }
             if self.fails_at == Some(self.next) {
-                return Err(StreamError("log.csv:7: not a number".into()));
+                return Err(StreamError::new("log.csv:7: not a number"));
             }
             let time = Time::from_nanos(self.next * self.period);
             self.next += 1;
@@ -101,7 +101,7 @@ impl Sink for Told {
         let mut samples = self.samples.lock().unwrap();
         samples.push((sample.time, sample.sensor.0));
         if self.breaks_at == Some(samples.len()) {
-            Err(StreamError("run.mcap: no space left".into()))
+            Err(StreamError::new("run.mcap: no space left"))
         } else {
             Ok(())
         }
@@ -112,7 +112,7 @@ impl Sink for Told {
     }
     fn event(&mut self, event: &Event) -> Result<(), StreamError> {
         if self.hates_events {
-            return Err(StreamError("no events, please".into()));
+            return Err(StreamError::new("no events, please"));
         }
         self.events.lock().unwrap().push(event.clone());
         Ok(())

@@ -43,7 +43,10 @@ impl TrajectoryType for Eight {
         let (sin, _) = (time * convert(rate)).sin_cos();
         let (heading, speed) = (sin * convert(SWING), convert::<f64, T>(self.speed.si()));
         let down = sin * convert(self.amplitude.si() * rate);
-        (Vector3::new(heading.cos() * speed, heading.sin() * speed, down), Vector3::new(T::zero(), T::zero(), heading))
+        (
+            Vector3::new(heading.cos() * speed, heading.sin() * speed, down),
+            Vector3::new(T::zero(), T::zero(), heading),
+        )
     }
 }
 // ANCHOR_END: eight

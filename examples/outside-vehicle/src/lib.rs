@@ -15,8 +15,8 @@ pub use pressure::PressureGauge;
 pub use ranges::Ranges;
 pub use steady::Steady;
 
-use navfuse_core::prelude::*;
 use navfuse_core::plugin::Need;
+use navfuse_core::prelude::*;
 use navfuse_simulation::On;
 
 // ANCHOR: plugin

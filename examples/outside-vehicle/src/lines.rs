@@ -1,14 +1,10 @@
 //! A source and a sink: samples as lines of text, `TIME_NS SENSOR VALUE VALUE ...`, with `-` for a channel that is missing.
 
-use navfuse_core::prelude::*;
 use navfuse_core::model::sensor::SensorInfo;
+use navfuse_core::prelude::*;
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Lines, Write};
 use std::path::PathBuf;
-
-fn failed(path: &std::path::Path, what: impl std::fmt::Display) -> StreamError {
-    StreamError(format!("{}: {what}", path.display()))
-}
 
 /// Reads samples from lines of text.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
@@ -24,15 +20,20 @@ impl SourceType for LinesSource {
 
     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
         let path = context.base.join(self.path);
-        let file = File::open(&path).map_err(|e| failed(&path, e))?;
+        let file = File::open(&path).map_err(|e| StreamError::open(&path, e))?;
         let sensors = context.composition.sensors.iter().map(|s| s.info.clone()).collect();
-        Ok(vec![Box::new(Reading { lines: BufReader::new(file).lines(), number: 0, path, sensors })])
+        Ok(vec![Box::new(Reading {
+            lines: BufReader::new(file).lines(),
+            number: 0,
+            path,
+            sensors,
+        })])
     }
 }
 
 struct Reading {
     lines: Lines<BufReader<File>>,
-    number: usize,
+    number: u64,
     path: PathBuf,
     sensors: Vec<SensorInfo>,
 }
@@ -41,22 +42,28 @@ impl Source for Reading {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
         let Some(line) = self.lines.next() else { return Ok(false) };
         self.number += 1;
-        let line = line.map_err(|e| failed(&self.path, e))?;
-        let read = parse(&line, &self.sensors);
-        *sample = read.map_err(|what| failed(&self.path, format_args!("line {}: {what}: {line:?}", self.number)))?;
+        let line = line.map_err(|e| StreamError::read(&self.path, e))?;
+        *sample =
+            parse(&line, &self.sensors).map_err(|e| e.in_file(&self.path).on_line(self.number))?;
         Ok(true)
     }
 }
 // ANCHOR_END: source
 
-fn parse(line: &str, sensors: &[SensorInfo]) -> Result<Sample, String> {
+fn parse(line: &str, sensors: &[SensorInfo]) -> Result<Sample, StreamError> {
+    let wrong = |what: &str| StreamError::format(format!("{what} in {line:?}"));
     let mut words = line.split_whitespace();
-    let time = words.next().and_then(|w| w.parse().ok()).ok_or("no time in nanoseconds")?;
+    let time = words.next().and_then(|w| w.parse().ok());
+    let time = time.ok_or_else(|| wrong("no time in nanoseconds"))?;
     let name = words.next().unwrap_or_default();
-    let id = sensors.iter().position(|s| s.name == name).ok_or("no sensor of the scenario")?;
+    let id = sensors.iter().position(|s| s.name == name);
+    let id = id.ok_or_else(|| wrong("no sensor of the scenario"))?;
     let mut sample = Sample::empty(Time::from_nanos(time), SensorId(id));
     for (channel, word) in words.enumerate().filter(|(_, word)| *word != "-") {
-        sample.set(channel, word.parse().map_err(|_| format!("{word:?} is no number"))?);
+        sample.set(
+            channel,
+            word.parse().map_err(|e| wrong("a value that is not a number").with_source(e))?,
+        );
     }
     Ok(sample)
 }
@@ -73,7 +80,7 @@ impl SinkType for LinesSink {
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
         let path = context.output.join("samples.txt");
-        let file = File::create(&path).map_err(|e| failed(&path, e))?;
+        let file = File::create(&path).map_err(|e| StreamError::open(&path, e))?;
         Ok(Box::new(Writing { file: BufWriter::new(file), path, sensors: Vec::new() }))
     }
 }
@@ -104,10 +111,10 @@ impl Sink for Writing {
         Ok(())
     }
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
-        self.line(sample).map_err(|e| failed(&self.path, e))
+        self.line(sample).map_err(|e| StreamError::write(&self.path, e))
     }
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        self.file.flush().map_err(|e| failed(&self.path, e))?;
+        self.file.flush().map_err(|e| StreamError::write(&self.path, e))?;
         Ok(Some(self.path.display().to_string()))
     }
 }

@@ -51,8 +51,9 @@ impl SensorType for Ranges {
 impl MeasurementModel<4> for Model {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 4> {
         let here = x.get(self.position);
-        let range =
-            |place: &Option<Geodetic<f64>>| place.map_or(T::zero(), |there| here.ned_from(&there.cast()).norm());
+        let range = |place: &Option<Geodetic<f64>>| {
+            place.map_or(T::zero(), |there| here.ned_from(&there.cast()).norm())
+        };
         SVector::from(self.transponders.each_ref().map(range))
     }
 
@@ -64,7 +65,8 @@ impl MeasurementModel<4> for Model {
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
         scene.measure(self, sample);
         for (k, place) in self.transponders.iter().enumerate() {
-            let replies = place.is_some() && sample.get(k).is_some_and(|range| range < self.ranges.reach.value().si());
+            let replies = place.is_some()
+                && sample.get(k).is_some_and(|range| range < self.ranges.reach.value().si());
             if !replies {
                 sample.clear(k);
             }

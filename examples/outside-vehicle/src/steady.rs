@@ -51,7 +51,8 @@ impl ProcessType for Steady {
         const DESCENT: Display = Display { components: &["down"], ..SPEED };
         let place = [self.latitude.si(), self.longitude.si(), self.height.si()];
         let (far, fast) = (self.position_sigma.value().si(), [self.speed_sigma.value().si()]);
-        let position = composer.block("position", state(&place, far.as_slice(), display::POSITION))?;
+        let position =
+            composer.block("position", state(&place, far.as_slice(), display::POSITION))?;
         let course = state(&[self.course.si()], &[self.course_sigma.value().si()], COURSE);
         let course = composer.block("course", course)?;
         let speed = composer.block("speed", state(&[self.speed.si()], &fast, SPEED))?;
@@ -101,12 +102,17 @@ impl ProcessModel for Model {
         transition: &mut Transition,
     ) -> Result<(), ProcessError> {
         let dt = interval.duration();
-        let ((sin, cos), speed) = (state.get(layout, self.course).sin_cos(), state.get(layout, self.speed));
+        let ((sin, cos), speed) =
+            (state.get(layout, self.course).sin_cos(), state.get(layout, self.speed));
         let velocity = Vector3::new(speed * cos, speed * sin, state.get(layout, self.descent));
         let place = state.get(layout, self.position).displaced(&(velocity * dt));
         state.set(layout, self.position, &place);
         // what a change of course, speed and descent does to the velocity
-        let moves = [Vector3::new(-speed * sin, speed * cos, 0.0), Vector3::new(cos, sin, 0.0), Vector3::z()];
+        let moves = [
+            Vector3::new(-speed * sin, speed * cos, 0.0),
+            Vector3::new(cos, sin, 0.0),
+            Vector3::z(),
+        ];
         let mut q = SMatrix::<f64, 6, 6>::zeros();
         transition.set_diagonal(self.p_p, &[1.0; 3]);
         for (k, u) in moves.iter().enumerate() {
@@ -132,7 +138,9 @@ impl ProcessModel for Model {
         state.set(layout, self.course, &v.y.atan2(v.x));
         state.set(layout, self.speed, &v.xy().norm());
         state.set(layout, self.descent, &v.z);
-        for slot in [self.position.slot(), self.course.slot(), self.speed.slot(), self.descent.slot()] {
+        for slot in
+            [self.position.slot(), self.course.slot(), self.speed.slot(), self.descent.slot()]
+        {
             known[slot] = true;
         }
     }

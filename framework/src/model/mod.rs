@@ -9,3 +9,4 @@ pub mod record;
 pub mod sensor;
 pub mod simulate;
 pub mod stream;
+mod stream_error;

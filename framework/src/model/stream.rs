@@ -7,10 +7,7 @@ use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 
-/// Why a source or a sink failed: the file or address, and what to do.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct StreamError(pub String);
+pub use crate::model::stream_error::{StreamError, StreamErrorKind, StreamPlace};
 
 /// Gives samples in order of time.
 ///

@@ -21,6 +21,7 @@ pub enum RunError {
         /// Which.
         source_name: String,
         /// Why.
+        #[source]
         error: StreamError,
     },
     /// The filter cannot go on.
@@ -234,7 +235,7 @@ impl Merge {
         let more = source.next(&mut sample).map_err(failed)?;
         let (found, count) = (sample.sensor.0, self.references.len());
         if found >= count {
-            return Err(failed(StreamError(format!(
+            return Err(failed(StreamError::format(format!(
                 "a sample of sensor number {found}, but there are {count}"
             ))));
         }

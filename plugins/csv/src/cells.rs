@@ -5,6 +5,7 @@ use crate::headings::Wanted;
 use crate::time;
 use navfuse_core::document::did_you_mean;
 use navfuse_core::model::sensor::SensorInfo;
+use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::Unit;
 use navfuse_core::units::time::Time;
 
@@ -47,7 +48,7 @@ pub fn time_cell(
     info: &SensorInfo,
     config: &FileConfig,
     headings: &[String],
-) -> Result<TimeCell, String> {
+) -> Result<TimeCell, StreamError> {
     let (given, key) = (&config.time.0, format!("files.{}.time", info.name));
     let others: Vec<&str> = info.channels.iter().map(|c| c.name).collect();
     let (column, unit) = (given.column.as_deref(), given.unit.map(|u| u.0));
@@ -56,10 +57,12 @@ pub fn time_cell(
     let nanos = found.unit.map_or(1e9, |u| u.to_si(1e9));
     // exact times need a whole number of nanoseconds; all of the usual units of time are
     if !(1.0..=86_400e9).contains(&nanos) || (nanos - nanos.round()).abs() > 1e-6 {
-        return Err(format!("{key}.unit: a unit of time from ns to day is needed, such as \"ms\""));
+        let message = "a unit of time from ns to day is needed, such as \"ms\"";
+        return Err(StreamError::scenario(format!("{key}.unit: {message}")));
     }
     let offset = time::from_seconds(given.offset.map_or(0.0, |o| o.si()));
-    let offset = offset.ok_or_else(|| format!("{key}.offset: beyond 73 years"))?;
+    let offset =
+        offset.ok_or_else(|| StreamError::scenario(format!("{key}.offset: beyond 73 years")))?;
     Ok(TimeCell { column: found.index, unit: nanos.round() as u64, offset })
 }
 
@@ -71,15 +74,16 @@ pub fn channel_cells(
     info: &SensorInfo,
     config: &FileConfig,
     headings: &[String],
-) -> Result<Vec<ChannelCell>, String> {
+) -> Result<Vec<ChannelCell>, StreamError> {
     let (sensor, names) = (&info.name, || info.channels.iter().map(|c| c.name));
     if let Some(unknown) = config.columns.keys().find(|key| names().all(|c| c != key.as_str())) {
         let near = did_you_mean(unknown, names())
             .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
         let list = names().collect::<Vec<_>>().join(", ");
-        return Err(format!(
-            "files.{sensor}.columns: [sensor.{sensor}] has no channel {unknown:?}{near} (channels: {list})"
-        ));
+        return Err(StreamError::scenario(format!(
+            "files.{sensor}.columns: [sensor.{sensor}] has no channel {unknown:?}{near} \
+             (channels: {list})"
+        )));
     }
     let cell = |c: &navfuse_core::units::sample::Channel| {
         let given = config.columns.get(c.name).map(|g| &g.0);

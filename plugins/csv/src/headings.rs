@@ -1,6 +1,7 @@
 //! Which column is which channel, and in which unit.
 
 use navfuse_core::document::did_you_mean;
+use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::{Unit, column_suffix};
 
 /// Columns that a message lists before it says how many more there are.
@@ -36,7 +37,7 @@ impl Wanted<'_> {
     ///
     /// # Errors
     /// What is wrong and what to do about it.
-    pub fn find(&self, headings: &[String]) -> Result<Found, String> {
+    pub fn find(&self, headings: &[String]) -> Result<Found, StreamError> {
         let needed = column_suffix(self.si);
         let heading = match self.column {
             Some(column) => column.to_owned(),
@@ -46,23 +47,22 @@ impl Wanted<'_> {
         let index = match (places.next(), places.next()) {
             (Some((index, _)), None) => index,
             (Some(_), Some(_)) => {
-                return Err(format!("two columns are {heading:?}: rename one of them"));
+                let message = format!("two columns are {heading:?}: rename one of them");
+                return Err(StreamError::format(message));
             }
             (None, _) => return Err(self.missing(&heading, headings)),
         };
         let unit = match (needed, self.unit) {
             (None, Some(_)) if self.si.is_empty() => {
-                return Err(format!("{} has no unit: remove {}.unit", self.name, self.key));
+                let message = format!("{} has no unit: remove {}.unit", self.name, self.key);
+                return Err(StreamError::scenario(message));
             }
             (None, unit) => unit,
             (Some(needed), Some(unit)) if unit.exponents() == needed.exponents() => Some(unit),
             (Some(_), Some(unit)) => {
-                return Err(format!(
-                    "{}.unit is of {}, {}",
-                    self.key,
-                    unit.dimension(),
-                    self.need()
-                ));
+                let (key, found) = (self.key, unit.dimension());
+                let message = format!("{key}.unit is of {found}, {}", self.need());
+                return Err(StreamError::scenario(message));
             }
             (Some(needed), None) => Some(self.suffix(&heading, needed)?),
         };
@@ -70,7 +70,7 @@ impl Wanted<'_> {
     }
 
     /// The heading that the channel has by itself.
-    fn heading(&self, headings: &[String], needed: Option<Unit>) -> Result<String, String> {
+    fn heading(&self, headings: &[String], needed: Option<Unit>) -> Result<String, StreamError> {
         let usual = self.usual();
         let (Some(needed), false) = (needed, headings.contains(&usual)) else { return Ok(usual) };
         let suffix = |h: &str| column_suffix(h.strip_prefix(self.name)?.strip_prefix('_')?);
@@ -79,7 +79,8 @@ impl Wanted<'_> {
         match (fitting.next(), fitting.next()) {
             (Some((heading, _)), None) => return Ok(heading.clone()),
             (Some((a, _)), Some((b, _))) => {
-                return Err(format!("{a:?} and {b:?} are both {}: set {}", self.name, self.key));
+                let message = format!("{a:?} and {b:?} are both {}: set {}", self.name, self.key);
+                return Err(StreamError::format(message));
             }
             _ => {}
         }
@@ -92,7 +93,7 @@ impl Wanted<'_> {
     }
 
     /// The unit that a heading ends with: the longest that is one, so that `v_m_s` is in m/s.
-    fn suffix(&self, heading: &str, needed: Unit) -> Result<Unit, String> {
+    fn suffix(&self, heading: &str, needed: Unit) -> Result<Unit, StreamError> {
         let ends =
             heading.char_indices().filter(|(_, c)| *c == '_').map(|(i, _)| &heading[i + 1..]);
         let units: Vec<(&str, Unit)> =
@@ -100,15 +101,17 @@ impl Wanted<'_> {
         let remedy = format!("rename it to {:?}, or set {}.unit", self.usual(), self.key);
         match units.first() {
             Some((_, unit)) if unit.exponents() == needed.exponents() => Ok(*unit),
-            Some((end, unit)) => Err(format!(
-                "column {heading:?} ends with {end:?}, which is {}, {}; {remedy}",
+            Some((end, unit)) => Err(StreamError::format(format!(
+                "column {heading:?} ends with {end:?}, which is {}, {}",
                 unit.dimension(),
                 self.need()
-            )),
-            None => Err(format!(
-                "column {heading:?} does not end with a unit, {}; {remedy}",
+            ))
+            .with_remedy(remedy)),
+            None => Err(StreamError::format(format!(
+                "column {heading:?} does not end with a unit, {}",
                 self.need()
-            )),
+            ))
+            .with_remedy(remedy)),
         }
     }
 
@@ -121,7 +124,7 @@ impl Wanted<'_> {
         format!("{} is {dimension}", self.name)
     }
 
-    fn missing(&self, heading: &str, headings: &[String]) -> String {
+    fn missing(&self, heading: &str, headings: &[String]) -> StreamError {
         let named =
             |h: &str, name: &str| h.strip_prefix(name).is_some_and(|rest| rest.starts_with('_'));
         let free = |h: &&str| !self.others.iter().any(|other| named(h, other));
@@ -131,10 +134,8 @@ impl Wanted<'_> {
         if headings.len() > LISTED {
             list += &format!(" and {} more", headings.len() - LISTED);
         }
-        format!(
-            "no column {heading:?}{near} (columns: {list}); rename the column, or set {}",
-            self.key
-        )
+        StreamError::format(format!("no column {heading:?}{near} (columns: {list})"))
+            .with_remedy(format!("rename the column, or set {}", self.key))
     }
 }
 
@@ -156,7 +157,8 @@ mod tests {
 
     fn find(wanted: &Wanted<'_>, header: &str) -> Result<(usize, f64), String> {
         let headings: Vec<String> = header.split(',').map(str::to_owned).collect();
-        wanted.find(&headings).map(|f| (f.index, f.unit.map_or(1.0, |u| u.to_si(1.0))))
+        let found = wanted.find(&headings).map_err(|e| e.to_string())?;
+        Ok((found.index, found.unit.map_or(1.0, |u| u.to_si(1.0))))
     }
 
     #[test]

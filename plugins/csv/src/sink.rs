@@ -22,10 +22,9 @@ use navfuse_core::units::sample::MAX_CHANNELS;
 use navfuse_core::units::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::fmt::Display;
 use std::fs::File;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Writes estimate.csv and innovations.csv into the folder of the run. Only where the scenario has it.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
@@ -59,12 +58,12 @@ struct Table {
 
 impl Table {
     fn create(path: PathBuf) -> Result<Self, StreamError> {
-        let writer = Writer::from_path(&path).map_err(|e| failed(&path, e))?;
+        let writer = Writer::from_path(&path).map_err(|e| StreamError::write(&path, e))?;
         Ok(Self { path, writer, cell: Vec::new() })
     }
 
     fn bytes(&mut self, cell: &[u8]) -> Result<(), StreamError> {
-        self.writer.write_field(cell).map_err(|e| failed(&self.path, e))
+        self.writer.write_field(cell).map_err(|e| StreamError::write(&self.path, e))
     }
 
     /// A number that reads back to the bit; what is not finite is empty.
@@ -90,21 +89,17 @@ impl Table {
     }
 
     fn end_row(&mut self) -> Result<(), StreamError> {
-        self.writer.write_record(None::<&[u8]>).map_err(|e| failed(&self.path, e))
+        self.writer.write_record(None::<&[u8]>).map_err(|e| StreamError::write(&self.path, e))
     }
 
     fn row<'a>(&mut self, cells: impl IntoIterator<Item = &'a str>) -> Result<(), StreamError> {
-        self.writer.write_record(cells).map_err(|e| failed(&self.path, e))
+        self.writer.write_record(cells).map_err(|e| StreamError::write(&self.path, e))
     }
 
     fn finish(&mut self) -> Result<String, StreamError> {
-        self.writer.flush().map_err(|e| failed(&self.path, e))?;
+        self.writer.flush().map_err(|e| StreamError::write(&self.path, e))?;
         Ok(self.path.display().to_string())
     }
-}
-
-fn failed(path: &Path, error: impl Display) -> StreamError {
-    StreamError(format!("{}: cannot be written: {error}", path.display()))
 }
 
 /// Both files.

@@ -7,7 +7,7 @@ use crate::time::{self, TimeError};
 use csv::{ByteRecord, Reader, ReaderBuilder};
 use navfuse_core::document::{Document, did_you_mean};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
-use navfuse_core::model::stream::{Source, StreamError};
+use navfuse_core::model::stream::{Source, StreamError, StreamErrorKind};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
@@ -35,9 +35,8 @@ impl SourceType for Csv {
             let near = did_you_mean(name, names.iter().copied())
                 .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
             let names = names.join(", ");
-            return Err(StreamError(format!(
-                "files.{name}: there is no [sensor.{name}]{near} (sensors: {names})"
-            )));
+            let message = format!("there is no [sensor.{name}]{near} (sensors: {names})");
+            return Err(StreamError::scenario(message).at_key(format!("files.{name}")));
         }
         let alone =
             table("source").and_then(|t| t.entries().ok()).is_none_or(|sources| sources.len() < 2);
@@ -61,18 +60,18 @@ impl SourceType for Csv {
         }
         if streams.is_empty() {
             let wanted = names.iter().map(|n| format!("{n}.csv")).collect::<Vec<_>>().join(", ");
-            return Err(StreamError(format!(
-                "{}: there is none of {wanted}; set the source's directory, or files.NAME.path",
-                absolute(&folder)
-            )));
+            let message = format!("there is none of {wanted}");
+            return Err(StreamError::of(StreamErrorKind::Open, message)
+                .in_file(absolute(&folder))
+                .with_remedy("set the source's directory, or files.NAME.path"));
         }
         Ok(streams)
     }
 }
 
 /// A path as it was looked for, for messages about what is not there.
-fn absolute(path: &Path) -> String {
-    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
 /// What a row is.
@@ -85,6 +84,7 @@ enum Row {
 
 /// What is wrong in a row, and whether that is so because the file ends in it.
 struct Problem {
+    kind: StreamErrorKind,
     text: String,
     cut: bool,
 }
@@ -125,19 +125,14 @@ impl Stream {
     ) -> Result<Self, StreamError> {
         let name = &info.name;
         let file = File::open(path).map_err(|e| {
-            let remedy = format!("set files.{name}.path, or the source's directory");
-            StreamError(format!(
-                "[sensor.{name}]: {}: cannot be opened: {e}; {remedy}",
-                absolute(path)
-            ))
+            StreamError::open(absolute(path), e)
+                .of_sensor(name)
+                .with_remedy(format!("set files.{name}.path, or the source's directory"))
         })?;
-        let fail = |text: String| StreamError(format!("{}: {text}", path.display()));
+        let fail = |text: String| StreamError::format(text).in_file(path);
         let mut reader = builder(config.delimiter).from_reader(file);
         let mut record = ByteRecord::new();
-        if !reader
-            .read_byte_record(&mut record)
-            .map_err(|e| fail(format!("cannot be read: {e}")))?
-        {
+        if !reader.read_byte_record(&mut record).map_err(|e| StreamError::read(path, e))? {
             return Err(fail(format!(
                 "the file is empty; its first line must name the columns: {}",
                 usual_header(info)
@@ -167,8 +162,8 @@ impl Stream {
                 other.to_string()
             )));
         }
-        let time = time_cell(info, config, &headings).map_err(fail)?;
-        let channels = channel_cells(info, config, &headings).map_err(fail)?;
+        let time = time_cell(info, config, &headings).map_err(|e| e.in_file(path))?;
+        let channels = channel_cells(info, config, &headings).map_err(|e| e.in_file(path))?;
         let mut stream = Self {
             path: path.to_owned(),
             name: name.clone(),
@@ -218,7 +213,7 @@ impl Stream {
         }
         if found != needed {
             let text = format!("{found} cells, the header has {needed}");
-            return Err(Problem { text, cut: found < needed });
+            return Err(Problem { kind: StreamErrorKind::Format, text, cut: found < needed });
         }
         let time = self.time_of(&self.record).map_err(|e| self.no_time(e))?;
         *sample = Sample::empty(time, self.sensor);
@@ -263,7 +258,7 @@ impl Stream {
                 )
             }
         };
-        Problem { text, cut: false }
+        Problem { kind: StreamErrorKind::Format, text, cut: false }
     }
 
     /// A cell that is no finite number: a channel that is missing, or an error.
@@ -293,7 +288,8 @@ impl Stream {
             Some(_) => format!("{cell} is no number; leave a cell empty where there is no value"),
         };
         // a number can be cut off only in the last cell: "-9.81e-"
-        Err(Problem { text, cut: column + 1 == self.headings.len() })
+        let cut = column + 1 == self.headings.len();
+        Err(Problem { kind: StreamErrorKind::Format, text, cut })
     }
 
     fn out_of_order(&self, before: Time, time: Time) -> Problem {
@@ -309,7 +305,8 @@ impl Stream {
             "sort the file, or set files.{}.disorder = \"skip\" to leave such rows out",
             self.name
         );
-        Problem { text: format!("{cell} {what}; {remedy}"), cut: false }
+        let text = format!("{cell} {what}; {remedy}");
+        Problem { kind: StreamErrorKind::Order, text, cut: false }
     }
 }
 
@@ -317,9 +314,7 @@ impl Source for Stream {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
         loop {
             let more = self.reader.read_byte_record(&mut self.record);
-            if !more
-                .map_err(|e| StreamError(format!("{}: cannot be read: {e}", self.path.display())))?
-            {
+            if !more.map_err(|e| StreamError::read(&self.path, e))? {
                 return Ok(false);
             }
             match self.row(sample) {
@@ -330,16 +325,20 @@ impl Source for Stream {
                     self.skipped = Some((count + 1, first));
                 }
                 Err(problem) => {
-                    let place = format!("{}:{}", self.path.display(), self.line());
+                    let line = self.line();
                     if problem.cut
                         && tail::ends_within_line(&self.path, self.reader.position().byte())
                     {
                         self.cut = Some(format!(
-                            "{place}: the file ends within this line, which is not used: was it cut off?"
+                            "{}:{line}: the file ends within this line, which is not used: \
+                             was it cut off?",
+                            self.path.display()
                         ));
                         return Ok(false);
                     }
-                    return Err(StreamError(format!("{place}: {}", problem.text)));
+                    return Err(StreamError::of(problem.kind, problem.text)
+                        .in_file(&self.path)
+                        .on_line(line));
                 }
             }
         }

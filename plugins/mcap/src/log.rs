@@ -42,6 +42,12 @@ impl From<McapError> for StreamFailure {
     }
 }
 
+/// The error of a record that does not follow the format.
+pub(crate) fn damaged(error: McapError) -> StreamError {
+    let cause = StreamFailure::from(error);
+    StreamError::format(format!("damaged record: {cause}")).with_source(cause)
+}
+
 /// What a log tells of the run that it records.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogInfo {
@@ -74,7 +80,9 @@ impl LogInfo {
 pub fn read_scenario(path: &Path) -> Result<LogInfo, StreamError> {
     read_info(path, false)?.ok_or_else(|| {
         let why = "navfuse did not record it, or it was cut off at its beginning";
-        about(path, format!("it holds no scenario: {why}; give one with --scenario"))
+        StreamError::format(format!("it holds no scenario: {why}"))
+            .in_file(path)
+            .with_remedy("give one with --scenario")
     })
 }
 
@@ -108,10 +116,6 @@ pub fn summary(path: &Path) -> Option<Summary> {
     reader.finish()
 }
 
-fn about(path: &Path, message: impl std::fmt::Display) -> StreamError {
-    StreamError(format!("{}: {message}", path.display()))
-}
-
 /// What a search in a log came to.
 #[derive(Debug, PartialEq)]
 pub enum Step<T> {
@@ -138,8 +142,7 @@ pub struct Records {
 impl Records {
     /// Opens a file; with `whole_chunks` they are records themselves.
     pub fn open(path: &Path, whole_chunks: bool) -> Result<Self, StreamError> {
-        let file =
-            File::open(path).map_err(|e| about(path, format!("the log cannot be read: {e}")))?;
+        let file = File::open(path).map_err(|e| StreamError::open(path, e))?;
         let options = LinearReaderOptions::default()
             .with_emit_chunks(whole_chunks)
             .with_validate_chunk_crcs(true)
@@ -148,22 +151,22 @@ impl Records {
         Ok(Self { path: path.to_path_buf(), file, reader, position: 0, begun: false })
     }
 
-    /// An error about this file.
-    pub fn error(&self, message: impl std::fmt::Display) -> StreamError {
-        about(&self.path, message)
+    /// The path of this file.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Reads on until `take` makes something of a record.
     pub fn find<T>(
         &mut self,
-        mut take: impl FnMut(u8, &[u8]) -> Result<Option<T>, String>,
+        mut take: impl FnMut(u8, &[u8]) -> Result<Option<T>, StreamError>,
     ) -> Result<Step<T>, StreamError> {
         loop {
             let want = match self.reader.next_event() {
                 None => return Ok(Step::End),
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => {
                     self.begun = true;
-                    match take(opcode, data).map_err(|m| about(&self.path, m))? {
+                    match take(opcode, data).map_err(|e| e.in_file(&self.path))? {
                         Some(found) => return Ok(Step::Found(found)),
                         None => continue,
                     }
@@ -175,17 +178,16 @@ impl Records {
                     return Ok(Step::Cut);
                 }
                 Some(Err(McapError::BadMagic | McapError::UnexpectedEof)) if !self.begun => {
-                    return Err(
-                        self.error("this is not an MCAP file; a log of navfuse is called run.mcap")
-                    );
+                    return Err(StreamError::format("this is not an MCAP file")
+                        .in_file(&self.path)
+                        .with_remedy("a log of navfuse is called run.mcap"));
                 }
                 Some(Err(e)) => {
-                    let message = format!(
-                        "damaged at or before byte {}: {}",
-                        self.position,
-                        StreamFailure::from(e)
-                    );
-                    return Err(self.error(message));
+                    let cause = StreamFailure::from(e);
+                    let message = format!("damaged at or before byte {}: {cause}", self.position);
+                    return Err(StreamError::format(message)
+                        .in_file(&self.path)
+                        .with_source(cause));
                 }
             };
             // in blocks of its own size: what a damaged length asks for is not allocated before it is there
@@ -196,7 +198,7 @@ impl Records {
                     other => break other,
                 }
             };
-            let read = read.map_err(|e| self.error(format!("the log cannot be read: {e}")))?;
+            let read = read.map_err(|e| StreamError::read(&self.path, e))?;
             self.reader.notify_read(read);
             self.position += read as u64;
         }

@@ -38,7 +38,7 @@ impl Stamp {
     pub fn new(time: Time) -> Result<Self, StreamError> {
         let nanos = time.nanos();
         let sec = i32::try_from(nanos.div_euclid(Self::NANOS)).map_err(|_| {
-            StreamError(format!(
+            StreamError::format(format!(
                 "the time {time} does not fit a ROS time stamp, which ends 68 years from zero"
             ))
         })?;

@@ -1,6 +1,6 @@
 //! A log read for what it tells of the run, without composing the scenario: for reports and tables.
 
-use crate::log::{LogInfo, Records, Step, StreamFailure, read_info};
+use crate::log::{LogInfo, Records, Step, damaged, read_info};
 use crate::message::Stamp;
 use crate::schema;
 use crate::source::{read_imu, read_sample, read_time};
@@ -116,7 +116,9 @@ impl LogReader {
         let records = Records::open(path, false)?;
         let length = std::fs::metadata(path).map_or(0, |m| m.len());
         let info = read_info(path, true)?.ok_or_else(|| {
-            records.error("navfuse did not record it: it holds no scenario; a log of navfuse is called run.mcap")
+            StreamError::format("navfuse did not record it: it holds no scenario")
+                .in_file(path)
+                .with_remedy("a log of navfuse is called run.mcap")
         })?;
         let (schemas, topics) = Default::default();
         Ok(Self { records, info, length, schemas, topics, sensors: 0, cut: false })
@@ -142,9 +144,7 @@ impl LogReader {
             if ![op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&opcode) {
                 return Ok(None);
             }
-            match mcap::parse_record(opcode, data)
-                .map_err(|e| format!("damaged record: {}", StreamFailure::from(e)))?
-            {
+            match mcap::parse_record(opcode, data).map_err(damaged)? {
                 Record::Schema { header, .. } => {
                     schemas.insert(header.id, header.name);
                     Ok(None)
@@ -170,13 +170,16 @@ impl LogReader {
                 Record::Message { header, data } => {
                     let Some(kind) = topics.get(&header.channel_id) else { return Ok(None) };
                     let Some((&[0, 1, 0, 0], body)) = data.split_first_chunk::<4>() else {
-                        return Err(format!(
+                        return Err(StreamError::format(format!(
                             "message {}: its encoding is not the one of navfuse",
                             header.sequence
-                        ));
+                        )));
                     };
                     let entry = entry(*kind, &mut CdrReader::new(body));
-                    take(entry.map_err(|why| format!("message {}: {why}", header.sequence))?);
+                    take(entry.map_err(|e| {
+                        StreamError::format(format!("message {}: {e}", header.sequence))
+                            .with_source(e)
+                    })?);
                     Ok(Some(()))
                 }
                 _ => Ok(None),

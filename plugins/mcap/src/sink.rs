@@ -15,6 +15,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::error::Error;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -86,9 +87,9 @@ impl McapSink {
     /// When the file cannot be created.
     pub fn create(path: &Path, compression: Compression, seed: u64) -> Result<Self, StreamError> {
         if std::fs::symlink_metadata(path).is_ok_and(|m| m.is_file()) {
-            std::fs::remove_file(path).map_err(|e| failure(path, &e.to_string()))?;
+            std::fs::remove_file(path).map_err(|e| failure(path, e))?;
         }
-        let file = File::create(path).map_err(|e| failure(path, &e.to_string()))?;
+        let file = File::create(path).map_err(|e| failure(path, e))?;
         let path = path.to_path_buf();
         Ok(Self {
             path,
@@ -110,9 +111,9 @@ impl McapSink {
                     return Err(failure(&self.path, "it is closed"));
                 };
                 let mut recording = Recording::begin(file, self.compression, &run, self.seed, now)
-                    .map_err(|e| failure(&self.path, &e.to_string()))?;
+                    .map_err(|e| failure(&self.path, e))?;
                 for event in std::mem::take(&mut self.held) {
-                    recording.event(&event).map_err(|e| failure(&self.path, &e.to_string()))?;
+                    recording.event(&event).map_err(|e| failure(&self.path, e))?;
                 }
                 recording
             }
@@ -126,13 +127,15 @@ impl McapSink {
         write: impl FnOnce(&mut Recording) -> Result<(), StreamFailure>,
     ) -> Result<(), StreamError> {
         let written = write(self.recording(now)?);
-        written.map_err(|e| failure(&self.path, &e.to_string()))
+        written.map_err(|e| failure(&self.path, e))
     }
 }
 
-fn failure(path: &Path, why: &str) -> StreamError {
-    let remedy = "free space there, give another folder with --out, or set sink.mcap.enabled=false";
-    StreamError(format!("{}: the log cannot be written: {why}; {remedy}", path.display()))
+/// An error of writing the log, with its remedy.
+fn failure(path: &Path, cause: impl Into<Box<dyn Error + Send + Sync>>) -> StreamError {
+    StreamError::write(path, cause).with_remedy(
+        "free space there, give another folder with --out, or set sink.mcap.enabled=false",
+    )
 }
 
 impl Sink for McapSink {
@@ -163,7 +166,7 @@ impl Sink for McapSink {
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
         let finished = self.recording(Time::default())?.log.writer.finish();
-        finished.map_err(|e| failure(&self.path, &StreamFailure::from(e).to_string()))?;
+        finished.map_err(|e| failure(&self.path, StreamFailure::from(e)))?;
         Ok(Some(self.path.display().to_string()))
     }
 }

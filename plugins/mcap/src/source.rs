@@ -1,6 +1,6 @@
 //! The source: the samples of a log, in the order in which they were recorded.
 
-use crate::log::{LogInfo, Records, Step, StreamFailure, read_info, summary};
+use crate::log::{LogInfo, Records, Step, damaged, read_info, summary};
 use crate::message::{MISSING, Stamp};
 use crate::schema;
 use crate::topics::RATES;
@@ -67,16 +67,16 @@ impl McapSource {
             last: None,
             cut: false,
         };
-        source.router.check_topics().map_err(|m| source.records.error(m))?;
+        source.router.check_topics().map_err(|e| e.in_file(path))?;
         if let Some(summary) = summary(path) {
             let mut channels: Vec<_> = summary.channels.values().collect();
             channels.sort_by_key(|c| c.id);
             for c in channels {
                 let schema = c.schema.as_ref().map_or("", |s| s.name.as_str());
                 let added = source.router.channel(c.id, &c.topic, schema, &c.message_encoding);
-                added.map_err(|m| source.records.error(m))?;
+                added.map_err(|e| e.in_file(path))?;
             }
-            source.router.check_matched().map_err(|m| source.records.error(m))?;
+            source.router.check_matched().map_err(|e| e.in_file(path))?;
             let offset = info.as_ref().map_or(0, |i: &LogInfo| i.log_time_offset);
             source.end = (summary.stats.filter(|s| s.message_count > 0))
                 .and_then(|s| i64::try_from(s.message_end_time).ok())
@@ -99,7 +99,7 @@ impl Source for McapSource {
         }
         // a log that was cut off before the first topic is nobody's mistake
         if !self.cut || !self.router.others.is_empty() {
-            self.router.check_matched().map_err(|m| self.records.error(m))?;
+            self.router.check_matched().map_err(|e| e.in_file(self.records.path()))?;
         }
         Ok(false)
     }
@@ -125,7 +125,8 @@ impl Source for McapSource {
                 unknown.join(", ")
             ));
         }
-        (!warnings.is_empty()).then(|| self.records.error(warnings.join("; ")).0)
+        (!warnings.is_empty())
+            .then(|| format!("{}: {}", self.records.path().display(), warnings.join("; ")))
     }
 }
 
@@ -171,26 +172,28 @@ impl Router {
         self.sensors.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
     }
 
-    fn check_topics(&self) -> Result<(), String> {
+    fn check_topics(&self) -> Result<(), StreamError> {
         match self.topics.keys().find(|name| self.sensors.iter().all(|(n, _)| n != *name)) {
-            Some(name) => Err(format!(
+            Some(name) => Err(StreamError::scenario(format!(
                 "topics names {name:?}, which is no sensor of the scenario ({})",
                 self.names()
-            )),
+            ))),
             None => Ok(()),
         }
     }
 
-    fn check_matched(&self) -> Result<(), String> {
+    fn check_matched(&self) -> Result<(), StreamError> {
         if self.matched {
             return Ok(());
         }
         let recorded =
             if self.others.is_empty() { "none".to_owned() } else { self.others.join(", ") };
-        let remedy = "give a topic of type sensor_msgs/msg/Imu with topics = { imu = \"/TOPIC\" }";
         let names = self.names();
-        Err(format!(
-            "it holds none of the scenario's sensors ({names}); recorded sensors: {recorded}; or {remedy}"
+        Err(StreamError::scenario(format!(
+            "it holds none of the scenario's sensors ({names}); recorded sensors: {recorded}"
+        ))
+        .with_remedy(
+            "or give a topic of type sensor_msgs/msg/Imu with topics = { imu = \"/TOPIC\" }",
         ))
     }
 
@@ -201,7 +204,7 @@ impl Router {
         topic: &str,
         schema: &str,
         encoding: &str,
-    ) -> Result<(), String> {
+    ) -> Result<(), StreamError> {
         if self.routes.contains_key(&id) {
             return Ok(());
         }
@@ -210,10 +213,10 @@ impl Router {
             [schema::IMU.name, schema::SAMPLE.name].contains(&schema) && encoding == "cdr";
         let name = match foreign {
             Some(_) if !readable => {
-                return Err(format!(
+                return Err(StreamError::format(format!(
                     "the topic {topic} is of type {schema:?} in {encoding:?}; {} in cdr is needed",
                     schema::IMU.name
-                ));
+                )));
             }
             Some(name) => Some(name),
             None => (topic
@@ -249,25 +252,24 @@ impl Router {
         &self,
         sensor: usize,
         recorded: impl Iterator<Item = &'a str> + Clone,
-    ) -> Result<(), String> {
+    ) -> Result<(), StreamError> {
         let (name, columns) = &self.sensors[sensor];
         if recorded.clone().eq(columns.iter().map(String::as_str)) {
             return Ok(());
         }
         let (recorded, wanted) = (recorded.collect::<Vec<_>>().join(" "), columns.join(" "));
-        Err(format!(
-            "{name} is recorded with the channels {recorded}; [sensor.{name}] of the scenario has {wanted}"
-        ))
+        Err(StreamError::scenario(format!(
+            "{name} is recorded with the channels {recorded}; \
+             [sensor.{name}] of the scenario has {wanted}"
+        )))
     }
 
     /// Takes note of a record; a sample if it is one.
-    fn record(&mut self, opcode: u8, data: &[u8]) -> Result<Option<Sample>, String> {
+    fn record(&mut self, opcode: u8, data: &[u8]) -> Result<Option<Sample>, StreamError> {
         if ![op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&opcode) {
             return Ok(None);
         }
-        match mcap::parse_record(opcode, data)
-            .map_err(|e| format!("damaged record: {}", StreamFailure::from(e)))?
-        {
+        match mcap::parse_record(opcode, data).map_err(damaged)? {
             Record::Schema { header, .. } => {
                 self.schemas.insert(header.id, header.name);
             }
@@ -277,9 +279,13 @@ impl Router {
             }
             Record::Message { header, data } => {
                 let route = self.routes.get(&header.channel_id).copied().unwrap_or(Route::Skip);
-                return self.message(route, &data).map_err(|why| {
+                return self.message(route, &data).map_err(|e| {
                     let time = Time::from_nanos(i64::try_from(header.log_time).unwrap_or(i64::MAX));
-                    format!("message {} at log time {time}: {why}", header.sequence)
+                    StreamError::of(
+                        e.kind(),
+                        format!("message {} at log time {time}: {e}", header.sequence),
+                    )
+                    .with_source(e)
                 });
             }
             _ => {}
@@ -287,19 +293,21 @@ impl Router {
         Ok(None)
     }
 
-    fn message(&self, route: Route, data: &[u8]) -> Result<Option<Sample>, String> {
+    fn message(&self, route: Route, data: &[u8]) -> Result<Option<Sample>, StreamError> {
         let sensor = match route {
             Route::Skip => return Ok(None),
             Route::Sample(sensor) | Route::Imu(sensor) => sensor,
         };
         let Some((&[_, encoding, _, _], body)) = data.split_first_chunk::<4>() else {
-            return Err("shorter than its header".into());
+            return Err(StreamError::format("shorter than its header"));
         };
         let imu = matches!(route, Route::Imu(_));
         match encoding {
             0 => self.decode(sensor, imu, CdrReader::<BigEndian>::new(body)),
             1 => self.decode(sensor, imu, CdrReader::<LittleEndian>::new(body)),
-            other => Err(format!("encapsulation {other}; plain CDR (0 or 1) is needed")),
+            other => Err(StreamError::format(format!(
+                "encapsulation {other}; plain CDR (0 or 1) is needed"
+            ))),
         }
         .map(Some)
     }
@@ -309,15 +317,20 @@ impl Router {
         sensor: SensorId,
         imu: bool,
         mut r: CdrReader<'_, O>,
-    ) -> Result<Sample, String> {
+    ) -> Result<Sample, StreamError> {
         if imu {
-            return read_imu(&mut r, sensor).map_err(|e| e.to_string());
+            return read_imu(&mut r, sensor).map_err(malformed);
         }
         let mut names = [""; MAX_CHANNELS];
-        let (sample, n) = read_sample(&mut r, sensor, &mut names).map_err(|e| e.to_string())?;
+        let (sample, n) = read_sample(&mut r, sensor, &mut names).map_err(malformed)?;
         self.check_columns(sensor.0, names[..n].iter().copied())?;
         Ok(sample)
     }
+}
+
+/// The error of a message that does not follow CDR.
+fn malformed(cause: re_cdr::Error) -> StreamError {
+    StreamError::format(cause.to_string()).with_source(cause)
 }
 
 pub(crate) fn read_time<O: ByteOrder>(r: &mut CdrReader<'_, O>) -> re_cdr::Result<Time> {

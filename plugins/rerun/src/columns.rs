@@ -90,7 +90,7 @@ impl Series {
         let rows = std::iter::repeat_n(self.width, self.times.len());
         let columns = Scalars::new(self.values.iter().copied())
             .columns(rows)
-            .map_err(|e| recording.error(&e))?;
+            .map_err(|e| recording.error(e))?;
         recording.columns(&self.path, &self.times, columns)?;
         self.times.clear();
         self.values.clear();

@@ -56,7 +56,7 @@ pub fn record(path: &Path, name: &str, figures: &[Figure]) -> Result<(), StreamE
             tabs.push(Grid::new(plots).with_grid_columns(columns).with_name(title.as_str()).into());
         }
     }
-    let messages = layout.messages(Tabs::new(tabs).into()).map_err(|e| recording.error(&e))?;
+    let messages = layout.messages(Tabs::new(tabs).into()).map_err(|e| recording.error(e))?;
     recording.layout(&messages, false);
     recording.flush()?;
     recording.close();

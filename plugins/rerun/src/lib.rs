@@ -36,6 +36,7 @@ use navfuse_core::plugin::{OpenContext, Plugin, Registry, SinkType};
 use recording::Recording;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::net::AddrParseError;
 use std::path::{Path, PathBuf};
 
 /// A recording for the rerun viewer, with a layout for navigation runs: `rerun run.rrd` shows it. The file is always
@@ -88,10 +89,11 @@ impl Rerun {
     pub fn record(self, output: &Path) -> Result<Box<dyn Sink>, StreamError> {
         let serve = match self.serve {
             Serve::Local(yes) => yes.then_some(Live::LOCAL),
-            Serve::At(address) => Some(address.parse().map_err(|_| {
-                StreamError(format!(
-                    "serve: {address:?} is not an address and port; write it as \"127.0.0.1:9090\""
-                ))
+            Serve::At(address) => Some(address.parse().map_err(|cause: AddrParseError| {
+                StreamError::network(format!("{address:?} is not an address and port"))
+                    .at_key("serve")
+                    .with_remedy("write it as \"127.0.0.1:9090\"")
+                    .with_source(cause)
             })?),
         };
         let live = Live { connect: self.connect, spawn: self.spawn, serve };

@@ -62,7 +62,9 @@ impl Live {
     pub fn serve(&self) -> Result<Option<(GrpcServerSink, Served)>, StreamError> {
         let Some(address) = self.serve else { return Ok(None) };
         let error = |e: &dyn std::fmt::Display| {
-            StreamError(format!("serve: {address}: {e}; give another address and port"))
+            StreamError::network(format!("{address}: {e}"))
+                .at_key("serve")
+                .with_remedy("give another address and port")
         };
         let ip = address.ip();
         // the server binds in a thread of its own, where a port that is taken would go unnoticed
@@ -99,7 +101,9 @@ fn reach(address: &str) -> Result<ProxyUri, StreamError> {
         format!("rerun+http://{address}/proxy")
     };
     let uri: ProxyUri = url.parse().map_err(|e| {
-        StreamError(format!("connect: {address:?} is not the address of a viewer: {e}; write it as \"127.0.0.1:9876\""))
+        StreamError::network(format!("{address:?} is not the address of a viewer: {e}"))
+            .at_key("connect")
+            .with_remedy("write it as \"127.0.0.1:9876\"")
     })?;
     let host = (uri.origin.format_host(), uri.origin.port);
     let answers = (host.to_socket_addrs().into_iter().flatten())
@@ -107,10 +111,10 @@ fn reach(address: &str) -> Result<ProxyUri, StreamError> {
     if answers {
         Ok(uri)
     } else {
-        Err(StreamError(format!(
-            "connect: no viewer answers at {address}; start one with `rerun --port {}`, or use spawn = true",
-            host.1
-        )))
+        let remedy = format!("start one with `rerun --port {}`, or use spawn = true", host.1);
+        Err(StreamError::network(format!("no viewer answers at {address}"))
+            .at_key("connect")
+            .with_remedy(remedy))
     }
 }
 
@@ -124,20 +128,28 @@ fn start(program: &str, port: u16) -> Result<ProxyUri, StreamError> {
         ..SpawnOptions::default()
     };
     let info = rerun::spawn(&options).map_err(|e| match e {
-        SpawnError::ExecutableNotFound { .. } | SpawnError::ExecutableNotFoundInPath { .. } => StreamError(format!(
-            "spawn: there is no viewer `{program}`; get it with `pip install rerun-sdk=={VERSION}`, or let {PROGRAM} \
-             name it, or leave spawn out and open the recording later"
-        )),
-        other => StreamError(format!("spawn: cannot start the viewer `{program}`: {other}")),
+        SpawnError::ExecutableNotFound { .. } | SpawnError::ExecutableNotFoundInPath { .. } => {
+            let remedy = format!(
+                "get it with `pip install rerun-sdk=={VERSION}`, or let {PROGRAM} name it, \
+                 or leave spawn out and open the recording later"
+            );
+            StreamError::network(format!("there is no viewer `{program}`"))
+                .at_key("spawn")
+                .with_remedy(remedy)
+                .with_source(e)
+        }
+        other => StreamError::network(format!("cannot start the viewer `{program}`: {other}"))
+            .at_key("spawn")
+            .with_source(other),
     })?;
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, info.port));
     let begun = Instant::now();
     while TcpStream::connect_timeout(&address, Duration::from_secs(1)).is_err() {
         if begun.elapsed() > Duration::from_secs(30) {
-            let text = format!(
-                "spawn: the viewer `{program}` did not listen at {address} within 30 s; does it run alone?"
-            );
-            return Err(StreamError(text));
+            let message = format!("the viewer `{program}` did not listen at {address} within 30 s");
+            return Err(StreamError::network(message)
+                .at_key("spawn")
+                .with_remedy("does it run alone?"));
         }
         std::thread::sleep(Duration::from_millis(100));
     }

@@ -1,7 +1,7 @@
 //! Where a run is sent: always a file, and a viewer that watches while it goes on.
 
 use crate::live::{self, Live};
-use navfuse_core::model::stream::StreamError;
+use navfuse_core::model::stream::{StreamError, StreamErrorKind};
 use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::log::{LogMsg, TimeColumn};
 use rerun::sink::{FileSink, GrpcSink};
@@ -9,7 +9,7 @@ use rerun::{
     AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentColumn,
     StoreId, TimeCell,
 };
-use std::fmt::Display;
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -36,11 +36,12 @@ impl Recording {
     pub fn open(path: PathBuf, live: &Live) -> Result<Self, StreamError> {
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).map_err(|e| {
-                StreamError(format!("{}: cannot make the folder: {e}", folder.display()))
+                let message = format!("cannot make the folder: {e}");
+                StreamError::of(StreamErrorKind::Open, message).in_file(folder).with_source(e)
             })?;
         }
         let id = StoreId::random(rerun::StoreKind::Recording, APPLICATION);
-        let sink = FileSink::new(&path).map_err(|e| cannot_write(&path, &e))?;
+        let sink = FileSink::new(&path).map_err(|e| StreamError::write(&path, e))?;
         let mut recording = Self { streams: vec![stream(&id, sink, &path)?], path, served: None };
         for viewer in live.viewers()? {
             recording.streams.push(stream(&id, GrpcSink::new(viewer), &recording.path)?);
@@ -58,16 +59,13 @@ impl Recording {
     }
 
     /// An error that names the file.
-    pub fn error(&self, error: &dyn Display) -> StreamError {
-        cannot_write(&self.path, error)
+    pub fn error(&self, cause: impl Into<Box<dyn Error + Send + Sync>>) -> StreamError {
+        StreamError::write(&self.path, cause)
     }
 
     /// Names the recording.
     pub fn name(&self, name: &str) -> Result<(), StreamError> {
-        self.streams
-            .iter()
-            .try_for_each(|s| s.send_recording_name(name))
-            .map_err(|e| self.error(&e))
+        self.streams.iter().try_for_each(|s| s.send_recording_name(name)).map_err(|e| self.error(e))
     }
 
     /// Logs what does not change.
@@ -79,7 +77,7 @@ impl Recording {
         self.streams
             .iter()
             .try_for_each(|s| s.log_static(path.clone(), what))
-            .map_err(|e| self.error(&e))
+            .map_err(|e| self.error(e))
     }
 
     /// Logs at one time.
@@ -91,7 +89,7 @@ impl Recording {
     ) -> Result<(), StreamError> {
         for stream in &self.streams {
             stream.set_time(TIMELINE, TimeCell::from_duration_nanos(nanos));
-            stream.log(path.clone(), what).map_err(|e| self.error(&e))?;
+            stream.log(path.clone(), what).map_err(|e| self.error(e))?;
         }
         Ok(())
     }
@@ -108,7 +106,7 @@ impl Recording {
             let times = TimeColumn::new_duration_nanos(TIMELINE, nanos.iter().copied());
             stream
                 .send_columns(path.clone(), [times], columns.clone())
-                .map_err(|e| self.error(&e))?;
+                .map_err(|e| self.error(e))?;
         }
         Ok(())
     }
@@ -131,7 +129,7 @@ impl Recording {
     /// When the file cannot be written.
     pub fn flush(&mut self) -> Result<(), StreamError> {
         let Some(file) = self.streams.first() else { return Ok(()) };
-        file.flush_blocking().map_err(|e| self.error(&format!("{e} (is the disk full?)")))?;
+        file.flush_blocking().map_err(|e| self.error(e).with_remedy("is the disk full?"))?;
         let mut k = 0;
         self.streams.retain(|s| {
             k += 1;
@@ -164,11 +162,7 @@ where
     let stream = RecordingStreamBuilder::from_store_id(id)
         .enabled(true)
         .set_sinks((sink,))
-        .map_err(|e| cannot_write(path, &e))?;
+        .map_err(|e| StreamError::write(path, e))?;
     stream.set_log_time_enabled(false);
     Ok(stream)
-}
-
-fn cannot_write(path: &Path, error: &dyn Display) -> StreamError {
-    StreamError(format!("cannot write {}: {error}", path.display()))
 }

@@ -102,7 +102,7 @@ impl RerunSink {
         }
         self.refresh()?;
         if let Some(run) = &self.run {
-            let layout = blueprint::messages(run, true).map_err(|e| self.recording.error(&e))?;
+            let layout = blueprint::messages(run, true).map_err(|e| self.recording.error(e))?;
             self.recording.layout(&layout, true);
         }
         self.recording.flush()?;
@@ -133,7 +133,7 @@ impl Sink for RerunSink {
         if let Some(track) = &run.track {
             track.start(&self.recording)?;
         }
-        let layout = blueprint::messages(&run, false).map_err(|e| self.recording.error(&e))?;
+        let layout = blueprint::messages(&run, false).map_err(|e| self.recording.error(e))?;
         self.recording.layout(&layout, false);
         self.run = Some(run);
         self.recording.flush()

@@ -141,10 +141,10 @@ impl Track {
             let quaternions = self.attitudes.iter().map(|q| rerun::Quaternion::from_xyzw(*q));
             poses = poses.with_many_quaternion(quaternions);
         }
-        let columns = poses.columns_of_unit_batches().map_err(|e| recording.error(&e))?;
+        let columns = poses.columns_of_unit_batches().map_err(|e| recording.error(e))?;
         recording.columns(&path(&["world", "vehicle"]), &self.times, columns)?;
         let points = GeoPoints::from_lat_lon(self.places.iter().map(|p| p.1));
-        let columns = points.columns_of_unit_batches().map_err(|e| recording.error(&e))?;
+        let columns = points.columns_of_unit_batches().map_err(|e| recording.error(e))?;
         recording.columns(&path(&["map", "vehicle"]), &self.times, columns)?;
         self.times.clear();
         self.places.clear();

@@ -174,7 +174,7 @@ impl<C: TrajectoryType> Trajectory<Stretch<C>> {
     /// # Errors
     /// When its duration, breaks, velocity or attitude are not such that the equations hold on its way.
     pub fn of(course: C) -> Result<Self, StreamError> {
-        let refuse = |what: String| Err(StreamError(format!("trajectory {}: {what}", C::TYPE)));
+        let refuse = |what| Err(StreamError::scenario(format!("trajectory {}: {what}", C::TYPE)));
         let (origin, duration) = (course.start(), course.duration());
         if !(duration > 0.0 && duration.is_finite()) {
             return refuse(format!("it takes {duration} s; a duration is above zero"));

@@ -39,7 +39,8 @@ impl SourceType for Simulation {
 
     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
         let config = TrajectoryConfig { start: self.start, segments: self.segments };
-        let trajectory = Trajectory::new(&config).map_err(|e| StreamError(e.to_string()))?;
+        let trajectory = Trajectory::new(&config)
+            .map_err(|e| StreamError::scenario(e.to_string()).with_source(e))?;
         simulate(&trajectory, context)
     }
 }
@@ -66,8 +67,8 @@ pub fn simulate<P: Piece>(
         streams.push(Box::new(SensorStream::new(composition, index, faults, kind, trajectory)));
     }
     if streams.is_empty() {
-        return Err(StreamError(
-            "no sensor is simulated: give one a rate, such as [sensor.imu.simulation] rate = \"100 Hz\"".into(),
+        return Err(StreamError::scenario(
+            "no sensor is simulated: give one a rate, such as [sensor.imu.simulation] rate = \"100 Hz\"",
         ));
     }
     Ok(streams)
@@ -79,7 +80,8 @@ const MAX_RATE: f64 = 1e6;
 /// Refuses what cannot be simulated.
 fn check(faults: &Faults, sensor: &SensorInfo) -> Result<(), StreamError> {
     let refuse = |key: &str, found: String, ask: &str| {
-        Err(StreamError(format!("[sensor.{}.simulation] {key} = {found}: {ask}", sensor.name)))
+        let place = format!("[sensor.{}.simulation] {key} = {found}", sensor.name);
+        Err(StreamError::scenario(ask).at_key(place))
     };
     if faults.rate.value().si() > MAX_RATE {
         return refuse("rate", faults.rate.value().to_string(), "give a rate up to 1 MHz");

@@ -275,7 +275,7 @@ impl Sink for Definite {
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         let p = epoch.covariance.to_dense();
         if p != p.transpose() {
-            return Err(StreamError("not symmetric to the bit".into()));
+            return Err(StreamError::new("not symmetric to the bit"));
         }
         let scaled = DMatrix::from_fn(p.nrows(), p.nrows(), |i, j| {
             p[(i, j)] / (p[(i, i)] * p[(j, j)]).sqrt()

@@ -15,7 +15,7 @@ use crate::record::BoundRecord;
 use crate::tape::Tape;
 use nalgebra::DMatrix;
 use navfuse_core::model::record::Epoch;
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError, StreamErrorKind};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Assembly;
 use navfuse_core::state::Layout;
@@ -133,7 +133,9 @@ impl Forward {
 
     fn push(&mut self, kind: Kind, parts: &[&[f64]]) -> Result<(), StreamError> {
         let Some(tape) = &mut self.tape else { return Ok(()) };
-        tape.push(kind, parts.iter().copied()).map_err(|e| StreamError(cannot_keep(&e).to_string()))
+        tape.push(kind, parts.iter().copied()).map_err(|e| {
+            StreamError::of(StreamErrorKind::Write, cannot_keep(&e).to_string()).with_source(e)
+        })
     }
 
     /// Writes the transition since the record before.

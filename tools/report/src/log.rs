@@ -28,7 +28,9 @@ pub fn read_log(path: &Path, mut progress: impl FnMut([u64; 2])) -> Result<Histo
     history.warnings.extend(log.warning());
     if history.blocks.is_empty() {
         let why = "the log holds no estimate: the filter never started in the run that it records";
-        return Err(StreamError(format!("{}: {why}; its events say why", path.display())));
+        return Err(StreamError::format(why)
+            .in_file(path)
+            .with_remedy("read its events for the reason"));
     }
     Ok(history)
 }

@@ -87,7 +87,7 @@ impl Sink for Writing {
     }
     fn epoch(&mut self, epoch: &navfuse_core::model::record::Epoch<'_>) -> Result<(), StreamError> {
         self.last = epoch.state.time;
-        if self.fault == "full" { Err(StreamError("no space left".into())) } else { Ok(()) }
+        if self.fault == "full" { Err(StreamError::new("no space left")) } else { Ok(()) }
     }
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
         let text = match self.fault.as_str() {
@@ -99,7 +99,7 @@ impl Sink for Writing {
             return Ok(Some("/nowhere/last.txt".into()));
         }
         if self.fault != "cut" || self.last >= Time::from_nanos(15_000_000_000) {
-            std::fs::write(&self.path, text).map_err(|e| StreamError(e.to_string()))?;
+            std::fs::write(&self.path, text).map_err(|e| StreamError::write(&self.path, e))?;
         }
         Ok(Some(self.path.display().to_string()))
     }
