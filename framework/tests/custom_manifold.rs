@@ -121,7 +121,7 @@ impl ProcessType for Star {
             display: Display { components: &["azimuth", "elevation"], ..display::ANGLES },
         };
         composer.block::<Direction>("direction", spec)?;
-        Ok(BuiltProcess { model: Box::new(Still), input: None })
+        Ok(BuiltProcess::new(Still))
     }
 }
 
@@ -176,12 +176,9 @@ impl Plugin for Mine {
 struct Outcomes(Vec<Outcome>);
 
 impl Observer for Outcomes {
-    fn epoch(&mut self, _: &Epoch<'_>) {}
     fn update(&mut self, update: &UpdateRecord<'_>) {
         self.0.push(update.outcome);
     }
-    fn input(&mut self, _: &Sample, _: Option<Rejection>) {}
-    fn event(&mut self, _: Event) {}
 }
 
 #[test]

@@ -200,7 +200,7 @@ impl ProcessType for Still {
             "position",
             BlockSpec { mode, initial, sigma: vec![1.0; 3], truth: None, dynamics, display },
         )?;
-        Ok(BuiltProcess { model: Box::new(StillModel), input: None })
+        Ok(BuiltProcess::new(StillModel))
     }
 }
 

@@ -73,7 +73,7 @@ impl ProcessType for Steady {
             // the four blocks stand next to each other, so that their noise, which is coupled, is one
             q: t.noise(p),
         };
-        Ok(BuiltProcess { model: Box::new(model), input: None })
+        Ok(BuiltProcess::new(model))
     }
 }
 // ANCHOR_END: type

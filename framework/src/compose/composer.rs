@@ -144,7 +144,7 @@ impl Composer {
     }
 
     /// Adds something that is known without a sensor, such as that the vehicle is at rest: `0 = h(x) + v`, `v ~ N(0, R)`. The
-    /// filter is corrected by it when the process says so ([`crate::model::process::Watch`]); it is gated, recorded and counted as a
+    /// filter is corrected by it when the process says so ([`crate::model::start::Supervision`]); it is gated, recorded and counted as a
     /// sensor of that name is. A process has one at most.
     pub fn constraint<M, const N: usize>(&mut self, name: &str, channels: [Channel; N], model: M)
     where

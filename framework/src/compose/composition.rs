@@ -7,6 +7,7 @@ use crate::model::process::ProcessModel;
 use crate::model::sensor::Role;
 use crate::model::sensor::Sensor;
 use crate::model::sensor::{Purpose, SensorInfo};
+use crate::model::start::InitialAlignment;
 use crate::state::covariance::Transition;
 use crate::state::{Layout, Mode};
 use crate::units::Sigma;
@@ -26,7 +27,9 @@ pub struct Process {
     pub input: Option<usize>,
     /// The index of its constraint among the sensors.
     pub constraint: Option<usize>,
-    /// Whether it finds its initial values itself.
+    /// The alignment that finds its initial values.
+    pub alignment: Option<Box<dyn InitialAlignment>>,
+    /// Whether the alignment searches for the initial values; otherwise it only supervises.
     pub searches: bool,
 }
 

@@ -5,14 +5,15 @@
 
 use super::cadence::Cadence;
 use super::delay::History;
-use super::phase::Start;
 use super::slot::SensorSlot;
+use super::stage::Stage;
 use crate::compose::Composition;
 use crate::compose::draw::{Draw, TrueState};
 use crate::model::process::{ProcessError, ProcessModel};
 use crate::model::record::{Epoch, Outcome, Rejection, Truth, UpdateRecord};
 use crate::model::sensor::Role;
 use crate::model::simulate::Random;
+use crate::model::start::InitialAlignment;
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::dynamics::BlockDynamics;
 use crate::state::{Layout, Mode, State};
@@ -64,13 +65,15 @@ pub struct Ekf {
 /// All that changes while the filter runs: a clone is a snapshot.
 #[derive(Clone)]
 pub(super) struct Memory {
-    pub(super) start: Start,
+    pub(super) stage: Stage,
     pub(super) draws: Option<Random>,
     pub(super) state: State,
     pub(super) covariance: Covariance,
     pub(super) transition: Transition,
     pub(super) dynamics: BlockDynamics,
     pub(super) processes: Vec<Box<dyn ProcessModel>>,
+    /// Initial alignments, one place a process.
+    pub(super) alignments: Vec<Option<Box<dyn InitialAlignment>>>,
     pub(super) sensors: Vec<SensorSlot>,
     /// Where the state was, if some sensor tells of that.
     pub(super) history: Option<History>,
@@ -83,12 +86,6 @@ pub(super) struct Memory {
     pub(super) constants: TrueState,
     pub(super) truth: State,
     pub(super) known: Vec<bool>,
-}
-
-impl Clone for Box<dyn ProcessModel> {
-    fn clone(&self) -> Self {
-        self.boxed_clone()
-    }
 }
 
 /// A whole filter at one time, to go back to.
@@ -114,7 +111,7 @@ impl Ekf {
             considered,
             update: Update::with_capacity(n, MAX_CHANNELS),
             memory: Memory {
-                start: if from_reference { Start::FromReference(start) } else { Start::At(start) },
+                stage: if from_reference { Stage::FromReference(start) } else { Stage::At(start) },
                 draws: (composition.estimator.draw != Draw::Nothing)
                     .then(|| Random::new(composition.seed, "initial")),
                 state: layout.initial_state(),
@@ -123,6 +120,7 @@ impl Ekf {
                 transition,
                 dynamics,
                 processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
+                alignments: composition.processes.iter().map(|p| p.alignment.clone()).collect(),
                 sensors: composition.sensors.iter().map(|s| SensorSlot::new(s, n)).collect(),
                 input: None,
                 cadence: Cadence::default(),
@@ -158,11 +156,11 @@ impl Ekf {
 
     /// Whether it has started.
     pub fn running(&self) -> bool {
-        matches!(self.memory.start, Start::Running)
+        matches!(self.memory.stage, Stage::Running)
     }
 
     pub(super) fn searching(&self) -> bool {
-        matches!(self.memory.start, Start::Searching(_))
+        matches!(self.memory.stage, Stage::Searching(_))
     }
 
     pub(super) fn has_reference(&self) -> bool {

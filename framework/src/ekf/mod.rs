@@ -1,11 +1,12 @@
 //! The estimators.
 
+mod alignment;
 mod cadence;
 mod correct;
 mod delay;
 mod filter;
-mod phase;
 mod slot;
+mod stage;
 mod start;
 mod step;
 

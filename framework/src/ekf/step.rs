@@ -37,7 +37,7 @@ impl Ekf {
             return self.drive(sample, observer);
         }
         if self.driver.is_none() {
-            if self.memory.start.is_due(sample.time) {
+            if self.memory.stage.is_due(sample.time) {
                 self.initialise(sample.time, false, observer);
             }
             self.advance(sample.time, None, observer)?;
@@ -135,7 +135,7 @@ impl Ekf {
             for process in &mut self.memory.processes {
                 process.prepare(&self.layout, &mut self.memory.state, &input);
             }
-            let due = self.memory.start.is_due(sample.time);
+            let due = self.memory.stage.is_due(sample.time);
             // nothing is known of the motion before the first driving sample, and nothing is used before the start
             if due || self.memory.input.is_none() {
                 self.memory.pending.retain(|waiting| waiting.time >= sample.time);
@@ -159,7 +159,7 @@ impl Ekf {
         self.memory.input = Some(sample.time);
         self.advance(sample.time, Some(input), observer)?;
         observer.input(sample, None);
-        if self.running() { self.watch(observer) } else { Ok(()) }
+        if self.running() { self.supervise(observer) } else { Ok(()) }
     }
 
     /// Moves the state and its covariance to a time, if it is ahead.

@@ -8,5 +8,6 @@ pub mod process;
 pub mod record;
 pub mod sensor;
 pub mod simulate;
+pub mod start;
 pub mod stream;
 mod stream_error;

@@ -1,11 +1,9 @@
 //! Process models: how blocks move.
 
-use crate::model::error::ComposeError;
 use crate::model::motion::Motion;
-use crate::model::record::Level;
-use crate::model::sensor::Sensor;
-use crate::model::simulate::DrivingSensor;
-use crate::state::covariance::{Covariance, Transition};
+use crate::model::simulate::{DrivingSensor, Simulate};
+use crate::model::start::InitialAlignment;
+use crate::state::covariance::Transition;
 use crate::state::{Layout, State};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
@@ -37,49 +35,6 @@ impl Interval<'_> {
     pub fn duration(&self) -> f64 {
         self.to.since(self.from)
     }
-}
-
-/// How far a search is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Search {
-    /// More samples are needed.
-    On,
-    /// Found well enough for a trial: the filter runs through all that was seen, and nobody hears of it but
-    /// [`ProcessModel::search_again`]. For a start so far off that the filter would linearise in the wrong place.
-    Trial,
-    /// Found.
-    Found,
-}
-
-/// The filter as it is, for a process that watches it.
-#[derive(Clone, Copy, Debug)]
-pub struct Moment<'a> {
-    /// The layout of the state.
-    pub layout: &'a Layout,
-    /// The estimate.
-    pub state: &'a State,
-    /// Its covariance.
-    pub covariance: &'a Covariance,
-    /// Since when every sample of the process's constraint was gated, and how many, if the last one was.
-    pub gated: Option<(Time, u64)>,
-}
-
-/// What a process that watches wants.
-#[derive(Clone, Debug, Default)]
-pub struct Watch {
-    /// Its constraint holds now: the filter is corrected by it.
-    pub constrain: bool,
-    /// What a person should read.
-    pub said: Option<(Level, String)>,
-}
-
-/// How a process found its start: for a person, and in numbers.
-#[derive(Clone, Debug)]
-pub struct Report {
-    /// One line.
-    pub text: String,
-    /// The same for a program.
-    pub values: serde_json::Value,
 }
 
 /// Why a process model could not go on.
@@ -152,67 +107,6 @@ pub trait ProcessModel: Send {
     /// Sees a driving sample before the filter has started: a model may publish its signals.
     fn prepare(&mut self, _layout: &Layout, _state: &mut State, _input: &Input<'_>) {}
 
-    /// Called once, when every sensor is composed: where a model finds those that it names.
-    ///
-    /// # Errors
-    /// When one that it needs is not there, or is of no use to it.
-    fn connect(&mut self, _sensors: &[Sensor]) -> Result<(), ComposeError> {
-        Ok(())
-    }
-
-    /// Whether it finds the initial values of its blocks itself, from samples. Such a process is driven.
-    fn searches(&self) -> bool {
-        false
-    }
-
-    /// Sees the next sample, of any sensor, while it searches. When it has found, its blocks in `state` are as they were at the
-    /// state's time, where the search began, with the prior sigma that they were composed with. The filter starts there,
-    /// and takes all that was seen, as if it came only now: so the prior must be wide enough to tell nothing, since the same
-    /// samples are used again.
-    ///
-    /// # Errors
-    /// When the samples do not allow it: what is wrong, and what to do.
-    fn search(
-        &mut self,
-        _layout: &Layout,
-        _state: &mut State,
-        _sample: &Sample,
-    ) -> Result<Search, ProcessError> {
-        Ok(Search::Found)
-    }
-
-    /// After a trial: searches once more in what it has seen, with what the trial found out about the blocks that no process
-    /// moves already in `state`.
-    ///
-    /// # Errors
-    /// As [`Self::search`].
-    fn search_again(
-        &mut self,
-        _layout: &Layout,
-        _state: &mut State,
-    ) -> Result<Search, ProcessError> {
-        Ok(Search::Found)
-    }
-
-    /// Looks at the filter after every driving sample. It may say that its constraint holds now
-    /// ([`crate::compose::Composer::constraint`]), and tell what a person should know.
-    ///
-    /// # Errors
-    /// When the run is of no use from here on.
-    fn watch(&mut self, _now: &Moment<'_>) -> Result<Watch, ProcessError> {
-        Ok(Watch::default())
-    }
-
-    /// What is not finished when there are no more samples; an error, if the result is of no use without it.
-    fn unfinished(&self, _now: &Moment<'_>) -> Option<(Level, String)> {
-        None
-    }
-
-    /// How it found its start.
-    fn report(&self) -> Option<Report> {
-        None
-    }
-
     /// Called when the state was set or corrected from outside, with what remains of the model's own memory invalid.
     fn restart(&mut self) {}
 
@@ -225,10 +119,35 @@ pub trait ProcessModel: Send {
     fn boxed_clone(&self) -> Box<dyn ProcessModel>;
 }
 
-/// A process model and what it runs on.
+/// A process model with its driving sensor and its initial alignment.
 pub struct BuiltProcess {
-    /// The model.
-    pub model: Box<dyn ProcessModel>,
-    /// The sensor that drives it, if any.
-    pub input: Option<DrivingSensor>,
+    pub(crate) model: Box<dyn ProcessModel>,
+    pub(crate) input: Option<DrivingSensor>,
+    pub(crate) alignment: Option<Box<dyn InitialAlignment>>,
+}
+
+impl BuiltProcess {
+    /// A process model without a driving sensor.
+    pub fn new(model: impl ProcessModel + 'static) -> Self {
+        Self { model: Box::new(model), input: None, alignment: None }
+    }
+
+    /// Names the sensor that drives the process, and its simulator.
+    #[must_use]
+    pub fn driven_by(self, name: impl Into<String>, simulator: impl Simulate + 'static) -> Self {
+        let input = DrivingSensor { name: name.into(), simulator: Box::new(simulator) };
+        Self { input: Some(input), ..self }
+    }
+
+    /// Hands over the alignment that finds the initial values of the process's blocks.
+    #[must_use]
+    pub fn aligned_by(self, alignment: impl InitialAlignment + 'static) -> Self {
+        Self { alignment: Some(Box::new(alignment)), ..self }
+    }
+}
+
+impl Clone for Box<dyn ProcessModel> {
+    fn clone(&self) -> Self {
+        self.boxed_clone()
+    }
 }

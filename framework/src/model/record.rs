@@ -113,35 +113,33 @@ pub struct Event {
     pub text: String,
 }
 
-/// Who listens to a run.
+/// Observes a filter: every method does nothing by default, and `()` observes nothing.
 ///
 /// ```
-/// use navfuse_core::model::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
-/// use navfuse_core::units::sample::Sample;
-/// /// Counts what the gate turned away.
+/// use navfuse_core::model::record::{Observer, Outcome, UpdateRecord};
+/// /// Counts the gated samples.
 /// #[derive(Default)]
 /// struct Gated(usize);
 /// impl Observer for Gated {
-///     fn epoch(&mut self, _: &Epoch<'_>) {}
 ///     fn update(&mut self, update: &UpdateRecord<'_>) {
 ///         self.0 += usize::from(update.outcome == Outcome::Gated);
 ///     }
-///     fn input(&mut self, _: &Sample, _: Option<Rejection>) {}
-///     fn event(&mut self, _: Event) {}
 /// }
 /// ```
 pub trait Observer {
-    /// An estimate, at the output rate and wherever a reference is known.
-    fn epoch(&mut self, epoch: &Epoch<'_>);
-    /// A sample of a measuring sensor was used, or not.
-    fn update(&mut self, update: &UpdateRecord<'_>);
-    /// The error state moved by `Phi` and gathered `Q`: what a backward pass needs.
+    /// Receives an estimate, at the output rate and wherever a reference is known.
+    fn epoch(&mut self, _epoch: &Epoch<'_>) {}
+    /// Receives the outcome of a measuring sensor's sample.
+    fn update(&mut self, _update: &UpdateRecord<'_>) {}
+    /// Receives `Phi` and the accumulated `Q` of a propagation, which a backward pass needs.
     fn transition(&mut self, _transition: &Transition) {}
-    /// A measurement corrected the state by the Jacobian, gain and innovation covariance in the update's work space; its `delta`
-    /// is what was injected, as [`crate::state::Layout::reset_rows`] takes it.
+    /// Receives a correction: Jacobian, gain and innovation covariance in the update's work space. Its
+    /// `delta` is the injected error, as [`crate::state::Layout::reset_rows`] takes it.
     fn correction(&mut self, _update: &Update) {}
-    /// A sample of the driving sensor was used, or not.
-    fn input(&mut self, sample: &Sample, rejected: Option<Rejection>);
-    /// Something to read.
-    fn event(&mut self, event: Event);
+    /// Receives a sample of the driving sensor, and the reason if the filter rejected it.
+    fn input(&mut self, _sample: &Sample, _rejected: Option<Rejection>) {}
+    /// Receives an event.
+    fn event(&mut self, _event: Event) {}
 }
+
+impl Observer for () {}

@@ -87,7 +87,7 @@ pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
 ///     const TYPE: &'static str = "tide";
 ///     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
 ///         self.height.block::<Scalar>(composer, "height", &[0.0], display::LENGTH)?; // others find it as tide.height
-///         Ok(BuiltProcess { model: Box::new(Model), input: None })
+///         Ok(BuiltProcess::new(Model))
 ///     }
 /// }
 ///

@@ -156,13 +156,14 @@ impl<'a> Scenario<'a> {
                 }
             };
             let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
-            let searches = built.model.searches();
+            let searches = built.alignment.is_some();
             processes.push(Process {
                 name,
                 kind,
                 model: built.model,
                 input,
                 constraint: None,
+                alignment: built.alignment,
                 searches,
             });
         }
@@ -176,7 +177,9 @@ impl<'a> Scenario<'a> {
             root.get("process").and_then(|p| p.get(name)).unwrap_or_else(|| root.clone())
         };
         for process in &mut processes {
-            process.model.connect(&sensors).map_err(|e| e.at(&place(&process.name)))?;
+            if let Some(alignment) = &mut process.alignment {
+                alignment.connect(&sensors).map_err(|e| e.at(&place(&process.name)))?;
+            }
         }
         for (owner, (info, role)) in composer.take_constraints() {
             if sensors.iter().any(|s| s.info.name == info.name) {

@@ -284,7 +284,7 @@ impl Statistics {
             };
             samples.insert(name.clone(), value);
         }
-        let starts = ekf.reports().map(|(name, report)| {
+        let starts = ekf.alignments().map(|(name, report)| {
             let mut values = report.values;
             values["text"] = json!(report.text);
             (name.to_owned(), values)

@@ -19,7 +19,6 @@ use navfuse_core::model::process::BuiltProcess;
 use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
 use navfuse_core::model::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::{Reference, Role};
-use navfuse_core::model::simulate::DrivingSensor;
 use navfuse_core::model::simulate::{Scene, Simulate};
 use navfuse_core::nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3, convert};
 use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
@@ -95,8 +94,7 @@ impl ProcessType for Cart {
         let (p, d) = (composer.tangent(place), composer.tangent(drift));
         let t = composer.transition();
         let model = CartModel { place, drift, p_p: t.phi(p, p), p_d: t.phi(p, d), q: t.noise(p) };
-        let input = Some(DrivingSensor { name: self.input, simulator: Box::new(Silent) });
-        Ok(BuiltProcess { model: Box::new(model), input })
+        Ok(BuiltProcess::new(model).driven_by(self.input, Silent))
     }
 }
 

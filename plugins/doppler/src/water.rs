@@ -37,7 +37,7 @@ impl ProcessType for WaterCurrent {
             current.correlation_time.get_or_insert(Positive::from_si(HOUR));
         }
         current.block::<Vector<3>>(composer, "current", &[0.0; 3], display::VELOCITY)?;
-        Ok(BuiltProcess { model: Box::new(OwnDynamics), input: None })
+        Ok(BuiltProcess::new(OwnDynamics))
     }
 }
 

@@ -12,19 +12,13 @@ use navfuse_core::compose::calibration::{AccelBias, GyroBias};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::motion::Motion;
 use navfuse_core::model::process::BuiltProcess;
-use navfuse_core::model::process::{
-    Input, Interval, Moment, ProcessError, ProcessModel, Report, Search, Watch,
-};
-use navfuse_core::model::record::Level;
-use navfuse_core::model::sensor::Sensor;
-use navfuse_core::model::simulate::DrivingSensor;
+use navfuse_core::model::process::{Input, Interval, ProcessError, ProcessModel};
 use navfuse_core::plugin::ProcessType;
 use navfuse_core::state::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
 use navfuse_core::state::display;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{load_quaternion, store_quaternion};
 use navfuse_core::state::{BlockSpec, Display, Dynamics, Layout, Mode, State};
-use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 use navfuse_core::units::{Angle, Components, Length, Sigma, Speed, Triple};
 use schemars::JsonSchema;
@@ -186,25 +180,20 @@ impl ProcessType for Strapdown {
             composer.constraint(NAME, AtRest::CHANNELS, at_rest);
         }
         let aligner = plan.map(|plan| {
-            Box::new(Aligner::new(
-                &self.alignment,
-                plan,
-                (self.imu.clone(), imu.clone()),
-                navigation,
-            ))
+            Aligner::new(&self.alignment, plan, (self.imu.clone(), imu.clone()), navigation)
         });
-        let simulator = Box::new(SimulatedImu { imu: imu.clone(), gyro_bias, accel_bias });
+        let simulator = SimulatedImu { imu: imu.clone(), gyro_bias, accel_bias };
         let gyro = imu.gyro_noise.value().si();
         let accel = imu.accel_noise.value().si();
         let isotropic =
             gyro.x == gyro.y && gyro.y == gyro.z && accel.x == accel.y && accel.y == accel.z;
         let mechanisation = Mechanisation::default();
         let rates = LastRates::default();
-        let model =
-            StrapdownModel { imu, navigation, places, mechanisation, isotropic, rates, aligner };
-        Ok(BuiltProcess {
-            model: Box::new(model),
-            input: Some(DrivingSensor { name: self.imu, simulator }),
+        let model = StrapdownModel { imu, navigation, places, mechanisation, isotropic, rates };
+        let built = BuiltProcess::new(model).driven_by(self.imu, simulator);
+        Ok(match aligner {
+            Some(aligner) => built.aligned_by(aligner),
+            None => built,
         })
     }
 }
@@ -261,8 +250,6 @@ struct StrapdownModel {
     isotropic: bool,
     /// Those of the sample being used, and of the one before.
     rates: LastRates,
-    /// What finds attitude and velocity at the start, where they are not given.
-    aligner: Option<Box<Aligner>>,
 }
 
 impl StrapdownModel {
@@ -303,43 +290,6 @@ impl ProcessModel for StrapdownModel {
             self.rates.take(Rates { time, duration: input.usual, w, f });
             self.publish(state, time);
         }
-    }
-
-    fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
-        self.aligner.as_mut().map_or(Ok(()), |aligner| aligner.connect(sensors))
-    }
-
-    fn searches(&self) -> bool {
-        self.aligner.is_some()
-    }
-
-    fn search(
-        &mut self,
-        layout: &Layout,
-        state: &mut State,
-        sample: &Sample,
-    ) -> Result<Search, ProcessError> {
-        self.aligner
-            .as_mut()
-            .map_or(Ok(Search::Found), |aligner| aligner.search(layout, state, sample))
-    }
-
-    fn search_again(&mut self, layout: &Layout, state: &mut State) -> Result<Search, ProcessError> {
-        self.aligner
-            .as_mut()
-            .map_or(Ok(Search::Found), |aligner| aligner.search_again(layout, state))
-    }
-
-    fn watch(&mut self, now: &Moment<'_>) -> Result<Watch, ProcessError> {
-        self.aligner.as_mut().map_or_else(|| Ok(Watch::default()), |aligner| aligner.watch(now))
-    }
-
-    fn unfinished(&self, now: &Moment<'_>) -> Option<(Level, String)> {
-        self.aligner.as_ref()?.unfinished(now)
-    }
-
-    fn report(&self) -> Option<Report> {
-        self.aligner.as_ref()?.report()
     }
 
     fn restart(&mut self) {

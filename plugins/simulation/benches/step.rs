@@ -12,7 +12,6 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::process::{Input, Interval};
-use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
 use navfuse_core::nalgebra::{DMatrix, SMatrix};
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::{Assembly, Scenario};
@@ -24,16 +23,6 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 const STATES: usize = 19;
-
-/// Listens to nothing.
-struct Deaf;
-
-impl Observer for Deaf {
-    fn epoch(&mut self, _: &Epoch<'_>) {}
-    fn update(&mut self, _: &UpdateRecord<'_>) {}
-    fn input(&mut self, _: &Sample, _: Option<Rejection>) {}
-    fn event(&mut self, _: Event) {}
-}
 
 fn assembly() -> Assembly {
     let mut registry = Registry::new();
@@ -72,7 +61,7 @@ fn step(c: &mut Criterion) {
     transition.compile(&layout);
     let mut model = assembly.composition.processes[0].model.boxed_clone();
     let mut ekf = Ekf::new(assembly.composition);
-    before.iter().for_each(|s| ekf.process(s, &mut Deaf).unwrap());
+    before.iter().for_each(|s| ekf.process(s, &mut ()).unwrap());
     assert_eq!(ekf.covariance().dimension(), STATES);
     let snapshot = ekf.snapshot();
     let inputs: Vec<Sample> = after.iter().filter(|s| s.sensor.0 == imu).copied().collect();
@@ -97,7 +86,7 @@ fn step(c: &mut Criterion) {
                     let count = left.min(samples.len() / each);
                     let start = Instant::now();
                     for sample in &samples[..count * each] {
-                        ekf.process(black_box(sample), &mut Deaf).unwrap();
+                        ekf.process(black_box(sample), &mut ()).unwrap();
                     }
                     elapsed += start.elapsed();
                     left -= count;

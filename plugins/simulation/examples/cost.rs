@@ -27,15 +27,11 @@ const SCENARIO: &str = include_str!("../../../scenarios/auv.toml");
 struct Listener(Option<Transition>, bool);
 
 impl Observer for Listener {
-    fn epoch(&mut self, _: &Epoch<'_>) {}
-    fn update(&mut self, _: &UpdateRecord<'_>) {}
     fn transition(&mut self, transition: &Transition) {
         if self.1 {
             self.0 = Some(transition.clone());
         }
     }
-    fn input(&mut self, _: &Sample, _: Option<Rejection>) {}
-    fn event(&mut self, _: Event) {}
 }
 
 fn assembly(text: &str) -> Assembly {

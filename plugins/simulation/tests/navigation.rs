@@ -175,12 +175,9 @@ struct Log {
 }
 
 impl Observer for Log {
-    fn epoch(&mut self, _: &Epoch<'_>) {}
     fn update(&mut self, update: &UpdateRecord<'_>) {
         self.outcomes.push(update.outcome);
     }
-    fn input(&mut self, _: &Sample, _: Option<Rejection>) {}
-    fn event(&mut self, _: Event) {}
 }
 
 /// Samples as `(sensor, nanoseconds)`: constant rates, and a velocity of zero.

@@ -52,7 +52,6 @@ struct Log {
 }
 
 impl Observer for Log {
-    fn epoch(&mut self, _: &Epoch<'_>) {}
     fn update(&mut self, update: &UpdateRecord<'_>) {
         self.innovation.clear();
         self.innovation.extend_from_slice(update.innovation);
@@ -62,8 +61,6 @@ impl Observer for Log {
         self.columns.clone_from(&update.columns);
         self.h.clone_from(&update.h);
     }
-    fn input(&mut self, _: &Sample, _: Option<Rejection>) {}
-    fn event(&mut self, _: Event) {}
 }
 
 /// A filter in a turn, started from the values of `changed` instead of its own, two seconds before its one velocity: the

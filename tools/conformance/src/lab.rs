@@ -5,7 +5,7 @@ use navfuse_core::document::{Document, Node};
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::measurement::AnyMeasurement;
 use navfuse_core::model::motion::Motion;
-use navfuse_core::model::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::record::{Observer, Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Random;
 use navfuse_core::model::stream::Source;
@@ -313,7 +313,6 @@ pub struct Heard {
 }
 
 impl Observer for Heard {
-    fn epoch(&mut self, _: &Epoch<'_>) {}
     fn update(&mut self, update: &UpdateRecord<'_>) {
         match update.outcome {
             Outcome::Rejected(rejection) => self.rejection = Some(rejection),
@@ -323,5 +322,4 @@ impl Observer for Heard {
     fn input(&mut self, _: &Sample, rejected: Option<Rejection>) {
         self.rejection = self.rejection.or(rejected);
     }
-    fn event(&mut self, _: Event) {}
 }

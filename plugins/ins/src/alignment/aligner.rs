@@ -9,10 +9,13 @@ use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use navfuse_core::Real;
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::measurement::{AnyMeasurement, MeasurementModel};
-use navfuse_core::model::process::{Moment, ProcessError, Report, Search as Progress, Watch};
+use navfuse_core::model::process::ProcessError;
 use navfuse_core::model::record::Level;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::sensor::{Role, Sensor};
+use navfuse_core::model::start::{
+    AlignmentReport, FilterView, InitialAlignment, Progress, Supervision,
+};
 use navfuse_core::state::display;
 use navfuse_core::state::manifold::Vector;
 use navfuse_core::state::{Handle, Layout, State, View};
@@ -122,7 +125,7 @@ pub(crate) struct Aligner {
     before: Option<UnitQuaternion<f64>>,
     /// What is to be said at the start, beside the coarse attitude.
     warning: Option<String>,
-    report: Option<Report>,
+    report: Option<AlignmentReport>,
 }
 
 impl Aligner {
@@ -204,17 +207,6 @@ impl Aligner {
         }
     }
 
-    /// Finds the sensors.
-    pub fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
-        let driver = sensors.iter().position(|s| s.info.name == self.imu.0).unwrap_or_default();
-        let velocity = match self.plan.method {
-            Method::InMotion => Some(self.velocity_sensor(sensors)?),
-            Method::Given | Method::Static => None,
-        };
-        self.sensed = Some(Sensed { imu: self.imu.1.clone(), driver, velocity });
-        Ok(())
-    }
-
     /// The sensor that the scenario names, or else the only one that could be it: one of three channels or more that are speeds.
     fn velocity_sensor(
         &self,
@@ -253,8 +245,82 @@ impl Aligner {
         }
     }
 
-    /// Sees a sample before the filter starts: whether attitude and velocity are found and set.
-    pub fn search(
+    /// Heading and its 1-sigma, rad.
+    fn heading(&self, now: &FilterView<'_>) -> (f64, f64) {
+        let block = now.layout.block(self.navigation.attitude);
+        let (mut angles, mut sigma) = ([0.0; 3], [0.0; 3]);
+        block.show(&now.state.values, &mut angles);
+        block.show_sigma(&now.state.values, now.covariance, &mut sigma);
+        let scale = display::ANGLES.scale;
+        (angles[2] * scale, sigma[2] * scale)
+    }
+
+    fn finish(&mut self, now: &FilterView<'_>, elapsed: f64) {
+        let (heading, sigma) = self.heading(now);
+        let degrees = |rad: f64| rad.to_degrees().rem_euclid(360.0);
+        let (heading, sigma) = (degrees(heading), sigma.to_degrees());
+        let method = if self.plan.method == Method::Static { "static" } else { "in-motion" };
+        let coarse = self.coarse.as_ref().map(|found| degrees(found.euler_angles().2));
+        let from =
+            coarse.map_or_else(String::new, |c| format!(" (coarse, at the start: {c:.2} deg)"));
+        let text = format!(
+            "aligned, {method}, {elapsed:.0} s: heading {heading:.3} deg{from}, 1-sigma {sigma:.3} deg"
+        );
+        let values = serde_json::json!({
+            "method": method,
+            "duration_s": elapsed,
+            "heading_deg": heading,
+            "heading_sigma_deg": sigma,
+            "coarse_heading_deg": coarse,
+        });
+        self.report = Some(AlignmentReport { text, values });
+        self.phase = Phase::Done;
+    }
+}
+
+impl Plan {
+    /// What is known of a vehicle at rest.
+    pub fn constraint(&self, velocity: Handle<Vector<3>>) -> Option<AtRest> {
+        (self.method == Method::Static).then_some(AtRest { velocity, sigma: self.rest_velocity })
+    }
+
+    /// Prior sigma of the attitude about what the coarse alignment finds, rad: so wide that it tells nothing of what the
+    /// same samples tell again.
+    pub fn attitude_prior(&self, imu: &Imu) -> Vector3<f64> {
+        let heading = PRIOR * self.heading_error(imu, EARTH_RATE * std::f64::consts::FRAC_1_SQRT_2);
+        let (tilt, least) = match self.method {
+            // an error of the velocity's scale factor is one of the coarse attitude
+            Method::InMotion => (1_f64.to_radians(), 10_f64.to_radians()),
+            Method::Given | Method::Static => (0.05_f64.to_radians(), 1_f64.to_radians()),
+        };
+        let tilt = (PRIOR * self.tilt_error()).clamp(tilt, 5_f64.to_radians());
+        Vector3::new(tilt, tilt, heading.clamp(least, 30_f64.to_radians()))
+    }
+
+    /// Prior sigma of the velocity, m/s: at rest that of the rest, in motion so wide that it tells nothing.
+    pub fn velocity_prior(&self) -> f64 {
+        if self.method == Method::Static { self.rest_velocity } else { 10.0 }
+    }
+}
+
+/// The channels of zero velocity.
+impl AtRest {
+    pub const CHANNELS: [Channel; 3] =
+        [Channel::new("vel_n", "mps"), Channel::new("vel_e", "mps"), Channel::new("vel_d", "mps")];
+}
+
+impl InitialAlignment for Aligner {
+    fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
+        let driver = sensors.iter().position(|s| s.info.name == self.imu.0).unwrap_or_default();
+        let velocity = match self.plan.method {
+            Method::InMotion => Some(self.velocity_sensor(sensors)?),
+            Method::Given | Method::Static => None,
+        };
+        self.sensed = Some(Sensed { imu: self.imu.1.clone(), driver, velocity });
+        Ok(())
+    }
+
+    fn search(
         &mut self,
         layout: &Layout,
         state: &mut State,
@@ -277,7 +343,7 @@ impl Aligner {
         }
         let Phase::Searching(search) = &mut self.phase else { return Ok(Progress::Found) };
         if !search.take(layout, sensed, &self.plan, sample).map_err(ProcessError)? {
-            return Ok(Progress::On);
+            return Ok(Progress::Searching);
         }
         let found = search.find(sensed, &self.plan).map_err(ProcessError)?;
         found.set(layout, &self.navigation, state);
@@ -288,8 +354,7 @@ impl Aligner {
         Ok(if self.plan.method == Method::InMotion { Progress::Trial } else { Progress::Found })
     }
 
-    /// Searches again with what a trial has found of the velocity sensor.
-    pub fn search_again(
+    fn search_again(
         &mut self,
         layout: &Layout,
         state: &mut State,
@@ -305,8 +370,7 @@ impl Aligner {
         Ok(if settled { Progress::Found } else { Progress::Trial })
     }
 
-    /// Looks at the filter.
-    pub fn watch(&mut self, now: &Moment<'_>) -> Result<Watch, ProcessError> {
+    fn supervise(&mut self, now: &FilterView<'_>) -> Result<Supervision, ProcessError> {
         let time = now.state.time;
         if matches!(self.phase, Phase::Waiting | Phase::Searching(_)) {
             self.phase = Phase::Fine { begin: time, next: time + PERIOD, late: false };
@@ -320,16 +384,16 @@ impl Aligner {
                     ),
                 )
             });
-            return Ok(Watch { constrain: false, said: found });
+            return Ok(Supervision { constrain: false, message: found });
         }
         if let Some(text) = self.warning.take() {
-            return Ok(Watch { constrain: false, said: Some((Level::Warning, text)) });
+            return Ok(Supervision { constrain: false, message: Some((Level::Warning, text)) });
         }
         let Phase::Fine { begin, next, late } = &mut self.phase else {
-            return Ok(Watch::default());
+            return Ok(Supervision::default());
         };
         if time < *next {
-            return Ok(Watch::default());
+            return Ok(Supervision::default());
         }
         while *next <= time {
             *next = *next + PERIOD;
@@ -353,12 +417,12 @@ impl Aligner {
             }
             let text = format!("{moved} of {} s, which ends so: {sigma_text}", plan.duration);
             self.finish(now, elapsed);
-            return Ok(Watch { constrain: false, said: Some((Level::Warning, text)) });
+            return Ok(Supervision { constrain: false, message: Some((Level::Warning, text)) });
         }
         if elapsed >= plan.duration && good {
             self.finish(now, elapsed);
             let said = self.report.as_ref().map(|r| (Level::Info, r.text.clone()));
-            return Ok(Watch { constrain: false, said });
+            return Ok(Supervision { constrain: false, message: said });
         }
         let mut said = None;
         if elapsed >= plan.duration && !told {
@@ -372,11 +436,10 @@ impl Aligner {
                 *late = true;
             }
         }
-        Ok(Watch { constrain: self.plan.method == Method::Static, said })
+        Ok(Supervision { constrain: self.plan.method == Method::Static, message: said })
     }
 
-    /// What is not finished when there are no more samples.
-    pub fn unfinished(&self, now: &Moment<'_>) -> Option<(Level, String)> {
+    fn unfinished(&self, now: &FilterView<'_>) -> Option<(Level, String)> {
         let plan = &self.plan;
         let need = match plan.method {
             Method::Static => format!("an alignment at rest of {} s", plan.duration),
@@ -411,71 +474,11 @@ impl Aligner {
         }
     }
 
-    /// How it went.
-    pub fn report(&self) -> Option<Report> {
+    fn report(&self) -> Option<AlignmentReport> {
         self.report.clone()
     }
 
-    /// Heading and its 1-sigma, rad.
-    fn heading(&self, now: &Moment<'_>) -> (f64, f64) {
-        let block = now.layout.block(self.navigation.attitude);
-        let (mut angles, mut sigma) = ([0.0; 3], [0.0; 3]);
-        block.show(&now.state.values, &mut angles);
-        block.show_sigma(&now.state.values, now.covariance, &mut sigma);
-        let scale = display::ANGLES.scale;
-        (angles[2] * scale, sigma[2] * scale)
+    fn boxed_clone(&self) -> Box<dyn InitialAlignment> {
+        Box::new(self.clone())
     }
-
-    fn finish(&mut self, now: &Moment<'_>, elapsed: f64) {
-        let (heading, sigma) = self.heading(now);
-        let degrees = |rad: f64| rad.to_degrees().rem_euclid(360.0);
-        let (heading, sigma) = (degrees(heading), sigma.to_degrees());
-        let method = if self.plan.method == Method::Static { "static" } else { "in-motion" };
-        let coarse = self.coarse.as_ref().map(|found| degrees(found.euler_angles().2));
-        let from =
-            coarse.map_or_else(String::new, |c| format!(" (coarse, at the start: {c:.2} deg)"));
-        let text = format!(
-            "aligned, {method}, {elapsed:.0} s: heading {heading:.3} deg{from}, 1-sigma {sigma:.3} deg"
-        );
-        let values = serde_json::json!({
-            "method": method,
-            "duration_s": elapsed,
-            "heading_deg": heading,
-            "heading_sigma_deg": sigma,
-            "coarse_heading_deg": coarse,
-        });
-        self.report = Some(Report { text, values });
-        self.phase = Phase::Done;
-    }
-}
-
-impl Plan {
-    /// What is known of a vehicle at rest.
-    pub fn constraint(&self, velocity: Handle<Vector<3>>) -> Option<AtRest> {
-        (self.method == Method::Static).then_some(AtRest { velocity, sigma: self.rest_velocity })
-    }
-
-    /// Prior sigma of the attitude about what the coarse alignment finds, rad: so wide that it tells nothing of what the
-    /// same samples tell again.
-    pub fn attitude_prior(&self, imu: &Imu) -> Vector3<f64> {
-        let heading = PRIOR * self.heading_error(imu, EARTH_RATE * std::f64::consts::FRAC_1_SQRT_2);
-        let (tilt, least) = match self.method {
-            // an error of the velocity's scale factor is one of the coarse attitude
-            Method::InMotion => (1_f64.to_radians(), 10_f64.to_radians()),
-            Method::Given | Method::Static => (0.05_f64.to_radians(), 1_f64.to_radians()),
-        };
-        let tilt = (PRIOR * self.tilt_error()).clamp(tilt, 5_f64.to_radians());
-        Vector3::new(tilt, tilt, heading.clamp(least, 30_f64.to_radians()))
-    }
-
-    /// Prior sigma of the velocity, m/s: at rest that of the rest, in motion so wide that it tells nothing.
-    pub fn velocity_prior(&self) -> f64 {
-        if self.method == Method::Static { self.rest_velocity } else { 10.0 }
-    }
-}
-
-/// The channels of zero velocity.
-impl AtRest {
-    pub const CHANNELS: [Channel; 3] =
-        [Channel::new("vel_n", "mps"), Channel::new("vel_e", "mps"), Channel::new("vel_d", "mps")];
 }

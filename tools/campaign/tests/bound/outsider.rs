@@ -102,7 +102,7 @@ impl ProcessType for Cart {
         let t = composer.transition();
         // speed stands behind place: their noise, which is coupled, is one block
         let (p_p, p_v, q) = (t.phi(p, p), t.phi(p, v), t.noise(p));
-        Ok(BuiltProcess { model: Box::new(CartModel { place, speed, p_p, p_v, q }), input: None })
+        Ok(BuiltProcess::new(CartModel { place, speed, p_p, p_v, q }))
     }
 }
 

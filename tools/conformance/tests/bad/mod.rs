@@ -204,7 +204,7 @@ impl ProcessType for Cart {
         let (p_p, p_v) = (t.phi(p, p), t.phi(p, if undeclared { None } else { v }));
         let (v_v, q) = (t.phi(v, v), t.noise(p));
         let model = CartModel { place, speed, p_p, p_v, v_v, q, fault: self.fault, steps: 0 };
-        Ok(BuiltProcess { model: Box::new(model), input: None })
+        Ok(BuiltProcess::new(model))
     }
 }
 
