@@ -11,7 +11,7 @@ use navfuse_core::model::measurement::{At, MeasurementModel, jacobian_error};
 use navfuse_core::model::motion::Motion;
 use navfuse_core::model::process::BuiltProcess;
 use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
-use navfuse_core::model::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::record::{Observer, Outcome, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector2, Vector3, convert};
 use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};

@@ -11,7 +11,6 @@ use navfuse_core::model::measurement::MeasurementModel;
 use navfuse_core::model::motion::Motion;
 use navfuse_core::model::process::BuiltProcess;
 use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
-use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Random;
 use navfuse_core::nalgebra::{Matrix4, SMatrix, SVector, Vector2, Vector4, convert};

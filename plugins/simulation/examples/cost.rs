@@ -7,7 +7,7 @@
 
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
-use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
+use navfuse_core::model::record::Observer;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::nalgebra::DMatrix;
 use navfuse_core::plugin::Registry;

@@ -4,7 +4,7 @@
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::measurement::{At, jacobian_error, slots};
-use navfuse_core::model::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Observer, Outcome, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Random;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};

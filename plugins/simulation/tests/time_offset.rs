@@ -3,7 +3,7 @@
 
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
-use navfuse_core::model::record::{Epoch, Event, Observer, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::record::{Observer, Outcome, UpdateRecord};
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::{Assembly, Scenario};
 use navfuse_core::state::covariance::Update;

@@ -3,7 +3,6 @@
 use crate::common::{Log, bound, compose, model, no_sample, predict, refused, run, set};
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::measurement::{At, jacobian_error};
-use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
 use navfuse_core::model::simulate::Random;
 use navfuse_core::nalgebra::{Matrix3x4, Matrix4x3, Vector3, Vector4};
 use navfuse_core::units::sample::Sample;
