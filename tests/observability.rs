@@ -121,7 +121,7 @@ fn remark_2_one_thruster_does_not_tell_the_angle_about_it() {
         let why = roll.missing.as_deref().expect("something is missing");
         assert_eq!(
             why,
-            "every specific-force rate so far is along the body's x axis; thrust sideways or dive"
+            "all specific-force rates so far are along the body's x axis; thrust sideways or dive"
         );
         // it is a direction that nothing tells, by itself
         let alone = r.undetermined.iter().find(|d| d.text == ROLL).expect("named");
@@ -303,7 +303,7 @@ fn wrong_use_is_told() {
         r
     };
     let gap = "sensor.dvl.simulation={ rate = \"5 Hz\", outages = [[\"150 s\", \"155 s\"]] }";
-    told(&[gap], "dvl is silent from 150 s to 155 s, inside the type I segment");
+    told(&[gap], "dvl has no samples from 150 s to 155 s, inside the type I segment");
     let rest = |seconds: u32| format!("{{ type = \"static\", duration = \"{seconds} s\" }}");
     let surge = |seconds: u32| {
         format!("{{ type = \"surge\", duration = \"{seconds} s\", speed = \"2 m/s\" }}")
@@ -313,18 +313,18 @@ fn wrong_use_is_told() {
             "source.simulation.segments=[{rest}, {surge}, {{ type = \"cruise\", duration = \"100 s\" }}]"
         )
     };
-    told(&[&of(rest(15), surge(60)), "estimator.start=10 s"], "no static time to align in");
+    told(&[&of(rest(15), surge(60)), "estimator.start=10 s"], "static alignment is not possible");
     let r = told(&[&of(rest(120), surge(3))], "a segment of Type I takes 10 s");
     let why =
         r.state("dvl.misalignment roll").and_then(|s| s.missing.clone()).expect("it is missing");
-    assert!(why.contains("never varied at constant attitude"), "{why}");
+    assert!(why.contains("has not varied at constant attitude"), "{why}");
     // fewer than two directions
     let r = report("observability/remark-4", &[&of(rest(120), surge(60))]);
     let view = r.segments.as_ref().expect("segments");
     assert!(
         view.verdicts[0]
             .text
-            .contains("every specific-force rate is along one direction, the body's x axis")
+            .contains("all specific-force rates are along one direction, the body's x axis")
     );
     // a manoeuvre after the end
     let document =
@@ -351,7 +351,7 @@ fn a_composition_without_dvl_is_told_of_what_its_sensors_read() {
     let why = |title: &str| {
         r.state(title).and_then(|s| s.missing.clone()).unwrap_or_else(|| panic!("{title}"))
     };
-    assert_eq!(why("gnss.bias north"), "gnss gave no sample that was used");
+    assert_eq!(why("gnss.bias north"), "no sample of gnss was used");
     assert!(
         why("ins.position north").starts_with("no enabled sensor reads ins.position north"),
         "{}",
@@ -402,6 +402,6 @@ fn a_log_is_told_what_the_run_was_and_the_figure_is_drawn() {
     ]);
     assert!(
         !refused.status.success()
-            && stderr(&refused).contains("nothing can be suggested after a recording")
+            && stderr(&refused).contains("no manoeuvre can be suggested for a recording")
     );
 }

@@ -74,7 +74,7 @@ fn an_output_folder_that_is_a_file_is_named() {
     let out = file.display().to_string();
     fails_with(
         &["monte-carlo", &path("quickstart"), "--runs=1", "--out", &out],
-        &[&out, "--out", "cannot be made"],
+        &[&out, "--out", "cannot be created"],
     );
     assert_eq!(std::fs::read_to_string(&file).expect("it is there"), "mine");
 }
@@ -95,7 +95,7 @@ fn a_variation_that_cannot_be_is_named() {
     );
     fails(
         &["--vary", "sensor.dvl.noise=1 cm/s,1 cm/s"],
-        &["sensor.dvl.noise", "1 cm/s is there twice"],
+        &["sensor.dvl.noise", "1 cm/s is given twice"],
     );
     fails(&["--vary", "seed=1,2"], &["--vary seed", "--seed"]);
     fails(&["--vary", "estimator.draw=all,start"], &["--vary estimator.draw", "--start=given"]);
@@ -170,7 +170,7 @@ fn parts_that_do_not_belong_together_or_are_not_all_there_are_named() {
     let parts = Parts::new();
     parts.fail_with(&["1", "2"], &["part 3/3 is missing", "--shard 3/3"]);
     parts.fail_with(&["2", "3"], &["part 1/3 is missing", "--shard 1/3"]);
-    parts.fail_with(&["1", "2", "2", "3"], &["part 2/3 is there twice", &parts.at("2")]);
+    parts.fail_with(&["1", "2", "2", "3"], &["part 2/3 is given twice", &parts.at("2")]);
     parts.fail_with(
         &["1", "2", "nowhere"],
         &[&parts.at("nowhere"), "no part of a campaign", "--shard"],
@@ -178,15 +178,15 @@ fn parts_that_do_not_belong_together_or_are_not_all_there_are_named() {
     parts.make("other seed", "3/3", &["--seed=2"]);
     parts.fail_with(
         &["1", "2", "other seed"],
-        &[&parts.at("other seed"), "another campaign", "--seed is 2 and not 1"],
+        &[&parts.at("other seed"), "another campaign", "--seed is 2 instead of 1"],
     );
     parts.make("other scenario", "3/3", &["--seed=1", "--set", "sensor.dvl.noise=2 cm/s"]);
     parts.fail_with(
         &["1", "2", "other scenario"],
-        &[&parts.at("other scenario"), "its scenario differs"],
+        &[&parts.at("other scenario"), "the scenarios differ"],
     );
     parts.make("3 of 4", "3/4", &["--seed=1"]);
-    parts.fail_with(&["1", "2", "3 of 4"], &[&parts.at("3 of 4"), "there are 4 parts and not 3"]);
+    parts.fail_with(&["1", "2", "3 of 4"], &[&parts.at("3 of 4"), "it has 4 parts instead of 3"]);
     let (quickstart, whole) = (path("quickstart"), parts.at("whole"));
     told(&["monte-carlo", &quickstart, "--runs=1", "--out", &whole, SHORT[0], SHORT[1]]);
     parts.fail_with(&["whole"], &[&whole, "a whole campaign", "--shard"]);

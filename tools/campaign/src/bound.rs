@@ -1,12 +1,21 @@
-//! The posterior Cramer-Rao bound of a scenario, and its smoothed counterpart.
+//! The posterior Cramer-Rao bound of a scenario, filtered and smoothed.
 //!
-//! The covariance recursion of the filter with every Jacobian at the truth is the bound of the filtered estimate (Tichavsky,
-//! Muravchik & Nehorai, IEEE Trans. Signal Process. 46, 1998, for Gaussian noise and a given trajectory). It is run by the
-//! filter itself, which stays at the truth since its samples have no noise. What all samples together allow follows by the
-//! recursion of Bryson and Frazier backward in time, which inverts no covariance:
+//! For Gaussian noise and a given trajectory, the filter's covariance recursion with every Jacobian
+//! evaluated at the truth is the bound of the filtered estimate (Tichavsky, Muravchik & Nehorai,
+//! IEEE
+//! Trans. Signal Process. 46, 1998). The filter itself computes this recursion: its samples have no
+//! noise, so its estimate stays at the truth.
+//!
+//! The bound of the smoothed estimate follows from the backward recursion of Bryson and Frazier. It
+//! accumulates the information `L` of all later samples:
 //! ```text
-//! P_s = P - P L P,   L- = H' S^-1 H + (I - K H)' L (I - K H),   L = Phi' L- Phi,   L = 0 at the end
+//! P_s = P - P L P                                   smoothed covariance
+//! L-  = H' S^-1 H + (I - K H)' L (I - K H)          across an update
+//! L   = Phi' L- Phi                                 across a transition
+//! L   = 0                                           at the end
 //! ```
+//! This form needs no inverse of a covariance, which would be ill-conditioned for states that the
+//! measurements hardly observe.
 
 use crate::CampaignError;
 use crate::columns::{Columns, Places};
@@ -26,11 +35,12 @@ use std::io;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
-/// The bound of an assembly made by [`navfuse_core::run::scenario::Scenario::assemble_at_truth`], every so many nanoseconds;
+/// Computes the bound of an assembly made by
+/// [`navfuse_core::run::scenario::Scenario::assemble_at_truth`], with one row every `every` ns;
 /// `None` if it was stopped.
 ///
 /// # Errors
-/// When the run fails, or the folder for temporary files cannot be written to.
+/// Returns an error if the run fails or the folder for temporary files cannot be written.
 pub fn bound(
     mut assembly: Assembly,
     columns: &Columns,
@@ -49,54 +59,49 @@ pub fn bound(
         return Ok(None);
     }
     if let Some(error) = finished.error {
-        return Err(CampaignError::other(format!("the bound: {error}")));
+        return Err(CampaignError::BoundRun(error));
     }
     if let Some(event) = finished.events.iter().find(|e| e.about == "bound") {
-        return Err(CampaignError::other(event.text.clone()));
+        return Err(CampaignError::Bound(event.text.clone()));
     }
     let tape = kept.lock().ok().and_then(|mut kept| kept.take());
-    let tape = tape.ok_or_else(|| CampaignError::other("the bound: the run left nothing"))?;
+    let tape = tape.ok_or_else(|| CampaignError::Bound("the run recorded nothing".into()))?;
     let rows =
-        backward(tape, &layout, &places, columns.components.len()).map_err(|e| cannot_keep(&e))?;
+        backward(tape, &layout, &places, columns.components.len()).map_err(CampaignError::tape)?;
     if rows.is_empty() {
-        return Err(CampaignError::other(
-            "the bound: the truth was never known while the filter ran: simulate a reference, [sensor.reference]",
+        return Err(CampaignError::Bound(
+            "the truth was never known while the filter ran: simulate a reference, \
+             [sensor.reference]"
+                .into(),
         ));
     }
     Ok(Some(BoundRecord { point, rows }))
 }
 
-fn cannot_keep(error: &io::Error) -> CampaignError {
-    let folder = std::env::temp_dir();
-    CampaignError::other(format!(
-        "{}: {error} (what the smoother needs is kept there)",
-        folder.display()
-    ))
-}
-
 /// A record of the forward pass.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
-    /// `Phi`, row-major with padded rows, since the record before.
+    /// `Phi` since the previous record, row-major with padded rows.
     Step,
     /// `H`, `S` and `K` of an update with that many components.
     Update(usize),
-    /// Number and time of an epoch, the state's values and `P`.
+    /// Number and time of an epoch; the record holds the state's values and `P`.
     Epoch(i64, Time),
 }
 
-/// Keeps what the backward pass needs.
+/// Sink that stores the forward pass.
 struct Forward {
     n: usize,
     stride: usize,
     grid: Grid,
     tape: Option<Tape<Kind>>,
-    /// `Phi` since the last record, and whether it is not the identity.
+    /// `Phi` since the last record; `moved` is set if it is not the identity.
     phi: Vec<f64>,
     moved: bool,
     work: Vec<f64>,
     h: Vec<f64>,
-    /// The last epoch with a truth, if it is not on the grid and nothing came after it.
+    /// Last epoch with a truth, if it is off the grid and neither a transition nor an update
+    /// followed.
     last: Option<(Time, Vec<f64>, Vec<f64>)>,
     kept: Arc<Mutex<Option<Tape<Kind>>>>,
 }
@@ -108,7 +113,7 @@ impl Forward {
         kept: Arc<Mutex<Option<Tape<Kind>>>>,
     ) -> Result<Self, CampaignError> {
         let stride = n.next_multiple_of(4);
-        let tape = Some(Tape::new().map_err(|e| cannot_keep(&e))?);
+        let tape = Some(Tape::new().map_err(CampaignError::tape)?);
         let mut forward = Self {
             n,
             stride,
@@ -134,11 +139,12 @@ impl Forward {
     fn push(&mut self, kind: Kind, parts: &[&[f64]]) -> Result<(), StreamError> {
         let Some(tape) = &mut self.tape else { return Ok(()) };
         tape.push(kind, parts.iter().copied()).map_err(|e| {
-            StreamError::of(StreamErrorKind::Write, cannot_keep(&e).to_string()).with_source(e)
+            let error = CampaignError::tape(e);
+            StreamError::of(StreamErrorKind::Write, error.to_string()).with_source(error)
         })
     }
 
-    /// Writes the transition since the record before.
+    /// Writes the transition since the previous record.
     fn step(&mut self) -> Result<(), StreamError> {
         if self.moved {
             let phi = std::mem::take(&mut self.phi);
@@ -208,7 +214,7 @@ impl Sink for Forward {
 
 type Rows = Vec<(i64, f64, Vec<f64>, Vec<f64>)>;
 
-/// The backward pass.
+/// Runs the backward recursion of Bryson and Frazier over the stored records.
 fn backward(tape: Tape<Kind>, layout: &Layout, places: &Places, width: usize) -> io::Result<Rows> {
     let n = layout.tangent;
     let stride = n.next_multiple_of(4);
@@ -246,7 +252,7 @@ fn symmetric(m: DMatrix<f64>) -> DMatrix<f64> {
     (m + transposed) * 0.5
 }
 
-/// The 1-sigma of every component in its display unit.
+/// Returns the 1-sigma of every component in its display unit.
 fn sigmas(
     layout: &Layout,
     places: &Places,

@@ -1,7 +1,7 @@
-//! What a campaign does: its points, its runs, and which part of them a shard has.
+//! The definition of a campaign: its points, its runs, and the part that a shard does.
 
-use crate::CampaignError;
 use crate::columns::Columns;
+use crate::error::{CampaignError, ShardError};
 use crate::grid::interval;
 use navfuse_core::document::Document;
 use navfuse_core::plugin::{BuildError, Registry};
@@ -9,66 +9,67 @@ use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::time::Time;
 use serde::{Deserialize, Serialize};
 
-/// The most runs of a point: the seeds of two campaigns whose seeds differ do not meet.
+/// Largest number of runs of a point. Run seeds are `seed * MAX_RUNS + run`, so two campaigns with
+/// different seeds share no run seed.
 pub const MAX_RUNS: usize = 1_000_000;
 
-/// Epochs of a run that a campaign keeps, unless it is told how often.
+/// Default number of recorded epochs of a run.
 const EPOCHS: f64 = 300.0;
 
-/// What is drawn for each run.
+/// The quantities that are drawn at random for each run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum InitialErrors {
-    /// Initial errors and truths from the priors, and the noise.
+    /// Initial errors and true parameters, from the priors, and the measurement noise.
     #[default]
     Drawn,
-    /// The noise, and what the scenario says.
+    /// The measurement noise; all else is as the scenario gives it.
     Given,
 }
 
-/// What a campaign is asked to do.
+/// Options of a campaign.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Runs of each point; none for the bound alone.
+    /// Runs of each point; 0 computes the bound alone.
     pub runs: usize,
-    /// The campaign's seed; that of the scenario where there is none.
+    /// Seed of the campaign; `None` takes the scenario's seed.
     pub seed: Option<u64>,
-    /// Interval of the epochs that are kept, s; about 300 a run where there is none.
+    /// Interval of the recorded epochs, s; `None` records about 300 epochs a run.
     pub every: Option<f64>,
-    /// The time from which errors and sigmas are judged, s; the start where there is none.
+    /// Time from which errors and uncertainties enter the statistics, s; `None` is the start.
     pub from: Option<f64>,
-    /// What is drawn.
+    /// Choice of the quantities drawn for each run.
     pub initial_errors: InitialErrors,
-    /// The grid: each key with its values, see [`variation`].
+    /// Grid: each key with its values, see [`variation`].
     pub vary: Vec<(String, Vec<String>)>,
 }
 
 /// One point of the grid.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Point {
-    /// The value of each varied key.
+    /// Value of each varied key.
     pub values: Vec<String>,
 }
 
 /// A part of a campaign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
-    /// Which, from 1.
+    /// Number of the part, from 1.
     pub index: usize,
-    /// Of how many.
+    /// Number of parts.
     pub count: usize,
 }
 
 impl std::str::FromStr for Shard {
-    type Err = String;
+    type Err = ShardError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, ShardError> {
         let numbers = text.split_once('/').map(|(i, n)| (i.trim().parse(), n.trim().parse()));
         match numbers {
             Some((Ok(index), Ok(count))) if (1..=count).contains(&index) => {
                 Ok(Self { index, count })
             }
-            _ => Err(format!("{text:?} is no part such as 1/7, 2/7 ... 7/7")),
+            _ => Err(ShardError { text: text.to_owned() }),
         }
     }
 }
@@ -79,60 +80,63 @@ impl std::fmt::Display for Shard {
     }
 }
 
-/// One thing to do.
+/// One job: a run, or the bound of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Job {
-    /// The point of the grid.
+    /// Index of the point in the grid.
     pub point: usize,
-    /// The run, from 1; 0 is the bound.
+    /// Number of the run, from 1; 0 is the bound.
     pub run: usize,
 }
 
-/// All that a campaign does. Two shards belong together when their plans have no [`Campaign::difference`].
+/// Complete definition of a campaign. Two shards belong together if their campaigns have no
+/// [`Campaign::difference`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Campaign {
-    /// The version of the program.
+    /// Version of the program.
     pub version: String,
-    /// The scenario's name.
+    /// Name of the scenario.
     pub scenario: String,
-    /// The keys that vary.
+    /// Keys that vary.
     pub keys: Vec<String>,
-    /// The grid, the last key fastest.
+    /// Points of the grid; the last key varies fastest.
     pub points: Vec<Point>,
     /// Runs of each point.
     pub runs: usize,
-    /// The campaign's seed.
+    /// Seed of the campaign.
     pub seed: u64,
-    /// Interval of the epochs that are kept, ns.
+    /// Interval of the recorded epochs, ns.
     pub every: i64,
-    /// The time from which errors and sigmas are judged, s.
+    /// Time from which errors and uncertainties enter the statistics, s.
     pub from: Option<f64>,
-    /// What is drawn.
+    /// Choice of the quantities drawn for each run.
     #[serde(rename = "start")]
     pub initial_errors: InitialErrors,
-    /// What is compared.
+    /// Columns of the tables.
     pub columns: Columns,
-    /// What was set on top of the scenario's file, as a person gave it.
+    /// Changes of the scenario's file, as the user wrote them.
     pub overrides: Vec<String>,
-    /// The scenario in TOML, with every override in place.
+    /// Scenario in TOML, with every change applied.
     pub text: String,
 }
 
 impl Campaign {
-    /// Plans a campaign of a scenario: composes every point, so that what does not fit is told before the first run.
+    /// Defines a campaign of a scenario. It composes every point, so that an error in the scenario
+    /// is reported before the first run.
     ///
     /// # Errors
-    /// When a point does not compose, nothing is simulated, or no truth is known.
+    /// Returns an error if a point does not compose, if a source is not simulated, or if no truth
+    /// is known.
     pub fn new(
         registry: &Registry,
         document: &Document,
         options: &Options,
     ) -> Result<Self, CampaignError> {
         if options.runs > MAX_RUNS {
-            return Err(CampaignError::other(format!(
-                "--runs {}: at most {MAX_RUNS}",
-                options.runs
-            )));
+            return Err(CampaignError::option(
+                format!("--runs {}", options.runs),
+                format!("at most {MAX_RUNS}"),
+            ));
         }
         check_keys(&options.vary, options.initial_errors)?;
         let base = Scenario::new(registry, document.clone(), &[]).map_err(BuildError::from)?;
@@ -141,9 +145,10 @@ impl Campaign {
             None => base.compose()?.seed,
         };
         if seed > i64::MAX as u64 / (MAX_RUNS as u64 + 1) {
-            return Err(CampaignError::other(format!(
-                "--seed {seed}: a campaign's is at most 9e12"
-            )));
+            return Err(CampaignError::option(
+                format!("--seed {seed}"),
+                "the seed of a campaign is at most 9e12",
+            ));
         }
         let mut campaign = Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -164,9 +169,9 @@ impl Campaign {
         for point in 0..campaign.points.len() {
             let scenario = campaign.scenario(registry, document, Job { point, run: 1 })?;
             if !scenario.simulates().map_err(BuildError::from)? {
-                return Err(CampaignError::other(
-                    "a recording has only the noise that it has: this needs a scenario whose sources are simulated, such \
-                     as [source.simulation]",
+                return Err(CampaignError::Unsuitable(
+                    "a recording has the noise of a single run: use a scenario with simulated \
+                     sources, such as [source.simulation]",
                 ));
             }
             let assembly = scenario.assemble(None)?;
@@ -179,20 +184,25 @@ impl Campaign {
             last = last.max(end);
         }
         if campaign.columns.known() == 0 {
-            return Err(CampaignError::other(
-                "no error can be computed: simulate a reference, [sensor.reference.simulation], which tells the truth",
+            return Err(CampaignError::Unsuitable(
+                "no error can be computed without the truth: simulate a reference, \
+                 [sensor.reference.simulation]",
             ));
         }
         if let Some((from, end)) =
             campaign.from.zip(last).filter(|(from, end)| *from > end.seconds())
         {
-            return Err(CampaignError::other(format!("--from {from} s: the runs end at {end}")));
+            return Err(CampaignError::option(
+                format!("--from {from} s"),
+                format!("the runs end at {end}"),
+            ));
         }
         campaign.every = match options.every {
             Some(every) if !(every > 0.0 && every < 1e9) => {
-                return Err(CampaignError::other(format!(
-                    "--every {every} s: give a positive time"
-                )));
+                return Err(CampaignError::option(
+                    format!("--every {every} s"),
+                    "give a positive time",
+                ));
             }
             Some(every) => Time::from_seconds(every).map_or(1, Time::nanos),
             None => interval(longest, EPOCHS),
@@ -200,10 +210,10 @@ impl Campaign {
         Ok(campaign)
     }
 
-    /// The scenario of a job.
+    /// Returns the scenario of a job.
     ///
     /// # Errors
-    /// When a varied key cannot be set.
+    /// Returns an error if a varied key cannot be set.
     pub fn scenario<'a>(
         &self,
         registry: &'a Registry,
@@ -218,18 +228,19 @@ impl Campaign {
         Ok(Scenario::new(registry, document.clone(), &settings).map_err(BuildError::from)?)
     }
 
-    /// The seed of a run: that of the campaign, a million times, and the run's number.
+    /// Returns the seed of a run: the campaign's seed times [`MAX_RUNS`], plus the number of the
+    /// run.
     pub fn seed_of(&self, run: usize) -> u64 {
         self.seed * MAX_RUNS as u64 + run as u64
     }
 
-    /// The settings of a point.
+    /// Returns the settings of a point.
     pub fn settings(&self, point: usize) -> Vec<String> {
         let values = &self.points[point].values;
         self.keys.iter().zip(values).map(|(key, value)| format!("{key}={value}")).collect()
     }
 
-    /// What a person gives to `navfuse run SCENARIO` to do one run again.
+    /// Returns the arguments with which `navfuse run SCENARIO` repeats one run.
     pub fn again(&self, point: usize, run: usize) -> String {
         let mut settings = self.overrides.clone();
         settings.extend(self.settings(point));
@@ -244,7 +255,7 @@ impl Campaign {
         settings.iter().map(word).collect::<Vec<_>>().join(" ")
     }
 
-    /// What tells this campaign from another, in words; none where parts of the two belong together.
+    /// Describes the first difference between two campaigns; `None` if their parts belong together.
     pub fn difference(&self, other: &Self) -> Option<String> {
         let told = |campaign: &Self| {
             [
@@ -268,13 +279,13 @@ impl Campaign {
         let pairs = told(self).into_iter().zip(told(other));
         let differing = pairs.into_iter().find(|(a, b)| a != b);
         let text = (self.text != other.text || self.columns != other.columns)
-            .then_some("its scenario differs");
+            .then_some("the scenarios differ");
         differing
-            .map(|((what, a), (_, b))| format!("{what} is {a} and not {b}"))
+            .map(|((what, a), (_, b))| format!("{what} is {a} instead of {b}"))
             .or_else(|| text.map(Into::into))
     }
 
-    /// The jobs of a shard, or all of them, in order.
+    /// Lists the jobs of a shard, or of the whole campaign, in order.
     pub fn jobs(&self, shard: Option<Shard>) -> Vec<Job> {
         let per_point = self.runs + 1;
         let count = self.points.len() * per_point;
@@ -284,37 +295,37 @@ impl Campaign {
     }
 }
 
-/// Whether every value of every key makes a point of its own.
+/// Rejects keys and values that give no point of their own.
 fn check_keys(
     vary: &[(String, Vec<String>)],
     initial_errors: InitialErrors,
 ) -> Result<(), CampaignError> {
     for (k, (key, values)) in vary.iter().enumerate() {
-        let refused = |why: &str| Err(CampaignError::other(format!("--vary {key}: {why}")));
+        let refused = |why: &str| Err(CampaignError::option(format!("--vary {key}"), why));
         match key.as_str() {
             "seed" => {
                 return refused(
-                    "each run has a seed of its own; give that of the campaign with --seed",
+                    "each run has a seed of its own; set the campaign's seed with --seed",
                 );
             }
             "estimator.draw" if initial_errors == InitialErrors::Drawn => {
                 return refused(
-                    "all is drawn for each run, unless --start=given leaves it to the scenario",
+                    "every run draws all quantities; --start=given leaves the draw to the scenario",
                 );
             }
             _ if vary[..k].iter().any(|(other, _)| other == key) => {
-                return refused("it is there twice; give all its values at once, KEY=V1,V2");
+                return refused("the key is given twice; give all its values at once, KEY=V1,V2");
             }
             _ => {}
         }
         if let Some(value) = values.iter().enumerate().find(|(k, v)| values[..*k].contains(v)) {
-            return refused(&format!("the value {} is there twice", value.1));
+            return refused(&format!("the value {} is given twice", value.1));
         }
     }
     Ok(())
 }
 
-/// All combinations, the last key fastest.
+/// Lists all combinations; the last key varies fastest.
 fn grid(vary: &[(String, Vec<String>)]) -> Vec<Point> {
     vary.iter().fold(vec![Point::default()], |points, (_, values)| {
         let extended = points.iter().flat_map(|point| {
@@ -326,14 +337,14 @@ fn grid(vary: &[(String, Vec<String>)]) -> Vec<Point> {
     })
 }
 
-/// Reads `key.path=v1,v2,...`: values are separated by commas outside brackets, braces and quotes.
+/// Parses `key.path=v1,v2,...`. Commas outside brackets, braces and quotes separate the values.
 ///
 /// # Errors
-/// When there is no key or no value.
-pub fn variation(text: &str) -> Result<(String, Vec<String>), String> {
-    let (key, values) = text
-        .split_once('=')
-        .ok_or_else(|| format!("--vary {text:?}: give values too, key.path=v1,v2,..."))?;
+/// Returns an error if the key or a value is missing.
+pub fn variation(text: &str) -> Result<(String, Vec<String>), CampaignError> {
+    let refused = |message: &str| CampaignError::option(format!("--vary {text:?}"), message);
+    let (key, values) =
+        text.split_once('=').ok_or_else(|| refused("give values too, key.path=v1,v2,..."))?;
     let (mut depth, mut quote, mut parts) = (0_i32, None, vec![String::new()]);
     for c in values.chars() {
         match (quote, c) {
@@ -353,9 +364,7 @@ pub fn variation(text: &str) -> Result<(String, Vec<String>), String> {
     }
     let parts: Vec<String> = parts.iter().map(|p| p.trim().to_owned()).collect();
     if key.trim().is_empty() || parts.iter().any(String::is_empty) {
-        return Err(format!(
-            "--vary {text:?}: a key and values that are not empty are needed, key.path=v1,v2,..."
-        ));
+        return Err(refused("give a key and values that are not empty, key.path=v1,v2,..."));
     }
     Ok((key.trim().to_owned(), parts))
 }
@@ -397,7 +406,8 @@ mod tests {
         };
         assert_eq!(
             campaign.again(1, 5),
-            "--set \"sensor.dvl.noise=5 mm/s\" --set a=1 --set b=y --set estimator.draw=all --set seed=1000005"
+            "--set \"sensor.dvl.noise=5 mm/s\" --set a=1 --set b=y --set estimator.draw=all --set \
+             seed=1000005"
         );
         assert_eq!(campaign.settings(1), ["a=1", "b=y"]);
         let all = campaign.jobs(None);

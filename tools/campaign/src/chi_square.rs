@@ -1,4 +1,4 @@
-//! The chi-square distribution: bands of means, and what a gate leaves of it.
+//! The chi-square distribution: bands of means, and moments after a gate.
 
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -6,22 +6,26 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 /// A two-sided band.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Band {
-    /// Lower end.
+    /// Lower limit.
     pub low: f64,
-    /// Upper end.
+    /// Upper limit.
     pub high: f64,
 }
 
 impl Band {
-    /// Whether a value is inside.
+    /// Returns `true` if a value is inside the band.
     pub fn holds(&self, value: f64) -> bool {
         (self.low..=self.high).contains(&value)
     }
 }
 
-/// The band that a sum of that expectation and variance, made of squares of Gaussian numbers, stays in with probability
-/// `1 - alpha`: exact for a sum of chi-square variables (variance twice the expectation), and for others that of the scaled
-/// chi-square distribution of the same two moments.
+/// Returns the band that contains a sum of squared Gaussian variables with probability `1 - alpha`.
+///
+/// The sum has the distribution `s chi^2(n)` with `s = variance / (2 expectation)` and
+/// `n = expectation / s`, which has the given mean and variance. The band is exact for a sum of
+/// chi-square variables (`variance = 2 expectation`, `s = 1`); otherwise it is the approximation
+/// with
+/// the same two moments.
 pub fn band(expectation: f64, variance: f64, alpha: f64) -> Band {
     let scale = variance / (2.0 * expectation);
     let Ok(chi) = ChiSquared::new(expectation / scale) else {
@@ -33,22 +37,24 @@ pub fn band(expectation: f64, variance: f64, alpha: f64) -> Band {
     }
 }
 
-/// Whether a sum is outside that band: one value of the distribution, where a band is two inverted ones.
+/// Returns `true` if a sum is outside that band. It evaluates the distribution once, which is much
+/// cheaper than the two inverse distributions of [`band`].
 pub fn outside(sum: f64, expectation: f64, variance: f64, alpha: f64) -> bool {
     let scale = variance / (2.0 * expectation);
     let Ok(chi) = ChiSquared::new(expectation / scale) else { return true };
     !sum.is_finite() || chi.cdf(sum / scale) < 0.5 * alpha || chi.sf(sum / scale) < 0.5 * alpha
 }
 
-/// Expectation and variance of a chi-square variable with `m` degrees of freedom, of which a gate passed those up to
-/// `threshold` (which may be infinite).
+/// Returns expectation and variance of a chi-square variable with `m` degrees of freedom that a
+/// gate truncates at `threshold`, which may be infinite. A gate removes the largest NIS, so the
+/// mean NIS of a consistent filter is below `m`.
 pub fn gated_moments(m: usize, threshold: f64) -> (f64, f64) {
     let m_real = m as f64;
     let cdf = |freedom: f64| match ChiSquared::new(freedom) {
         Ok(chi) if threshold.is_finite() => chi.cdf(threshold),
         _ => 1.0,
     };
-    // E[x^j; x < g] = m (m + 2) ... F_{m + 2 j}(g)
+    // truncated moments: E[x^j | x < g] = m (m + 2) ... (m + 2 j - 2) F_{m + 2 j}(g) / F_m(g)
     let passed = cdf(m_real);
     let mean = m_real * cdf(m_real + 2.0) / passed;
     let square = m_real * (m_real + 2.0) * cdf(m_real + 4.0) / passed;
@@ -61,7 +67,7 @@ mod tests {
     use navfuse_core::model::simulate::Random;
 
     #[test]
-    fn the_band_of_a_mean_of_100_runs_of_19_states_is_that_of_the_tables() {
+    fn the_band_of_a_mean_of_100_runs_of_19_states_agrees_with_tables() {
         let b = band(1900.0, 3800.0, 0.05);
         // chi-square quantiles of 1900 degrees of freedom: 1781.1 and 2022.7
         assert!(
@@ -78,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_band_holds_is_not_outside() {
+    fn a_value_inside_the_band_is_not_outside() {
         for (expectation, variance, alpha) in
             [(300.0, 600.0, 0.05), (3.0, 6.0, 1e-5), (2.4e4, 3.7e4, 1e-3)]
         {
@@ -95,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gate_takes_from_mean_and_variance_what_sampling_says() {
+    fn gated_moments_agree_with_sampling() {
         let mut random = Random::new(1, "gate");
         for (m, threshold) in [(3_usize, 2.366), (3, 16.27), (1, 3.84), (4, f64::INFINITY)] {
             let draws = (0..400_000).map(|_| (0..m).map(|_| random.normal().powi(2)).sum::<f64>());
@@ -104,7 +110,7 @@ mod tests {
             let mean = passed.iter().sum::<f64>() / n;
             let variance = passed.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
             let (expected, spread) = gated_moments(m, threshold);
-            // 4 sigma of the mean; the variance of 200 000 draws or more is good to 2 %
+            // 4 sigma of the mean; the variance of 200 000 draws or more is accurate to 2 %
             assert!(
                 (mean - expected).abs() < 4.0 * (spread / n).sqrt(),
                 "{m} {threshold}: {mean} {expected}"

@@ -1,4 +1,4 @@
-//! What is kept of one run.
+//! Recording of one run.
 
 use crate::chi_square::gated_moments;
 use crate::columns::{Columns, Places};
@@ -15,7 +15,8 @@ use navfuse_core::state::{Layout, State};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
-/// Runs an assembly and keeps its errors, sigmas and innovations every so many nanoseconds; `None` if it was stopped.
+/// Runs an assembly and records errors, sigmas and innovations every `every` ns; `None` if it was
+/// stopped.
 pub fn run(
     mut assembly: Assembly,
     columns: &Arc<Columns>,
@@ -51,7 +52,7 @@ pub fn run(
     Some(RunRecord { point, run, seed, rows, failure })
 }
 
-/// A copy of an epoch, for the one that turns out to be the last.
+/// Copy of an epoch, recorded if it turns out to be the last one.
 struct Copied {
     layout: Arc<Layout>,
     state: State,
@@ -65,11 +66,12 @@ struct Collector {
     places: Places,
     grid: Grid,
     rows: Vec<Row>,
-    /// The sums of each sensor since the row before.
+    /// Sums of each sensor since the previous row.
     sums: Vec<[f64; SENSOR.len()]>,
-    /// Expectation and variance of the NIS of each sensor with that many channels, once they are known.
+    /// Expectation and variance of the NIS for each sensor and number of channels, computed on
+    /// first use.
     moments: Vec<Vec<Option<(f64, f64)>>>,
-    /// The last epoch with a truth, and whether it is in the rows.
+    /// Last epoch with a truth, and a flag that is set if it is in the rows.
     last: Option<(Copied, bool)>,
     kept: Arc<Mutex<Vec<Row>>>,
 }
@@ -110,7 +112,8 @@ impl Collector {
     }
 }
 
-/// `e' P^-1 e` over some components of the error; infinite where `P` is not positive definite, which no error can match.
+/// Normalised estimation error squared, `e' P^-1 e`, of the components in `indices`. It is infinite
+/// if `P` is not positive definite, so that the verdict reports such a filter.
 fn nees(errors: &DVector<f64>, covariance: &Covariance, indices: &[usize]) -> f64 {
     let n = indices.len();
     let p = DMatrix::from_fn(n, n, |i, j| covariance.get(indices[i], indices[j]));

@@ -1,4 +1,4 @@
-//! What is compared: the uncertain components of a state, its blocks and its sensors.
+//! Columns of the tables: the uncertain components of a state, its blocks and its sensors.
 
 use navfuse_core::compose::Composition;
 use navfuse_core::model::sensor::Purpose;
@@ -7,24 +7,24 @@ use navfuse_core::state::Layout;
 use navfuse_core::state::manifold::Reading;
 use serde::{Deserialize, Serialize};
 
-/// One number of a state block.
+/// One component of a state block.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Component {
-    /// Its block: `dvl.scale`.
+    /// Name of its block: `dvl.scale`.
     pub state: String,
-    /// Its name: `roll`, `north`.
+    /// Name of the component: `roll`, `north`.
     pub component: String,
-    /// The unit of error and sigma; empty for a ratio.
+    /// Unit of error and sigma; empty for a ratio.
     pub unit: String,
 }
 
 impl Component {
-    /// `ins.attitude.yaw`, or the state alone where it has one component.
+    /// Returns the full name: `ins.attitude.yaw`.
     pub fn name(&self) -> String {
         format!("{}.{}", self.state, self.component)
     }
 
-    /// Name and unit for a person.
+    /// Returns the full name with the unit.
     pub fn label(&self) -> String {
         if self.unit.is_empty() { self.name() } else { format!("{} [{}]", self.name(), self.unit) }
     }
@@ -33,36 +33,36 @@ impl Component {
 /// One state block.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BlockColumns {
-    /// Its full name.
+    /// Full name.
     pub name: String,
-    /// The number of its components.
+    /// Number of components.
     pub dimension: usize,
-    /// Whether its truth is known, so that its error is.
+    /// Set if the truth of the block, and so its error, is known.
     pub known: bool,
 }
 
-/// All that is compared, in the order of the tables.
+/// All columns, in the order of the tables.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Columns {
     /// Every component of every uncertain block.
     pub components: Vec<Component>,
-    /// The uncertain blocks.
+    /// Uncertain blocks.
     pub blocks: Vec<BlockColumns>,
-    /// The sensors that correct the state.
+    /// Sensors that update the state.
     pub sensors: Vec<String>,
 }
 
-/// Where a layout's blocks stand in the columns.
+/// Position of a layout's blocks and sensors in the columns.
 #[derive(Clone, Debug)]
 pub struct Places {
-    /// For each uncertain block: its slot, its number among the blocks, and its first component.
+    /// For each uncertain block: its slot, its index among the blocks, and its first component.
     pub blocks: Vec<(usize, usize, usize)>,
-    /// For each sensor of the composition: its number among those that correct the state.
+    /// For each sensor of the composition: its index among the sensors that update the state.
     pub sensors: Vec<Option<usize>>,
 }
 
 impl Columns {
-    /// Adds what a composition has and the columns do not have yet.
+    /// Adds the blocks and sensors of a composition that the columns lack.
     pub fn add(&mut self, composition: &Composition) {
         let known = composition.known();
         for (block, known) in
@@ -83,7 +83,8 @@ impl Columns {
                 unit: block.spec.display.unit.to_owned(),
             }));
         }
-        // a constraint is no sensor with a noise: a vehicle at rest is slower than the constraint allows it to be
+        // a constraint has no noise of a sensor: a vehicle at rest moves less than the constraint
+        // allows, so its NIS is too small by design
         let measures = |s: &&Sensor| s.info.purpose == Purpose::Measurement && !s.constraint;
         for sensor in composition.sensors.iter().filter(measures) {
             if !self.sensors.contains(&sensor.info.name) {
@@ -92,18 +93,19 @@ impl Columns {
         }
     }
 
-    /// The number of components whose error is known: the degrees of freedom of the whole state's NEES.
+    /// Returns the number of components with a known error: the degrees of freedom of the whole
+    /// state's NEES.
     pub fn known(&self) -> usize {
         self.blocks.iter().filter(|b| b.known).map(|b| b.dimension).sum()
     }
 
-    /// The components of a block.
+    /// Returns the range of a block's components.
     pub fn of_block(&self, index: usize) -> std::ops::Range<usize> {
         let first = self.blocks[..index].iter().map(|b| b.dimension).sum();
         first..first + self.blocks[index].dimension
     }
 
-    /// Where a layout and its sensors stand in them.
+    /// Finds the blocks of a layout and its sensors in the columns.
     pub fn places<'a>(&self, layout: &Layout, sensors: impl Iterator<Item = &'a str>) -> Places {
         let uncertain = layout.blocks.iter().enumerate().filter(|(_, b)| b.tangent.is_some());
         let place = |name: &str| self.blocks.iter().position(|b| b.name == name);

@@ -1,4 +1,4 @@
-//! Doing the jobs on all cores, and giving what they leave in order.
+//! Execution of the jobs on all cores, with the records in the order of the jobs.
 
 use crate::CampaignError;
 use crate::bound::bound;
@@ -11,28 +11,29 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, mpsc};
 
-/// What was done.
+/// Number of jobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct JobCount {
-    /// Jobs that were done.
+    /// Completed jobs.
     pub done: usize,
-    /// Jobs that were asked for.
+    /// Requested jobs.
     pub asked: usize,
 }
 
 impl JobCount {
-    /// Whether it was interrupted.
+    /// Returns `true` if the campaign was interrupted.
     pub fn interrupted(&self) -> bool {
         self.done < self.asked
     }
 }
 
-/// Does the jobs of a shard, or all of them, on so many threads, and gives each record to `each` in the order of the jobs,
-/// however many threads there are. `progress` is told the number of jobs done and asked for. When `stop` is set, what was
-/// done until then is given.
+/// Executes the jobs of a shard, or of the whole campaign, on `threads` threads. It passes each
+/// record to `each` in the order of the jobs, for any number of threads, and reports the number of
+/// completed jobs to `progress`. If `stop` is set, it passes the records that are complete by then.
 ///
 /// # Errors
-/// When a point cannot be composed, a bound fails, or `each` does. A run that fails is a record.
+/// Returns an error if a point does not compose, a bound fails, or `each` fails. A run that fails
+/// is not an error: its record has the reason.
 pub fn execute(
     campaign: &Campaign,
     registry: &Registry,
@@ -51,7 +52,7 @@ pub fn execute(
     let mut count = JobCount { done: 0, asked: jobs.len() };
     progress(count);
     std::thread::scope(|scope| {
-        // a slow reader holds the workers up: what waits for it stays small
+        // the channel is bounded: a slow reader makes the workers wait, and memory stays small
         let (sender, receiver) = mpsc::sync_channel(2 * threads);
         for _ in 0..threads {
             let (sender, jobs, next, columns) = (sender.clone(), &jobs, &next, &columns);
@@ -96,7 +97,7 @@ pub fn execute(
                 }
             }
         }
-        // after an interruption: what was done behind a job that was not
+        // after an interruption, records may remain behind a job that did not complete
         for record in waiting.into_values().flatten() {
             if result.is_ok() {
                 count.done += 1;
@@ -107,7 +108,7 @@ pub fn execute(
     })
 }
 
-/// Does one job; `None` if it was stopped.
+/// Executes one job; `None` if it was stopped.
 fn do_job(
     campaign: &Campaign,
     registry: &Registry,

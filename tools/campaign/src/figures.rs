@@ -1,4 +1,4 @@
-//! The plots of a campaign.
+//! Plots of a campaign.
 
 use crate::campaign::Campaign;
 use crate::chi_square::Band;
@@ -7,10 +7,11 @@ use crate::statistics::{EpochStatistics, PointStatistics};
 use crate::verdict::{anees_band, nis_band};
 use navfuse_figures::{Axis, Band as Shade, Curve, Figure, Look, Panel};
 
-/// The probability outside the bands that are shown.
+/// Probability outside the plotted bands.
 const ALPHA: f64 = 0.05;
 
-/// The plots: of one point over time, or of a grid at the end; of the grid those components that `shown` says.
+/// Plots one point over time, or a grid at the end of its runs with those components that `shown`
+/// selects.
 pub fn figures(
     campaign: &Campaign,
     results: &Results,
@@ -19,7 +20,7 @@ pub fn figures(
     let ran = |p: &PointStatistics| p.epochs().next().is_some();
     match results.points.as_slice() {
         [point] if ran(point) => vec![consistency(campaign, point), states(campaign, point)],
-        // none where it was interrupted before the bound was there
+        // no plot if the campaign was interrupted before the bound was computed
         [point] => point.bound.iter().map(|_| bound(campaign, point)).collect(),
         _ => grid(campaign, results, shown),
     }
@@ -29,7 +30,7 @@ fn curve(name: &str, look: Look, points: impl Iterator<Item = [f64; 2]>) -> Curv
     Curve { name: name.into(), look, points: points.collect() }
 }
 
-/// ANEES and NIS over time, with their bands.
+/// Plots ANEES and NIS over time with their bands.
 fn consistency(campaign: &Campaign, point: &PointStatistics) -> Figure {
     let columns = &campaign.columns;
     let panel = |title: &str,
@@ -81,11 +82,11 @@ fn consistency(campaign: &Campaign, point: &PointStatistics) -> Figure {
             },
         ));
     }
-    let title = format!("{}: errors against sigma, {} runs", campaign.scenario, point.runs);
+    let title = format!("{}: errors against uncertainty, {} runs", campaign.scenario, point.runs);
     Figure { name: "consistency".into(), title, columns: 3, panels }
 }
 
-/// RMSE, sigma and bound of every component over time.
+/// Plots RMSE, sigma and bound of every component over time.
 fn states(campaign: &Campaign, point: &PointStatistics) -> Figure {
     let components = campaign.columns.components.iter().enumerate();
     let panels = components.map(|(k, component)| {
@@ -107,7 +108,7 @@ fn states(campaign: &Campaign, point: &PointStatistics) -> Figure {
     Figure { name: "states".into(), title, columns: 3, panels: panels.collect() }
 }
 
-/// The bound of every component over time.
+/// Plots the bound of every component over time.
 fn bound(campaign: &Campaign, point: &PointStatistics) -> Figure {
     let rows = || point.bound.iter().flat_map(|b| &b.rows);
     let components = campaign.columns.components.iter().enumerate();
@@ -120,11 +121,12 @@ fn bound(campaign: &Campaign, point: &PointStatistics) -> Figure {
             Axis::logarithmic(if component.unit.is_empty() { "ratio" } else { &component.unit });
         Panel { title: component.name(), x: Axis::time(), y, curves, bands: Vec::new() }
     });
-    let title = format!("{}: the least 1-sigma that can be reached", campaign.scenario);
+    let title = format!("{}: smallest possible 1-sigma", campaign.scenario);
     Figure { name: "bound".into(), title, columns: 3, panels: panels.collect() }
 }
 
-/// Every shown component at the end against the first key, a curve for each combination of the others.
+/// Plots every shown component at the end against the first key, with a curve for each combination
+/// of the other keys.
 fn grid(
     campaign: &Campaign,
     results: &Results,
@@ -189,7 +191,8 @@ fn grid(
     vec![Figure { name: "sweep".into(), title, columns: panels.len().clamp(1, 3), panels }]
 }
 
-/// Where values of a key stand on an axis: at their numbers where all have one unit, else one after the other.
+/// Positions of a key's values on an axis: their numbers if all have the same unit, otherwise 1, 2,
+/// 3 and so on.
 fn axis(key: &str, values: &[&str]) -> (Vec<f64>, Axis) {
     let split = |value: &str| {
         let value = value.trim_matches(['"', '\'']);
@@ -206,7 +209,7 @@ fn axis(key: &str, values: &[&str]) -> (Vec<f64>, Axis) {
             let places: Vec<f64> = numbers.iter().map(|n| n.0).collect();
             let (low, high) =
                 places.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), p| (l.min(*p), h.max(*p)));
-            // a span of more than one decade
+            // the values span more than one decade
             let logarithmic = low > 0.0 && high / low > 10.0;
             (places, if logarithmic { Axis::logarithmic(label) } else { Axis::linear(label) })
         }
@@ -223,7 +226,7 @@ mod tests {
     use navfuse_figures::Scale;
 
     #[test]
-    fn values_with_one_unit_are_an_axis_and_others_are_counted() {
+    fn values_of_one_unit_share_an_axis_and_others_are_numbered() {
         let (places, x) = axis("latitude", &["0 deg", "30 deg", "60 deg"]);
         assert_eq!((places, x.label.as_str()), (vec![0.0, 30.0, 60.0], "latitude [deg]"));
         let (places, x) = axis("noise", &["1e-3", "0.1"]);

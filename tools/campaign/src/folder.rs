@@ -1,4 +1,4 @@
-//! What a campaign writes: its records, and once all are there what they say.
+//! Output folder of a campaign: the records, and the results once all records are there.
 
 use crate::CampaignError;
 use crate::campaign::{Campaign, Shard};
@@ -17,7 +17,7 @@ pub const RUNS: &str = "runs.parquet";
 pub const BOUNDS: &str = "bounds.parquet";
 const EPOCHS: &str = "epochs.parquet";
 const REPORT: &str = "report.json";
-/// What a campaign of any kind writes.
+/// Names of all files that a campaign of any kind writes.
 const ALL: [&str; 12] = [
     CAMPAIGN,
     RUNS,
@@ -33,14 +33,14 @@ const ALL: [&str; 12] = [
     "campaign.rrd",
 ];
 
-/// `campaign.json`: what was done.
+/// Content of `campaign.json`.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Log {
-    /// Which part of the campaign it is; null for the whole.
+    /// Part of the campaign, as `1/7`; null for the whole campaign.
     pub shard: Option<String>,
-    /// Jobs that were done.
+    /// Completed jobs.
     pub done: usize,
-    /// Jobs that were asked for.
+    /// Requested jobs.
     pub asked: usize,
     pub failures: Vec<Failure>,
     #[serde(rename = "plan")]
@@ -55,18 +55,18 @@ pub struct Failure {
     pub reason: String,
 }
 
-/// What all records together say.
+/// Results of a campaign.
 #[derive(Debug)]
 pub struct Results {
-    /// In numbers.
+    /// Numbers at the end of the runs.
     pub report: CampaignReport,
-    /// Over time, one entry a point.
+    /// Statistics over time, one entry per point.
     pub points: Vec<PointStatistics>,
-    /// The files that were written.
+    /// Written files.
     pub files: Vec<PathBuf>,
 }
 
-/// Takes records in order and writes them.
+/// Writes the records of a campaign, which arrive in order.
 pub struct Folder {
     path: Option<PathBuf>,
     campaign: Campaign,
@@ -77,10 +77,11 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// A folder to write into, or none to only sum up; a shard's records are written, but not summed up.
+    /// Creates a folder to write into; without a path, the records are only summed up. The records
+    /// of a shard are written, but not summed up.
     ///
     /// # Errors
-    /// When it cannot be written to.
+    /// Returns an error if the folder or a file cannot be written.
     pub fn create(
         path: Option<&Path>,
         campaign: &Campaign,
@@ -89,12 +90,14 @@ impl Folder {
         let mut runs = None;
         if let Some(path) = path {
             std::fs::create_dir_all(path).map_err(|e| {
-                CampaignError::file(
+                CampaignError::file_with(
                     path,
-                    &format!("the output folder cannot be made: {e}; give another with --out"),
+                    e,
+                    "the output folder cannot be created; give another with --out",
                 )
             })?;
-            // nothing of an earlier campaign stays beside this one
+            // remove the files of an earlier campaign, so that no old result stays beside the new
+            // ones
             for name in ALL {
                 std::fs::remove_file(path.join(name)).ok();
             }
@@ -113,10 +116,10 @@ impl Folder {
         })
     }
 
-    /// Takes a record.
+    /// Adds a record.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// Returns an error if the record cannot be written.
     pub fn add(&mut self, record: Record) -> Result<(), CampaignError> {
         match record {
             Record::Bound(bound) => {
@@ -144,10 +147,10 @@ impl Folder {
         Ok(())
     }
 
-    /// Completes the files; a shard has no results.
+    /// Completes the files. A shard has no results.
     ///
     /// # Errors
-    /// When they cannot be written.
+    /// Returns an error if a file cannot be written.
     pub fn finish(mut self, done: JobCount) -> Result<Option<Results>, CampaignError> {
         let mut files = Vec::new();
         if let (Some(table), Some(path)) = (self.runs.take(), &self.path) {
@@ -198,7 +201,7 @@ impl Folder {
         table.finish()
     }
 
-    /// What the runs say together at each epoch.
+    /// Writes the statistics over all runs at each epoch.
     fn write_epochs(&self, path: &Path) -> Result<(), CampaignError> {
         let columns = &self.campaign.columns;
         let mut real = vec!["time_s".to_owned()];
@@ -263,6 +266,6 @@ pub fn bound_names(columns: &Columns) -> Names {
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), CampaignError> {
-    let text = serde_json::to_string_pretty(value).map_err(|e| CampaignError::file(path, &e))?;
-    std::fs::write(path, text + "\n").map_err(|e| CampaignError::file(path, &e))
+    let text = serde_json::to_string_pretty(value).map_err(|e| CampaignError::file(path, e))?;
+    std::fs::write(path, text + "\n").map_err(|e| CampaignError::file(path, e))
 }

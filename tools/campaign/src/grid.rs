@@ -1,8 +1,8 @@
-//! The times at which a campaign looks at its runs.
+//! Times of the recorded epochs.
 
 use navfuse_core::units::time::Time;
 
-/// Picks the first of the epochs at or after each multiple of an interval.
+/// Selects the first epoch at or after each multiple of an interval.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {
     every: i64,
@@ -10,12 +10,12 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// A grid of that interval, ns.
+    /// Creates a grid with an interval in ns.
     pub fn new(every: i64) -> Self {
         Self { every: every.max(1), last: None }
     }
 
-    /// The number of the epoch, if one at that time is the first of its interval.
+    /// Returns the number of the epoch if it is the first of its interval.
     pub fn due(&mut self, time: Time) -> Option<i64> {
         let number = time.nanos().div_euclid(self.every);
         (self.last.is_none_or(|last| number > last)).then(|| {
@@ -24,13 +24,14 @@ impl Grid {
         })
     }
 
-    /// The number of an epoch that ends the run off the grid.
+    /// Returns the number of an epoch that ends the run off the grid.
     pub fn end(&self) -> i64 {
         self.last.map_or(0, |last| last + 1)
     }
 }
 
-/// The interval that gives at most that many epochs: 1, 2 or 5 times a power of ten, ns.
+/// Returns the shortest round interval with at most `epochs` epochs: 1, 2 or 5 times a power of
+/// ten, ns.
 pub fn interval(duration: f64, epochs: f64) -> i64 {
     let least = (duration / epochs).max(1e-9);
     let power = 10f64.powf(least.log10().floor());
@@ -46,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_interval_is_round_and_gives_no_more_epochs_than_asked() {
+    fn an_interval_is_round_and_gives_at_most_the_given_number_of_epochs() {
         for (duration, seconds) in
             [(1460.0, 5.0), (300.0, 1.0), (301.0, 2.0), (3000.0, 10.0), (0.3, 0.001)]
         {

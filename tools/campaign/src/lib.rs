@@ -1,17 +1,20 @@
-//! Campaigns: many runs of a scenario, what its errors and sigmas say of each other, and how good it could ever be.
+//! Monte Carlo campaigns: many runs of a scenario, the consistency of the reported uncertainty with
+//! the errors, and the Cramer-Rao bound.
 //!
 //! ```text
 //! Campaign ──jobs──▶ execute ──records in order──▶ Tables (Parquet)
-//!                  │ bound, run                 Statistics ──▶ CampaignReport (verdict, tables, figures)
+//!                      │ bound, run              Statistics ──▶ CampaignReport
 //! ```
-//! A record is all that a job leaves. Shards write their records; merging reads them in order and goes on as if they had
-//! just been made, so that it gives what one machine would have written.
+//! A [`Record`] is the complete result of one job. Shards write their records to files. [`merge`]
+//! reads these records in order and continues as if they had just been computed, so the merged
+//! files equal the files of a campaign on one machine.
 
 mod bound;
 mod campaign;
 mod chi_square;
 mod collect;
 mod columns;
+mod error;
 mod execute;
 mod figures;
 mod folder;
@@ -29,6 +32,7 @@ pub use bound::bound;
 pub use campaign::{Campaign, InitialErrors, Options, Point, Shard, variation};
 pub use chi_square::{Band, band};
 pub use columns::{BlockColumns, Columns, Component};
+pub use error::{CampaignError, ShardError};
 pub use execute::{JobCount, execute};
 pub use figures::figures;
 pub use folder::{Folder, Results};
@@ -37,27 +41,3 @@ pub use record::{BoundRecord, Record, Row, RunRecord};
 pub use report::{Anees, CampaignReport, Nis, PointReport, StateReport, WorstRun};
 pub use statistics::{EpochStatistics, PointStatistics};
 pub use verdict::{Finding, Verdict};
-
-use navfuse_core::plugin::BuildError;
-
-/// Why a campaign cannot go on.
-#[derive(Debug, thiserror::Error)]
-pub enum CampaignError {
-    /// The scenario does not fit.
-    #[error(transparent)]
-    Scenario(#[from] BuildError),
-    /// A file cannot be read or written, or an option does not fit.
-    #[error("{0}")]
-    Other(String),
-}
-
-impl CampaignError {
-    pub(crate) fn other(message: impl Into<String>) -> Self {
-        Self::Other(message.into())
-    }
-
-    /// About a file.
-    pub(crate) fn file(path: &std::path::Path, error: &dyn std::fmt::Display) -> Self {
-        Self::Other(format!("{}: {error}", path.display()))
-    }
-}

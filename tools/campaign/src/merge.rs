@@ -1,4 +1,4 @@
-//! Shards joined to what one machine would have written.
+//! Merging of shards into the files of the whole campaign.
 
 use crate::CampaignError;
 use crate::campaign::{Campaign, Job, Shard};
@@ -13,20 +13,22 @@ use std::path::{Path, PathBuf};
 fn read_log(folder: &Path) -> Result<Log, CampaignError> {
     let path = folder.join(CAMPAIGN);
     let text = std::fs::read_to_string(&path).map_err(|e| {
-        let message = format!(
-            "{e}: no part of a campaign, or one that was cut off; make it with --shard and --out"
-        );
-        CampaignError::file(&path, &message)
+        CampaignError::file_with(
+            &path,
+            e,
+            "the folder holds no part of a campaign, or an incomplete one; make it with --shard \
+             and --out",
+        )
     })?;
     serde_json::from_str(&text).map_err(|e| {
-        CampaignError::file(&path, &format!("{e}: it is not complete; run this part again"))
+        CampaignError::file_with(&path, e, "the file is not complete; run this part again")
     })
 }
 
-/// The plan that a folder's campaign, or part of one, followed.
+/// Reads the definition of the campaign in a folder, which may hold a part of it.
 ///
 /// # Errors
-/// When there is none.
+/// Returns an error if the folder holds no campaign.
 pub fn campaign_of(folder: &Path) -> Result<Campaign, CampaignError> {
     Ok(read_log(folder)?.campaign)
 }
@@ -42,40 +44,40 @@ impl<'a> Part<'a> {
     fn read(path: &'a Path) -> Result<Self, CampaignError> {
         let log = read_log(path)?;
         let Some(shard) = log.shard.as_ref().and_then(|s| s.parse::<Shard>().ok()) else {
-            return Err(CampaignError::file(
+            return Err(CampaignError::content(
                 path,
-                &"a whole campaign, not a part of one made with --shard",
+                "the folder holds a whole campaign; merge the parts made with --shard",
             ));
         };
         Ok(Self { shard, path, log })
     }
 
-    fn error(&self, message: &str) -> CampaignError {
-        CampaignError::file(self.path, &message)
+    fn error(&self, message: impl Into<String>) -> CampaignError {
+        CampaignError::content(self.path, message)
     }
 
-    /// Whether it and the first part belong to one campaign, and it is complete.
+    /// Checks that the part is complete and that it belongs to the same campaign as the first part.
     fn check(&self, first: &Self) -> Result<(), CampaignError> {
         let (Shard { count, .. }, Log { done, asked, .. }) = (self.shard, &self.log);
         let other = |why: String| {
-            self.error(&format!("a part of another campaign than {}: {why}", first.path.display()))
+            self.error(format!("a part of another campaign than {}: {why}", first.path.display()))
         };
         if let Some(difference) = self.log.campaign.difference(&first.log.campaign) {
             return Err(other(difference));
         }
         if count != first.shard.count {
-            return Err(other(format!("there are {count} parts and not {}", first.shard.count)));
+            return Err(other(format!("it has {count} parts instead of {}", first.shard.count)));
         }
         if done < asked {
             let shard = self.shard;
-            return Err(self.error(&format!(
+            return Err(self.error(format!(
                 "part {shard} was interrupted after {done} of {asked} jobs; run it again"
             )));
         }
         Ok(())
     }
 
-    /// A file of it has the jobs that the part should have.
+    /// Checks that a file holds the jobs of the part.
     fn check_jobs(
         &self,
         name: &str,
@@ -87,8 +89,7 @@ impl<'a> Part<'a> {
         if found == asked {
             return Ok(());
         }
-        Err(self
-            .error(&format!("{name} does not hold what part {} should; run it again", self.shard)))
+        Err(self.error(format!("{name} lacks jobs of part {}; run it again", self.shard)))
     }
 
     fn read_bounds(&self, folder: &mut Folder) -> Result<(), CampaignError> {
@@ -99,7 +100,7 @@ impl<'a> Part<'a> {
             for k in 0..rows.count() {
                 let (point, epoch) = (rows.whole[0][k] as usize, rows.whole[1][k]);
                 let Some(statistics) = folder.points.get_mut(point) else {
-                    return Err(self.error(&format!("{BOUNDS}: there is no point {point}")));
+                    return Err(self.error(format!("{BOUNDS}: there is no point {point}")));
                 };
                 if found.last().is_none_or(|job| job.point != point) {
                     found.push(Job { point, run: 0 });
@@ -130,9 +131,9 @@ impl<'a> Part<'a> {
         let mut current: Option<RunRecord> = None;
         let mut give = |mut run: RunRecord, folder: &mut Folder| {
             if run.point >= campaign.points.len() || run.seed != campaign.seed_of(run.run) {
-                return Err(self.error(&format!(
-                    "{RUNS}: no run of this campaign: point {}, run {}",
-                    run.point, run.run
+                return Err(self.error(format!(
+                    "{RUNS}: the campaign has no run {} of point {}",
+                    run.run, run.point
                 )));
             }
             found.push(Job { point: run.point, run: run.run });
@@ -162,7 +163,7 @@ impl<'a> Part<'a> {
         if let Some(last) = current {
             give(last, folder)?;
         }
-        // those that failed before their first epoch have no rows
+        // runs that failed before their first epoch have no rows
         let absent: Vec<(usize, usize)> = failures.iter().map(|f| (f.point, f.run)).collect();
         self.check_jobs(RUNS, &found, |job| {
             job.run > 0 && !absent.contains(&(job.point, job.run))
@@ -180,26 +181,27 @@ impl<'a> Part<'a> {
     }
 }
 
-/// Joins the shards of a campaign to what one machine would have written.
+/// Merges the shards of a campaign into the files that one machine would have written.
 ///
 /// # Errors
-/// When they are not all the complete parts of one campaign, or a file cannot be read or written.
+/// Returns an error if the parts are not all the complete parts of one campaign, or if a file
+/// cannot be read or written.
 pub fn merge(parts: &[PathBuf], out: &Path) -> Result<Results, CampaignError> {
     let mut parts = parts.iter().map(|path| Part::read(path)).collect::<Result<Vec<_>, _>>()?;
     parts.sort_by_key(|part| part.shard.index);
     let Some(first) = parts.first() else {
-        return Err(CampaignError::other("no parts to merge: name their folders"));
+        return Err(CampaignError::Parts("no parts to merge: name their folders".into()));
     };
     for part in &parts {
         part.check(first)?;
         if std::fs::canonicalize(part.path).ok() == std::fs::canonicalize(out).ok() {
-            return Err(part.error("a part cannot be the output too; give another --out"));
+            return Err(part.error("a part cannot be the output, too; give another --out"));
         }
     }
     for (k, part) in parts.iter().enumerate() {
         let Shard { index, count } = part.shard;
         if index < k + 1 {
-            return Err(part.error(&format!("part {index}/{count} is there twice; name it once")));
+            return Err(part.error(format!("part {index}/{count} is given twice; name it once")));
         }
         if index > k + 1 {
             return Err(missing(k + 1, count));
@@ -218,11 +220,11 @@ pub fn merge(parts: &[PathBuf], out: &Path) -> Result<Results, CampaignError> {
     }
     let asked = campaign.jobs(None).len();
     let results = folder.finish(JobCount { done: asked, asked })?;
-    results.ok_or_else(|| CampaignError::other("the merged campaign is a part"))
+    results.ok_or_else(|| CampaignError::Parts("the merged campaign is itself a part".into()))
 }
 
 fn missing(index: usize, count: usize) -> CampaignError {
-    CampaignError::other(format!(
+    CampaignError::Parts(format!(
         "part {index}/{count} is missing: name its folder too, or run --shard {index}/{count}"
     ))
 }

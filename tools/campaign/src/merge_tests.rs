@@ -30,7 +30,8 @@ fn campaign() -> Campaign {
     }
 }
 
-/// What a job of the plan leaves: the second run fails before its first epoch, the fifth after two of three.
+/// Returns the record of a job: the second run fails before its first epoch, the fifth after two of
+/// three.
 fn record(campaign: &Campaign, job: Job) -> Record {
     if job.run == 0 {
         let rows = (0..3).map(|epoch| (epoch, epoch as f64, vec![0.1], vec![0.05])).collect();
@@ -71,12 +72,12 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 #[test]
-fn failed_runs_are_told_and_shards_with_them_are_merged_to_the_same_bytes()
--> Result<(), CampaignError> {
-    let folder = tempfile::tempdir().map_err(|e| CampaignError::other(e.to_string()))?;
+fn failed_runs_are_reported_and_their_shards_merge_to_the_same_bytes() -> Result<(), CampaignError>
+{
+    let folder = tempfile::tempdir().map_err(|e| CampaignError::file(Path::new("."), e))?;
     let (campaign, whole) = (campaign(), folder.path().join("whole"));
     let results =
-        write(&campaign, None, &whole)?.ok_or_else(|| CampaignError::other("no results"))?;
+        write(&campaign, None, &whole)?.ok_or_else(|| CampaignError::Parts("no results".into()))?;
     let point = &results.report.points[0];
     assert_eq!((point.runs, point.failed), (RUNS_ASKED - 2, 2));
     let worst =
@@ -85,7 +86,7 @@ fn failed_runs_are_told_and_shards_with_them_are_merged_to_the_same_bytes()
     assert_eq!(worst, Some((2, 2_000_002, Some("made up to fail after 0 epochs"), again)));
     let verdict = point.verdict.as_ref().map_or("", |v| v.text.as_str());
     assert_eq!(verdict, "2 of 6 runs ended early; run 2: made up to fail after 0 epochs");
-    // the runs that went to the end
+    // the runs that reached the end
     let rmse =
         ([1, 3, 4, 6].map(|run| (f64::from(run) / 7.0).powi(2)).iter().sum::<f64>() / 4.0).sqrt();
     assert!(point.states[0].rmse.is_some_and(|r| (r - rmse).abs() < 1e-15), "{:?}", point.states);

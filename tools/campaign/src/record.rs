@@ -1,11 +1,11 @@
-//! What a job leaves.
+//! Records: the results of jobs.
 
 use crate::columns::Columns;
 
-/// What one job leaves: a bound or a run of one point of the grid.
+/// Result of one job: the bound of a point, or one run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Record {
-    /// The bound of a point.
+    /// Bound of a point.
     Bound(BoundRecord),
     /// One run of a point.
     Run(RunRecord),
@@ -14,15 +14,16 @@ pub enum Record {
 /// The Cramer-Rao bound of a point over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoundRecord {
-    /// The point of the grid.
+    /// Index of the point in the grid.
     pub point: usize,
-    /// One row an epoch: the epoch's number, its time (s), the least 1-sigma of every component of a filter and of a smoother
-    /// in its display unit; NaN where the point has no such state.
+    /// Rows of epoch number, time (s), filtered bound and smoothed bound. The bounds are the
+    /// smallest possible 1-sigma of every component in its display unit; NaN if the point lacks the
+    /// state.
     pub rows: Vec<(i64, f64, Vec<f64>, Vec<f64>)>,
 }
 
 impl BoundRecord {
-    /// The row of an epoch: of its number, or the last before.
+    /// Returns the row of an epoch, or the last row before it.
     pub fn at(&self, epoch: i64) -> Option<&(i64, f64, Vec<f64>, Vec<f64>)> {
         self.rows.iter().rfind(|r| r.0 <= epoch)
     }
@@ -31,36 +32,36 @@ impl BoundRecord {
 /// One run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunRecord {
-    /// The point of the grid.
+    /// Index of the point in the grid.
     pub point: usize,
-    /// The number of the run, from 1.
+    /// Number of the run, from 1.
     pub run: usize,
-    /// Its seed.
+    /// Seed of the run.
     pub seed: u64,
-    /// One row an epoch.
+    /// Rows, one per epoch.
     pub rows: Vec<Row>,
-    /// Why it ended early, if it did.
+    /// Reason why the run ended early, if it did.
     pub failure: Option<String>,
 }
 
-/// A run at one epoch: see [`Row::width`] for the order of the numbers.
+/// State of a run at one epoch; [`Row::width`] gives the order of the numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// The number of the epoch on the campaign's grid.
+    /// Number of the epoch on the campaign's grid.
     pub epoch: i64,
-    /// Its time, s.
+    /// Time, s.
     pub time: f64,
-    /// Errors and sigmas of the components in turn, NEES of the whole state, NEES of each block, and for each sensor since
-    /// the row before: samples used, samples gated, sum of the NIS, of its expectation and of its variance.
+    /// Error and sigma of each component in turn, NEES of the whole state, NEES of each block, and
+    /// the sums of each sensor since the previous row (see [`SENSOR`]).
     pub values: Vec<f64>,
 }
 
-/// What is summed for a sensor: samples used, samples gated, and of the used ones the NIS, what the chi-square distribution,
-/// cut at the gate, expects of it, and its variance.
+/// Sums of a sensor: used samples, gated samples, and over the used samples the NIS, its
+/// expectation and its variance, both of the chi-square distribution truncated at the gate.
 pub const SENSOR: [&str; 5] = ["used", "gated", "nis_sum", "nis_expected", "nis_variance"];
 
 impl Row {
-    /// The number of values.
+    /// Returns the number of values.
     pub fn width(columns: &Columns) -> usize {
         2 * columns.components.len()
             + 1
@@ -68,17 +69,17 @@ impl Row {
             + SENSOR.len() * columns.sensors.len()
     }
 
-    /// Where the whole state's NEES stands; those of the blocks follow.
+    /// Returns the index of the whole state's NEES; the NEES of the blocks follow.
     pub fn nees_at(columns: &Columns) -> usize {
         2 * columns.components.len()
     }
 
-    /// Where a sensor's sums begin.
+    /// Returns the index of a sensor's first sum.
     pub fn sensor_at(columns: &Columns, sensor: usize) -> usize {
         Self::nees_at(columns) + 1 + columns.blocks.len() + SENSOR.len() * sensor
     }
 
-    /// The names of the values.
+    /// Returns the names of the values.
     pub fn names(columns: &Columns) -> Vec<String> {
         let mut names = Vec::with_capacity(Self::width(columns));
         for c in &columns.components {

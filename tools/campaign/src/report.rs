@@ -7,120 +7,121 @@ use crate::statistics::PointStatistics;
 use crate::verdict::{Verdict, anees_band, nis_band, verdict};
 use serde::Serialize;
 
-/// The result of a campaign.
+/// Result of a campaign.
 #[derive(Clone, Debug, Serialize)]
 pub struct CampaignReport {
     /// Name of the scenario.
     pub scenario: String,
-    /// The keys that vary.
+    /// Keys that vary.
     pub keys: Vec<String>,
-    /// Runs asked for of each point.
+    /// Requested runs of each point.
     pub runs: usize,
-    /// The campaign's seed.
+    /// Seed of the campaign.
     pub seed: u64,
-    /// One entry a point of the grid.
+    /// Results, one entry per point of the grid.
     pub points: Vec<PointReport>,
 }
 
-/// The result of one point of the grid.
+/// Result of one point of the grid.
 #[derive(Clone, Debug, Serialize)]
 pub struct PointReport {
-    /// The value of each key that varies.
+    /// Value of each varied key.
     pub values: Vec<String>,
-    /// Runs that went to their end.
+    /// Runs that reached their end.
     pub runs: usize,
     /// Runs that ended early.
     pub failed: usize,
-    /// The time of the end, s.
+    /// Time of the last epoch, s.
     pub end_s: f64,
     /// Every component at the end.
     pub states: Vec<StateReport>,
-    /// The whole state, then every block.
+    /// ANEES of the whole state, then of every block.
     pub anees: Vec<Anees>,
-    /// Every sensor that corrects the state.
+    /// NIS of every sensor that updates the state.
     pub nis: Vec<Nis>,
-    /// The run to look at: the first that ended early, else that with the largest NEES at the end; none without runs.
+    /// Run to inspect: the first run that ended early, otherwise the run with the largest NEES at
+    /// the end; `None` without runs.
     pub worst: Option<WorstRun>,
-    /// Whether errors and sigmas agree; none without runs.
+    /// Verdict on the consistency of errors and uncertainty; `None` without runs.
     pub verdict: Option<Verdict>,
 }
 
-/// One run of a campaign, and how to do it again.
+/// One run of a campaign, with the arguments that repeat it.
 #[derive(Clone, Debug, Serialize)]
 pub struct WorstRun {
-    /// Its number.
+    /// Number of the run.
     pub run: usize,
-    /// Its seed.
+    /// Seed of the run.
     pub seed: u64,
-    /// NEES of the whole state at its end; null where it ended early.
+    /// NEES of the whole state at the end; null if the run ended early.
     pub nees: Option<f64>,
-    /// Why it ended early, if it did.
+    /// Reason why the run ended early, if it did.
     pub failure: Option<String>,
-    /// What to give to `navfuse run SCENARIO` to do it again.
+    /// Arguments of `navfuse run SCENARIO` that repeat the run.
     pub again: String,
 }
 
-/// A component at the end; null where it is not known.
+/// Component at the end; null if a value is not known.
 #[derive(Clone, Debug, Serialize)]
 pub struct StateReport {
-    /// Which.
+    /// The component.
     #[serde(flatten)]
     pub component: Component,
     /// Root mean square error.
     pub rmse: Option<f64>,
     /// Mean error.
     pub mean_error: Option<f64>,
-    /// Root of the mean variance that the filter computed.
+    /// Root of the mean variance that the filter reported.
     pub sigma: Option<f64>,
     /// RMSE over sigma.
     pub rmse_over_sigma: Option<f64>,
-    /// The Cramer-Rao bound of a filter.
+    /// Cramer-Rao bound of a filter.
     pub bound: Option<f64>,
     /// RMSE over bound.
     pub rmse_over_bound: Option<f64>,
-    /// The Cramer-Rao bound of a smoother, root mean square over the epochs.
+    /// Cramer-Rao bound of a smoother, root mean square over the epochs.
     pub smoothed: Option<f64>,
 }
 
 /// Average normalised estimation error squared.
 #[derive(Clone, Debug, Serialize)]
 pub struct Anees {
-    /// `whole state`, or the block.
+    /// `whole state`, or the name of the block.
     pub of: String,
-    /// Its degrees of freedom: what it should be.
+    /// Degrees of freedom, which are the expected value.
     pub dimension: usize,
-    /// At the end.
+    /// Value at the end.
     pub value: Option<f64>,
     /// Two-sided 95 % chi-square band.
     pub band: Option<Band>,
-    /// The root mean square over the components of RMSE over bound at the end.
+    /// Root mean square over the components of the ratio of RMSE to bound at the end.
     pub rmse_over_bound: Option<f64>,
-    /// The share of the epochs at which it was inside the band.
+    /// Share of the epochs at which the value is inside the band.
     pub inside: Option<f64>,
 }
 
 /// Normalised innovation squared.
 #[derive(Clone, Debug, Serialize)]
 pub struct Nis {
-    /// The sensor.
+    /// Name of the sensor.
     pub sensor: String,
-    /// Samples used.
+    /// Used samples.
     pub used: u64,
-    /// The share of the samples that the gate rejected.
+    /// Share of the samples that the gate rejected.
     pub gated: f64,
-    /// The mean NIS of those used.
+    /// Mean NIS of the used samples.
     pub mean: Option<f64>,
-    /// What it should be, given the gate.
+    /// Expected NIS of samples that passed the gate.
     pub expected: Option<f64>,
     /// Two-sided 95 % chi-square band.
     pub band: Option<Band>,
 }
 
-/// The probability outside the bands that are shown.
+/// Probability outside the reported bands.
 const ALPHA: f64 = 0.05;
 
 impl CampaignReport {
-    /// The report on what the points' runs say.
+    /// Computes the report from the statistics of the points.
     pub fn new(campaign: &Campaign, points: &[PointStatistics]) -> Self {
         Self {
             scenario: campaign.scenario.clone(),
@@ -216,7 +217,7 @@ impl Anees {
         let over_time = point.judged().filter_map(|e| e.anees(of));
         let (mut count, mut inside, mut known) = (0, 0, None);
         for (value, runs) in over_time {
-            // the number of runs hardly changes, and a band is not cheap
+            // the number of runs hardly changes over time, and a band takes long to compute
             let limits =
                 known.filter(|(r, _)| *r == runs).map_or_else(|| band(runs), |(_, limits)| limits);
             known = Some((runs, limits));

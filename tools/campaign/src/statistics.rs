@@ -1,31 +1,33 @@
-//! What the runs of a point say together, over time.
+//! Statistics over the runs of a point, as functions of time.
 
 use crate::columns::Columns;
 use crate::record::{BoundRecord, Row, RunRecord, SENSOR};
 use std::collections::BTreeMap;
 
-/// The sums of one point; records are added in order, so that every sum is the same however they were made.
+/// Sums of one point. Records are added in order, so every sum is the same to the bit for any
+/// number of threads or shards.
 #[derive(Clone, Debug)]
 pub struct PointStatistics {
     from: f64,
-    /// Runs that went to their end.
+    /// Runs that reached their end.
     pub runs: usize,
     /// Runs that ended early: number and reason.
     pub failures: Vec<(usize, String)>,
-    /// The run that went to its end with the largest NEES of the whole state there, and that.
+    /// Among the runs that reached their end, the run with the largest NEES of the whole state
+    /// there, and that NEES.
     pub worst: Option<(usize, f64)>,
-    /// The bound.
+    /// Cramer-Rao bound.
     pub bound: Option<BoundRecord>,
     epochs: BTreeMap<i64, EpochStatistics>,
 }
 
-/// The sums of one epoch.
+/// Sums of one epoch.
 #[derive(Clone, Debug)]
 pub struct EpochStatistics {
-    /// Its time, s.
+    /// Time, s.
     pub time: f64,
     components: Vec<Moments>,
-    /// Of the whole state, then of each block.
+    /// Mean NEES of the whole state, then of each block.
     nees: Vec<Mean>,
     sensors: Vec<[f64; SENSOR.len()]>,
 }
@@ -45,18 +47,18 @@ struct Mean {
     sum: f64,
 }
 
-/// The NIS of a sensor over many samples.
+/// Sums of a sensor's NIS over many samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NisSums {
-    /// Samples used.
+    /// Used samples.
     pub used: f64,
-    /// Samples gated.
+    /// Gated samples.
     pub gated: f64,
     /// Sum of the NIS.
     pub nis: f64,
-    /// Its expectation.
+    /// Expectation of that sum.
     pub expected: f64,
-    /// Its variance.
+    /// Variance of that sum.
     pub variance: f64,
 }
 
@@ -67,7 +69,7 @@ impl NisSums {
 }
 
 impl PointStatistics {
-    /// No runs yet; they are judged from that time on, s.
+    /// Creates empty statistics; epochs from the time `from` on (s) enter the verdict.
     pub fn new(from: Option<f64>) -> Self {
         Self {
             from: from.unwrap_or(f64::NEG_INFINITY),
@@ -79,7 +81,7 @@ impl PointStatistics {
         }
     }
 
-    /// Adds a run. One that failed counts as far as it went.
+    /// Adds a run. A run that failed counts up to its failure.
     pub fn add(&mut self, columns: &Columns, run: &RunRecord) {
         match &run.failure {
             None => {
@@ -103,17 +105,17 @@ impl PointStatistics {
         }
     }
 
-    /// The epochs in order of time, each with its number.
+    /// Iterates over the epochs in order of time, each with its number.
     pub fn epochs(&self) -> impl DoubleEndedIterator<Item = (i64, &EpochStatistics)> {
         self.epochs.iter().map(|(number, epoch)| (*number, epoch))
     }
 
-    /// The epochs that are judged.
+    /// Iterates over the epochs that enter the verdict.
     pub fn judged(&self) -> impl DoubleEndedIterator<Item = &EpochStatistics> {
         self.epochs.values().filter(|e| e.time >= self.from)
     }
 
-    /// The NIS of a sensor over all epochs that are judged.
+    /// Returns the NIS of a sensor over all epochs that enter the verdict.
     pub fn nis(&self, sensor: usize) -> NisSums {
         let mut sums = [0.0; SENSOR.len()];
         for epoch in self.judged() {
@@ -157,31 +159,33 @@ impl EpochStatistics {
         }
     }
 
-    /// Root mean square error of a component, in its display unit.
+    /// Returns the root mean square error of a component, in its display unit.
     pub fn rmse(&self, component: usize) -> Option<f64> {
         let m = &self.components[component];
         (m.count > 0).then(|| (m.error_squared / m.count as f64).sqrt())
     }
 
-    /// Mean error of a component.
+    /// Returns the mean error of a component.
     pub fn mean_error(&self, component: usize) -> Option<f64> {
         let m = &self.components[component];
         (m.count > 0).then(|| m.error / m.count as f64)
     }
 
-    /// The root of the mean variance of a component: what its RMSE should be.
+    /// Returns the root of the mean variance of a component, which a consistent filter's RMSE
+    /// equals on average.
     pub fn sigma(&self, component: usize) -> Option<f64> {
         let m = &self.components[component];
         (m.known > 0).then(|| (m.variance / m.known as f64).sqrt())
     }
 
-    /// Mean NEES of the whole state (0) or of a block (from 1), and of how many runs.
+    /// Returns the mean NEES of the whole state (0) or of a block (from 1), and the number of runs
+    /// in it.
     pub fn anees(&self, of: usize) -> Option<(f64, usize)> {
         let m = &self.nees[of];
         (m.count > 0).then(|| (m.sum / m.count as f64, m.count))
     }
 
-    /// The NIS of a sensor since the epoch before.
+    /// Returns the NIS of a sensor since the previous epoch.
     pub fn nis(&self, sensor: usize) -> NisSums {
         NisSums::new(self.sensors[sensor])
     }

@@ -1,4 +1,4 @@
-//! A grid's result as a table: one row a point.
+//! Table of a grid's results, one row per point.
 
 use crate::CampaignError;
 use crate::report::{CampaignReport, PointReport};
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub const CSV: &str = "sweep.csv";
 pub const PARQUET: &str = "sweep.parquet";
 
-/// The columns of real numbers, and a point's values.
+/// Names and values of the real-valued columns of a point.
 fn numbers(point: &PointReport) -> Vec<(String, f64)> {
     let mut row = Vec::new();
     let mut add = |name: String, value: Option<f64>| row.push((name, value.unwrap_or(f64::NAN)));
@@ -29,7 +29,7 @@ fn numbers(point: &PointReport) -> Vec<(String, f64)> {
     row
 }
 
-/// Writes the table as CSV and as Parquet; gives their paths.
+/// Writes the table as CSV and as Parquet and returns both paths.
 pub fn write(folder: &Path, report: &CampaignReport) -> Result<[PathBuf; 2], CampaignError> {
     let paths = [folder.join(CSV), folder.join(PARQUET)];
     let rows: Vec<Vec<(String, f64)>> = report.points.iter().map(numbers).collect();
@@ -38,7 +38,7 @@ pub fn write(folder: &Path, report: &CampaignReport) -> Result<[PathBuf; 2], Cam
     let real: Vec<String> = widest.into_iter().map(|(name, _)| name).collect();
     let mut text = report.keys.clone();
     text.push("verdict".into());
-    let fail = |e: csv::Error| CampaignError::file(&paths[0], &e);
+    let fail = |e: csv::Error| CampaignError::file(&paths[0], e);
     let mut csv = csv::Writer::from_path(&paths[0]).map_err(fail)?;
     csv.write_record(text.iter().chain(&real)).map_err(fail)?;
     let mut parquet =
@@ -54,7 +54,7 @@ pub fn write(folder: &Path, report: &CampaignReport) -> Result<[PathBuf; 2], Cam
         let cells = values.iter().map(|v| if v.is_nan() { String::new() } else { v.to_string() });
         csv.write_record(words.iter().map(|w| (*w).to_owned()).chain(cells)).map_err(fail)?;
     }
-    csv.flush().map_err(|e| CampaignError::file(&paths[0], &e))?;
+    csv.flush().map_err(|e| CampaignError::file(&paths[0], e))?;
     parquet.finish()?;
     Ok(paths)
 }

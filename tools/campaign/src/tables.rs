@@ -1,4 +1,5 @@
-//! Tables in Parquet files: columns of text, whole numbers and real numbers, none of them missing (a NaN says so).
+//! Tables in Parquet files: required columns of text, integers and real numbers; NaN marks a
+//! missing value.
 
 use crate::CampaignError;
 use parquet::basic::{Compression, ZstdLevel};
@@ -14,21 +15,21 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Rows of a row group: what is held in memory.
+/// Rows of a row group, the unit that is held in memory.
 const ROWS: usize = 8192;
 
-/// The names of a table's columns by what they hold, in this order.
+/// Names of a table's columns, grouped by type in this order.
 #[derive(Clone, Debug, Default)]
 pub struct Names {
-    /// Text.
+    /// Columns of text.
     pub text: Vec<String>,
-    /// Whole numbers.
+    /// Columns of integers.
     pub whole: Vec<String>,
-    /// Real numbers.
+    /// Columns of real numbers.
     pub real: Vec<String>,
 }
 
-/// Some rows of a table, column by column.
+/// Rows of a table, column by column.
 #[derive(Clone, Debug, Default)]
 pub struct Rows {
     pub text: Vec<Vec<ByteArray>>,
@@ -45,7 +46,7 @@ impl Rows {
         }
     }
 
-    /// The number of rows.
+    /// Returns the number of rows.
     pub fn count(&self) -> usize {
         let lengths = [
             self.text.first().map(Vec::len),
@@ -64,12 +65,12 @@ pub struct TableWriter {
 }
 
 impl TableWriter {
-    /// An empty table in a new file.
+    /// Creates an empty table in a new file.
     ///
     /// # Errors
-    /// When the file cannot be made.
+    /// Returns an error if the file cannot be created.
     pub fn create(path: &Path, names: &Names) -> Result<Self, CampaignError> {
-        let fail = |e: &dyn std::fmt::Display| CampaignError::file(path, e);
+        let fail = |e: ParquetError| CampaignError::file(path, e);
         let column = |name: &String, physical: Physical, logical: Option<LogicalType>| {
             let built = Type::primitive_type_builder(name, physical)
                 .with_repetition(Repetition::REQUIRED)
@@ -81,26 +82,25 @@ impl TableWriter {
             names.text.iter().map(|n| column(n, Physical::BYTE_ARRAY, Some(LogicalType::String)));
         let whole = names.whole.iter().map(|n| column(n, Physical::INT64, None));
         let real = names.real.iter().map(|n| column(n, Physical::DOUBLE, None));
-        let fields =
-            text.chain(whole).chain(real).collect::<Result<Vec<_>, _>>().map_err(|e| fail(&e))?;
+        let fields = text.chain(whole).chain(real).collect::<Result<Vec<_>, _>>().map_err(fail)?;
         let schema =
-            Type::group_type_builder("schema").with_fields(fields).build().map_err(|e| fail(&e))?;
-        // measured numbers do not repeat: a dictionary of them, or their statistics, would be dead weight
+            Type::group_type_builder("schema").with_fields(fields).build().map_err(fail)?;
+        // measured numbers hardly repeat: a dictionary or statistics would only enlarge the file
         let properties = WriterProperties::builder()
             .set_compression(Compression::ZSTD(ZstdLevel::default()))
             .set_dictionary_enabled(false)
             .set_statistics_enabled(EnabledStatistics::None)
             .build();
-        let file = File::create(path).map_err(|e| fail(&e))?;
+        let file = File::create(path).map_err(|e| CampaignError::file(path, e))?;
         let file = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))
-            .map_err(|e| fail(&e))?;
+            .map_err(fail)?;
         Ok(Self { path: path.to_path_buf(), file, rows: Rows::like(names) })
     }
 
     /// Adds a row.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn push<'a>(
         &mut self,
         text: &[&str],
@@ -118,7 +118,7 @@ impl TableWriter {
     }
 
     fn flush(&mut self) -> Result<(), CampaignError> {
-        self.write_group().map_err(|e| CampaignError::file(&self.path, &e))
+        self.write_group().map_err(|e| CampaignError::file(&self.path, e))
     }
 
     fn write_group(&mut self) -> Result<(), ParquetError> {
@@ -147,15 +147,15 @@ impl TableWriter {
     /// Completes the file.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn finish(mut self) -> Result<(), CampaignError> {
         self.flush()?;
-        self.file.close().map_err(|e| CampaignError::file(&self.path, &e))?;
+        self.file.close().map_err(|e| CampaignError::file(&self.path, e))?;
         Ok(())
     }
 }
 
-/// Reads a table with whole and real numbers, a row group at a time.
+/// Reads a table of integers and real numbers, a row group at a time.
 pub struct TableReader {
     path: PathBuf,
     file: SerializedFileReader<File>,
@@ -163,19 +163,15 @@ pub struct TableReader {
 }
 
 impl TableReader {
-    /// Opens a table that has exactly those columns.
+    /// Opens a table that has exactly these columns.
     ///
     /// # Errors
-    /// When it cannot be read or has other columns.
+    /// Returns an error if the file cannot be read or has other columns.
     pub fn open(path: &Path, names: &Names) -> Result<Self, CampaignError> {
-        let again = |e: &dyn std::fmt::Display| {
-            CampaignError::file(
-                path,
-                &format!("{e}: it is not complete; make it again with the same command"),
-            )
-        };
-        let file = File::open(path).map_err(|e| again(&e))?;
-        let file = SerializedFileReader::new(file).map_err(|e| again(&e))?;
+        const AGAIN: &str = "the file is not complete; make it again with the same command";
+        let file = File::open(path).map_err(|e| CampaignError::file_with(path, e, AGAIN))?;
+        let file = SerializedFileReader::new(file)
+            .map_err(|e| CampaignError::file_with(path, e, AGAIN))?;
         let found = file
             .metadata()
             .file_metadata()
@@ -187,24 +183,24 @@ impl TableReader {
             names.text.iter().chain(&names.whole).chain(&names.real).collect();
         let found: Vec<String> = found.collect();
         if !found.iter().eq(wanted) {
-            return Err(CampaignError::file(
+            return Err(CampaignError::content(
                 path,
-                &"its columns are not those of campaign.json beside it",
+                "the columns are not those of campaign.json in the same folder",
             ));
         }
         Ok(Self { path: path.to_path_buf(), file, names: names.clone() })
     }
 
-    /// Gives its rows, a group at a time.
+    /// Passes the rows to `each`, a row group at a time.
     ///
     /// # Errors
-    /// When they cannot be read, or `each` fails.
+    /// Returns an error if the rows cannot be read or `each` fails.
     pub fn groups(
         &self,
         mut each: impl FnMut(&Rows) -> Result<(), CampaignError>,
     ) -> Result<(), CampaignError> {
         for group in 0..self.file.num_row_groups() {
-            let rows = self.group(group).map_err(|e| CampaignError::file(&self.path, &e))?;
+            let rows = self.group(group).map_err(|e| CampaignError::file(&self.path, e))?;
             each(&rows)?;
         }
         Ok(())
@@ -229,7 +225,7 @@ impl TableReader {
                     r.read_records(count, None, None, &mut rows.text[text])?;
                     text += 1;
                 }
-                _ => return Err(ParquetError::General("a column of another type".into())),
+                _ => return Err(ParquetError::General("unexpected column type".into())),
             }
         }
         Ok(rows)
@@ -241,9 +237,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read_also_over_several_groups_and_an_empty_table_is_one()
-    -> Result<(), CampaignError> {
-        let folder = tempfile::tempdir().map_err(|e| CampaignError::other(e.to_string()))?;
+    fn a_table_of_any_length_reads_back_as_written() -> Result<(), CampaignError> {
+        let folder = tempfile::tempdir().map_err(|e| CampaignError::file(Path::new("."), e))?;
         let path = folder.path().join("t.parquet");
         let names = Names {
             text: vec!["a".into()],
@@ -273,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_that_was_cut_off_says_what_to_do() -> Result<(), std::io::Error> {
+    fn a_truncated_table_is_rejected_with_the_remedy() -> Result<(), std::io::Error> {
         let folder = tempfile::tempdir()?;
         let path = folder.path().join("cut.parquet");
         std::fs::write(&path, b"PAR1 and no more")?;

@@ -1,4 +1,5 @@
-//! What a forward pass leaves for a backward one: on disk, since a long run does not fit the memory.
+//! Storage for the backward pass of the smoothed bound, on disk since a long run exceeds the
+//! memory.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
@@ -11,7 +12,8 @@ pub struct Tape<K> {
 }
 
 impl<K: Copy> Tape<K> {
-    /// An empty tape in the folder for temporary files; it goes when it is dropped.
+    /// Creates an empty tape in the folder for temporary files. The file is removed when the tape
+    /// is dropped.
     pub fn new() -> io::Result<Self> {
         Ok(Self {
             file: BufWriter::with_capacity(1 << 20, tempfile::tempfile()?),
@@ -20,7 +22,7 @@ impl<K: Copy> Tape<K> {
         })
     }
 
-    /// Adds a record.
+    /// Appends a record.
     pub fn push<'a>(
         &mut self,
         kind: K,
@@ -38,7 +40,7 @@ impl<K: Copy> Tape<K> {
         Ok(())
     }
 
-    /// Gives every record, the last first.
+    /// Passes every record to `each`, the last one first.
     pub fn backward(self, mut each: impl FnMut(K, &[f64])) -> io::Result<()> {
         let mut file = self.file.into_inner().map_err(io::IntoInnerError::into_error)?;
         let (mut bytes, mut values) = (Vec::new(), Vec::new());

@@ -1,48 +1,50 @@
-//! Whether errors and sigmas agree, in words.
+//! Verdict on the consistency of errors and reported uncertainty.
 
 use crate::chi_square::{Band, band, outside};
 use crate::columns::Columns;
 use crate::statistics::{EpochStatistics, NisSums, PointStatistics};
 use serde::Serialize;
 
-/// The probability with which a consistent filter is called inconsistent, shared by all that is looked at: one half by what
-/// is looked at once, one half by what is looked at every epoch.
+/// Probability that a consistent filter is called inconsistent. All tests share it (Bonferroni):
+/// one half goes to the tests that are made once, the other half to those made at every epoch.
 const FALSE_ALARM: f64 = 0.05;
 
 /// The verdict on a point.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
-    /// Whether nothing was found.
+    /// Set if no test found an inconsistency.
     pub consistent: bool,
-    /// It in one line: `consistent`, or what was found first.
+    /// Verdict in one line: `consistent`, or the first finding.
     pub text: String,
-    /// What was found.
+    /// Findings, the largest deviation first.
     pub findings: Vec<Finding>,
 }
 
-/// Something that a consistent filter does not do.
+/// One deviation from the statistics of a consistent filter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
-    /// The block or sensor; `whole state`.
+    /// Name of the block or sensor; `whole state`.
     pub of: String,
-    /// In words.
+    /// Description.
     pub text: String,
-    /// How many times larger the errors, or innovations, are than their sigma; below 1 where they are smaller.
+    /// Ratio of the errors, or innovations, to their reported sigma; above 1 the filter is
+    /// overconfident.
     pub factor: f64,
-    /// When it was first so, s; none where it is so of the end, or of all samples together.
+    /// Time of the first deviation, s; `None` if only the value at the end, or over all samples,
+    /// deviates.
     pub since: Option<f64>,
 }
 
-/// What is looked at.
+/// Tested quantity.
 #[derive(Clone, Copy, Debug)]
 enum Test {
-    /// The mean NEES: of the whole state (0) or a block (from 1).
+    /// Mean NEES of the whole state (0) or of a block (from 1).
     Nees(usize),
-    /// The NIS of a sensor.
+    /// NIS of a sensor.
     Nis(usize),
 }
 
-/// A sum of squares of Gaussian numbers, what it should be, and of how many terms it is the sum.
+/// Sum of squared normalised errors, its expectation and variance, and its number of terms.
 struct Seen {
     sum: f64,
     expectation: f64,
@@ -60,14 +62,15 @@ impl Seen {
     }
 }
 
-/// The band of a mean NEES over so many runs.
+/// Returns the band of the mean NEES of `runs` runs: their sum is chi-square with `dimension *
+/// runs` degrees of freedom.
 pub fn anees_band(dimension: usize, runs: usize, alpha: f64) -> Band {
     let freedom = (dimension * runs) as f64;
     let Band { low, high } = band(freedom, 2.0 * freedom, alpha);
     Band { low: low / runs as f64, high: high / runs as f64 }
 }
 
-/// The band of a mean NIS.
+/// Returns the band of a mean NIS, with the moments of the gated distribution.
 pub fn nis_band(sums: &NisSums, alpha: f64) -> Option<Band> {
     (sums.used > 0.0 && sums.variance > 0.0).then(|| {
         let Band { low, high } = band(sums.expected, sums.variance, alpha);
@@ -99,7 +102,7 @@ impl Test {
         }
     }
 
-    /// What is found of it: when it left the wide band for the first time, and where it ends.
+    /// Tests the quantity once at the end, or over all samples, and once at every epoch.
     fn find(self, columns: &Columns, point: &PointStatistics, tests: usize) -> Option<Finding> {
         let count = point.judged().count().max(1);
         let (once, often) =
@@ -121,13 +124,12 @@ impl Test {
         let end = if matches!(self, Self::Nees(_)) { "at the end" } else { "over all samples" };
         let (seen, alpha, when) = match (whole, since) {
             (Some(seen), _) => {
-                let first = left.map_or_else(String::new, |t| {
-                    format!(", outside for the first time at {t:.0} s")
-                });
+                let first = left
+                    .map_or_else(String::new, |t| format!(", first outside its band at {t:.0} s"));
                 (seen, once, format!("{end}{first}"))
             }
             (None, Some((time, seen))) => {
-                (seen, often, format!("at {time:.0} s for the first time, not {end}"))
+                (seen, often, format!("first at {time:.0} s, but not {end}"))
             }
             (None, None) => return None,
         };
@@ -144,17 +146,18 @@ impl Test {
         };
         let what = if matches!(self, Self::Nees(_)) { "ANEES" } else { "mean NIS" };
         let text = format!(
-            "{word} {of} by {factor:.2} {when}: {what} {value:.2}, expected {expected:.2} ({low:.2} to {high:.2})"
+            "{word} {of} by {factor:.2} {when}: {what} {value:.2}, expected {expected:.2} \
+             ({low:.2} to {high:.2})"
         );
         Some(Finding { of: name, text, factor: ratio, since: left })
     }
 }
 
-/// The verdict on a point's runs.
+/// Computes the verdict on a point's runs.
 pub fn verdict(columns: &Columns, point: &PointStatistics) -> Verdict {
     let blocks = (1..=columns.blocks.len()).filter(|k| columns.blocks[k - 1].known).map(Test::Nees);
     let sensors = (0..columns.sensors.len()).map(Test::Nis);
-    // what names a cause comes before what says that there is one
+    // blocks and sensors, which name a cause, come before the whole state, which does not
     let tests: Vec<Test> = blocks.chain(sensors).chain([Test::Nees(0)]).collect();
     let mut findings: Vec<Finding> =
         tests.iter().filter_map(|t| t.find(columns, point, tests.len())).collect();

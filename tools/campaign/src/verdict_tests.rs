@@ -1,4 +1,4 @@
-//! The verdict on campaigns made of exactly chi-square distributed numbers.
+//! Verdicts on campaigns of exactly chi-square distributed numbers.
 
 use super::*;
 use crate::columns::BlockColumns;
@@ -28,8 +28,9 @@ fn chi_square(random: &mut Random, freedom: usize) -> f64 {
     (0..freedom).map(|_| random.normal().powi(2)).sum()
 }
 
-/// The verdict on a campaign in which everything is as it should be, independent from epoch to epoch, but that the errors of
-/// one block are that many times larger than their sigma.
+/// Returns the verdict on a campaign of consistent numbers, independent from epoch to epoch, in
+/// which the errors of one block are scaled: `wrong` is its index and the ratio of its errors to
+/// their sigma.
 fn campaign(number: u64, runs: usize, epochs: i64, wrong: (usize, f64)) -> Verdict {
     let columns = columns();
     let mut random = Random::new(number, "verdict");
@@ -59,12 +60,17 @@ fn campaign(number: u64, runs: usize, epochs: i64, wrong: (usize, f64)) -> Verdi
     verdict(&columns, &point)
 }
 
-/// The probability of a false alarm is at most `FALSE_ALARM`: that is the sum over all tests (Bonferroni). It is not much
-/// less. The tests of the three blocks and two sensors over all, at `0.5 FALSE_ALARM / 6` each, are independent, and each
-/// is exact: 2.1 %. At the 19 epochs before the last those of the three blocks are independent of them, at
-/// `0.5 FALSE_ALARM / (6 x 20)` each: 1.2 %. Together 3.2 % at least. The number of alarms is binomial: bands of 99.9 %.
+/// The probability of a false alarm is at most `FALSE_ALARM`, the sum over all tests (Bonferroni),
+/// and not much less.
+///
+/// The tests of the three blocks and two sensors over all samples, at `0.5 FALSE_ALARM / 6` each,
+/// are
+/// independent and exact: 2.1 %. At the 19 epochs before the last, the tests of the three blocks
+/// are
+/// independent of them, at `0.5 FALSE_ALARM / (6 x 20)` each: 1.2 %. The sum is at least 3.2 %. The
+/// number of alarms is binomial: the limits are those of 99.9 %.
 #[test]
-fn a_consistent_filter_is_called_inconsistent_as_often_as_is_promised() {
+fn a_consistent_filter_raises_false_alarms_at_the_stated_rate() {
     let campaigns = 600;
     let consistent =
         (0..campaigns).filter(|number| campaign(*number, 10, 20, (0, 1.0)).consistent).count();
@@ -77,9 +83,10 @@ fn a_consistent_filter_is_called_inconsistent_as_often_as_is_promised() {
     assert!((low..=high).contains(&alarms), "{alarms} of {campaigns}, not {low} to {high}");
 }
 
-/// The errors in all 100 runs at the end have a squared sum of 1.69 x chi-square(300), and what the test allows ends at 373
-/// (2.87 sigma above 300, `0.5 FALSE_ALARM / 6` on both sides): chi-square(300) is below 373 / 1.69 = 221 with a probability
-/// of 2e-4. Of 200 campaigns more than one is missed with a probability of 8e-4.
+/// The errors in all 100 runs at the end have a squared sum of 1.69 x chi-square(300). The upper
+/// limit of the test is 373 (2.87 sigma above 300, `0.5 FALSE_ALARM / 6` on both sides). The
+/// probability that chi-square(300) is below 373 / 1.69 = 221 is 2e-4, so that more than one of 200
+/// campaigns is missed with a probability of 8e-4.
 #[test]
 fn errors_of_1_3_sigma_in_one_block_are_found_and_named_in_100_runs() {
     let missed: Vec<Verdict> = (0..200)
@@ -93,9 +100,9 @@ fn errors_of_1_3_sigma_in_one_block_are_found_and_named_in_100_runs() {
 }
 
 #[test]
-fn errors_that_are_too_small_are_found_too_and_by_how_much() {
+fn errors_that_are_too_small_are_found_with_their_factor() {
     let v = campaign(1, 100, 2, (0, 0.5));
-    // the ratio of 100 runs of 3 components is good to 1 / sqrt(600) = 4 %, 1-sigma
+    // the ratio of 100 runs of 3 components is accurate to 1 / sqrt(600) = 4 %, 1-sigma
     assert!(
         v.text.starts_with("underconfident in ins.attitude by 2.") || v.text.contains("by 1.9"),
         "{}",

@@ -1,4 +1,4 @@
-//! The uncertain components of a state and what is known of each.
+//! The uncertain components of a state, and the verdict on each.
 
 use nalgebra::DMatrix;
 use navfuse_core::state::manifold::{MAX_TANGENT, Reading};
@@ -8,22 +8,22 @@ use serde::Serialize;
 /// One component of an uncertain block.
 #[derive(Clone, Debug)]
 pub struct Component {
-    /// Its block: `dvl.misalignment`.
+    /// Name of the block: `dvl.misalignment`.
     pub state: String,
-    /// Its name: `roll`.
+    /// Name of the component: `roll`.
     pub name: String,
-    /// The unit of its sigma; empty for a ratio.
+    /// Unit of the sigma; empty for a ratio.
     pub unit: &'static str,
-    /// The block's place in the layout.
+    /// Index of the block in the layout.
     pub slot: usize,
-    /// Its place in the block.
+    /// Index of the component in the block.
     pub axis: usize,
-    /// Whether updates leave it as it is.
+    /// Set if updates leave the component as it is (consider state).
     pub considered: bool,
 }
 
 impl Component {
-    /// Those of a layout, in the order of the error state.
+    /// Lists the components of a layout, in the order of the error state.
     pub fn of(layout: &Layout) -> Vec<Self> {
         let uncertain = layout.blocks.iter().enumerate().filter(|(_, b)| b.tangent.is_some());
         let components = uncertain.flat_map(|(slot, block)| {
@@ -43,29 +43,30 @@ impl Component {
         components.collect()
     }
 
-    /// `dvl.misalignment roll`; the block alone where it has one component.
+    /// Returns `dvl.misalignment roll`, or the block alone if it has a single component.
     pub fn title(&self, layout: &Layout) -> String {
         let single = layout.blocks[self.slot].operations.tangent == 1;
         if single { self.state.clone() } else { format!("{} {}", self.state, self.name) }
     }
 }
 
-/// What is known of a component.
+/// Verdict on a component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// At most a sixteenth of it is still prior.
+    /// At most a sixteenth of its variance is still prior.
     Determined,
-    /// At most a half of it is still prior.
+    /// At most a half of its variance is still prior.
     InPart,
-    /// More than a half of it is still prior.
+    /// More than a half of its variance is still prior.
     NotDetermined,
-    /// The filter was told not to estimate it.
+    /// The scenario considers the component: its uncertainty counts, but updates do not estimate
+    /// it.
     Considered,
 }
 
 impl Verdict {
-    /// As a person reads it.
+    /// Returns the verdict as text.
     pub fn text(self) -> &'static str {
         match self {
             Self::Determined => "determined",
@@ -76,8 +77,10 @@ impl Verdict {
     }
 }
 
-/// `L` of the start, row-major: column `i` is the displacement, in the tangent, of one prior sigma in what is shown as the
-/// component `i`, so that `L L'` is the covariance.
+/// Returns a square root `L` of the covariance, `P = L L'`, row-major. Column `i` is the
+/// displacement in the tangent space for one prior sigma of the displayed component `i`. The root
+/// is taken of the displayed covariance `J P J'` (`J` from [`shown_per_tangent`]) and mapped back,
+/// so that each column belongs to one displayed component.
 pub fn square_root(layout: &Layout, values: &[f64], covariance: &DMatrix<f64>) -> Vec<f64> {
     let n = layout.tangent;
     let (mut shown, mut inverse) = (DMatrix::identity(n, n), DMatrix::identity(n, n));
@@ -93,7 +96,8 @@ pub fn square_root(layout: &Layout, values: &[f64], covariance: &DMatrix<f64>) -
     l.transpose().as_slice().to_vec()
 }
 
-/// Derivative of what is shown of a block with respect to its tangent.
+/// Returns the derivative of the displayed components of a block with respect to its tangent, by
+/// central differences.
 fn shown_per_tangent(block: &Block, values: &[f64]) -> DMatrix<f64> {
     const STEP: f64 = 1e-6;
     let n = block.operations.tangent;
@@ -113,7 +117,8 @@ fn shown_per_tangent(block: &Block, values: &[f64]) -> DMatrix<f64> {
     jacobian
 }
 
-/// The Cholesky factor of a matrix that may be zero in some directions.
+/// Returns the Cholesky factor of a positive semidefinite matrix; a direction with zero variance
+/// has a zero column.
 fn semidefinite(a: &DMatrix<f64>) -> DMatrix<f64> {
     let n = a.nrows();
     let mut l = DMatrix::zeros(n, n);

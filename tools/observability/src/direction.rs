@@ -1,25 +1,31 @@
-//! The directions of which the measurements said least, named in terms of states.
+//! The directions of the error state that the measurements determined least, in terms of states.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 use serde::Serialize;
 
-/// A direction of the error at the start, in units of the prior.
+/// Direction of the initial error, in units of the prior.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Direction {
-    /// The share of its prior variance that is left: 1 where the measurements said nothing of it.
+    /// Remaining share of its prior variance; 1 if the measurements hold no information on it.
     pub left: f64,
-    /// Components and their weights, the heaviest first; the squares of all weights sum to one.
+    /// Components and their weights, the largest weight first. The squares of all weights sum to
+    /// one.
     pub parts: Vec<(usize, f64)>,
 }
 
-/// Weights below this are not named.
+/// Smallest weight that is named.
 const NAMED: f64 = 0.3;
 
-/// The directions of which more than a half of the prior is left, the worst first.
+/// Returns the directions in which more than a half of the prior variance remains, the largest
+/// first.
 ///
-/// `left` is symmetric with eigenvalues from 0 to 1; only the components for which `of` says so take part. The eigenvectors of
-/// (nearly) equal eigenvalues are any basis of their space: they are turned to the basis in which each is made of as few
-/// components as can be (varimax, Kaiser 1958).
+/// `left` is the symmetric matrix `M` of [`crate::initial_error`], with eigenvalues between 0 and
+/// 1;
+/// `of` selects the components that take part. (Nearly) equal eigenvalues have any basis of their
+/// space
+/// as eigenvectors. Varimax (Kaiser 1958) rotates this basis so that each direction consists of as
+/// few
+/// components as possible.
 pub fn undetermined(n: usize, left: &[f64], of: impl Fn(usize) -> bool) -> Vec<Direction> {
     let kept: Vec<usize> = (0..n).filter(|&i| of(i)).collect();
     if kept.is_empty() {
@@ -48,12 +54,14 @@ pub fn undetermined(n: usize, left: &[f64], of: impl Fn(usize) -> bool) -> Vec<D
     directions.sort_by(|a, b| b.left.total_cmp(&a.left).then(heaviest(a).cmp(&heaviest(b))));
     directions
 }
-
+// a direction of many small weights has no named part
 /// Turns pairs of columns until the fourth powers of all elements sum to the most.
 fn varimax(a: &mut DMatrix<f64>) {
     let (n, m) = a.shape();
     for _ in 0..100 {
-        let mut turned = 0.0_f64;
+        /// Rotates pairs of columns until the sum of the fourth powers of all elements is largest
+        /// (Kaiser 1958). The angle `tan 4a = num / den` maximises the sum for one pair in closed
+        /// form.
         for (p, q) in (0..m).flat_map(|p| (p + 1..m).map(move |q| (p, q))) {
             let (mut num, mut den) = (0.0, 0.0);
             for i in 0..n {
@@ -85,8 +93,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_eigenvalues_are_told_by_single_components() {
-        // 3 of 5 untold, in a space in which any rotation of the basis is an eigenbasis
+    fn equal_eigenvalues_give_directions_of_single_components() {
+        // 3 of 5 are undetermined, in a space in which any rotation of the basis is an eigenbasis
         let diagonal = [1.0, 0.1, 1.0, 0.01, 1.0];
         let left: Vec<f64> =
             (0..25).map(|k| if k / 5 == k % 5 { diagonal[k / 5] } else { 0.0 }).collect();
@@ -109,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sum_that_is_told_leaves_the_difference() {
+    fn a_measured_sum_leaves_the_difference_undetermined() {
         // z = x + y with a sigma of a tenth of theirs: P = I - H'H/(2.01)
         let by = 1.0 / 2.01;
         let found = undetermined(2, &[1.0 - by, -by, -by, 1.0 - by], |_| true);

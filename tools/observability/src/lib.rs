@@ -1,16 +1,17 @@
-//! What a run determines of each state, when it became so, and what is missing: for any composition.
+//! Observability of a run: which states the measurements determined, since when, and what is
+//! missing.
 //!
-//! [`Tracker`] listens to a run and needs nothing but what every filter tells a sink: `Phi`, `H`, `S` and `K`. [`ObservabilityReport`] says
-//! it in words and numbers.
+//! [`Tracker`] works for any composition. It needs only `Phi`, `H`, `S` and `K`, which every filter
+//! passes to its sinks. [`ObservabilityReport`] presents the result in words and numbers.
 
 mod component;
 mod direction;
+mod initial_error;
 mod panel;
 pub mod plan;
 mod reference;
 mod remarks;
 mod report;
-mod start;
 mod theorem;
 mod tracker;
 pub mod words;

@@ -1,11 +1,11 @@
-//! What a run determines, as a page in Markdown: for an operator, while the run goes on.
+//! The state of a run's observability as a page in Markdown, for an operator during the run.
 
 use crate::component::Verdict;
 use crate::tracker::{ComponentStatus, Tracker};
 use crate::words::{self, short};
 use std::fmt::Write;
 
-/// What is missing, and under it a table of all states.
+/// Writes the reasons for undetermined states, followed by a table of all states.
 pub fn markdown(tracker: &Tracker) -> String {
     let title = |i: usize| tracker.components()[i].title(tracker.layout());
     let mut page = format!("at {:.0} s\n", tracker.span().1.seconds());

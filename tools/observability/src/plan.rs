@@ -1,28 +1,55 @@
-//! Which manoeuvre to fly next: candidates ranked by the Cramer-Rao bound that they would reach.
+//! The planner: ranks candidate manoeuvres by the Cramer-Rao bound that they would reach.
 //!
-//! Every candidate is put after the scenario's own segments and run at the truth, where the filter's covariance is the bound
-//! ([`navfuse_core::run::scenario::Scenario::assemble_at_truth`]). It is judged against going straight on for as long.
+//! Each candidate is appended to the scenario's own segments and run at the truth, where the
+//! filter's
+//! covariance is the bound ([`navfuse_core::run::scenario::Scenario::assemble_at_truth`]). The
+//! planner
+//! compares it with straight motion of the same duration.
 
 use crate::tracker::{Tracker, TrackerSink};
 use crate::{Verdict, words};
 use navfuse_core::document::{Document, DocumentError, Node};
 use navfuse_core::plugin::{BuildError, Registry};
-use navfuse_core::run::runner;
+use navfuse_core::run::runner::{self, RunError};
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::{Speed, Time};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Why nothing can be suggested.
+/// Error of the planner.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PlanError {
-    /// The scenario, or what was made of it, does not fit.
+    /// The scenario, or the scenario with a candidate, does not compose.
     #[error(transparent)]
     Scenario(#[from] BuildError),
-    /// What was asked does not fit.
-    #[error("{0}")]
-    Asked(String),
+    /// The scenario is a recording, to which no manoeuvre can be added.
+    #[error(
+        "no manoeuvre can be suggested for a recording: --suggest needs the scenario, with \
+         [source.simulation] and its segments"
+    )]
+    NotSimulated,
+    /// An option does not fit.
+    #[error("{option}: {message}")]
+    Option {
+        /// The option with its value.
+        option: String,
+        /// The reason and the remedy.
+        message: String,
+    },
+    /// A run of the scenario failed.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// A run recorded nothing.
+    #[error("the run recorded nothing")]
+    NothingRecorded,
+}
+
+impl PlanError {
+    fn option(option: String, message: impl Into<String>) -> Self {
+        Self::Option { option, message: message.into() }
+    }
 }
 
 impl From<DocumentError> for PlanError {
@@ -31,62 +58,64 @@ impl From<DocumentError> for PlanError {
     }
 }
 
-/// What is asked of the planner.
+/// Options of the planner.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// When the manoeuvre begins, s: what the scenario does later is left out. Its end where there is none.
+    /// Time at which the manoeuvre begins, s; later segments of the scenario are dropped. `None` is
+    /// the end of the scenario.
     pub at: Option<f64>,
-    /// States or components that count, such as `dvl.misalignment` or `dvl.misalignment.roll`; those that are not determined
-    /// when the manoeuvre begins where there are none.
+    /// States or components to improve, such as `dvl.misalignment` or `dvl.misalignment.roll`. If
+    /// the list is empty, the components that are not determined when the manoeuvre begins.
     pub of: Vec<String>,
 }
 
-/// What the planner says.
+/// Ranked manoeuvres.
 #[derive(Clone, Debug, Serialize)]
 pub struct ManoeuvrePlan {
-    /// When the manoeuvre begins, s.
+    /// Time at which the manoeuvre begins, s.
     pub at_s: f64,
-    /// Forward speed there, m/s.
+    /// Forward speed at that time, m/s.
     pub speed: f64,
-    /// The components that count.
+    /// Components to improve.
     pub of: Vec<String>,
-    /// The candidates, the best first.
+    /// Candidates, the best first.
     pub suggestions: Vec<Suggestion>,
 }
 
 /// One manoeuvre.
 #[derive(Clone, Debug, Serialize)]
 pub struct Suggestion {
-    /// Its name.
+    /// Name of the manoeuvre.
     pub name: String,
-    /// Its segments, as in `source.simulation.segments`.
+    /// Segments, as in `source.simulation.segments`.
     pub segments: Vec<String>,
-    /// How long it takes, s.
+    /// Duration, s.
     pub duration_s: f64,
-    /// How much more often than by going straight on the sigmas of the components that count are halved, in all.
+    /// Information gained over straight motion on the components to improve, bits: the sum of the
+    /// additional halvings of their sigmas.
     pub bits: f64,
-    /// The components that it improves, the most first; all, not only those that count.
+    /// Improved components, the largest gain first; also those not asked for.
     pub improves: Vec<Improvement>,
 }
 
 /// One component that a manoeuvre improves.
 #[derive(Clone, Debug, Serialize)]
 pub struct Improvement {
-    /// The component.
+    /// Title of the component.
     pub title: String,
     /// Unit of the sigmas.
     pub unit: String,
-    /// 1-sigma after going straight on.
+    /// 1-sigma after straight motion.
     pub without: f64,
     /// 1-sigma after the manoeuvre.
     pub with: f64,
-    /// How much more often it is halved.
+    /// Additional halvings of sigma.
     pub bits: f64,
-    /// What it is after the manoeuvre.
+    /// Verdict after the manoeuvre.
     pub verdict: Verdict,
 }
 
-/// A manoeuvre and its segments, each with its length, s.
+/// Manoeuvre with its segments and their durations, s.
 struct Candidate {
     name: &'static str,
     segments: Vec<(String, f64)>,
@@ -103,7 +132,8 @@ fn segment(kind: &str, seconds: f64, rest: &str) -> (String, f64) {
     (format!("{{ type = \"{kind}\", duration = \"{seconds} s\"{comma}{rest} }}"), seconds)
 }
 
-/// The candidates for a vehicle at that forward speed, m/s. Those that need way on begin by getting it.
+/// Lists the candidates for a vehicle at a forward speed, m/s. Candidates that need forward motion
+/// begin by accelerating.
 fn candidates(speed: f64) -> Vec<Candidate> {
     let under_way = speed.abs() >= 0.1;
     let cruise = if under_way { speed } else { 2.0 };
@@ -161,9 +191,9 @@ fn candidates(speed: f64) -> Vec<Candidate> {
     ]
 }
 
-/// The scenario up to the manoeuvre.
+/// Scenario up to the manoeuvre.
 struct Base {
-    /// The key path of the segments.
+    /// Key path of the segments.
     key: String,
     segments: Vec<String>,
     end: f64,
@@ -173,13 +203,7 @@ struct Base {
 impl Base {
     fn of(document: &Document, at: Option<f64>) -> Result<Self, PlanError> {
         let root = document.root();
-        let refuse = || {
-            PlanError::Asked(
-                "nothing can be suggested after a recording: --suggest needs the scenario, with [source.simulation] and its \
-                 segments"
-                    .into(),
-            )
-        };
+        let refuse = || PlanError::NotSimulated;
         let sources = root.get("source").ok_or_else(refuse)?;
         let simulated = |name: &str, node: &Node<'_>| {
             let kind = node.get("type").and_then(|t| t.parse::<String>().ok());
@@ -216,7 +240,7 @@ impl Base {
             let duration = row.get("duration").ok_or_else(refuse)?.parse::<Time>()?.si();
             let left = limit - base.end;
             if duration > left + 1e-9 {
-                // what does not change can be cut anywhere; a part of 1 s is the least
+                // uniform motion can be cut anywhere; the shortest part is 1 s
                 if ["cruise", "static"].contains(&kind.as_str()) && left >= 1.0 {
                     base.segments.push(segment(&kind, left, "").0);
                     base.end = limit;
@@ -232,19 +256,21 @@ impl Base {
         }
         if let Some(at) = at.filter(|at| whole && *at > base.end + 1e-9) {
             let end = base.end;
-            return Err(PlanError::Asked(format!(
-                "--at {at} s: the segments end at {end} s; give a time up to then"
-            )));
+            return Err(PlanError::option(
+                format!("--at {at} s"),
+                format!("the segments end at {end} s; give an earlier time"),
+            ));
         }
         if base.segments.is_empty() {
-            return Err(PlanError::Asked(format!(
-                "--at {limit} s: before the end of the first segment there is nothing to go on from; give a later time"
-            )));
+            return Err(PlanError::option(
+                format!("--at {limit} s"),
+                "the first segment has not ended by then; give a later time",
+            ));
         }
         Ok(base)
     }
 
-    /// The settings of the scenario with segments after its own.
+    /// Returns the settings of the scenario with segments appended to its own.
     fn settings(&self, more: &[(String, f64)]) -> Vec<String> {
         let all: Vec<&str> = self
             .segments
@@ -256,10 +282,11 @@ impl Base {
     }
 }
 
-/// Ranks the candidates; `None` if it was stopped. `progress` is told how many runs are done, of how many.
+/// Ranks the candidates; `None` if it was stopped. `progress` receives the number of completed runs
+/// and of all runs.
 ///
 /// # Errors
-/// When the scenario is not a simulation of segments, or does not run.
+/// Returns an error if the scenario is not a simulation of segments, or does not run.
 pub fn suggest(
     registry: &Registry,
     document: &Document,
@@ -271,7 +298,7 @@ pub fn suggest(
     let candidates = candidates(base.speed);
     let longest = candidates.iter().map(Candidate::duration).fold(0.0, f64::max);
     let on = if base.speed == 0.0 { "static" } else { "cruise" };
-    // the scenario as it is, straight on, and the candidates
+    // the scenario as it is, straight motion, and the candidates
     let mut jobs: Vec<Vec<(String, f64)>> = vec![Vec::new(), vec![segment(on, longest, "")]];
     jobs.extend(candidates.iter().map(|c| c.segments.clone()));
     let done = AtomicUsize::new(0);
@@ -280,7 +307,7 @@ pub fn suggest(
         progress(done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
         result
     };
-    // `None`, where a run was stopped, ends them all
+    // a stopped run is `None` and makes the whole result `None`
     let Some(trackers) = jobs.par_iter().map(run).collect::<Result<Option<Vec<Tracker>>, _>>()?
     else {
         return Ok(None);
@@ -302,7 +329,7 @@ pub fn suggest(
     }))
 }
 
-/// A run at the truth; `None` if it was stopped.
+/// Runs a scenario at the truth; `None` if it was stopped.
 fn run(
     registry: &Registry,
     document: &Document,
@@ -318,13 +345,13 @@ fn run(
         return Ok(None);
     }
     if let Some(error) = finished.error {
-        return Err(PlanError::Asked(error.to_string()));
+        return Err(error.into());
     }
     let tracker = kept.lock().ok().and_then(|mut kept| kept.take());
-    tracker.map_or_else(|| Err(PlanError::Asked("the run left nothing".into())), |t| Ok(Some(t)))
+    tracker.map_or(Err(PlanError::NothingRecorded), |t| Ok(Some(t)))
 }
 
-/// Which components count.
+/// Selects the components to improve.
 fn counting(before: &Tracker, of: &[String]) -> Result<Vec<bool>, PlanError> {
     let components = before.components();
     if of.is_empty() {
@@ -342,10 +369,10 @@ fn counting(before: &Tracker, of: &[String]) -> Result<Vec<bool>, PlanError> {
     if let Some(unknown) = of.iter().find(|asked| !components.iter().any(|c| is(c, asked))) {
         let mut names: Vec<&str> = components.iter().map(|c| c.state.as_str()).collect();
         names.dedup();
-        return Err(PlanError::Asked(format!(
-            "--for {unknown}: there is no such state; there are {}",
-            names.join(", ")
-        )));
+        return Err(PlanError::option(
+            format!("--for {unknown}"),
+            format!("there is no such state; the states are {}", names.join(", ")),
+        ));
     }
     Ok(components.iter().map(|c| of.iter().any(|asked| is(c, asked))).collect())
 }
@@ -389,7 +416,7 @@ fn compare(
 }
 
 impl Improvement {
-    /// `dvl.misalignment roll 0.4 to 0.09 deg`.
+    /// Formats as `dvl.misalignment roll 0.4 to 0.09 deg`.
     pub fn text(&self) -> String {
         let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
         format!(

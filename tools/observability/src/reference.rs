@@ -1,29 +1,34 @@
-//! What each state would be without measurements, by its own dynamics alone: the reference of its sigma.
+//! The uncertainty of each state without measurements, from its own dynamics alone: the reference
+//! of its sigma.
 
 use navfuse_core::state::Layout;
 use navfuse_core::state::covariance::{Covariance, Transition};
 use std::ops::Range;
 
-/// The prior of every block, carried by that block's own part of `Phi` and `Q`.
+/// Prior covariance of every block, propagated with the block's own part of `Phi` and `Q`: `P <-
+/// Phi_bb P Phi_bb' + Q_bb`.
 ///
-/// A constant stays, a random walk grows, a Gauss-Markov process goes to its stationary sigma. A block into which the errors
-/// of others flow (attitude, velocity, position of an INS) has no dynamics of its own: it stays at its prior.
+/// A constant keeps its sigma, a random walk grows, and a Gauss-Markov process tends to its
+/// stationary
+/// sigma. The errors of other blocks drive the attitude, velocity and position of an INS. Such a
+/// driven
+/// block has no dynamics of its own and keeps its prior.
 #[derive(Clone, Debug)]
 pub struct Reference {
     covariance: Covariance,
     prior: Covariance,
-    /// The tangent range of each block that is uncertain, and whether others flow into it.
+    /// Slot, tangent range and driven flag of each uncertain block.
     blocks: Vec<(usize, Range<usize>, bool)>,
-    /// Which tangent axes belong to which of them.
+    /// Index in `blocks` for each tangent axis.
     owner: Vec<usize>,
-    /// Whether any block but the driven ones moves; not known before the first transition.
+    /// Set if any block that is not driven has dynamics; `None` before the first transition.
     moves: Option<bool>,
     phi: Vec<f64>,
     work: Vec<f64>,
 }
 
 impl Reference {
-    /// From the covariance at the start.
+    /// Creates the reference from the initial covariance.
     pub fn new(layout: &Layout, start: &Covariance) -> Self {
         let n = layout.tangent;
         let ranges =
@@ -47,22 +52,22 @@ impl Reference {
         }
     }
 
-    /// Whether the errors of other blocks flow into that one.
+    /// Returns `true` if the errors of other blocks drive the block.
     pub fn driven(&self, slot: usize) -> bool {
         self.blocks.iter().any(|b| b.0 == slot && b.2)
     }
 
-    /// The prior, carried by own dynamics.
+    /// Returns the prior, propagated by the blocks' own dynamics.
     pub fn carried(&self) -> &Covariance {
         &self.covariance
     }
 
-    /// The prior.
+    /// Returns the prior.
     pub fn prior(&self) -> &Covariance {
         &self.prior
     }
 
-    /// The error moved.
+    /// Propagates the reference.
     pub fn transition(&mut self, transition: &Transition) {
         match self.moves {
             None => self.learn(transition),
@@ -72,7 +77,7 @@ impl Reference {
         let n = self.owner.len();
         self.phi.fill(0.0);
         (0..n).for_each(|i| self.phi[i * n + i] = 1.0);
-        // a row of which elements are declared is theirs alone
+        // a row with declared elements has no implicit one on the diagonal
         transition.elements().for_each(|(i, ..)| self.phi[i * n + i] = 0.0);
         transition.elements().for_each(|(i, j, value)| self.phi[i * n + j] += value);
         for (_, range, driven) in &self.blocks {
@@ -95,7 +100,7 @@ impl Reference {
         }
     }
 
-    /// Finds what moves, from the places that are declared.
+    /// Finds the driven blocks and those with dynamics from the declared elements of `Phi` and `Q`.
     fn learn(&mut self, transition: &Transition) {
         for (i, j, _) in transition.elements().filter(|&(i, j, _)| self.owner[i] != self.owner[j]) {
             debug_assert_ne!(i, j);

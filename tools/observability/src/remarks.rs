@@ -1,16 +1,17 @@
-//! What the segments say of states, and whether Theorem 1 and its remarks hold of them, in words.
+//! Consequences of the segments for the states, and the agreement of Theorem 1 and its remarks with
+//! the filter.
 
 use crate::Verdict;
 use crate::report::StateReport;
 use crate::theorem::{RemarkReport, SegmentView};
 use crate::words::short;
 
-/// Names of axes of the body, and what a vehicle does to have a force along them.
+/// Names of the body axes, and the motion with a specific force along each.
 const AXES: [(&str, &str); 3] = [("x", "forward"), ("y", "sideways"), ("z", "up or down")];
 const ANGLES: [&str; 3] = ["roll", "pitch", "yaw"];
 
 impl SegmentView {
-    /// The greatest change of heading after the start, deg: the turns one after the other.
+    /// Returns the greatest change of heading after the start, deg, summed over the turns.
     pub fn heading_change_deg(&self) -> f64 {
         let mut heading = 0.0_f64;
         let (mut low, mut high) = (0.0_f64, 0.0_f64);
@@ -21,7 +22,7 @@ impl SegmentView {
         high - low
     }
 
-    /// Says of states that the segments explain what is missing.
+    /// Adds the explanation from the segments to states that are not determined.
     pub(crate) fn hint(&self, states: &mut [StateReport]) {
         let Some(sensor) = &self.sensor else { return };
         let (scale, misalignment) = (format!("{sensor}.scale"), format!("{sensor}.misalignment"));
@@ -34,7 +35,9 @@ impl SegmentView {
             let along = self.type_i.axis(0);
             if rank == 0 && (s.state == scale || s.state == misalignment) {
                 s.missing = Some(
-                    "the specific force never varied at constant attitude for 10 s or longer so far: accelerate straight ahead".into(),
+                    "the specific force has not varied at constant attitude for 10 s or longer \
+                     so far: accelerate straight ahead"
+                        .into(),
                 );
             } else if rank == 1 && s.state == misalignment && s.component == ANGLES[along] {
                 let others: Vec<&str> =
@@ -45,23 +48,25 @@ impl SegmentView {
                         .collect();
                 let axis = AXES[along].0;
                 s.missing = Some(format!(
-                    "every specific-force rate so far is along the body's {axis} axis; {}",
+                    "all specific-force rates so far are along the body's {axis} axis; {}",
                     others.join(" or ")
                 ));
             } else if s.state.ends_with(".accel_bias") && s.component != "z" && turned < 45.0 {
                 let so_far = if turned < 1.0 {
-                    "no turn".to_owned()
+                    "no turn so far".to_owned()
                 } else {
-                    format!("turns of {turned:.0} deg in all")
+                    format!("only {turned:.0} deg of turns so far")
                 };
+                // An accelerometer bias is constant in body axes, while the gravity that a tilt
+                // adds turns with the heading: only a turn separates the two.
                 s.missing = Some(format!(
-                    "{so_far} so far: it cannot be told from the tilt, which stays where the bias turns with the heading; turn by 90 deg"
+                    "{so_far}: without a turn the bias looks the same as a tilt; turn by 90 deg"
                 ));
             }
         }
     }
 
-    /// Theorem 1, and the remarks that apply.
+    /// States Theorem 1 and the remarks that apply.
     pub(crate) fn judged(&self, states: &[StateReport]) -> Vec<RemarkReport> {
         let Some(sensor) = &self.sensor else { return Vec::new() };
         let mut out = Vec::new();
@@ -80,19 +85,21 @@ impl SegmentView {
                 .filter(|s| !determined(s) && Some(s.title.as_str()) != except);
             rest.map(|s| format!("{} ({})", s.title, s.verdict.text())).collect()
         };
-        // the gyros' biases show slowly: the paper says so of its Figure 8; the theorem gives no time
+        // gyro biases converge slowly, as the paper notes on its Figure 8; the theorem gives no
+        // time
         let slow = |title: &str| title.contains(".gyro_bias");
         let all_but_slow = |open: &[String]| open.iter().all(|o| slow(o));
         let listed = |open: &[String]| match open {
             [] => "all of them are determined".to_owned(),
-            _ => format!("all are determined but {}", open.join(", ")),
+            _ => format!("all of them are determined except {}", open.join(", ")),
         };
         let rank = self.type_i.rank;
         if let (Some(one), Some(two)) = (self.type_i_since_s, self.type_ii_since_s) {
             let left = open(None);
             let text = format!(
-                "both conditions hold since {:.0} s: the specific-force rates have {rank} directions since {one:.0} s, and the points \
-                 alpha are not coplanar since {two:.0} s. The states of the theorem are observable; by the filter {}",
+                "both conditions hold since {:.0} s: the specific-force rates have {rank} \
+                 directions since {one:.0} s, and the points alpha are not coplanar since \
+                 {two:.0} s. The states of the theorem are observable; in the filter {}",
                 one.max(two),
                 listed(&left)
             );
@@ -101,9 +108,9 @@ impl SegmentView {
             let mut why = Vec::new();
             if self.type_i_since_s.is_none() {
                 why.push(match rank {
-                    0 => "there is no segment of constant attitude on which the specific force varies".to_owned(),
+                    0 => "the specific force never varies at constant attitude".to_owned(),
                     _ => format!(
-                        "every specific-force rate is along one direction, the body's {} axis",
+                        "all specific-force rates are along one direction, the body's {} axis",
                         AXES[self.type_i.axis(0)].0
                     ),
                 });
@@ -112,7 +119,8 @@ impl SegmentView {
                 why.push(match &self.type_ii {
                     None => "there is no turn".to_owned(),
                     Some(s) => format!(
-                        "the points alpha of the turns are coplanar: singular values {}, {} and {} m/s^2, noise {}",
+                        "the points alpha of the turns are coplanar: singular values {}, {} and \
+                         {} m/s^2, noise {}",
                         short(s.singular_values[0]),
                         short(s.singular_values[1]),
                         short(s.singular_values[2]),
@@ -120,7 +128,7 @@ impl SegmentView {
                     ),
                 });
             }
-            let text = format!("its conditions do not hold: {}", why.join("; "));
+            let text = format!("the conditions do not hold: {}", why.join("; "));
             out.push(RemarkReport { about: "theorem-1", text, agrees: true });
         }
         let mis =
@@ -132,12 +140,12 @@ impl SegmentView {
             let all = if agrees {
                 "all three angles of the misalignment are determined"
             } else {
-                "yet not all three angles of the misalignment are determined"
+                "but not all three angles of the misalignment are determined"
             };
             let (about, how) = if vertical {
-                ("remark-4", "diving or climbing gives a direction beside that of the thrust")
+                ("remark-4", "diving or climbing adds a direction to that of the thrust")
             } else {
-                ("remark-1", "thrusters give forces in different directions")
+                ("remark-1", "the thrusters give forces in different directions")
             };
             let text = format!(
                 "{how}: specific-force rates along the body's {} and {} axes; {all}",
@@ -150,20 +158,23 @@ impl SegmentView {
             let angle = mis(along);
             let title = angle
                 .map_or_else(|| format!("{misalignment} {}", ANGLES[along]), |s| s.title.clone());
-            let untold = angle.is_none_or(|s| !determined(s));
+            let undetermined = angle.is_none_or(|s| !determined(s));
             let verdict = angle.map_or("not estimated", |s| s.verdict.text());
             let text = format!(
-                "every specific-force rate is along the body's {axis} axis ({name}), so the angle about it, {title}, cannot be told; it is {verdict}"
+                "all specific-force rates are along the body's {axis} axis ({name}), so the angle \
+                 about this axis, {title}, is not observable; it is {verdict}"
             );
-            out.push(RemarkReport { about: "remark-2", text, agrees: untold });
+            out.push(RemarkReport { about: "remark-2", text, agrees: undetermined });
             if self.heading_change_deg() >= 45.0 {
                 let left = open(Some(&title));
-                let text =
-                    format!("with turns all else is observable: beside {title}, {}", listed(&left));
+                let text = format!(
+                    "with turns all other states are observable: besides {title}, {}",
+                    listed(&left)
+                );
                 out.push(RemarkReport {
                     about: "remark-3",
                     text,
-                    agrees: untold && all_but_slow(&left),
+                    agrees: undetermined && all_but_slow(&left),
                 });
             }
         }
@@ -174,8 +185,9 @@ impl SegmentView {
             coplanar.filter(|_| !biases.is_empty() && biases.iter().all(|b| determined(b)))
         {
             let text = format!(
-                "the points alpha are coplanar (smallest singular value {} m/s^2, noise {}), and yet the accelerometers' biases are \
-                 determined: what counts is the change of heading, {:.0} deg, with which a bias turns and a tilt does not",
+                "the points alpha are coplanar (smallest singular value {} m/s^2, noise {}), but \
+                 the accelerometer biases are determined: the change of heading, {:.0} deg, is \
+                 enough, since a bias turns with the heading and a tilt does not",
                 short(s.singular_values[2]),
                 short(s.noise),
                 self.heading_change_deg()

@@ -1,4 +1,4 @@
-//! The report of a run: per state, what is determined, when it became so, and what is missing.
+//! The report of a run: the verdict on each state, its time, and what is missing.
 
 use crate::component::Verdict;
 use crate::theorem::{self, SegmentView};
@@ -10,88 +10,92 @@ use navfuse_segments::{Recording, SegmentError};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// The most rows of a history in a report.
+/// Largest number of rows of a history in a report.
 const ROWS: usize = 400;
 
-/// The report. Times are of the run's clock.
+/// Observability report. Times are of the run's clock.
 #[derive(Clone, Debug, Serialize)]
 pub struct ObservabilityReport {
     /// Name of the scenario.
     pub scenario: String,
-    /// When the filter started, s.
+    /// Time of the first epoch, s.
     pub start_s: f64,
-    /// The last estimate, s.
+    /// Time of the last epoch, s.
     pub end_s: f64,
     /// Every component of every uncertain state.
     pub states: Vec<StateReport>,
-    /// The sensors that correct the state.
+    /// Sensors that update the state.
     pub sensors: Vec<SensorReport>,
-    /// The directions of the error at the start of which more than a half of the prior is left, the worst first.
+    /// Directions of the initial error in which more than a half of the prior variance remains, the
+    /// largest first.
     pub undetermined: Vec<DirectionReport>,
-    /// What the segments of the recording say (Pan & Wu 2016, Theorem 1); none before [`ObservabilityReport::judge`].
+    /// Evaluation of the recording's segments (Pan & Wu 2016, Theorem 1); `None` before
+    /// [`ObservabilityReport::judge`].
     pub segments: Option<SegmentView>,
-    /// Why there are none.
+    /// Reason why the segments could not be evaluated.
     pub no_segments: Option<String>,
-    /// Sigma over what it would be without measurements, over time.
+    /// Normalised sigma of each component over time.
     pub history: History,
 }
 
 /// One component.
 #[derive(Clone, Debug, Serialize)]
 pub struct StateReport {
-    /// Its block.
+    /// Name of the block.
     pub state: String,
-    /// Its name.
+    /// Name of the component.
     pub component: String,
-    /// Both as a person reads them.
+    /// Name of block and component for display.
     pub title: String,
     /// Unit of the sigmas; empty for a ratio.
     pub unit: String,
-    /// Whether the errors of other states flow into it: then it is judged by what is left of its error at the start.
+    /// Set if the errors of other states drive the component; its verdict then depends on its
+    /// remaining initial error.
     pub driven: bool,
     /// 1-sigma at the start.
     pub prior: f64,
     /// 1-sigma at the end.
     pub sigma: f64,
-    /// 1-sigma at the end if nothing had been measured, by the state's own dynamics.
+    /// 1-sigma at the end without measurements, from the state's own dynamics.
     pub reference: f64,
     /// `sigma / reference`.
     pub normalised: f64,
-    /// How many times sigma was halved; below zero where it has grown.
+    /// Number of times that sigma was halved; negative if sigma has grown.
     pub bits: f64,
-    /// The share of the estimate that is still prior, 0 to 1.
+    /// Share of the estimate that is still prior, 0 to 1.
     pub prior_weight: f64,
-    /// The verdict.
+    /// Verdict.
     pub verdict: Verdict,
-    /// Since when it is determined, s.
+    /// Time since which the component is determined, s.
     pub since_s: Option<f64>,
-    /// When it ceased to be determined, the last time it did, s.
+    /// Last time at which the component ceased to be determined, s.
     pub lost_s: Option<f64>,
-    /// Bits that each sensor told of what it was at the start.
-    pub told_by: BTreeMap<String, f64>,
-    /// What is missing, in words.
+    /// Information of each sensor on the component's initial error, bits.
+    #[serde(rename = "told_by")]
+    pub information: BTreeMap<String, f64>,
+    /// Reason why the component is not determined.
     pub missing: Option<String>,
 }
 
 /// One sensor.
 #[derive(Clone, Debug, Serialize)]
 pub struct SensorReport {
-    /// Its name.
+    /// Name of the sensor.
     pub name: String,
-    /// Samples used.
+    /// Used samples.
     pub used: u64,
-    /// The components that its model reads.
+    /// Components that the sensor's model reads.
     pub reads: Vec<String>,
 }
 
 /// One direction.
 #[derive(Clone, Debug, Serialize)]
 pub struct DirectionReport {
-    /// The share of its prior variance that is left.
+    /// Remaining share of its prior variance.
     pub left: f64,
-    /// The components that it is made of, with weights in units of their priors.
+    /// Components of the direction, with weights in units of their priors.
     pub parts: Vec<(String, f64)>,
-    /// In words.
+    /// Direction in terms of states.
     pub text: String,
 }
 
@@ -100,12 +104,12 @@ pub struct DirectionReport {
 pub struct History {
     /// Times, s.
     pub time_s: Vec<f64>,
-    /// The components, as [`StateReport::title`], and one number a time.
+    /// Components, named by [`StateReport::title`], with one number per time.
     pub normalised: Vec<(String, Vec<f64>)>,
 }
 
 impl ObservabilityReport {
-    /// The report of a run that was tracked.
+    /// Creates the report of a tracked run.
     pub fn new(scenario: &str, tracker: &Tracker) -> Self {
         let (start, end) = tracker.span();
         let titles: Vec<String> =
@@ -113,11 +117,11 @@ impl ObservabilityReport {
         let seconds = |t: Time| t.seconds();
         let states =
             tracker.components().iter().zip(tracker.status()).enumerate().map(|(i, (c, now))| {
-                let told = tracker
+                let information = tracker
                     .sensors()
                     .iter()
                     .filter(|s| s.used > 0)
-                    .map(|s| (s.name.clone(), s.told[i]));
+                    .map(|s| (s.name.clone(), s.bits[i]));
                 StateReport {
                     state: c.state.clone(),
                     component: c.name.clone(),
@@ -133,7 +137,7 @@ impl ObservabilityReport {
                     verdict: now.verdict,
                     since_s: now.since.map(seconds),
                     lost_s: now.lost.map(seconds),
-                    told_by: told.collect(),
+                    information: information.collect(),
                     missing: words::missing(tracker, i),
                 }
             });
@@ -166,8 +170,8 @@ impl ObservabilityReport {
         }
     }
 
-    /// Adds what the segments of the run's samples say, and what that says of the states. Where there is no IMU among them, or
-    /// no attitude to begin from, it says that.
+    /// Adds the evaluation of the segments of the run's samples, and its consequences for the
+    /// states. Without an IMU or an initial attitude, it adds the reason instead.
     pub fn judge(&mut self, recording: Result<Recording, SegmentError>, tracker: &Tracker) {
         let view = recording.and_then(|r| theorem::judge(&r, tracker, &mut self.states));
         match view {
@@ -176,12 +180,12 @@ impl ObservabilityReport {
         }
     }
 
-    /// The component of that title.
+    /// Finds a component by its title.
     pub fn state(&self, title: &str) -> Option<&StateReport> {
         self.states.iter().find(|s| s.title == title)
     }
 
-    /// Normalised sigmas over time, one panel a state (Pan & Wu, Figure 12).
+    /// Plots normalised sigmas over time, one panel per state (Pan & Wu, Figure 12).
     pub fn figure(&self) -> Figure {
         let mut panels: Vec<(String, Panel)> = Vec::new();
         for (state, (_, values)) in self.states.iter().zip(&self.history.normalised) {
@@ -192,7 +196,8 @@ impl ObservabilityReport {
                     look: Look::Bound,
                     points: [self.start_s, self.end_s].map(|t| [t, w]).to_vec(),
                 };
-                // of what others drive, this sigma does not decide
+                // for a driven state this sigma does not decide the verdict, so its panel has no
+                // limit
                 let curves =
                     if state.driven { Vec::new() } else { vec![limit(crate::DETERMINED.sqrt())] };
                 let panel = Panel {
@@ -211,7 +216,7 @@ impl ObservabilityReport {
         }
         Figure {
             name: "normalised-sigma".into(),
-            title: format!("{}: sigma over what it would be without measurements", self.scenario),
+            title: format!("{}: sigma relative to that without measurements", self.scenario),
             columns: 2,
             panels: panels.into_iter().map(|p| p.1).collect(),
         }

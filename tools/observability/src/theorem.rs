@@ -1,8 +1,16 @@
-//! Theorem 1 of Pan & Wu (2016) and its remarks, judged on the segments of a recording.
+//! Theorem 1 of Pan & Wu (2016) and its remarks, evaluated on the segments of a recording.
 //!
-//! The theorem: with Type-I segments (constant attitude) on which the specific-force rates `fdot^b` are linearly independent,
-//! and Type-II segments (turns) on which the points `alpha` of eq. (13) are not coplanar, attitude, velocity, the inertial
-//! sensors' biases and the DVL's scale factor and misalignment are observable.
+//! The theorem makes attitude, velocity, the inertial sensors' biases and the DVL's scale factor
+//! and
+//! misalignment observable under two conditions:
+//! - on the Type-I segments (constant attitude), the specific-force rates `fdot^b` have at least
+//!   two
+//!   linearly independent directions;
+//! - on the Type-II segments (turns), the points `alpha` of eq. (13) are not coplanar.
+//!
+//! Both conditions are ranks of scatter matrices. A singular value counts only if it exceeds the
+//! one
+//! that noise alone would produce.
 
 use crate::Tracker;
 use crate::report::StateReport;
@@ -13,94 +21,100 @@ use navfuse_segments::{
 };
 use serde::Serialize;
 
-/// The points `alpha` are means over windows of this length, s: the noise of the DVL's acceleration falls as its cube.
+/// Window of a point `alpha`, s. The noise of the DVL's acceleration falls with the cube of the
+/// window.
 const WINDOW: f64 = 3.0;
-/// A gap of a body velocity is this many of its usual intervals.
+/// Length of a gap of a body velocity, in sample intervals.
 const GAP: f64 = 3.0;
-/// A varying specific force of at least this length, s, is told of though it is too short for a segment.
-const TOLD: f64 = 3.0;
+/// Shortest varying specific force that a warning reports although it is too short for a segment,
+/// s.
+const SHORTEST: f64 = 3.0;
 
-/// What the segments say.
+/// Evaluation of the segments.
 #[derive(Clone, Debug, Serialize)]
 pub struct SegmentView {
-    /// The body velocity (DVL) that the theorem is about.
+    /// Body velocity (DVL) to which the theorem is applied.
     pub sensor: Option<String>,
-    /// Every segment.
+    /// All segments.
     pub segments: Vec<SegmentRow>,
-    /// The specific-force rates of all Type-I segments after the start.
+    /// Specific-force rates of all Type-I segments after the start.
     pub type_i: DirectionsReport,
-    /// The points `alpha` of all Type-II segments after the start; without a body velocity there are none.
+    /// Points `alpha` of all Type-II segments after the start; `None` without a body velocity or a
+    /// turn.
     pub type_ii: Option<SphereReport>,
-    /// Since when the condition of Type I holds, s.
+    /// Time since which the condition on Type I holds, s.
     pub type_i_since_s: Option<f64>,
-    /// Since when the condition of Type II holds, s.
+    /// Time since which the condition on Type II holds, s.
     pub type_ii_since_s: Option<f64>,
-    /// The theorem and the remarks that apply, in words.
+    /// Theorem 1 and the remarks that apply, as text.
     pub verdicts: Vec<RemarkReport>,
-    /// What makes segments useless: gaps, no rest, too short.
+    /// Defects of the segments: gaps, no time at rest, too short.
     pub warnings: Vec<String>,
 }
 
 /// One segment.
 #[derive(Clone, Debug, Serialize)]
 pub struct SegmentRow {
-    /// What it is.
+    /// Kind of motion.
     pub kind: Kind,
-    /// Where it begins, s on the run's clock.
+    /// Start, s on the run's clock.
     pub from_s: f64,
-    /// Where it ends, s.
+    /// End, s.
     pub to_s: f64,
-    /// Of Type I: the r.m.s. specific-force rate, m/s^3, and its direction in body axes.
+    /// Type I: root mean square specific-force rate, m/s^3, and its direction in body axes.
     pub force_rate: Option<(f64, [f64; 3])>,
-    /// Of Type II: the change of heading, deg.
+    /// Type II: change of heading, deg.
     pub heading_change_deg: Option<f64>,
 }
 
-/// The directions of the specific-force rate.
+/// Directions of the specific-force rate.
 #[derive(Clone, Debug, Serialize)]
 pub struct DirectionsReport {
-    /// The number of independent directions.
+    /// Number of independent directions.
     pub rank: usize,
     /// Singular values, m/s^3, the largest first.
     pub singular_values: [f64; 3],
-    /// Below this a singular value is noise, m/s^3.
+    /// Largest singular value due to noise, m/s^3.
     pub noise: f64,
-    /// The axes in body axes, one row a singular value.
+    /// Principal axes in body axes, one row per singular value.
     pub axes: [[f64; 3]; 3],
 }
 
-/// The points `alpha` of eq. (13).
+/// Points `alpha` of eq. (13).
 #[derive(Clone, Debug, Serialize)]
 pub struct SphereReport {
-    /// Their number.
+    /// Number of points.
     pub points: usize,
-    /// In how many directions they lie about their mean; 3 is not coplanar.
+    /// Number of directions in which the points scatter about their mean; 3 if they are not
+    /// coplanar.
     pub rank: usize,
-    /// Singular values about their mean, m/s^2, the largest first.
+    /// Singular values about the mean, m/s^2, the largest first.
     pub singular_values: [f64; 3],
-    /// Below this a singular value is noise, m/s^2.
+    /// Largest singular value due to noise, m/s^2.
     pub noise: f64,
-    /// Condition of the sum of `(alpha - mean)(alpha - mean)'`.
+    /// Condition number of the sum of `(alpha - mean)(alpha - mean)'`.
     pub condition: f64,
-    /// Condition of the sum of `alpha alpha'`, as the paper has it.
+    /// Condition number of the sum of `alpha alpha'`, as in the paper.
     pub condition_about_zero: f64,
 }
 
-/// What the theorem or a remark says of this run.
+/// Statement of the theorem or a remark about this run.
 #[derive(Clone, Debug, Serialize)]
 pub struct RemarkReport {
-    /// `theorem-1`, `remark-1` ... `remark-4`, or `not-necessary`: Theorem 1 asks for more than is needed.
+    /// `theorem-1`, `remark-1` ... `remark-4`, or `not-necessary` where the conditions of Theorem 1
+    /// are sufficient but not necessary.
     pub about: &'static str,
-    /// In words.
+    /// Statement.
     pub text: String,
-    /// Whether the filter's sigmas agree.
+    /// Set if the filter's uncertainties agree with the statement.
     pub agrees: bool,
 }
 
-/// Judges a recording. `tracker` tells the mounting of the body velocity at the end of the run.
+/// Evaluates a recording. `tracker` provides the mounting of the body velocity at the end of the
+/// run.
 ///
 /// # Errors
-/// When no attitude is known to begin from.
+/// Returns an error if no initial attitude is known.
 pub fn judge(
     recording: &Recording,
     tracker: &Tracker,
@@ -169,7 +183,7 @@ fn row(recording: &Recording, attitude: &Attitude, s: &Segment) -> SegmentRow {
     let turned = (s.kind == Kind::TypeII).then(|| {
         let yaw = |t: f64| attitude.at(t).euler_angles().2;
         let change = yaw(s.to) - yaw(s.from);
-        // by the gyros, so that a full circle is one
+        // the integrated gyro rate counts full circles
         let inside = recording.imu.samples.within(s.from, s.to);
         let rate: f64 = (inside.clone())
             .map(|k| (attitude.c_b_n[k] * attitude.w_nb_b[k]).z * recording.imu.samples.value[k].dt)
@@ -186,7 +200,8 @@ fn row(recording: &Recording, attitude: &Attitude, s: &Segment) -> SegmentRow {
     }
 }
 
-/// To a second, the earliest end of a segment at which something holds that holds at its end.
+/// Returns, to a second, the earliest end of a segment at which a condition holds, given that it
+/// holds at the segment's end (bisection).
 fn earliest(segment: &Segment, holds: impl Fn(f64) -> bool) -> f64 {
     let (mut no, mut yes) = (segment.from, segment.to);
     while yes - no > 1.0 {
@@ -196,7 +211,7 @@ fn earliest(segment: &Segment, holds: impl Fn(f64) -> bool) -> f64 {
     yes
 }
 
-/// The specific-force rates of segments together: see [`Directions`].
+/// Scatter of the specific-force rates of several segments: see [`Directions`].
 #[derive(Clone)]
 struct Rates {
     scatter: Matrix3<f64>,
@@ -239,7 +254,7 @@ impl Rates {
 }
 
 impl DirectionsReport {
-    /// The body axis that the `k`-th direction is nearest to.
+    /// Returns the body axis nearest to the `k`-th direction.
     pub(crate) fn axis(&self, k: usize) -> usize {
         Vector3::from(self.axes[k]).iamax()
     }
@@ -253,7 +268,8 @@ fn eigen(matrix: Matrix3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
     (Vector3::from(order.map(|k| eigen.eigenvalues[k])), axes)
 }
 
-/// The mounting that the filter found; the initial one where it has none.
+/// Returns the mounting that the filter estimated, or the initial one if the filter has no such
+/// states.
 fn mounting(velocity: &BodyVelocity, tracker: &Tracker) -> Mounting {
     let name = &velocity.samples.name;
     let scale = tracker.coordinates(&format!("{name}.scale"));
@@ -266,10 +282,11 @@ fn mounting(velocity: &BodyVelocity, tracker: &Tracker) -> Mounting {
     }
 }
 
-/// Variance of the noise of an axis of `alpha`, (m/s^2)^2: of the slope of the body velocity and the mean of the force.
+/// Returns the noise variance of an axis of `alpha`, (m/s^2)^2: the slope of the body velocity,
+/// `sigma^2 / sum (t - mean t)^2`, plus the mean specific force, `N_a^2 / WINDOW`.
 fn alpha_variance(recording: &Recording, velocity: &BodyVelocity, k: f64) -> f64 {
     let n = (WINDOW / velocity.samples.period()).max(2.0);
-    // the spread of n times over the window
+    // sum of (t - mean t)^2 for n samples, spread evenly over the window
     let spread = n * WINDOW * WINDOW / 12.0;
     velocity.covariance.trace() / 3.0 / (k * k) / spread
         + recording.imu.accel_noise.amax().powi(2) / WINDOW
@@ -293,7 +310,7 @@ fn sphere_report(alpha: &[Vector3<f64>], variance: f64, whole: Option<&Sphere>) 
     }
 }
 
-/// Wrong use, told.
+/// Lists the defects of a recording's segments.
 fn warnings(
     recording: &Recording,
     settings: &Settings,
@@ -305,8 +322,8 @@ fn warnings(
     let static_for = settings.shortest[0];
     if !segments.iter().any(|s| s.kind == Kind::Static) {
         out.push(format!(
-            "nothing is at rest for {static_for:.0} s or longer: there is no static time to align in; give the attitude and its \
-             sigma from elsewhere, or begin with some minutes at rest"
+            "the vehicle is never at rest for {static_for:.0} s or longer: static alignment is not \
+             possible; give the attitude and its sigma, or begin with some minutes at rest"
         ));
     }
     for velocity in &recording.velocities {
@@ -314,7 +331,9 @@ fn warnings(
         for s in used.iter().filter(|s| matches!(s.kind, Kind::TypeI | Kind::TypeII)) {
             for [from, to] in velocity.samples.gaps(s.from, s.to, limit) {
                 out.push(format!(
-                    "{name} is silent from {} to {}, inside the {} segment from {} to {}: of that part it says nothing",
+                    "{name} has no samples from {} to {}, inside the {} segment from {} to {}: \
+                     that \
+                     part is not evaluated",
                     clock(from),
                     clock(to),
                     s.kind,
@@ -324,19 +343,21 @@ fn warnings(
             }
         }
     }
-    // what varies for too short a time to be a segment
+    // the specific force varies, but for too short a time to make a segment
     let least = settings.shortest[1];
     let mut short = *settings;
-    short.shortest[1] = TOLD;
+    short.shortest[1] = SHORTEST;
     for s in find(recording, &short)?
         .0
         .iter()
         .filter(|s| s.kind == Kind::TypeI && s.to > recording.start)
     {
         let inside = used.iter().any(|u| u.kind == Kind::TypeI && u.from < s.to && u.to > s.from);
-        if !inside && s.duration() < least && s.duration() >= TOLD {
+        if !inside && s.duration() < least && s.duration() >= SHORTEST {
             out.push(format!(
-                "the specific force varies for {:.0} s only, from {} to {}: a segment of Type I takes {least:.0} s",
+                "the specific force varies for only {:.0} s, from {} to {}: a segment of Type I \
+                 takes \
+                 {least:.0} s",
                 s.duration(),
                 clock(s.from),
                 clock(s.to)

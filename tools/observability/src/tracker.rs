@@ -1,9 +1,9 @@
-//! The tracker: listens to a run and says at any time what it has determined.
+//! The tracker: follows a run and computes the share of each state that is still prior.
 
 use crate::component::{Component, Verdict, square_root};
 use crate::direction::{self, Direction};
+use crate::initial_error::InitialError;
 use crate::reference::Reference;
-use crate::start::StartError;
 use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -14,102 +14,115 @@ use navfuse_core::units::sample::SensorId;
 use navfuse_core::units::time::Time;
 use std::sync::{Arc, Mutex};
 
-/// A component is determined when no more than this share of it is still prior: four times better than the prior, 2 bits.
+/// Largest share of prior in a determined component: the estimate is four times better than the
+/// prior, 2 bits.
 pub const DETERMINED: f64 = 1.0 / 16.0;
-/// What was determined is so until more than this share is prior again.
+/// Share of prior above which a component ceases to be determined; larger than [`DETERMINED`] as a
+/// hysteresis.
 pub const LOST: f64 = 1.0 / 8.0;
-/// Below this share, at which the measurements weigh as much as the prior, it is determined in part.
+/// Largest share of prior in a component that is determined in part: the measurements weigh as much
+/// as the prior.
 pub const IN_PART: f64 = 0.5;
 
-/// A sensor reads a component of which one prior sigma changes a sample by a thousandth of its noise: this squared.
+/// Squared sensitivity above which a sensor reads a component: one prior sigma changes a sample by
+/// a thousandth of its noise.
 const READS: f64 = 1e-6;
 
-/// What is known of a component now.
+/// Present status of a component.
 #[derive(Clone, Copy, Debug)]
 pub struct ComponentStatus {
-    /// 1-sigma at the start, in the unit of the component.
+    /// Prior 1-sigma, in the unit of the component.
     pub prior: f64,
-    /// 1-sigma without measurements, by own dynamics.
+    /// 1-sigma without measurements, from the component's own dynamics.
     pub reference: f64,
-    /// 1-sigma.
+    /// Present 1-sigma.
     pub sigma: f64,
-    /// The share that is still prior, 0 to 1: see [`Tracker`].
+    /// Share of the estimate that is still prior, 0 to 1: see [`Tracker`].
     pub weight: f64,
-    /// The verdict.
+    /// Verdict.
     pub verdict: Verdict,
-    /// Since when it is determined.
+    /// Time since which the component is determined.
     pub since: Option<Time>,
-    /// When it ceased to be determined, the last time it did.
+    /// Last time at which the component ceased to be determined.
     pub lost: Option<Time>,
 }
 
 impl ComponentStatus {
-    /// Sigma over what it would be without measurements.
+    /// Returns sigma divided by the sigma without measurements.
     pub fn normalised(&self) -> f64 {
         if self.reference > 0.0 { self.sigma / self.reference } else { 1.0 }
     }
 
-    /// Information gained, bits: how many times sigma was halved. Below zero where it has grown.
+    /// Returns the gained information in bits, the number of times sigma was halved; negative if
+    /// sigma has grown.
     pub fn bits(&self) -> f64 {
         0.0 - self.normalised().log2()
     }
 }
 
-/// What a sensor did.
+/// Contribution of a sensor.
 #[derive(Clone, Debug)]
 pub struct SensorShare {
-    /// Its name.
+    /// Name of the sensor.
     pub name: String,
-    /// Whether it corrects the state.
+    /// Set if the sensor updates the state.
     pub measures: bool,
-    /// Samples used.
+    /// Used samples.
     pub used: u64,
-    /// Bits that it told of each component at the start.
-    pub told: Vec<f64>,
-    /// Which components its model reads.
+    /// Information on each component of the initial error, bits.
+    pub bits: Vec<f64>,
+    /// Set for each component that the sensor's model reads.
     pub reads: Vec<bool>,
 }
 
-/// Follows what a run determines, for any composition.
+/// Tracks the observability of a run, for any composition.
 ///
-/// The share of a component that is still prior is `(sigma / reference)^2`, with the reference of its own dynamics
-/// ([`ComponentStatus::reference`]): for a constant, what is left of its prior variance. A block that others drive, such as the velocity of
-/// an INS, has no such reference: its share is that of the variance at the start which is still in the estimate, `Psi P_0 Psi' /
-/// P_0` with `Psi` the product of all `(I - K H) Phi`. A position that nothing sees keeps all of it, however little its sigma
-/// has grown; a velocity that is measured forgets where it began.
+/// For a block with dynamics of its own, the share of prior is `(sigma / reference)^2`, with the
+/// sigma
+/// without measurements as the reference ([`ComponentStatus::reference`]). For a constant this is
+/// the
+/// remaining part of the prior variance.
+///
+/// A driven block, such as the velocity of an INS, has no such reference. Its share is the part of
+/// the
+/// initial variance that is still in the estimate, `Psi P_0 Psi' / P_0`, where `Psi` is the product
+/// of
+/// all `(I - K H) Phi`. An unobserved position keeps all of it, however little its sigma has grown;
+/// a
+/// measured velocity forgets its initial value.
 pub struct Tracker {
     layout: Layout,
     components: Vec<Component>,
     now: Vec<ComponentStatus>,
     sensors: Vec<SensorShare>,
-    started: Option<Started>,
+    started: Option<Propagation>,
     last_used: Option<SensorId>,
-    told: Vec<f64>,
+    reductions: Vec<f64>,
     begin: Time,
     end: Time,
     every: i64,
     next: Time,
-    /// The estimate at the last epoch.
+    /// Estimate at the last epoch.
     values: Vec<f64>,
-    /// Times of the history, and normalised sigmas row by row.
+    /// Times of the history; `history` holds the normalised sigmas, row by row.
     times: Vec<f64>,
     history: Vec<f64>,
 }
 
-/// What is followed from the start on.
-struct Started {
-    error: StartError,
+/// Quantities that are propagated from the start on.
+struct Propagation {
+    error: InitialError,
     reference: Reference,
-    /// Whether something happened since.
+    /// Set after the first transition or update.
     moved: bool,
     work: Covariance,
 }
 
-impl Started {
+impl Propagation {
     fn new(layout: &Layout, values: &[f64], covariance: &Covariance) -> Self {
         let l = square_root(layout, values, &covariance.to_dense());
         Self {
-            error: StartError::new(layout.tangent, &l),
+            error: InitialError::new(layout.tangent, &l),
             reference: Reference::new(layout, covariance),
             moved: false,
             work: Covariance::zero(layout.tangent),
@@ -118,7 +131,8 @@ impl Started {
 }
 
 impl Tracker {
-    /// A tracker of a run, which keeps a history at that interval, s; an infinite one keeps none.
+    /// Creates a tracker of a run with a history at the interval `every`, s; an infinite interval
+    /// keeps no history.
     pub fn new(run: &RunInfo, every: f64) -> Self {
         let layout = run.layout.clone();
         let components = Component::of(&layout);
@@ -127,7 +141,7 @@ impl Tracker {
             name: s.name.clone(),
             measures: s.purpose == Purpose::Measurement,
             used: 0,
-            told: vec![0.0; n],
+            bits: vec![0.0; n],
             reads: vec![false; n],
         };
         let verdict =
@@ -149,7 +163,7 @@ impl Tracker {
             layout,
             started: None,
             last_used: None,
-            told: vec![1.0; n],
+            reductions: vec![1.0; n],
             begin: Time::MIN,
             end: Time::MIN,
             every: Time::from_seconds(every).map_or(i64::MAX, Time::nanos).max(1),
@@ -160,22 +174,23 @@ impl Tracker {
         }
     }
 
-    /// The layout of the state.
+    /// Returns the layout of the state.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// The uncertain components.
+    /// Returns the uncertain components.
     pub fn components(&self) -> &[Component] {
         &self.components
     }
 
-    /// What is known of each now.
+    /// Returns the present status of each component.
     pub fn status(&self) -> &[ComponentStatus] {
         &self.now
     }
 
-    /// The coordinates (SI) of a block at the last epoch; `None` before it, or where there is no such block.
+    /// Returns the coordinates (SI) of a block at the last epoch; `None` before the first epoch or
+    /// for an unknown block.
     pub fn coordinates(&self, name: &str) -> Option<Vec<f64>> {
         let block = self.layout.find(name).filter(|_| !self.values.is_empty())?;
         let mut out = vec![0.0; block.operations.tangent];
@@ -183,42 +198,45 @@ impl Tracker {
         Some(out)
     }
 
-    /// What each sensor did.
+    /// Returns the contribution of each sensor.
     pub fn sensors(&self) -> &[SensorShare] {
         &self.sensors
     }
 
-    /// When the filter started, and the last epoch.
+    /// Returns the times of the first and the last epoch.
     pub fn span(&self) -> (Time, Time) {
         (self.begin, self.end)
     }
 
-    /// Whether there was an estimate.
+    /// Returns `true` after the first epoch.
     pub fn started(&self) -> bool {
         self.begin != Time::MIN
     }
 
-    /// Times of the history, s, and the normalised sigmas, row by row.
+    /// Returns the times of the history, s, and the normalised sigmas, row by row.
     pub fn history(&self) -> (&[f64], &[f64]) {
         (&self.times, &self.history)
     }
 
-    /// What is left of the prior of the error at the start, in units of the prior; row-major, empty before the start.
+    /// Returns `M`, the remaining covariance of the initial error in units of the prior; row-major,
+    /// empty before the start.
     pub fn left(&self) -> &[f64] {
         self.started.as_ref().map_or(&[], |s| s.error.left())
     }
 
-    /// What the measurements would tell of each component if all others were known: prior over remaining variance, less one.
+    /// Returns the information on each component if all others were known: prior over remaining
+    /// variance, less one.
     pub fn alone(&self) -> &[f64] {
         self.started.as_ref().map_or(&[], |s| s.error.alone())
     }
 
-    /// Whether errors of other blocks flow into that one.
+    /// Returns `true` if the errors of other blocks drive the block.
     pub fn driven(&self, slot: usize) -> bool {
         self.started.as_ref().is_some_and(|s| s.reference.driven(slot))
     }
 
-    /// The directions of which the measurements said least: of what is still in the estimate, and not considered.
+    /// Returns the least determined directions of the initial error. Considered components and
+    /// those that the estimate has forgotten take no part.
     pub fn undetermined(&self) -> Vec<Direction> {
         let forgotten =
             |i: usize| self.driven(self.components[i].slot) && self.now[i].weight <= DETERMINED;
@@ -226,7 +244,7 @@ impl Tracker {
         direction::undetermined(self.components.len(), self.left(), of)
     }
 
-    /// The error moved.
+    /// Takes a transition of the error state.
     pub fn transition(&mut self, transition: &Transition) {
         if let Some(s) = &mut self.started {
             s.moved = true;
@@ -235,14 +253,15 @@ impl Tracker {
         }
     }
 
-    /// A sample was used, or not: comes before its correction.
+    /// Takes the outcome of a sample, which precedes its correction.
     pub fn update(&mut self, update: &UpdateRecord<'_>) {
         self.last_used = (update.outcome == Outcome::Accepted).then_some(update.sensor);
     }
 
-    /// The state was corrected.
+    /// Takes a correction of the state.
     pub fn correction(&mut self, update: &Update) {
-        // a filter without a driving sensor corrects before its first epoch
+        // a filter without a driving sensor may correct before its first epoch: begin with the
+        // prior
         let layout = &self.layout;
         let started = self.started.get_or_insert_with(|| {
             let state = layout.initial_state();
@@ -253,13 +272,13 @@ impl Tracker {
                     covariance.set(range.start + k % range.len(), range.start + k / range.len(), p);
                 }
             }
-            Started::new(layout, &state.values, &covariance)
+            Propagation::new(layout, &state.values, &covariance)
         });
         started.moved = true;
-        started.error.correction(layout, update, &mut self.told);
+        started.error.correction(layout, update, &mut self.reductions);
         let Some(sensor) = self.last_used.and_then(|id| self.sensors.get_mut(id.0)) else { return };
         sensor.used += 1;
-        sensor.told.iter_mut().zip(&self.told).for_each(|(sum, told)| *sum += 0.5 * told.log2());
+        sensor.bits.iter_mut().zip(&self.bits).for_each(|(sum, bits)| *sum += 0.5 * bits.log2());
         let (w, prior) = (update.columns.len(), started.reference.prior());
         for (k, &column) in update.columns.iter().enumerate() {
             let sigma = prior.get(column, column).sqrt();
@@ -270,12 +289,12 @@ impl Tracker {
         }
     }
 
-    /// An estimate; says whether the verdict of some component changed.
+    /// Takes an epoch; returns `true` if the verdict on a component changed.
     pub fn epoch(&mut self, epoch: &Epoch<'_>) -> bool {
         let values = &epoch.state.values;
         let time = epoch.state.time;
         if self.started.as_ref().is_none_or(|s| !s.moved && self.begin == Time::MIN) {
-            self.started = Some(Started::new(&self.layout, values, epoch.covariance));
+            self.started = Some(Propagation::new(&self.layout, values, epoch.covariance));
         }
         let Some(started) = &mut self.started else { return false };
         if self.begin == Time::MIN {
@@ -327,7 +346,7 @@ impl Tracker {
 }
 
 impl ComponentStatus {
-    /// Takes the sigmas and the weight of the prior at a time; says whether the verdict changed.
+    /// Sets the sigmas and the share of prior at a time; returns `true` if the verdict changed.
     fn look(&mut self, time: Time, prior: f64, reference: f64, sigma: f64, weight: f64) -> bool {
         (self.prior, self.reference, self.sigma, self.weight) = (prior, reference, sigma, weight);
         if self.verdict == Verdict::Considered {
@@ -347,7 +366,7 @@ impl ComponentStatus {
     }
 }
 
-/// A sink that tracks a run.
+/// Sink with a tracker.
 pub struct TrackerSink {
     every: f64,
     tracker: Option<Tracker>,

@@ -1,21 +1,21 @@
-//! Why a state is not determined, in words.
+//! Explanations for states that are not determined.
 
 use crate::component::Verdict;
 use crate::direction::Direction;
 use crate::tracker::Tracker;
 
-/// Correlations of the error at the start above this are named.
+/// Smallest correlation of initial errors that is named.
 const PARTNER: f64 = 0.5;
-/// The most partners that are named.
+/// Largest number of named partners.
 const PARTNERS: usize = 2;
 
-/// What is missing to determine the component; `None` where nothing is.
+/// Explains why the component is not determined; `None` if it is.
 pub fn missing(tracker: &Tracker, i: usize) -> Option<String> {
     let (component, now) = (&tracker.components()[i], &tracker.status()[i]);
     match now.verdict {
         Verdict::Determined => return None,
         Verdict::Considered => {
-            return Some("the scenario says mode = \"consider\": it is not estimated".into());
+            return Some("the scenario has mode = \"consider\": the state is not estimated".into());
         }
         Verdict::InPart | Verdict::NotDetermined => {}
     }
@@ -24,11 +24,11 @@ pub fn missing(tracker: &Tracker, i: usize) -> Option<String> {
         return Some("no sensor measures: enable one".into());
     }
     if measuring().all(|s| s.used == 0) {
-        return Some("no measurement was used so far".into());
+        return Some("no measurement has been used so far".into());
     }
     let owner = component.state.split('.').next().unwrap_or_default();
     if let Some(sensor) = measuring().find(|s| s.name == owner && s.used == 0) {
-        return Some(format!("{} gave no sample that was used", sensor.name));
+        return Some(format!("no sample of {} was used", sensor.name));
     }
     let readers: Vec<&str> = measuring().filter(|s| s.reads[i]).map(|s| s.name.as_str()).collect();
     let alone = tracker.alone().get(i).copied().unwrap_or(0.0);
@@ -44,33 +44,37 @@ pub fn missing(tracker: &Tracker, i: usize) -> Option<String> {
     } else {
         String::new()
     };
-    // the measurements would tell less than the prior does, were all else known
+    // with all other states known, the measurements would hold less information than the prior
     if alone < 1.0 {
         let left = 100.0 / (1.0 + alone).sqrt();
         let so = match readers.as_slice() {
-            [] => "and what the sensors read hardly depends on it",
-            _ => "but it made little difference to what they read",
+            [] => "and the measurements hardly depend on it",
+            _ => "but it hardly changes the measurements",
         };
         let if_known = match left {
             99.5.. => String::new(),
-            _ => format!(": were all else known, {left:.0} % of its prior sigma would be left"),
+            _ => format!(
+                ": even with all other states known, {left:.0} % of its prior sigma would remain"
+            ),
         };
         return Some(format!("{reading}, {so}{if_known}{grown}"));
     }
     let with = partners(tracker, i);
     if with.is_empty() {
-        return Some(format!(
-            "{reading}; it shows slowly, against the noise of what drives the process{grown}"
-        ));
+        return Some(format!("{reading}; it converges slowly, against the process noise{grown}"));
     }
     let with: Vec<String> = with
         .iter()
         .map(|&(k, r)| format!("{} ({r:+.2})", tracker.components()[k].title(tracker.layout())))
         .collect();
-    Some(format!("{reading}; so far it is told only together with {}{grown}", with.join(" and ")))
+    Some(format!(
+        "{reading}; so far it is determined only together with {}{grown}",
+        with.join(" and ")
+    ))
 }
 
-/// The components with which what is left of it is correlated most, and the correlations.
+/// Returns the components whose remaining initial errors correlate most with this one, and the
+/// correlations.
 fn partners(tracker: &Tracker, i: usize) -> Vec<(usize, f64)> {
     let (n, left) = (tracker.components().len(), tracker.left());
     let correlation = |k: usize| left[i * n + k] / (left[i * n + i] * left[k * n + k]).sqrt();
@@ -82,7 +86,7 @@ fn partners(tracker: &Tracker, i: usize) -> Vec<(usize, f64)> {
     with
 }
 
-/// A direction, in terms of states: `0.98 ins.gyro_bias z + 0.20 ins.attitude yaw`.
+/// Writes a direction in terms of states: `0.98 ins.gyro_bias z + 0.20 ins.attitude yaw`.
 pub fn direction(tracker: &Tracker, direction: &Direction) -> String {
     let title = |k: usize| tracker.components()[k].title(tracker.layout());
     match direction.parts.as_slice() {
@@ -99,7 +103,7 @@ pub fn direction(tracker: &Tracker, direction: &Direction) -> String {
     }
 }
 
-/// A number with two or three significant digits.
+/// Formats a number with two or three significant digits.
 pub fn short(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");

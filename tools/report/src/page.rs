@@ -425,7 +425,7 @@ fn verdicts(observed: &ObservabilityReport) -> Markup {
                         td { @if let Some(since) = state.since_s { (seconds(since)) } }
                         td { (number(state.normalised, state.normalised)) }
                         td { (format!("{:.1}", state.bits)) }
-                        td.name { (told(&state.told_by)) }
+                        td.name { (told(&state.information)) }
                         td.text { (state.missing.as_deref().unwrap_or_default()) }
                     }
                 }

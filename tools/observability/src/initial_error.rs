@@ -1,47 +1,55 @@
-//! What is left of the error at the start: a fixed-point smoother of the whole state.
+//! The remaining part of the initial error: a fixed-point smoother of the whole state.
 //!
-//! With `x_0` the error at the start, whose covariance is `P_0 = L L'`, and the filter's own `Phi`, `H`, `S` and `K`, it
-//! carries (Simon, *Optimal State Estimation*, 2006, section 9.2)
+//! Let `x_0` be the initial error with covariance `P_0 = L L'`. With the filter's own `Phi`, `H`,
+//! `S` and
+//! `K`, the smoother propagates (Simon, *Optimal State Estimation*, 2006, section 9.2)
 //! ```text
-//! G = cov(x_t, x_0) L'^-1:   G- = Phi G,   G+ = (I - K H) G-,                    G = L at the start
-//! M = L^-1 cov(x_0 | z) L'^-1:             M+ = M - (H G-)' S^-1 (H G-),         M = I at the start
+//! G = cov(x_t, x_0) L'^-1:   G- = Phi G,   G+ = (I - K H) G-,               G = L at the start
+//! M = L^-1 cov(x_0 | z) L'^-1:             M+ = M - (H G-)' S^-1 (H G-),    M = I at the start
 //! ```
-//! `M` is what is left of the prior in units of the prior: its eigenvalues are between 0 and 1, and an eigenvector of
-//! eigenvalue 1 is a direction of which the measurements said nothing. `M^-1 - I` is the local observability Gramian
-//! `sum Phi' H' R^-1 H Phi` in those units where there is no process noise, and what remains of it where there is; neither is
-//! ever inverted. `G` is `(I - K H) Phi ...  L`, what an error at the start has become. Beside it goes the same without
-//! measurements, `F = Phi ... L`, and of the Gramian of `F` its diagonal: what the measurements would tell of each component
-//! alone, were all others known.
+//! `M` is the remaining covariance of `x_0` in units of the prior. Its eigenvalues are between 0
+//! and 1; an
+//! eigenvector with eigenvalue 1 is a direction on which the measurements hold no information.
+//! Without
+//! process noise, `M^-1 - I` is the local observability Gramian `sum Phi' H' R^-1 H Phi` in these
+//! units;
+//! process noise reduces it. Neither matrix is ever inverted, so unobservable directions cause no
+//! numerical trouble. `G = (I - K H) Phi ... L` maps the initial error to the present error.
+//!
+//! `F = Phi ... L` is the same map without measurements. The diagonal of the Gramian of `F` is the
+//! information that the measurements would hold on each component if all others were known.
 
 use navfuse_core::state::Layout;
 use navfuse_core::state::covariance::{Transition, Update};
 
-/// The smoother. All indices are of the error state; of the start, of components in units of their prior.
+/// Fixed-point smoother of the initial error. Rows are indices of the error state, columns are
+/// components of the initial error in units of their prior.
 #[derive(Clone, Debug)]
-pub struct StartError {
+pub struct InitialError {
     n: usize,
     stride: usize,
     /// `G`, row-major with padded rows.
     carried: Vec<f64>,
-    /// `F`.
+    /// `F`, in the same form.
     free: Vec<f64>,
     /// `M`, row-major.
     left: Vec<f64>,
-    /// The diagonal of the Gramian.
+    /// Diagonal of the Gramian of `F`.
     alone: Vec<f64>,
     work: Vec<f64>,
     rows: Vec<f64>,
 }
 
-impl StartError {
-    /// From `L`, whose column `i` is the error of one prior sigma in the component `i`; row-major `n` x `n`.
+impl InitialError {
+    /// Creates the smoother from `L`, row-major `n` x `n`; column `i` is the error of one prior
+    /// sigma in the component `i`.
     pub fn new(n: usize, l: &[f64]) -> Self {
         let stride = n.next_multiple_of(4);
         let mut carried = vec![0.0; n * stride];
         let mut left = vec![0.0; n * n];
         for i in 0..n {
             carried[i * stride..][..n].copy_from_slice(&l[i * n..][..n]);
-            // a component that is known exactly has no error to be left
+            // a component with zero prior variance has no error that could remain
             left[i * n + i] = f64::from(u8::from((0..n).any(|k| l[k * n + i] != 0.0)));
         }
         Self {
@@ -56,15 +64,15 @@ impl StartError {
         }
     }
 
-    /// The error moved.
+    /// Propagates `G` and `F` with `Phi`.
     pub fn transition(&mut self, transition: &Transition) {
         transition.carry(&mut self.carried, self.stride, &mut self.work);
         transition.carry(&mut self.free, self.stride, &mut self.work);
     }
 
-    /// A measurement corrected the state; `told` gets, for each component, by how much what is left of it shrank: the
-    /// variance before over that after.
-    pub fn correction(&mut self, layout: &Layout, update: &Update, told: &mut [f64]) {
+    /// Applies an update. `reduction` receives the factor by which the update reduced the remaining
+    /// variance of each component.
+    pub fn correction(&mut self, layout: &Layout, update: &Update, reduction: &mut [f64]) {
         let (n, m) = (self.n, update.m);
         let (s, r) = (Lower::of(&update.s, m), Lower::of(&update.r, m));
         let mut rows = std::mem::take(&mut self.rows);
@@ -87,8 +95,8 @@ impl StartError {
         layout.reset_rows(&update.delta, &mut self.free, self.stride);
         if let Some(s) = s {
             s.solve(&mut rows, self.stride);
-            for (i, told) in told.iter_mut().enumerate() {
-                *told = self.left[i * n + i];
+            for (i, reduction) in reduction.iter_mut().enumerate() {
+                *reduction = self.left[i * n + i];
             }
             for y in rows.chunks_exact(self.stride) {
                 for (i, left) in self.left.chunks_exact_mut(n).enumerate() {
@@ -96,36 +104,37 @@ impl StartError {
                     left.iter_mut().zip(y).for_each(|(l, y)| *l -= by * y);
                 }
             }
-            for (i, told) in told.iter_mut().enumerate() {
+            for (i, reduction) in reduction.iter_mut().enumerate() {
                 let left = &mut self.left[i * n + i];
                 *left = left.max(SMALLEST);
-                *told = (*told / *left).max(1.0);
+                *reduction = (*reduction / *left).max(1.0);
             }
         }
         self.rows = rows;
     }
 
-    /// `M`, row-major.
+    /// Returns `M`, row-major.
     pub fn left(&self) -> &[f64] {
         &self.left
     }
 
-    /// What the measurements would tell of each component if all others were known: prior over remaining variance, less one.
+    /// Returns the information on each component if all others were known: prior over remaining
+    /// variance, less one.
     pub fn alone(&self) -> &[f64] {
         &self.alone
     }
 
-    /// What an error at the start has become: element `(i, j)` is the error in the state `i` of one prior sigma in the
-    /// component `j`.
+    /// Returns the element `(i, j)` of `G`: the present error in the state `i` for an initial error
+    /// of one prior sigma in the component `j`.
     pub fn carried(&self, i: usize, j: usize) -> f64 {
         self.carried[i * self.stride + j]
     }
 }
 
-/// Below this share of a prior variance rounding rules: 20 bits.
+/// Smallest remaining share of a prior variance; below it, rounding errors dominate (20 bits).
 const SMALLEST: f64 = 1e-12;
 
-/// `H X`, with rows of the stride.
+/// Computes `H X`, with rows of the stride.
 fn read(update: &Update, x: &[f64], stride: usize, out: &mut Vec<f64>) {
     let w = update.columns.len();
     out.clear();
@@ -137,7 +146,7 @@ fn read(update: &Update, x: &[f64], stride: usize, out: &mut Vec<f64>) {
     }
 }
 
-/// A Cholesky factor of a small matrix, on the stack.
+/// Cholesky factor of a small matrix, on the stack.
 struct Lower {
     m: usize,
     l: [f64; MAX * MAX],
@@ -146,7 +155,7 @@ struct Lower {
 const MAX: usize = navfuse_core::units::sample::MAX_CHANNELS;
 
 impl Lower {
-    /// `None` where the matrix is not positive definite.
+    /// Factorises a matrix; `None` if it is not positive definite.
     fn of(a: &[f64], m: usize) -> Option<Self> {
         let mut l = [0.0; MAX * MAX];
         for i in 0..m {
@@ -162,7 +171,7 @@ impl Lower {
         Some(Self { m, l })
     }
 
-    /// `L^-1 X` in place, rows of the stride.
+    /// Computes `L^-1 X` in place, with rows of the stride.
     fn solve(&self, x: &mut [f64], stride: usize) {
         for i in 0..self.m {
             let (done, rest) = x.split_at_mut(i * stride);
