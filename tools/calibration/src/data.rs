@@ -1,4 +1,4 @@
-//! What the methods work on: a recording, its segments, and an attitude.
+//! Input of the methods: a recording, its segments, and an attitude.
 
 use crate::CalibrationError;
 use nalgebra::{Matrix3, Matrix4, Vector3};
@@ -8,30 +8,30 @@ use navfuse_segments::{
 };
 use serde::Serialize;
 
-/// Where the attitude comes from that the methods take as known.
+/// Source of the attitude that the methods take as known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AttitudeSource {
-    /// The gyros, integrated from the first attitude of the reference, or from the scenario's initial value; their bias is
-    /// taken off where the vehicle is at rest.
+    /// Gyros, integrated from the first attitude of the reference or from the scenario's initial
+    /// value. Their bias is the mean rate at rest.
     #[default]
     Gyros,
-    /// The reference: that of a simulation is the truth, as the paper says these methods assume.
+    /// Reference. In a simulation it is the truth, which the paper assumes for these methods.
     Reference,
 }
 
-/// A recording made ready.
+/// Recording with its segments and attitude.
 #[derive(Clone, Debug)]
 pub struct CalibrationData {
     /// All samples.
     pub recording: Recording,
-    /// How segments are found.
+    /// Thresholds of the segments.
     pub settings: Settings,
-    /// The segments in order of time.
+    /// Segments in order of time.
     pub segments: Vec<Segment>,
-    /// The attitude.
+    /// Attitude over time.
     pub attitude: Attitude,
-    /// Where it comes from.
+    /// Source of the attitude.
     pub source: AttitudeSource,
 }
 
@@ -39,14 +39,16 @@ impl CalibrationData {
     /// Finds the segments of a recording, and its attitude.
     ///
     /// # Errors
-    /// When no attitude is known to begin from, or there is no reference and it is asked for.
+    /// Returns an error if no initial attitude is known, or if the reference is selected but
+    /// missing.
     pub fn new(recording: Recording, source: AttitudeSource) -> Result<Self, SegmentError> {
         let settings = Settings::of(&recording);
         let (segments, attitude) = find(&recording, &settings)?;
         let mut data = Self { recording, settings, segments, attitude, source };
         if source == AttitudeSource::Reference && data.recording.reference.is_none() {
             return Err(SegmentError::Missing(
-                "there is no reference to take the attitude from: add [sensor.reference], or take the gyros' attitude"
+                "there is no reference for the attitude: add [sensor.reference], or use the \
+                 attitude of the gyros"
                     .into(),
             ));
         }
@@ -55,7 +57,7 @@ impl CalibrationData {
         Ok(data)
     }
 
-    /// The attitude with a mounting for the transport rate.
+    /// Returns the attitude with the transport rate of a mounting.
     pub(crate) fn attitude_with(&self, mounting: Option<&Mounting>) -> Attitude {
         let Attitude { start, gyro_bias, .. } = self.attitude;
         let mut attitude = Attitude::integrate(&self.recording, start, gyro_bias, mounting);
@@ -65,19 +67,20 @@ impl CalibrationData {
         attitude
     }
 
-    /// The sensor that is calibrated: the first body velocity.
+    /// Returns the sensor that is calibrated: the first body velocity.
     ///
     /// # Errors
-    /// When there is none, it has no samples, or it measures the velocity through the water.
+    /// Returns an error if there is none, or if it has no samples.
     pub fn velocity(&self) -> Result<&BodyVelocity, CalibrationError> {
         let Some(velocity) = self.recording.velocities.first() else {
-            return Err(CalibrationError::new(
-                "there is no sensor of the body's velocity along three axes: add [sensor.dvl], with a `scale` and a \
-                 `misalignment` of its own",
+            return Err(CalibrationError::Sensor(
+                "there is no sensor of the body velocity along three axes: add [sensor.dvl] with \
+                 its own `scale` and `misalignment`"
+                    .into(),
             ));
         };
         if velocity.samples.is_empty() {
-            return Err(CalibrationError(format!(
+            return Err(CalibrationError::Sensor(format!(
                 "[sensor.{}] has no samples: check its source",
                 velocity.samples.name
             )));
@@ -85,45 +88,48 @@ impl CalibrationData {
         Ok(velocity)
     }
 
-    /// As [`Self::velocity`], for a method that compares with what is over the ground.
+    /// Returns the same sensor for a method that compares it with the velocity over the ground.
     ///
     /// # Errors
-    /// Also when the velocity is that through the water.
+    /// Returns an error also if the sensor measures the velocity through the water.
     pub(crate) fn over_ground(&self) -> Result<&BodyVelocity, CalibrationError> {
         let velocity = self.velocity()?;
         if velocity.water {
-            return Err(CalibrationError(format!(
-                "[sensor.{}] tracks the water, whose current would be taken for a misalignment: this method needs bottom track",
+            return Err(CalibrationError::Sensor(format!(
+                "[sensor.{}] tracks the water, and a current would bias the misalignment: this \
+                 method needs bottom track",
                 velocity.samples.name
             )));
         }
         Ok(velocity)
     }
 
-    /// The segments of a kind.
+    /// Iterates over the segments of a kind.
     pub fn of(&self, kind: Kind) -> impl Iterator<Item = &Segment> {
         self.segments.iter().filter(move |s| s.kind == kind)
     }
 
-    /// The time in segments of a kind, s.
+    /// Returns the time in segments of a kind, s.
     pub fn duration(&self, kind: Kind) -> f64 {
         self.of(kind).fold(0.0, |sum, s| sum + s.duration())
     }
 
-    /// The time at rest, s.
+    /// Returns the time at rest, s.
     pub fn rest(&self) -> f64 {
         self.duration(Kind::Static)
     }
 
-    /// A span on the run's clock, in words.
+    /// Formats a span on the run's clock.
     pub(crate) fn span(&self, from: f64, to: f64) -> String {
         format!("{:.0} s to {:.0} s", self.recording.clock(from), self.recording.clock(to))
     }
 
-    /// The segments of Type I that the velocity covers, and in how many directions their specific force varies.
+    /// Returns the segments of Type I with samples of the velocity, the directions of their
+    /// specific-force rate, and notes for the user.
     ///
     /// # Errors
-    /// When there is none, or none that is long enough and without a gap.
+    /// Returns an error if no segment is long enough and without a gap, or if the specific force
+    /// does not vary.
     pub(crate) fn type_one(
         &self,
         gaps: Gaps,
@@ -143,12 +149,14 @@ impl CalibrationData {
                         && velocity.samples.within(segment.from, segment.to).len() > 10
                     {
                         notes.push(format!(
-                            "{name} is silent from {gap}, inside the segment of Type I from {whole}: bridged by the IMU"
+                            "{name} has no samples from {gap}, inside the segment of Type I from \
+                             {whole}: the IMU bridges the gap"
                         ));
                         segments.push(*segment);
                     } else {
                         notes.push(format!(
-                            "{name} is silent from {gap}: the segment of Type I from {whole} is not used"
+                            "{name} has no samples from {gap}: the segment of Type I from {whole} \
+                             is not used"
                         ));
                     }
                 }
@@ -159,8 +167,9 @@ impl CalibrationData {
         }
         let directions = Directions::of(&self.recording, &self.settings, &self.attitude, &segments);
         if directions.rank == 0 {
-            return Err(CalibrationError(format!(
-                "the specific force varies by less than the noise on the segments of Type I ({:.1e} m/s^3): accelerate more, \
+            return Err(CalibrationError::Motion(format!(
+                "on the segments of Type I the specific force varies by less than the noise \
+                 ({:.1e} m/s^3): accelerate more, \
                  or longer",
                 directions.noise
             )));
@@ -168,16 +177,17 @@ impl CalibrationData {
         if directions.rank == 1 {
             let axis = directions.axes.column(0);
             notes.push(format!(
-                "the specific force varies in one direction only, [{:.2}, {:.2}, {:.2}] forward, right, down (second singular \
-                 value {:.1e}, noise {:.1e} m/s^3): the angle about it is not, or hardly, determined; dive, or thrust \
-                 sideways, at constant attitude (Theorem 1, Remark 2)",
+                "the specific force varies in one direction only, [{:.2}, {:.2}, {:.2}] forward, \
+                 right, down (second singular value {:.1e}, noise {:.1e} m/s^3): the misalignment \
+                 about this axis is not, or hardly, determined; dive, or thrust sideways, at \
+                 constant attitude (Theorem 1, Remark 2)",
                 axis[0], axis[1], axis[2], directions.singular_values[1], directions.noise
             ));
         }
         if self.rest() == 0.0 {
             notes.push(format!(
-                "there is no time at rest (below {:.0} mm/s for {:.0} s): the gyro bias is taken as zero, within its prior; \
-                 the sigma is optimistic",
+                "there is no time at rest (below {:.0} mm/s for {:.0} s): the gyro bias is taken \
+                 as zero with its prior uncertainty; the sigma is optimistic",
                 1e3 * self.settings.rest_speed,
                 self.settings.shortest[0]
             ));
@@ -187,14 +197,19 @@ impl CalibrationData {
 
     fn no_type_one(&self, notes: Vec<String>) -> CalibrationError {
         if !notes.is_empty() {
-            return CalibrationError(format!("no segment of Type I is left: {}", notes.join("; ")));
+            return CalibrationError::Motion(format!(
+                "no segment of Type I is left: \
+                                                     {}",
+                notes.join("; ")
+            ));
         }
         let turning = self.duration(Kind::TypeII);
         let straight = self.duration(Kind::Steady);
-        CalibrationError(format!(
-            "there is no segment of Type I, constant attitude (below {:.2} deg/s, within {:.1} deg) and varying specific force \
-             (above {:.1e} m/s^3) for {:.0} s or more: {turning:.0} s are turning, {straight:.0} s steady or too short, {:.0} s \
-             at rest; accelerate, dive or thrust sideways on a straight course",
+        CalibrationError::Motion(format!(
+            "there is no segment of Type I, with constant attitude (below {:.2} deg/s, within \
+             {:.1} deg) and varying specific force (above {:.1e} m/s^3) for {:.0} s or more: \
+             {turning:.0} s are turning, {straight:.0} s steady or too short, {:.0} s at rest; \
+             accelerate, dive or thrust sideways on a straight course",
             self.settings.turn_rate.to_degrees(),
             self.settings.turn_angle.to_degrees(),
             self.settings.force_rate,
@@ -203,7 +218,8 @@ impl CalibrationData {
         ))
     }
 
-    /// 1-sigma of the gyro bias that is left, rad/s: what the rest does not tell.
+    /// Returns the 1-sigma of the remaining gyro bias, rad/s: the noise of the mean at rest, or the
+    /// prior.
     pub(crate) fn gyro_bias_sigma(&self) -> Vector3<f64> {
         let imu = &self.recording.imu;
         match self.rest() {
@@ -212,9 +228,11 @@ impl CalibrationData {
         }
     }
 
-    /// What the error of the attitude adds to the covariance of a method that takes it as known, by `k` and `δ`: the sigma
-    /// that the scenario starts with, the gyros' noise and what is left of their bias, as if the course were one. Nothing where
-    /// the attitude is the reference's, whose error no scenario tells.
+    /// Returns the contribution of the attitude error to the covariance of `k` and `δ`, for a
+    /// method that takes the attitude as known. An attitude error acts on the estimate like a
+    /// misalignment: the initial uncertainty, the gyro noise and the remaining bias, at the middle
+    /// of the used samples and as if the course were constant. It is zero for the attitude of the
+    /// reference, whose error the scenario does not state.
     pub(crate) fn attitude_covariance(&self, mounting: &Mounting, used: [f64; 2]) -> Matrix4<f64> {
         let mut covariance = Matrix4::zeros();
         if self.source == AttitudeSource::Gyros {
@@ -229,7 +247,7 @@ impl CalibrationData {
         covariance
     }
 
-    /// The start of the attitude, in words.
+    /// Describes the source of the attitude.
     pub fn attitude_source(&self) -> String {
         let AttitudeStart { time, .. } = self.attitude.start;
         match self.source {
@@ -237,7 +255,7 @@ impl CalibrationData {
             AttitudeSource::Gyros => {
                 let clock = self.recording.clock(time);
                 let bias = if self.rest() > 0.0 {
-                    format!("their bias found in {:.0} s at rest", self.rest())
+                    format!("their bias is the mean of {:.0} s at rest", self.rest())
                 } else {
                     "their bias taken as zero".into()
                 };
@@ -252,11 +270,11 @@ impl CalibrationData {
     }
 }
 
-/// What a method does where the velocity has a gap inside a segment.
+/// Treatment of a gap of the velocity inside a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Gaps {
-    /// It leaves the segment out.
+    /// The segment is left out.
     Refused,
-    /// It goes on: what it integrates is the IMU.
+    /// The segment is used: the method integrates the IMU across the gap.
     Bridged,
 }

@@ -1,49 +1,51 @@
-//! What a method gives.
+//! Result of a method.
 
 use nalgebra::{Matrix4, Vector3};
 use navfuse_segments::Mounting;
 
-/// The estimate as it was at one time.
+/// Estimate from the samples up to one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IntermediateEstimate {
-    /// When, s on the recording's clock.
+    /// Time, s on the recording's clock.
     pub time: f64,
-    /// The estimate from what was measured until then.
+    /// Estimate from the samples up to that time.
     pub mounting: Mounting,
 }
 
-/// The result of a method.
+/// Result of a method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// Scale factor and misalignment.
     pub mounting: Mounting,
-    /// Covariance of `k` and of the rotation vector `δ` in instrument axes, rad, by which the true `C_b^d` is
-    /// `exp(δ x) C_b^d` of the estimate. `None` where the method has none.
+    /// Covariance of `k` and of the rotation vector `δ` in instrument axes, rad; the true `C_b^d`
+    /// is `exp(δ x)` times the estimate. `None` if the method has none.
     pub covariance: Option<Matrix4<f64>>,
-    /// Whether `k`, roll, pitch and yaw are determined. What is not keeps its initial value.
+    /// Flags of `k`, roll, pitch and yaw; a component that is not determined keeps its initial
+    /// value.
     pub determined: [bool; 4],
-    /// The estimate over time, where the method has one.
+    /// Estimate over time, if the method has one.
     pub history: Vec<IntermediateEstimate>,
-    /// From when to when samples were used, s on the recording's clock.
+    /// Times of the first and the last used sample, s on the recording's clock.
     pub used: [f64; 2],
-    /// What a person should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
 impl Estimate {
-    /// Differs from its end by more than this at most: `k`, and yaw in rad. The time to converge is by that.
+    /// Limits of the settled estimate: deviation from the final value of `k`, and of yaw in rad.
     pub const SETTLED: (f64, f64) = (2e-3, 0.1 * std::f64::consts::PI / 180.0);
 
-    /// `k` (1) and roll, pitch and yaw (rad).
+    /// Returns `k` (1) and roll, pitch and yaw (rad).
     pub fn values(&self) -> [f64; 4] {
         let a = self.mounting.angles();
         [self.mounting.k, a.x, a.y, a.z]
     }
 
-    /// 1-sigma of `k` (1) and of roll, pitch and yaw (rad); `None` where the method has none.
+    /// Returns the 1-sigma of `k` (1) and of roll, pitch and yaw (rad); `None` if the method has
+    /// none.
     pub fn sigma(&self) -> Option<[f64; 4]> {
         let p = self.covariance?;
-        // angles by a rotation in instrument axes: central differences, exact to 1e-10
+        // Jacobian of the Euler angles by the rotation vector: central differences, exact to 1e-10
         let d = 1e-5;
         let turned = |axis: usize, by: f64| {
             let mut v = Vector3::zeros();
@@ -59,15 +61,15 @@ impl Estimate {
         Some(std::array::from_fn(|i| p[(i, i)].max(0.0).sqrt()))
     }
 
-    /// Error of `k` (1) and of roll, pitch and yaw (rad).
+    /// Returns the error of `k` (1) and of roll, pitch and yaw (rad).
     pub fn error(&self, truth: &Mounting) -> [f64; 4] {
         let t = truth.angles();
         let (e, t) = (self.values(), [truth.k, t.x, t.y, t.z]);
         std::array::from_fn(|i| e[i] - t[i])
     }
 
-    /// How long after the first sample used `k` and yaw stay within [`Self::SETTLED`] of their end, s. `None` without a
-    /// history.
+    /// Returns the time from the first used sample until `k` and yaw stay within [`Self::SETTLED`]
+    /// of their final values, s. `None` without a history.
     pub fn settled_after(&self) -> Option<f64> {
         let end = self.history.last()?;
         let off = |s: &IntermediateEstimate| {

@@ -1,33 +1,36 @@
-//! Position fixes and velocities over the ground, at the IMU's point, paired with what the DVL read.
+//! Position fixes and velocities over the ground, at the IMU's point, paired with the samples of
+//! the DVL.
 
 use crate::{CalibrationData, CalibrationError};
 use nalgebra::{UnitQuaternion, Vector3};
 use navfuse_segments::{Positions, Series};
 
-/// One fix.
+/// Position fix.
 #[derive(Clone, Copy, Debug)]
 pub struct Fix {
-    /// When, s.
+    /// Time, s.
     pub time: f64,
     /// North, east, down from the first fix of its block, m.
     pub position: Vector3<f64>,
-    /// North, east, down, m/s, where the sensor gives it.
+    /// North, east, down, m/s, if the sensor has a velocity.
     pub velocity: Option<Vector3<f64>>,
     /// 1-sigma north and east, m.
     pub sigma: f64,
 }
 
-/// The fixes during which the DVL speaks, in blocks without gaps: more than a minute's worth altogether.
+/// Returns the fixes with samples of the DVL, in blocks without gaps; together they cover at least
+/// a minute.
 ///
 /// # Errors
-/// When there is no sensor of the position, or too few fixes.
+/// Returns an error if no sensor measures the position, or if the fixes are too few.
 pub fn blocks(data: &CalibrationData) -> Result<Vec<Vec<Fix>>, CalibrationError> {
     let velocity = data.over_ground()?;
     let Some(Positions { fixes: series, lever_arm: lever, .. }) = data.recording.positions.first()
     else {
-        return Err(CalibrationError::new(
-            "this method needs position fixes, and no sensor of the scenario has latitude and longitude: add [sensor.gnss], \
-             or use io-dvlc, which needs none",
+        return Err(CalibrationError::Sensor(
+            "this method needs position fixes, but no sensor of the scenario has latitude and \
+             longitude: add [sensor.gnss], or use io-dvlc, which needs no fixes"
+                .into(),
         ));
     };
     let attitude = &data.attitude;
@@ -67,36 +70,36 @@ pub fn blocks(data: &CalibrationData) -> Result<Vec<Vec<Fix>>, CalibrationError>
     let covered =
         blocks.iter().map(|b| b[b.len() - 1].time - b[0].time).fold(0.0, |sum, t| sum + t);
     if covered < 60.0 {
-        return Err(CalibrationError(format!(
-            "[sensor.{}] and [sensor.{}] speak together for {covered:.0} s: a minute at least is needed; stay at the surface \
-             longer, under way",
+        return Err(CalibrationError::Samples(format!(
+            "[sensor.{}] and [sensor.{}] overlap for {covered:.0} s: at least a minute is needed; \
+             stay at the surface longer, under way",
             series.name, velocity.samples.name
         )));
     }
     Ok(blocks)
 }
 
-/// The velocity over the ground in body axes, and what the DVL read at the same time.
+/// Velocity over the ground in body axes, and the simultaneous velocity of the DVL.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
-    /// When, s.
+    /// Time, s.
     pub time: f64,
-    /// m/s, body axes.
+    /// Velocity over the ground, body axes, m/s.
     pub body: Vector3<f64>,
-    /// m/s, instrument axes.
+    /// Velocity of the DVL, instrument axes, m/s.
     pub y: Vector3<f64>,
-    /// Body to north, east, down.
+    /// Attitude, body to north, east, down.
     pub c_b_n: UnitQuaternion<f64>,
 }
 
-/// Windows of displacements, s.
+/// Length of a displacement, s.
 const WINDOW: f64 = 10.0;
 
-/// Pairs of velocities: the sensor's own where it gives them, else displacements over windows in instrument axes
-/// ([`instrument`]). `true` where they are its own.
+/// Returns pairs of velocities. The flag is `true` for velocities of the fixes' sensor; without
+/// them, the velocities are displacements in instrument axes ([`instrument`]) over their duration.
 ///
 /// # Errors
-/// As [`blocks`], and when the vehicle does not move.
+/// Returns an error as [`blocks`] does, and if the vehicle does not move.
 pub fn pairs(data: &CalibrationData) -> Result<(Vec<Pair>, bool), CalibrationError> {
     let velocity = data.over_ground()?;
     let blocks = blocks(data)?;
@@ -105,7 +108,7 @@ pub fn pairs(data: &CalibrationData) -> Result<(Vec<Pair>, bool), CalibrationErr
     if own {
         for fix in blocks.iter().flatten() {
             let Some(v) = fix.velocity else { continue };
-            // the mean of the samples around: a straight line's value in the middle
+            // the mean of the samples around the fix: the value of a straight line in the middle
             let reach = (0.6 * velocity.samples.period()).max(0.5);
             let mean = velocity.samples.mean(fix.time - reach, fix.time + reach);
             let Some((y, _)) = mean else { continue };
@@ -131,15 +134,20 @@ pub fn pairs(data: &CalibrationData) -> Result<(Vec<Pair>, bool), CalibrationErr
         / pairs.len().max(1) as f64)
         .sqrt();
     if speed < 0.2 {
-        return Err(CalibrationError(format!(
-            "the vehicle moves at {speed:.2} m/s while there are fixes: be under way"
+        return Err(CalibrationError::Motion(format!(
+            "the vehicle moves at only {speed:.2} m/s while there are fixes: be under way"
         )));
     }
     Ok((pairs, own))
 }
 
-/// The displacement in instrument axes: `a(t) = C_n^b p |_0^t + ∫ w_nb^b x C_n^b p dτ = ∫ C_n^b pdot dτ`, which needs no derivative
-/// of `p`, and `b(t) = ∫ y dτ`, at the fixes (Kinsey & Whitcomb 2007).
+/// Returns the displacements from the first fix in instrument axes, at the fixes (Kinsey & Whitcomb
+/// 2007):
+///
+/// ```text
+/// a(t) = ∫ C_n^b pdot dτ = C_n^b p |_0^t + ∫ w_nb^b x C_n^b p dτ          b(t) = ∫ y dτ
+/// ```
+/// Integration by parts avoids the derivative of `p`, which would amplify the noise of the fixes.
 pub fn instrument(
     data: &CalibrationData,
     block: &[Fix],

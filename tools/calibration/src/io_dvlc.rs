@@ -1,15 +1,19 @@
 //! IO-DVLC of Pan & Wu (2016), improved.
 //!
-//! On a stretch of samples without a turn, in local axes,
+//! On a stretch of samples without a turn, in local axes, eq. (9) integrated once is
 //!
 //! ```text
 //! C_b^n(t) C_d^b y / k = u + c t + ∫ C_b^n f^b dτ - ∫ (2 w_ie^n + w_en^n) x v^n dτ + noise
 //! ```
-//! is (9) integrated once, so that the terms that eq. (10) drops are there: the Earth's rate, what the attitude does change, and
-//! (not written) gravity's change with height and latitude. `u` is the velocity at the beginning and `c` gravity less the accelerometer bias and the tilt's error: both are
-//! estimated with `k` and `C_d^b` from all samples of the stretch, those at rest or in steady motion before and after it too,
-//! where the paper takes single samples as anchors. The noise is that of the DVL, the integral of the accelerometers' and
-//! the double integral of the gyros' times gravity; the estimate is the least-squares one of its covariance.
+//! This form keeps the terms that eq. (10) drops: the Earth's rate, the effect of attitude changes,
+//! and (not written) the change of gravity with height and latitude. `u` is the initial velocity,
+//! and `c` is gravity less the accelerometer bias and the effect of the tilt error.
+//!
+//! `u`, `c`, `k` and `C_d^b` are estimated from all samples of the stretch, including those at rest
+//! or in steady motion before and after the segment. The paper instead takes single samples as
+//! anchors, whose noise enters the estimate in full. The noise consists of the DVL's noise, the
+//! integral of the accelerometer noise, and gravity times the double integral of the gyro noise.
+//! The estimate is the weighted least-squares estimate for its covariance.
 
 use crate::data::Gaps;
 use crate::solve::{determined, moved, prior, sensitivity};
@@ -20,11 +24,12 @@ use nalgebra::{
 };
 use navfuse_segments::{Attitude, Kind, Mounting, Segment};
 
-/// The longest lead of rest or steady motion that is used before and after a segment, s.
+/// Longest time at rest or in steady motion that is used before and after a segment, s.
 const LEAD: f64 = 120.0;
-/// Samples are averaged over so long, s.
+/// Duration over which samples are averaged, s.
 const BIN: f64 = 1.0;
-/// Gauss-Newton steps: from `k` 20 % and angles 10 deg off the sixth is below 1e-9.
+/// Gauss-Newton iterations: from 20 % in `k` and 10 deg in the angles, the sixth step is below
+/// 1e-9.
 const ROUNDS: usize = 6;
 
 pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
@@ -33,15 +38,15 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let stretches = stretches(data, &segments);
     let mut mounting = velocity.initial;
     let mut result = None;
-    let mut known = vec![Known::default(); stretches.len()];
+    let mut previous = vec![StretchEstimate::default(); stretches.len()];
     for _ in 0..ROUNDS {
         let attitude = data.attitude_with(Some(&mounting));
         let at = Problem { data, attitude: &attitude, mounting };
-        let solved = at.solve(&stretches, &known)?;
-        for (k, Part { velocity, gravity }) in known.iter_mut().zip(&solved.parts) {
+        let solved = at.solve(&stretches, &previous)?;
+        for (k, SmoothedStretch { velocity, gravity }) in previous.iter_mut().zip(&solved.parts) {
             let level =
                 UnitQuaternion::rotation_between(gravity, &Vector3::z()).unwrap_or_default();
-            *k = Known {
+            *k = StretchEstimate {
                 velocity: velocity.iter().map(|v| level * v).collect(),
                 level: level * k.level,
             };
@@ -49,27 +54,31 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
         let d = solved.step;
         mounting = moved(&mounting, d[0], &Vector3::new(d[1], d[2], d[3]));
         if mounting.k.abs() < 0.01 {
-            return Err(CalibrationError::new(
-                "the scale factor comes out as zero: do IMU and DVL belong together?",
+            return Err(CalibrationError::Inconsistent(
+                "the estimated scale factor is zero: check that IMU and DVL are of the same \
+                 run"
+                .into(),
             ));
         }
         result = Some(solved);
     }
-    let Some(solved) = result else { return Err(CalibrationError::new("no estimate")) };
+    let Some(solved) = result else { return Err(CalibrationError::Samples("no estimate".into())) };
     let mut covariance = solved.covariance;
     let (square, freedom) = solved.residuals;
     let excess = square / freedom;
     if excess > 1.0 + 3.0 * (2.0 / freedom).sqrt() {
         covariance *= excess;
         notes.push(format!(
-            "what IMU and DVL differ by is {:.1} times as large as their noise in the scenario: sigma is made larger by that",
+            "the residuals between IMU and DVL are {:.1} times as large as the scenario's noise: \
+             the sigma is enlarged by this factor",
             excess.sqrt()
         ));
     }
     let determined = determined(&covariance);
     if mounting.k < 0.0 {
         notes.push(
-            "the scale factor is negative: are the axes of the DVL turned by more than 90 deg?"
+            "the scale factor is negative: check whether the axes of the DVL are turned by more \
+             than 90 deg"
                 .into(),
         );
     }
@@ -88,7 +97,7 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     })
 }
 
-/// Segments of Type I that follow each other, with their leads.
+/// Consecutive segments of Type I, with the calm motion before and after them.
 #[derive(Clone, Copy, Debug)]
 struct Stretch {
     from: f64,
@@ -129,68 +138,74 @@ struct Solved {
     step: Vector4<f64>,
     covariance: Matrix4<f64>,
     history: Vec<IntermediateEstimate>,
-    /// Sum of the squares of the white residuals, and their degrees of freedom.
+    /// Sum of squares of the whitened residuals, and their degrees of freedom.
     residuals: (f64, f64),
-    parts: Vec<Part>,
+    parts: Vec<SmoothedStretch>,
 }
 
-/// What is found of one stretch.
-struct Part {
-    /// The velocity at its bins, local axes, m/s.
+/// Estimates of one stretch.
+struct SmoothedStretch {
+    /// Velocity at its bins, local axes, m/s.
     velocity: Vec<Vector3<f64>>,
-    /// Gravity less the accelerometers' bias in the axes that were taken as local, m/s^2: `c`.
+    /// Parameter `c`: gravity less the accelerometer bias, in the assumed local axes, m/s^2.
     gravity: Vector3<f64>,
 }
 
-/// What the round before found of one stretch.
+/// Estimates of one stretch from the previous iteration.
 #[derive(Clone, Debug, Default)]
-struct Known {
+struct StretchEstimate {
     velocity: Vec<Vector3<f64>>,
-    /// Makes the axes level: gyros drift, and a tilt that changes is of second order to the vertical only where it is small.
+    /// Rotation that levels the axes along `c`. The gyros drift, and only for small tilts is the
+    /// effect of a changing tilt on the vertical of second order.
     level: UnitQuaternion<f64>,
 }
 
-/// Information on `k` and `δ`, and its product with their values.
+/// Information on `k` and `δ`, and information times their values.
 type Information = (Matrix4<f64>, Vector4<f64>);
 
-/// One bin: the mean of its samples.
+/// Mean of the samples of one bin.
 struct Row {
-    /// Since the beginning of the stretch, s.
+    /// Time since the beginning of the stretch, s.
     t: f64,
-    /// Samples in it.
+    /// Number of samples.
     count: f64,
-    /// The velocity by the DVL, local axes, m/s.
+    /// Velocity of the DVL, local axes, m/s.
     v: Vector3<f64>,
-    /// What the velocity by the IMU exceeds it.
+    /// Velocity of the IMU less that of the DVL, m/s.
     z: Vector3<f64>,
-    /// Its derivative by `k` and `δ`.
+    /// Derivative of `v` by `k` and `δ`.
     h: Matrix3x4<f64>,
 }
 
-/// The bins of a stretch along one axis, made white.
+/// Bins of a stretch along one axis, whitened.
 struct Axis {
     cholesky: Cholesky<f64, Dyn>,
     /// Variance of the DVL's noise in each bin.
     white: Vec<f64>,
-    /// Information on velocity `u` and acceleration `c`, how they go with `k` and `δ`, and their right side.
+    /// Information on velocity `u` and acceleration `c` (`d`), their coupling with `k` and `δ`
+    /// (`b`), and their right-hand side (`q`).
     d: Matrix2<f64>,
     b: Matrix4x2<f64>,
     q: Vector2<f64>,
-    /// Sum of the squares of the residuals.
+    /// Sum of squares of the residuals.
     square: f64,
 }
 
 impl Problem<'_> {
-    fn solve(&self, stretches: &[Stretch], known: &[Known]) -> Result<Solved, CalibrationError> {
+    fn solve(
+        &self,
+        stretches: &[Stretch],
+        previous: &[StretchEstimate],
+    ) -> Result<Solved, CalibrationError> {
         let initial = self.data.velocity()?.initial;
         let mut total = prior(&initial, &self.mounting);
         let (mut history, mut parts) = (Vec::new(), Vec::new());
-        for (stretch, known) in stretches.iter().zip(known) {
-            let mut rows = self.rows(stretch, &known.level)?;
-            if known.velocity.len() == rows.len() {
-                let velocity = rows.iter_mut().zip(&known.velocity);
+        for (stretch, previous) in stretches.iter().zip(previous) {
+            let mut rows = self.rows(stretch, &previous.level)?;
+            if previous.velocity.len() == rows.len() {
+                let velocity = rows.iter_mut().zip(&previous.velocity);
                 velocity.for_each(|(row, v)| {
-                    row.h = self.derivative(stretch.from + row.t, v, &known.level)
+                    row.h = self.derivative(stretch.from + row.t, v, &previous.level)
                 });
             }
             let (sums, axes) = self.accumulate(&rows)?;
@@ -210,7 +225,7 @@ impl Problem<'_> {
         let cholesky = total
             .0
             .cholesky()
-            .ok_or_else(|| CalibrationError::new("the samples are not finite"))?;
+            .ok_or_else(|| CalibrationError::Samples("the samples are not finite".into()))?;
         let step = cholesky.solve(&total.1);
         let mut residuals = (0.0, -4.0);
         for (rows, axes) in &parts {
@@ -222,7 +237,8 @@ impl Problem<'_> {
         Ok(Solved { step, covariance: cholesky.inverse(), history, residuals, parts })
     }
 
-    /// The derivative of the velocity by the DVL, local axes, by `k` and `δ`, where the velocity is `v`.
+    /// Returns the derivative of the DVL's velocity in local axes by `k` and `δ`, for the velocity
+    /// `v`.
     fn derivative(
         &self,
         time: f64,
@@ -234,7 +250,7 @@ impl Problem<'_> {
         c_b_n.to_rotation_matrix().matrix() * sensitivity(&self.mounting, &y)
     }
 
-    /// The bins of a stretch.
+    /// Computes the bins of a stretch.
     fn rows(
         &self,
         stretch: &Stretch,
@@ -249,7 +265,7 @@ impl Problem<'_> {
         let (mut force, mut coriolis, mut reached) =
             (Vector3::zeros(), Vector3::zeros(), stretch.from);
         let mut before: Option<(f64, Vector3<f64>, Vector3<f64>)> = None;
-        // the way since then, for gravity's change
+        // displacement since then, for the change of gravity
         let mut way = Vector3::zeros();
         let width = BIN.max(velocity.samples.period());
         for (time, y) in velocity.samples.samples(stretch.from, stretch.to) {
@@ -295,11 +311,16 @@ impl Problem<'_> {
         Ok(rows)
     }
 
-    /// The covariance of the bins' noise along one axis, (m/s)^2, and the DVL's part of its diagonal; a horizontal axis has the
-    /// tilt's too.
+    /// Returns the covariance of the bins' noise along one axis, (m/s)^2, and the DVL's part of its
+    /// diagonal.
     ///
-    /// White noise of the DVL; the integral of white noise `N_a`, `min(t, s)`; gravity times the double integral of `N_g`,
-    /// `s^3 / 3 + s^2 (t - s) / 2` for `s < t`; gravity times a constant rate, `(t s)^2 / 4`.
+    /// It is the sum of these terms, for times `s <= t`; the last two, from the tilt, act on
+    /// horizontal axes only:
+    /// - white noise of the DVL: its variance on the diagonal;
+    /// - integral of white accelerometer noise `N_a`: `N_a^2 s`;
+    /// - gravity times the double integral of white gyro noise `N_g`: `(g N_g)^2 (s^3 / 3 + s^2 (t
+    ///   - s) / 2)`;
+    /// - gravity times the double integral of a constant rate error: `(g b)^2 (t s)^2 / 4`.
     fn noise(
         &self,
         rows: &[Row],
@@ -324,7 +345,8 @@ impl Problem<'_> {
         Ok((noise, white))
     }
 
-    /// The information on `k` and `δ` of the bins up to each, once `u` and `c` are taken out; and the axes.
+    /// Returns the information on `k` and `δ` from the bins up to each one, with `u` and `c`
+    /// eliminated (Schur complement `A - B D^-1 B'`), and the whitened axes.
     fn accumulate(&self, rows: &[Row]) -> Result<(Vec<Information>, Vec<Axis>), CalibrationError> {
         let mut sums = vec![(Matrix4::zeros(), Vector4::zeros()); rows.len()];
         let mut axes = Vec::new();
@@ -332,7 +354,9 @@ impl Problem<'_> {
             let (noise, white) = self.noise(rows, axis < 2)?;
             let cholesky = noise.cholesky();
             let cholesky = cholesky.ok_or_else(|| {
-                CalibrationError::new("the noise of the DVL is zero: give [sensor.dvl] a `noise`")
+                CalibrationError::Sensor(
+                    "the noise of the DVL is zero: give [sensor.dvl] a `noise`".into(),
+                )
             })?;
             // columns: k and δ, the velocity u and the acceleration c, the residual
             let mut whitened = DMatrix::from_fn(rows.len(), 7, |i, j| match j {
@@ -341,7 +365,8 @@ impl Problem<'_> {
                 5 => -rows[i].t,
                 _ => rows[i].z[axis],
             });
-            // the leading block of the factor is the factor of the leading block: so each row adds to those before it
+            // The leading block of a Cholesky factor is the factor of the leading block. So each
+            // whitened row adds its information to that of the rows before it.
             cholesky.l_dirty().solve_lower_triangular_mut(&mut whitened);
             let (mut a, mut b, mut d) = (Matrix4::zeros(), Matrix4x2::zeros(), Matrix2::zeros());
             let (mut p, mut q) = (Vector4::zeros(), Vector2::zeros());
@@ -366,7 +391,7 @@ impl Problem<'_> {
 }
 
 impl Axis {
-    /// The sum of the squares of what `u` and `c` leave.
+    /// Returns the sum of squared residuals after `u` and `c` are fitted.
     fn residual(&self) -> f64 {
         self.square
             - inverse(&self.d).map_or(0.0, |inverse| (self.q.transpose() * inverse * self.q)[0])
@@ -377,9 +402,10 @@ fn inverse(d: &Matrix2<f64>) -> Option<Matrix2<f64>> {
     d.try_inverse().filter(|_| d.determinant() > 1e-12 * d.trace().powi(2))
 }
 
-/// The velocity at the bins after a step of `k` and `δ`: that of the DVL less what its noise is expected to be, `W K^-1 r`, where
-/// `r` is what IMU and DVL differ by, `K` its covariance and `W` the DVL's part.
-fn smoothed(rows: &[Row], axes: &[Axis], step: &Vector4<f64>) -> Part {
+/// Returns the velocity at the bins after a step of `k` and `δ`: the DVL's velocity less the
+/// expected value of its noise, `W K^-1 r`. `r` is the difference of IMU and DVL, `K` its
+/// covariance, and `W` the DVL's part of `K`.
+fn smoothed(rows: &[Row], axes: &[Axis], step: &Vector4<f64>) -> SmoothedStretch {
     let mut gravity = Vector3::zeros();
     let mut out: Vec<Vector3<f64>> = rows.iter().map(|row| row.v + row.h * step).collect();
     for (axis, a) in axes.iter().enumerate() {
@@ -393,5 +419,5 @@ fn smoothed(rows: &[Row], axes: &[Axis], step: &Vector4<f64>) -> Part {
         let weighted = a.cholesky.solve(&r);
         out.iter_mut().zip(&a.white).zip(weighted.iter()).for_each(|((v, w), x)| v[axis] += w * x);
     }
-    Part { velocity: out, gravity }
+    SmoothedStretch { velocity: out, gravity }
 }

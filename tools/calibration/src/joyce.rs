@@ -1,4 +1,4 @@
-//! Joyce (1989): scale factor and yaw by the horizontal velocity over the ground.
+//! Joyce (1989): scale factor and yaw from the horizontal velocity over the ground.
 
 use crate::fixes::pairs;
 use crate::kinsey::velocities;
@@ -6,12 +6,14 @@ use crate::{CalibrationData, CalibrationError, Estimate, IntermediateEstimate};
 use nalgebra::{Matrix4, Rotation3, Vector3, Vector4};
 use navfuse_segments::Mounting;
 
-/// With `(u_d, v_d)` the DVL's velocity in north and east at its initial mounting and `(u, v)` that over the ground,
+/// Let `(u_d, v_d)` be the DVL's north and east velocity at its initial mounting, and `(u, v)` the
+/// velocity over the ground:
 ///
 /// ```text
 /// tan a = <u_d v - v_d u> / <u_d u + v_d v>        A^2 = <u^2 + v^2> / <u_d^2 + v_d^2>
 /// ```
-/// `v^n = A R(a) v_d^n`: the instrument's yaw is less by `a`, and `k` by `A`. Roll and pitch stay.
+/// Then `v^n = A R(a) v_d^n`: the instrument's yaw decreases by `a`, and `k` by the factor `A`.
+/// Roll and pitch keep their initial values.
 pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let velocity = data.over_ground()?;
     let initial = velocity.initial;
@@ -39,13 +41,17 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
         }
     }
     if history.is_empty() {
-        return Err(CalibrationError::new("the vehicle does not move while there are fixes"));
+        return Err(CalibrationError::Motion(
+            "the vehicle does not move while there are \
+                                             fixes"
+                .into(),
+        ));
     }
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), f64::atan2(sine, cosine));
     let gain = (ground / doppler).sqrt();
     let left: f64 = sides.iter().map(|(v, d)| (v - turn * d * gain).norm_squared()).sum();
     let variance = left / (2.0 * pairs.len() as f64 - 2.0).max(1.0) / ground;
-    // roll and pitch stay as uncertain as they were; a pitch p makes the horizontal speed less by p^2 / 2
+    // roll and pitch keep their prior; a pitch p reduces the horizontal speed by p^2 / 2
     let tilt = velocity.angle_sigma.map(|s| s * s);
     let scale = (variance + 0.75 * tilt.y.powi(2)) * mounting.k.powi(2);
     let used = [pairs[0].time, pairs[pairs.len() - 1].time];
@@ -54,7 +60,9 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let notes = vec![
         data.attitude_source(),
         velocities(own),
-        "scale factor and yaw only: roll and pitch keep their initial values and their prior; sigma from the residuals, as if they were white, and of that tilt".into(),
+        "scale factor and yaw only: roll and pitch keep their initial values and their prior; \
+         sigma from white residuals and this tilt"
+            .into(),
     ];
     let determined = [true, false, false, true];
     Ok(Estimate { mounting, covariance: Some(covariance), determined, history, used, notes })

@@ -1,17 +1,24 @@
-//! Kinsey & Whitcomb (2006): an adaptive identifier on SO(3); (2007): displacements by position fixes.
+//! Kinsey & Whitcomb: an adaptive identifier on SO(3) (2006), and displacements from position fixes
+//! (2007).
 
 use crate::fixes::{Fix, blocks, instrument, pairs};
-use crate::solve::{Residual, determined, sensitivity, shown_by_integrals, wahba};
+use crate::solve::{Residual, covariance_of_integrals, determined, sensitivity, wahba};
 use crate::{CalibrationData, CalibrationError, Estimate, IntermediateEstimate};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use navfuse_segments::Mounting;
 
-/// Gain of the identifier, 1/s, for unit vectors: an error about an axis square to the velocity decays in so long.
+/// Gain of the identifier, 1/s, for unit vectors; an error about an axis perpendicular to the
+/// velocity decays with the time constant `1 / GAIN`.
 const GAIN: f64 = 0.02;
 
-/// `dR/dt = [g (R x) × y ×] R` for pairs `y = R x`, `x` and `y` of length one (Kinsey & Whitcomb 2006, adaptive identification on
-/// the group of rotations): `d/dt |log(R_true' R)|` is never positive, and the error vanishes if the directions of `x` keep
-/// changing. It has no scale factor, and no sigma.
+/// Adaptive identifier on the group of rotations (Kinsey & Whitcomb 2006), for pairs `y = R x` of
+/// unit vectors:
+///
+/// ```text
+/// dR/dt = [g (R x) × y ×] R
+/// ```
+/// The distance `|log(R_true' R)|` never grows, and the error vanishes if the directions of `x`
+/// keep changing. The method has no scale factor and no sigma.
 pub fn observer(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let initial = data.velocity()?.initial;
     let (pairs, own) = pairs(data)?;
@@ -30,16 +37,21 @@ pub fn observer(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
         });
     }
     let Some(last) = history.last() else {
-        return Err(CalibrationError::new("the vehicle does not move while there are fixes"));
+        return Err(CalibrationError::Motion(
+            "the vehicle does not move while there are \
+                                             fixes"
+                .into(),
+        ));
     };
     let mut notes =
         vec![data.attitude_source(), velocities(own), "no scale factor, no sigma".into()];
-    // the angle about a direction that hardly changes decays with the spread of the directions about it
+    // the error about a nearly constant direction decays with the spread of the directions
     let seconds = last.time - pairs[0].time;
     let about = spread > 0.0 && GAIN * spread * seconds > 2.0;
     if !about {
         notes.push(format!(
-            "the velocity keeps its direction in the instrument within {:.2} deg r.m.s.: the angle about it is not determined",
+            "the velocity keeps its direction in the instrument within {:.2} deg r.m.s.: the angle \
+             about it is not determined",
             spread.sqrt().to_degrees()
         ));
     }
@@ -54,22 +66,24 @@ pub fn observer(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     })
 }
 
-/// How far unit vectors are from one direction: one less the largest eigenvalue of their mean square.
+/// Returns the spread of unit vectors about one direction: one less the largest eigenvalue of their
+/// mean square.
 fn spread(units: &[Vector3<f64>]) -> f64 {
     let n = units.len().max(1) as f64;
     let square = units.iter().map(|u| u * u.transpose()).sum::<Matrix3<f64>>() / n;
     (1.0 - square.symmetric_eigenvalues().max()).max(0.0)
 }
 
-/// Both sides at a fix, less their block's mean, m.
+/// Both displacements at a fix, less the mean of their block, m.
 struct Point {
     time: f64,
     a: Vector3<f64>,
     b: Vector3<f64>,
 }
 
-/// `a(t) = C_d^b b(t) / k` with both sides displacements in instrument axes ([`instrument`]): least squares over `k` and
-/// SO(3), each block of fixes about its own mean. (Kinsey & Whitcomb's `R` has no `k`.)
+/// Least squares over `k` and SO(3) of `a(t) = C_d^b b(t) / k`, with both displacements in
+/// instrument axes ([`instrument`]) and each block of fixes about its own mean. (Kinsey &
+/// Whitcomb's `R` has no `k`.)
 pub fn displacements(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let velocity = data.over_ground()?;
     let blocks = blocks(data)?;
@@ -78,7 +92,7 @@ pub fn displacements(data: &CalibrationData) -> Result<Estimate, CalibrationErro
     let (mut cross, mut square) = (Matrix3::zeros(), 0.0);
     for block in &blocks {
         let (a, b) = instrument(data, block, &velocity.samples);
-        // running sums about the block's own mean, for the estimate until each fix
+        // running sums about the block's mean give the estimate up to each fix
         let (mut n, mut sa, mut sb, mut sab, mut sbb) =
             (0.0, Vector3::zeros(), Vector3::zeros(), Matrix3::zeros(), 0.0);
         for ((fix, a), b) in block.iter().zip(&a).zip(&b) {
@@ -101,13 +115,16 @@ pub fn displacements(data: &CalibrationData) -> Result<Estimate, CalibrationErro
     }
     let way = (square / points.iter().flatten().count() as f64).sqrt();
     if way < 10.0 * blocks[0][0].sigma {
-        return Err(CalibrationError(format!(
-            "the way is {way:.0} m r.m.s. about its mean, less than ten times the fixes' error of {:.1} m: go farther",
+        return Err(CalibrationError::Motion(format!(
+            "the displacement is {way:.0} m r.m.s. about its mean, less than ten times the error \
+             of the fixes, {:.1} m: go farther",
             blocks[0][0].sigma
         )));
     }
     let mounting = fit(&cross, square).ok_or_else(|| {
-        CalibrationError::new("the way keeps one direction in the instrument: turn or dive")
+        CalibrationError::Motion(
+            "the displacement keeps one direction in the instrument: turn or dive".into(),
+        )
     })?;
     let residuals: Vec<Vec<Residual>> = (points.iter())
         .map(|block| {
@@ -128,12 +145,15 @@ pub fn displacements(data: &CalibrationData) -> Result<Estimate, CalibrationErro
     let (first, last) = (&blocks[0], &blocks[blocks.len() - 1]);
     let used = [first[0].time, last[last.len() - 1].time];
     let walk = data.recording.positions.first().map_or_else(Vector3::zeros, |p| p.bias_walk);
-    let walk = Vector3::new(walk.x.max(walk.y), walk.x.max(walk.y), walk.z); // of a vehicle that is about level
-    let covariance = shown_by_integrals(&residuals, walk, &velocity.initial, &mounting)
+    let level = walk.x.max(walk.y); // the vehicle is about level
+    let walk = Vector3::new(level, level, walk.z);
+    let covariance = covariance_of_integrals(&residuals, walk, &velocity.initial, &mounting)
         + data.attitude_covariance(&mounting, used);
     let notes = vec![
         data.attitude_source(),
-        "sigma from the residuals as white noise and a random walk, the bias of the fixes, and the attitude".into(),
+        "sigma from white noise and a random walk in the residuals, the bias of the fixes, and \
+         the attitude"
+            .into(),
     ];
     Ok(Estimate {
         mounting,
@@ -145,14 +165,15 @@ pub fn displacements(data: &CalibrationData) -> Result<Estimate, CalibrationErro
     })
 }
 
-/// `k` and `C_b^d` of `Σ a b'` and `Σ |b|^2`.
+/// Solves for `k` and `C_b^d` from `Σ a b'` and `Σ |b|^2`: Wahba's problem for the rotation, then
+/// `1 / k = trace(C_d^b' Σ a b') / Σ |b|^2`.
 fn fit(cross: &Matrix3<f64>, square: f64) -> Option<Mounting> {
     let c_d_b = wahba(cross)?;
     let inverse = (c_d_b.matrix().transpose() * cross).trace() / square;
     (inverse > 1e-6).then(|| Mounting { k: 1.0 / inverse, c_b_d: c_d_b.inverse() })
 }
 
-/// Where the velocities come from, in words.
+/// Describes the source of the velocities.
 pub fn velocities(own: bool) -> String {
     if own {
         "velocities of the fixes' sensor".into()

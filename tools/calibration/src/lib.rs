@@ -1,15 +1,16 @@
-//! Calibrating a DVL on its vehicle: scale factor and misalignment by the methods of the literature, in one form.
+//! Calibration of a DVL on its vehicle: scale factor and misalignment by the methods of the
+//! literature, in one form.
 //!
-//! All of them solve `v^b = C_d^b y / k` for `k` and `C_d^b`; they differ in what they know of `v^b`:
+//! All methods solve `v^b = C_d^b y / k` for `k` and `C_d^b`. They differ in the source of `v^b`:
 //!
-//! | method | `v^b` is known from |
+//! | method | source of `v^b` |
 //! |---|---|
-//! | [`Method::IoDvlc`], [`Method::IoDvlcPrinted`] | its change, by the accelerometers (Pan & Wu 2016) |
-//! | [`Method::Troni`], [`Method::TroniPrinted`] | its derivative, by accelerometers and attitude; the depth's rate |
-//! | [`Method::Kinsey2006`] | its direction, by position fixes; an observer on SO(3) |
-//! | [`Method::Kinsey2007`] | its integral in instrument axes, by position fixes |
-//! | [`Method::Joyce`] | its horizontal part, by GNSS |
-//! | [`Method::Tang`] | all of it, by GNSS |
+//! | [`Method::IoDvlc`], [`Method::IoDvlcPrinted`] | its change, from accelerometers |
+//! | [`Method::Troni`], [`Method::TroniPrinted`] | its derivative, from IMU and attitude |
+//! | [`Method::Kinsey2006`] | its direction, from position fixes; an observer on SO(3) |
+//! | [`Method::Kinsey2007`] | its integral in instrument axes, from position fixes |
+//! | [`Method::Joyce`] | its horizontal part, from GNSS |
+//! | [`Method::Tang`] | the whole vector, from GNSS |
 
 mod data;
 mod estimate;
@@ -27,7 +28,7 @@ pub use estimate::{Estimate, IntermediateEstimate};
 
 use serde::Serialize;
 
-/// A method of calibration.
+/// Calibration method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Method {
     /// IO-DVLC of Pan & Wu (2016), improved.
@@ -39,7 +40,7 @@ pub enum Method {
     /// Troni & Whitcomb (2010, 2012), with gravity.
     #[serde(rename = "troni")]
     Troni,
-    /// Troni & Whitcomb (2010, 2012), gravity's change neglected.
+    /// Troni & Whitcomb (2010, 2012), with the change of gravity neglected.
     #[serde(rename = "troni-printed")]
     TroniPrinted,
     /// Kinsey & Whitcomb (2006).
@@ -57,7 +58,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// All of them.
+    /// All methods.
     pub const ALL: [Self; 8] = [
         Self::IoDvlc,
         Self::IoDvlcPrinted,
@@ -69,7 +70,7 @@ impl Method {
         Self::Tang,
     ];
 
-    /// Its name.
+    /// Returns the name on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::IoDvlc => "io-dvlc",
@@ -83,7 +84,7 @@ impl Method {
         }
     }
 
-    /// The sensors that it needs, for a table.
+    /// Returns the required sensors, for a table.
     pub const fn sensors(self) -> &'static str {
         match self {
             Self::IoDvlc | Self::IoDvlcPrinted => "IMU, DVL",
@@ -94,11 +95,13 @@ impl Method {
         }
     }
 
-    /// Why its sigma is no prior for a filter; `None` where it may be one.
+    /// Returns the reason why the sigma of this method is not a prior for a filter; `None` if it
+    /// is.
     pub const fn sigma_not_a_prior(self) -> Option<&'static str> {
         match self {
             Self::Troni | Self::TroniPrinted => Some(
-                "its sigma takes the attitude as exact, and 1 mrad of tilt is 1 mg of acceleration: the errors may be larger",
+                "its sigma takes the attitude as exact, but 1 mrad of tilt is 1 mg of \
+                 acceleration: the errors may be larger",
             ),
             _ => None,
         }
@@ -107,7 +110,7 @@ impl Method {
     /// Calibrates the first body velocity of the data.
     ///
     /// # Errors
-    /// When something that the method needs is not in the data: which, and what to do.
+    /// Returns an error that names what the method lacks in the data, and the remedy.
     pub fn estimate(self, data: &CalibrationData) -> Result<Estimate, CalibrationError> {
         match self {
             Self::IoDvlc => io_dvlc::estimate(data),
@@ -123,23 +126,40 @@ impl Method {
 }
 
 impl std::str::FromStr for Method {
-    type Err = String;
+    type Err = MethodError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|m| m.name() == text).ok_or_else(|| {
-            let names: Vec<&str> = Self::ALL.iter().map(|m| m.name()).collect();
-            format!("there is no method {text:?}; there are {}, and all", names.join(", "))
-        })
+    fn from_str(text: &str) -> Result<Self, MethodError> {
+        let found = Self::ALL.into_iter().find(|m| m.name() == text);
+        found.ok_or_else(|| MethodError { text: text.to_owned() })
     }
 }
 
-/// What a method needs and the data has not: what is missing, and what to do.
+/// Error of a name that no method has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct CalibrationError(pub String);
+#[error("there is no method {text:?}; the methods are {}, and all", method_names())]
+pub struct MethodError {
+    /// The name.
+    pub text: String,
+}
 
-impl CalibrationError {
-    pub(crate) fn new(text: impl Into<String>) -> Self {
-        Self(text.into())
-    }
+fn method_names() -> String {
+    Method::ALL.map(Method::name).join(", ")
+}
+
+/// Error of a method. The message names what the data lacks and the remedy.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CalibrationError {
+    /// A sensor is missing, or it does not suit the method.
+    #[error("{0}")]
+    Sensor(String),
+    /// The samples are too few, or not finite.
+    #[error("{0}")]
+    Samples(String),
+    /// The motion does not determine the calibration.
+    #[error("{0}")]
+    Motion(String),
+    /// The samples of two sensors contradict each other.
+    #[error("{0}")]
+    Inconsistent(String),
 }

@@ -6,8 +6,9 @@ use crate::{CalibrationData, CalibrationError, Estimate, IntermediateEstimate};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use navfuse_segments::{Increments, Mounting};
 
-/// Step 1 gives `k = |γ(t)| / |β(t)|` at each time, and the paper plots it over time; where one number is wanted it is the one
-/// of the mean squares, `k^2 = ∫ |γ|^2 / ∫ |β|^2`. Step 2 is Wahba's problem of the pairs `(β, γ)`. No sigma is given.
+/// Step 1 gives `k = |γ(t)| / |β(t)|` at each time, which the paper plots. As a single number this
+/// method returns the ratio of the mean squares, `k^2 = ∫ |γ|^2 / ∫ |β|^2`. Step 2 is Wahba's
+/// problem of the pairs `(β, γ)`. There is no sigma.
 pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let velocity = data.velocity()?;
     let (segments, directions, mut notes) = data.type_one(Gaps::Refused)?;
@@ -34,8 +35,8 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
         }
     }
     if history.is_empty() || mounting.k <= 0.0 {
-        return Err(CalibrationError::new(
-            "the DVL has no samples on the segments of Type I: check its times",
+        return Err(CalibrationError::Samples(
+            "the DVL has no samples on the segments of Type I: check its times".into(),
         ));
     }
     let (ratio, fit) = (
@@ -43,23 +44,25 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
         (mounting.c_b_d.matrix().transpose() * b).trace() / (beta2 * gamma2).sqrt(),
     );
     if !(0.5..2.0).contains(&ratio) || fit < 0.5 {
-        return Err(CalibrationError(format!(
-            "β and γ do not belong together (k = {:.3}, correlation {fit:.2}): the anchors are single samples, and where a \
-             segment does not begin in steady motion they are wrong; use io-dvlc",
+        return Err(CalibrationError::Inconsistent(format!(
+            "β and γ do not belong together (k = {:.3}, correlation {fit:.2}): the anchors are \
+             single samples, and where a segment does not begin in steady motion they are wrong; \
+             use io-dvlc",
             mounting.k
         )));
     }
-    notes.push("as printed: single samples as anchors, the Earth's rate dropped, no sigma".into());
+    notes.push("as printed: single samples as anchors, no Earth rate, no sigma".into());
     let used = [segments[0].from, segments[segments.len() - 1].to];
     let mut determined = [true; 4];
     if directions.rank < 2 {
-        // the axis that is not determined is the one of the body that the direction is nearest to
+        // the undetermined angle is that about the body axis nearest to the single direction
         determined[1 + directions.axes.column(0).iamax()] = false;
     }
     Ok(Estimate { mounting, covariance: None, determined, history, used, notes })
 }
 
-/// The rotation from body to instrument axes; of pairs with one direction, the shortest from the initial one.
+/// Returns the rotation from body to instrument axes. For pairs with a single direction it is the
+/// smallest rotation from the initial one.
 fn solve_rotation(
     b: &Matrix3<f64>,
     rank: usize,
@@ -69,7 +72,7 @@ fn solve_rotation(
     if rank >= 2 {
         return wahba(b).unwrap_or(initial.c_b_d);
     }
-    // all of γ along one direction: that is where the axis of thrust goes
+    // all γ are along one direction, to which the rotation maps the axis of thrust
     let gamma = b * direction;
     let from = initial.c_b_d * direction;
     let turn = Rotation3::rotation_between(&from, &gamma).unwrap_or_else(Rotation3::identity);

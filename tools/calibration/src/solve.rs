@@ -3,14 +3,15 @@
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Rotation3, Vector3, Vector4};
 use navfuse_segments::Mounting;
 
-/// The mounting moved by `dk` and by a rotation vector in instrument axes: `C_b^d <- exp(δ x) C_b^d`.
+/// Returns the mounting moved by `dk` and a rotation vector in instrument axes: `C_b^d <- exp(δ x)
+/// C_b^d`.
 pub fn moved(m: &Mounting, dk: f64, delta: &Vector3<f64>) -> Mounting {
     let mut c_b_d = Rotation3::from_scaled_axis(*delta) * m.c_b_d;
     c_b_d.renormalize();
     Mounting { k: m.k + dk, c_b_d }
 }
 
-/// The derivative of `v^b = C_d^b y / k` by `k` and `δ`: `-v^b / k` and `C_d^b [y x] / k`.
+/// Returns the derivative of `v^b = C_d^b y / k` by `k` and `δ`: `-v^b / k` and `C_d^b [y x] / k`.
 pub fn sensitivity(m: &Mounting, y: &Vector3<f64>) -> Matrix3x4<f64> {
     let v = m.body(y);
     let turn = m.c_b_d.inverse().matrix() * y.cross_matrix() / m.k;
@@ -20,13 +21,13 @@ pub fn sensitivity(m: &Mounting, y: &Vector3<f64>) -> Matrix3x4<f64> {
     h
 }
 
-/// Sigma of what is known before any sample, about the initial mounting: so wide that it matters only to what the samples
-/// do not tell. `k`, and each angle in rad.
+/// Prior 1-sigma about the initial mounting, of `k` and of each angle in rad: wide enough to matter
+/// only where the samples hold no information.
 const WIDE: (f64, f64) = (0.5, 20.0 * std::f64::consts::PI / 180.0);
-/// With a sigma below these `k` and an angle count as determined.
+/// Largest 1-sigma of a determined `k`, and of a determined angle in rad.
 const DETERMINED: (f64, f64) = (0.1, 1.0 * std::f64::consts::PI / 180.0);
 
-/// The wide prior's information and what it asks for, at an estimate.
+/// Returns the wide prior's information, and its right-hand side at an estimate.
 pub fn prior(initial: &Mounting, at: &Mounting) -> (Matrix4<f64>, Vector4<f64>) {
     let a = WIDE.1.powi(-2);
     let weight = Vector4::new(WIDE.0.powi(-2), a, a, a);
@@ -35,7 +36,8 @@ pub fn prior(initial: &Mounting, at: &Mounting) -> (Matrix4<f64>, Vector4<f64>) 
     (Matrix4::from_diagonal(&weight), weight.component_mul(&off))
 }
 
-/// Which of `k`, roll, pitch and yaw a covariance of [`moved`]'s parameters determines.
+/// Selects the determined components among `k`, roll, pitch and yaw, for a covariance of the
+/// parameters of [`moved`].
 pub fn determined(covariance: &Matrix4<f64>) -> [bool; 4] {
     std::array::from_fn(|i| {
         let limit = if i == 0 { DETERMINED.0 } else { DETERMINED.1 };
@@ -43,8 +45,10 @@ pub fn determined(covariance: &Matrix4<f64>) -> [bool; 4] {
     })
 }
 
-/// The rotation `C` that makes `Σ w |b - C a|^2` least, from `B = Σ w b a'` (Wahba's problem, by singular values).
-/// `None` where the pairs have fewer than two directions: the second singular value is below `1e-9` of the first.
+/// Returns the rotation `C` that minimises `Σ w |b - C a|^2`, from `B = Σ w b a'` (Wahba's
+/// problem). With the singular value decomposition `B = U S V'` the solution is `C = U diag(1, 1,
+/// det U det V) V'`; the last entry keeps it a proper rotation. `None` if the pairs have fewer than
+/// two directions: the second singular value is below `1e-9` of the first.
 pub fn wahba(b: &Matrix3<f64>) -> Option<Rotation3<f64>> {
     let svd = b.svd(true, true);
     let (u, vt) = svd.u.zip(svd.v_t)?;
@@ -57,10 +61,11 @@ pub fn wahba(b: &Matrix3<f64>) -> Option<Rotation3<f64>> {
     ))
 }
 
-/// The covariance that the residuals of a fit show: each row has the derivative by `k` and `δ`, and the residual. Their variance is
-/// that of white noise, made larger by `(1 + r) / (1 - r)` for a correlation `r` from one row to the next, with which so
-/// many of them are worth one.
-pub fn shown(
+/// Returns the covariance that the residuals of a fit imply. Each row has the derivative by `k` and
+/// `δ`, and the residual. The variance of the residuals is enlarged by `(1 + r) / (1 - r)` for a
+/// correlation `r` between consecutive rows, as for a first-order Gauss-Markov sequence, in which
+/// correlated rows hold less information.
+pub fn covariance_of_residuals(
     rows: &[(Matrix3x4<f64>, Vector3<f64>)],
     initial: &Mounting,
     at: &Mounting,
@@ -74,27 +79,32 @@ pub fn shown(
     (information + prior(initial, at).0).try_inverse().unwrap_or_else(Matrix4::zeros)
 }
 
-/// A row of a fit of integrals: the derivative by `k` and `δ`, and the residual, both less their block's mean.
+/// Row of a fit of integrals: the derivative by `k` and `δ`, and the residual, both less the mean
+/// of their block.
 pub struct Residual {
-    /// s
+    /// Time, s.
     pub time: f64,
     pub h: Matrix3x4<f64>,
     pub z: Vector3<f64>,
-    /// How the body turns while this sample is the nearest, a rotation vector: later integrals keep that much of its noise.
+    /// Rotation vector of the body while this sample is the nearest; later integrals keep this part
+    /// of its noise.
     pub turn: Vector3<f64>,
 }
 
-/// The covariance of a fit of equal weights to integrals over time, whose errors are white noise and a random walk, and
-/// far from the white noise of one variance that the fit takes them for. On each axis their variances `s` and `q` are read off the
-/// residuals, `<|z(t + L) - z(t)|^2> = 2 s + q L` at two lags, and `q` is at least what is stated, m^2/s: over a run the
-/// residuals tell it badly, as the fit takes a part of it away. What they do to the estimate follows from the fit's
-/// normal equations, as it is linear in the errors:
+/// Returns the covariance of an equally weighted fit to integrals over time.
+///
+/// The errors of the integrals are white noise plus a random walk, so the information of the fit,
+/// which assumes white noise of one variance, would be far too large. The variances `s` and `q` of
+/// each axis follow from the residuals by their variogram `<|z(t + L) - z(t)|^2> = 2 s + q L` at
+/// two lags. `q` is at least the stated value, m^2/s: the fit absorbs a part of the walk, so the
+/// residuals of one run underestimate it. The estimate is linear in the errors, so its covariance
+/// follows from the normal equations:
 ///
 /// ```text
-/// δ = A^-1 Σ h' z     A = Σ h' h     c_j = Σ_(t > j) h     cov(Σ h' z) = Σ_j g_j' s g_j + c_j' q c_j dt_j
-/// g_j = h_j + [turn_j x]' c_j
+/// δ = A^-1 Σ h' z     A = Σ h' h     cov(Σ h' z) = Σ_j g_j' s g_j + c_j' q c_j dt_j
+/// c_j = Σ_(t > j) h   g_j = h_j + [turn_j x]' c_j
 /// ```
-pub fn shown_by_integrals(
+pub fn covariance_of_integrals(
     blocks: &[Vec<Residual>],
     stated: Vector3<f64>,
     initial: &Mounting,
@@ -123,8 +133,10 @@ pub fn shown_by_integrals(
     inverse * (score / variance.powi(2) + prior) * inverse
 }
 
-/// Variance of the white noise, m^2, and of the random walk, m^2/s, in the residuals of one axis, by their variogram at one step
-/// and at a tenth of the time that they cover, or half of the longest block: long enough for what drifts, short enough for several.
+/// Returns the variance of the white noise, m^2, and of the random walk, m^2/s, in the residuals of
+/// one axis. It uses their variogram at one step and at a tenth of the covered time, or half of the
+/// longest block: long enough for the walk to dominate, short enough for several independent
+/// differences.
 fn white_and_walk(blocks: &[Vec<Residual>], axis: usize) -> (f64, f64) {
     let spans = || blocks.iter().filter_map(|b| Some(b.last()?.time - b.first()?.time));
     let (covered, longest) = (spans().sum::<f64>(), spans().fold(0.0, f64::max));
@@ -154,8 +166,8 @@ fn white_and_walk(blocks: &[Vec<Residual>], axis: usize) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    /// Blocks of one-second steps whose errors on all axes are white noise of 1 m and a random walk of 0.1 m^2/s. Numbers in
-    /// -1..1 have a variance of 1/3.
+    /// Returns blocks of one-second steps with white noise of 1 m^2 and a random walk of 0.1 m^2/s
+    /// on all axes. Uniform numbers in -1..1 have a variance of 1/3.
     fn noisy(blocks: usize, length: usize) -> Vec<Vec<Residual>> {
         let mut seed = 1_u64;
         let mut number = || {
@@ -176,8 +188,8 @@ mod tests {
         (0..blocks).map(block).collect()
     }
 
-    /// The random walk is read to a factor of two, the white noise to a quarter: 1000 s are ten of the lag of 100 s, and twenty
-    /// blocks of 50 s are forty of half of their length.
+    /// The random walk is found to a factor of two, the white noise to a quarter: 1000 s are ten
+    /// times the lag of 100 s, and twenty blocks of 50 s are forty times half of their length.
     #[test]
     fn white_noise_and_random_walk_are_told_apart_in_one_block_and_in_many_short_ones() {
         for (blocks, length) in [(1, 1000), (20, 50)] {

@@ -1,18 +1,21 @@
-//! Tang, Wang, Li & Wu (2013): GNSS at the surface, in two steps that are repeated.
+//! Tang, Wang, Li & Wu (2013): GNSS at the surface, in two iterated steps.
 
 use crate::fixes::{Fix, blocks, pairs};
 use crate::kinsey::velocities;
-use crate::solve::{determined, moved, sensitivity, shown, wahba};
+use crate::solve::{covariance_of_residuals, determined, moved, sensitivity, wahba};
 use crate::{CalibrationData, CalibrationError, Estimate, IntermediateEstimate};
 use nalgebra::{Matrix3, Vector3};
 use navfuse_segments::{Mounting, Series};
 
-/// A way shorter than so many sigma of a fix tells no scale factor.
+/// Shortest displacement that determines the scale factor, in sigmas of a fix.
 const WAY: f64 = 100.0;
 
-/// 1. `k` by the ratio of displacements, `|Σ C_b^n C_d^b y dt| / |Δp|`; 2. `C_d^b` from the pairs `(C_n^b v_GNSS, y / k)`, Wahba's
-///    problem; then the displacement by the calibrated DVL is compared with that of the fixes: what its length and heading still
-///    lack goes into `k` and yaw, until both are below 1e-6.
+/// Iterates two steps:
+/// 1. `k` from the ratio of displacements, `|Σ C_b^n C_d^b y dt| / |Δp|`;
+/// 2. `C_d^b` from the pairs `(C_n^b v_GNSS, y / k)`, Wahba's problem.
+///
+/// The displacement of the calibrated DVL is then compared with that of the fixes. The remaining
+/// errors of its length and heading correct `k` and yaw, until both corrections are below 1e-6.
 pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let velocity = data.over_ground()?;
     let blocks = blocks(data)?;
@@ -23,9 +26,9 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     };
     let way = blocks.iter().filter_map(farthest).max_by(|x, y| x.2.total_cmp(&y.2));
     let Some((from, to, distance)) = way.filter(|w| w.2 > WAY * w.1.sigma) else {
-        return Err(CalibrationError(format!(
-            "the vehicle goes {:.0} m at most from where its fixes begin, less than {WAY} times their noise: go straight on for \
-             longer",
+        return Err(CalibrationError::Motion(format!(
+            "the vehicle goes at most {:.0} m from its first fix, less than {WAY} times the noise \
+             of a fix: go straight for longer",
             way.map_or(0.0, |w| w.2)
         )));
     };
@@ -45,7 +48,9 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
         }
     }
     let c_d_b = wahba(&cross).ok_or_else(|| {
-        CalibrationError::new("the velocity keeps one direction in the instrument: turn or dive")
+        CalibrationError::Motion(
+            "the velocity keeps one direction in the instrument: turn or dive".into(),
+        )
     })?;
     let mut mounting = Mounting { k: 1.0, c_b_d: c_d_b.inverse() };
     let fixed = (to.position - from.position).xy();
@@ -53,20 +58,20 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
         let reckoned = reckoned(data, &velocity.samples, &mounting, [from.time, to.time]).xy();
         let ratio = reckoned.norm() / fixed.norm();
         let angle = f64::atan2(reckoned.x * fixed.y - reckoned.y * fixed.x, reckoned.dot(&fixed));
-        // own velocities are the better yaw: the displacement's is that of one course
+        // the sensor's own velocities give the better yaw: the displacement has a single course
         let yaw = if own { 0.0 } else { -angle };
         mounting = moved(&mounting, mounting.k * (ratio - 1.0), &Vector3::new(0.0, 0.0, yaw));
         if (ratio - 1.0).abs() < 1e-6 && yaw.abs() < 1e-6 {
             break;
         }
     }
-    // until then the scale is that of the velocities; the last is the one of the displacement
+    // earlier scales are those of the velocities; the last one is that of the displacement
     history.push(IntermediateEstimate { time: to.time.max(pairs[pairs.len() - 1].time), mounting });
     let rows: Vec<_> = pairs
         .iter()
         .map(|p| (sensitivity(&mounting, &p.y), p.body - mounting.body(&p.y)))
         .collect();
-    let mut covariance = shown(&rows, &velocity.initial, &mounting);
+    let mut covariance = covariance_of_residuals(&rows, &velocity.initial, &mounting);
     let along = (to.sigma * std::f64::consts::SQRT_2 / distance * mounting.k).powi(2);
     (1..4).for_each(|i| {
         covariance[(0, i)] = 0.0;
@@ -76,7 +81,8 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let used = [pairs[0].time, pairs[pairs.len() - 1].time];
     covariance += data.attitude_covariance(&mounting, used);
     let told = format!(
-        "scale factor by a displacement of {distance:.0} m; sigma of the angles from the residuals"
+        "scale factor from a displacement of {distance:.0} m; sigma of the angles from the \
+         residuals"
     );
     let notes = vec![data.attitude_source(), velocities(own), told];
     Ok(Estimate {
@@ -89,7 +95,7 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     })
 }
 
-/// The displacement by the DVL, north, east, down, m.
+/// Returns the displacement of the DVL, north, east, down, m.
 fn reckoned(
     data: &CalibrationData,
     y: &Series<Vector3<f64>>,

@@ -1,12 +1,15 @@
-//! Troni & Whitcomb (2010), Troni, Kinsey, Yoerger & Whitcomb (2012): least squares of accelerations.
+//! Troni & Whitcomb (2010), Troni, Kinsey, Yoerger & Whitcomb (2012): least squares of
+//! accelerations.
 //!
 //! ```text
 //! a^b = X ydot + w_nb^b x X y          a^b = f^b + C_n^b g^n - constant, X = C_d^b / k
 //! d(depth)/dt = e_3 . C_b^n X y
 //! ```
-//! with attitude and angular rate taken as known and the Earth's rate left out: 2 w_ie x v is 0.4 mm/s^2 at 2.5 m/s. (Their `R` is `X` without `k`; their lever arm is
-//! taken from the scenario.) `a` is free of gravity only if the attitude is good: 1 mrad is 1 mg. Pan & Wu (after eq. 9) say
-//! that the term `C_n^b g^n` is neglected: then what the constant mean does not take with it is left in.
+//! The attitude and the angular rate are taken as known, and the Earth's rate is left out: `2 w_ie
+//! x v` is 0.4 mm/s^2 at 2.5 m/s. (Their `R` is `X` without `k`; the lever arm comes from the
+//! scenario.) `a` is free of gravity only for a good attitude: 1 mrad of tilt is 1 mg. Pan & Wu
+//! (after eq. 9) describe the method with the term `C_n^b g^n` neglected; then only its mean is
+//! removed, with the constant.
 
 use crate::solve::{determined, moved, prior, sensitivity};
 use crate::{CalibrationData, CalibrationError, Estimate, IntermediateEstimate};
@@ -21,17 +24,18 @@ const SAMPLES: f64 = 5.0;
 /// One window.
 struct Window {
     time: f64,
-    /// Slope and mean of the DVL, instrument axes.
+    /// Slope and mean of the DVL's samples, instrument axes.
     ydot: Vector3<f64>,
     y: Vector3<f64>,
-    /// Acceleration, body axes, as the slope sees it.
+    /// Acceleration in body axes, filtered as the slope is.
     a: Vector3<f64>,
-    /// Angular rates, with the weight that the slope gives them, and the samples of the DVL that they turn: `Σ w x X y`.
+    /// Terms of `Σ w x X y`: angular rates with the weights of the slope, and the samples of the
+    /// DVL.
     turns: Vec<(Vector3<f64>, Vector3<f64>)>,
-    /// The down axis in body axes, and the rate of the depth, m/s, with its sigma.
+    /// Down axis in body axes, and the depth rate, m/s, with its sigma.
     down: Vector3<f64>,
     depth_rate: Option<(f64, f64)>,
-    /// Samples of the DVL.
+    /// Number of DVL samples.
     count: f64,
 }
 
@@ -39,8 +43,9 @@ pub fn estimate(data: &CalibrationData, gravity: bool) -> Result<Estimate, Calib
     let velocity = data.over_ground()?;
     let windows = windows(data, gravity)?;
     if windows.len() < 10 {
-        return Err(CalibrationError(format!(
-            "{} windows of {:.0} s with IMU and [sensor.{}] in them: at least 10 are needed; record longer, or fill the gaps",
+        return Err(CalibrationError::Samples(format!(
+            "only {} windows of {:.0} s have samples of the IMU and [sensor.{}]: at least 10 are \
+             needed; record longer, or fill the gaps",
             windows.len(),
             length(data)?,
             velocity.samples.name
@@ -49,8 +54,9 @@ pub fn estimate(data: &CalibrationData, gravity: bool) -> Result<Estimate, Calib
     let still = windows.iter().map(|w| w.ydot.norm_squared()).sum::<f64>() / windows.len() as f64;
     let noise = slope_variance(data)?;
     if still < 3.0 * noise * 1.5 {
-        return Err(CalibrationError(format!(
-            "the velocity changes by {:.1} mm/s^2 r.m.s., its noise is {:.1}: accelerate and turn more",
+        return Err(CalibrationError::Motion(format!(
+            "the velocity changes by {:.1} mm/s^2 r.m.s., with noise of {:.1}: accelerate and turn \
+             more",
             1e3 * still.sqrt(),
             1e3 * (3.0 * noise).sqrt()
         )));
@@ -62,13 +68,13 @@ pub fn estimate(data: &CalibrationData, gravity: bool) -> Result<Estimate, Calib
         let d = fit.step;
         mounting = moved(&mounting, d[0], &Vector3::new(d[1], d[2], d[3]));
         if !(mounting.k > 1e-3 && mounting.k < 1e3) {
-            return Err(CalibrationError(format!(
-                "the accelerations do not follow the DVL's velocity (k = {:.2e}): {}",
+            return Err(CalibrationError::Inconsistent(format!(
+                "the accelerations do not agree with the DVL's velocity (k = {:.2e}): {}",
                 mounting.k,
                 if gravity {
-                    "is the attitude good?"
+                    "check the attitude"
                 } else {
-                    "gravity is in them; use the method with gravity"
+                    "they contain gravity; use the method with gravity"
                 }
             )));
         }
@@ -76,26 +82,22 @@ pub fn estimate(data: &CalibrationData, gravity: bool) -> Result<Estimate, Calib
     let mut notes = vec![data.attitude_source()];
     if !gravity {
         notes.push(
-            "the change of C_n^b g is left in the accelerations, as Pan & Wu describe the method"
+            "the accelerations contain the change of C_n^b g, as Pan & Wu describe the method"
                 .into(),
         );
     }
-    // the noise of a regressor, which least squares take as exact, makes 1/k too small: E[dH' dz], dH = -X n / k
+    // Least squares takes the regressor as exact. Its noise n biases the normal equations by
+    // E[dH' dz] with dH = -X n / k, and so makes 1/k too small.
     let asked = 3.0 * noise * windows.len() as f64 / (mounting.k.powi(3) * fit.variance);
     let shift = fit.covariance.column(0) * asked;
     fit.covariance += shift * shift.transpose();
     if shift[0] > 1e-3 {
-        notes.push(format!(
-            "the noise of the DVL's derivative makes k too large by about {:.4}",
-            shift[0]
-        ));
+        notes.push(format!("the noise of the DVL's derivative biases k by about +{:.4}", shift[0]));
     }
     if windows.iter().all(|w| w.depth_rate.is_none()) {
-        notes.push("no depth: its rows are left out".into());
+        notes.push("no depth sensor: the rows of the depth rate are left out".into());
     }
-    notes.push(
-        "sigma from the residuals, as if they were white, and the noise of the derivative".into(),
-    );
+    notes.push("sigma from white residuals and the noise of the derivative".into());
     let used = [windows[0].time, windows[windows.len() - 1].time];
     let determined = determined(&fit.covariance);
     Ok(Estimate {
@@ -112,7 +114,7 @@ fn length(data: &CalibrationData) -> Result<f64, CalibrationError> {
     Ok(WINDOW.max(SAMPLES * data.velocity()?.samples.period()))
 }
 
-/// Variance of the noise of one axis of a slope, (m/s^2)^2.
+/// Returns the noise variance of one axis of a slope, (m/s^2)^2: `12 sigma^2 period / T^3`.
 fn slope_variance(data: &CalibrationData) -> Result<f64, CalibrationError> {
     let velocity = data.velocity()?;
     let (t, period) = (length(data)?, velocity.samples.period());
@@ -140,7 +142,8 @@ fn windows(data: &CalibrationData, gravity: bool) -> Result<Vec<Window>, Calibra
         let middle = velocity.samples.time[range.clone()].iter().sum::<f64>() / n as f64;
         let spread: f64 =
             velocity.samples.time[range.clone()].iter().map(|t| (t - middle).powi(2)).sum();
-        // slopes of y and of the integrals of a and of w x X y by the same weights: the same filter on both sides
+        // the slopes of y and of the integrals of a and w x X y use the same weights: the same
+        // filter on both sides, so that its delay and attenuation cancel
         let (times, ys) =
             (&velocity.samples.time[range.clone()], &velocity.samples.value[range.clone()]);
         let weights: Vec<f64> = times.iter().map(|t| (t - middle) / spread).collect();
@@ -150,7 +153,7 @@ fn windows(data: &CalibrationData, gravity: bool) -> Result<Vec<Window>, Calibra
             (Vector3::zeros(), Vec::new(), imu.time.partition_point(|t| *t <= times[0]));
         let mut after: f64 = weights.iter().sum();
         for j in 1..n {
-            // an integral up to here is in all slopes from here on
+            // an integral up to this sample enters the weights of all later samples
             after -= weights[j - 1];
             let (begin, end) = (times[j - 1], times[j]);
             let (mut first, mut second, mut reached) = (Vector3::zeros(), Vector3::zeros(), begin);
@@ -187,7 +190,7 @@ fn acceleration(data: &CalibrationData, k: usize, gravity: bool, g: &Vector3<f64
     if gravity { force + data.attitude.c_b_n[k].inverse_transform_vector(g) } else { force }
 }
 
-/// The slope of a line by least squares.
+/// Returns the least-squares slope of a line.
 fn line(times: &[f64], values: &[f64]) -> f64 {
     let n = times.len() as f64;
     let middle = times.iter().sum::<f64>() / n;
@@ -199,12 +202,13 @@ fn line(times: &[f64], values: &[f64]) -> f64 {
 struct Fit {
     step: Vector4<f64>,
     covariance: Matrix4<f64>,
-    /// Of the accelerations' residuals, (m/s^2)^2.
+    /// Variance of the residual accelerations, (m/s^2)^2.
     variance: f64,
     history: Vec<IntermediateEstimate>,
 }
 
-/// One Gauss-Newton step; the depth's rows weigh as their noise to the residuals of the accelerations.
+/// Computes one Gauss-Newton step. The noise of the depth rate weighs its rows relative to the
+/// accelerations, which their residuals weigh.
 fn fit_at(windows: &[Window], m: &Mounting, velocity: &navfuse_segments::BodyVelocity) -> Fit {
     let rows: Vec<(Matrix3x4<f64>, Vector3<f64>)> = (windows.iter())
         .map(|w| {
@@ -214,7 +218,8 @@ fn fit_at(windows: &[Window], m: &Mounting, velocity: &navfuse_segments::BodyVel
             })
         })
         .collect();
-    // a constant is estimated too: the accelerometers' bias and, without gravity's change, gravity
+    // a constant is estimated, too: the accelerometer bias and, in the method without gravity's
+    // change, gravity
     let n = rows.len().max(1) as f64;
     let mean = rows
         .iter()
@@ -229,7 +234,7 @@ fn fit_at(windows: &[Window], m: &Mounting, velocity: &navfuse_segments::BodyVel
         right += h.transpose() * z / variance;
         if let Some((rate, sigma)) = w.depth_rate {
             let row = w.down.transpose() * sensitivity(m, &w.y);
-            // the velocity's own noise is in this row too
+            // this row also has the noise of the velocity
             let s2 = sigma * sigma + velocity.covariance.trace() / 3.0 / w.count;
             information += row.transpose() * row / s2;
             right += row.transpose() * ((rate - w.down.dot(&m.body(&w.y))) / s2);

@@ -147,7 +147,7 @@ fn what_is_missing_is_named_with_what_to_do() {
         "calibration",
         &[short, from, "estimator.stop=500 s"],
         Method::Tang,
-        &["speak together for", "surface"],
+        &["overlap for", "surface"],
     );
 }
 
@@ -183,11 +183,16 @@ fn a_log_without_rest_is_told_so() {
 #[test]
 fn a_gap_of_the_dvl_inside_a_segment_is_bridged_by_the_imu_or_refused() {
     let gap = ["estimator.stop=720 s", "sensor.dvl.simulation.outages=[[\"630 s\", \"650 s\"]]"];
-    refused("pan-wu-3d", &gap, Method::IoDvlcPrinted, &["silent from 630 s to 650 s", "not used"]);
+    refused(
+        "pan-wu-3d",
+        &gap,
+        Method::IoDvlcPrinted,
+        &["no samples from 630 s to 650 s", "not used"],
+    );
     let data = data("pan-wu-3d", &gap);
     let estimate = Method::IoDvlc.estimate(&data).unwrap();
     assert!(
-        estimate.notes.iter().any(|n| n.contains("bridged by the IMU")),
+        estimate.notes.iter().any(|n| n.contains("the IMU bridges the gap")),
         "{:?}",
         estimate.notes
     );

@@ -2,9 +2,8 @@
 //!
 //! For Gaussian noise and a given trajectory, the filter's covariance recursion with every Jacobian
 //! evaluated at the truth is the bound of the filtered estimate (Tichavsky, Muravchik & Nehorai,
-//! IEEE
-//! Trans. Signal Process. 46, 1998). The filter itself computes this recursion: its samples have no
-//! noise, so its estimate stays at the truth.
+//! IEEE Trans. Signal Process. 46, 1998). The filter itself computes this recursion: its samples
+//! have no noise, so its estimate stays at the truth.
 //!
 //! The bound of the smoothed estimate follows from the backward recursion of Bryson and Frazier. It
 //! accumulates the information `L` of all later samples:

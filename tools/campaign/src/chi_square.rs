@@ -21,11 +21,10 @@ impl Band {
 
 /// Returns the band that contains a sum of squared Gaussian variables with probability `1 - alpha`.
 ///
-/// The sum has the distribution `s chi^2(n)` with `s = variance / (2 expectation)` and
-/// `n = expectation / s`, which has the given mean and variance. The band is exact for a sum of
+/// The sum has the distribution `s chi^2(n)` with `s = variance / (2 expectation)` and `n =
+/// expectation / s`, which has the given mean and variance. The band is exact for a sum of
 /// chi-square variables (`variance = 2 expectation`, `s = 1`); otherwise it is the approximation
-/// with
-/// the same two moments.
+/// with the same two moments.
 pub fn band(expectation: f64, variance: f64, alpha: f64) -> Band {
     let scale = variance / (2.0 * expectation);
     let Ok(chi) = ChiSquared::new(expectation / scale) else {

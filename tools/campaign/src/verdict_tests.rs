@@ -64,11 +64,9 @@ fn campaign(number: u64, runs: usize, epochs: i64, wrong: (usize, f64)) -> Verdi
 /// and not much less.
 ///
 /// The tests of the three blocks and two sensors over all samples, at `0.5 FALSE_ALARM / 6` each,
-/// are
-/// independent and exact: 2.1 %. At the 19 epochs before the last, the tests of the three blocks
-/// are
-/// independent of them, at `0.5 FALSE_ALARM / (6 x 20)` each: 1.2 %. The sum is at least 3.2 %. The
-/// number of alarms is binomial: the limits are those of 99.9 %.
+/// are independent and exact: 2.1 %. At the 19 epochs before the last, the tests of the three
+/// blocks are independent of them, at `0.5 FALSE_ALARM / (6 x 20)` each: 1.2 %. The sum is at least
+/// 3.2 %. The number of alarms is binomial: the limits are those of 99.9 %.
 #[test]
 fn a_consistent_filter_raises_false_alarms_at_the_stated_rate() {
     let campaigns = 600;

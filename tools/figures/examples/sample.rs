@@ -1,8 +1,8 @@
-//! Draws figures such as a run gives: `cargo run -p navfuse-figures --example sample -- FOLDER`.
+//! Draws sample figures of a run: `cargo run -p navfuse-figures --example sample -- FOLDER`.
 
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel, svg};
 
-/// A number between -1 and 1 that looks random.
+/// Returns a pseudo-random number between -1 and 1.
 fn noise(k: usize) -> f64 {
     let x = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let x = (x ^ (x >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -13,7 +13,7 @@ fn curve(name: &str, look: Look, f: impl Fn(usize) -> [f64; 2]) -> Curve {
     Curve { name: name.into(), look, points: (0..300).map(f).collect() }
 }
 
-/// A state that converges: its error, and the bounds of 3 sigma.
+/// State that converges: its error, and the bounds of 3 sigma.
 fn state(k: usize, size: f64, label: &str, title: &str) -> Panel {
     let sigma = move |i: usize| size * (0.02 + (-(i as f64) / 40.0).exp());
     let time = |i: usize| 6.9 * i as f64;
@@ -32,7 +32,7 @@ fn state(k: usize, size: f64, label: &str, title: &str) -> Panel {
     }
 }
 
-/// The same on a logarithmic axis.
+/// The same state on a logarithmic axis.
 fn decay(k: usize, size: f64, label: &str, title: &str) -> Panel {
     let sigma = move |i: usize| size * (1e-3 + (-(i as f64) / 20.0).exp());
     let time = |i: usize| 6.9 * i as f64;
@@ -71,7 +71,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let errors = Figure {
         name: "errors".into(),
-        title: "Errors and what the filter believes".into(),
+        title: "Errors and uncertainty".into(),
         columns: 3,
         panels,
     };
@@ -147,7 +147,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         bands: vec![],
     };
     let empty = Panel {
-        title: "a sensor that was silent".into(),
+        title: "a sensor without samples".into(),
         x: Axis::time(),
         y: Axis::linear("range [m]"),
         curves: vec![],

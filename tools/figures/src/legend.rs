@@ -1,4 +1,5 @@
-//! Names of curves beside a piece of them: once for a figure where that is unambiguous, or once for each panel.
+//! Legends: names of curves with a sample of each, once for the figure if they are unambiguous,
+//! otherwise once per panel.
 
 use crate::look::{LABEL, band, clean, dot, stroke, text, units, width};
 use crate::svg::{Area, Drawn};
@@ -9,25 +10,25 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// Height of a row, page pixels.
 const ROW: f64 = 17.0;
-/// Width of a piece of a curve, page pixels.
+/// Width of the sample of a curve, page pixels.
 const PIECE: f64 = 22.0;
-/// From a piece to its name, and from a name to the next piece, page pixels.
+/// Distance from a sample to its name, and from a name to the next sample, page pixels.
 const GAPS: [f64; 2] = [5.0, 14.0];
 
-/// Names with their looks; a look that is `None` is a band's.
+/// Names with their looks; a band has the look `None`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Legend(Vec<(Option<Look>, String)>);
 
 impl Legend {
-    /// What is in a panel.
+    /// Lists the entries of a panel.
     pub fn of(panel: &Panel) -> Self {
         let mut legend = Self::default();
         legend.extend(panel);
         legend
     }
 
-    /// One legend for the whole figure, where it is the same in all panels, or where a name has the same look and a look
-    /// the same name in all.
+    /// Returns one legend for the whole figure, if all panels have the same one, or if each name
+    /// has a single look and each look a single name.
     pub fn common(figure: &Figure) -> Option<Self> {
         let mut all = Self::default();
         figure.panels.iter().for_each(|p| all.extend(p));
@@ -47,7 +48,7 @@ impl Legend {
         }
     }
 
-    /// Where each entry begins, and the height of all rows; in page pixels.
+    /// Returns the position of each entry and the height of all rows, page pixels.
     fn places(&self, room: f64) -> (Vec<[f64; 2]>, f64) {
         let (mut x, mut y) = (0.0, 0.0);
         let mut places = Vec::new();
@@ -62,12 +63,12 @@ impl Legend {
         (places, if self.0.is_empty() { 0.0 } else { y + ROW })
     }
 
-    /// The height that it takes in a width, page pixels.
+    /// Returns the height of the legend for a width, page pixels.
     pub fn height(&self, room: f64) -> f64 {
         self.places(room).1
     }
 
-    /// Draws it with its upper left corner at a place, page pixels.
+    /// Draws the legend with its upper left corner at a position, page pixels.
     pub fn draw(&self, area: &Area<'_>, [left, top]: [f64; 2], room: f64) -> Drawn {
         let style = text(LABEL, FontStyle::Normal).pos(Pos::new(HPos::Left, VPos::Center));
         for ((look, name), [x, y]) in self.0.iter().zip(self.places(room).0) {

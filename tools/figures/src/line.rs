@@ -1,12 +1,13 @@
-//! What of a line is drawn.
+//! Simplification and clipping of lines.
 
-/// A point in the axes' own measures.
+/// Point in the axes' own measures.
 pub type Point = (f64, f64);
 
-/// How far a point that is left out may be from the line, page pixels: less than a line is wide, and than an eye sees.
+/// Largest distance of an omitted point from the line, page pixels: less than the width of a line.
 const TOLERANCE: f64 = 0.15;
 
-/// The line with as few of its points as show the same: Douglas & Peucker (1973). `unit` is what a page pixel is on each axis.
+/// Simplifies a line by the algorithm of Douglas & Peucker (1973). `unit` is a page pixel in the
+/// measure of each axis.
 pub fn simplified(points: Vec<Point>, unit: [f64; 2]) -> Vec<Point> {
     let place = |k: usize| [points[k].0 / unit[0], points[k].1 / unit[1]];
     let mut kept = vec![false; points.len()];
@@ -31,7 +32,7 @@ pub fn simplified(points: Vec<Point>, unit: [f64; 2]) -> Vec<Point> {
     points.into_iter().filter(|_| kept.next().unwrap_or(false)).collect()
 }
 
-/// From a point to the piece between two others.
+/// Returns the distance from a point to the segment between two others.
 fn distance(point: [f64; 2], [from, to]: [[f64; 2]; 2]) -> f64 {
     let along = [to[0] - from[0], to[1] - from[1]];
     let there = [point[0] - from[0], point[1] - from[1]];
@@ -42,13 +43,13 @@ fn distance(point: [f64; 2], [from, to]: [[f64; 2]; 2]) -> f64 {
     (there[0] - part * along[0]).hypot(there[1] - part * along[1])
 }
 
-/// The pieces of a line that are between two heights.
+/// Returns the pieces of a line between two heights.
 pub fn clipped(points: &[Point], [low, high]: [f64; 2]) -> Vec<Vec<Point>> {
     let mut pieces = vec![Vec::new()];
     for (k, p) in points.iter().enumerate() {
         let crossed = k.checked_sub(1).into_iter().flat_map(|before| {
             let a = points[before];
-            // in the order in which they are crossed
+            // in the order of crossing
             let limits = if a.1 < p.1 { [low, high] } else { [high, low] };
             let at = move |l: f64| (a.0 + (p.0 - a.0) * (l - a.1) / (p.1 - a.1), l);
             limits.into_iter().filter(move |l| (a.1 - l) * (p.1 - l) < 0.0).map(at)

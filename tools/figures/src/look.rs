@@ -1,31 +1,32 @@
-//! Colours, strokes and sizes: one look for every figure.
+//! Colours, strokes and sizes, the same for every figure.
 
 use crate::{Band, Look};
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
-/// Units of the drawing in one pixel of the page: plotters rounds to whole units, which would show as steps in a curve.
+/// Drawing units in a page pixel; plotters rounds to whole units, which would show as steps in a
+/// curve.
 pub const UNITS: f64 = 4.0;
 
-/// Titles of figures, page pixels.
+/// Size of a figure's title, page pixels.
 pub const FIGURE_TITLE: f64 = 17.0;
-/// Titles of panels, page pixels.
+/// Size of a panel's title, page pixels.
 pub const PANEL_TITLE: f64 = 13.0;
-/// Labels of axes and legends, page pixels.
+/// Size of axis labels and legends, page pixels.
 pub const LABEL: f64 = 12.0;
-/// Numbers at the ticks, page pixels.
+/// Size of the numbers at the ticks, page pixels.
 pub const TICK: f64 = 11.0;
 
-/// Text.
+/// Colour of text.
 pub const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
-/// Frames.
+/// Colour of frames.
 pub const FRAME: RGBColor = RGBColor(0x66, 0x66, 0x66);
-/// Grid lines at ticks.
+/// Colour of grid lines at ticks.
 pub const GRID: RGBColor = RGBColor(0xDC, 0xDC, 0xDC);
-/// Grid lines between ticks of a logarithmic axis.
+/// Colour of grid lines between ticks of a logarithmic axis.
 pub const FINE_GRID: RGBColor = RGBColor(0xF0, 0xF0, 0xF0);
 
-// Okabe and Ito, "Color Universal Design", without the yellow that is too bright on white. A single curve is blue as the
-// track in the viewer, and the truth is orange as there.
+// Okabe and Ito, "Color Universal Design", without the yellow, which is too bright on white. A
+// single curve is blue and the truth is orange, as in the viewer.
 const DATA: [RGBColor; 5] = [
     RGBColor(0x00, 0x72, 0xB2), // blue
     RGBColor(0xD5, 0x5E, 0x00), // vermillion
@@ -38,13 +39,13 @@ const TRUTH: RGBColor = RGBColor(0xE6, 0x9F, 0x00); // orange
 const BOUND: RGBColor = RGBColor(0x33, 0x33, 0x33);
 const BAND: RGBColor = RGBColor(0x56, 0xB4, 0xE9);
 
-/// Page pixels in units of the drawing.
+/// Converts page pixels to drawing units.
 pub fn units(pixels: f64) -> i32 {
     (pixels * UNITS).round() as i32
 }
 
 impl Look {
-    /// The colour, red, green and blue.
+    /// Returns the colour, red, green and blue.
     pub fn colour(self) -> [u8; 3] {
         let RGBColor(red, green, blue) = colour(self);
         [red, green, blue]
@@ -52,7 +53,7 @@ impl Look {
 }
 
 impl Band {
-    /// The colour of every band, red, green and blue: drawn pale.
+    /// Colour of every band, red, green and blue, drawn pale.
     pub const COLOUR: [u8; 3] = [BAND.0, BAND.1, BAND.2];
 }
 
@@ -65,7 +66,7 @@ fn colour(look: Look) -> RGBColor {
     }
 }
 
-/// The stroke of a curve.
+/// Returns the stroke of a curve.
 pub fn stroke(look: Look) -> ShapeStyle {
     let pixels = match look {
         Look::Bound => 1.0,
@@ -76,12 +77,12 @@ pub fn stroke(look: Look) -> ShapeStyle {
     line(colour(look), pixels)
 }
 
-/// The filling of a point.
+/// Returns the filling of a point.
 pub fn dot(look: Look) -> ShapeStyle {
     ShapeStyle { color: colour(look).to_rgba(), filled: true, stroke_width: 0 }
 }
 
-/// A solid line of a width in page pixels.
+/// Returns a solid stroke of a width in page pixels.
 pub fn line(colour: RGBColor, pixels: f64) -> ShapeStyle {
     ShapeStyle {
         color: colour.to_rgba(),
@@ -90,19 +91,19 @@ pub fn line(colour: RGBColor, pixels: f64) -> ShapeStyle {
     }
 }
 
-/// The filling of a band.
+/// Returns the filling of a band.
 pub fn band() -> ShapeStyle {
     BAND.mix(0.3).filled()
 }
 
-/// Text of a size in page pixels.
+/// Returns the style of text of a size in page pixels.
 pub fn text(pixels: f64, style: FontStyle) -> TextStyle<'static> {
-    // the backend divides by 1.24, taking the size for that of a box around the letters
+    // the backend divides by 1.24, as for the size of a box around the letters
     let font = ("sans-serif", pixels * UNITS * 1.24).into_font().style(style);
     TextStyle::from(font).color(&INK)
 }
 
-/// Estimates the width of a text in page pixels, on the wide side: no font is known here.
+/// Estimates the width of a text in page pixels, rather too wide, since the font is unknown.
 pub fn width(text: &str, pixels: f64) -> f64 {
     let letter = |c: char| match c {
         'f' | 'i' | 'j' | 'l' | 'r' | 't' | 'I' | ' ' | '.' | ',' | ':' | ';' | '\'' | '|'
@@ -116,7 +117,7 @@ pub fn width(text: &str, pixels: f64) -> f64 {
     pixels * text.chars().map(letter).sum::<f64>()
 }
 
-/// A text in a width: what does not fit ends in an ellipsis.
+/// Truncates a text to a width, with an ellipsis.
 pub fn fit(text: &str, pixels: f64, room: f64) -> String {
     let text = clean(text);
     if width(&text, pixels) <= room {
@@ -130,14 +131,15 @@ pub fn fit(text: &str, pixels: f64, room: f64) -> String {
     fitting.chain(['…']).collect()
 }
 
-/// A text without the control characters that no XML may hold.
+/// Removes the control characters that XML does not allow.
 pub fn clean(text: &str) -> String {
     text.chars()
         .map(|c| if c.is_control() || matches!(c, '\u{FFFE}' | '\u{FFFF}') { ' ' } else { c })
         .collect()
 }
 
-/// What the drawing library has no word for, by the colour of a line: dashes and dots.
+/// Style sheet for dashes and dots, which the drawing library lacks, selected by the colour of a
+/// line.
 pub fn style_sheet() -> String {
     let rule = |colour: RGBColor, rule: &str| {
         let RGBColor(r, g, b) = colour;

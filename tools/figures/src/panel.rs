@@ -1,4 +1,4 @@
-//! One panel.
+//! Layout and drawing of one panel.
 
 use crate::line::{clipped, simplified};
 use crate::look::{
@@ -14,19 +14,19 @@ use plotters::style::{Color, FontStyle, FontTransform};
 
 /// Radius of a point, page pixels.
 pub const RADIUS: f64 = 1.8;
-/// Page pixels of a tick.
+/// Length of a tick, page pixels.
 const MARK: f64 = 4.0;
-/// Page pixels of a line of text.
+/// Height of a line of text, page pixels.
 const TEXT: f64 = 16.0;
-/// Least page pixels from one number to the next: beside and above each other.
+/// Smallest distances between numbers side by side and above each other, page pixels.
 const APART: [f64; 2] = [62.0, 32.0];
 
-/// Whether a unit is as long on both axes.
+/// Returns `true` if the units of both axes have the same length.
 pub fn is_map(panel: &Panel) -> bool {
     panel.x.scale == Scale::Map && panel.y.scale == Scale::Map
 }
 
-/// A panel with its axes, before it has a place.
+/// Panel with its axes, before it has a position.
 pub struct Prepared<'a> {
     panel: &'a Panel,
     x: Ruler,
@@ -34,9 +34,10 @@ pub struct Prepared<'a> {
 }
 
 impl<'a> Prepared<'a> {
-    /// Sets the ranges for a plot of about that size in page pixels.
+    /// Sets the ranges for a plot of about a size in page pixels.
     pub fn new(panel: &'a Panel, [wide, high]: [f64; 2]) -> Self {
-        // a point counts where it lies on both axes; an edge of a band that is zero or infinite bounds nothing
+        // a point counts if it lies on both axes; an edge of a band that is zero or infinite does
+        // not count
         let there = |x: f64, y: f64| place(panel.x.scale, x).and(place(panel.y.scale, y)).is_some();
         let curves = panel.curves.iter().flat_map(|c| c.points.iter().copied());
         let bands = panel
@@ -66,32 +67,33 @@ impl<'a> Prepared<'a> {
         prepared
     }
 
-    /// Fits a map into a plot of that size in page pixels; nothing else depends on it so much.
+    /// Fits a map into a plot of a size in page pixels; other panels hardly depend on the size.
     pub fn fit(&mut self, size: [f64; 2]) {
         if is_map(self.panel) {
             same_unit([&mut self.x, &mut self.y], size, [size[0] / APART[0], size[1] / APART[1]]);
         }
     }
 
-    /// The width of what is left of the plot, page pixels.
+    /// Returns the width of the labels left of the plot, page pixels.
     pub fn left(&self) -> f64 {
         let numbers = self.y.ticks.iter().map(|t| width(&t.1, TICK)).fold(12.0, f64::max);
         let label = if self.panel.y.label.is_empty() { 0.0 } else { TEXT };
         label + numbers + MARK + 6.0
     }
 
-    /// The width of what is right of the plot, page pixels: half of a number at its edge.
+    /// Returns the width right of the plot, page pixels: half of a number at its edge.
     pub fn right(&self) -> f64 {
         let at_edge = |t: &&(f64, String)| t.0 > self.x.high - 0.1 * (self.x.high - self.x.low);
         self.x.ticks.last().filter(at_edge).map_or(0.0, |t| 0.5 * width(&t.1, TICK))
     }
 
-    /// The height of what is below the plot, page pixels.
+    /// Returns the height of the labels below the plot, page pixels.
     pub fn below(&self, labelled: bool) -> f64 {
         MARK + TEXT + if labelled && !self.panel.x.label.is_empty() { TEXT } else { 0.0 }
     }
 
-    /// Draws the plot with its numbers, and the labels of the axes; the plot is a rectangle in page pixels.
+    /// Draws the plot with its numbers, and the labels of the axes. The plot is a rectangle in page
+    /// pixels.
     pub fn draw(
         &self,
         area: &Area<'_>,
@@ -124,7 +126,7 @@ impl<'a> Prepared<'a> {
         for curve in &self.panel.curves {
             let style = stroke(curve.look);
             let points = matches!(curve.look, Look::Points(_));
-            // a line of one point would not be seen
+            // a line of one point would be invisible
             let (dots, lines): (Vec<_>, Vec<_>) =
                 self.pieces(curve).into_iter().partition(|p| points || p.len() == 1);
             chart.draw_series(
@@ -164,7 +166,7 @@ impl<'a> Prepared<'a> {
         Ok(())
     }
 
-    /// The pieces of a curve between points that lie nowhere.
+    /// Splits a curve at points that do not lie on the axes.
     fn pieces(&self, curve: &Curve) -> Vec<Vec<(f64, f64)>> {
         let (x, y) = (self.panel.x.scale, self.panel.y.scale);
         let points = curve.points.iter().map(|p| Some((place(x, p[0])?, place(y, p[1])?)));
@@ -181,7 +183,8 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// The outlines of the pieces of the bands: where only one edge lies somewhere, the other is the side of the plot.
+    /// Returns the outlines of the pieces of the bands. If only one edge lies on the axis, the side
+    /// of the plot replaces the other.
     fn bands(&self) -> Vec<Vec<Vec<(f64, f64)>>> {
         let (x, y) = (self.panel.x.scale, self.panel.y.scale);
         let edges = |[_, low, high]: &[f64; 3]| match (place(y, *low), place(y, *high)) {
@@ -205,7 +208,7 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// The runs of what is there.
+/// Returns the runs of values that are present.
 fn split<T>(items: impl Iterator<Item = Option<T>>) -> impl Iterator<Item = Vec<T>> {
     let mut items = items;
     std::iter::from_fn(move || {

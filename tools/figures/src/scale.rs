@@ -1,16 +1,17 @@
-//! Ranges and ticks.
+//! Ranges and ticks of axes.
 
 use crate::Scale;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use std::ops::Range;
 
-/// What is larger is no number of navigation and would overflow in the arithmetic of an axis; what is smaller than its
-/// inverse would underflow there, and is zero.
+/// Largest magnitude of a plotted value; larger values would overflow in the arithmetic of an axis.
+/// Values below its inverse would underflow and count as zero.
 const LARGEST: f64 = 1e100;
 
-/// Where a value lies on an axis, in the axis's own measure: the value, or its decade. `None` where it lies nowhere.
+/// Position of a value on an axis, in the axis's own measure: the value, or its decimal logarithm.
+/// `None` if it has no position.
 pub fn place(scale: Scale, value: f64) -> Option<f64> {
-    let there = value.abs() < LARGEST; // NaN is not
+    let there = value.abs() < LARGEST; // false for a NaN
     match scale {
         Scale::Linear | Scale::Time | Scale::Map if value.abs() < 1.0 / LARGEST => Some(0.0),
         Scale::Linear | Scale::Time | Scale::Map => there.then_some(value),
@@ -18,20 +19,20 @@ pub fn place(scale: Scale, value: f64) -> Option<f64> {
     }
 }
 
-/// An axis with a range: all in the axis's own measure.
+/// Axis with a range, in the axis's own measure.
 #[derive(Clone, Debug)]
 pub struct Ruler {
     pub low: f64,
     pub high: f64,
-    /// Places with a number, and the number.
+    /// Positions of the ticks with their numbers.
     pub ticks: Vec<(f64, String)>,
-    /// Places with a fine line.
+    /// Positions of fine grid lines.
     pub fine: Vec<f64>,
 }
 
 impl Ruler {
-    /// The axis that spans values and a margin, as a part of the range; with about so many ticks. Without values it
-    /// spans nothing of interest and has no ticks.
+    /// Creates an axis that spans the values and a margin, as a fraction of the range, with about
+    /// `ticks` ticks. Without values the axis has no ticks.
     pub fn new(scale: Scale, values: impl Iterator<Item = f64>, margin: f64, count: f64) -> Self {
         let (low, high) = (values.filter_map(|v| place(scale, v)))
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -43,7 +44,7 @@ impl Ruler {
         Self::spanning(scale, low - margin, high + margin, count)
     }
 
-    /// The axis from `low` to `high`, in its own measure, with about so many ticks.
+    /// Creates an axis from `low` to `high`, in its own measure, with about `ticks` ticks.
     fn spanning(scale: Scale, low: f64, high: f64, count: f64) -> Self {
         let (ticks, fine) = match scale {
             Scale::Logarithmic => decades(low, high, count),
@@ -53,8 +54,8 @@ impl Ruler {
     }
 }
 
-/// Widens one of two axes so that a unit is as long on both, in a plot of that size in page pixels, which has about so
-/// many ticks.
+/// Widens one of two axes so that their units have the same length in a plot of a size in page
+/// pixels, with about `ticks` ticks.
 pub fn same_unit(rulers: [&mut Ruler; 2], size: [f64; 2], counts: [f64; 2]) {
     let per_pixel = |k: usize| (rulers[k].high - rulers[k].low) / size[k];
     let unit = per_pixel(0).max(per_pixel(1));
@@ -94,7 +95,7 @@ impl ValueFormatter<f64> for Ruler {
     }
 }
 
-/// A range that is one: a constant lies in the middle.
+/// Returns a range of non-zero length; a constant lies in its middle.
 fn spread(scale: Scale, low: f64, high: f64) -> (f64, f64) {
     let size = low.abs().max(high.abs());
     let (least, half) = match scale {
@@ -107,11 +108,11 @@ fn spread(scale: Scale, low: f64, high: f64) -> (f64, f64) {
     if high - low > least { (low, high) } else { (low - half, high + half) }
 }
 
-/// A step of 1, 2 or 5 times a power of ten, for about so many steps.
+/// Returns a step of 1, 2 or 5 times a power of ten, for about `count` steps.
 fn step(low: f64, high: f64, count: f64) -> f64 {
     let raw = (high - low) / count.max(1.0);
     let power = 10f64.powf(raw.log10().floor());
-    // the nearest as a ratio: between 1 and 2 the border is the square root of 2
+    // nearest as a ratio: the border between 1 and 2 is the square root of 2
     let factor = match raw / power {
         f if f < 1.41 => 1.0,
         f if f < 3.16 => 2.0,
@@ -121,9 +122,9 @@ fn step(low: f64, high: f64, count: f64) -> f64 {
     power * factor
 }
 
-/// Multiples of the step.
+/// Lists the multiples of the step.
 fn multiples(low: f64, high: f64, step: f64) -> impl Iterator<Item = f64> {
-    let slack = 1e-9; // a tick at the edge is in
+    let slack = 1e-9; // include a tick at the edge
     let (first, last) = ((low / step - slack).ceil(), (high / step + slack).floor());
     let count = (last - first + 1.0).clamp(0.0, 1000.0) as usize;
     (0..count).map(move |k| (first + k as f64) * step)
@@ -135,7 +136,8 @@ fn linear(low: f64, high: f64, count: f64) -> Vec<(f64, String)> {
     multiples(low, high, step).map(|v| (v.clamp(low, high), number(v, step, largest))).collect()
 }
 
-/// Powers of ten with fine lines between them; in a range of less, multiples of them by 2 and 5, or a linear division.
+/// Ticks at powers of ten with fine lines between them; within a short range, ticks at their
+/// multiples by 2 and 5, or a linear division.
 fn decades(low: f64, high: f64, count: f64) -> (Vec<(f64, String)>, Vec<f64>) {
     let slack = 1e-9;
     let within = |v: &f64| *v >= low - slack && *v <= high + slack;
@@ -176,10 +178,11 @@ fn decades(low: f64, high: f64, count: f64) -> (Vec<(f64, String)>, Vec<f64>) {
     )
 }
 
-/// A number with the digits that tell it from its neighbours one step away; with an exponent where there are many.
+/// Formats a number with the digits that distinguish it from its neighbours one step away; with an
+/// exponent if there are many.
 fn number(value: f64, step: f64, largest: f64) -> String {
     let digit = (step.log10() + 1e-9).floor() as i32;
-    // half a step from zero is zero
+    // less than half a step from zero is zero
     let value = if value.abs() < 0.5 * step { 0.0 } else { value };
     if largest < 1e6 && digit >= -4 {
         return format!("{value:.*}", usize::try_from(-digit).unwrap_or(0));
@@ -192,7 +195,7 @@ fn number(value: f64, step: f64, largest: f64) -> String {
     format!("{:.digits$}e{exponent}", value / 10f64.powi(exponent))
 }
 
-/// 1, 2 or 5 times a power of ten.
+/// Returns 1, 2 or 5 times a power of ten.
 fn decimal(value: f64) -> String {
     let exponent = (value.log10() + 1e-9).floor() as i32;
     match exponent {

@@ -1,4 +1,4 @@
-//! A figure as SVG: where its title, legends and panels go.
+//! SVG output: positions of the title, legends and panels.
 
 use crate::legend::Legend;
 use crate::look::{FIGURE_TITLE, PANEL_TITLE, UNITS, fit, style_sheet, text, units};
@@ -11,30 +11,31 @@ use plotters::element::Text;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, WHITE};
 
-/// Where is drawn.
+/// Drawing area of the backend.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-/// The outcome of drawing something.
+/// Result of drawing an element.
 pub type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
-/// Width of a figure, page pixels; where its columns would be narrower than `NARROWEST` it is wider.
+/// Width of a figure, page pixels; a figure is wider if its columns would be narrower than
+/// `NARROWEST`.
 const WIDTH: f64 = 900.0;
 const NARROWEST: f64 = 180.0;
-/// At the edges of a figure and between panels, page pixels.
+/// Distance at the edges of a figure and between panels, page pixels.
 const GAP: f64 = 12.0;
-/// Height of titles, page pixels.
+/// Height of a title, page pixels.
 const TITLES: [f64; 2] = [28.0, 20.0];
 
-/// What the backend writes of every point although it is so anyway, a third of the whole. In a text a quotation mark is
-/// escaped, so that these are attributes wherever they are.
+/// Attributes with default values that the backend writes for every point, a third of the file.
+/// Quotation marks in texts are escaped, so every match is an attribute.
 const DEFAULTS: [&str; 2] = [" opacity=\"1\"", " stroke=\"none\" stroke-width=\"0\""];
 
-/// Draws a figure, to be shown 900 pixels wide. The same figure gives the same bytes.
+/// Draws a figure for a width of 900 pixels. The same figure always gives the same bytes.
 ///
-/// What cannot be drawn is left out: points that are not finite or, on a logarithmic axis, not positive. A panel of which
-/// nothing is left says "no data".
+/// Points that are not finite or, on a logarithmic axis, not positive, are left out. A panel
+/// without any points shows "no data".
 ///
 /// # Errors
-/// When the drawing library gives up.
+/// Returns an error if the drawing library fails.
 pub fn svg(figure: &Figure) -> Result<String, FigureError> {
     let layout = Layout::new(figure);
     let size = [layout.width, layout.height].map(|s| units(s).unsigned_abs());
@@ -59,19 +60,19 @@ struct Layout<'a> {
     figure: &'a Figure,
     width: f64,
     height: f64,
-    /// Below the title, where there is one.
+    /// Position below the title, if there is one.
     legend: Option<(Legend, f64)>,
     cells: Vec<Cell<'a>>,
 }
 
-/// A panel and its place.
+/// Panel with its position.
 struct Cell<'a> {
     panel: &'a Panel,
     prepared: Prepared<'a>,
     legend: Legend,
     /// Left, top, width and height of the plot.
     plot: [f64; 4],
-    /// Whether the horizontal axis has a label: not where the panel below has the same.
+    /// Set if the horizontal axis has a label; the panel below has the same one otherwise.
     labelled: bool,
 }
 
@@ -79,13 +80,13 @@ impl<'a> Layout<'a> {
     fn new(figure: &'a Figure) -> Self {
         let columns = figure.columns.clamp(1, figure.panels.len().max(1));
         let width = WIDTH.max(NARROWEST * columns as f64);
-        let wide = (width - GAP) / columns as f64; // with the gap at its right
+        let wide = (width - GAP) / columns as f64; // including the gap at its right
         let maps = figure.panels.iter().any(is_map);
         let high =
             if maps { (0.75 * wide).clamp(130.0, 460.0) } else { (0.5 * wide).clamp(130.0, 260.0) };
         let prepared: Vec<_> =
             figure.panels.iter().map(|p| Prepared::new(p, [wide - 60.0, high])).collect();
-        // plots of a column are as wide as the widest numbers beside them allow
+        // the plots of a column leave room for its widest numbers
         let widest = |of: fn(&Prepared<'a>) -> f64| -> Vec<f64> {
             let column = |c| {
                 prepared.iter().skip(c).step_by(columns).map(of).fold(0.0, f64::max).min(0.5 * wide)

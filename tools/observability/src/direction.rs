@@ -20,12 +20,9 @@ const NAMED: f64 = 0.3;
 /// first.
 ///
 /// `left` is the symmetric matrix `M` of [`crate::initial_error`], with eigenvalues between 0 and
-/// 1;
-/// `of` selects the components that take part. (Nearly) equal eigenvalues have any basis of their
-/// space
-/// as eigenvectors. Varimax (Kaiser 1958) rotates this basis so that each direction consists of as
-/// few
-/// components as possible.
+/// 1; `of` selects the components that take part. (Nearly) equal eigenvalues have any basis of
+/// their space as eigenvectors. Varimax (Kaiser 1958) rotates this basis so that each direction
+/// consists of as few components as possible.
 pub fn undetermined(n: usize, left: &[f64], of: impl Fn(usize) -> bool) -> Vec<Direction> {
     let kept: Vec<usize> = (0..n).filter(|&i| of(i)).collect();
     if kept.is_empty() {
@@ -49,19 +46,18 @@ pub fn undetermined(n: usize, left: &[f64], of: impl Fn(usize) -> bool) -> Vec<D
             Direction { left: (v.transpose() * &m * v)[(0, 0)].clamp(0.0, 1.0), parts }
         })
         .collect();
-    // a direction of many small weights has no part
+    // a direction of many small weights has no named part
     let heaviest = |d: &Direction| d.parts.first().map(|p| p.0);
     directions.sort_by(|a, b| b.left.total_cmp(&a.left).then(heaviest(a).cmp(&heaviest(b))));
     directions
 }
-// a direction of many small weights has no named part
-/// Turns pairs of columns until the fourth powers of all elements sum to the most.
+
+/// Rotates pairs of columns until the sum of the fourth powers of all elements is largest
+/// (Kaiser 1958). For one pair, the angle `a` with `tan 4a = num / den` maximises the sum.
 fn varimax(a: &mut DMatrix<f64>) {
     let (n, m) = a.shape();
     for _ in 0..100 {
-        /// Rotates pairs of columns until the sum of the fourth powers of all elements is largest
-        /// (Kaiser 1958). The angle `tan 4a = num / den` maximises the sum for one pair in closed
-        /// form.
+        let mut turned = 0.0_f64;
         for (p, q) in (0..m).flat_map(|p| (p + 1..m).map(move |q| (p, q))) {
             let (mut num, mut den) = (0.0, 0.0);
             for i in 0..n {

@@ -1,20 +1,17 @@
 //! The remaining part of the initial error: a fixed-point smoother of the whole state.
 //!
 //! Let `x_0` be the initial error with covariance `P_0 = L L'`. With the filter's own `Phi`, `H`,
-//! `S` and
-//! `K`, the smoother propagates (Simon, *Optimal State Estimation*, 2006, section 9.2)
+//! `S` and `K`, the smoother propagates (Simon, *Optimal State Estimation*, 2006, section 9.2)
 //! ```text
 //! G = cov(x_t, x_0) L'^-1:   G- = Phi G,   G+ = (I - K H) G-,               G = L at the start
 //! M = L^-1 cov(x_0 | z) L'^-1:             M+ = M - (H G-)' S^-1 (H G-),    M = I at the start
 //! ```
 //! `M` is the remaining covariance of `x_0` in units of the prior. Its eigenvalues are between 0
-//! and 1; an
-//! eigenvector with eigenvalue 1 is a direction on which the measurements hold no information.
-//! Without
-//! process noise, `M^-1 - I` is the local observability Gramian `sum Phi' H' R^-1 H Phi` in these
-//! units;
-//! process noise reduces it. Neither matrix is ever inverted, so unobservable directions cause no
-//! numerical trouble. `G = (I - K H) Phi ... L` maps the initial error to the present error.
+//! and 1; an eigenvector with eigenvalue 1 is a direction on which the measurements hold no
+//! information. Without process noise, `M^-1 - I` is the local observability Gramian `sum Phi' H'
+//! R^-1 H Phi` in these units; process noise reduces it. Neither matrix is ever inverted, so
+//! unobservable directions cause no numerical trouble. `G = (I - K H) Phi ... L` maps the initial
+//! error to the present error.
 //!
 //! `F = Phi ... L` is the same map without measurements. The diagonal of the Gramian of `F` is the
 //! information that the measurements would hold on each component if all others were known.

@@ -1,10 +1,8 @@
 //! The planner: ranks candidate manoeuvres by the Cramer-Rao bound that they would reach.
 //!
 //! Each candidate is appended to the scenario's own segments and run at the truth, where the
-//! filter's
-//! covariance is the bound ([`navfuse_core::run::scenario::Scenario::assemble_at_truth`]). The
-//! planner
-//! compares it with straight motion of the same duration.
+//! filter's covariance is the bound ([`navfuse_core::run::scenario::Scenario::assemble_at_truth`]).
+//! The planner compares it with straight motion of the same duration.
 
 use crate::tracker::{Tracker, TrackerSink};
 use crate::{Verdict, words};

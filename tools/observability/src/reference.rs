@@ -9,10 +9,8 @@ use std::ops::Range;
 /// Phi_bb P Phi_bb' + Q_bb`.
 ///
 /// A constant keeps its sigma, a random walk grows, and a Gauss-Markov process tends to its
-/// stationary
-/// sigma. The errors of other blocks drive the attitude, velocity and position of an INS. Such a
-/// driven
-/// block has no dynamics of its own and keeps its prior.
+/// stationary sigma. The errors of other blocks drive the attitude, velocity and position of an
+/// INS. Such a driven block has no dynamics of its own and keeps its prior.
 #[derive(Clone, Debug)]
 pub struct Reference {
     covariance: Covariance,

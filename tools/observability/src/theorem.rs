@@ -1,16 +1,14 @@
 //! Theorem 1 of Pan & Wu (2016) and its remarks, evaluated on the segments of a recording.
 //!
 //! The theorem makes attitude, velocity, the inertial sensors' biases and the DVL's scale factor
-//! and
-//! misalignment observable under two conditions:
+//! and misalignment observable under two conditions:
 //! - on the Type-I segments (constant attitude), the specific-force rates `fdot^b` have at least
 //!   two
 //!   linearly independent directions;
 //! - on the Type-II segments (turns), the points `alpha` of eq. (13) are not coplanar.
 //!
 //! Both conditions are ranks of scatter matrices. A singular value counts only if it exceeds the
-//! one
-//! that noise alone would produce.
+//! one that noise alone would produce.
 
 use crate::Tracker;
 use crate::report::StateReport;

@@ -78,18 +78,13 @@ pub struct SensorShare {
 /// Tracks the observability of a run, for any composition.
 ///
 /// For a block with dynamics of its own, the share of prior is `(sigma / reference)^2`, with the
-/// sigma
-/// without measurements as the reference ([`ComponentStatus::reference`]). For a constant this is
-/// the
-/// remaining part of the prior variance.
+/// sigma without measurements as the reference ([`ComponentStatus::reference`]). For a constant
+/// this is the remaining part of the prior variance.
 ///
 /// A driven block, such as the velocity of an INS, has no such reference. Its share is the part of
-/// the
-/// initial variance that is still in the estimate, `Psi P_0 Psi' / P_0`, where `Psi` is the product
-/// of
-/// all `(I - K H) Phi`. An unobserved position keeps all of it, however little its sigma has grown;
-/// a
-/// measured velocity forgets its initial value.
+/// the initial variance that is still in the estimate, `Psi P_0 Psi' / P_0`, where `Psi` is the
+/// product of all `(I - K H) Phi`. An unobserved position keeps all of it, however little its sigma
+/// has grown; a measured velocity forgets its initial value.
 pub struct Tracker {
     layout: Layout,
     components: Vec<Component>,

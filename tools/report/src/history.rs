@@ -1,4 +1,4 @@
-//! A run as far as it can be shown: counts of everything, and series of a bounded length.
+//! History of a run: counts of everything, and series of a bounded length.
 
 use crate::thin::{Merge, Thin};
 use navfuse_core::model::record::{Event, Level};
@@ -8,70 +8,72 @@ use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 
-/// The most events that are kept of each level.
+/// Largest number of recorded events of each level.
 const EVENTS: usize = 500;
 
-/// One run: filled by a [`crate::Recorder`] while it runs, or from its log by [`crate::read_log`], with the same result.
+/// History of one run. A [`crate::Recorder`] collects it during the run, and [`crate::read_log`]
+/// from the log, with the same result.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
-    /// The scenario's name.
+    /// Name of the scenario.
     pub name: String,
-    /// Version of the program that ran it.
+    /// Version of the program that ran the scenario.
     pub version: String,
-    /// The scenario in TOML, as it was run.
+    /// Scenario in TOML, as it was run.
     pub scenario: String,
-    /// The blocks of the state.
+    /// Blocks of the state.
     pub blocks: Vec<BlockHistory>,
-    /// The sensors, in the order of their ids.
+    /// Sensors, in the order of their ids.
     pub sensors: Vec<SensorHistory>,
-    /// The first events of each level.
+    /// First events of each level.
     pub events: Vec<Event>,
-    /// How many more there were.
+    /// Number of further events.
     pub events_left_out: u64,
-    /// What a reader should know of this history itself, such as that the log was cut off.
+    /// Warnings about the history itself, such as a truncated log.
     pub warnings: Vec<String>,
 }
 
-/// What is known of a block.
+/// History of a block.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockHistory {
-    /// `owner.name`, such as `dvl.scale`.
+    /// Full name, such as `dvl.scale`.
     pub name: String,
-    /// What the filter does with it.
+    /// Treatment by the filter: estimated, considered or fixed.
     pub mode: Mode,
-    /// One name a component.
+    /// Names of the components.
     pub components: Vec<String>,
-    /// The unit of sigma and error, and of the estimate unless that is a position; empty for a ratio.
+    /// Unit of sigma and error, and of the estimate unless it is a position; empty for a ratio.
     pub unit: String,
-    /// Whether the estimate is latitude and longitude (deg) and height (m), and sigma and error north, east, down (m).
+    /// Set for a position: the estimate is latitude and longitude (deg) and height (m), sigma and
+    /// error are north, east, down (m).
     pub geodetic: bool,
-    /// The estimate over time: rows stand for several epochs, of which they show one.
+    /// Estimates over time; a row represents several epochs by one of them.
     pub rows: Thin<Row>,
-    /// The first estimate: of a filter that starts from a reference that before any measurement.
+    /// First estimate; the prior, if the filter starts from a reference.
     pub first: Row,
-    /// The last estimate.
+    /// Last estimate.
     pub last: Row,
-    /// The last estimate that the truth was known of.
+    /// Last estimate with a known truth.
     pub compared: Option<Row>,
-    /// Of a position: how far it went.
+    /// Path length of a position.
     pub travelled: Travelled,
 }
 
-/// A block's estimate at one epoch, in display units.
+/// Estimate of a block at one epoch, in display units.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Row {
-    /// s.
+    /// Time, s.
     pub time: f64,
-    /// One a component.
+    /// Estimate of each component.
     pub estimate: Vec<f64>,
-    /// 1-sigma.
+    /// 1-sigma of each component.
     pub sigma: Vec<f64>,
-    /// Estimate minus truth; empty where that is not known.
+    /// Estimate minus truth; empty if the truth is not known.
     pub error: Vec<f64>,
 }
 
 impl Merge for Row {
-    /// The first that is compared with the truth, so that a slow reference is seen.
+    /// Keeps the first row with an error, so that a slow reference remains visible.
     fn merge(&mut self, next: Self) {
         if self.error.is_empty() && !next.error.is_empty() {
             *self = next;
@@ -79,102 +81,104 @@ impl Merge for Row {
     }
 }
 
-/// Horizontal path lengths and errors, at all epochs.
+/// Horizontal path lengths and errors over all epochs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Travelled {
-    /// Of the estimate, m.
+    /// Path length of the estimate, m.
     pub estimate: f64,
-    /// Of the truth, where it is known, m.
+    /// Path length of the truth, where it is known, m.
     pub truth: f64,
-    /// Sum of the squares of the horizontal error, m^2, and how many there are.
+    /// Sum of squared horizontal errors, m^2, and their number.
     pub squares: (f64, u64),
 }
 
-/// What is known of a sensor.
+/// History of a sensor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SensorHistory {
-    /// Its name in the scenario.
+    /// Name in the scenario.
     pub name: String,
-    /// Its registered type, where it is known.
+    /// Registered type, if it is known.
     pub kind: Option<String>,
-    /// What it is for, where it is known.
+    /// Purpose, if it is known.
     pub purpose: Option<Purpose>,
-    /// Name and SI unit of its channels, such as `vel_x_mps`; none before its first sample.
+    /// Names and SI units of the channels, such as `vel_x_mps`; empty before the first sample.
     pub channels: Vec<String>,
-    /// How many samples there were.
+    /// Number of samples.
     pub read: u64,
-    /// The samples over time: rows stand for several, with the least and the greatest of each channel.
+    /// Samples over time; a row has the smallest and the largest value of each channel over several
+    /// samples.
     pub samples: Thin<Envelope>,
-    /// What became of the samples of a measuring sensor.
+    /// Outcomes of the samples of a measuring sensor.
     pub updates: Updates,
 }
 
-/// The range of a sensor's channels over some samples.
+/// Range of a sensor's channels over several samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Envelope {
-    /// Of the first, s.
+    /// Time of the first sample, s.
     pub time: f64,
-    /// One a channel; NaN where it is missing.
+    /// Smallest value of each channel; NaN if it is missing.
     pub low: Vec<f64>,
-    /// One a channel.
+    /// Largest value of each channel.
     pub high: Vec<f64>,
 }
 
 impl Merge for Envelope {
     fn merge(&mut self, next: Self) {
-        // `min` and `max` take the other where one is NaN
+        // if one operand is NaN, `min` and `max` return the other
         self.low.iter_mut().zip(next.low).for_each(|(a, b)| *a = a.min(b));
         self.high.iter_mut().zip(next.high).for_each(|(a, b)| *a = a.max(b));
     }
 }
 
-/// What became of the samples of a measuring sensor.
+/// Outcomes of the samples of a measuring sensor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Updates {
-    /// Corrected the state.
+    /// Samples that updated the state.
     pub accepted: u64,
-    /// Were outside the gate.
+    /// Samples outside the gate.
     pub gated: u64,
-    /// Could not be used: why, and how many.
+    /// Rejected samples: the reason and the number.
     pub rejected: Vec<(String, u64)>,
-    /// Sum of the normalised innovation squared of those that were accepted, and of their degrees of freedom.
+    /// Sum of the normalised innovation squared of the accepted samples, and of their degrees of
+    /// freedom.
     pub nis: [f64; 2],
-    /// Of those that were accepted, every n-th.
+    /// Every n-th accepted innovation.
     pub innovations: Thin<Innovation>,
-    /// Of those that were gated, every n-th where there are very many.
+    /// Every n-th gated innovation; all, unless there are very many.
     pub outliers: Thin<Innovation>,
-    /// The sums of `nis` over time.
+    /// Sums of `nis` over time.
     pub consistency: Thin<Consistency>,
 }
 
-/// An innovation.
+/// Innovation of a sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Innovation {
-    /// s.
+    /// Time, s.
     pub time: f64,
-    /// Sample minus prediction, SI, one a channel; NaN where it was not there.
+    /// Sample minus prediction of each channel, SI; NaN if the channel is missing.
     pub innovation: Vec<f64>,
-    /// Its 1-sigma, one a channel.
+    /// 1-sigma of the innovation of each channel.
     pub sigma: Vec<f64>,
     /// Normalised innovation squared.
     pub nis: f64,
-    /// The gate's threshold on it; infinite where the gate is off.
+    /// Threshold of the gate on the NIS; infinite if the gate is off.
     pub threshold: f64,
 }
 
 impl Merge for Innovation {
-    /// The first: a choice that does not depend on the value does not mislead.
+    /// Keeps the first row, a choice that does not depend on the value and so introduces no bias.
     fn merge(&mut self, _: Self) {}
 }
 
-/// Sums over some accepted samples.
+/// Sums over several accepted samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Consistency {
-    /// From the first to the last, s.
+    /// Times of the first and the last sample, s.
     pub span: [f64; 2],
     /// Sum of the normalised innovation squared.
     pub nis: f64,
-    /// Sum of the degrees of freedom: the expectation of `nis`.
+    /// Sum of the degrees of freedom, the expectation of `nis`.
     pub expected: f64,
 }
 
@@ -186,7 +190,7 @@ impl Merge for Consistency {
     }
 }
 
-/// A block before its first estimate.
+/// Description of a block before its first estimate.
 #[derive(Clone, Copy, Debug)]
 pub struct BlockInfo<'a, C> {
     pub name: &'a str,
@@ -196,7 +200,7 @@ pub struct BlockInfo<'a, C> {
     pub geodetic: bool,
 }
 
-/// What became of a sample.
+/// Outcome of a sample.
 #[derive(Clone, Copy, Debug)]
 pub enum Fate<'a> {
     Accepted,
@@ -205,28 +209,28 @@ pub enum Fate<'a> {
 }
 
 impl History {
-    /// When the filter started and ended, s.
+    /// Returns the times of the first and the last estimate, s.
     pub fn span(&self) -> Option<[f64; 2]> {
         let first = self.blocks.first()?;
         Some([first.first.time, first.last.time])
     }
 
-    /// The block that is a position.
+    /// Returns the position block.
     pub fn position(&self) -> Option<&BlockHistory> {
         self.blocks.iter().find(|b| b.geodetic)
     }
 
-    /// The block of that name.
+    /// Finds a block by its name.
     pub fn block(&self, name: &str) -> Option<&BlockHistory> {
         self.blocks.iter().find(|b| b.name == name)
     }
 
-    /// The sensor of that name.
+    /// Finds a sensor by its name.
     pub fn sensor(&self, name: &str) -> Option<&SensorHistory> {
         self.sensors.iter().find(|s| s.name == name)
     }
 
-    /// The estimate of a block, which is introduced with its first.
+    /// Adds an estimate of a block; the first estimate adds the block.
     pub(crate) fn state<'c, C: Iterator<Item = &'c str>>(
         &mut self,
         info: BlockInfo<'_, C>,
@@ -238,7 +242,7 @@ impl History {
         }
     }
 
-    /// A sample.
+    /// Adds a sample.
     pub(crate) fn sample<'c>(
         &mut self,
         sample: &Sample,
@@ -258,7 +262,8 @@ impl History {
         });
     }
 
-    /// What became of a sample, with the innovation and its 1-sigma of the channels that were there.
+    /// Adds the outcome of a sample, with the innovation and its 1-sigma of the channels that are
+    /// present.
     pub(crate) fn update(
         &mut self,
         (sensor, time, fate): (usize, Time, Fate<'_>),
@@ -294,7 +299,7 @@ impl History {
         }
     }
 
-    /// Something to read.
+    /// Adds an event.
     pub(crate) fn event(&mut self, event: &Event) {
         if self.events.iter().filter(|e| e.level == event.level).count() < EVENTS {
             self.events.push(event.clone());
@@ -303,7 +308,7 @@ impl History {
         }
     }
 
-    /// The worst level of all events.
+    /// Returns the highest level of all events.
     pub fn level(&self) -> Level {
         self.events.iter().map(|e| e.level).max().unwrap_or(Level::Info)
     }
@@ -352,18 +357,18 @@ impl BlockHistory {
         }
     }
 
-    /// The rows, and the last estimate.
+    /// Iterates over the rows and the last estimate.
     pub fn shown(&self) -> impl Iterator<Item = &Row> + Clone {
         let more = self.rows.rows().last().is_some_and(|r| r.time < self.last.time);
         self.rows.rows().iter().chain(more.then_some(&self.last))
     }
 
-    /// Whether the filter says how good it is: not of a block that is held fixed.
+    /// Returns `true` if the filter has an uncertainty of the block; a fixed block has none.
     pub fn uncertain(&self) -> bool {
         self.mode != Mode::Fixed
     }
 
-    /// `owner.name component`.
+    /// Returns the full name of a component: `owner.name component`.
     pub fn component(&self, k: usize) -> String {
         match self.components.len() {
             1 => self.name.clone(),
@@ -371,7 +376,7 @@ impl BlockHistory {
         }
     }
 
-    /// The name of a component of sigma and error.
+    /// Returns the name of a component of sigma and error.
     pub fn axis(&self, k: usize) -> &str {
         if self.geodetic {
             ["north", "east", "down"][k]
@@ -380,8 +385,8 @@ impl BlockHistory {
         }
     }
 
-    /// Whether its true value does not move, as that of a calibration; where no truth is known, whether the estimate stays
-    /// where 10 prior sigmas could have it.
+    /// Returns `true` if the true value is constant, as for a calibration. Without a truth, the
+    /// block counts as constant if its estimate stays within 10 prior sigmas.
     pub fn constant(&self) -> bool {
         if self.geodetic {
             return false;
@@ -405,7 +410,8 @@ impl BlockHistory {
     }
 }
 
-/// North, east and down metres from one position to another: latitude and longitude in deg, height in m.
+/// Returns the displacement between two positions in north, east and down, m; positions are
+/// latitude and longitude in deg and height in m.
 pub(crate) fn displacement(to: &[f64], from: &[f64]) -> [f64; 3] {
     let place = |p: &[f64]| match *p {
         [latitude, longitude, height] => Some(Geodetic {

@@ -1,8 +1,10 @@
-//! What a run was: gathered while it runs or read from its log, drawn, and written as one page that opens offline.
+//! Reports of runs: collected during a run or from its log, plotted, and written as one page that
+//! opens offline.
 //!
-//! A [`History`] is everything that is shown: series of a bounded length however long the run was, and counts of all.
-//! [`Recorder`] gathers it from a run, [`read_log`] from a log, with the same result. [`plots`] draws it, [`page`] writes the
-//! report, and [`pan_wu`] makes the figures of Pan & Wu (2016) from the histories of their two runs.
+//! A [`History`] holds all content of a report: series of a bounded length for any run, and counts
+//! of everything. [`Recorder`] collects it from a run and [`read_log`] from a log, with the same
+//! result. [`plots`] plots it, [`page`] writes the report, and [`pan_wu`] makes the figures of Pan
+//! & Wu (2016) from the histories of their two runs.
 
 mod history;
 mod log;

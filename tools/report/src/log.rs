@@ -1,14 +1,15 @@
-//! The history of a run from its log.
+//! History of a run from its log.
 
 use crate::history::{BlockInfo, Fate, History, Row, SensorHistory};
 use navfuse_core::model::stream::StreamError;
 use navfuse_mcap::{Entry, InnovationEntry, LogReader};
 use std::path::Path;
 
-/// Reads the history of the run that a log records; `progress` is told how many bytes of how many were read.
+/// Reads the history of a recorded run. `progress` receives the read bytes and all bytes.
 ///
 /// # Errors
-/// When the log cannot be read, is damaged, was not recorded by navfuse, or holds no estimate.
+/// Returns an error if the log cannot be read, is damaged, was not recorded by navfuse, or has no
+/// estimate.
 pub fn read_log(path: &Path, mut progress: impl FnMut([u64; 2])) -> Result<History, StreamError> {
     let mut log = LogReader::open(path)?;
     let info = log.info();
@@ -27,7 +28,7 @@ pub fn read_log(path: &Path, mut progress: impl FnMut([u64; 2])) -> Result<Histo
     }
     history.warnings.extend(log.warning());
     if history.blocks.is_empty() {
-        let why = "the log holds no estimate: the filter never started in the run that it records";
+        let why = "the log has no estimate, since the filter never started";
         return Err(StreamError::format(why)
             .in_file(path)
             .with_remedy("read its events for the reason"));

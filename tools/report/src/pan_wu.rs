@@ -1,8 +1,9 @@
-//! Figures 1 to 16 of Pan & Wu, *Underwater Doppler Navigation with Self-calibration*, Journal of Navigation 69 (2016)
-//! 295-312, from the histories of its two runs.
+//! Figures 1 to 16 of Pan & Wu, *Underwater Doppler Navigation with Self-calibration*, Journal of
+//! Navigation 69 (2016) 295-312, from the histories of its two runs.
 //!
-//! The axes are the paper's: x forward, y up, z right, with roll about x, yaw about y and pitch about z. navfuse computes
-//! along forward, right, down, so that what is about or along y here has the sign of navfuse's third component changed.
+//! The axes are the paper's: x forward, y up, z right, with roll about x, yaw about y and pitch
+//! about z. navfuse uses forward, right, down. So quantities about or along the paper's y axis are
+//! navfuse's third component with the opposite sign.
 
 use crate::history::{BlockHistory, History, SensorHistory};
 use crate::page::{document, picture};
@@ -13,17 +14,17 @@ use crate::plots::{
 use maud::html;
 use navfuse_figures::{Axis, Curve, Figure, FigureError, Look, Panel};
 
-/// The paper's axes: the name, the component of navfuse, and its sign here.
+/// Axes of the paper: the name, the component of navfuse, and the sign.
 const AXES: [(&str, usize, f64); 3] =
     [("x, forward", 0, 1.0), ("y, up", 2, -1.0), ("z, right", 1, 1.0)];
-/// The paper's angles about these.
+/// Angles of the paper about these axes.
 const ANGLES: [(&str, usize, f64); 3] = [
     ("roll, about x forward", 0, 1.0),
     ("yaw, about y up", 2, -1.0),
     ("pitch, about z right", 1, 1.0),
 ];
 
-/// The paper's captions, from Figure 1 on.
+/// Captions of the paper, from Figure 1 on.
 pub const CAPTIONS: [&str; 16] = [
     "Moving trajectory of the underwater vehicle (3D run: in blue, 2D run: in red).",
     "Profile of DVL outputs with specific time tag.",
@@ -36,49 +37,51 @@ pub const CAPTIONS: [&str; 16] = [
     "Accelerometer bias estimate and standard variance by EKF (unit: micro g).",
     "Attitude error and standard variance by EKF (unit: °).",
     "Horizontal position error and standard variance of position estimate by EKF (unit: metre).",
-    "Normalised standard variances for attitude, inertial sensor bias, DVL scale factor and misalignment angles.",
+    "Normalised standard variances for attitude, inertial sensor bias, DVL scale factor and \
+     misalignment angles.",
     "DVL scale factor estimate by EKF in 2D run.",
     "DVL misalignment angle estimate by EKF in 2D run (unit: °).",
     "Attitude error and standard variance by EKF in 2D run (unit: °).",
-    "Horizontal position error and standard variance of position estimate by EKF in 2D run (unit: metre).",
+    "Horizontal position error and standard variance of position estimate by EKF in 2D run (unit: \
+     metre).",
 ];
 
-/// The two runs.
+/// Histories of the two runs.
 #[derive(Clone, Debug)]
 pub struct Runs {
-    /// With the descent and the ascent.
+    /// Run with the descent and the ascent.
     pub three: History,
-    /// Without.
+    /// Run without them.
     pub two: History,
-    /// What ideal observers found on the samples of the 3D run; without any there are no Figures 4 and 5.
+    /// Results of ideal observers on the samples of the 3D run; Figures 4 and 5 need at least one.
     pub observers: Vec<Observer>,
 }
 
-/// What an ideal observer found.
+/// Result of an ideal observer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observer {
-    /// Its name, such as `as printed`.
+    /// Name, such as `as printed`.
     pub name: String,
-    /// The time (s), the scale factor, and roll, pitch and yaw (deg) of the DVL about forward, right, down.
+    /// Time (s), scale factor, and roll, pitch and yaw (deg) of the DVL about forward, right, down.
     pub steps: Vec<(f64, [f64; 4])>,
 }
 
-/// A run that is not one of the paper's.
+/// Error of a run that lacks a block or sensor of the paper's runs.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "the run {run:?} has no {what}: Figures 1 to 16 are of the scenarios pan-wu-3d and pan-wu-2d"
 )]
 pub struct Missing {
-    /// The scenario's name.
+    /// Name of the scenario.
     pub run: String,
-    /// A block or sensor.
+    /// Missing block or sensor.
     pub what: &'static str,
 }
 
-/// The figures by their number in the paper.
+/// Plots the figures, each with its number in the paper.
 ///
 /// # Errors
-/// When a run has not the states and sensors of the paper.
+/// Returns an error if a run lacks the states and sensors of the paper.
 pub fn figures(runs: &Runs) -> Result<Vec<(usize, Figure)>, Missing> {
     let Runs { three, two, observers } = runs;
     let figure = |number: usize, columns: usize, title: &str, panels: Vec<Panel>| {
@@ -130,17 +133,17 @@ pub fn figures(runs: &Runs) -> Result<Vec<(usize, Figure)>, Missing> {
     Ok(figures)
 }
 
-/// From where to where the observers are drawn about the truth: the first samples of a segment tell next to nothing, and what
-/// they give is anywhere.
+/// Half ranges of the plotted scale factor and angles (deg) about the truth. The first samples of a
+/// segment hold hardly any information, so their estimates may lie outside.
 const OBSERVED: [f64; 2] = [0.05, 3.0];
 
-/// The scale factor and the angles that the observers found, with the truth.
+/// Plots the observers' scale factor and angles with the truth.
 fn observed(run: &History, observers: &[Observer]) -> Result<(Panel, Vec<Panel>), Missing> {
     let panel =
         |title: &str, block: &BlockHistory, (k, sign): (usize, f64), place: usize, about: f64| {
             let last = &block.last;
             let truth = sign * (last.estimate[k] - last.error.get(k).copied().unwrap_or(f64::NAN));
-            // as the filter, from the end of the rest on: before there is nothing to observe
+            // from the end of the rest on, as for the filter: nothing is observable before
             let steps = |o: &'_ Observer| {
                 o.steps.iter().copied().filter(|s| s.0 >= block.first.time).collect::<Vec<_>>()
             };
@@ -173,7 +176,7 @@ fn sensor<'a>(run: &'a History, name: &'static str) -> Result<&'a SensorHistory,
         .ok_or_else(|| Missing { run: run.name.clone(), what: name })
 }
 
-/// Both tracks, of the truth: on the map, and their heights over time.
+/// Plots the true tracks of both runs, on the map and as heights over time.
 fn trajectory(three: &History, two: &History) -> Result<Vec<Panel>, Missing> {
     let (mut map, mut height) = (Vec::new(), Vec::new());
     for (name, look, run) in [("3D run", Look::Data(0), three), ("2D run", Look::Data(1), two)] {
@@ -191,7 +194,7 @@ fn trajectory(three: &History, two: &History) -> Result<Vec<Panel>, Missing> {
     Ok(vec![map, over_time("from the side", Axis::linear("up [m]"), height, Vec::new())])
 }
 
-/// Three channels each, from these on, along the paper's axes.
+/// Plots three channels each, from the given channels on, along the paper's axes.
 fn profiles(sensor: &SensorHistory, from: &[usize]) -> Vec<Panel> {
     let channels =
         from.iter().flat_map(|first| AXES.map(|(name, k, sign)| (name, first + k, sign)));
@@ -218,7 +221,7 @@ fn misalignment(run: &History) -> Result<Vec<Panel>, Missing> {
     Ok(estimates(block(run, "dvl.misalignment")?, ANGLES))
 }
 
-/// Estimates beside the truth, and below their convergence.
+/// Plots estimates with the truth, and below them their convergence.
 fn estimates(block: &BlockHistory, axes: [(&str, usize, f64); 3]) -> Vec<Panel> {
     let above = axes.map(|(name, k, sign)| named(beside_truth(block, k, sign), name));
     above.into_iter().chain(axes.map(|(name, k, _)| named(convergence(block, k), name))).collect()
@@ -273,24 +276,25 @@ fn named(panel: Panel, title: &str) -> Panel {
     Panel { title: title.into(), ..panel }
 }
 
-/// All figures on one page, each with the paper's caption.
+/// Creates a page of all figures, each with the paper's caption.
 ///
 /// # Errors
-/// When the drawing library gives up.
+/// Returns an error if the drawing library fails.
 pub fn page(figures: &[(usize, Figure)]) -> Result<String, FigureError> {
     let body = html! {
         header {
             h1 { "Figures of Pan & Wu (2016)" }
             p {
                 "Pan & Wu, " i { "Underwater Doppler Navigation with Self-calibration" }
-                ", Journal of Navigation 69 (2016) 295-312, made again from runs of the scenarios pan-wu-3d and pan-wu-2d. "
-                "Below each figure stands the paper's caption."
+                ", Journal of Navigation 69 (2016) 295-312, reproduced from runs of the scenarios \
+                 pan-wu-3d and pan-wu-2d. The paper's caption is below each figure."
             }
             p.note {
-                "Axes as in the paper: x forward, y up, z right; roll about x, yaw about y, pitch about z. navfuse computes along "
-                "forward, right, down: what is about or along y here has the sign of its third component changed. What the "
-                "paper calls standard variance is the standard deviation, 1-sigma. The filter starts at 600 s, after the "
-                "static alignment."
+                "The axes are those of the paper: x forward, y up, z right; roll about x, yaw \
+                 about y, pitch about z. navfuse uses forward, right, down: quantities about or \
+                 along the paper's y axis are navfuse's third component with the opposite sign. \
+                 The paper's standard variance is the standard deviation, 1-sigma. The filter \
+                 starts at 600 s, after the static alignment."
             }
         }
         main {

@@ -6,15 +6,16 @@ use crate::history::{
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Bins of the mean NIS over time: few enough for a mean over many samples, as many as one can tell apart.
+/// Number of bins of the mean NIS over time: few enough for a mean over many samples, and about as
+/// many as a reader can resolve.
 const BINS: usize = 60;
 
-/// A curve.
+/// Creates a curve.
 pub(crate) fn curve(name: &str, look: Look, points: impl Iterator<Item = [f64; 2]>) -> Curve {
     Curve { name: name.into(), look, points: points.collect() }
 }
 
-/// A panel over time.
+/// Creates a panel over time.
 pub(crate) fn over_time(
     title: impl Into<String>,
     y: Axis,
@@ -24,7 +25,7 @@ pub(crate) fn over_time(
     Panel { title: title.into(), x: Axis::time(), y, curves, bands }
 }
 
-/// A label with its unit.
+/// Creates a label with a unit.
 pub(crate) fn label(what: &str, unit: &str) -> String {
     match (what.is_empty(), unit.is_empty()) {
         (_, true) => what.to_owned(),
@@ -33,10 +34,11 @@ pub(crate) fn label(what: &str, unit: &str) -> String {
     }
 }
 
-/// North, east and down (m) from the first position, with their times.
+/// Times and positions north, east, down (m) from the first position.
 pub(crate) type Track = Vec<(f64, [f64; 3])>;
 
-/// The tracks of the estimate and of the truth, from the first position: the true one, where it is known.
+/// Returns the tracks of the estimate and of the truth, from the first position, the true one if it
+/// is known.
 pub(crate) fn tracks(position: &BlockHistory) -> (Track, Track) {
     let origin = &position.first.estimate;
     let off = position.first.error.first_chunk::<3>().copied().unwrap_or_default();
@@ -52,13 +54,13 @@ pub(crate) fn tracks(position: &BlockHistory) -> (Track, Track) {
     (estimate.collect(), truth.collect())
 }
 
-/// The track on a map and its height over time; none without a position.
+/// Plots the track on a map and its height over time; `None` without a position.
 pub fn trajectory(history: &History) -> Option<Figure> {
     let (estimate, truth) = tracks(history.position()?);
     let both = [("truth", Look::Truth, &truth), ("estimate", Look::Data(0), &estimate)];
     let both = || both.iter().filter(|(_, _, track)| !track.is_empty());
     let map = Panel {
-        title: "track, from its beginning".into(),
+        title: "track from the start".into(),
         x: Axis::map("east [m]"),
         y: Axis::map("north [m]"),
         curves: both()
@@ -69,8 +71,7 @@ pub fn trajectory(history: &History) -> Option<Figure> {
     let curves = both()
         .map(|(n, look, t)| curve(n, *look, t.iter().map(|(time, p)| [*time, -p[2]])))
         .collect();
-    let height =
-        over_time("height above its beginning", Axis::linear("up [m]"), curves, Vec::new());
+    let height = over_time("height above the start", Axis::linear("up [m]"), curves, Vec::new());
     Some(Figure {
         name: "trajectory".into(),
         title: String::new(),
@@ -79,8 +80,9 @@ pub fn trajectory(history: &History) -> Option<Figure> {
     })
 }
 
-/// What the filter believes of a block, over what is true: above, a constant between its bounds of 3 sigma beside the truth,
-/// or the error of what moves; below, sigma and error by decades. None of a block that is held fixed.
+/// Plots the estimate of a block against the truth. Above: a constant with its bounds of 3 sigma
+/// and the truth, or the error of a block that moves. Below: sigma and error on a logarithmic
+/// scale. `None` for a fixed block.
 pub fn state(block: &BlockHistory) -> Option<Figure> {
     if !block.uncertain() {
         return None;
@@ -90,7 +92,7 @@ pub fn state(block: &BlockHistory) -> Option<Figure> {
     let value = |k| {
         if constant { close(block, k, beside_truth(block, k, 1.0)) } else { error(block, k, 1.0) }
     };
-    // the two rows of few components, and of many the two panels of each side by side
+    // few components: two rows; many: the two panels of each component side by side
     let (columns, panels): (usize, Vec<Panel>) = if n <= 4 {
         (n.max(1), (0..n).map(value).chain((0..n).map(|k| convergence(block, k))).collect())
     } else {
@@ -99,8 +101,8 @@ pub fn state(block: &BlockHistory) -> Option<Figure> {
     Some(Figure { name: format!("state-{}", block.name), title: String::new(), columns, panels })
 }
 
-/// A component between its bounds of 3 sigma, and its truth where it is known. `sign` is -1 for an axis that is shown the
-/// other way.
+/// Plots a component with its bounds of 3 sigma, and its truth if it is known. `sign` is -1 for an
+/// axis that is shown with the opposite sign.
 pub(crate) fn beside_truth(block: &BlockHistory, k: usize, sign: f64) -> Panel {
     let value = |r: &Row| sign * r.estimate[k];
     let bounds =
@@ -116,8 +118,8 @@ pub(crate) fn beside_truth(block: &BlockHistory, k: usize, sign: f64) -> Panel {
     over_time(block.component(k), Axis::linear(label("", &block.unit)), curves, bands)
 }
 
-/// A panel of a component near where it ended: 12 sigmas of the end to each side, with all that was estimated in the second
-/// half of the run, and the truth; the whole panel where that is no more.
+/// Restricts a panel to the final value: 12 final sigmas to each side, and all estimates and truths
+/// of the second half of the run. The panel keeps its range if the restriction would gain little.
 fn close(block: &BlockHistory, k: usize, panel: Panel) -> Panel {
     let half = 0.5 * (block.first.time + block.last.time);
     let (end, sigma) = (block.last.estimate[k], block.last.sigma[k]);
@@ -138,7 +140,8 @@ fn close(block: &BlockHistory, k: usize, panel: Panel) -> Panel {
     Panel { y: panel.y.within([low, high]), ..panel }
 }
 
-/// The error of a component between its bounds of 3 sigma; where no truth is known, the estimate between them.
+/// Plots the error of a component with its bounds of 3 sigma; without a truth, the estimate with
+/// these bounds.
 pub(crate) fn error(block: &BlockHistory, k: usize, sign: f64) -> Panel {
     if block.compared.is_none() {
         return if block.geodetic { displaced(block, k) } else { beside_truth(block, k, sign) };
@@ -151,7 +154,7 @@ pub(crate) fn error(block: &BlockHistory, k: usize, sign: f64) -> Panel {
     over_time(title, Axis::linear(label("error", &block.unit)), curves, bands)
 }
 
-/// A component of a position from its beginning.
+/// Plots a component of a position relative to its first value.
 fn displaced(block: &BlockHistory, k: usize) -> Panel {
     let place = |r: &Row| displacement(&r.estimate, &block.first.estimate)[k];
     let bounds =
@@ -160,21 +163,21 @@ fn displaced(block: &BlockHistory, k: usize) -> Panel {
     let curves = vec![curve("estimate", Look::Data(0), block.shown().map(|r| [r.time, place(r)]))];
     over_time(
         format!("{} {}", block.name, block.axis(k)),
-        Axis::linear("from its beginning [m]"),
+        Axis::linear("relative to the start [m]"),
         curves,
         bands,
     )
 }
 
-/// Sigma and the size of the error of a component, by decades.
+/// Plots sigma and the magnitude of the error of a component on a logarithmic scale.
 pub(crate) fn convergence(block: &BlockHistory, k: usize) -> Panel {
     let sigma = || block.shown().map(|r| [r.time, r.sigma[k]]);
     let error = block.shown().filter(|r| !r.error.is_empty()).map(|r| [r.time, r.error[k].abs()]);
     let mut curves = vec![curve("1-sigma", Look::Sigma, sigma())];
     if block.compared.is_some() {
-        curves.insert(0, curve("size of the error", Look::Data(0), error));
+        curves.insert(0, curve("magnitude of the error", Look::Data(0), error));
     }
-    // where an error goes through zero its logarithm has no end: it is cut off well below sigma
+    // the logarithm of an error near zero is unbounded: cut it off well below sigma
     let least = sigma().map(|p| p[1]).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
     let most = curves.iter().flat_map(|c| c.points.iter().map(|p| p[1])).fold(0.0, f64::max);
     let y = Axis::logarithmic(label("", &block.unit)).within([least / 20.0, 1.3 * most]);
@@ -182,7 +185,8 @@ pub(crate) fn convergence(block: &BlockHistory, k: usize) -> Panel {
     over_time("", y, curves, Vec::new())
 }
 
-/// Every component's sigma as a part of its first one, a panel a block: what falls was observed, from when on, and with what.
+/// Plots every component's sigma relative to its first value, one panel per block. A falling curve
+/// shows from when on a state was observed.
 pub fn normalised(history: &History) -> Figure {
     let blocks = history.blocks.iter().filter(|b| b.uncertain());
     let panels = blocks.map(|b| normalised_panel(b, &(0..b.components.len()).collect::<Vec<_>>()));
@@ -194,7 +198,7 @@ pub fn normalised(history: &History) -> Figure {
     }
 }
 
-/// The normalised sigma of some components of a block.
+/// Plots the normalised sigma of some components of a block.
 pub(crate) fn normalised_panel(block: &BlockHistory, components: &[usize]) -> Panel {
     let curves = components.iter().enumerate().map(|(place, &k)| {
         let first = block.first.sigma[k];
@@ -208,8 +212,8 @@ pub(crate) fn normalised_panel(block: &BlockHistory, components: &[usize]) -> Pa
     )
 }
 
-/// The innovations of a sensor between their bounds of 3 sigma, a panel a channel, and those that were gated. None of a
-/// sensor of which no innovation was computed.
+/// Plots the innovations of a sensor with their bounds of 3 sigma, one panel per channel, and the
+/// gated innovations. `None` for a sensor without innovations.
 pub fn innovations(sensor: &SensorHistory) -> Option<Figure> {
     let updates = &sensor.updates;
     if updates.accepted + updates.gated == 0 {
@@ -248,7 +252,7 @@ pub fn innovations(sensor: &SensorHistory) -> Option<Figure> {
     })
 }
 
-/// The NIS of a sensor's samples against the gate, and its mean over time against its 95 % band.
+/// Plots the NIS of a sensor's samples with the gate, and its mean over time with the 95 % band.
 pub fn nis(sensor: &SensorHistory) -> Option<Figure> {
     let updates = &sensor.updates;
     if updates.accepted + updates.gated == 0 {
@@ -287,7 +291,7 @@ pub fn nis(sensor: &SensorHistory) -> Option<Figure> {
         bins.iter().filter_map(|c| band(c.expected).map(|[low, high]| [middle(c), low, high]));
     let curves = vec![curve("expected", Look::Bound, expected), curve("mean", Look::Data(0), mean)];
     let bands = vec![Band { name: "95 % band".into(), points: band.collect() }];
-    let mean = over_time("mean of the accepted", Axis::linear("NIS a channel"), curves, bands);
+    let mean = over_time("mean of the accepted", Axis::linear("NIS per channel"), curves, bands);
     Some(Figure {
         name: format!("nis-{}", sensor.name),
         title: String::new(),
@@ -296,7 +300,7 @@ pub fn nis(sensor: &SensorHistory) -> Option<Figure> {
     })
 }
 
-/// Sums joined so that there are not too many.
+/// Joins sums to at most about [`BINS`] bins.
 fn bins(rows: &[Consistency]) -> Vec<Consistency> {
     let each = rows.len().div_ceil(BINS).max(1);
     let join = |c: &[Consistency]| Consistency {
@@ -306,7 +310,7 @@ fn bins(rows: &[Consistency]) -> Vec<Consistency> {
     };
     let mut bins: Vec<Consistency> =
         rows.chunks(each).map(join).filter(|c| c.expected > 0.0).collect();
-    // what is left over is no mean of its own
+    // a remainder of a few samples is joined to the bin before
     if let [.., before, last] = bins[..]
         && last.expected < 0.5 * before.expected
     {
@@ -316,13 +320,14 @@ fn bins(rows: &[Consistency]) -> Vec<Consistency> {
     bins
 }
 
-/// Where the mean of so many squares of independent Gaussian numbers is in nineteen cases of twenty.
+/// Returns the band that contains the mean of `freedom` squared independent Gaussian variables with
+/// a probability of 95 %.
 pub(crate) fn band(freedom: f64) -> Option<[f64; 2]> {
     let chi = ChiSquared::new(freedom).ok()?;
     Some([0.025, 0.975].map(|p| chi.inverse_cdf(p) / freedom))
 }
 
-/// What a sensor said, a panel a channel: where there are more samples than can be shown, from the least to the greatest.
+/// Plots the samples of a sensor, one panel per channel, as ranges if there are too many samples.
 pub fn samples(sensor: &SensorHistory) -> Figure {
     let panels: Vec<Panel> = (0..sensor.channels.len())
         .map(|k| {
@@ -340,7 +345,8 @@ pub fn samples(sensor: &SensorHistory) -> Figure {
     Figure { name: format!("samples-{}", sensor.name), title: String::new(), columns, panels }
 }
 
-/// A channel over time, SI: the least and the greatest of the samples for which a row stands, one after the other.
+/// Returns a channel over time, SI: the smallest and the largest sample of each row, in alternating
+/// order.
 pub(crate) fn profile(sensor: &SensorHistory, k: usize) -> impl Iterator<Item = [f64; 2]> + '_ {
     let dense = sensor.samples.each() > 1;
     sensor.samples.rows().iter().enumerate().flat_map(move |(row, e)| {
@@ -351,7 +357,7 @@ pub(crate) fn profile(sensor: &SensorHistory, k: usize) -> impl Iterator<Item = 
     })
 }
 
-/// A channel's name, the unit in which it is shown, and what its SI value is multiplied by for that.
+/// Returns the name of a channel, its display unit, and the factor from SI to that unit.
 pub fn channel(column: &str) -> (&str, &str, f64) {
     let degrees = 180.0 / std::f64::consts::PI;
     let units = [

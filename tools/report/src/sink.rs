@@ -1,4 +1,4 @@
-//! The history of a run while it runs.
+//! History of a run during the run.
 
 use crate::history::{BlockInfo, Fate, History, Row, SensorHistory};
 use navfuse_core::model::record::{Epoch, Event, Outcome, UpdateRecord};
@@ -9,18 +9,18 @@ use navfuse_core::units::time::Time;
 use std::any::TypeId;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-/// A sink that gathers the history of a run, and hands it over when the run is over.
+/// Sink that collects the history of a run and sends it at the end of the run.
 #[derive(Debug)]
 pub struct Recorder {
     history: History,
     columns: Vec<Vec<String>>,
-    /// The latest time of all: that of an event from before the clock was known, as in the log.
+    /// Latest time so far, which events without a time of their own get, as in the log.
     latest: Time,
     done: Sender<History>,
 }
 
 impl Recorder {
-    /// The sink, and where its history is received after the run.
+    /// Creates the sink, and the receiver of its history after the run.
     pub fn new() -> (Self, Receiver<History>) {
         let (done, receiver) = channel();
         (
@@ -120,7 +120,7 @@ impl Sink for Recorder {
     }
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        // nobody may be waiting for it any more
+        // the receiver may no longer exist
         self.done.send(std::mem::take(&mut self.history)).ok();
         Ok(None)
     }

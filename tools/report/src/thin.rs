@@ -1,13 +1,13 @@
-//! Series of any length in a bounded number of rows, found while they come in.
+//! Series of any length in a bounded number of rows, computed as the items arrive.
 
-/// The most rows that are kept; from half of it on, where there are so many.
+/// Largest number of rows; a longer series has at least half as many.
 pub const ROWS: usize = 1024;
 
-/// Something that can stand for two of its kind.
+/// A row that can represent two consecutive rows.
 ///
 /// ```
 /// use navfuse_report::Merge;
-/// /// The largest of what it stands for.
+/// /// Largest of the represented values.
 /// struct Peak(f64);
 /// impl Merge for Peak {
 ///     fn merge(&mut self, next: Self) {
@@ -16,20 +16,20 @@ pub const ROWS: usize = 1024;
 /// }
 /// ```
 pub trait Merge {
-    /// What stands for this row and the one after it.
+    /// Extends this row to represent the next one, too.
     fn merge(&mut self, next: Self);
 }
 
-/// Rows, each of which stands for the same number of items, but the last for what is left.
+/// Rows, each of which represents the same number of items; the last row may represent fewer.
 ///
-/// When there are [`ROWS`] of them, pairs are merged, and each stands for twice as many from then on: the result depends on
-/// the items alone.
+/// When [`ROWS`] rows are full, pairs of rows are merged, and each row represents twice as many
+/// items from then on. The result depends on the items alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Thin<T> {
     rows: Vec<T>,
-    /// Items in a row.
+    /// Number of items in a row.
     each: u64,
-    /// Items in the last row.
+    /// Number of items in the last row.
     last: u64,
 }
 
@@ -40,7 +40,7 @@ impl<T> Default for Thin<T> {
 }
 
 impl<T: Merge> Thin<T> {
-    /// Takes the next item.
+    /// Appends the next item.
     pub fn push(&mut self, item: T) {
         match self.rows.last_mut() {
             Some(row) if self.last < self.each => {
@@ -52,7 +52,7 @@ impl<T: Merge> Thin<T> {
         }
         if self.rows.len() == ROWS {
             self.halve();
-            // the pairs are full: ROWS is even
+            // ROWS is even, so that all pairs are full
         }
         self.rows.push(item);
         self.last = 1;
@@ -69,12 +69,12 @@ impl<T: Merge> Thin<T> {
         self.each *= 2;
     }
 
-    /// The rows.
+    /// Returns the rows.
     pub fn rows(&self) -> &[T] {
         &self.rows
     }
 
-    /// For how many items a row stands.
+    /// Returns the number of items that a row represents.
     pub fn each(&self) -> u64 {
         self.each
     }

@@ -1,26 +1,27 @@
-//! The attitude over a recording, from its gyros.
+//! The attitude over a recording, integrated from its gyros.
 
 use crate::{Mounting, Recording, SegmentError};
 use nalgebra::{UnitQuaternion, Vector3};
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_ins::earth::LocalEarth;
 
-/// Where an [`Attitude`] begins.
+/// Start of an [`Attitude`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AttitudeStart {
-    /// When, s.
+    /// Time, s.
     pub time: f64,
     /// Attitude: body to north-east-down.
     pub c_b_n: UnitQuaternion<f64>,
-    /// Where, for the Earth's rate and gravity.
+    /// Position, for the Earth's rate and gravity.
     pub position: Geodetic,
 }
 
 impl AttitudeStart {
-    /// The first sample of the reference at or after the filter's start, or else what the scenario gives.
+    /// Returns the scenario's initial attitude, or else the first sample of the reference at or
+    /// after the filter's start.
     ///
     /// # Errors
-    /// When neither is there.
+    /// Returns an error if neither is available.
     pub fn of(recording: &Recording) -> Result<Self, SegmentError> {
         let reference = recording.reference.as_ref().and_then(|r| {
             let k = r.time.partition_point(|t| *t < recording.start);
@@ -32,37 +33,38 @@ impl AttitudeStart {
         });
         let given = recording.initial_attitude;
         let begin = recording.start.max(recording.imu.samples.time.first().copied().unwrap_or(0.0));
-        (given.map(|c_b_n| Self { time: begin, c_b_n, position: recording.initial_position })).or(reference).ok_or_else(
-            || {
-                SegmentError::Missing(
-                    "no attitude to begin from: the reference has no sample after estimator.start; give \
-                 process.ins.attitude.initial and estimator.initial = \"given\", or a reference"
-                        .into(),
-                )
-            },
-        )
+        let given =
+            given.map(|c_b_n| Self { time: begin, c_b_n, position: recording.initial_position });
+        given.or(reference).ok_or_else(|| {
+            SegmentError::Missing(
+                "no initial attitude: the reference has no sample after estimator.start; give \
+                     process.ins.attitude.initial and estimator.initial = \"given\", or a reference"
+                    .into(),
+            )
+        })
     }
 }
 
-/// The attitude at every sample of the IMU: the gyros integrated from one known attitude, forward and backward, less the rates
-/// of the Earth and of the local axes (Pan & Wu eq. 3).
+/// Attitude at every sample of the IMU. The gyros are integrated from one known attitude, forward
+/// and backward, less the rates of the Earth and of the local axes (Pan & Wu eq. 3).
 #[derive(Clone, Debug)]
 pub struct Attitude {
-    /// Where it begins.
+    /// Start.
     pub start: AttitudeStart,
-    /// Gyro bias that was taken off, rad/s.
+    /// Subtracted gyro bias, rad/s.
     pub gyro_bias: Vector3<f64>,
-    /// Times, s: those of the IMU's samples.
+    /// Times of the IMU's samples, s.
     pub time: Vec<f64>,
     /// Body to north-east-down at these times.
     pub c_b_n: Vec<UnitQuaternion<f64>>,
-    /// Angular rate of the body with respect to north-east-down, body axes, rad/s: the mean of the interval that ends there.
+    /// Angular rate of the body relative to north-east-down, in body axes, rad/s: the mean over the
+    /// interval that ends at the time.
     pub w_nb_b: Vec<Vector3<f64>>,
 }
 
 impl Attitude {
-    /// Integrates the gyros less `gyro_bias`. The transport rate is that of the first body velocity at the given mounting;
-    /// without one it is left out.
+    /// Integrates the gyros less `gyro_bias`. The transport rate follows from the first body
+    /// velocity at the given mounting; without a mounting it is left out.
     pub fn integrate(
         recording: &Recording,
         start: AttitudeStart,
@@ -110,11 +112,12 @@ impl Attitude {
         Self { start, gyro_bias, time: imu.time.clone(), c_b_n, w_nb_b }
     }
 
-    /// Takes the reference's attitude at each of its samples, and the gyros between them and where there are none.
+    /// Replaces the attitude by that of the reference at each of its samples; the gyros bridge the
+    /// intervals between them.
     pub fn anchor(&mut self, recording: &Recording) {
         let Some(reference) = &recording.reference else { return };
         let mut next = 0;
-        let mut off = UnitQuaternion::identity(); // what the reference adds, body axes
+        let mut off = UnitQuaternion::identity(); // correction to the reference, body axes
         for (k, c) in self.c_b_n.iter_mut().enumerate() {
             while let Some(t) = reference.time.get(next).filter(|t| **t <= self.time[k]) {
                 let then =
@@ -126,8 +129,9 @@ impl Attitude {
         }
     }
 
-    /// The gyro bias over spans of time at rest: the mean rate less that of the Earth, rad/s. `None` without such spans. An
-    /// error of the heading is in it as far as the Earth's rate has it: at that attitude both cancel.
+    /// Returns the gyro bias over spans at rest: the mean rate less the Earth's rate, rad/s. `None`
+    /// without such spans. A heading error changes the Earth's rate in body axes, and so enters the
+    /// bias; while the attitude stays, both errors cancel.
     pub fn bias_at_rest(
         recording: &Recording,
         start: &AttitudeStart,
@@ -145,8 +149,8 @@ impl Attitude {
         (duration > 0.0).then(|| sum / duration - w_ie_b)
     }
 
-    /// The attitude at a time: that of the nearest sample at or before it, turned on by its rate. Before the first sample, the
-    /// first.
+    /// Returns the attitude at a time: that of the last sample at or before it, rotated by its
+    /// rate. Before the first sample it is that of the first.
     pub fn at(&self, time: f64) -> UnitQuaternion<f64> {
         let after = self.time.partition_point(|t| *t <= time);
         let Some(k) = after.checked_sub(1) else {
@@ -158,12 +162,13 @@ impl Attitude {
         }
     }
 
-    /// The attitude between two times: body at `to` to body at `from`, with the axes of the Earth taken as still.
+    /// Returns the rotation from body at `to` to body at `from`, with the local axes taken as
+    /// constant.
     pub fn between(&self, from: f64, to: f64) -> UnitQuaternion<f64> {
         self.at(from).inverse() * self.at(to)
     }
 
-    /// The Earth where it begins.
+    /// Returns the Earth's parameters at the start.
     pub fn earth(&self) -> LocalEarth {
         LocalEarth::at(self.start.position.latitude, self.start.position.height)
     }

@@ -1,4 +1,5 @@
-//! In how many directions the specific force varies: the condition of Theorem 1 for Type I.
+//! The number of directions in which the specific force varies: the condition of Theorem 1 on Type
+//! I.
 
 use crate::finder::{body_slopes, eigen};
 use crate::{Attitude, Recording, Segment, Settings};
@@ -6,26 +7,27 @@ use nalgebra::{Matrix3, Vector3};
 
 /// The directions of the specific-force rate `fdot^b` over one segment or several.
 ///
-/// The rate at each bin is the slope of the specific force in local axes, so that a slow change of the tilt counts as the
-/// rate that it is to the velocity and not as one of gravity. With its noise of sigma `s` an axis, the mean of `fdot fdot'` is
-/// that of the motion plus `s^2 I`, which is taken off.
+/// The rate in each bin is the slope of the specific force in local axes. So a slow change of tilt
+/// counts as the rate that acts on the velocity, not as a rate of gravity in body axes. With noise
+/// of sigma `s` per axis, the expectation of the mean of `fdot fdot'` is that of the motion plus
+/// `s^2 I`; the noise term is subtracted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Directions {
-    /// Singular values of the rates over their number's root: the r.m.s. rate along each principal axis, m/s^3, the largest
-    /// first; what is below the noise is zero.
+    /// Root-mean-square rate along each principal axis, m/s^3, the largest first; zero if it is
+    /// below the noise.
     pub singular_values: Vector3<f64>,
-    /// The principal axes in body axes, as columns.
+    /// Principal axes in body axes, as columns.
     pub axes: Matrix3<f64>,
-    /// A singular value below this is noise, m/s^3.
+    /// Largest singular value due to noise, m/s^3.
     pub noise: f64,
-    /// How many are above it: the number of independent directions.
+    /// Number of singular values above the noise: the number of independent directions.
     pub rank: usize,
-    /// Time that they were taken over, s.
+    /// Duration of the segments, s.
     pub duration: f64,
 }
 
 impl Directions {
-    /// Of one or more segments together.
+    /// Computes the directions of one or more segments together.
     pub fn of<'a>(
         recording: &Recording,
         settings: &Settings,
@@ -41,7 +43,9 @@ impl Directions {
         }
         let variance = settings.slope_noise(recording).powi(2);
         let (values, axes) = eigen(scatter / count.max(1.0) - Matrix3::identity() * variance);
-        // slopes of windows that overlap are not independent: so many are; four sigma of the mean of their squares
+        // Slopes of overlapping windows are correlated: only one in `slope_bins` is independent.
+        // The limit is four sigma of the mean of their squares, whose relative sigma is sqrt(2 /
+        // n).
         let independent = (count / settings.slope_bins as f64).max(1.0);
         let noise = (4.0 * variance * (2.0 / independent).sqrt()).sqrt();
         let singular_values = values.map(|v| v.max(0.0).sqrt());
@@ -49,7 +53,7 @@ impl Directions {
         Self { singular_values, axes, noise, rank, duration: count * settings.bin }
     }
 
-    /// The smallest singular value, m/s^3.
+    /// Returns the smallest singular value, m/s^3.
     pub fn smallest(&self) -> f64 {
         self.singular_values[2]
     }

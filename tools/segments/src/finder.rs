@@ -1,16 +1,16 @@
-//! Finds the segments of a recording.
+//! The finder of segments.
 
 use crate::{Attitude, AttitudeStart, Recording, SegmentError};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::Serialize;
 
-/// What a segment is.
+/// Kind of motion on a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
     /// At rest.
     Static,
-    /// Constant attitude and constant specific force, but not known to be at rest.
+    /// Constant attitude and constant specific force, but not at rest as far as the sensors show.
     Steady,
     /// Constant attitude, varying specific force: Type I of Theorem 1.
     #[serde(rename = "type-i")]
@@ -34,47 +34,50 @@ impl std::fmt::Display for Kind {
 /// A part of the recording in which one kind of motion holds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Segment {
-    /// What it is.
+    /// Kind of motion.
     pub kind: Kind,
-    /// Where it begins, s on the recording's clock.
+    /// Start, s on the recording's clock.
     pub from: f64,
-    /// Where it ends, s.
+    /// End, s.
     pub to: f64,
 }
 
 impl Segment {
-    /// Its length, s.
+    /// Returns the duration, s.
     pub fn duration(&self) -> f64 {
         self.to - self.from
     }
 }
 
-/// Thresholds of the finder. [`Settings::of`] derives them from the noise of the sensors; any can be set otherwise.
+/// Thresholds of the finder. [`Settings::of`] derives them from the noise of the sensors; each can
+/// be changed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Settings {
-    /// The samples are averaged over so long, s.
+    /// Duration of a bin, over which samples are averaged, s.
     pub bin: f64,
-    /// The rate of the specific force is the slope over so many bins.
+    /// Number of bins in a slope of the specific force.
     pub slope_bins: usize,
-    /// The rate of turn is the mean over so many bins: a vehicle that rolls and pitches in the sea does not turn.
+    /// Number of bins in a mean rate of turn, so that rolling and pitching in waves do not count as
+    /// a turn.
     pub turn_bins: usize,
-    /// Above this rate the attitude is not constant, rad/s; it is again below half of it.
+    /// Rate above which the attitude is not constant, rad/s, until it falls below half of it.
     pub turn_rate: f64,
-    /// A segment of constant attitude ends where the attitude is off that of its beginning by more than this, rad.
+    /// Change of attitude that ends a segment of constant attitude, rad.
     pub turn_angle: f64,
-    /// Above this rate the specific force varies, m/s^3; it does no more below half of it.
+    /// Rate above which the specific force varies, m/s^3, until it falls below half of it.
     pub force_rate: f64,
-    /// The vehicle is at rest where the mean of the body velocity over ten bins is below this, m/s.
+    /// Largest mean body velocity over ten bins of a vehicle at rest, m/s.
     pub rest_speed: f64,
-    /// Shortest segment at rest, of Type I, and of Type II, s.
+    /// Shortest segments at rest, of Type I, and of Type II, s.
     pub shortest: [f64; 3],
 }
 
 impl Settings {
-    /// What the noise leaves to be told.
+    /// Derives the thresholds from the noise of the sensors.
     ///
-    /// The rate of the specific force is the slope of means over `n` bins, of sigma `N_a sqrt(12 / T^3)` with `T = n bin`, and
-    /// so is what a gyro's bias and random walk make of gravity; six sigma of an axis are beyond noise. A vehicle under way
+    /// The specific-force rate is the slope of means over `n` bins. Accelerometer noise gives it
+    /// the sigma `N_a sqrt(12 / T^3)` with `T = n bin`. The gyro bias and random walk tilt the
+    /// axes, and so add a part of gravity. The threshold is six sigma of an axis. A moving vehicle
     /// is never still: below 0.3 deg/s it counts as not turning.
     pub fn of(recording: &Recording) -> Self {
         let (bin, slope_bins) = (1.0, 5);
@@ -100,7 +103,7 @@ impl Settings {
         }
     }
 
-    /// 1-sigma of the noise of one axis of a slope of the specific force, m/s^3.
+    /// Returns the 1-sigma of the noise in one axis of a slope of the specific force, m/s^3.
     pub fn slope_noise(&self, recording: &Recording) -> f64 {
         recording.imu.accel_noise.amax()
             * (12.0 / (self.bin * self.slope_bins as f64).powi(3)).sqrt()
@@ -113,19 +116,19 @@ const G: f64 = 9.80665;
 /// Means over one bin.
 #[derive(Clone, Copy, Debug)]
 struct Bin {
-    /// Its middle, s.
+    /// Middle of the bin, s.
     time: f64,
-    /// Angular rate with respect to the local axes, body axes, rad/s.
+    /// Angular rate relative to the local axes, in body axes, rad/s.
     rate: Vector3<f64>,
     /// Specific force in local axes, m/s^2.
     force: Vector3<f64>,
 }
 
-/// Finds the segments of a recording, in order of time, and the attitude that they were found with. Where something is at
-/// rest, the mean of its gyros there is their bias.
+/// Finds the segments of a recording in order of time, and their attitude. The mean gyro rate at
+/// rest is the gyro bias, and the segments are found again with it.
 ///
 /// # Errors
-/// When no attitude is known to begin from.
+/// Returns an error if no initial attitude is known.
 pub fn find(
     recording: &Recording,
     settings: &Settings,
@@ -167,7 +170,7 @@ fn label(recording: &Recording, settings: &Settings, attitude: &Attitude) -> Vec
     runs(&bins, &kinds, settings, attitude)
 }
 
-/// Means of the IMU's samples over bins; a bin without samples is left out.
+/// Averages the IMU's samples over bins; a bin without samples is left out.
 fn bins(recording: &Recording, settings: &Settings, attitude: &Attitude) -> Vec<Bin> {
     let imu = &recording.imu.samples;
     let mut bins: Vec<Bin> = Vec::new();
@@ -191,7 +194,8 @@ fn bins(recording: &Recording, settings: &Settings, attitude: &Attitude) -> Vec<
     bins
 }
 
-/// The slope of the specific force at every bin, local axes, m/s^3: least squares over the bins around it.
+/// Returns the slope of the specific force at every bin, local axes, m/s^3: least squares over the
+/// surrounding bins.
 fn slopes(bins: &[Bin], settings: &Settings) -> Vec<Vector3<f64>> {
     let reach = settings.slope_bins / 2;
     (0..bins.len())
@@ -202,7 +206,7 @@ fn slopes(bins: &[Bin], settings: &Settings) -> Vec<Vector3<f64>> {
         .collect()
 }
 
-/// The slope of a vector over time, by least squares; zero of fewer than two samples.
+/// Returns the least-squares slope of a vector over time; zero for fewer than two samples.
 pub(crate) fn slope(samples: impl Iterator<Item = (f64, Vector3<f64>)> + Clone) -> Vector3<f64> {
     let n = samples.clone().count().max(1) as f64;
     let middle = samples.clone().map(|s| s.0).sum::<f64>() / n;
@@ -213,7 +217,7 @@ pub(crate) fn slope(samples: impl Iterator<Item = (f64, Vector3<f64>)> + Clone) 
     samples.map(|(t, v)| v * (t - middle)).sum::<Vector3<f64>>() / spread
 }
 
-/// Where a quantity is above a threshold, and stays above half of it.
+/// Flags values above a threshold, and their neighbours above half of it.
 fn hysteresis(values: impl Iterator<Item = f64>, threshold: f64) -> Vec<bool> {
     let values: Vec<f64> = values.collect();
     let mut on: Vec<bool> = values.iter().map(|v| *v > threshold).collect();
@@ -226,8 +230,8 @@ fn hysteresis(values: impl Iterator<Item = f64>, threshold: f64) -> Vec<bool> {
     on
 }
 
-/// Where the mean rate over some bins is that of a turn. The bins reach farther than those of a slope, so that no slope of what
-/// is left reaches into a turn.
+/// Flags bins with the mean rate of a turn. The mean extends farther than a slope, so that no slope
+/// outside the flagged bins extends into a turn.
 fn turning(bins: &[Bin], settings: &Settings) -> Vec<bool> {
     let reach = settings.turn_bins / 2;
     let mean = |k: usize| {
@@ -237,8 +241,8 @@ fn turning(bins: &[Bin], settings: &Settings) -> Vec<bool> {
     hysteresis((0..bins.len()).map(mean), settings.turn_rate)
 }
 
-/// What is too short for its kind becomes what it lies in: a break in a turn or in a Type I is part of it, and a
-/// too short Type I is steady.
+/// Replaces runs that are too short for their kind by their surroundings: an interruption of a turn
+/// or a Type I becomes a part of it, and a Type I that is too short becomes steady.
 fn without_short(mut kinds: Vec<Kind>, settings: &Settings) -> Vec<Kind> {
     let shortest = |kind: Kind| match kind {
         Kind::Static => settings.shortest[0],
@@ -269,7 +273,7 @@ fn without_short(mut kinds: Vec<Kind>, settings: &Settings) -> Vec<Kind> {
     kinds
 }
 
-/// Joins bins of one kind, and parts them where the attitude has drifted away.
+/// Joins consecutive bins of one kind, and splits them where the attitude has changed too much.
 fn runs(bins: &[Bin], kinds: &[Kind], settings: &Settings, attitude: &Attitude) -> Vec<Segment> {
     let mut segments: Vec<Segment> = Vec::new();
     let half = 0.5 * settings.bin;
@@ -291,12 +295,12 @@ fn runs(bins: &[Bin], kinds: &[Kind], settings: &Settings, attitude: &Attitude) 
         let least = if s.kind == Kind::TypeI { settings.shortest[1] } else { 0.0 };
         s.duration() + 1e-9 < least && s.to < end + half
     };
-    // what the attitude parted off may be too short to be of use: it is no segment of its kind
+    // a piece that this split made too short is not a segment of its kind
     segments.iter_mut().filter(|s| short(s)).for_each(|s| s.kind = Kind::Steady);
     segments
 }
 
-/// The slopes of the specific force on a segment, body axes, m/s^3, one every bin.
+/// Returns the slopes of the specific force on a segment, body axes, m/s^3, one per bin.
 pub(crate) fn body_slopes(
     recording: &Recording,
     settings: &Settings,
@@ -307,13 +311,14 @@ pub(crate) fn body_slopes(
     let inside: Vec<Bin> =
         bins.into_iter().filter(|b| b.time > segment.from && b.time < segment.to).collect();
     let slopes = slopes(&inside, settings);
-    // at the ends there are fewer bins, and more noise
+    // slopes at the ends would have fewer bins, and more noise
     let reach = settings.slope_bins / 2;
     let whole = reach..inside.len().saturating_sub(reach);
     whole.map(|k| attitude.at(inside[k].time).inverse_transform_vector(&slopes[k])).collect()
 }
 
-/// A symmetric matrix's eigenvalues, the largest first, with the matching axes as columns.
+/// Returns the eigenvalues of a symmetric matrix, the largest first, with the eigenvectors as
+/// columns.
 pub(crate) fn eigen(matrix: Matrix3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
     let eigen = matrix.symmetric_eigen();
     let mut order = [0, 1, 2];

@@ -1,4 +1,4 @@
-//! Finds what each sensor of a composition is, and gathers its samples in SI.
+//! Classification of a composition's sensors, and conversion of their samples to SI.
 
 use crate::recording::{BodyVelocity, Imu, Inertial, Mounting, PositionFix, Positions, Recording};
 use crate::{SegmentError, Series};
@@ -18,16 +18,16 @@ use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_ins::Output;
 
-/// Times within this of zero, s, are told on the run's own clock: doubles hold them to a nanosecond.
+/// Largest time, s, that stays on the run's own clock; a double resolves it to a nanosecond.
 const NEAR_ZERO: f64 = 1e6;
 
-/// Makes a [`Recording`] of the samples of a composition's sensors.
+/// Builder of a [`Recording`] from the samples of a composition's sensors.
 pub(crate) struct Builder<'a> {
     composition: &'a Composition,
     layout: &'a Layout,
     samples: Vec<Vec<Sample>>,
     zero: Time,
-    /// The initial state, at the position where the run begins.
+    /// Initial state, at the position where the run begins.
     state: State,
 }
 
@@ -99,7 +99,8 @@ impl<'a> Builder<'a> {
         Ok(recording)
     }
 
-    /// The initial coordinates of the first block whose name ends so; zero where there is none.
+    /// Returns the initial coordinates of the first block with this ending of its name; zero
+    /// without such a block.
     fn block<M: Manifold>(&self, ending: &str) -> [f64; 3] {
         let kind = std::any::TypeId::of::<M>();
         let block = self
@@ -110,7 +111,7 @@ impl<'a> Builder<'a> {
         std::array::from_fn(|i| block.and_then(|b| b.spec.initial.get(i)).copied().unwrap_or(0.0))
     }
 
-    /// Sets the coordinates of the blocks whose names end so.
+    /// Sets the coordinates of the blocks with this ending of their names.
     fn set(&mut self, ending: &str, coordinates: &[f64]) {
         for block in self.layout.blocks.iter().filter(|b| b.name.ends_with(ending)) {
             (block.operations.from_coordinates)(coordinates, &mut self.state.values[block.range()]);
@@ -160,7 +161,7 @@ impl<'a> Builder<'a> {
         for sample in samples {
             let dt = before.map_or(first, |t| sample.time.since(t));
             let Some(c) = sample.array::<6>(0).filter(|_| dt > 0.0) else { continue };
-            // the interval of a first increment is not known; its mean over the next sample's interval is
+            // the interval of the first increment is unknown; assume that of the next sample
             let share = if config.output == Output::Rates { 1.0 } else { 1.0 / dt };
             let (rate, force) =
                 (Vector3::new(c[0], c[1], c[2]) * share, Vector3::new(c[3], c[4], c[5]) * share);
@@ -181,7 +182,8 @@ impl<'a> Builder<'a> {
         })
     }
 
-    /// The prior sigma of the first block whose name ends so; zero where there is none.
+    /// Returns the prior sigma of the first block with this ending of its name; zero without such a
+    /// block.
     fn sigma(&self, ending: &str) -> Vector3<f64> {
         let block = self.layout.blocks.iter().find(|b| b.name.ends_with(ending));
         block.map_or_else(Vector3::zeros, |b| triple(&b.spec.sigma))
@@ -200,7 +202,8 @@ impl<'a> Builder<'a> {
         DMatrix::from_vec(n, n, r)
     }
 
-    /// A sensor of the body's velocity: one whose model reads a scale factor and a misalignment of its own.
+    /// Returns a sensor of the body velocity: its model has a scale factor and a misalignment of
+    /// its own.
     fn velocity(
         &self,
         index: usize,
@@ -229,9 +232,9 @@ impl<'a> Builder<'a> {
         let rates = imu.samples.clone_rates();
         let nominal = probe.beams(model, &no_sample);
         for sample in &self.samples[index] {
-            // a sample that tells the speed of sound has its own beams
-            let told = sensor.info.channels.len() > model.channels();
-            let beams = if told { probe.beams(model, sample) } else { nominal.clone() };
+            // a sample with the speed of sound has beams of its own
+            let sound = sensor.info.channels.len() > model.channels();
+            let beams = if sound { probe.beams(model, sample) } else { nominal.clone() };
             let present: Vec<usize> =
                 (0..model.channels()).filter(|i| sample.get(*i).is_some()).collect();
             let Some(inverse) = pseudo_inverse(&beams, &present) else { continue };
@@ -249,7 +252,7 @@ impl<'a> Builder<'a> {
                 covariance = Some(Matrix3::from_fn(|i, j| r[(i, j)]));
             }
         }
-        // one that cannot tell all three axes is none, also where it has said nothing yet
+        // a sensor whose beams do not span three axes does not count, even if it has no samples
         pseudo_inverse(&nominal, &(0..model.channels()).collect::<Vec<_>>())?;
         let at = At { layout: self.layout, state: &self.state, sample: &no_sample };
         let water = slots(model.blocks(&at))
@@ -319,13 +322,13 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// Three of what is given for three axes, or for all of them at once.
+/// Expands one value for all axes to three; three values stay as they are.
 fn triple(c: &[f64]) -> Vector3<f64> {
     Vector3::from_fn(|i, _| c.get(i).or(c.first()).copied().unwrap_or(0.0))
 }
 
 impl Series<Inertial> {
-    /// The angular rates alone, at the middles of their intervals.
+    /// Returns the angular rates at the middles of their intervals.
     fn clone_rates(&self) -> Series<Vector3<f64>> {
         let mut rates = Series::new(&self.name);
         self.time.iter().zip(&self.value).for_each(|(t, s)| rates.push(t - 0.5 * s.dt, s.rate));
@@ -333,8 +336,8 @@ impl Series<Inertial> {
     }
 }
 
-/// Asks a model how its channels follow the velocity in the instrument's axes: a DVL's are that velocity, beams are its
-/// projections, and the speed of sound in a sample may stretch them.
+/// Probe of a model's response to the velocity in the instrument's axes. A DVL's channels are this
+/// velocity; beams are its projections, which the speed of sound in a sample may scale.
 struct Probe<'a> {
     layout: &'a Layout,
     state: State,
@@ -342,7 +345,8 @@ struct Probe<'a> {
 }
 
 impl<'a> Probe<'a> {
-    /// With the sensor `name` aligned, at the IMU and of scale factor one, on a level vehicle heading north.
+    /// Creates a probe with the sensor `name` aligned, at the IMU and with scale factor one, on a
+    /// level vehicle heading north.
     fn new(layout: &'a Layout, state: &State, name: &str) -> Self {
         let mut state = state.clone();
         state.signals.fill(0.0);
@@ -359,7 +363,8 @@ impl<'a> Probe<'a> {
         Self { layout, state, velocity }
     }
 
-    /// The matrix, channels by three, that maps the velocity to what is predicted of it.
+    /// Returns the matrix, channels by three, from the velocity to the predicted channels. The
+    /// model is linear in the velocity, so unit velocities give its columns.
     fn beams(&self, model: &dyn AnyMeasurement, sample: &Sample) -> DMatrix<f64> {
         let n = model.channels();
         let mut state = self.state.clone();
@@ -378,7 +383,8 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// The least-squares inverse of the rows that are present, three by their number; `None` if they do not tell three axes.
+/// Returns the least-squares inverse `(B'B)^-1 B'` of the rows that are present; `None` if they do
+/// not span three axes.
 fn pseudo_inverse(beams: &DMatrix<f64>, present: &[usize]) -> Option<DMatrix<f64>> {
     if present.len() < 3 {
         return None;

@@ -3,24 +3,26 @@
 use crate::{BodyVelocity, Recording, Segment};
 use nalgebra::Vector3;
 
-/// `β(t)` and `γ(t)` of Pan & Wu eq. (18) over one segment of Type I, at the times of the body velocity's samples:
+/// Increments `β(t)` and `γ(t)` of Pan & Wu eq. (18) over one segment of Type I, at the times of
+/// the body velocity's samples:
 ///
 /// ```text
-/// β(t) = ∫ f^b dτ - f^b(t_s) (t - t_s)          γ(t) = y(t) - y(t_s) - ydot(t_s) (t - t_s)          k β = C_d^b γ
+/// β(t) = ∫ f^b dτ - f^b(t_s) (t - t_s)
+/// γ(t) = y(t) - y(t_s) - ydot(t_s) (t - t_s)          k β = C_d^b γ
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Increments {
     /// Times since the segment's start `t_s`, s.
     pub time: Vec<f64>,
-    /// `β` at these times, m/s.
+    /// Increments `β` at these times, m/s.
     pub beta: Vec<Vector3<f64>>,
-    /// `γ` at these times, m/s.
+    /// Increments `γ` at these times, m/s.
     pub gamma: Vec<Vector3<f64>>,
 }
 
 impl Increments {
-    /// Of a segment, with the anchors `f^b(t_s)`, `y(t_s)` and `ydot(t_s)` as they are given. The paper takes single samples
-    /// and a vehicle whose velocity is steady at `t_s`.
+    /// Computes the increments of a segment for given anchors `f^b(t_s)`, `y(t_s)` and `ydot(t_s)`.
+    /// The paper takes single samples, and a steady velocity at `t_s`.
     pub fn new(
         recording: &Recording,
         velocity: &BodyVelocity,
@@ -48,8 +50,8 @@ impl Increments {
         out
     }
 
-    /// The anchors as printed: the first sample of each sensor at or after the segment's start, and no acceleration there.
-    /// `None` where there is none.
+    /// Computes the increments with the paper's anchors: the first sample of each sensor at or
+    /// after the segment's start, and zero acceleration. `None` without samples.
     pub fn printed(
         recording: &Recording,
         velocity: &BodyVelocity,

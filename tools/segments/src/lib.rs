@@ -1,11 +1,14 @@
-//! The segments of a run that decide what can be observed: Pan & Wu (2016), section 2.2.
+//! The segments of a run that determine observability: Pan & Wu (2016), section 2.2.
 //!
 //! ```text
-//! Scenario ──▶ Recording ──▶ Attitude ──▶ find ──▶ Segment ──▶ Directions   rank of the specific-force rate (Theorem 1)
+//! Scenario ──▶ Recording ──▶ Attitude ──▶ find ──▶ Segment ──▶ Directions   rank of fdot^b
+//! (Theorem 1)
 //!              all samples    by gyros             I, II  ├──▶ Increments   β and γ of eq. (18)
-//!                                                         └──▶ Sphere       α of eq. (13), and its conditioning (Lemma 2)
+//!                                                         └──▶ Sphere       α of eq. (13) (Lemma
+//!                                                         2)
 //! ```
-//! Nothing here runs the filter: the samples of a scenario's sources, or of a log, are gathered as they are.
+//! This crate does not run the filter. It gathers the samples of a scenario's sources, or of a log,
+//! as they are.
 
 mod attitude;
 mod directions;
@@ -26,15 +29,20 @@ pub use sphere::Sphere;
 
 use navfuse_core::document::DocumentError;
 
-/// Why segments cannot be found.
+/// Error of the segments.
 #[derive(Debug, thiserror::Error)]
 pub enum SegmentError {
-    /// The scenario, or a source of it.
+    /// The scenario, or one of its sources, does not fit.
     #[error(transparent)]
     Scenario(#[from] navfuse_core::plugin::BuildError),
     /// A source failed while it was read.
-    #[error("source {0}: {1}")]
-    Source(String, navfuse_core::model::stream::StreamError),
+    #[error("source {name}: {error}")]
+    Source {
+        /// Name of the source.
+        name: String,
+        /// Reason.
+        error: navfuse_core::model::stream::StreamError,
+    },
     /// Samples are missing.
     #[error("{0}")]
     Missing(String),

@@ -9,25 +9,25 @@ use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 
-/// What an IMU measured over one interval.
+/// Mean of an IMU's measurements over one interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inertial {
     /// Length of the interval that ends at the sample's time, s.
     pub dt: f64,
-    /// Mean angular rate `w_ib^b` as the gyros gave it, rad/s.
+    /// Mean angular rate `w_ib^b` of the gyros, rad/s.
     pub rate: Vector3<f64>,
-    /// Mean specific force `f^b` as the accelerometers gave it, m/s^2.
+    /// Mean specific force `f^b` of the accelerometers, m/s^2.
     pub force: Vector3<f64>,
 }
 
-/// The IMU: its samples, and how good it is.
+/// IMU: its samples and its noise.
 #[derive(Clone, Debug)]
 pub struct Imu {
-    /// Its samples.
+    /// Samples.
     pub samples: Series<Inertial>,
-    /// Gyro noise, rad/s/sqrt(Hz), one an axis.
+    /// Gyro noise per axis, rad/s/sqrt(Hz).
     pub gyro_noise: Vector3<f64>,
-    /// Accelerometer noise, m/s^2/sqrt(Hz), one an axis.
+    /// Accelerometer noise per axis, m/s^2/sqrt(Hz).
     pub accel_noise: Vector3<f64>,
     /// Prior 1-sigma of the gyro bias, rad/s.
     pub gyro_bias: Vector3<f64>,
@@ -45,104 +45,110 @@ pub struct Mounting {
 }
 
 impl Mounting {
-    /// The velocity in body axes of what the instrument reads.
+    /// Returns the velocity in body axes for a velocity `y` of the instrument.
     pub fn body(&self, y: &Vector3<f64>) -> Vector3<f64> {
         self.c_b_d.inverse() * y / self.k
     }
 
-    /// Roll, pitch and yaw of the instrument, rad: `C_d^b = R_x(roll) R_y(pitch) R_z(yaw)`.
+    /// Returns roll, pitch and yaw of the instrument, rad: `C_d^b = R_x(roll) R_y(pitch) R_z(yaw)`.
     pub fn angles(&self) -> Vector3<f64> {
         let (roll, pitch, yaw) = self.c_b_d.euler_angles();
         Vector3::new(roll, pitch, yaw)
     }
 }
 
-/// A sensor of the velocity in its own axes, such as a DVL.
+/// Sensor of the velocity in its own axes, such as a DVL.
 #[derive(Clone, Debug)]
 pub struct BodyVelocity {
-    /// Velocity of the IMU's point in the instrument's axes, m/s, as the instrument reads it: with its scale factor and
-    /// misalignment, but what its lever arm adds in a turn is taken off, at the initial mounting.
+    /// Velocity of the IMU's point in the instrument's axes, m/s. It contains scale factor and
+    /// misalignment; the contribution of the lever arm in turns is subtracted, at the initial
+    /// mounting.
     pub samples: Series<Vector3<f64>>,
     /// Covariance of the noise of one sample, (m/s)^2.
     pub covariance: Matrix3<f64>,
-    /// The mounting that the filter starts from.
+    /// Initial mounting of the filter.
     pub initial: Mounting,
-    /// Prior 1-sigma of the scale factor; zero where it is fixed.
+    /// Prior 1-sigma of the scale factor; zero if it is fixed.
     pub scale_sigma: f64,
-    /// Prior 1-sigma of roll, pitch and yaw, rad; zero where they are fixed.
+    /// Prior 1-sigma of roll, pitch and yaw, rad; zero if they are fixed.
     pub angle_sigma: Vector3<f64>,
-    /// The true mounting of a simulation.
+    /// True mounting of a simulation.
     pub truth: Option<Mounting>,
-    /// Whether it is relative to the water.
+    /// Set if the velocity is relative to the water.
     pub water: bool,
 }
 
-/// A sensor of the position.
+/// Position sensor.
 #[derive(Clone, Debug)]
 pub struct Positions {
-    /// Its samples.
+    /// Position fixes.
     pub fixes: Series<PositionFix>,
-    /// Its point from the IMU, body axes, m.
+    /// Lever arm from the IMU, body axes, m.
     pub lever_arm: Vector3<f64>,
-    /// How fast its bias wanders at first, north, east, down, m^2/s: the variance of its change over a second.
+    /// Initial growth of the variance of its bias, north, east, down, m^2/s.
     pub bias_walk: Vector3<f64>,
 }
 
-/// One fix of the position.
+/// Position fix.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PositionFix {
-    /// The position of the sensor's point; the height is NaN where the fix has none.
+    /// Position of the sensor; the height is NaN if the fix has none.
     pub position: Geodetic,
-    /// Velocity north, east, down, m/s, where the sensor gives it.
+    /// Velocity north, east, down, m/s, if the sensor measures it.
     pub velocity: Option<Vector3<f64>>,
-    /// 1-sigma north and east, m: of the noise, and of a bias that wanders.
+    /// 1-sigma north and east, m, from the noise and the varying bias.
     pub sigma: f64,
-    /// 1-sigma of the height, m, likewise.
+    /// 1-sigma of the height, m, from both.
     pub sigma_height: f64,
 }
 
-/// All samples of a run by what they are.
+/// All samples of a run, grouped by what they measure.
 #[derive(Clone, Debug)]
 pub struct Recording {
-    /// The scenario's name.
+    /// Name of the scenario.
     pub name: String,
-    /// The zero of the recording's clock on the run's clock.
+    /// Zero of the recording's clock on the run's clock.
     pub zero: Time,
-    /// The IMU.
+    /// IMU.
     pub imu: Imu,
     /// Sensors of the velocity in body axes, in the order of the scenario.
     pub velocities: Vec<BodyVelocity>,
     /// Depths, m, positive down, with their 1-sigma.
     pub depths: Vec<(Series<f64>, f64)>,
-    /// Sensors of the position.
+    /// Position sensors.
     pub positions: Vec<Positions>,
-    /// The reference, at the IMU's point: the truth, or the best that there is. Its rates and forces are not set.
+    /// Reference at the IMU's point: the truth, or the best available estimate. Its rates and
+    /// forces are not set.
     pub reference: Option<Series<Motion>>,
-    /// When the filter starts, s.
+    /// Start of the filter, s.
     pub start: f64,
-    /// The attitude that the filter starts from where no reference tells it: the scenario's initial value.
+    /// Initial attitude in the scenario, used if no reference provides one.
     pub initial_attitude: Option<UnitQuaternion<f64>>,
-    /// The position that the filter starts from where no reference tells it.
+    /// Initial position, used if no reference provides one.
     pub initial_position: Geodetic,
-    /// 1-sigma of roll, pitch and yaw that the filter starts with, rad; zero where they are not states.
+    /// Initial 1-sigma of roll, pitch and yaw, rad; zero if they are not states.
     pub attitude_sigma: Vector3<f64>,
-    /// What the sources warned of, and how many samples of each sensor were left out as not finite.
+    /// Warnings of the sources, and the number of samples of each sensor that were dropped because
+    /// they were not finite.
     pub warnings: Vec<String>,
 }
 
 impl Recording {
-    /// Gathers the samples of a scenario up to its `estimator.stop`, also those from before the filter's start.
+    /// Gathers the samples of a scenario up to its `estimator.stop`, including those before the
+    /// filter's start.
     ///
     /// # Errors
-    /// When the scenario does not compose, a source fails, or there is no IMU among the samples.
+    /// Returns an error if the scenario does not compose, a source fails, or there are no IMU
+    /// samples.
     pub fn read(scenario: &Scenario<'_>) -> Result<Self, SegmentError> {
         Self::gather(scenario.assemble(None)?, |_, _| {})
     }
 
-    /// As [`Self::read`], of an assembly; `progress` is told the time reached and the end, where it is known.
+    /// Gathers the samples of an assembly, as [`Self::read`] does. `progress` receives the current
+    /// time, and the end if it is known.
     ///
     /// # Errors
-    /// As [`Self::read`].
+    /// Returns an error as [`Self::read`] does.
     pub fn gather(
         assembly: Assembly,
         mut progress: impl FnMut(Time, Option<Time>),
@@ -158,7 +164,10 @@ impl Recording {
         let mut count = 0_u64;
         for (name, mut source) in sources {
             let mut sample = Sample::empty(Time::MIN, SensorId(0));
-            while source.next(&mut sample).map_err(|e| SegmentError::Source(name.clone(), e))? {
+            while source
+                .next(&mut sample)
+                .map_err(|error| SegmentError::Source { name: name.clone(), error })?
+            {
                 if stop.is_some_and(|stop| sample.time > stop) {
                     break;
                 }
@@ -183,23 +192,26 @@ impl Recording {
             composition.sensors.iter().zip(dropped).filter(|(_, count)| *count > 0)
         {
             let name = &sensor.info.name;
-            warnings
-                .push(format!("[sensor.{name}]: {count} samples are not finite and were left out: check its source"));
+            warnings.push(format!(
+                "[sensor.{name}]: {count} samples are not finite and were dropped: check its \
+                     source"
+            ));
         }
         Ok(Self { warnings, ..Builder::new(&composition, samples)?.build()? })
     }
 
-    /// The time on the run's clock, s, of a time on the recording's.
+    /// Converts a time on the recording's clock to the run's clock, s.
     pub fn clock(&self, time: f64) -> f64 {
         self.zero.seconds() + time
     }
 
-    /// The end of the last IMU interval, s.
+    /// Returns the end of the last IMU interval, s.
     pub fn end(&self) -> f64 {
         self.imu.samples.time.last().copied().unwrap_or(0.0)
     }
 
-    /// The reference's attitude at a time, between its samples along the shortest way; `None` beyond them.
+    /// Returns the reference's attitude at a time, interpolated along the shortest rotation; `None`
+    /// outside its samples.
     pub fn reference_attitude(&self, time: f64) -> Option<UnitQuaternion<f64>> {
         let series = self.reference.as_ref()?;
         let within = series.time.first().is_some_and(|t| *t <= time)

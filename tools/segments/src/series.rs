@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-/// Samples of one sensor: times in seconds on the recording's clock, ascending, and a value for each.
+/// Samples of one sensor: ascending times on the recording's clock, and a value for each time.
 #[derive(Clone, Debug)]
 pub struct Series<T> {
-    /// The sensor's name in the scenario.
+    /// Name of the sensor in the scenario.
     pub name: String,
     /// Times, s.
     pub time: Vec<f64>,
@@ -14,12 +14,12 @@ pub struct Series<T> {
 }
 
 impl<T> Series<T> {
-    /// Without samples.
+    /// Creates a series without samples.
     pub fn new(name: &str) -> Self {
         Self { name: name.to_owned(), time: Vec::new(), value: Vec::new() }
     }
 
-    /// Appends a sample, unless it is not later than the last.
+    /// Appends a sample; a sample that is not later than the last one is dropped.
     pub fn push(&mut self, time: f64, value: T) {
         if self.time.last().is_none_or(|last| time > *last) {
             self.time.push(time);
@@ -27,23 +27,23 @@ impl<T> Series<T> {
         }
     }
 
-    /// Whether there is no sample.
+    /// Returns `true` if there are no samples.
     pub fn is_empty(&self) -> bool {
         self.time.is_empty()
     }
 
-    /// The indices of the samples from `from` to `to`, both included, s.
+    /// Returns the indices of the samples from `from` to `to`, both inclusive, s.
     pub fn within(&self, from: f64, to: f64) -> Range<usize> {
         self.time.partition_point(|t| *t < from)..self.time.partition_point(|t| *t <= to)
     }
 
-    /// Times and values from `from` to `to`, both included, s.
+    /// Iterates over times and values from `from` to `to`, both inclusive, s.
     pub fn samples(&self, from: f64, to: f64) -> impl Iterator<Item = (f64, &T)> {
         let range = self.within(from, to);
         self.time[range.clone()].iter().copied().zip(&self.value[range])
     }
 
-    /// The usual interval between samples: the median, s. Infinite where there are fewer than two.
+    /// Returns the median interval between samples, s; infinite for fewer than two samples.
     pub fn period(&self) -> f64 {
         let mut intervals: Vec<f64> = self.time.windows(2).map(|w| w[1] - w[0]).collect();
         if intervals.is_empty() {
@@ -53,7 +53,7 @@ impl<T> Series<T> {
         *intervals.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
-    /// The spans of time longer than `limit` s, within `from` to `to`, in which there is no sample.
+    /// Returns the spans from `from` to `to` without samples that are longer than `limit`, s.
     pub fn gaps(&self, from: f64, to: f64, limit: f64) -> Vec<[f64; 2]> {
         let range = self.within(from, to);
         let inner = self.time[range].iter().copied();
@@ -62,8 +62,9 @@ impl<T> Series<T> {
         times.windows(2).filter(|w| w[1] - w[0] > limit).map(|w| [w[0], w[1]]).collect()
     }
 
-    /// The place of a time: the index of the sample before or at it, and how far on it is to the next, 0 to 1. Before the
-    /// first and after the last sample, that sample. `None` where there is none.
+    /// Finds a time between the samples: the index of the sample before or at it, and the fraction
+    /// of the interval to the next sample. Times outside the series have the first or the last
+    /// sample. `None` if the series is empty.
     pub(crate) fn place(&self, time: f64) -> Option<(usize, f64)> {
         let after = self.time.partition_point(|t| *t <= time);
         match (after, self.time.len()) {
@@ -76,14 +77,15 @@ impl<T> Series<T> {
 }
 
 impl Series<nalgebra::Vector3<f64>> {
-    /// The value at a time, linear between samples and held beyond the first and the last; `None` where there is none.
+    /// Returns the value at a time, interpolated linearly and held before the first and after the
+    /// last sample; `None` if the series is empty.
     pub fn at(&self, time: f64) -> Option<nalgebra::Vector3<f64>> {
         let (k, share) = self.place(time)?;
         let here = self.value[k];
         Some(if share > 0.0 { here + (self.value[k + 1] - here) * share } else { here })
     }
 
-    /// The mean of the values from `from` to `to`, s, and their number.
+    /// Returns the mean of the values from `from` to `to`, s, and their number.
     pub fn mean(&self, from: f64, to: f64) -> Option<(nalgebra::Vector3<f64>, usize)> {
         let range = self.within(from, to);
         let n = range.len();

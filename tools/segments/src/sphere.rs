@@ -4,31 +4,38 @@ use crate::finder::{eigen, slope};
 use crate::{Attitude, BodyVelocity, Mounting, Recording, Segment};
 use nalgebra::{Matrix3, Vector3};
 
-/// `α = ((w_ib^b - b_g) x v^b + vdot^b) - f^b` with `v^b = C_d^b y / k`, over segments of Type II: the points that lie on a
-/// sphere of radius `g` about `-b_a`. (Pan & Wu print `ydot` in the place of `y` in the cross product; eq. 9 has `y`.)
+/// Points `α` on segments of Type II, with `v^b = C_d^b y / k`:
 ///
-/// The angular rate should be that to the local axes plus twice the Earth's (Coriolis), which is 7e-5 rad/s times the speed:
-/// it is taken so.
+/// ```text
+/// α = (w_ib^b - b_g) x v^b + vdot^b - f^b
+/// ```
+/// They lie on a sphere of radius `g` about `-b_a`. (Pan & Wu print `ydot` instead of `y` in the
+/// cross product; eq. 9 has `y`.)
+///
+/// The angular rate in this formula should be the rate relative to the local axes plus twice the
+/// Earth's rate (Coriolis). This implementation uses that rate; the difference is 7e-5 rad/s times
+/// the speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sphere {
     /// Times, s.
     pub time: Vec<f64>,
-    /// `α` at these times, body axes, m/s^2.
+    /// Points `α` at these times, body axes, m/s^2.
     pub alpha: Vec<Vector3<f64>>,
-    /// Singular values of the points about their mean over their number's root, m/s^2, the largest first: how far they are
-    /// from lying in a plane, as Lemma 2 needs. The smallest is the margin.
+    /// Root-mean-square distances from the mean along the principal axes, m/s^2, the largest first.
+    /// The smallest is the margin to coplanar points, which Lemma 2 excludes.
     pub singular_values: Vector3<f64>,
-    /// The principal axes in body axes, as columns.
+    /// Principal axes in body axes, as columns.
     pub axes: Matrix3<f64>,
-    /// Largest over smallest singular value of `Σ (α - mean)(α - mean)'`.
+    /// Ratio of the largest to the smallest singular value of `Σ (α - mean)(α - mean)'`.
     pub condition: f64,
-    /// Largest over smallest singular value of `Σ α α'`, as the paper has it: gravity itself fills it.
+    /// Ratio of the largest to the smallest singular value of `Σ α α'`, as in the paper; gravity
+    /// dominates it.
     pub condition_about_zero: f64,
 }
 
 impl Sphere {
-    /// Of segments, with the mounting that is known, at windows of `window` s side by side; the velocity needs three
-    /// samples or more in each.
+    /// Computes the points of segments with a known mounting, in consecutive windows of `window` s;
+    /// a window needs at least three samples of the velocity.
     pub fn of<'a>(
         recording: &Recording,
         velocity: &BodyVelocity,
@@ -69,9 +76,12 @@ impl Sphere {
         }
     }
 
-    /// The accelerometer bias, m/s^2, for gravity of magnitude `g`: `2 (α - mean)' b = mean |α|^2 - |α|^2` by least squares,
-    /// which needs no `g`, along the axes whose singular value is above `margin`, and the radius along what is left.
-    /// `None` of fewer than four points.
+    /// Returns the accelerometer bias, m/s^2, for gravity of magnitude `g`.
+    ///
+    /// The difference of `|α + b|^2 = g^2` and its mean over the points, `2 (α - mean)' b = mean
+    /// |α|^2 - |α|^2`, is linear in `b` and free of `g`. Least squares solves it along the axes
+    /// with a singular value above `margin`; the radius `g` determines the rest. `None` for fewer
+    /// than four points.
     pub fn bias(&self, g: f64, margin: f64) -> Option<Vector3<f64>> {
         if self.alpha.len() < 4 {
             return None;
@@ -90,7 +100,7 @@ impl Sphere {
             let axis = self.axes.column(k);
             bias += axis * (axis.dot(&right) / self.singular_values[k].powi(2));
         }
-        // |α + b| = g along the mean of the points, where the plane through them leaves it open
+        // nearly coplanar points: |α + b| = g determines b along their mean
         let left = (0..3).any(|k| self.singular_values[k] <= margin);
         if left {
             let along = (mean + bias).normalize();

@@ -1,0 +1,139 @@
+//! Top of the page: facts of the run, and the results to inspect first.
+
+use crate::history::{BlockHistory, History};
+use crate::plots;
+use maud::{Markup, html};
+use navfuse_core::model::record::Level;
+
+/// Description and seed of a scenario.
+pub(super) struct Facts {
+    pub(super) description: Option<String>,
+    seed: Option<i64>,
+}
+
+impl Facts {
+    pub(super) fn of(history: &History) -> Self {
+        let table: toml::Table = history.scenario.parse().unwrap_or_default();
+        let description = table.get("description").and_then(|d| d.as_str()).map(str::to_owned);
+        let simulated = table.get("source").and_then(|s| s.get("simulation")).is_some();
+        // the default seed of a scenario is 1
+        let seed = table.get("seed").map_or(Some(1), toml::Value::as_integer).filter(|_| simulated);
+        Self { description, seed }
+    }
+
+    pub(super) fn table(&self, history: &History) -> Markup {
+        html! {
+            dl.facts {
+                @if let Some([from, to]) = history.span() {
+                    div { dt { "time" } dd { (seconds(from)) " to " (seconds(to)) } }
+                    div { dt { "duration" } dd { (seconds(to - from)) } }
+                }
+                @if let Some(metres) = distance(history) {
+                    div { dt { "distance" } dd { (format!("{metres:.0} m")) } }
+                }
+                @if let Some(seed) = self.seed { div { dt { "seed" } dd { (seed) } } }
+                div { dt { "states" } dd { (number_of_states(history)) } }
+                div { dt { "run by" } dd { "navfuse " (history.version) } }
+            }
+        }
+    }
+
+    /// Creates the list of results to inspect first.
+    pub(super) fn verdicts(&self, history: &History) -> Markup {
+        let worst = worst(history);
+        let level = history.level();
+        html! {
+            @for warning in &history.warnings { p.bad { "Warning: " (warning) } }
+            ul {
+                @if let Some((last, rms, percent)) = horizontal(history) {
+                    li { "Horizontal error " b { (format!("{last:.2} m")) } " at the end"
+                        @if let Some(percent) = percent {
+                            (format!(", {percent:.3} % of the distance"))
+                        }
+                        (format!("; {rms:.2} m rms.")) }
+                }
+                @if let Some((name, ratio)) = worst {
+                    li class=[(ratio > 4.0).then_some("bad")] {
+                        "Largest error at the end: " b { (format!("{ratio:.1} sigma")) }
+                        ", of " (name)
+                        @if ratio > 4.0 {
+                            ": for a consistent sigma, only one error in 15 000 is that large"
+                        }
+                        "."
+                    }
+                } @else { li { "No truth is known, so no error can be computed." } }
+                @for sensor in history.sensors.iter().filter(|s| s.updates.nis[1] > 0.0) {
+                    @let [nis, freedom] = sensor.updates.nis;
+                    @let inside = plots::band(freedom)
+                        .is_some_and(|[low, high]| (low..=high).contains(&(nis / freedom)));
+                    li class=[(!inside).then_some("bad")] {
+                        "Innovations of " (sensor.name) ": NIS "
+                        b { (format!("{:.3}", nis / freedom)) } " per channel, "
+                        @if inside { "as the filter expects." }
+                        @else if nis < freedom {
+                            "smaller than the filter expects: the stated noise is too large."
+                        }
+                        @else {
+                            "larger than the filter expects: the stated noise is too small, or an "
+                            "effect is not modelled."
+                        }
+                    }
+                }
+                @if level > Level::Info {
+                    li { a href="#events" { "There are warnings or errors." } }
+                }
+            }
+        }
+    }
+}
+
+/// Formats seconds without trailing zeros.
+pub(super) fn seconds(s: f64) -> String {
+    let text = format!("{s:.3}");
+    format!("{} s", text.trim_end_matches('0').trim_end_matches('.'))
+}
+
+/// Returns `true` if the truth is known up to 2 s before the end, as in the summary of a run.
+pub(super) fn to_the_end(block: &BlockHistory) -> bool {
+    block.compared.as_ref().is_some_and(|c| block.last.time - c.time <= 2.0)
+}
+
+/// Returns the number of uncertain components.
+fn number_of_states(history: &History) -> usize {
+    history.blocks.iter().filter(|b| b.uncertain()).map(|b| b.components.len()).sum()
+}
+
+/// Returns the horizontal path length, of the truth if it is known to the end, otherwise of the
+/// estimate.
+fn distance(history: &History) -> Option<f64> {
+    let position = history.position()?;
+    Some(if to_the_end(position) { position.travelled.truth } else { position.travelled.estimate })
+}
+
+/// Returns the horizontal error at the last known truth, its root mean square, and the error in per
+/// cent of the path.
+fn horizontal(history: &History) -> Option<(f64, f64, Option<f64>)> {
+    let position = history.position()?;
+    let error = &position.compared.as_ref()?.error;
+    let (squares, count) = position.travelled.squares;
+    let last = error.first()?.hypot(*error.get(1)?);
+    let percent =
+        (position.travelled.truth >= 1.0).then(|| 100.0 * last / position.travelled.truth);
+    Some((last, (squares / count.max(1) as f64).sqrt(), percent))
+}
+
+/// Returns the component with the largest ratio of error to sigma at the end, and that ratio.
+fn worst(history: &History) -> Option<(String, f64)> {
+    let blocks = history.blocks.iter().filter(|b| b.uncertain() && to_the_end(b));
+    let all = blocks.flat_map(|b| {
+        let row = b.compared.as_ref();
+        let ratios = row
+            .map(|r| r.error.iter().zip(&r.sigma).map(|(e, s)| (e / s).abs()).collect::<Vec<_>>());
+        ratios
+            .into_iter()
+            .flatten()
+            .enumerate()
+            .map(|(k, ratio)| (format!("{} {}", b.name, b.axis(k)), ratio))
+    });
+    all.filter(|(_, ratio)| ratio.is_finite()).max_by(|a, b| a.1.total_cmp(&b.1))
+}

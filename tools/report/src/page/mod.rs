@@ -1,0 +1,175 @@
+//! The report of a run as one HTML page. Figures, tables and style are in the page, so that it
+//! opens offline and without a script.
+
+mod facts;
+mod tables;
+
+use crate::history::{BlockHistory, History};
+use crate::plots;
+use facts::{Facts, seconds};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use navfuse_figures::{Figure, FigureError, svg};
+use navfuse_observability::ObservabilityReport;
+
+/// Style of every page.
+const STYLE: &str = include_str!("../page.css");
+
+/// Sections of the report: the anchor and the name.
+const SECTIONS: [(&str, &str); 10] = [
+    ("result", "Result"),
+    ("trajectory", "Trajectory"),
+    ("calibration", "Calibration"),
+    ("sensors", "Sensors"),
+    ("states", "States"),
+    ("innovations", "Innovations"),
+    ("observability", "Observability"),
+    ("samples", "Samples"),
+    ("events", "Events"),
+    ("scenario", "Scenario"),
+];
+
+/// Creates a page with a title and a content.
+pub(crate) fn document(title: &str, body: &Markup) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body { (body) }
+        }
+    };
+    page.into_string()
+}
+
+/// Creates a figure with a caption.
+pub(crate) fn picture(figure: &Figure, caption: &Markup) -> Result<Markup, FigureError> {
+    let drawing = svg(figure)?;
+    Ok(html! {
+        figure id=(figure.name) {
+            div.drawing role="img" aria-label=(figure.name) { (PreEscaped(drawing)) }
+            figcaption { (caption) }
+        }
+    })
+}
+
+/// Creates the report of a run, with its observability if that was evaluated.
+///
+/// # Errors
+/// Returns an error if the drawing library fails.
+pub fn report(
+    history: &History,
+    observed: Option<&ObservabilityReport>,
+) -> Result<String, FigureError> {
+    let facts = Facts::of(history);
+    let (constant, moving): (Vec<&BlockHistory>, Vec<&BlockHistory>) =
+        history.blocks.iter().partition(|b| b.constant());
+    let measuring = || history.sensors.iter().filter(|s| s.updates.accepted + s.updates.gated > 0);
+    let body = html! {
+        header {
+            h1 { (history.name) }
+            @if let Some(text) = &facts.description { p.lead { (text) } }
+            (facts.table(history))
+            nav {
+                @for (id, name) in SECTIONS {
+                    a href={ "#" (id) } { (name) }
+                }
+            }
+        }
+        main {
+            section #result {
+                h2 { "Result" }
+                (facts.verdicts(history))
+                h3 { "Navigation at the end" }
+                (tables::end(&moving))
+            }
+            @if let Some(figure) = plots::trajectory(history) {
+                section {
+                    h2 { "Trajectory" }
+                    (picture(&figure, &html! {
+                        "North, east and up from the first position, the true one if it is known."
+                    })?)
+                }
+            }
+            section #calibration {
+                h2 { "Calibration, before and after" }
+                (tables::calibration(&constant))
+                p.note {
+                    "Before: the first estimate"
+                    @if let Some([from, _]) = history.span() { ", at " (seconds(from)) }
+                    ". After: the last estimate. A remaining sigma near 1 means that the run "
+                    "held no information on the state."
+                }
+            }
+            section #sensors {
+                h2 { "Sensors" }
+                (tables::sensors(history))
+                p.note {
+                    "NIS per channel: the mean normalised innovation squared of the accepted "
+                    "samples, divided by the number of their channels. The filter expects 1. "
+                    "For white innovations without a gate, the value is inside the band in 95 % of all runs."
+                }
+            }
+            section #states {
+                h2 { "States" }
+                p.note {
+                    "Above: a constant with its bounds of 3 sigma and the truth, if it is known, "
+                    "near its final value; of a state that moves, the error. Below: sigma and the "
+                    "magnitude of the error over the whole run, on a logarithmic scale, which cuts "
+                    "off an error near zero."
+                }
+                @for block in history.blocks.iter().filter(|b| b.uncertain()) {
+                    @if let Some(figure) = plots::state(block) {
+                        h3 { (block.name) @if !block.unit.is_empty() { " [" (block.unit) "]" } }
+                        (picture(&figure, &html! {})?)
+                    }
+                }
+                (tables::fixed(history))
+            }
+            section #innovations {
+                h2 { "Innovations" }
+                @if measuring().next().is_none() { p { "No sensor corrected the state." } }
+                @for sensor in measuring() {
+                    h3 { (sensor.name) }
+                    @let figures = [plots::innovations(sensor), plots::nis(sensor)];
+                    @for figure in figures.iter().flatten() {
+                        (picture(figure, &tables::shown(sensor))?)
+                    }
+                }
+            }
+            section #observability {
+                h2 { "Observability" }
+                @if let Some(observed) = observed { (tables::verdicts(observed)) }
+                (picture(&plots::normalised(history), &html! {
+                    "Sigma relative to its first value. A state whose sigma falls is observed "
+                    "from then on; a state whose sigma stays at 1 is not."
+                })?)
+            }
+            section #samples {
+                h2 { "Samples" }
+                @for sensor in history.sensors.iter().filter(|s| s.read > 0) {
+                    details {
+                        summary { (sensor.name) ": " (sensor.read) " samples" }
+                        (picture(&plots::samples(sensor), &html! {
+                            @if sensor.samples.each() > 1 {
+                                "The smallest and the largest of " (sensor.samples.each())
+                                " samples at a time."
+                            }
+                        })?)
+                    }
+                }
+            }
+            (tables::events(history))
+            section #scenario {
+                h2 { "Scenario" }
+                details { summary { "TOML, as it was run" } pre { (history.scenario) } }
+            }
+        }
+        footer { "Written by navfuse " (env!("CARGO_PKG_VERSION")) ". This page needs no network." }
+    };
+    Ok(document(&history.name, &body))
+}

@@ -1,0 +1,287 @@
+//! Tables and lists of the page.
+
+use super::facts::{seconds, to_the_end};
+use crate::history::{BlockHistory, History, Row, SensorHistory};
+use crate::plots;
+use maud::{Markup, html};
+use navfuse_core::model::record::Level;
+use navfuse_core::model::sensor::Purpose;
+use navfuse_observability::{ObservabilityReport, Verdict};
+
+/// Formats a number with the digits that are significant for its sigma, and one more.
+fn number(value: f64, sigma: f64) -> String {
+    let decimals = if sigma > 0.0 && sigma.is_finite() {
+        (1.0 - sigma.log10().floor()).clamp(0.0, 9.0)
+    } else {
+        6.0
+    };
+    let text = format!("{value:.*}", decimals as usize);
+    let text = if sigma > 0.0 {
+        text
+    } else {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    };
+    if text.trim_start_matches(['-', '0', '.']).is_empty() {
+        text.trim_start_matches('-').to_owned()
+    } else {
+        text
+    }
+}
+
+/// Creates the cells of an error and of its ratio to sigma.
+fn judged(error: Option<(f64, f64)>) -> Markup {
+    let ratio = error.filter(|e| e.1 > 0.0).map(|(error, sigma)| error / sigma);
+    html! {
+        td { @if let Some((error, sigma)) = error { (number(error, sigma)) } }
+        td class=[ratio.filter(|r| r.abs() > 3.0).map(|_| "bad")] {
+            @if let Some(ratio) = ratio { (format!("{ratio:.1}")) }
+        }
+    }
+}
+
+/// Returns the error and its sigma of a component at the last known truth.
+fn last_error(block: &BlockHistory, k: usize) -> Option<(f64, f64)> {
+    let row = block.compared.as_ref().filter(|_| to_the_end(block))?;
+    Some((*row.error.get(k)?, *row.sigma.get(k)?))
+}
+
+/// Creates the table of the states that move, at the end.
+pub(super) fn end(blocks: &[&BlockHistory]) -> Markup {
+    html! {
+        div.wide { table {
+            thead { tr {
+                th { "state" } th {} th { "estimate" } th { "1-sigma" } th { "error" }
+                th { "error/sigma" } th.name { "unit" }
+            } }
+            tbody {
+                @for block in blocks {
+                    @for k in 0..block.components.len() {
+                        @let sigma = block.last.sigma[k];
+                        @let angle = block.geodetic && k < 2;
+                        tr class=[(k == 0).then_some("first")] {
+                            th { @if k == 0 { (block.name) } }
+                            td.name { (block.components[k]) }
+                            td { @if angle { (format!("{:.7} deg", block.last.estimate[k])) }
+                                 @else { (number(block.last.estimate[k], sigma)) } }
+                            td {
+                                @if block.uncertain() { (number(sigma, sigma)) } @else { "fixed" }
+                            }
+                            (judged(last_error(block, k)))
+                            td.name { (block.unit) }
+                        }
+                    }
+                }
+            }
+        } }
+    }
+}
+
+/// Creates the table of the constant states, before and after the run.
+pub(super) fn calibration(blocks: &[&BlockHistory]) -> Markup {
+    let with_truth = blocks.iter().any(|b| b.compared.is_some());
+    html! {
+        @if blocks.is_empty() { p { "No state is constant in this run." } } @else {
+            div.wide { table {
+                thead { tr {
+                    th { "state" } th {} th { "before" } th { "after" }
+                    @if with_truth { th { "truth" } th { "error" } th { "error/sigma" } }
+                    th { "remaining sigma" } th.name { "unit" }
+                } }
+                tbody {
+                    @for block in blocks {
+                        @for k in 0..block.components.len() {
+                            @let (before, after) = (&block.first, &block.last);
+                            @let error = last_error(block, k);
+                            tr class=[(k == 0).then_some("first")] {
+                                th { @if k == 0 { (block.name) } }
+                                td.name { (block.components[k]) }
+                                @if block.uncertain() {
+                                    td { (estimate(before, k)) }
+                                    td { (estimate(after, k)) }
+                                } @else {
+                                    td { (number(before.estimate[k], 0.0)) }
+                                    td { "fixed" }
+                                }
+                                @if with_truth {
+                                    td {
+                                        @if let Some((e, s)) = error {
+                                            (number(after.estimate[k] - e, s))
+                                        }
+                                    }
+                                    (judged(error))
+                                }
+                                td {
+                                    @if block.uncertain() && before.sigma[k] > 0.0 {
+                                        (part(after.sigma[k] / before.sigma[k]))
+                                    }
+                                }
+                                td.name { (block.unit) }
+                            }
+                        }
+                    }
+                }
+            } }
+        }
+    }
+}
+
+/// Formats an estimate with its 1-sigma.
+fn estimate(row: &Row, k: usize) -> String {
+    let sigma = row.sigma[k];
+    format!("{} ± {}", number(row.estimate[k], sigma), number(sigma, sigma))
+}
+
+/// Formats a ratio with two digits.
+fn part(ratio: f64) -> String {
+    number(ratio, ratio)
+}
+
+/// Creates the table of the sensors and the outcomes of their samples.
+pub(super) fn sensors(history: &History) -> Markup {
+    let word = |s: &SensorHistory| match s.purpose {
+        Some(Purpose::Input) => "drives the process",
+        Some(Purpose::Measurement) => "corrects the state",
+        Some(Purpose::Reference) => "start and comparison",
+        None => "",
+    };
+    let measures = |s: &SensorHistory| s.updates != crate::Updates::default();
+    html! {
+        div.wide { table {
+            thead { tr {
+                th { "sensor" } th.name { "type" } th.name { "for" } th { "read" }
+                th { "used" }
+                th { "gated" } th { "rejected" } th { "NIS per channel" } th { "95 % band" }
+            } }
+            tbody {
+                @for sensor in &history.sensors {
+                    @let updates = &sensor.updates;
+                    @let [nis, freedom] = updates.nis;
+                    tr.first {
+                        th { (sensor.name) }
+                        td.name { (sensor.kind.as_deref().unwrap_or_default()) }
+                        td.name { (word(sensor)) }
+                        td { (sensor.read) }
+                        @if measures(sensor) {
+                            td { (updates.accepted) } td { (updates.gated) }
+                            td { (updates.rejected.iter().map(|r| r.1).sum::<u64>()) }
+                        } @else { td {} td {} td {} }
+                        td { @if freedom > 0.0 { (format!("{:.3}", nis / freedom)) } }
+                        td {
+                            @if let Some([low, high]) = plots::band(freedom) {
+                                (format!("{low:.3} to {high:.3}"))
+                            }
+                        }
+                    }
+                    @for (why, count) in &updates.rejected {
+                        tr { th {} td.name colspan="8" { (count) " rejected: " (why) } }
+                    }
+                }
+            }
+        } }
+    }
+}
+
+/// Creates the table of the states' observability: the verdict, its time, the sensors, and what is
+/// missing.
+pub(super) fn verdicts(observed: &ObservabilityReport) -> Markup {
+    let contributions = |by: &std::collections::BTreeMap<String, f64>| {
+        let mut by: Vec<_> = by.iter().filter(|(_, bits)| **bits >= 0.05).collect();
+        by.sort_by(|a, b| b.1.total_cmp(a.1));
+        by.iter().map(|(name, bits)| format!("{name} {bits:.1}")).collect::<Vec<_>>().join(", ")
+    };
+    html! {
+        div.wide { table {
+            thead { tr {
+                th { "state" } th.name { "verdict" } th { "since" } th { "remaining sigma" }
+                th { "bits" } th.name { "bits by sensor" } th.name { "missing" }
+            } }
+            tbody {
+                @for state in &observed.states {
+                    tr.first {
+                        th { (state.title) }
+                        td.name {
+                            span class=[(state.verdict != Verdict::Determined).then_some("bad")] {
+                                (state.verdict.text())
+                            }
+                        }
+                        td { @if let Some(since) = state.since_s { (seconds(since)) } }
+                        td { (number(state.normalised, state.normalised)) }
+                        td { (format!("{:.1}", state.bits)) }
+                        td.name { (contributions(&state.information)) }
+                        td.text { (state.missing.as_deref().unwrap_or_default()) }
+                    }
+                }
+            }
+        } }
+        p.note {
+            "Remaining sigma: final sigma relative to the sigma without measurements. Bits: "
+            "number of times that sigma was halved. `navfuse observability` has the "
+            "details, and suggests manoeuvres."
+        }
+        @if !observed.undetermined.is_empty() {
+            p { "Remaining errors of the initial state:" }
+            ul { @for direction in &observed.undetermined { li { (direction.text) } } }
+        }
+    }
+}
+
+/// Formats the estimate of a fixed block.
+fn values(block: &BlockHistory) -> String {
+    let values: Vec<String> = block.last.estimate.iter().map(|v| number(*v, 0.0)).collect();
+    values.join(", ")
+}
+
+/// Lists the values of the blocks that are held fixed, which have no plots.
+pub(super) fn fixed(history: &History) -> Markup {
+    let mut fixed = history.blocks.iter().filter(|b| !b.uncertain()).peekable();
+    html! {
+        @if fixed.peek().is_some() {
+            p.note { "Held fixed: "
+                @for (i, block) in fixed.enumerate() {
+                    @if i > 0 { "; " }
+                    (block.name) " = "
+                    (values(block)) " " (block.unit)
+                }
+            }
+        }
+    }
+}
+
+/// Describes the thinning of a sensor's innovations.
+pub(super) fn shown(sensor: &SensorHistory) -> Markup {
+    let (accepted, gated) = (sensor.updates.innovations.each(), sensor.updates.outliers.each());
+    html! {
+        @if accepted > 1 {
+            "One of " (accepted) " accepted samples is drawn"
+            @if gated > 1 { ", and one of " (gated) " gated samples" }
+            "."
+        }
+    }
+}
+
+/// Creates the table of the events.
+pub(super) fn events(history: &History) -> Markup {
+    let word = |level| match level {
+        Level::Info => "",
+        Level::Warning => "warning",
+        Level::Error => "error",
+    };
+    html! {
+        section #events {
+            h2 { "Events" }
+            div.wide { table.events {
+                tbody {
+                    @for event in &history.events {
+                        tr class=[(event.level > Level::Info).then_some("bad")] {
+                            td { (event.time) } td.name { (word(event.level)) }
+                            td.name { (event.about) } td.text { (event.text) }
+                        }
+                    }
+                }
+            } }
+            @if history.events_left_out > 0 {
+                p.note { (history.events_left_out) " more events are in the log." }
+            }
+        }
+    }
+}
