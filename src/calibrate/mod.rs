@@ -10,7 +10,7 @@ use crate::print;
 use crate::progress::Bar;
 use crate::run::document_of;
 use clap::{Args, ValueEnum};
-use navfuse_calibration::{AttitudeSource, CalibrationData, Estimate, Method};
+use navfuse_calibration::{AttitudeSource, CalibrationData, Estimate, Method, MethodError};
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::Progress;
@@ -150,8 +150,8 @@ fn methods(name: &str) -> Result<Vec<Method>> {
     match name {
         "all" => Ok(Method::ALL.to_vec()),
         "ekf" => Ok(Vec::new()),
-        name => Ok(vec![name.parse().map_err(|e: String| {
-            format!("--method: {}", e.replace(", and all", ", ekf and all"))
+        name => Ok(vec![name.parse().map_err(|e: MethodError| {
+            format!("--method: {e}, ekf and all")
         })?]),
     }
 }

@@ -136,7 +136,7 @@ impl std::str::FromStr for Method {
 
 /// Error of a name that no method has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no method {text:?}; the methods are {}, and all", method_names())]
+#[error("there is no method {text:?}; the methods are {}", method_names())]
 pub struct MethodError {
     /// The name.
     pub text: String,

@@ -1,4 +1,4 @@
-//! A figure is a picture whatever is in it, and the picture shows what is in the figure.
+//! Every figure gives a valid picture, and the picture shows the content of the figure.
 
 #![allow(clippy::unwrap_used, reason = "a test ends where it fails")]
 
@@ -27,7 +27,7 @@ fn texts(picture: &str) -> Vec<String> {
     texts.map(|n| n.text().unwrap_or_default().trim().to_owned()).collect()
 }
 
-/// The vertices of each line of a colour; the first, which is the piece in the legend, is left out.
+/// Returns the vertices of each line of a colour, without the first line, the sample in the legend.
 fn lines(picture: &str, colour: &str) -> Vec<Vec<[f64; 2]>> {
     let document = Document::parse(picture).unwrap();
     let point = |p: &str| -> [f64; 2] {
@@ -153,7 +153,8 @@ fn decades_are_evenly_apart_on_a_logarithmic_axis_and_zero_breaks_the_line() {
     let steps: Vec<f64> =
         lines.iter().flat_map(|l| l.windows(2).map(|w| (w[0][1] - w[1][1]).abs())).collect();
     assert_eq!(steps.len(), 4);
-    // each place is rounded to a unit: a difference of two of them is off by one at most, and two of these by two
+    // each position is rounded to a unit: a difference of two is off by at most one, and a
+    // difference of two differences by at most two
     assert!(steps.iter().all(|s| *s > 50.0 && (s - steps[0]).abs() <= 2.0), "{steps:?}");
 }
 
@@ -194,7 +195,8 @@ fn what_is_beyond_the_limits_of_an_axis_is_cut_off() {
         (picture(Axis::linear("y")), picture(Axis::linear("y").within([-10.0, 30.0])));
     let (whole, within) = (&lines(&whole, BLUE)[0], &lines(&within, BLUE)[0]);
     let extent = |line: &[[f64; 2]], k: usize| (line[line.len() - 1][k] - line[0][k]).abs();
-    // a fifth of the values fills the height, which the whole does but for a margin of 5 % at each end
+    // a fifth of the values fills the height; all values fill it except for a margin of 5 % at each
+    // end
     assert!((extent(within, 0) / extent(whole, 0) - 40.0 / 199.0).abs() < 0.01);
     assert!((extent(within, 1) / extent(whole, 1) - 1.1).abs() < 0.01);
 }
@@ -229,7 +231,13 @@ fn a_figure_of_19_states_is_small_enough_for_a_page() {
 }
 
 fn value() -> impl Strategy<Value = f64> {
-    prop_oneof![8 => -10.0..10.0, 2 => proptest::num::f64::ANY, 1 => Just(f64::NAN), 1 => Just(0.0), 2 => 1e-12..1e12]
+    prop_oneof![
+        8 => -10.0..10.0,
+        2 => proptest::num::f64::ANY,
+        1 => Just(f64::NAN),
+        1 => Just(0.0),
+        2 => 1e-12..1e12
+    ]
 }
 
 fn axis() -> impl Strategy<Value = Axis> {
@@ -270,7 +278,11 @@ fn any_panel() -> impl Strategy<Value = Panel> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 256,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
     #[test]
     fn any_figure_is_a_picture_and_the_same_one_each_time(
@@ -283,11 +295,12 @@ proptest! {
         prop_assert_eq!(&picture, &svg(&figure.clone()).unwrap());
         let document = Document::parse(&picture).map_err(|e| TestCaseError::fail(e.to_string()))?;
         prop_assert!(!picture.contains("NaN") && !picture.contains("inf"), "numbers are numbers");
-        // nothing is drawn outside: the plots' vertices lie in the picture
+        // nothing is drawn outside: all vertices lie in the picture
         let of = |name: &str| document.root_element().attribute("viewBox").unwrap().split(' ')
             .nth(usize::from(name == "height") + 2).unwrap().parse::<f64>().unwrap();
         let (wide, high) = (of("width"), of("height"));
-        for line in document.descendants().filter_map(|n| n.attribute("points")).flat_map(str::split_whitespace) {
+        let points = document.descendants().filter_map(|n| n.attribute("points"));
+        for line in points.flat_map(str::split_whitespace) {
             let (x, y) = line.split_once(',').unwrap();
             let (x, y): (f64, f64) = (x.parse().unwrap(), y.parse().unwrap());
             prop_assert!((0.0..=wide).contains(&x) && (0.0..=high).contains(&y), "{}", line);

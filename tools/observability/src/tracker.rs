@@ -273,7 +273,9 @@ impl Tracker {
         started.error.correction(layout, update, &mut self.reductions);
         let Some(sensor) = self.last_used.and_then(|id| self.sensors.get_mut(id.0)) else { return };
         sensor.used += 1;
-        sensor.bits.iter_mut().zip(&self.bits).for_each(|(sum, bits)| *sum += 0.5 * bits.log2());
+        // halving sigma is one bit, and quarters the variance
+        let gains = self.reductions.iter().map(|factor| 0.5 * factor.log2());
+        sensor.bits.iter_mut().zip(gains).for_each(|(sum, bits)| *sum += bits);
         let (w, prior) = (update.columns.len(), started.reference.prior());
         for (k, &column) in update.columns.iter().enumerate() {
             let sigma = prior.get(column, column).sqrt();
