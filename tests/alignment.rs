@@ -1,4 +1,5 @@
-//! Initial alignment: the heading's limits, recordings and simulations, at rest and in motion, and what wrong use is told.
+//! Initial alignment: the limits of the heading, recordings and simulations, at rest and in motion,
+//! and the messages about errors of use.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
@@ -18,7 +19,7 @@ fn row<'a>(summary: &'a Summary, name: &str) -> &'a StateRow {
     summary.rows.iter().find(|r| r.name == name).unwrap_or_else(|| panic!("no state {name}"))
 }
 
-/// Error and sigma of the heading at the end, deg.
+/// Returns error and sigma of the final heading, deg.
 fn heading(finished: &Finished) -> (f64, f64) {
     assert!(finished.error.is_none(), "{:?}", finished.error);
     let row = row(&finished.summary, "ins.attitude");
@@ -31,17 +32,19 @@ fn mean_and_sd(values: &[f64]) -> (f64, f64) {
     (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt())
 }
 
-/// Heading north, level, 600 s: with a gyro bias of 0.01 deg/h along east in every run, and noise of 0.1 deg/h/sqrt(Hz).
+/// Heading north, level, 600 s, with a gyro bias of 0.01 deg/h along east in every run, and noise
+/// of 0.1 deg/h/sqrt(Hz).
 ///
-/// Closed forms: mean `eps_E / (W cos L)` = 0.0440 deg, scatter `N_g / (W cos L sqrt T)` = 0.0180 deg. The filter knows the bias as a
-/// state of 0.01 deg/h, which rest cannot tell from the heading: its sigma is both together, 0.0475 deg. The standard deviation
-/// of 50 runs is itself uncertain by 10 %, of 200 by 5 %: a bound of 20 % needs the latter.
+/// Closed forms: mean `eps_E / (W cos L)` = 0.0440 deg, standard deviation `N_g / (W cos L sqrt T)`
+/// = 0.0180 deg. The filter has the bias as a state of 0.01 deg/h, which is not separable from the
+/// heading at rest: its sigma includes both, 0.0475 deg. The standard deviation of 50 runs is
+/// itself uncertain by 10 %, of 200 runs by 5 %: a bound of 20 % needs the latter.
 #[test]
 fn at_rest_the_heading_reaches_its_limits_within_20_percent() {
     let seeds: Vec<u64> = (1..=200).collect();
     let (cos, t) = (30_f64.to_radians().cos(), 599.0_f64);
     let bias_limit = (0.01 / (EARTH_RATE_DEG_H * cos)).to_degrees();
-    // 0.1 deg/h over the root of a second is 0.1 deg/h after one second
+    // 0.1 deg/h/sqrt(Hz) is 0.1 deg/h after one second
     let noise_limit = (0.1 / t.sqrt() / (EARTH_RATE_DEG_H * cos)).to_degrees();
     let results = parallel(&seeds, |seed| {
         heading(&run(
@@ -63,15 +66,17 @@ fn at_rest_the_heading_reaches_its_limits_within_20_percent() {
     let (mean, sd) = mean_and_sd(&errors);
     let sigma = results[0].1;
     println!(
-        "heading: mean {mean:.4} deg (limit {bias_limit:.4}), sd {sd:.4} ({noise_limit:.4}), sigma {sigma:.4}"
+        "heading: mean {mean:.4} deg (limit {bias_limit:.4}), sd {sd:.4} ({noise_limit:.4}), \
+         sigma {sigma:.4}"
     );
     assert!((mean.abs() / bias_limit - 1.0).abs() < 0.2, "{mean} against {bias_limit}");
     assert!((sd / noise_limit - 1.0).abs() < 0.2, "{sd} against {noise_limit}");
     assert!((sigma / bias_limit.hypot(noise_limit) - 1.0).abs() < 0.2, "{sigma}");
 }
 
-/// With biases drawn from their priors the errors are as large as sigma says: NEES of roll, pitch and yaw over 50 runs, of 150
-/// degrees of freedom, leaves 0.68 to 1.39 of its mean once in a thousand times.
+/// With biases drawn from their priors, the errors agree with sigma. The mean NEES of roll, pitch
+/// and yaw over 50 runs, with 150 degrees of freedom, is outside 0.68 to 1.39 once in a thousand
+/// times.
 #[test]
 fn at_rest_sigma_covers_the_error() {
     let seeds: Vec<u64> = (1..=50).collect();
@@ -92,24 +97,24 @@ fn at_rest_sigma_covers_the_error() {
     }
 }
 
-/// The recording's own header says 90.6 deg. Blocks share the gyro bias, which is 0.046 deg of their sigma, so they agree with one
-/// another by the rest of it.
+/// The recording's own header gives 90.6 deg. The blocks share the gyro bias, 0.046 deg of their
+/// sigma, so they agree with one another within the rest of it.
 #[test]
 fn a_recorded_ring_laser_imu_finds_its_heading() {
     let Some(folder) = data("rlg-static", RLG) else { return };
     let directory =
         format!("source.csv.directory={}", folder.canonicalize().expect("the folder").display());
-    let told = |settings: &[&str]| {
+    let aligned = |settings: &[&str]| {
         let finished = run("rlg-static", &[settings, &[directory.as_str()]].concat());
         assert!(finished.error.is_none(), "{:?}", finished.error);
         let row = row(&finished.summary, "ins.attitude");
         (row.estimate[2], row.sigma[2])
     };
-    let whole = told(&[]);
+    let whole = aligned(&[]);
     let blocks = [0, 300, 600].map(|from| {
         let (start, stop) =
             (format!("estimator.start={from} s"), format!("estimator.stop={} s", from + 300));
-        told(&[&start, &stop, "process.ins.alignment.duration=299 s"])
+        aligned(&[&start, &stop, "process.ins.alignment.duration=299 s"])
     });
     println!("heading and sigma: whole {whole:.3?} deg, blocks of 300 s {blocks:.3?}");
     assert!((88.0..91.5).contains(&whole.0), "{whole:?}");
@@ -122,8 +127,8 @@ fn a_recorded_ring_laser_imu_finds_its_heading() {
     assert!((mean - whole.0).abs() < 0.2, "{blocks:?}");
 }
 
-const RLG: &str = "It is data/lasergyro.imu of the public repository WangShanpeng/PSINS, made tidy as \
-                   docs/src/how-to/alignment.md tells";
+const RLG: &str = "It is data/lasergyro.imu of the public repository WangShanpeng/PSINS, prepared \
+                   as in docs/src/how-to/alignment.md";
 
 #[test]
 fn in_motion_the_heading_is_found_from_nothing_within_240_s() {
@@ -148,13 +153,14 @@ fn in_motion_the_heading_is_found_from_nothing_within_240_s() {
             "{kind}: worst error {worst:.3} deg, mean squared error over sigma squared {squares:.2}"
         );
         assert!(worst < 1.0, "{results:?}");
-        // chi-square of 20 degrees of freedom leaves 0.30 to 2.27 of its mean once in a thousand times
+        // chi-square of 20 degrees of freedom over its mean is outside 0.30 to 2.27 once in a
+        // thousand times
         assert!((0.30..2.27).contains(&squares), "{results:?}");
     }
 }
 
-/// However little is known of the DVL beforehand, errors are as large as sigma says. Squared errors over sigma squared, of 40 runs,
-/// have a mean of 0.42 to 1.91 but once in a thousand times.
+/// For any prior of the DVL, the errors agree with sigma. The mean of squared errors over sigma
+/// squared, of 40 runs, is outside 0.42 to 1.91 once in a thousand times.
 #[test]
 fn in_motion_sigma_covers_the_error_of_a_dvl_far_off() {
     let seeds: Vec<u64> = (1..=40).collect();
@@ -174,14 +180,16 @@ fn in_motion_sigma_covers_the_error_of_a_dvl_far_off() {
         let mean = |k: usize| squares.iter().map(|s| s[k]).sum::<f64>() / 40.0;
         let means = [mean(0), mean(1), mean(2)];
         println!(
-            "{prior}: mean squared error over sigma squared of heading, scale, misalignment {means:.2?}"
+            "{prior}: mean squared error over sigma squared of heading, scale, misalignment \
+             {means:.2?}"
         );
         assert!(means.iter().all(|m| (0.42..1.91).contains(m)), "{prior}: {means:?}");
     }
 }
 
-/// The mean over 60 runs of the squared error over sigma squared of some components; chi-square of 60 degrees of freedom leaves
-/// 0.51 to 1.67 of its mean less than once in a thousand times on either side. The seeds are the first of `navfuse monte-carlo`.
+/// Returns the mean over 60 runs of the squared error over sigma squared of some components.
+/// Chi-square of 60 degrees of freedom over its mean is outside 0.51 to 1.67 less than once in a
+/// thousand times on either side. The seeds are the first of `navfuse monte-carlo`.
 fn squares(settings: &[&str], components: &[(&str, usize)]) -> Vec<f64> {
     let seeds: Vec<u64> = (1_000_001..=1_000_060).collect();
     let of_runs = parallel(&seeds, |seed| {
@@ -203,8 +211,9 @@ fn squares(settings: &[&str], components: &[(&str, usize)]) -> Vec<f64> {
     means
 }
 
-/// Nothing in this run tells a rotation of the DVL about its own velocity, so its roll keeps its prior; all else is found, with a
-/// mounting known to 1 deg or to 5 deg. Of the roll the filter takes noise for knowledge, which 1 deg hardly feels.
+/// In this run a rotation of the DVL about its own velocity is not observable, so its roll keeps
+/// its prior. All other states are found, with a mounting known to 1 deg or to 5 deg. Noise shrinks
+/// the sigma of the roll slightly, which 1 deg hardly shows.
 #[test]
 fn in_motion_sigma_covers_the_error_of_a_mounting_hardly_known() {
     let found = [
@@ -222,7 +231,8 @@ fn in_motion_sigma_covers_the_error_of_a_mounting_hardly_known() {
     }
 }
 
-/// Single beams with a scale factor known to 10 %: run 59 of these once ended 20 % off, with a sigma of 0.1 %.
+/// Single beams with a scale factor known to 10 %: in an earlier version, run 59 of these ended 20
+/// % off with a sigma of 0.1 %.
 #[test]
 fn in_motion_sigma_covers_the_error_of_single_beams_far_off_in_scale() {
     let settings = ["sensor.dvl.type=dvl-beams", "sensor.dvl.scale.sigma=10 %"];
@@ -235,14 +245,14 @@ fn in_motion_sigma_covers_the_error_of_single_beams_far_off_in_scale() {
 }
 
 #[test]
-fn a_mounting_known_less_well_than_was_verified_is_told() {
+fn a_mounting_less_certain_than_was_verified_gives_a_warning() {
     let words = [
         "dvl.misalignment",
         "3.0 deg",
         "up to 1 deg",
         "sensor.dvl.misalignment.initial and .sigma",
     ];
-    told("alignment-in-motion", &["sensor.dvl.misalignment.sigma=3 deg"], "warning", &words);
+    reports("alignment-in-motion", &["sensor.dvl.misalignment.sigma=3 deg"], "warning", &words);
     let known = run(
         "alignment-in-motion",
         &["sensor.dvl.misalignment.sigma=1 deg", "sensor.imu.simulation.rate=20 Hz"],
@@ -250,7 +260,8 @@ fn a_mounting_known_less_well_than_was_verified_is_told() {
     assert!(known.events.iter().all(|e| !e.text.contains("verified")), "{:?}", known.events);
 }
 
-/// A DVL that is 20 % off in scale, as that of Pan & Wu, is in the way of a start from nothing: trials find where to linearise.
+/// A DVL that is 20 % off in scale, as that of Pan & Wu, disturbs a start without prior knowledge:
+/// trials find where to linearise.
 #[test]
 fn in_motion_a_dvl_far_off_in_scale_is_found_with_the_heading() {
     let finished = run(
@@ -268,25 +279,27 @@ fn in_motion_a_dvl_far_off_in_scale_is_found_with_the_heading() {
     assert!(error.abs() < 4.0 * scale.error_sigma[0], "{error} {scale:?}");
 }
 
-/// The paper's run with 600 s of real alignment in place of a drawn start: the end is as good as with the paper's 0.1 deg.
+/// The paper's run with 600 s of real alignment instead of a drawn start ends as accurately as with
+/// the paper's 0.1 deg.
 #[test]
 fn the_papers_run_aligns_itself() {
     let finished = run(
         "pan-wu-3d",
         &[
             "estimator.start=0 s",
-            "process.ins.alignment={ method = 'static', duration = '600 s', heading_gate = '0.1 deg' }",
+            "process.ins.alignment={ method = 'static', duration = '600 s', heading_gate = '0.1 \
+             deg' }",
         ],
     );
     let (error, sigma) = heading(&finished);
     assert!(error.abs() < 4.0 * sigma && sigma < 0.0122 * 1.15, "{error} {sigma}");
     assert_eq!(finished.summary.starts["ins"]["method"], "static");
-    let told = finished.summary.starts["ins"]["heading_sigma_deg"].as_f64().expect("a number");
-    assert!((0.04..0.06).contains(&told), "{told}");
+    let sigma = finished.summary.starts["ins"]["heading_sigma_deg"].as_f64().expect("a number");
+    assert!((0.04..0.06).contains(&sigma), "{sigma}");
 }
 
-/// A run and what the person must read of it.
-fn told(name: &str, settings: &[&str], level: &str, words: &[&str]) {
+/// Runs a scenario and checks that it reports an event with these words.
+fn reports(name: &str, settings: &[&str], level: &str, words: &[&str]) {
     let finished = run(name, &[settings, &["sensor.imu.simulation.rate=20 Hz"]].concat());
     let texts: Vec<String> = match (&finished.error, level) {
         (Some(error), "error") => vec![error.to_string()],
@@ -301,20 +314,21 @@ fn told(name: &str, settings: &[&str], level: &str, words: &[&str]) {
 }
 
 #[test]
-fn a_log_without_time_at_rest_is_told() {
+fn a_log_without_time_at_rest_is_reported() {
     let at_rest = "process.ins.alignment={ method = 'static' }";
-    told(
+    reports(
         "alignment-in-motion",
         &[at_rest, "estimator.start=20 s"],
         "error",
         &["does not rest", "estimator.start", "in-motion"],
     );
     let words = ["moved at 60", "6 s into a static alignment", "gate 0.010 deg", "heading_gate"];
-    let gate = "process.ins.alignment={ method = 'static', duration = '700 s', heading_gate = '0.01 deg' }";
-    told("pan-wu-3d", &[gate, "estimator.start=0 s"], "error", &[words[0], words[2], words[3]]);
+    let gate = "process.ins.alignment={ method = 'static', duration = '700 s', heading_gate = \
+                '0.01 deg' }";
+    reports("pan-wu-3d", &[gate, "estimator.start=0 s"], "error", &[words[0], words[2], words[3]]);
     let early =
         "process.ins.alignment={ method = 'static', duration = '700 s', heading_gate = '0.1 deg' }";
-    told(
+    reports(
         "pan-wu-3d",
         &[early, "estimator.start=0 s"],
         "warning",
@@ -323,27 +337,27 @@ fn a_log_without_time_at_rest_is_told() {
 }
 
 #[test]
-fn a_segment_that_is_too_short_is_told() {
-    told(
+fn a_segment_that_is_too_short_is_reported() {
+    reports(
         "alignment-static",
         &["estimator.stop=60 s"],
         "error",
         &["end 59.0 s into", "at rest of 600 s", "estimator.start"],
     );
-    told(
+    reports(
         "alignment-static",
         &["estimator.stop=300 s"],
         "warning",
         &["end 298.9 s into", "gate 0.100 deg"],
     );
-    told(
+    reports(
         "alignment-in-motion",
         &["estimator.stop=300 s"],
         "error",
         &["end 180.0 s into", "in motion of 240 s"],
     );
     let gate = "process.ins.alignment.heading_gate=0.01 deg";
-    told(
+    reports(
         "alignment-static",
         &[gate],
         "error",
@@ -352,9 +366,9 @@ fn a_segment_that_is_too_short_is_told() {
 }
 
 #[test]
-fn a_gap_of_the_dvl_inside_is_told_and_can_be_bridged() {
+fn a_gap_of_the_dvl_is_reported_and_can_be_bridged() {
     let gap = "sensor.dvl.simulation.outages=[['200 s', '207 s']]";
-    told(
+    reports(
         "alignment-in-motion",
         &[gap],
         "error",
@@ -366,15 +380,15 @@ fn a_gap_of_the_dvl_inside_is_told_and_can_be_bridged() {
 }
 
 #[test]
-fn gyros_that_cannot_find_north_are_told() {
+fn gyros_that_cannot_find_north_are_reported() {
     let settings =
         ["sensor.imu.gyro_noise=100 deg/h/sqrt(Hz)", "process.ins.gyro_bias.sigma=30 deg/h"];
-    told("alignment-static", &settings, "error", &["cannot find north", "deg wrong"]);
+    reports("alignment-static", &settings, "error", &["cannot find north", "deg wrong"]);
 }
 
-/// What does not fit is refused before anything runs, at the key.
+/// A key that does not fit is rejected before the run, with its place.
 #[test]
-fn keys_that_do_not_fit_are_refused() {
+fn keys_that_do_not_fit_are_rejected() {
     let registry = navfuse::standard_plugins();
     let cases = [
         ("alignment-static", "process.ins.alignment=moving", "allowed: given, static, in-motion"),

@@ -1,4 +1,4 @@
-//! Which crate may use which: the table in docs/src/explanation/design.md, and no more.
+//! The dependencies between crates are those in the table in docs/src/explanation/design.md.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
@@ -7,7 +7,8 @@ use common::root;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The crates of ours that a crate needs to be built, without their prefix, but for the framework; and the others.
+/// Returns the workspace crates that a crate needs, without their prefix and without the framework,
+/// and the other crates.
 fn needs(folder: &Path) -> (BTreeSet<String>, BTreeSet<String>) {
     let file = folder.join("Cargo.toml");
     let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
@@ -29,13 +30,13 @@ fn needs(folder: &Path) -> (BTreeSet<String>, BTreeSet<String>) {
     )
 }
 
-/// The names in back-quotes.
+/// Returns the names in back-quotes.
 fn quoted(cell: &str) -> Vec<String> {
     cell.split('`').skip(1).step_by(2).map(Into::into).collect()
 }
 
-/// The arrows of the table: who is used, and by whom.
-fn told() -> BTreeSet<(String, String)> {
+/// Returns the arrows of the table, from the used crate to its user.
+fn table() -> BTreeSet<(String, String)> {
     let text = std::fs::read_to_string(root().join("docs/src/explanation/design.md"))
         .expect("the page is there");
     let rows = text
@@ -62,9 +63,9 @@ fn no_plugin_uses_another_but_as_the_design_says() {
         let name = folder.file_name().and_then(|n| n.to_str()).expect("a name").to_owned();
         found.extend(needs(&folder).0.into_iter().map(|shared| (shared, name.clone())));
     }
-    let told = told();
+    let table = table();
     let (more, less): (Vec<_>, Vec<_>) =
-        (found.difference(&told).collect(), told.difference(&found).collect());
+        (found.difference(&table).collect(), table.difference(&found).collect());
     assert!(
         more.is_empty() && less.is_empty(),
         "not in design.md: {more:?}; not in a Cargo.toml: {less:?}"

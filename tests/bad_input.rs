@@ -1,4 +1,5 @@
-//! Bad input gets a clear error and loses nothing: every message names file, line or time, key, value and remedy.
+//! Bad input gives a clear error and loses nothing: every message names file, line or time, key,
+//! value and remedy.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
@@ -7,7 +8,7 @@ use common::recording::Recording;
 use common::{command, navfuse, stderr, stdout};
 use std::process::Output;
 
-/// Runs the recording's scenario; the output goes to its folder.
+/// Runs the recording's scenario with the output in its folder.
 fn run(recording: &Recording, more: &[&str]) -> Output {
     let (scenario, out) = (recording.path("rest.toml"), recording.path("out"));
     let mut command = command();
@@ -15,16 +16,16 @@ fn run(recording: &Recording, more: &[&str]) -> Output {
     command.output().expect("the command starts")
 }
 
-/// The run fails with a message that has all of the parts, and does not panic.
+/// Checks that the run fails with a message that has all of the parts, without a panic.
 fn fails_with(output: &Output, parts: &[&str]) {
     let message = stderr(output);
     assert!(!output.status.success(), "it should fail: {}", stdout(output));
-    tells(output, parts);
+    reports(output, parts);
     assert!(!message.contains("panicked"), "{message}");
 }
 
-/// The run's message has all of the parts.
-fn tells(output: &Output, parts: &[&str]) {
+/// Checks that the run's message has all of the parts.
+fn reports(output: &Output, parts: &[&str]) {
     let message = stderr(output);
     for part in parts {
         assert!(message.contains(part), "no {part:?} in:\n{message}");
@@ -174,10 +175,10 @@ fn a_gap_in_the_imu_ends_the_run_with_its_time_and_remedy_and_keeps_the_log() {
     recording.remove_lines("imu.csv", 1001..=1100);
     let output = run(&recording, &[]);
     fails_with(&output, &["ins", "no IMU sample for 1.010 s before 11.000 s", "max_gap = 0.1 s"]);
-    assert!(stdout(&output).contains("dvl.scale"), "what was estimated until then is printed");
+    assert!(stdout(&output).contains("dvl.scale"), "the estimate until then is printed");
     let log = recording.path("out").join("run.mcap");
     let again = navfuse(&["replay", &log.display().to_string(), "--no-output"]);
-    fails_with(&again, &["max_gap"]); // the log opens, and holds the gap
+    fails_with(&again, &["max_gap"]); // the log opens, and has the gap
 }
 
 #[test]
@@ -186,7 +187,7 @@ fn a_sensor_without_data_is_named() {
     std::fs::remove_file(recording.path("dvl.csv")).expect("it is there");
     let output = run(&recording, &[]);
     assert!(output.status.success(), "{}", stderr(&output));
-    tells(&output, &["dvl", "no sample of [sensor.dvl]"]);
+    reports(&output, &["dvl", "no sample of [sensor.dvl]"]);
 }
 
 #[test]
@@ -213,7 +214,7 @@ fn a_cut_off_log_is_read_up_to_the_cut_with_a_message() {
         std::fs::write(&log, &bytes[..(bytes.len() as f64 * share) as usize])
             .expect("the test can write");
         let output = navfuse(&["replay", &log.display().to_string(), "--no-output"]);
-        tells(&output, &["cut off", "run.mcap"]);
+        reports(&output, &["cut off", "run.mcap"]);
         assert!(!stderr(&output).contains("panicked"));
     }
 }
@@ -270,21 +271,22 @@ fn an_imu_that_begins_long_after_the_filter_is_refused() {
     let output =
         command().args(["run", &scenario, "--no-output", "--format=json"]).args(settings).output();
     let output = output.expect("the command starts");
-    let started_late = stdout(&output).contains("\"duration_s\":57"); // or it waits for the first reference with an IMU: 580 s
+    // or the filter waits for the first reference with an IMU sample: 580 s
+    let started_late = stdout(&output).contains("\"duration_s\":57");
     assert!(started_late || stderr(&output).contains("max_gap"), "{}", stderr(&output));
 }
 
-/// Lost samples of an IMU that gives increments cost what they held, not the filter: its errors stay those of one that loses
-/// nothing, 3 sigma for the DVL's scale factor.
+/// Lost samples of an IMU of increments cost their content, but not the filter: its errors stay
+/// those of a filter without losses, 3 sigma for the DVL's scale factor.
 #[test]
-fn lost_increments_are_bridged_and_told() {
+fn lost_increments_are_bridged_and_reported() {
     let scenario = common::scenario("quickstart").display().to_string();
     let settings =
         ["--set", "sensor.imu.output=increments", "--set", "sensor.imu.simulation.dropout=1 %"];
     let output =
         command().args(["run", &scenario, "--no-output", "--format=json"]).args(settings).output();
     let output = output.expect("the command starts");
-    tells(&output, &["without a sample", "bridged", "samples were missing"]);
+    reports(&output, &["without a sample", "bridged", "samples were missing"]);
     let result: serde_json::Value =
         serde_json::from_str(&stdout(&output)).expect("one JSON object");
     let scale = &result["states"]["dvl.scale"];

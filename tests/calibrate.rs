@@ -16,7 +16,7 @@ fn path(name: &str) -> String {
     scenario(name).display().to_string()
 }
 
-/// The JSON of a call that succeeds.
+/// Returns the JSON of a call that succeeds.
 fn json(arguments: &[&str]) -> Value {
     let output = navfuse(&[&["calibrate", "--format", "json"], arguments].concat());
     assert!(output.status.success(), "{}", stderr(&output));
@@ -24,7 +24,7 @@ fn json(arguments: &[&str]) -> Value {
 }
 
 #[test]
-fn a_log_gives_what_its_scenario_gives() {
+fn a_log_gives_the_result_of_its_scenario() {
     let folder = tempfile::tempdir().unwrap();
     let (pan_wu, out) = (path("pan-wu-3d"), folder.path().display().to_string());
     let run = navfuse(&["run", &pan_wu, "--set", "estimator.stop=730 s", "--out", &out]);
@@ -35,7 +35,7 @@ fn a_log_gives_what_its_scenario_gives() {
     assert_eq!(of_scenario["segments"], of_log["segments"]);
     let yaw = |v: &Value, key: &str| v["methods"][0][key]["yaw_deg"].as_f64().unwrap();
     assert!(yaw(&of_log, "error").abs() < 4.0 * yaw(&of_log, "sigma"), "{of_log}");
-    // the same log without its end, as a crash leaves it: whatever comes of it, the source's warning is told
+    // the same log without its end, as after a crash: the source's warning is reported in any case
     let bytes = std::fs::read(&log).unwrap();
     std::fs::write(&log, &bytes[..bytes.len() * 9 / 10]).unwrap();
     let whole = stderr(&navfuse(&["calibrate", &pan_wu, "--set", "estimator.stop=730 s"]));
@@ -44,7 +44,7 @@ fn a_log_gives_what_its_scenario_gives() {
 }
 
 #[test]
-fn the_table_has_every_method_and_the_filter_and_says_what_the_others_need() {
+fn the_table_has_every_method_and_the_filter_with_missing_sensors() {
     let output = navfuse(&["calibrate", &path("calibration"), "--method", "all"]);
     let text = stdout(&output);
     println!("{text}");
@@ -78,7 +78,7 @@ fn the_table_has_every_method_and_the_filter_and_says_what_the_others_need() {
 }
 
 #[test]
-fn what_cannot_be_done_ends_with_an_error_that_says_what_to_do() {
+fn an_impossible_calibration_ends_with_an_error_and_a_remedy() {
     let pan_wu = path("pan-wu-3d");
     let surface = path("surface-dive");
     let output =
@@ -118,16 +118,18 @@ fn what_cannot_be_done_ends_with_an_error_that_says_what_to_do() {
     }
 }
 
-/// Where the mean of `n` squares of standard normal errors lies but once in a thousand, two-sided: chi-square by Wilson & Hilferty,
-/// `(1 - 2/9n ± 3.29 sqrt(2/9n))^3`; of 24 it is 0.31 to 2.23.
+/// Returns the two-sided band that the mean of `n` squared standard normal errors leaves once in a
+/// thousand times: chi-square by Wilson & Hilferty, `(1 - 2/9n ± 3.29 sqrt(2/9n))^3`; for 24 it is
+/// 0.31 to 2.23.
 fn band(n: usize) -> std::ops::Range<f64> {
     let v = 2.0 / (9.0 * n as f64);
     let at = |z: f64| (1.0 - v + z * v.sqrt()).max(0.0).powi(3);
     at(-3.29)..at(3.29)
 }
 
-/// Mean of (error/sigma)^2 of k, roll, pitch and yaw of a filter that starts from what was written, over seeds. `option` tells how
-/// it was written, `other` adds to the seed of the filter's run.
+/// Returns the mean of (error/sigma)^2 of k, roll, pitch and yaw over seeds, for a filter that
+/// starts from a written estimate. `option` selects how the estimate was written, and `other` is
+/// added to the seed of the filter's run.
 fn consistency(option: &str, other: u64) -> (f64, usize) {
     let count = std::env::var("NAVFUSE_RUNS").ok().and_then(|n| n.parse().ok()).unwrap_or(6);
     let seeds: Vec<u64> = (1..=count).collect();
@@ -164,9 +166,11 @@ fn the_filter_that_starts_from_an_estimate_is_consistent_on_the_same_data_and_on
     assert!(band(n).contains(&others), "other data, with the estimate's sigma: {others}");
 }
 
-/// Where a method prints a sigma, its errors over 20 runs are not larger: the mean square of error over sigma is below the
-/// chi-square band's end, 1.5 sigma r.m.s. It may be smaller: to the sigma of some is added that of an attitude which the reference
-/// gives exactly here. Those of the filter and of IO-DVLC, which have nothing added, are not smaller than the band either.
+/// The errors of a method over 20 runs are not larger than its sigma: the mean square of error over
+/// sigma is below the upper limit of the chi-square band, 1.5 sigma root mean square. It may be
+/// smaller: the sigma of some methods includes that of the attitude, which the reference gives
+/// exactly here. For the filter and IO-DVLC, whose sigma has no such addition, it is above the
+/// lower limit as well.
 #[test]
 fn the_sigma_of_every_method_covers_its_errors() {
     let runs = 20;
@@ -190,12 +194,13 @@ fn the_sigma_of_every_method_covers_its_errors() {
     }
 }
 
-/// The dives have no rest, no GNSS and hardly any segment in which the force varies: what can be told is told with a sigma that
-/// the filter's estimate from the whole dive is within, all components together, and the rest is refused. T06 is not judged: three
-/// angles are 1.8 to 3 sigma off there at once, and its excitation is too little to tell why; the command says that such a
+/// The dives have no rest, no GNSS and hardly any segment with varying force. The methods that are
+/// possible have a sigma that covers the filter's estimate from the whole dive, all components
+/// together; the others are rejected. T06 is not judged: there, three angles are 1.8 to 3 sigma off
+/// at once, and its excitation is too small to find the cause; the command reports that such a
 /// sigma is optimistic.
 #[test]
-fn the_recorded_dives_give_an_estimate_within_its_sigma_of_the_filters_or_say_why_not() {
+fn the_recorded_dives_agree_with_the_filter_within_sigma_or_are_rejected_with_the_reason() {
     let Some(folder) = snapir() else { return };
     for dive in ["T01", "T06", "T10", "T12"] {
         let directory = folder.join(dive).canonicalize().unwrap();

@@ -9,7 +9,7 @@ use serde_json::Value;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Runs a scenario with JSON output into a folder and gives the object.
+/// Runs a scenario with JSON output into a folder and returns the object.
 fn run_json(scenario: &Path, out: &Path, more: &[&str]) -> Value {
     let output = command()
         .arg("run")
@@ -24,11 +24,11 @@ fn run_json(scenario: &Path, out: &Path, more: &[&str]) -> Value {
     serde_json::from_str(&stdout(&output)).expect("standard output is one JSON object")
 }
 
-/// A short simulated run with everything that the quickstart has.
+/// A short simulated run with all sensors of the quickstart.
 const SHORT: [&str; 2] = ["--set", "estimator.stop=200 s"];
 
 #[test]
-fn json_has_every_promised_key_and_nothing_else_is_on_standard_output() {
+fn json_has_every_documented_key_and_nothing_else_is_on_standard_output() {
     let folder = tempfile::tempdir().expect("a folder");
     let result = run_json(&scenario("quickstart"), folder.path(), &SHORT);
     for key in ["duration_s", "distance_m", "wall_s"] {
@@ -144,7 +144,7 @@ fn replay_reproduces_every_estimate_to_the_bit() {
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_run_says_so_and_leaves_a_log_that_opens() {
+fn an_interrupted_run_reports_it_and_leaves_a_log_that_opens() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut child = command()
         .arg("run")
@@ -239,7 +239,7 @@ fn every_scenario_fits_the_schema_and_a_misspelt_key_does_not() {
 }
 
 #[test]
-fn help_teaches_with_examples() {
+fn help_has_examples() {
     assert!(stdout(&navfuse(&["--help"])).contains("Start here"));
     let commands = [
         "run",
@@ -257,10 +257,10 @@ fn help_teaches_with_examples() {
     }
 }
 
-/// A sensor that integrates and one that gives mean rates say the same: the estimates agree to rounding, which 20,000 steps
-/// and the filter's gains leave below a thousandth of a sigma.
+/// A sensor of increments and one of mean rates hold the same information: the estimates agree to
+/// rounding, which after 20,000 steps and the filter's gains is below a thousandth of a sigma.
 #[test]
-fn an_imu_that_gives_increments_is_as_good_as_one_that_gives_rates() {
+fn an_imu_of_increments_is_as_good_as_one_of_rates() {
     let folder = tempfile::tempdir().expect("a folder");
     let rates = run_json(&scenario("quickstart"), &folder.path().join("rates"), &SHORT);
     let more = [SHORT[0], SHORT[1], "--set", "sensor.imu.output=increments"];
@@ -288,5 +288,6 @@ fn a_reference_between_two_imu_samples_starts_the_filter_and_is_compared_at_its_
     let folder = tempfile::tempdir().expect("a folder");
     let more = [SHORT[0], SHORT[1], "--set", "sensor.reference.simulation.offset=5 ms"];
     let result = run_json(&scenario("quickstart"), folder.path(), &more);
-    assert_eq!(result["duration_s"], 139.995); // from the reference at 60.005 s to the last IMU sample at 200 s
+    // from the reference at 60.005 s to the last IMU sample at 200 s
+    assert_eq!(result["duration_s"], 139.995);
 }

@@ -1,4 +1,4 @@
-//! The sigma of three scenarios is true, and that of the paper's 3-D run as small as it can be.
+//! Three scenarios have a consistent uncertainty, and the paper's 3-D run reaches the bound.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
@@ -6,7 +6,7 @@ mod common;
 use common::{navfuse, scenario, stdout};
 use serde_json::Value;
 
-/// What a campaign says.
+/// Returns the report of a campaign.
 fn report(name: &str, runs: &str, more: &[&str]) -> Value {
     let path = scenario(name).display().to_string();
     let arguments = ["monte-carlo", &path, "--runs", runs, "--no-output", "--format", "json"];
@@ -18,10 +18,10 @@ fn is_consistent(point: &Value) {
     assert_eq!(point["verdict"]["text"], "consistent", "{:#}", point["verdict"]);
 }
 
-/// 200 runs with the IMU at 20 Hz, which changes no sigma by 0.1 % and takes a fifth of the time; judged from 700 s on, since
-/// the scale factor starts 20 % off.
+/// 200 runs with the IMU at 20 Hz, which changes no sigma by 0.1 % and takes a fifth of the time;
+/// judged from 700 s on, since the scale factor starts 20 % off.
 #[test]
-fn errors_are_as_large_as_sigma_says_and_as_small_as_the_bound_allows() {
+fn errors_agree_with_sigma_and_with_the_bound() {
     let report = report(
         "pan-wu-3d",
         "200",
@@ -33,13 +33,13 @@ fn errors_are_as_large_as_sigma_says_and_as_small_as_the_bound_allows() {
     assert_eq!(blocks.len(), 8, "the whole state and seven blocks");
     for block in blocks {
         let ratio = block["rmse_over_bound"].as_f64().expect("a ratio");
-        // the root mean square of 200 errors of one component is good to 5 %, of three to 3 %
+        // the root mean square of 200 errors of one component is accurate to 5 %, of three to 3 %
         assert!((0.9..1.15).contains(&ratio), "{}: RMSE/bound {ratio:.3}", block["of"]);
     }
 }
 
-/// Every sensor of an AUV, some late and some lost: 36 states. docs/src/how-to/auv.md has more runs, at the full rate of the
-/// IMU.
+/// All sensors of an AUV, with lags and dropouts: 36 states. docs/src/how-to/auv.md has more runs,
+/// at the full rate of the IMU.
 #[test]
 fn all_sensors_of_an_auv_are_consistent() {
     let report = report("auv", "25", &["--set", "sensor.imu.simulation.rate=50 Hz"]);
@@ -52,10 +52,11 @@ fn all_sensors_of_an_auv_are_consistent() {
     assert_eq!(nis.len(), 4);
 }
 
-/// Nothing but an IMU and a depth sensor: 24 minutes in which the position drifts by a kilometre. The sigma of all 15 states
-/// is true to 5 %, so that the ANEES is within 15 * 1.05^2 and 15 / 1.05^2; of 400 runs it is known to 0.27, 0.9 % in sigma.
+/// An IMU and a depth sensor alone: 24 minutes in which the position drifts by a kilometre. The
+/// sigma of all 15 states is accurate to 5 %, so that the ANEES is between 15 / 1.05^2 and 15 *
+/// 1.05^2; 400 runs determine it to 0.27, 0.9 % in sigma.
 #[test]
-fn the_sigma_of_an_imu_and_a_depth_sensor_alone_is_true_to_5_percent() {
+fn the_sigma_of_an_imu_and_a_depth_sensor_alone_is_accurate_to_5_percent() {
     let settings = [
         "sensor.dvl.enabled=false",
         "sensor.depth={ noise = \"5 cm\", simulation = { rate = \"2 Hz\" } }",

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// Peak resident memory, MiB, of a command until it ends, as the kernel counts it.
+/// Returns the peak resident memory of a command, MiB, as the kernel counts it.
 fn peak_memory(command: &mut Command) -> f64 {
     let mut child =
         command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the command starts");
@@ -32,7 +32,7 @@ fn peak_memory(command: &mut Command) -> f64 {
     }
 }
 
-/// Runs the 3D scenario with an IMU of that rate, recording only the log, then replays that log.
+/// Runs the 3D scenario with an IMU of a rate, recording only the log, then replays that log.
 fn peaks(out: &Path, rate: &str) -> (f64, f64) {
     let sinks = ["--set", "sink.rerun.enabled=false"];
     let rate = format!("sensor.imu.simulation.rate={rate}");
@@ -51,10 +51,10 @@ fn peaks(out: &Path, rate: &str) -> (f64, f64) {
     (run, replay)
 }
 
-/// 206 thousand and 1.03 million IMU samples: neither run nor replay passes 64 MiB, and five times the samples take no
-/// more than 4 MiB more, where the log itself grows by far more than that.
+/// With 206 thousand and 1.03 million IMU samples, neither run nor replay exceeds 64 MiB. Five
+/// times the samples take at most 4 MiB more, while the log grows by far more.
 #[test]
-fn a_run_and_its_replay_stay_below_64_mib_whatever_the_length_of_the_log() {
+fn a_run_and_its_replay_stay_below_64_mib_for_any_length_of_the_log() {
     let folder = tempfile::tempdir().expect("a folder");
     let (short, long) = (folder.path().join("short"), folder.path().join("long"));
     let (a, b) = (peaks(&short, "100 Hz"), peaks(&long, "500 Hz"));

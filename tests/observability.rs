@@ -1,5 +1,5 @@
-//! What is observable: Theorem 1 of Pan & Wu (2016) and its remarks, each by a scenario whose report agrees with it; and that
-//! the report is right where it can be checked otherwise.
+//! Observability: Theorem 1 of Pan & Wu (2016) and its remarks, each with a scenario whose report
+//! agrees with it, and independent checks of the report.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
@@ -58,7 +58,7 @@ fn verdict(report: &ObservabilityReport, title: &str) -> Verdict {
     report.state(title).unwrap_or_else(|| panic!("{title}")).verdict
 }
 
-/// The verdicts about the theorem and the remarks, and that the filter agrees with each.
+/// Returns the applicable theorem and remarks, after checking that the filter agrees with each.
 fn agreed(report: &ObservabilityReport) -> Vec<&str> {
     let view = report.segments.as_ref().expect("there are segments");
     for v in &view.verdicts {
@@ -92,7 +92,7 @@ fn theorem_1_both_conditions_and_all_but_slow_gyro_biases_are_determined() {
         for titles in [&PITCH_YAW_K[..], &[ROLL], &ACCEL, &ATTITUDE, &VELOCITY] {
             all_determined(&r, titles);
         }
-        // nothing tells where it began
+        // the initial position is not observable
         assert_eq!(verdict(&r, "ins.position north"), Verdict::NotDetermined);
         // roll of the DVL only with the dive: Remark 4
         let since = r.state(ROLL).and_then(|s| s.since_s).expect("determined");
@@ -111,7 +111,7 @@ fn remark_1_thrust_ahead_and_sideways_determines_the_whole_misalignment() {
 }
 
 #[test]
-fn remark_2_one_thruster_does_not_tell_the_angle_about_it() {
+fn remark_2_with_one_thruster_the_angle_about_it_is_not_observable() {
     for r in reports("observability/remark-2") {
         assert!(agreed(&r).contains(&"remark-2"));
         assert_eq!(r.segments.as_ref().expect("segments").type_i.rank, 1);
@@ -123,10 +123,10 @@ fn remark_2_one_thruster_does_not_tell_the_angle_about_it() {
             why,
             "all specific-force rates so far are along the body's x axis; thrust sideways or dive"
         );
-        // it is a direction that nothing tells, by itself
+        // it is an unobservable direction by itself
         let alone = r.undetermined.iter().find(|d| d.text == ROLL).expect("named");
         assert!(alone.left > 0.9, "{}", alone.left);
-        // and without a turn a tilt is not told from an accelerometer's bias
+        // without a turn, a tilt is not separable from an accelerometer bias
         for title in &ACCEL[..2] {
             let state = r.state(title).expect("it is estimated");
             assert!(
@@ -160,7 +160,8 @@ fn remark_4_a_dive_gives_the_second_direction() {
     }
 }
 
-/// Theorem 1 is sufficient, not necessary: with a bank of 0.01 deg in the turns the points alpha are in a plane.
+/// Theorem 1 is sufficient, not necessary: with a bank of 0.01 deg in the turns, the points alpha
+/// are coplanar.
 #[test]
 fn flat_turns_determine_the_accelerometer_biases_though_alpha_is_coplanar() {
     for r in reports("observability/not-necessary") {
@@ -177,8 +178,8 @@ fn flat_turns_determine_the_accelerometer_biases_though_alpha_is_coplanar() {
     }
 }
 
-/// Of a constant what is left of the error at the start is what is left now: `M_ii = P_ii / P_0ii`, exactly where the filter is at
-/// the truth. The tolerance is the rounding of 7300 corrections.
+/// For a constant, the remaining initial variance is the present variance: `M_ii = P_ii / P_0ii`,
+/// exactly if the filter is at the truth. The tolerance is the rounding of 7300 corrections.
 #[test]
 fn what_is_left_of_a_constant_is_its_variance_over_its_prior() {
     let t = tracked("pan-wu-3d", &["estimator.stop=1100 s".to_owned()], true);
@@ -190,7 +191,7 @@ fn what_is_left_of_a_constant_is_its_variance_over_its_prior() {
         }
         let (left, ratio) = (t.left()[i * n + i], (now.sigma / now.prior).powi(2));
         println!("{} {}: {left:.6e} {ratio:.6e}", c.state, c.name);
-        // below that a subtraction from 1 has no digits left
+        // below this, a subtraction from 1 has no significant digits
         assert!(
             (left - ratio).abs() < 1e-5 * ratio + 1e-11,
             "{} {}: {left} {ratio}",
@@ -202,8 +203,9 @@ fn what_is_left_of_a_constant_is_its_variance_over_its_prior() {
     assert_eq!(checked, 10);
 }
 
-/// A filter in steady motion hardly knows of its injections, but one that starts 0.2 off in scale and a degree off in angles does:
-/// what is left of the error at the start follows the covariance through them.
+/// The injections of a filter in steady motion are tiny, but those of a filter that starts 0.2 off
+/// in scale and a degree off in angles are not: the remaining initial variance follows the
+/// covariance through them.
 #[test]
 fn corrections_of_a_degree_do_not_break_what_is_left() {
     let t = tracked("pan-wu-3d", &["estimator.stop=1100 s".to_owned()], false);
@@ -217,8 +219,8 @@ fn corrections_of_a_degree_do_not_break_what_is_left() {
     }
 }
 
-/// A heading of which 5 or 10 degrees are unknown turns the velocity far with each correction. What is left of the error at the
-/// start is a covariance all the same: no component gains variance, no correlation exceeds one.
+/// With a heading uncertainty of 5 or 10 degrees, each correction rotates the velocity far. `M`
+/// remains a covariance: no component gains variance, and no correlation exceeds one.
 #[test]
 fn what_is_left_of_a_wide_heading_prior_is_a_covariance() {
     for (name, stop) in
@@ -228,7 +230,7 @@ fn what_is_left_of_a_wide_heading_prior_is_a_covariance() {
         let (n, left) = (t.components().len(), t.left());
         let title = |i: usize| t.components()[i].title(t.layout());
         let variance = |i: usize| left[i * n + i];
-        assert!((0..n).any(|i| variance(i) < 0.5), "{name}: nothing was told");
+        assert!((0..n).any(|i| variance(i) < 0.5), "{name}: no information was gained");
         for i in 0..n {
             // both are exact but for the rounding of thousands of updates
             assert!(variance(i) <= 1.0 + 1e-6, "{name}: {} of {} is left", variance(i), title(i));
@@ -261,14 +263,15 @@ fn the_planner_ranks_by_the_bound_and_sends_the_single_thruster_down_or_sideways
         best.name
     );
     assert_eq!(best.improves[0].title, ROLL);
-    // straight on there is nothing to be had, and a roll about the thrust does not help either
+    // neither straight acceleration nor a roll about the thrust helps
     for useless in ["accelerate ahead", "roll to 15 deg"] {
         let s = plan.suggestions.iter().find(|s| s.name.starts_with(useless)).expect("a candidate");
         assert!(s.bits < 0.2 * best.bits, "{}: {} against {}", s.name, s.bits, best.bits);
     }
-    // what it says a manoeuvre reaches is the Cramer-Rao bound of the scenario with it
+    // the predicted sigma is the Cramer-Rao bound of the scenario with the manoeuvre
     let dive = plan.suggestions.iter().find(|s| s.name == "dive").expect("a candidate");
-    let says = dive.improves.iter().find(|i| i.title == ROLL).expect("it improves the roll").with;
+    let predicted =
+        dive.improves.iter().find(|i| i.title == ROLL).expect("it improves the roll").with;
     let mut document = document;
     let node = document
         .root()
@@ -291,30 +294,31 @@ fn the_planner_ranks_by_the_bound_and_sends_the_single_thruster_down_or_sideways
         .position(|c| c.name() == "dvl.misalignment.roll")
         .expect("it is there");
     let least = record.rows.last().expect("rows").2[roll];
-    assert!((says / least - 1.0).abs() < 1e-9, "{says} deg, the bound is {least} deg");
+    assert!((predicted / least - 1.0).abs() < 1e-9, "{predicted} deg, the bound is {least} deg");
 }
 
 #[test]
-fn wrong_use_is_told() {
-    let told = |settings: &[&str], what: &str| {
+fn errors_of_use_give_warnings() {
+    let warns = |settings: &[&str], what: &str| {
         let r = report("observability/remark-4", settings);
         let view = r.segments.as_ref().expect("segments");
         assert!(view.warnings.iter().any(|w| w.contains(what)), "{what}: {:?}", view.warnings);
         r
     };
     let gap = "sensor.dvl.simulation={ rate = \"5 Hz\", outages = [[\"150 s\", \"155 s\"]] }";
-    told(&[gap], "dvl has no samples from 150 s to 155 s, inside the type I segment");
+    warns(&[gap], "dvl has no samples from 150 s to 155 s, inside the type I segment");
     let rest = |seconds: u32| format!("{{ type = \"static\", duration = \"{seconds} s\" }}");
     let surge = |seconds: u32| {
         format!("{{ type = \"surge\", duration = \"{seconds} s\", speed = \"2 m/s\" }}")
     };
     let of = |rest: String, surge: String| {
         format!(
-            "source.simulation.segments=[{rest}, {surge}, {{ type = \"cruise\", duration = \"100 s\" }}]"
+            "source.simulation.segments=[{rest}, {surge}, {{ type = \"cruise\", duration = \"100 \
+             s\" }}]"
         )
     };
-    told(&[&of(rest(15), surge(60)), "estimator.start=10 s"], "static alignment is not possible");
-    let r = told(&[&of(rest(120), surge(3))], "a segment of Type I takes 10 s");
+    warns(&[&of(rest(15), surge(60)), "estimator.start=10 s"], "static alignment is not possible");
+    let r = warns(&[&of(rest(120), surge(3))], "a segment of Type I takes 10 s");
     let why =
         r.state("dvl.misalignment roll").and_then(|s| s.missing.clone()).expect("it is missing");
     assert!(why.contains("has not varied at constant attitude"), "{why}");
@@ -337,12 +341,12 @@ fn wrong_use_is_told() {
 }
 
 #[test]
-fn a_composition_without_dvl_is_told_of_what_its_sensors_read() {
+fn a_composition_without_dvl_has_verdicts_too() {
     let without = ["sensor.dvl.enabled=false", "estimator.stop=300 s"];
     let r = report("surface-dive", &without);
     assert!(r.segments.as_ref().is_none_or(|s| s.sensor.is_none() && s.verdicts.is_empty()));
     all_determined(&r, &["ins.position north", "ins.position down"]);
-    // a sensor that says nothing, and one that only reads the height
+    // a sensor without samples, and one that measures only the height
     let silent = [
         "sensor.gnss.simulation={ rate = \"1 Hz\", outages = [[\"0 s\", \"9999 s\"]] }",
         "estimator.stop=200 s",
@@ -361,7 +365,7 @@ fn a_composition_without_dvl_is_told_of_what_its_sensors_read() {
 }
 
 #[test]
-fn a_log_is_told_what_the_run_was_and_the_figure_is_drawn() {
+fn a_log_has_the_report_of_its_run_and_the_figure_is_drawn() {
     let folder = tempfile::tempdir().expect("a folder");
     let scenario = path("observability/remark-4");
     let json = |arguments: &[&str]| -> Value {

@@ -1,5 +1,6 @@
-//! Plugins in crates of their own, outside of the workspace: those in `examples`, and one that `navfuse new-plugin` writes.
-//! All are built here, without a network, pass their tests, and run their scenarios.
+//! Plugins in crates of their own, outside of the workspace: those in `examples`, and one from
+//! `navfuse new-plugin`. They are built without a network, pass their tests, and run their
+//! scenarios.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -14,7 +15,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::Mutex;
 
-/// One at a time: they share what is built of navfuse.
+/// Lock for one crate at a time, since the crates share the build of navfuse.
 static BUILDING: Mutex<()> = Mutex::new(());
 
 /// Calls cargo in a crate, with the versions of the workspace.
@@ -37,7 +38,7 @@ fn cargo(folder: &Path, arguments: &[&str]) -> Output {
     output
 }
 
-/// Tests a crate and runs its scenario; gives what the run printed of a state.
+/// Tests a crate, runs its scenario, and returns the printed line of a state.
 fn state(folder: &Path, name: &str) -> String {
     let _one = BUILDING.lock();
     cargo(folder, &["fmt", "--check"]);
@@ -49,7 +50,7 @@ fn state(folder: &Path, name: &str) -> String {
     line.unwrap_or_else(|| panic!("no {name} in:\n{printed}")).to_owned()
 }
 
-/// All lines of a file, with blank ones and comments.
+/// Counts all lines of a file, including blank lines and comments.
 fn lines(path: &Path) -> usize {
     std::fs::read_to_string(path).expect("the file is there").lines().count()
 }

@@ -22,8 +22,8 @@ fn row<'a>(summary: &'a Summary, name: &str) -> &'a StateRow {
     summary.rows.iter().find(|r| r.name == name).unwrap_or_else(|| panic!("no state {name}"))
 }
 
-/// State, component, 1-sigma: the figures of an independent truth-linearised Riccati recursion and a second filter on
-/// the same scenario (docs/src/explanation/validation.md).
+/// State, component, 1-sigma: the values of an independent truth-linearised Riccati recursion and a
+/// second filter on the same scenario (docs/src/explanation/validation.md).
 const LIMITS: [(&str, usize, f64); 9] = [
     ("dvl.scale", 0, 188e-6),
     ("dvl.misalignment", 0, 0.085),
@@ -49,8 +49,8 @@ fn the_3d_run_reaches_the_limits_of_an_optimal_filter_within_15_percent() {
     }
 }
 
-/// 19 components in 20 runs: a Gaussian error leaves 3.5 sigma once in 2150 times, so that 380 leave it with probability
-/// 0.16 in all; the seeds are fixed, and none does.
+/// 19 components in 20 runs: a Gaussian error exceeds 3.5 sigma once in 2150 times, so that one of
+/// 380 does with probability 0.16; the seeds are fixed, and none does.
 #[test]
 fn every_error_of_the_3d_run_is_within_3_5_sigma_for_twenty_seeds() {
     for (seed, summary) in seeds().iter().zip(summaries("pan-wu-3d")) {
@@ -63,9 +63,10 @@ fn every_error_of_the_3d_run_is_within_3_5_sigma_for_twenty_seeds() {
     }
 }
 
-/// The mean NIS of 7300 samples of 3 channels has the standard deviation sqrt(2 * 3 / 7300) = 0.029; the bound is 4 of it.
+/// The mean NIS of 7300 samples of 3 channels has the standard deviation sqrt(2 * 3 / 7300) =
+/// 0.029; the bound is 4 of it.
 #[test]
-fn the_innovations_are_as_large_as_the_filter_says() {
+fn the_innovations_agree_with_their_covariance() {
     for (seed, summary) in seeds().iter().zip(summaries("pan-wu-3d")) {
         let nis = summary.samples["dvl"]["mean_nis"].as_f64().expect("the DVL was used");
         assert!((nis - 3.0).abs() < 0.115, "seed {seed}: mean NIS {nis}");
@@ -73,8 +74,8 @@ fn the_innovations_are_as_large_as_the_filter_says() {
     }
 }
 
-/// Remark 3 of the paper: without descent the roll misalignment stays of the order of its prior (the banked turns tell a
-/// little), and everything else is determined as well as in the 3D run.
+/// Remark 3 of the paper: without descent the roll misalignment stays of the order of its prior
+/// (the banked turns hold a little information), and all other states converge as in the 3D run.
 #[test]
 fn in_the_2d_run_the_roll_misalignment_does_not_converge_and_the_rest_does() {
     for (seed, summary) in seeds().iter().zip(summaries("pan-wu-2d")) {

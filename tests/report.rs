@@ -32,7 +32,7 @@ fn a_scenario_and_the_log_of_its_run_give_the_same_page() {
     assert_eq!(
         stdout(&output).trim(),
         page.display().to_string(),
-        "it says where the page is, beside the log"
+        "the output names the page, beside the log"
     );
     let output = command()
         .arg("report")
@@ -54,7 +54,7 @@ fn a_run_that_ends_in_an_error_has_its_page_and_a_failure() {
         command().arg("report").arg(recording.path("rest.toml")).arg("--out").arg(&page).output();
     let output = output.expect("the command starts");
     assert!(!output.status.success() && stderr(&output).contains("dvl.csv"), "{}", stderr(&output));
-    assert!(read(&page).contains("dvl.scale"), "what was estimated until then is told");
+    assert!(read(&page).contains("dvl.scale"), "the estimate until then is in the page");
 }
 
 #[test]
@@ -70,12 +70,12 @@ fn what_is_no_log_and_settings_of_a_log_are_refused_with_a_remedy() {
     assert!(stderr(&output).contains("navfuse replay"), "{}", stderr(&output));
 }
 
-/// The figures of the paper by their numbers, and what its text says of them that can be read off a drawing: which it is.
+/// The figures have the paper's numbers and titles.
 #[test]
 fn the_figures_of_pan_wu_are_made_by_an_installed_program() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("figures");
-    // somewhere without the repository's scenarios
+    // a folder without the repository's scenarios
     let output = command()
         .current_dir(folder.path())
         .args(["figures", "pan-wu", "--out"])
@@ -116,7 +116,7 @@ fn the_figures_of_pan_wu_are_made_by_an_installed_program() {
     assert!(out.join("figures.rrd").is_file());
 }
 
-/// Chromium, if there is one.
+/// Returns Chromium, if it is installed.
 fn chromium() -> Option<PathBuf> {
     let paths = std::env::var_os("PATH")?;
     let names = ["chromium", "chromium-browser", "google-chrome"];
@@ -125,8 +125,8 @@ fn chromium() -> Option<PathBuf> {
         .find(|p| p.is_file())
 }
 
-/// The page as a browser makes it, without a network, after adding a script that counts what is drawn: every drawing has a
-/// size, no text of the page is wider than the window, and nothing was loaded.
+/// A browser renders the page without a network. An added script counts the drawings: every drawing
+/// has a size, no text of the page is wider than the window, and nothing was loaded.
 #[test]
 fn a_browser_opens_the_page_offline_and_draws_every_figure() {
     let Some(chromium) = chromium() else {

@@ -24,7 +24,7 @@ the JSON Schema. A quantity is a string with a unit; see
 For a key with the default `-`, the last column states what happens without the key.
 ";
 
-/// Rows of a table; an empty one is left out.
+/// Writes the rows of a table; an empty table is left out.
 fn table(out: &mut String, rows: impl IntoIterator<Item = Parameter>) {
     let cell = |text: &str| text.replace('|', "\\|");
     let mut head = "| key | takes | default | meaning |\n|---|---|---|---|\n";
@@ -49,7 +49,7 @@ fn table(out: &mut String, rows: impl IntoIterator<Item = Parameter>) {
     }
 }
 
-/// The keys of a table that is not of a registered type.
+/// Returns the keys of a table without a registered type.
 fn keys(schema: &Value) -> Vec<Parameter> {
     let text = |v: &Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
     let takes = |v: &Value| {
@@ -75,12 +75,12 @@ fn keys(schema: &Value) -> Vec<Parameter> {
         .collect()
 }
 
-/// Whether a parameter is one that all types of a kind have.
+/// Returns `true` for a parameter that all types of a kind have.
 fn is_common(kind: Kind, p: &Parameter) -> bool {
     p.key.split('.').next().is_some_and(|key| common_keys(kind).contains(&key))
 }
 
-/// The section of one type, with its own keys.
+/// Writes the section of one type, with its own keys.
 fn section(entry: &Entry) -> String {
     let description = entry.schema.get("description").and_then(Value::as_str).unwrap_or_default();
     let mut out = format!("### `[{}.{}]`\n\n{description}\n\n", entry.kind.table(), entry.name);
@@ -88,7 +88,7 @@ fn section(entry: &Entry) -> String {
     out
 }
 
-/// The whole page.
+/// Writes the whole page.
 fn page(registry: &Registry) -> String {
     let schema = scenario_schema(registry);
     let mut out = format!("{HEAD}\n## Top\n\n");
@@ -117,7 +117,7 @@ fn page(registry: &Registry) -> String {
 }
 
 #[test]
-fn the_page_is_what_the_types_say() {
+fn the_page_agrees_with_the_types() {
     let registry = navfuse::standard_plugins();
     if cfg!(feature = "rerun") {
         let page = page(&registry);
@@ -128,7 +128,7 @@ fn the_page_is_what_the_types_say() {
         let differs = written.lines().zip(page.lines()).find(|(a, b)| a != b);
         assert!(written == page, "the page is out of date at {differs:?}; write it with UPDATE=1");
     } else {
-        // the page has one section more
+        // the page has an additional section
         let written = std::fs::read_to_string(PAGE).unwrap();
         for entry in registry.entries() {
             assert!(
@@ -149,7 +149,7 @@ fn every_parameter_is_documented() {
     }
 }
 
-/// The examples in TOML of a page.
+/// Returns the TOML examples of a page.
 fn examples(page: &str) -> Vec<toml::Table> {
     let blocks = page.split("```toml\n").skip(1);
     blocks.map(|block| block.split("```").next().unwrap().parse().unwrap()).collect()

@@ -14,7 +14,8 @@ use std::time::{Duration, Instant};
 const INSTALL: &str =
     "apt-get install -y --no-install-recommends slurmctld slurmd slurm-client munge";
 
-/// Whether there is a Slurm, installed where this is CI. Says so where there is none, even if the test passes.
+/// Returns `true` if there is a Slurm; it must be installed in CI. Without one, it prints that the
+/// test is skipped.
 fn has_slurm() -> bool {
     static FOUND: OnceLock<bool> = OnceLock::new();
     *FOUND.get_or_init(|| {
@@ -32,7 +33,7 @@ fn has_slurm() -> bool {
             tell(format!("no Slurm here; {INSTALL}"));
             return false;
         }
-        // others may be installing at the same time, and the lists of a fresh container are empty
+        // others may be installing at the same time, and a fresh container has no package lists
         let install =
             format!("DEBIAN_FRONTEND=noninteractive {INSTALL} -o DPkg::Lock::Timeout=300");
         match sh(&format!("{install} || {{ apt-get update && {install}; }}")) {
@@ -50,7 +51,7 @@ fn has_slurm() -> bool {
     })
 }
 
-/// A folder for the campaign, another for what Slurm leaves behind, and the scripts of the example.
+/// A folder for the campaign, another for the files of Slurm, and the scripts of the example.
 struct Cluster {
     folder: tempfile::TempDir,
 }
@@ -70,7 +71,7 @@ impl Cluster {
         self.path("tmp")
     }
 
-    /// `one-machine.sh`, with the command `navfuse` of this build on its path.
+    /// Returns `one-machine.sh`, with the command `navfuse` of this build on its path.
     fn one_machine(&self) -> Command {
         let built =
             Path::new(env!("CARGO_BIN_EXE_navfuse")).parent().expect("the program is in a folder");
@@ -85,25 +86,25 @@ impl Cluster {
         command
     }
 
-    /// Submits a campaign of three shards into `campaign`, and waits for it.
+    /// Submits a campaign of three shards into `campaign` and waits for it.
     fn submit(&self, arguments: &[&str]) -> Output {
         let mut command = self.one_machine();
         command.env("SHARDS", "3").arg(example("submit.sh")).arg("campaign").args(arguments);
         command.output().expect("the script starts")
     }
 
-    /// What the scripts and the jobs said.
-    fn told(&self, output: &Output) -> String {
-        let mut told = stdout(output) + &stderr(output);
+    /// Returns the output of the scripts and the jobs.
+    fn output(&self, output: &Output) -> String {
+        let mut text = stdout(output) + &stderr(output);
         for (name, bytes) in files(&self.path("campaign")) {
             if name.ends_with(".out") {
-                told += &format!("{name}:\n{}", String::from_utf8_lossy(&bytes));
+                text += &format!("{name}:\n{}", String::from_utf8_lossy(&bytes));
             }
         }
-        told
+        text
     }
 
-    /// Whether Slurm is gone: no file, and no daemon or job.
+    /// Checks that Slurm has ended, without a remaining file, daemon or job.
     fn assert_nothing_left(&self) {
         let temporary = self.temporary().display().to_string();
         assert_eq!(
@@ -125,7 +126,7 @@ fn example(name: &str) -> PathBuf {
     root().join("docs/examples/slurm").join(name)
 }
 
-/// All files below a folder by their relative path, with their bytes.
+/// Reads all files below a folder, by their relative paths.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -154,7 +155,7 @@ fn a_job_array_and_its_merge_write_the_bytes_of_one_machine() {
     let campaign = [&quickstart, "--runs", "5", "--seed", "3"];
 
     let output = cluster.submit(&campaign);
-    assert!(output.status.success(), "{}", cluster.told(&output));
+    assert!(output.status.success(), "{}", cluster.output(&output));
     assert!(stdout(&output).contains("campaign  job 1\nmerge     job 2"), "{}", stdout(&output));
 
     let alone = cluster.path("alone").display().to_string();
@@ -164,7 +165,7 @@ fn a_job_array_and_its_merge_write_the_bytes_of_one_machine() {
     let merged = files(&cluster.path("campaign/merged"));
     assert!(!alone.is_empty());
     assert_eq!(merged.keys().collect::<Vec<_>>(), alone.keys().collect::<Vec<_>>());
-    // the viewer's library writes a new random id into every recording, also of the same campaign on the same machine
+    // the viewer's library writes a new random id into every recording
     for (name, bytes) in alone.iter().filter(|(name, _)| !name.ends_with(".rrd")) {
         assert!(merged[name] == *bytes, "{name} differs from that of one machine");
     }
@@ -172,23 +173,23 @@ fn a_job_array_and_its_merge_write_the_bytes_of_one_machine() {
 }
 
 #[test]
-fn where_shards_fail_nothing_is_merged_and_it_is_told() {
+fn a_failed_shard_prevents_the_merge_and_is_reported() {
     if !has_slurm() {
         return;
     }
     let cluster = Cluster::new();
     let output = cluster.submit(&["not-there.toml", "--runs", "5"]);
-    assert_eq!(output.status.code(), Some(1), "{}", cluster.told(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", cluster.output(&output));
     for line in ["1_1 navfuse FAILED", "1_3 navfuse FAILED", "2 navfuse-merge CANCELLED"] {
         assert!(stderr(&output).contains(line), "{}", stderr(&output));
     }
-    assert!(cluster.told(&output).contains("not-there.toml"), "{}", cluster.told(&output));
+    assert!(cluster.output(&output).contains("not-there.toml"), "{}", cluster.output(&output));
     assert!(!cluster.path("campaign/merged").exists());
     cluster.assert_nothing_left();
 }
 
 #[test]
-fn an_interrupt_takes_the_jobs_and_slurm_down() {
+fn an_interrupt_ends_the_jobs_and_slurm() {
     if !has_slurm() {
         return;
     }
@@ -207,7 +208,7 @@ fn an_interrupt_takes_the_jobs_and_slurm_down() {
         assert!(begun.elapsed() < Duration::from_secs(60), "the job does not start");
         std::thread::sleep(Duration::from_millis(50));
     }
-    // not INT, which a shell in the background ignores, and every script that it starts
+    // not INT, which a background shell and the scripts that it starts ignore
     let interrupted = Command::new("kill").args(["-TERM", &script.id().to_string()]).status();
     assert!(interrupted.is_ok_and(|s| s.success()));
     assert_eq!(script.wait().expect("it ends").code(), Some(143));

@@ -1,4 +1,4 @@
-//! Recorded runs of an AUV at sea. Skipped where the recordings are not there.
+//! Recorded runs of an AUV at sea; skipped without the recordings.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
@@ -22,8 +22,8 @@ fn runs() -> Option<Vec<Summary>> {
     Some(RUNS.into_iter().map(run).collect())
 }
 
-/// Dead reckoning with the uncalibrated DVL ends 3.29, 2.11, 2.20 and 2.53 m off; an independent EKF 2.1 m on average, 3.3 m
-/// at worst. The bounds leave it 10 %.
+/// Dead reckoning with the uncalibrated DVL ends 3.29, 2.11, 2.20 and 2.53 m off; an independent
+/// EKF 2.1 m on average, 3.3 m at worst. The bounds allow 10 % more.
 #[test]
 fn the_track_ends_as_near_the_reference_as_an_independent_filters() {
     let Some(summaries) = runs() else { return };
@@ -36,9 +36,10 @@ fn the_track_ends_as_near_the_reference_as_an_independent_filters() {
     assert!(errors.iter().all(|e| *e < 3.6), "{errors:?}");
 }
 
-/// Noise that the data shows makes the mean NIS of three channels 3; one noise for four dives leaves 2 to 4.
+/// The noise in the scenario is that of the data if the mean NIS of three channels is 3; one noise
+/// for four dives gives 2 to 4.
 #[test]
-fn the_noise_in_the_scenario_is_what_the_innovations_show() {
+fn the_innovations_confirm_the_noise_in_the_scenario() {
     let Some(summaries) = runs() else { return };
     for (name, summary) in RUNS.iter().zip(&summaries) {
         let nis = summary.samples["dvl"]["mean_nis"].as_f64().expect("the DVL was used");
@@ -47,21 +48,22 @@ fn the_noise_in_the_scenario_is_what_the_innovations_show() {
     }
 }
 
-/// The instrument is the same in all four dives: where a dive determines the scale factor and the yaw misalignment to better
-/// than half of their priors, it agrees with the others' mean within 4 sigma. The reference is no truth; the dives are.
+/// The instrument is the same in all four dives. A dive that determines the scale factor and the
+/// yaw misalignment to better than half of their priors agrees with the mean of the others within 4
+/// sigma. The reference is no truth, so the dives are compared with each other.
 #[test]
 fn dives_that_determine_the_dvl_agree() {
     let Some(summaries) = runs() else { return };
     for (state, component, prior) in [("dvl.scale", 0, 0.002), ("dvl.misalignment", 2, 0.3)] {
-        let told: Vec<(f64, f64)> = (summaries.iter())
+        let known: Vec<(f64, f64)> = (summaries.iter())
             .map(|s| s.rows.iter().find(|r| r.name == state).expect("it is estimated"))
             .map(|r| (r.estimate[component], r.sigma[component]))
             .filter(|(_, sigma)| *sigma < 0.5 * prior)
             .collect();
-        assert!(told.len() >= 3, "{state}: {told:?}");
-        let mean = told.iter().map(|t| t.0).sum::<f64>() / told.len() as f64;
-        for (estimate, sigma) in &told {
-            assert!((estimate - mean).abs() < 4.0 * sigma, "{state}: {told:?}");
+        assert!(known.len() >= 3, "{state}: {known:?}");
+        let mean = known.iter().map(|t| t.0).sum::<f64>() / known.len() as f64;
+        for (estimate, sigma) in &known {
+            assert!((estimate - mean).abs() < 4.0 * sigma, "{state}: {known:?}");
         }
     }
 }

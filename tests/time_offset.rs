@@ -1,4 +1,4 @@
-//! A DVL that lags: how well the lag is found, and how honestly.
+//! A DVL that lags: the accuracy of the estimated lag, and its consistency.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
@@ -11,15 +11,16 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// Estimate and sigma of the DVL's time offset, s.
+/// Returns estimate and sigma of the DVL's time offset, s.
 fn offset(summary: &Summary) -> (f64, f64) {
     let row = summary.rows.iter().find(|r| r.name == "dvl.time_offset").expect("it is a state");
     (row.estimate[0], row.sigma[0])
 }
 
-/// Twenty filters, each with its own priors and noise. One sigma at the end is 5 ms, so that 20 ms are 4 sigma.
+/// Twenty filters, each with its own priors and noise. The final sigma is 5 ms, so that 20 ms are 4
+/// sigma.
 #[test]
-fn a_lag_of_300_ms_is_found_to_20_ms_and_errors_are_as_large_as_their_sigma() {
+fn a_lag_of_300_ms_is_found_to_20_ms_and_consistently() {
     let registry = navfuse::standard_plugins();
     let document = Document::from_file(scenario("time-offset")).expect("the scenario is there");
     let options = Options { runs: 20, ..Options::default() };
@@ -59,7 +60,7 @@ fn a_lag_of_300_ms_is_found_to_20_ms_and_errors_are_as_large_as_their_sigma() {
     }
 }
 
-/// A copy of a run's recording whose DVL is stamped later.
+/// Copies a run's recording, with later time stamps of the DVL.
 fn moved(run: &Path, by: f64, to: &Path) {
     std::fs::create_dir_all(to).expect("a folder");
     for name in ["imu.csv", "depth.csv", "reference.csv"] {
@@ -76,10 +77,11 @@ fn moved(run: &Path, by: f64, to: &Path) {
     std::fs::write(to.join("dvl.csv"), out).expect("the test can write");
 }
 
-/// Four recorded dives, their DVL stamped 0.4 s later than it was. What the unmoved recording gives is the instrument's own
-/// lag, 5 to 35 ms. The runs have turns and little else: one sigma is 2 to 6 ms, the bound 0.1 s.
+/// Four recorded dives with the DVL's time stamps 0.4 s late. The estimate from the unchanged
+/// recording is the instrument's own lag, 5 to 35 ms. The runs consist mainly of turns: one sigma
+/// is 2 to 6 ms, the bound 0.1 s.
 #[test]
-fn a_recorded_dvl_that_is_stamped_400_ms_late_is_found_to_be() {
+fn a_recorded_dvl_with_stamps_400_ms_late_is_found_to_lag() {
     let Some(data) = snapir() else { return };
     for name in ["T01", "T06", "T10", "T12"] {
         let run = data.join(name);

@@ -150,9 +150,9 @@ fn methods(name: &str) -> Result<Vec<Method>> {
     match name {
         "all" => Ok(Method::ALL.to_vec()),
         "ekf" => Ok(Vec::new()),
-        name => Ok(vec![name.parse().map_err(|e: MethodError| {
-            format!("--method: {e}, ekf and all")
-        })?]),
+        name => {
+            Ok(vec![name.parse().map_err(|e: MethodError| format!("--method: {e}, ekf and all"))?])
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! The Cramer-Rao bound against figures that were derived apart from this program, and against the filter.
+//! The Cramer-Rao bound against independently derived figures, and against the filter.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod closed_forms;
@@ -15,8 +15,8 @@ use navfuse_core::document::Document;
 use std::fmt::Write as _;
 use std::sync::atomic::AtomicBool;
 
-/// The instruments of the paper, and the priors of the table. Where the position starts is given: the table tells how
-/// much of it is lost.
+/// The instruments of the paper, and the priors of the table. The initial position is given: the
+/// table has the error that accumulates.
 const HEAD: &str = r#"
 [estimator]
 start = "600 s"
@@ -43,12 +43,12 @@ roll = "3 deg"
 heading = "-10 deg"
 "#;
 
-/// Dive and ascent of the table have the vertical speed `W sin^2(pi x)`, ours `w 64 x^3 (1 - x)^3`. What tells the roll
-/// misalignment is the square of the vertical speed: its mean is `3/8 W^2` there and `4096 B(7, 7) w^2 = 1024/3003 w^2`
-/// here, so that `w = sqrt(3/8 * 3003/1024) W = 1.0487 W`.
+/// Dive and ascent of the table have the vertical speed `W sin^2(pi x)`, ours `w 64 x^3 (1 - x)^3`.
+/// The square of the vertical speed determines the roll misalignment: its mean is `3/8 W^2` there
+/// and `4096 B(7, 7) w^2 = 1024/3003 w^2` here, so that `w = sqrt(3/8 * 3003/1024) W = 1.0487 W`.
 const DIVE: f64 = 1.0487;
 
-/// A segment of a trajectory: its type, duration in seconds, and what else it takes.
+/// Returns a segment of a trajectory: its type, its duration in seconds, and its other keys.
 fn segment(kind: &str, duration: f64, more: &str) -> String {
     format!(
         "[[source.simulation.segments]]\ntype = \"{kind}\"\nduration = \"{duration} s\"\n{more}\n"
@@ -63,7 +63,7 @@ fn start(speed: f64, duration: f64) -> String {
     segment("static", 600.0, "") + &segment("surge", duration, &format!("speed = \"{speed} m/s\""))
 }
 
-/// The manoeuvre of the table, with so many squares in the time of one.
+/// Returns the manoeuvre of the table, with `count` squares in the time of one.
 fn squares(speed: f64, dive: f64, count: u8) -> String {
     let rate = format!("rate = \"{} m/s\"", DIVE * dive);
     let mut text =
@@ -83,7 +83,7 @@ struct Bound {
 }
 
 impl Bound {
-    /// Of a document, with so many runs.
+    /// Computes the bound of a document, and runs.
     fn of(mut document: Document, settings: &[&str], runs: usize) -> (Self, Vec<RunRecord>) {
         let registry = navfuse::standard_plugins();
         settings.iter().try_for_each(|s| document.set(s)).expect("the settings fit");
@@ -103,14 +103,14 @@ impl Bound {
         (Self { columns: plan.columns, record: bound.expect("a bound") }, records)
     }
 
-    /// Of a manoeuvre with the instruments and priors of the table.
+    /// Computes the bound of a manoeuvre with the instruments and priors of the table.
     fn limit(segments: &str, settings: &[&str]) -> Self {
         let document =
             Document::parse("limits.toml", format!("{HEAD}{segments}")).expect("it is TOML");
         Self::of(document, settings, 0).0
     }
 
-    /// Of a scenario of the repository.
+    /// Computes the bound of a scenario of the repository.
     fn scenario(name: &str) -> Self {
         Self::of(Document::from_file(scenario(name)).expect("the scenario is there"), &[], 0).0
     }
@@ -120,12 +120,12 @@ impl Bound {
         found.unwrap_or_else(|| panic!("no component {name}"))
     }
 
-    /// Filtered at the end, in the component's display unit.
+    /// Returns the final filtered bound, in the component's display unit.
     fn end(&self, name: &str) -> f64 {
         self.record.rows.last().expect("rows").2[self.component(name)]
     }
 
-    /// Filtered and smoothed at a time.
+    /// Returns the filtered and the smoothed bound at a time.
     fn at(&self, time: f64, name: &str) -> (f64, f64) {
         let row = self
             .record
@@ -138,7 +138,7 @@ impl Bound {
     }
 }
 
-/// Compares many figures, and tells all that are off.
+/// Compares many figures and reports all deviations.
 #[derive(Default)]
 struct Check {
     wrong: String,
@@ -152,7 +152,7 @@ impl Check {
         }
     }
 
-    /// Of final figures, each a component and what the table gives, within 10 %.
+    /// Compares the final bounds of components with the table, within 10 %.
     fn limits(&mut self, what: &str, bound: &Bound, figures: &[(&str, f64)]) {
         for (name, expected) in figures {
             self.within(&format!("{what}, {name}"), bound.end(name), *expected, 0.1);

@@ -1,10 +1,11 @@
-//! The bound against the runs of the paper: the independent filter's figures, and this filter's own sigma.
+//! The bound against the runs of the paper: an independent filter, and this filter's own sigma.
+//! sigma.
 
 use super::*;
 
-/// Final 1 sigma of an independent error-state EKF of 19 states on this scenario, which is quoted beside the "Table
-/// of achievable limits". Its roll misalignment is 0.085 deg, of a dive whose course it does not tell: here that of
-/// the table is taken.
+/// Final 1-sigma of an independent error-state EKF of 19 states on this scenario, quoted beside the
+/// "Table of achievable limits". Its roll misalignment is 0.085 deg, for a dive of unstated course;
+/// the test takes that of the table instead.
 #[test]
 fn the_bound_of_the_3d_run_is_the_sigma_of_an_independent_filter() {
     let mut check = Check::default();
@@ -22,15 +23,15 @@ fn the_bound_of_the_3d_run_is_the_sigma_of_an_independent_filter() {
     for tilt in ["ins.attitude.roll", "ins.attitude.pitch"].map(|name| bound.end(name)) {
         assert_eq!((tilt * 1e4).round(), 3.0, "{tilt} deg");
     }
-    // 5 m/s, 5 Hz: 0.10 deg by W sin^2 with W = 1 m/s, whose mean square is 3/8 m^2/s^2; this dive's is
-    // 1024/3003 (1.1 m/s)^2. What the banked turns tell is 0.40 deg, as in 2D; information adds
+    // 5 m/s, 5 Hz: 0.10 deg for W sin^2 with W = 1 m/s, whose mean square is 3/8 m^2/s^2; this dive
+    // has 1024/3003 (1.1 m/s)^2. The banked turns alone give 0.40 deg, as in 2D; information adds.
     let dive = 0.10 * (3.0 / 8.0 / (1024.0 / 3003.0 * 1.1_f64.powi(2))).sqrt();
     let roll = (dive.powi(-2) + 0.40_f64.powi(-2)).powf(-0.5);
     check.limits("3D", &bound, &[(ROLL, roll)]);
 }
 
-/// Remark 3 of the paper: without a dive the roll misalignment does not converge, the banked turns tell a little
-/// (0.40 deg of a prior of 1 deg); "everything else is as good".
+/// Remark 3 of the paper: without a dive the roll misalignment does not converge, and the banked
+/// turns hold little information (0.40 deg of a prior of 1 deg); "everything else is as good".
 #[test]
 fn in_the_2d_run_the_bound_of_the_roll_misalignment_stays_of_the_order_of_its_prior() {
     let (level, dive) = (Bound::scenario("pan-wu-2d"), Bound::scenario("pan-wu-3d"));
@@ -47,9 +48,9 @@ fn in_the_2d_run_the_bound_of_the_roll_misalignment_stays_of_the_order_of_its_pr
     }
 }
 
-/// Twenty runs, each with its own start and noise, against their bound: every sigma from a time on within 3 %, but
-/// for some components. The IMU gives 20 samples a second, which changes no sigma by 0.1 % and saves four fifths of
-/// the time.
+/// Compares twenty runs, each with its own start and noise, with their bound: from a time on, every
+/// sigma is within 3 %, except for some components. The IMU runs at 20 Hz, which changes no sigma
+/// by 0.1 % and saves four fifths of the time.
 fn sigma_is_the_bound(settings: &[&str], from: f64, but: &[&str]) {
     let document = Document::from_file(scenario("pan-wu-3d")).expect("the scenario is there");
     let settings = [&["sensor.imu.simulation.rate=\"20 Hz\""], settings].concat();
@@ -78,18 +79,17 @@ fn sigma_is_the_bound(settings: &[&str], from: f64, but: &[&str]) {
     assert_eq!(compared, 20 * epochs * (bound.columns.components.len() - but.len()));
 }
 
-/// A filter that starts 2 % off in scale factor, and not 20 %, linearises near the truth. What is left is of second
-/// order: the largest difference of all runs and components is below 2 %.
+/// A filter that starts 2 % off in scale factor instead of 20 % linearises near the truth. The
+/// remaining difference is of second order: below 2 % for all runs and components.
 #[test]
 fn the_sigma_of_a_filter_that_starts_near_the_truth_is_the_bound_within_3_percent() {
     sigma_is_the_bound(&["sensor.dvl.scale={ sigma = \"2 %\", truth = 0.9998 }"], 700.0, &[]);
 }
 
-/// As the paper starts it, 20 % off, the filter linearises its first samples in motion elsewhere, and takes too much
-/// or too little from them. After the first turn that is forgotten, but for what a turn tells nothing of: in the
-/// vertical the sigma is up to 14 % off.
+/// With the paper's start, 20 % off, the filter linearises its first samples in motion at a wrong
+/// point, and gains too much or too little information from them. After the first turn this is
+/// forgotten, except where a turn holds no information: the vertical sigma is up to 14 % off.
 #[test]
-fn the_sigma_of_the_filter_of_the_paper_is_the_bound_within_3_percent_after_the_first_turn_but_for_the_vertical()
- {
+fn the_papers_filter_reaches_the_bound_within_3_percent_after_the_first_turn_except_vertically() {
     sigma_is_the_bound(&[], 1100.0, &["ins.velocity.down", DOWN, ACCEL[2], PITCH]);
 }

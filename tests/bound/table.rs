@@ -1,19 +1,21 @@
-//! The Cramer-Rao bound of in-situ calibration against figures that were derived apart from this program.
+//! The Cramer-Rao bound of in-situ calibration against independently derived figures.
 //!
-//! The figures are those of the "Table of achievable limits": a truth-linearised Riccati recursion of 19 states
-//! (attitude, velocity, position, gyro and accelerometer bias, scale factor, misalignment) in north-up-east axes, at
-//! 10 Hz, and its closed forms. Two programs written apart agreed on them. Every one is met within 10 %, where
-//! nothing else is said.
+//! The figures are those of the "Table of achievable limits": a truth-linearised Riccati recursion
+//! of 19 states (attitude, velocity, position, gyro and accelerometer bias, scale factor,
+//! misalignment) in north-up-east axes, at 10 Hz, and its closed forms. Two independent programs
+//! agreed on them. The tests meet each figure within 10 % unless stated otherwise.
 //!
-//! The manoeuvre of the table: 600 s at rest; 0 to V in 60 s; a dive of 60 s with the vertical speed W sin^2; one
-//! square of four legs of 305 s, each with a turn by 90 deg in 30 s banked by 15 deg; an ascent of 60 s. The times of
-//! the paper leave 30 s before and after the square, here at constant speed. Latitude 28.2 deg.
+//! The manoeuvre of the table: 600 s at rest; 0 to V in 60 s; a dive of 60 s with the vertical
+//! speed W sin^2; one square of four legs of 305 s, each with a turn by 90 deg in 30 s banked by 15
+//! deg; an ascent of 60 s. The times of the paper leave 30 s before and after the square, here at
+//! constant speed. Latitude 28.2 deg.
 
 use super::*;
 use std::sync::LazyLock;
 
-/// A row of the "Table of achievable limits", final 1 sigma: V (m/s), W (m/s), DVL rate (Hz), k (ppm), misalignment
-/// yaw, pitch, roll (deg), heading (deg), tilt (deg), velocity (mm/s), position north and east (m).
+/// Rows of the "Table of achievable limits", final 1-sigma: V (m/s), W (m/s), DVL rate (Hz), k
+/// (ppm), misalignment yaw, pitch, roll (deg), heading (deg), tilt (deg), velocity (mm/s), position
+/// north and east (m).
 pub(super) const ROWS: [[f64; 12]; 6] = [
     [2.0, 0.5, 1.0, 887.0, 0.051, 0.059, 0.42, 0.0123, 0.00033, 3.8, 0.84, 0.85],
     [2.0, 0.5, 5.0, 470.0, 0.027, 0.038, 0.21, 0.0120, 0.00026, 2.0, 0.39, 0.40],
@@ -23,15 +25,15 @@ pub(super) const ROWS: [[f64; 12]; 6] = [
     [5.0, 1.0, 10.0, 147.0, 0.0085, 0.013, 0.076, 0.0119, 0.00024, 1.5, 0.29, 0.35],
 ];
 
-/// The bound of each row.
+/// Bound of each row.
 pub(super) static LIMITS: LazyLock<Vec<Bound>> = LazyLock::new(|| {
     ROWS.iter()
         .map(|[speed, dive, hz, ..]| Bound::limit(&manoeuvre(*speed, *dive), &[&rate(*hz)]))
         .collect()
 });
 
-/// The biases of the table at 1, 5 and 10 Hz, the same at both speeds: accelerometers forward, right, down (ug), gyros
-/// forward, right, down (deg/h).
+/// Returns the biases of the table at 1, 5 and 10 Hz, the same at both speeds: accelerometers
+/// forward, right, down (ug), gyros forward, right, down (deg/h).
 fn biases(rate: f64) -> [f64; 6] {
     match rate {
         1.0 => [3.1, 3.1, 0.55, 0.0039, 0.0040, 0.00996],
@@ -40,8 +42,9 @@ fn biases(rate: f64) -> [f64; 6] {
     }
 }
 
-/// The velocity of the table does not depend on V, and so is the one along the way, here near north: across it, V times
-/// heading and misalignment comes in.
+/// The velocity of the table does not depend on V. The same holds for the along-track velocity,
+/// here near north; the cross-track velocity also has V times the errors of heading and
+/// misalignment.
 #[test]
 fn the_final_bound_is_that_of_the_table_of_achievable_limits() {
     let mut check = Check::default();
@@ -58,10 +61,11 @@ fn the_final_bound_is_that_of_the_table_of_achievable_limits() {
     }
 }
 
-/// Without dive and ascent, from 0 to V in 200 s, the times of the paper's 2D run. The table has the misalignment as
-/// a rotation about the axes of the DVL, where the velocity stands `psi = 0.5 deg` and `theta = 0.2 deg` off the
-/// first axis: the rotation about it, of which nothing is learnt (3 deg), has the share `sin(theta)` of the yaw and
-/// `sin(psi)` of the pitch. Ours are angles about the axes that the velocity does stand on.
+/// Without dive and ascent, from 0 to V in 200 s, the times of the paper's 2D run. The table has
+/// the misalignment as a rotation about the axes of the DVL, where the velocity is `psi = 0.5 deg`
+/// and `theta = 0.2 deg` off the first axis. The rotation about the velocity, which is not
+/// observable (3 deg), has the share `sin(theta)` of the yaw and `sin(psi)` of the pitch. Our
+/// angles are about the axes along and across the velocity.
 #[test]
 fn the_final_bound_without_a_dive_is_that_of_the_table() {
     let mut check = Check::default();
@@ -101,8 +105,8 @@ fn the_final_bound_without_a_dive_is_that_of_the_table() {
     misalignment(&mut check, "5 m/s, 10 Hz, misalignment", &bound, 0.014, 0.029);
 }
 
-/// At 1000 s, before any turn, after 735 m of the table's way at 2 m/s and 1 Hz: the position is 2.2 to 2.5 m, the
-/// smoothed one 0.75 m; the smoothed velocity is 2 mm/s.
+/// At 1000 s, before any turn, after 735 m at the table's 2 m/s and 1 Hz: the position is 2.2 to
+/// 2.5 m, the smoothed position 0.75 m; the smoothed velocity is 2 mm/s.
 #[test]
 fn the_bound_in_the_middle_of_the_run_is_that_of_the_table_filtered_and_smoothed() {
     let mut check = Check::default();
@@ -117,15 +121,15 @@ fn the_bound_in_the_middle_of_the_run_is_that_of_the_table_filtered_and_smoothed
     check.within("smoothed heading", at(HEADING).1, 0.0122, 0.1);
     check.within("smoothed velocity north", at(ALONG).1, 2e-3, 0.1);
     check.within("smoothed velocity east", at("ins.velocity.east").1, 2e-3, 0.1);
-    // an open leg: the scale factor is what is lost along the way, within the 10 % of the closed forms; 60 s of it were
-    // run at half the speed on average
+    // an open leg: the scale factor gives the along-track error, within the 10 % of the closed
+    // forms; the average speed of its first 60 s is the half
     let way = 0.5 * 60.0 * 2.0 + 340.0 * 2.0;
     check.within("drift along an open leg", north.0 / way, at(K).0, 0.1);
 }
 
 /// "Only heading changes": scale factor, misalignment and accelerometer bias stay within 1 %.
 #[test]
-fn of_the_bound_the_heading_alone_depends_on_the_latitude() {
+fn of_all_bounds_only_the_heading_depends_on_the_latitude() {
     let mut check = Check::default();
     let at = |latitude: f64| {
         Bound::limit(
@@ -144,10 +148,10 @@ fn of_the_bound_the_heading_alone_depends_on_the_latitude() {
     }
 }
 
-/// k of 887, 737 and 686 ppm for one, two and three laps. The laps share the 1220 s: with 1220 s each, the recursion
-/// here gives 638 and 527 ppm for two and three.
+/// k of 887, 737 and 686 ppm for one, two and three laps. The laps share the 1220 s: with 1220 s
+/// each, this recursion gives 638 and 527 ppm for two and three.
 #[test]
-fn more_laps_in_the_same_time_tell_more_of_the_scale_factor() {
+fn more_laps_in_the_same_time_improve_the_scale_factor() {
     let mut check = Check::default();
     for (laps, k) in [(1, 887e-6), (2, 737e-6), (3, 686e-6)] {
         let bound = Bound::limit(&squares(2.0, 0.5, laps), &[]);
@@ -155,7 +159,7 @@ fn more_laps_in_the_same_time_tell_more_of_the_scale_factor() {
     }
 }
 
-/// Bank of 0.01 to 30 deg: "no change" from that of the table, 15 deg. 1 % is allowed.
+/// Bank of 0.01 to 30 deg: "no change" from that of the table, 15 deg. The bound is 1 %.
 #[test]
 fn the_bank_of_the_turns_changes_no_bound_of_scale_factor_heading_and_horizontal_accelerometers() {
     let mut check = Check::default();
@@ -177,7 +181,7 @@ fn the_bank_of_the_turns_changes_no_bound_of_scale_factor_heading_and_horizontal
 
 /// "Unaided vertical channel": height after 1460 s, m.
 #[test]
-fn the_height_without_a_depth_sensor_is_lost_as_the_table_says() {
+fn the_height_error_without_a_depth_sensor_is_that_of_the_table() {
     let mut check = Check::default();
     check.limits("1 Hz", &LIMITS[0], &[(DOWN, 2.9)]);
     check.limits("10 Hz", &LIMITS[2], &[(DOWN, 1.6)]);
@@ -185,7 +189,7 @@ fn the_height_without_a_depth_sensor_is_lost_as_the_table_says() {
 
 /// "Dive rate W": the roll misalignment, deg.
 #[test]
-fn the_rate_of_the_dive_is_what_tells_the_roll_misalignment() {
+fn the_rate_of_the_dive_determines_the_roll_misalignment() {
     let mut check = Check::default();
     for (dive, roll) in [(0.2, 1.01), (0.5, 0.42), (1.0, 0.21), (2.0, 0.11)] {
         let bound = Bound::limit(&manoeuvre(2.0, dive), &[]);
@@ -204,25 +208,25 @@ fn imu(gyro: f64, gyro_noise: f64, accel: f64, accel_noise: f64) -> [String; 4] 
 
 /// 2 mm/s at 1 Hz; the position is 0.11 to 0.13 m.
 #[test]
-fn a_dvl_ten_times_better_reaches_what_the_table_says() {
+fn a_dvl_ten_times_better_reaches_the_values_of_the_table() {
     let mut check = Check::default();
     let bound = Bound::limit(&manoeuvre(2.0, 0.5), &["sensor.dvl.noise=\"2 mm/s\""]);
     check.limits("2 mm/s", &bound, &[(K, 178e-6), (YAW, 0.010), (NORTH, 0.11), (EAST, 0.13)]);
 }
 
 #[test]
-fn a_tactical_imu_reaches_what_the_table_says() {
+fn a_tactical_imu_reaches_the_values_of_the_table() {
     let mut check = Check::default();
     let settings = imu(0.1, 1.0, 200.0, 50.0);
     let bound = Bound::limit(&manoeuvre(2.0, 0.5), &settings.each_ref().map(String::as_str));
     check.limits("tactical", &bound, &[(K, 1618e-6), (YAW, 0.094), (HEADING, 0.082)]);
 }
 
-/// No alignment at rest is better than its biases: 2 mg are a tilt of `2e-3 rad = 0.115 deg`, 3 deg/h a heading of
-/// `3 / (15.04 cos 28.2 deg) rad = 13 deg`. With the 0.01 and 0.1 deg of the better IMUs the heading would be kept,
-/// 1.02 deg, not found.
+/// Alignment at rest is not better than the biases: 2 mg are a tilt of `2e-3 rad = 0.115 deg`, 3
+/// deg/h a heading of `3 / (15.04 cos 28.2 deg) rad = 13 deg`. With the 0.01 and 0.1 deg of the
+/// better IMUs the heading would keep its prior, 1.02 deg.
 #[test]
-fn a_mems_imu_reaches_what_the_table_says() {
+fn a_mems_imu_reaches_the_values_of_the_table() {
     let mut check = Check::default();
     let settings = imu(3.0, 10.0, 2000.0, 100.0);
     let [gyro, accel, gyro_noise, accel_noise] = settings.each_ref().map(String::as_str);
@@ -235,8 +239,8 @@ fn a_mems_imu_reaches_what_the_table_says() {
     );
 }
 
-/// "Full optimal static alignment from DVL only, 600 s: heading 0.048 deg, tilt 0.0029 deg; final k 829 ppm", from a
-/// coarse alignment of 1 and 20 deg.
+/// "Full optimal static alignment from DVL only, 600 s: heading 0.048 deg, tilt 0.0029 deg; final k
+/// 829 ppm", from a coarse alignment of 1 and 20 deg.
 #[test]
 fn the_bound_of_an_alignment_at_rest_is_that_of_the_table() {
     let mut check = Check::default();

@@ -1,22 +1,23 @@
-//! One run of a campaign, done again alone.
+//! A run of a campaign, repeated alone.
 
 use crate::common::{stderr, stdout};
-use crate::{SHORT, path, table, told};
+use crate::{SHORT, output, path, table};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::process::Command;
 
-/// The worst run of each point of a campaign, done again as the report says, ends with the errors in `runs.parquet`.
+/// Repeats the worst run of each point with the arguments in the report; it ends with the errors in
+/// `runs.parquet`.
 fn ends_the_same(campaign: &[&str]) {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().display().to_string();
     let scenario = campaign[1];
-    let text = told(&[campaign, &["--out", &out, "--format=json"]].concat());
+    let text = output(&[campaign, &["--out", &out, "--format=json"]].concat());
     let report: Value = serde_json::from_str(&text).expect("one JSON object");
     let rows = table(&folder.path().join("runs.parquet"));
     for (number, point) in report["points"].as_array().expect("the points").iter().enumerate() {
         let worst = &point["worst"];
-        let again = worst["again"].as_str().expect("how to do it again");
+        let again = worst["again"].as_str().expect("the arguments that repeat it");
         // as a shell reads it
         let line = format!("exec \"$0\" run \"$1\" --no-output --format=json {again}");
         let output = Command::new("sh")
@@ -48,7 +49,7 @@ fn ends_the_same(campaign: &[&str]) {
 
 #[cfg(unix)]
 #[test]
-fn a_run_done_again_as_the_report_says_ends_with_the_same_errors() {
+fn a_run_repeated_as_reported_ends_with_the_same_errors() {
     let (quickstart, set) = (path("quickstart"), ["--set", "sensor.depth.noise=10 cm"]);
     let campaign = ["monte-carlo", &quickstart, "--runs", "3", SHORT[0], SHORT[1], set[0], set[1]];
     ends_the_same(&campaign);
@@ -57,7 +58,7 @@ fn a_run_done_again_as_the_report_says_ends_with_the_same_errors() {
 
 #[cfg(unix)]
 #[test]
-fn a_run_of_a_point_of_a_sweep_done_again_as_the_report_says_ends_with_the_same_errors() {
+fn a_run_of_a_sweep_repeated_as_reported_ends_with_the_same_errors() {
     let vary =
         ["--vary", "sensor.dvl.misalignment.sigma=0.5 deg,[\"1 deg\", \"2 deg\", \"3 deg\"]"];
     ends_the_same(&[
@@ -74,12 +75,12 @@ fn a_run_of_a_point_of_a_sweep_done_again_as_the_report_says_ends_with_the_same_
 
 #[cfg(unix)]
 #[test]
-fn the_text_says_how_to_do_the_worst_run_again() {
+fn the_text_has_the_command_that_repeats_the_worst_run() {
     let quickstart = path("quickstart");
     let text =
-        told(&["monte-carlo", &quickstart, "--runs", "2", "--no-output", SHORT[0], SHORT[1]]);
-    let told = format!(
+        output(&["monte-carlo", &quickstart, "--runs", "2", "--no-output", SHORT[0], SHORT[1]]);
+    let repeat = format!(
         "; again: navfuse run {quickstart} --set \"estimator.stop=100 s\" --set estimator.draw=all"
     );
-    assert!(text.contains("has the largest NEES at the end") && text.contains(&told), "{text}");
+    assert!(text.contains("has the largest NEES at the end") && text.contains(&repeat), "{text}");
 }

@@ -1,11 +1,12 @@
-//! Bad input to campaigns gets a message that names the thing and the remedy, and no panic.
+//! Bad input to campaigns gives a message that names the place and the remedy, and no panic.
 
 use crate::common::recording::Recording;
 use crate::common::{navfuse, stderr, stdout};
-use crate::{SHORT, path, told};
+use crate::{SHORT, output, path};
 use std::path::{Path, PathBuf};
 
-/// The command fails with a message that has all of the parts, does not panic, and gives no results.
+/// Checks that the command fails with a message that has all of the parts, without a panic or
+/// results.
 fn fails_with(arguments: &[&str], parts: &[&str]) {
     let output = navfuse(arguments);
     let message = stderr(&output);
@@ -17,13 +18,13 @@ fn fails_with(arguments: &[&str], parts: &[&str]) {
     assert_eq!(stdout(&output), "", "{arguments:?}");
 }
 
-/// A short campaign of the quickstart with something wrong, which writes nothing.
+/// Checks a short campaign of the quickstart with an error, which writes nothing.
 fn campaign_fails_with(command: &str, more: &[&str], parts: &[&str]) {
     fails_with(&[&[command, &path("quickstart"), "--no-output"], more].concat(), parts);
 }
 
 #[test]
-fn recorded_data_are_refused() {
+fn recorded_data_are_rejected() {
     let recording = Recording::new();
     let scenario = recording.path("rest.toml").display().to_string();
     for command in ["monte-carlo", "bound"] {
@@ -35,7 +36,7 @@ fn recorded_data_are_refused() {
 }
 
 #[test]
-fn a_scenario_with_neither_a_reference_nor_values_to_start_from_is_refused() {
+fn a_scenario_with_neither_a_reference_nor_initial_values_is_rejected() {
     let off = ["--set", "sensor.reference.enabled=false"];
     for command in ["monte-carlo", "bound"] {
         campaign_fails_with(
@@ -47,7 +48,7 @@ fn a_scenario_with_neither_a_reference_nor_values_to_start_from_is_refused() {
 }
 
 #[test]
-fn options_that_make_no_sense_are_named() {
+fn options_that_do_not_fit_are_named() {
     let fails = |more: &[&str], parts: &[&str]| campaign_fails_with("monte-carlo", more, parts);
     fails(&["--every", "5 m"], &["--every \"5 m\"", "length", "time is needed", "min"]);
     fails(&["--every", "0 s"], &["--every 0 s", "positive"]);
@@ -80,7 +81,7 @@ fn an_output_folder_that_is_a_file_is_named() {
 }
 
 #[test]
-fn a_variation_that_cannot_be_is_named() {
+fn a_variation_that_does_not_fit_is_named() {
     let fails = |vary: &[&str], parts: &[&str]| campaign_fails_with("sweep", vary, parts);
     fails(&["--vary", "sensor.dvl.noize=1 cm/s"], &["sensor.dvl.noize", "did you mean \"noise\"?"]);
     fails(
@@ -132,7 +133,7 @@ impl Parts {
             SHORT[0],
             SHORT[1],
         ];
-        told(&[&campaign, more].concat());
+        output(&[&campaign, more].concat());
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -143,7 +144,8 @@ impl Parts {
         self.path(name).display().to_string()
     }
 
-    /// Merging those parts fails with a message that has all of these words, and leaves no results.
+    /// Checks that merging those parts fails with a message that has all of these words, without
+    /// results.
     fn fail_with(&self, parts: &[&str], words: &[&str]) {
         let out = self.at("merged");
         let parts: Vec<String> = parts.iter().map(|name| self.at(name)).collect();
@@ -152,7 +154,7 @@ impl Parts {
         assert!(!self.path("merged").join("report.json").exists());
     }
 
-    /// The bytes of a file, changed and put back when the test of it is done.
+    /// Tests with a damaged file, which is restored afterwards.
     fn damaged(&self, file: &str, damage: impl Fn(&[u8]) -> Option<Vec<u8>>, words: &[&str]) {
         let path = self.path(file);
         let bytes = std::fs::read(&path).expect("it is there");
@@ -166,7 +168,7 @@ impl Parts {
 }
 
 #[test]
-fn parts_that_do_not_belong_together_or_are_not_all_there_are_named() {
+fn parts_that_do_not_fit_or_are_missing_are_named() {
     let parts = Parts::new();
     parts.fail_with(&["1", "2"], &["part 3/3 is missing", "--shard 3/3"]);
     parts.fail_with(&["2", "3"], &["part 1/3 is missing", "--shard 1/3"]);
@@ -188,7 +190,7 @@ fn parts_that_do_not_belong_together_or_are_not_all_there_are_named() {
     parts.make("3 of 4", "3/4", &["--seed=1"]);
     parts.fail_with(&["1", "2", "3 of 4"], &[&parts.at("3 of 4"), "it has 4 parts instead of 3"]);
     let (quickstart, whole) = (path("quickstart"), parts.at("whole"));
-    told(&["monte-carlo", &quickstart, "--runs=1", "--out", &whole, SHORT[0], SHORT[1]]);
+    output(&["monte-carlo", &quickstart, "--runs=1", "--out", &whole, SHORT[0], SHORT[1]]);
     parts.fail_with(&["whole"], &[&whole, "a whole campaign", "--shard"]);
     fails_with(&["merge"], &["<PARTS>"]);
     let [one, two, three] = ["1", "2", "3"].map(|name| parts.at(name));
@@ -203,7 +205,7 @@ fn parts_that_do_not_belong_together_or_are_not_all_there_are_named() {
 }
 
 #[test]
-fn parts_that_were_damaged_are_named_and_to_be_made_again() {
+fn damaged_parts_are_named_with_the_remedy() {
     let parts = Parts::new();
     let half = |bytes: &[u8]| Some(bytes[..bytes.len() / 2].to_vec());
     let gone = |_: &[u8]| None;
@@ -229,7 +231,7 @@ fn parts_that_were_damaged_are_named_and_to_be_made_again() {
         |_| Some(other.clone()),
         &[&parts.at("2"), "bounds.parquet", "part 2/3"],
     );
-    // and undamaged they are one campaign
+    // undamaged, they are one campaign
     let [one, two, three] = ["1", "2", "3"].map(|name| parts.at(name));
-    told(&["merge", &one, &two, &three, "--out", &parts.at("merged")]);
+    output(&["merge", &one, &two, &three, "--out", &parts.at("merged")]);
 }

@@ -1,9 +1,10 @@
-//! Judging from a time on.
+//! Verdicts from a time on.
 
 use crate::common::{navfuse, stdout};
 use serde_json::Value;
 
-/// The scale starts 20 % off: its first seconds of motion are not linear, and the sigma is too small there.
+/// The scale starts 20 % off: its first seconds of motion are not linear, and the sigma is too
+/// small there.
 fn judged(from: &[&str]) -> Value {
     let scenario = crate::common::scenario("pan-wu-3d").display().to_string();
     let short = [
@@ -22,7 +23,7 @@ fn judged(from: &[&str]) -> Value {
 }
 
 #[test]
-fn what_comes_before_is_no_part_of_the_verdict() {
+fn earlier_epochs_do_not_enter_the_verdict() {
     let (whole, later) = (judged(&[]), judged(&["--from", "640 s"]));
     let verdict = |report: &Value| report["points"][0]["verdict"]["consistent"].as_bool();
     assert_eq!((verdict(&whole), verdict(&later)), (Some(false), Some(true)), "{later:#}");
@@ -33,7 +34,7 @@ fn what_comes_before_is_no_part_of_the_verdict() {
 }
 
 #[test]
-fn a_time_after_the_end_is_refused() {
+fn a_time_after_the_end_is_rejected() {
     let scenario = crate::common::scenario("pan-wu-3d").display().to_string();
     let output = navfuse(&["monte-carlo", &scenario, "--from", "3000 s", "--no-output"]);
     let text = crate::common::stderr(&output);

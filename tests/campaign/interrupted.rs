@@ -7,7 +7,8 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// Starts a campaign of very many runs in a folder and interrupts it once a thousand rows of them or more are written.
+/// Starts a campaign of very many runs in a folder, and interrupts it once at least a thousand rows
+/// are written.
 fn interrupt(folder: &Path, more: &[&str]) -> Output {
     let mut campaign = command();
     campaign.args([
@@ -32,7 +33,7 @@ fn interrupt(folder: &Path, more: &[&str]) -> Output {
 }
 
 #[test]
-fn an_interrupted_campaign_says_so_and_reports_the_runs_that_were_done() {
+fn an_interrupted_campaign_reports_the_completed_runs() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = interrupt(folder.path(), &[]);
     assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
@@ -53,7 +54,7 @@ fn an_interrupted_campaign_says_so_and_reports_the_runs_that_were_done() {
 }
 
 #[test]
-fn an_interrupted_part_says_what_to_do_and_is_not_merged() {
+fn an_interrupted_part_names_the_remedy_and_is_not_merged() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = interrupt(folder.path(), &["--shard", "1/2", "--format=json"]);
     assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
@@ -62,10 +63,11 @@ fn an_interrupted_part_says_what_to_do_and_is_not_merged() {
         "{}",
         stderr(&output)
     );
-    let told: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
-    assert_eq!((&told["shard"], &told["asked"]), (&"1/2".into(), &50_000.into()));
+    let printed: serde_json::Value =
+        serde_json::from_slice(&output.stdout).expect("one JSON object");
+    assert_eq!((&printed["shard"], &printed["asked"]), (&"1/2".into(), &50_000.into()));
     let log = json(&folder.path().join("campaign.json"));
-    assert_eq!(told["done"], log["done"]);
+    assert_eq!(printed["done"], log["done"]);
     assert!(!table(&folder.path().join("runs.parquet"))["run"].is_empty());
     let merged = folder.path().join("merged");
     let output = navfuse(&[

@@ -1,9 +1,9 @@
-//! What programs read.
+//! The JSON report, which programs read.
 
-use crate::{SHORT, json, path, told};
+use crate::{SHORT, json, output, path};
 use serde_json::Value;
 
-/// The object has those keys, in this order, and no others.
+/// Checks that the object has exactly these keys, in this order.
 fn has_keys(value: &Value, keys: &[&str]) {
     let found: Vec<&str> =
         value.as_object().expect("an object").keys().map(String::as_str).collect();
@@ -29,7 +29,7 @@ const STATE: [&str; 10] = [
 fn the_report_has_the_documented_keys_and_nothing_else_is_on_standard_output() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().display().to_string();
-    // with two runs and an overconfident filter every part of the report is there
+    // two runs and an overconfident filter fill every part of the report
     let set = [
         "--set",
         "sensor.dvl.simulation.noise=3",
@@ -40,8 +40,8 @@ fn the_report_has_the_documented_keys_and_nothing_else_is_on_standard_output() {
     ];
     let campaign =
         ["monte-carlo", &path("quickstart"), "--runs", "2", "--format=json", "--out", &out];
-    let text = told(&[&campaign[..], &set].concat());
-    // not a NaN, which is no JSON
+    let text = output(&[&campaign[..], &set].concat());
+    // a NaN would not be JSON
     let report: Value = serde_json::from_str(&text).expect("one JSON object");
     assert_eq!(report, json(&folder.path().join("report.json")));
     has_keys(&report, &["scenario", "keys", "runs", "seed", "points"]);
@@ -83,16 +83,16 @@ fn the_report_has_the_documented_keys_and_nothing_else_is_on_standard_output() {
 }
 
 #[test]
-fn what_there_is_not_is_null_in_the_report_of_a_bound() {
+fn missing_values_are_null_in_the_report_of_a_bound() {
     let text =
-        told(&["bound", &path("quickstart"), "--format=json", "--no-output", SHORT[0], SHORT[1]]);
+        output(&["bound", &path("quickstart"), "--format=json", "--no-output", SHORT[0], SHORT[1]]);
     let report: Value = serde_json::from_str(&text).expect("one JSON object");
     let point = &report["points"][0];
     has_keys(point, &POINT);
     assert!(point["verdict"].is_null() && point["worst"].is_null());
     for state in point["states"].as_array().expect("the states") {
         assert!(state["rmse"].is_null() && state["sigma"].is_null(), "{state}");
-        // of a constant the smoothed one is that at the end, but for rounding
+        // the smoothed bound of a constant is its final bound, except for rounding
         let constant = state["state"] == "dvl.scale";
         let [bound, smoothed] =
             ["bound", "smoothed"].map(|key| state[key].as_f64().expect("a number"));
@@ -105,7 +105,7 @@ fn a_sweep_has_an_entry_for_each_point_in_the_order_of_the_keys() {
     let vary =
         ["--vary", "sensor.dvl.noise=1 cm/s,2 cm/s", "--vary", "sensor.depth.noise=1 cm,1 m"];
     let more = ["--format=json", "--no-output", SHORT[0], SHORT[1]];
-    let text = told(&[&["sweep", &path("quickstart")], &vary[..], &more].concat());
+    let text = output(&[&["sweep", &path("quickstart")], &vary[..], &more].concat());
     let report: Value = serde_json::from_str(&text).expect("one JSON object");
     assert_eq!(report["keys"], serde_json::json!(["sensor.dvl.noise", "sensor.depth.noise"]));
     let values: Vec<&Value> =
@@ -115,12 +115,13 @@ fn a_sweep_has_an_entry_for_each_point_in_the_order_of_the_keys() {
 }
 
 #[test]
-fn without_a_reference_only_the_states_whose_truth_the_scenario_tells_are_compared() {
+fn without_a_reference_only_states_with_a_truth_in_the_scenario_are_compared() {
     let settings = [
         "sensor.reference.enabled=false",
         "process.ins.attitude={sigma = \"0.05 deg\", initial = [\"0 deg\", \"0 deg\", \"30 deg\"]}",
         "process.ins.velocity={sigma = \"1 cm/s\", initial = \"0 m/s\"}",
-        "process.ins.position={sigma = \"1 m\", latitude = \"43 deg\", longitude = \"5 deg\", height = \"0 m\"}",
+        "process.ins.position={sigma = \"1 m\", latitude = \"43 deg\", longitude = \"5 deg\", \
+         height = \"0 m\"}",
         "estimator.draw=nothing",
         SHORT[1],
     ];
@@ -134,13 +135,13 @@ fn without_a_reference_only_the_states_whose_truth_the_scenario_tells_are_compar
         "--no-output",
     ];
     settings.iter().for_each(|s| campaign.extend(["--set", s]));
-    let report: Value = serde_json::from_str(&told(&campaign)).expect("one JSON object");
+    let report: Value = serde_json::from_str(&output(&campaign)).expect("one JSON object");
     let point = &report["points"][0];
     // three gyro and three accelerometer biases, scale factor, three angles of misalignment
     assert_eq!(point["anees"][0]["dimension"], 10);
     for anees in point["anees"].as_array().expect("the ANEES") {
-        let told = !["ins.attitude", "ins.velocity", "ins.position"]
+        let known = !["ins.attitude", "ins.velocity", "ins.position"]
             .contains(&anees["of"].as_str().unwrap_or(""));
-        assert_eq!(anees["value"].is_number(), told, "{anees}");
+        assert_eq!(anees["value"].is_number(), known, "{anees}");
     }
 }

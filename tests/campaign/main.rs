@@ -22,25 +22,25 @@ use std::path::Path;
 /// 40 s of filter in the quickstart.
 const SHORT: [&str; 2] = ["--set", "estimator.stop=100 s"];
 
-/// The path of a scenario of the repository as an argument.
+/// Returns the path of a scenario of the repository as an argument.
 fn path(name: &str) -> String {
     scenario(name).display().to_string()
 }
 
-/// Calls the command, which succeeds, and gives what it printed.
-fn told(arguments: &[&str]) -> String {
+/// Calls the command, which succeeds, and returns its output.
+fn output(arguments: &[&str]) -> String {
     let output = navfuse(arguments);
     assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
     stdout(&output)
 }
 
-/// The JSON object in a file.
+/// Returns the JSON object in a file.
 fn json(path: &Path) -> Value {
     let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// The columns of numbers of a Parquet file.
+/// Returns the columns of numbers of a Parquet file.
 fn table(path: &Path) -> BTreeMap<String, Vec<f64>> {
     let file = std::fs::File::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let reader =

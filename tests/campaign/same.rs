@@ -1,13 +1,13 @@
-//! Threads and shards change nothing in what is written.
+//! Threads and shards do not change the written files.
 
-use crate::{SHORT, path, told};
+use crate::{SHORT, output, path};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The files of a folder by name.
+/// Reads the files of a folder, by name.
 ///
-/// Not `campaign.rrd`: the viewer's library gives every recording an id of its own, so that not even the same command
-/// twice writes the same bytes. It is made of the figures that are in the SVG files.
+/// `campaign.rrd` is left out: the viewer's library gives every recording a random id, so that even
+/// the same command never writes the same bytes twice. Its figures are those of the SVG files.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries =
         std::fs::read_dir(folder).expect("the folder is there").map(|e| e.expect("a file").path());
@@ -19,12 +19,13 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// A campaign on one and on two threads, and in so many shards, has those files and the same bytes in them.
+/// Checks that a campaign writes the same files with the same bytes on one thread, on two threads,
+/// and in shards.
 fn is_the_same(campaign: &[&str], counts: &[usize], names: &[&str]) {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name).display().to_string();
     let whole = at("whole");
-    told(&[campaign, &["--jobs", "1", "--out", &whole]].concat());
+    output(&[campaign, &["--jobs", "1", "--out", &whole]].concat());
     let expected = files(Path::new(&whole));
     assert_eq!(expected.keys().map(String::as_str).collect::<Vec<_>>(), names);
     let agrees = |other: &str| {
@@ -37,7 +38,7 @@ fn is_the_same(campaign: &[&str], counts: &[usize], names: &[&str]) {
         for (name, bytes) in &expected {
             assert!(found[name] == *bytes, "{other}/{name} differs");
         }
-        // the recordings differ in their ids, which take a thousandth of them
+        // the recordings differ in their ids, a thousandth of their length
         let length = |folder: &str| {
             std::fs::metadata(Path::new(folder).join("campaign.rrd")).map_or(0, |m| m.len())
         };
@@ -47,13 +48,13 @@ fn is_the_same(campaign: &[&str], counts: &[usize], names: &[&str]) {
         );
     };
     let two = at("two threads");
-    told(&[campaign, &["--jobs", "2", "--out", &two]].concat());
+    output(&[campaign, &["--jobs", "2", "--out", &two]].concat());
     agrees(&two);
     for count in counts {
         let mut parts = Vec::new();
         for index in 1..=*count {
             parts.push(at(&format!("{index} of {count}")));
-            told(
+            output(
                 &[campaign, &["--shard", &format!("{index}/{count}"), "--out", &parts[index - 1]]]
                     .concat(),
             );
@@ -62,7 +63,7 @@ fn is_the_same(campaign: &[&str], counts: &[usize], names: &[&str]) {
         parts.rotate_left(1);
         let merged = at(&format!("{count} merged"));
         let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
-        told(&[&["merge"], &parts[..], &["--out", &merged]].concat());
+        output(&[&["merge"], &parts[..], &["--out", &merged]].concat());
         agrees(&merged);
     }
 }
@@ -117,7 +118,7 @@ fn a_bound_is_the_same_in_shards_and_writes_no_tables_of_runs() {
 
 #[test]
 fn another_seed_gives_other_runs_and_the_same_bound() {
-    // which samples are lost is a matter of the seed, and of the bound
+    // the seed determines the lost samples, which would change the bound
     let all = ["--set", "sensor.dvl.simulation={rate = \"5 Hz\"}"];
     let folder = tempfile::tempdir().expect("a folder");
     let run = |seed: &str| {
@@ -125,7 +126,7 @@ fn another_seed_gives_other_runs_and_the_same_bound() {
         let (quickstart, out_text) = (path("quickstart"), out.display().to_string());
         let campaign =
             ["monte-carlo", &quickstart, "--runs", "1", "--seed", seed, "--out", &out_text];
-        told(&[&campaign, &SHORT[..], &all].concat());
+        output(&[&campaign, &SHORT[..], &all].concat());
         files(&out)
     };
     let (a, b) = (run("1"), run("2"));

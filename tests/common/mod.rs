@@ -1,4 +1,5 @@
-//! What the end-to-end tests share: the command as a user calls it, and the library as a program does.
+//! Shared by the end-to-end tests: the command as a user calls it, and the library as a program
+//! does.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
 pub mod recording;
@@ -12,12 +13,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
 
-/// The root of the repository.
+/// Returns the root of the repository.
 pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The path of a scenario of the repository.
+/// Returns the path of a scenario of the repository.
 pub fn scenario(name: &str) -> PathBuf {
     root().join("scenarios").join(format!("{name}.toml"))
 }
@@ -31,7 +32,7 @@ pub fn run_without_sinks(path: &Path, settings: &[String]) -> Finished {
     runner::run(assembly, &AtomicBool::new(false), |_| {})
 }
 
-/// The command.
+/// Returns the command.
 pub fn command() -> Command {
     Command::new(env!("CARGO_BIN_EXE_navfuse"))
 }
@@ -41,17 +42,18 @@ pub fn navfuse(arguments: &[&str]) -> Output {
     command().args(arguments).output().expect("the command starts")
 }
 
-/// Standard output as text.
+/// Returns standard output as text.
 pub fn stdout(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Standard error as text.
+/// Returns standard error as text.
 pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The folder of recorded data of that name; says where the public original is, and `None`, where it is not.
+/// Returns the folder of recorded data of a name. If it is missing, prints the origin of the public
+/// original and returns `None`.
 pub fn data(name: &str, origin: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("NAVFUSE_DATA")
         .map_or_else(|| root().join("../shared/data"), PathBuf::from);
@@ -66,10 +68,11 @@ pub fn data(name: &str, origin: &str) -> Option<PathBuf> {
     None
 }
 
-/// The folder of the recorded Snapir runs.
+/// Returns the folder of the recorded Snapir runs.
 pub fn snapir() -> Option<PathBuf> {
-    let origin = "The recordings are runs T01, T06, T10 and T12 of the public repository ansfl/A-KIT (Cohen & Klein 2025), \
-                  made tidy as docs/src/explanation/validation.md tells";
+    let origin = "The recordings are runs T01, T06, T10 and T12 of the public repository \
+                  ansfl/A-KIT (Cohen & Klein 2025), prepared as in \
+                  docs/src/explanation/validation.md";
     data("snapir", origin)
 }
 

@@ -1,4 +1,4 @@
-//! A small recording of a vehicle at rest, to be damaged by the tests of bad input.
+//! A small recording of a vehicle at rest, which the tests of bad input damage.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,8 @@ impl Recording {
             );
         }
         let mut dvl = "time_s,vel_x_mps,vel_y_mps,vel_z_mps\n".to_owned();
-        let heading = "time_s,lat_deg,lon_deg,height_m,vel_n_mps,vel_e_mps,vel_d_mps,roll_deg,pitch_deg,yaw_deg\n";
+        let heading = "time_s,lat_deg,lon_deg,height_m,vel_n_mps,vel_e_mps,vel_d_mps,\
+                       roll_deg,pitch_deg,yaw_deg\n";
         let mut reference = heading.to_owned();
         for k in 1..=20 {
             let _ = writeln!(dvl, "{k}.0,0.001,-0.002,0.001");

@@ -1,4 +1,5 @@
-//! The extended Kalman filter: Figures 6 to 16. Times are those of Table 1; the first turn of the square is from 1025 to 1055 s.
+//! The extended Kalman filter: Figures 6 to 16. Times are those of Table 1; the first turn of the
+//! square is from 1025 to 1055 s.
 
 use crate::runs::{Run, dives, flat, rms};
 
@@ -11,8 +12,9 @@ fn each(runs: &[Run], check: impl Fn(&Run)) {
 #[test]
 fn the_scale_factor_converges_swiftly_from_0_8_to_the_truth_once_the_vehicle_moves() {
     each(dives(), |run| {
-        assert!(run.sigma("dvl.scale.k", 600.0) > 0.19, "at rest nothing tells of it");
-        // sigma of the velocity over the speed, with a few correlated samples: 0.02 m/s / 5 m/s is a 50th of 0.2
+        assert!(run.sigma("dvl.scale.k", 600.0) > 0.19, "it is not observable at rest");
+        // sigma of the velocity over the speed, with a few correlated samples: 0.02 m/s / 5 m/s is
+        // a 50th of 0.2
         assert!(
             run.sigma("dvl.scale.k", 660.0) < 0.2 / 50.0,
             "{}",
@@ -26,11 +28,11 @@ fn the_scale_factor_converges_swiftly_from_0_8_to_the_truth_once_the_vehicle_mov
 }
 
 #[test]
-fn so_do_the_misalignment_angles_yaw_and_pitch() {
+fn misalignment_yaw_and_pitch_converge_as_swiftly() {
     for angle in ["yaw", "pitch"] {
         let name = format!("dvl.misalignment.{angle}");
         each(dives(), |run| {
-            assert!(run.sigma(&name, 600.0) > 0.95, "at rest nothing tells of it");
+            assert!(run.sigma(&name, 600.0) > 0.95, "it is not observable at rest");
             assert!(run.sigma(&name, 660.0) < 0.2, "{angle}: {}", run.sigma(&name, 660.0));
         });
     }
@@ -40,7 +42,7 @@ fn so_do_the_misalignment_angles_yaw_and_pitch() {
 fn the_roll_angle_approaches_its_true_value_when_the_descent_starts() {
     each(dives(), |run| {
         let sigma = |time| run.sigma("dvl.misalignment.roll", time);
-        assert!(sigma(659.0) > 0.9, "level motion tells nothing of it: {}", sigma(659.0));
+        assert!(sigma(659.0) > 0.9, "it is not observable in level motion: {}", sigma(659.0));
         assert!(sigma(720.0) < 0.25, "{}", sigma(720.0));
     });
     assert!(rms(dives(), "dvl.misalignment.roll", 720.0) < 0.5);
@@ -51,14 +53,16 @@ fn turning_on_the_square_drives_the_accelerometer_bias_to_convergence() {
     for axis in HORIZONTAL {
         let name = format!("ins.accel_bias.{axis}");
         each(dives(), |run| {
-            // before it the bias cannot be told from a tilt: it stays near the 50 ug of its prior
+            // before the turn the bias is not separable from a tilt: it stays near the 50 ug of its
+            // prior
             assert!(run.sigma(&name, 1020.0) > 35.0, "{axis} before: {}", run.sigma(&name, 1020.0));
-            // a leg after it: sigma of the tilt by the noise is 0.0003 deg, which is 5 ug, over two headings
+            // a leg after the turn, the noise gives the tilt a sigma of 0.0003 deg, which is 5 ug,
+            // over two headings
             assert!(run.sigma(&name, 1330.0) < 6.0, "{axis} after: {}", run.sigma(&name, 1330.0));
         });
         assert!(rms(dives(), &name, 1970.0) < 6.0);
     }
-    // the vertical one needs no turn: gravity and the descent tell it
+    // the vertical bias needs no turn: gravity and the descent determine it
     each(dives(), |run| assert!(run.sigma("ins.accel_bias.z", 750.0) < 10.0));
 }
 
@@ -67,11 +71,11 @@ fn the_gyroscope_bias_converges_slower_and_slowest_about_the_vertical() {
     each(dives(), |run| {
         for axis in HORIZONTAL {
             let (gyro, accel) = (format!("ins.gyro_bias.{axis}"), format!("ins.accel_bias.{axis}"));
-            // what is left at the end, as a share of the prior: a third against a 20th
+            // the remaining share of the prior at the end: a third against a 20th
             assert!(run.normalised(&gyro, 2059.0) > 3.0 * run.normalised(&accel, 2059.0));
             assert!(run.normalised(&gyro, 2059.0) < 0.45, "{}", run.normalised(&gyro, 2059.0));
         }
-        // the heading drifts by 0.01 deg/h x 0.4 h = 0.004 deg, below its own sigma of 0.012 deg: nothing can tell
+        // the heading drifts by 0.01 deg/h x 0.4 h = 0.004 deg, below its own sigma of 0.012 deg
         assert!(run.normalised("ins.gyro_bias.z", 2059.0) > 0.95);
     });
 }
@@ -96,8 +100,9 @@ fn the_scale_factor_and_the_misalignment_in_yaw_and_pitch_have_the_strongest_obs
 }
 
 #[test]
-fn the_dive_tells_the_yaw_angle_together_with_the_dvl_roll_angle() {
-    // the dive tells the heading little, but more in its minute than the acceleration before it, and the roll all at once
+fn the_dive_determines_the_yaw_angle_together_with_the_dvl_roll_angle() {
+    // the dive improves the heading little, but more in its minute than the acceleration before it,
+    // and it determines the roll
     each(dives(), |run| {
         let fall = |name: &str, from, to| run.sigma(name, from) / run.sigma(name, to);
         assert!(fall("dvl.misalignment.roll", 660.0, 720.0) > 3.0);
@@ -112,14 +117,14 @@ fn the_dive_tells_the_yaw_angle_together_with_the_dvl_roll_angle() {
 }
 
 #[test]
-fn the_turn_tells_roll_and_pitch_together_with_the_accelerometer_bias() {
-    // tilt and bias are one unknown until the heading turns the one against the other
+fn the_turn_determines_roll_and_pitch_together_with_the_accelerometer_bias() {
+    // tilt and bias are one unknown until the heading turns one against the other
     each(dives(), |run| {
         for (angle, axis) in [("roll", "y"), ("pitch", "x")] {
             let (angle, bias) = (format!("ins.attitude.{angle}"), format!("ins.accel_bias.{axis}"));
             let ratio =
                 |time| run.sigma(&angle, time).to_radians() / (run.sigma(&bias, time) * 1e-6);
-            // before: sigma of the tilt in rad is that of the bias in g, to 15 %
+            // before the turn, sigma of the tilt in rad is that of the bias in g, to 15 %
             assert!((ratio(1020.0) - 1.0).abs() < 0.15, "{angle}: {}", ratio(1020.0));
             for name in [&angle, &bias] {
                 assert!(
@@ -138,7 +143,8 @@ fn the_position_is_unobservable_but_its_drift_is_mitigated() {
             run.sigma("ins.position.latitude", time).max(run.sigma("ins.position.longitude", time))
         };
         assert!(sigma(2059.0) > 1.0, "it never gets better than the metre it began with");
-        // with a scale factor known to 0.3 %, as before the square, 7.2 km of way would be 20 m off
+        // with a scale factor known to 0.3 %, as before the square, a path of 7.2 km would end 20 m
+        // off
         assert!(sigma(2059.0) < 3.0, "{}", sigma(2059.0));
     });
 }
@@ -163,7 +169,8 @@ fn in_the_2d_run_all_states_but_the_dvl_roll_angle_are_estimated_quite_well() {
         ("ins.gyro_bias.y", 0.007),
     ] {
         for (run, end) in [(flat(), 2039.0), (dives(), 2059.0)] {
-            // twice the sigma of the optimal filter: the root mean square of 8 errors is above that once in 10 000 times
+            // twice the sigma of the optimal filter: the root mean square of 8 errors exceeds it
+            // once in 10 000 times
             assert!(rms(run, name, end) < bound, "{name}: {}", rms(run, name, end));
         }
     }

@@ -1,4 +1,4 @@
-//! The ideal observer IO-DVLC: Figures 2 to 5, and how it compares with the filter.
+//! The ideal observer IO-DVLC: Figures 2 to 5, and its comparison with the filter.
 
 use crate::runs::{dives, for_seeds, rms, with};
 use navfuse_calibration::{AttitudeSource, CalibrationData, Estimate, Method};
@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// One 3-D run until 720 s, as the observer sees it.
+/// A 3-D run until 720 s, with the result of the observer.
 struct Seen {
     data: CalibrationData,
     printed: Estimate,
@@ -28,7 +28,7 @@ fn seen() -> &'static [Seen] {
     &SEEN
 }
 
-/// Errors of k, roll, pitch and yaw (rad) of the estimate as it was at a time.
+/// Returns the errors of k, roll, pitch and yaw (rad) of the estimate at a time.
 fn errors(seen: &Seen, time: f64) -> [f64; 4] {
     let truth = seen.data.recording.velocities[0].truth.expect("the scenario states it");
     let zero = seen.data.recording.clock(0.0);
@@ -65,20 +65,20 @@ fn the_specific_force_rates_of_advance_and_dive_are_linearly_independent() {
 
 #[test]
 fn the_scale_factor_is_computable_from_the_first_segment_on() {
-    // notes 2.4, as printed, 5 m/s: sigma 1.1 % over both segments; four of it, and that for the first alone
+    // as printed, at 5 m/s: sigma is 1.1 % over both segments; the bound is four sigma, also for
+    // the first segment alone
     assert!(root_mean_square(seen().iter().map(|s| errors(s, 659.0)[0])) < 0.05);
 }
 
 #[test]
 fn the_roll_angle_cannot_converge_until_the_descent() {
     let roll = |time| root_mean_square(seen().iter().map(|s| errors(s, time)[1] / DEG));
-    // before it nothing but noise turns about the thrust: any angle may come out
+    // before the descent only noise rotates about the thrust, so that any angle may result
     assert!(roll(655.0) > 2.0 * roll(720.0), "{} before, {} after", roll(655.0), roll(720.0));
 }
 
 #[test]
-fn the_observer_is_not_accurate_enough_in_the_misalignment_angles_and_the_filter_is_more_accurate_in_all()
- {
+fn the_filter_is_more_accurate_than_the_observer_whose_angles_are_too_inaccurate() {
     let observer: [f64; 4] =
         std::array::from_fn(|i| root_mean_square(seen().iter().map(|s| errors(s, 720.0)[i])));
     let names =

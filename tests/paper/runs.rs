@@ -10,15 +10,15 @@ use navfuse_core::state::manifold::MAX_TANGENT;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
-/// The seeds of the runs.
+/// Seeds of the runs.
 pub const SEEDS: std::ops::RangeInclusive<u64> = 1..=8;
-/// The settings of all runs but the seed.
+/// Settings of all runs except the seed.
 const SETTINGS: [&str; 2] = ["sensor.imu.simulation.rate=20 Hz", "estimator.output_rate=1 Hz"];
 
-/// What one run gave.
+/// Result of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Run {
-    /// `dvl.misalignment.roll` and so on.
+    /// Names of the components: `dvl.misalignment.roll` and so on.
     names: Vec<String>,
     /// Time (s), sigma and error of every component, in the units of the summary.
     rows: Vec<(f64, Vec<f64>, Vec<f64>)>,
@@ -37,48 +37,48 @@ impl Run {
             .unwrap_or_else(|| panic!("no state {name}: {:?}", self.names))
     }
 
-    /// 1-sigma of a component at a time, in the unit of the summary.
+    /// Returns the 1-sigma of a component at a time, in the unit of the summary.
     pub fn sigma(&self, name: &str, time: f64) -> f64 {
         self.row(time).1[self.index(name)]
     }
 
-    /// The error of a component at a time.
+    /// Returns the error of a component at a time.
     pub fn error(&self, name: &str, time: f64) -> f64 {
         self.row(time).2[self.index(name)]
     }
 
-    /// 1-sigma as a share of that at the start: Figure 12.
+    /// Returns the 1-sigma relative to that at the start: Figure 12.
     pub fn normalised(&self, name: &str, time: f64) -> f64 {
         self.sigma(name, time) / self.rows[0].1[self.index(name)]
     }
 }
 
-/// The root mean square of the errors of a component at a time.
+/// Returns the root mean square of the errors of a component at a time.
 pub fn rms(runs: &[Run], name: &str, time: f64) -> f64 {
     let squares: f64 = runs.iter().map(|r| r.error(name, time).powi(2)).sum();
     (squares / runs.len() as f64).sqrt()
 }
 
-/// The 3-D runs.
+/// Returns the 3-D runs.
 pub fn dives() -> &'static [Run] {
     static RUNS: LazyLock<Vec<Run>> = LazyLock::new(|| all("pan-wu-3d"));
     &RUNS
 }
 
-/// The 2-D runs.
+/// Returns the 2-D runs.
 pub fn flat() -> &'static [Run] {
     static RUNS: LazyLock<Vec<Run>> = LazyLock::new(|| all("pan-wu-2d"));
     &RUNS
 }
 
-/// A scenario of the repository, with settings.
+/// Runs a job on a scenario of the repository, with settings.
 pub fn with<T>(name: &str, settings: &[String], job: impl FnOnce(&Scenario<'_>) -> T) -> T {
     let registry = navfuse::standard_plugins();
     let document = Document::from_file(scenario(name)).expect("the scenario is there");
     job(&Scenario::new(&registry, document, settings).expect("the settings fit"))
 }
 
-/// A job for every seed, on all cores.
+/// Runs a job for every seed, on all cores.
 pub fn for_seeds<T: Send>(job: impl Fn(Vec<String>) -> T + Sync) -> Vec<T> {
     let settings = |seed: u64| {
         SETTINGS.iter().map(|s| (*s).to_owned()).chain([format!("seed={seed}")]).collect()

@@ -191,7 +191,7 @@ mod tests {
     /// The random walk is found to a factor of two, the white noise to a quarter: 1000 s are ten
     /// times the lag of 100 s, and twenty blocks of 50 s are forty times half of their length.
     #[test]
-    fn white_noise_and_random_walk_are_told_apart_in_one_block_and_in_many_short_ones() {
+    fn white_noise_and_random_walk_are_separated_in_one_block_and_in_many_short_ones() {
         for (blocks, length) in [(1, 1000), (20, 50)] {
             let residuals = noisy(blocks, length);
             for axis in 0..3 {

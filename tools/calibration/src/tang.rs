@@ -80,11 +80,11 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     covariance[(0, 0)] = along;
     let used = [pairs[0].time, pairs[pairs.len() - 1].time];
     covariance += data.attitude_covariance(&mounting, used);
-    let told = format!(
+    let scale_note = format!(
         "scale factor from a displacement of {distance:.0} m; sigma of the angles from the \
          residuals"
     );
-    let notes = vec![data.attitude_source(), velocities(own), told];
+    let notes = vec![data.attitude_source(), velocities(own), scale_note];
     Ok(Estimate {
         mounting,
         determined: determined(&covariance),

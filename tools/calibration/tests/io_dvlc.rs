@@ -14,7 +14,8 @@ use common::{data, seeds};
 use navfuse_calibration::{CalibrationData, Estimate, Method};
 use navfuse_segments::{Kind, Segment};
 
-/// Mean and standard deviation of the error of k (ppm), roll, pitch and yaw (deg), and the mean of e' P^-1 e.
+/// Mean and standard deviation of the error of k (ppm), roll, pitch and yaw (deg), and the mean of
+/// `e' P^-1 e`.
 struct Spread {
     mean: [f64; 4],
     sd: [f64; 4],
@@ -28,7 +29,7 @@ fn runs() -> u64 {
     std::env::var("NAVFUSE_RUNS").ok().and_then(|n| n.parse().ok()).unwrap_or(24)
 }
 
-/// The paper's segments, as Table 1 has them.
+/// Replaces the segments by those of the paper's Table 1.
 fn of_table_1(mut data: CalibrationData) -> CalibrationData {
     let segment = |kind, from, to| Segment { kind, from, to };
     data.segments = vec![
@@ -63,16 +64,18 @@ fn campaign(method: Method) -> Spread {
     Spread { mean, sd, nees }
 }
 
-/// Of k, roll, pitch and yaw: for angles this small the rotation vector is their difference, with the sign of `C_d^b`.
+/// Returns the NEES of k, roll, pitch and yaw. For angles this small the rotation vector is their
+/// difference, with the sign of `C_d^b`.
 fn nees(e: &Estimate, error: &[f64; 4]) -> f64 {
     let Some(p) = e.covariance else { return f64::NAN };
-    // the true rotation is exp(δ) times the estimate: δ is less the error of the angles, which nalgebra counts as the body's
+    // the true rotation is exp(δ) times the estimate; δ is minus the error of the angles, which
+    // nalgebra defines about body axes
     let delta = nalgebra::Vector4::new(-error[0], -error[1], -error[2], -error[3]);
     delta.dot(&(p.try_inverse().unwrap() * delta))
 }
 
-/// Without noise an error is the method's own. What the paper drops, 2 w_ie x v, is a lateral velocity of 2 w_ie s after a way of
-/// s: 1 to 2 cm/s of 5 m/s and of 1 m/s.
+/// Without noise, the error is that of the method. The term that the paper drops, 2 w_ie x v, is a
+/// lateral velocity of 2 w_ie s after a distance of s: 1 to 2 cm/s at 5 m/s and at 1 m/s.
 #[test]
 fn without_noise_the_improved_estimate_is_the_truth_and_the_printed_one_is_not() {
     let quiet = ["sensor.imu.simulation.noise=0", "sensor.dvl.simulation.noise=0"];
@@ -81,7 +84,8 @@ fn without_noise_the_improved_estimate_is_the_truth_and_the_printed_one_is_not()
     let shown = |e: [f64; 4]| std::array::from_fn::<f64, 4, _>(|i| e[i] * UNIT[i]);
     let (improved, printed) = (shown(improved), shown(printed));
     println!("bias, k ppm, roll, pitch, yaw deg: improved {improved:.4?}, printed {printed:.4?}");
-    // required: 0.05 deg; the transport rate, gravity's change with depth and the samples' own times leave less than a fifth
+    // required: 0.05 deg; the transport rate, gravity's change with depth and the sample times
+    // contribute less than a fifth
     assert!(
         improved[1..].iter().all(|a| a.abs() < 0.01) && improved[0].abs() < 50.0,
         "{improved:?}"
@@ -89,12 +93,13 @@ fn without_noise_the_improved_estimate_is_the_truth_and_the_printed_one_is_not()
     assert!(printed[1..].iter().any(|a| a.abs() > 0.05), "the dropped term is seen: {printed:?}");
 }
 
-/// The bounds on the mean leave three standard errors of it beside the 0.05 deg that are required; a standard deviation of n runs
-/// has an error of 1/sqrt(2 n), and two of those are left beside the figures of the averaged and corrected observer at
-/// 5 m/s, 1 m/s and 10 Hz (826 ppm, roll 0.24, pitch 0.046, yaw 0.053 deg); the mean of e' P^-1 e of 4 components and n
-/// runs is 4 with sigma sqrt(8 / n), of which 3.3 are one in a thousand.
+/// The bound on the mean is the required 0.05 deg plus three standard errors. A standard deviation
+/// of n runs has a relative error of 1/sqrt(2 n); its bound is two of them above the figures of the
+/// averaged and corrected observer at 5 m/s, 1 m/s and 10 Hz (826 ppm, roll 0.24, pitch 0.046, yaw
+/// 0.053 deg). The mean of e' P^-1 e of 4 components and n runs is 4 with sigma sqrt(8 / n), which
+/// it leaves by 3.3 sigma once in a thousand times.
 #[test]
-fn the_improved_estimate_is_unbiased_and_its_covariance_is_that_of_its_errors() {
+fn the_improved_estimate_is_unbiased_and_its_covariance_is_consistent() {
     let s = campaign(Method::IoDvlc);
     let n = runs() as f64;
     for i in 1..4 {
@@ -111,9 +116,10 @@ fn the_improved_estimate_is_unbiased_and_its_covariance_is_that_of_its_errors() 
     assert!((s.nees - 4.0).abs() < 3.3 * (8.0 / n).sqrt(), "mean NEES {} of 4", s.nees);
 }
 
-/// As printed the anchor f(t_s) is one sample at 100 Hz, of 100 ug, which after 60 s is 0.059 m/s. The figures at 5 m/s, 1 m/s and
-/// 10 Hz, found by another program, are sd 11200 ppm, roll 2.8, pitch 0.65, yaw 0.66 deg; 45 % are three standard errors of a
-/// sd of 24 runs.
+/// As printed, the anchor f(t_s) is one sample at 100 Hz with noise of 100 ug, which is 0.059 m/s
+/// after 60 s. An independent program found standard deviations of 11200 ppm, roll 2.8, pitch 0.65,
+/// yaw 0.66 deg at 5 m/s, 1 m/s and 10 Hz; 45 % are three standard errors of a standard deviation
+/// of 24 runs.
 #[test]
 fn the_printed_estimate_is_as_scattered_as_its_anchors() {
     let s = campaign(Method::IoDvlcPrinted);

@@ -1,4 +1,4 @@
-//! Every method on data for which it is exact, and what each says when something that it needs is not there.
+//! Every method on data for which it is exact, and the messages of methods that lack data.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -11,7 +11,7 @@ mod common;
 use common::{data, read};
 use navfuse_calibration::{AttitudeSource, CalibrationData, Estimate, Method};
 
-/// No noise, no biases, and the attitude known: what the methods of an AHRS take for granted.
+/// No noise, no biases, and a known attitude, as the methods for an AHRS assume.
 const EXACT: [&str; 8] = [
     "estimator.draw=start",
     "sensor.imu.simulation.noise=0",
@@ -46,9 +46,10 @@ fn error(data: &CalibrationData, method: Method) -> (Estimate, [f64; 4]) {
     (estimate, e)
 }
 
-/// What is left: the DVL's 5 Hz are integrated by straight lines, and GNSS velocities are compared with means over 1 s, which in
-/// a turn of 6 deg/s are short by (w T)^2 / 24 = 500 ppm, over the whole run 100. Troni & Whitcomb leave out the Earth's rate: 2 w_ie x v
-/// is 0.36 mm/s^2 of an r.m.s. acceleration of 0.15 m/s^2, 2.4 mrad.
+/// Remaining errors: straight lines interpolate the DVL's 5 Hz, and GNSS velocities are compared
+/// with means over 1 s, which in a turn of 6 deg/s are short by (w T)^2 / 24 = 500 ppm, 100 over
+/// the whole run. Troni & Whitcomb leave out the Earth's rate: 2 w_ie x v is 0.36 mm/s^2 of a
+/// root-mean-square acceleration of 0.15 m/s^2, 2.4 mrad.
 #[test]
 fn each_method_finds_the_truth_where_its_assumptions_hold() {
     let data = exact(&[]);
@@ -73,8 +74,8 @@ fn each_method_finds_the_truth_where_its_assumptions_hold() {
     }
 }
 
-/// The observer forgets its start with the time constant of its gain and of the spread of the velocity's direction; what is
-/// square to the course it finds, roll needs the sway.
+/// The observer forgets its initial value with the time constant of its gain and of the spread of
+/// the velocity's direction. It finds the angles perpendicular to the course; roll needs sway.
 #[test]
 fn the_observer_on_so3_finds_pitch_and_yaw_and_has_no_scale_factor() {
     let data = exact(&[]);
@@ -83,7 +84,7 @@ fn the_observer_on_so3_finds_pitch_and_yaw_and_has_no_scale_factor() {
     assert!(e[2].abs() < 0.05 && e[3].abs() < 0.05, "{e:?}");
 }
 
-/// Joyce's two unknowns are exact where there are no others.
+/// Joyce's two unknowns are exact if there are no others.
 #[test]
 fn scale_factor_and_yaw_alone_are_found_by_joyce() {
     let yaw = "sensor.dvl.misalignment={ sigma = \"2 deg\", truth = [\"0 deg\", \"0 deg\", \"1.2 deg\"] }";
@@ -93,8 +94,9 @@ fn scale_factor_and_yaw_alone_are_found_by_joyce() {
     assert!(e[0].abs() < 500.0 && e[3].abs() < 0.03, "{e:?}");
 }
 
-/// Gravity's change with the attitude, 8 deg of bank, is 1.4 m/s^2, ten times what the DVL sees: what is left of it where nothing
-/// else is wrong is ten times the error of the method with gravity.
+/// The change of gravity with the attitude, 8 deg of bank, is 1.4 m/s^2, ten times the acceleration
+/// that the DVL measures. Without other errors its remainder is ten times the error of the method
+/// with gravity.
 #[test]
 fn without_gravity_troni_is_wrong() {
     let data = exact(&[]);
@@ -117,7 +119,7 @@ fn refused(name: &str, settings: &[&str], method: Method, words: &[&str]) {
 }
 
 #[test]
-fn what_is_missing_is_named_with_what_to_do() {
+fn missing_data_is_named_with_the_remedy() {
     let stop = "estimator.stop=720 s";
     for method in [Method::Kinsey2006, Method::Kinsey2007, Method::Joyce, Method::Tang] {
         refused("pan-wu-3d", &[stop], method, &["position fixes", "[sensor.gnss]", "io-dvlc"]);
@@ -125,7 +127,7 @@ fn what_is_missing_is_named_with_what_to_do() {
     for method in [Method::IoDvlc, Method::IoDvlcPrinted, Method::Troni, Method::Joyce] {
         refused("pan-wu-3d", &[stop, "sensor.dvl.enabled=false"], method, &["add [sensor.dvl]"]);
     }
-    // at rest, and a segment that is too short
+    // at rest, and with a segment that is too short
     refused(
         "pan-wu-3d",
         &["estimator.stop=600 s"],
@@ -139,7 +141,7 @@ fn what_is_missing_is_named_with_what_to_do() {
         &["no segment of Type I", "10 s or more"],
     );
     refused("pan-wu-3d", &["estimator.stop=600 s"], Method::Troni, &["accelerate"]);
-    // a vehicle that stays where it is, and one that has fixes for too short a time
+    // a stationary vehicle, and one with fixes for too short a time
     refused("calibration", &["estimator.stop=300 s"], Method::Joyce, &["under way"]);
     let short = "sensor.gnss.simulation.outages=[[\"330 s\", \"1e6 s\"]]";
     let from = "sensor.dvl.simulation.offset=300 s";
@@ -152,7 +154,7 @@ fn what_is_missing_is_named_with_what_to_do() {
 }
 
 #[test]
-fn a_level_run_is_told_to_have_one_direction() {
+fn a_level_run_has_one_direction_and_a_note_on_it() {
     let data = data("pan-wu-2d", &["estimator.stop=760 s"]);
     let estimate = Method::IoDvlc.estimate(&data).unwrap();
     assert!(
@@ -174,7 +176,7 @@ fn a_level_run_is_told_to_have_one_direction() {
 }
 
 #[test]
-fn a_log_without_rest_is_told_so() {
+fn a_log_without_rest_gets_a_note() {
     let data = data("surface-dive", &["estimator.stop=340 s"]);
     let estimate = Method::IoDvlc.estimate(&data).unwrap();
     assert!(estimate.notes.iter().any(|n| n.contains("no time at rest")), "{:?}", estimate.notes);

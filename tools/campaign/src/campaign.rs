@@ -257,7 +257,7 @@ impl Campaign {
 
     /// Describes the first difference between two campaigns; `None` if their parts belong together.
     pub fn difference(&self, other: &Self) -> Option<String> {
-        let told = |campaign: &Self| {
+        let properties = |campaign: &Self| {
             [
                 ("version", campaign.version.clone()),
                 ("scenario", campaign.scenario.clone()),
@@ -276,7 +276,7 @@ impl Campaign {
                 ("--start", format!("{:?}", campaign.initial_errors).to_lowercase()),
             ]
         };
-        let pairs = told(self).into_iter().zip(told(other));
+        let pairs = properties(self).into_iter().zip(properties(other));
         let differing = pairs.into_iter().find(|(a, b)| a != b);
         let text = (self.text != other.text || self.columns != other.columns)
             .then_some("the scenarios differ");
@@ -439,7 +439,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shard_is_one_of_as_many_as_it_says() {
+    fn a_shard_has_a_number_and_a_count() {
         assert_eq!("3/7".parse(), Ok(Shard { index: 3, count: 7 }));
         assert!(["0/7", "8/7", "7", "a/b", "1/0"].iter().all(|t| t.parse::<Shard>().is_err()));
     }

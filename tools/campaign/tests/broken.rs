@@ -1,4 +1,5 @@
-//! A filter that is wrong is found out, and the verdict names what is wrong; the same filter unbroken passes.
+//! A campaign detects a broken filter, and the verdict names the cause. The same filter without the
+//! defect passes.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
 use navfuse_campaign::{Campaign, Folder, Options, PointReport, Verdict, execute};
@@ -20,7 +21,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::sync::atomic::AtomicBool;
 
-/// An outsider's sensor: the velocity in navigation axes with a scale factor, `z = s v^n`, and a Jacobian by hand.
+/// Sensor of an outsider: the velocity in navigation axes with a scale factor, `z = s v^n`, and a
+/// hand-written Jacobian.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Velocimeter {
@@ -29,7 +31,7 @@ struct Velocimeter {
     /// Scale factor.
     #[serde(default)]
     scale: ScaleFactor,
-    /// Whether the derivative with respect to the scale factor has the wrong sign.
+    /// Reverses the sign of the derivative with respect to the scale factor.
     #[serde(default)]
     wrong_sign: bool,
 }
@@ -76,9 +78,9 @@ impl MeasurementModel<3> for VelocimeterModel {
     }
 }
 
-/// Two minutes at 50 Hz in which all is observed. The initial errors are so small that the filter is linear: the largest,
-/// 0.5 deg of misalignment and 0.5 % of scale, leave second-order terms of 2 m/s x 0.5 deg x 0.5 % = 0.1 mm/s, of a DVL
-/// noise of 1 cm/s.
+/// Two minutes at 50 Hz in which all states are observed. The initial errors are so small that the
+/// filter is linear: the largest, 0.5 deg of misalignment and 0.5 % of scale, leave second-order
+/// terms of 2 m/s x 0.5 deg x 0.5 % = 0.1 mm/s, with a DVL noise of 1 cm/s.
 const SCENARIO: &str = r#"
     name = "linear"
     seed = 1
@@ -141,7 +143,7 @@ fn campaign(settings: &[&str]) -> PointReport {
     report.points.into_iter().next().expect("one point")
 }
 
-/// The verdict of a campaign, with what was found on standard output.
+/// Returns the verdict of a campaign, and prints its findings.
 fn verdict(settings: &[&str]) -> Verdict {
     let verdict = campaign(settings).verdict.expect("runs have a verdict");
     println!("{settings:?}: {}", verdict.text);
@@ -149,7 +151,7 @@ fn verdict(settings: &[&str]) -> Verdict {
     verdict
 }
 
-/// By how much the verdict says that the errors of a block are larger than their sigma.
+/// Returns the ratio of a block's errors to their sigma in the verdict.
 fn factor(verdict: &Verdict, of: &str) -> f64 {
     verdict.findings.iter().find(|f| f.of == of).map_or(1.0, |f| f.factor)
 }
@@ -161,19 +163,19 @@ fn the_unbroken_filter_is_consistent() {
     assert_eq!((verdict.text.as_str(), verdict.findings.len()), ("consistent", 0));
 }
 
-/// The scale factor moves away from the truth and gets sure of it: nothing else is as wrong.
+/// The scale factor moves away from the truth while its sigma shrinks; no other error is as large.
 #[test]
-fn a_wrong_sign_in_a_jacobian_is_found_in_the_block_that_it_belongs_to() {
+fn a_wrong_sign_in_a_jacobian_is_found_in_its_block() {
     let verdict = verdict(&["sensor.velocimeter.wrong_sign=true"]);
     assert!(verdict.text.starts_with("overconfident in velocimeter.scale by "), "{}", verdict.text);
-    // it makes an error of one sigma one of several
+    // an error of one sigma becomes one of several
     assert!(factor(&verdict, "velocimeter.scale") > 3.0, "{}", verdict.text);
 }
 
-/// `Q` ten times too small: the errors that come from the IMU are 3.16 times larger than the filter says, those that come
-/// from the DVL as it says, and those of the velocity between.
+/// `Q` is ten times too small: errors due to the IMU are 3.16 times their sigma, errors due to the
+/// DVL agree with their sigma, and those of the velocity are between.
 #[test]
-fn an_imu_with_three_times_the_noise_that_the_filter_believes_is_found_within_seconds() {
+fn an_imu_with_three_times_the_stated_noise_is_found_within_seconds() {
     let verdict = verdict(&["sensor.imu.simulation.noise=3.1623"]);
     assert!(verdict.text.starts_with("overconfident in "), "{}", verdict.text);
     for of in ["ins.velocity", "ins.attitude", "dvl"] {
@@ -183,11 +185,12 @@ fn an_imu_with_three_times_the_noise_that_the_filter_believes_is_found_within_se
     }
 }
 
-/// Half of the good samples are lost, and those that pass are chosen by how well they fit: the filter learns less from them
-/// than it says. The NIS is compared with what the gate leaves of the chi-square distribution, so that the gate alone is not
-/// called a finding: a NIS that is taken for 3 where 1.22 is to be expected would be a factor of 0.64.
+/// The gate rejects half of the good samples and passes those that fit best, so the filter gains
+/// less information than it assumes. The NIS is compared with the truncated chi-square
+/// distribution, so the gate alone is not a finding: an expected NIS of 3, where 1.22 is correct,
+/// would be a factor of 0.64.
 #[test]
-fn a_gate_that_half_of_the_good_samples_do_not_pass_is_found_as_overconfidence() {
+fn a_gate_that_rejects_half_of_the_good_samples_is_found_as_overconfidence() {
     let report = campaign(&["sensor.dvl.gate=0.5"]);
     let verdict = report.verdict.expect("runs have a verdict");
     assert!(verdict.text.starts_with("overconfident in ins.velocity by 1."), "{}", verdict.text);
@@ -196,13 +199,14 @@ fn a_gate_that_half_of_the_good_samples_do_not_pass_is_found_as_overconfidence()
     assert!((factor(&verdict, "dvl") - 1.0).abs() < 0.05, "{verdict:#?}");
 }
 
-/// `R` four times too large is a sigma twice too large. The innovations are the DVL's noise, and little else if the IMU is
-/// quiet: they are half as large as their sigma. The 20 components of the initial error, which are as large as the filter
-/// says, are in 20 of 3 x 600 channels of a run: the mean square is 0.25 + 0.75 x 20 / 1800 = 0.258 at most, a factor of
-/// 1.97. The IMU's noise adds sqrt(q dt / R) = 0.5 % to S, a factor of 1.96. The mean of 60 x 1800 squares is good to
-/// 0.4 %, 1-sigma: 3 sigma of it are 0.6 % of the factor.
+/// `R` four times too large is a sigma twice too large. With a quiet IMU the innovations are mainly
+/// the DVL's noise: they are half as large as their sigma. The 20 components of the initial error,
+/// which agree with their sigma, are in 20 of the 3 x 600 channels of a run: the mean square is at
+/// most 0.25 + 0.75 x 20 / 1800 = 0.258, a factor of 1.97. The IMU's noise adds sqrt(q dt / R) =
+/// 0.5 % to S, a factor of 1.96. The mean of 60 x 1800 squares is accurate to 0.4 %, 1-sigma: 3
+/// sigma are 0.6 % of the factor.
 #[test]
-fn dvl_noise_that_is_half_of_what_the_filter_believes_is_found_as_underconfidence_by_two() {
+fn dvl_noise_of_half_the_stated_value_is_found_as_underconfidence_by_two() {
     let quiet =
         ["sensor.imu.accel_noise=10 ug/sqrt(Hz)", "sensor.imu.gyro_noise=0.1 deg/h/sqrt(Hz)"];
     let verdict = verdict(&[quiet[0], quiet[1], "sensor.dvl.simulation.noise=0.5"]);
@@ -216,7 +220,7 @@ fn dvl_noise_that_is_half_of_what_the_filter_believes_is_found_as_underconfidenc
     assert!(factor_of_the_text(&verdict.text) == format!("{factor:.2}"), "{}", verdict.text);
 }
 
-/// The number after `by`.
+/// Returns the number after `by`.
 fn factor_of_the_text(text: &str) -> String {
     text.split(" by ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap_or("").to_owned()
 }

@@ -50,7 +50,7 @@ fn circles(picture: &str, colour: &str) -> usize {
 }
 
 #[test]
-fn a_panel_without_anything_to_draw_says_so() {
+fn a_panel_without_data_shows_no_data() {
     let nan = f64::NAN;
     for values in [&[][..], &[nan], &[nan, nan, nan], &[f64::INFINITY, f64::NEG_INFINITY]] {
         let picture = svg(&figure(
@@ -124,7 +124,7 @@ fn what_means_the_same_in_all_panels_is_explained_once() {
     let count =
         |panels| texts(&svg(&figure(2, panels)).unwrap()).iter().filter(|t| *t == "error").count();
     assert_eq!(count(vec![one(), one(), one()]), 1);
-    // where the first colour means something else elsewhere, every panel says what it is there
+    // where the first colour means something else elsewhere, every panel has its own legend
     let other = panel(Axis::linear("y"), vec![curve("truth", Look::Data(0), &[1.0, 2.0])], vec![]);
     assert_eq!(count(vec![one(), other, one()]), 2);
 }

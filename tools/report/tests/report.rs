@@ -1,4 +1,4 @@
-//! The history of a run and of its log, and the page about it.
+//! The history of a run and of its log, and the page of both.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may stop")]
 
@@ -11,7 +11,8 @@ use navfuse_report::{History, Recorder, page, read_log};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// Everything that a report can tell: dropouts, outliers that are gated, a fixed state, and a scale factor without truth.
+/// All parts of a report: dropouts, gated outliers, a fixed state, and a scale factor without
+/// truth.
 const SCENARIO: &str = r#"
 name = "short <dive> & back"
 seed = 3
@@ -88,20 +89,20 @@ fn run(settings: &[&str], output: &Path) -> (History, Finished) {
 }
 
 #[test]
-fn a_log_tells_the_same_history_as_the_run_that_wrote_it() {
+fn a_log_has_the_same_history_as_the_run_that_wrote_it() {
     let folder = tempfile::tempdir().unwrap();
-    let (told, _) = run(&[], folder.path());
+    let (history, _) = run(&[], folder.path());
     let read = read_log(&folder.path().join("run.mcap"), |_| ()).unwrap();
-    // as texts: a NaN is not equal to itself
-    assert_eq!(format!("{told:#?}"), format!("{read:#?}"));
-    assert_eq!(page::report(&told, None).unwrap(), page::report(&read, None).unwrap());
+    // compared as text, since a NaN is not equal to itself
+    assert_eq!(format!("{history:#?}"), format!("{read:#?}"));
+    assert_eq!(page::report(&history, None).unwrap(), page::report(&read, None).unwrap());
 }
 
 #[test]
-fn the_history_counts_as_the_summary_of_the_run_does() {
+fn the_history_has_the_counts_of_the_summary() {
     let folder = tempfile::tempdir().unwrap();
-    let (told, Finished { summary, .. }) = run(&[], folder.path());
-    for sensor in &told.sensors {
+    let (history, Finished { summary, .. }) = run(&[], folder.path());
+    for sensor in &history.sensors {
         let counts = &summary.samples[&sensor.name];
         assert_eq!(counts["read"], sensor.read, "{}", sensor.name);
         if sensor.name == "dvl" {
@@ -116,7 +117,7 @@ fn the_history_counts_as_the_summary_of_the_run_does() {
         }
     }
     for row in &summary.rows {
-        let block = told.block(&row.name).unwrap();
+        let block = history.block(&row.name).unwrap();
         assert_eq!(
             (&block.last.estimate, &block.last.sigma),
             (&row.estimate, &row.sigma),
@@ -130,26 +131,26 @@ fn the_history_counts_as_the_summary_of_the_run_does() {
             row.name
         );
     }
-    // the path is computed here from degrees, there from radians: to a micrometre
-    let position = told.position().unwrap();
+    // this path is computed from degrees, the summary's from radians: equal to a micrometre
+    let position = history.position().unwrap();
     assert!((position.travelled.truth - summary.distance_m).abs() < 1e-6);
     let rms = (position.travelled.squares.0 / position.travelled.squares.1 as f64).sqrt();
     assert!((rms - summary.horizontal_error_m.unwrap().rms).abs() < 1e-9);
 }
 
 #[test]
-fn what_is_a_calibration_has_a_row_of_before_and_after_and_what_moves_has_not() {
+fn constant_states_are_listed_before_and_after_and_moving_states_are_not() {
     let folder = tempfile::tempdir().unwrap();
-    let (told, _) = run(&[], folder.path());
+    let (history, _) = run(&[], folder.path());
     let constant: Vec<&str> =
-        told.blocks.iter().filter(|b| b.constant()).map(|b| b.name.as_str()).collect();
+        history.blocks.iter().filter(|b| b.constant()).map(|b| b.name.as_str()).collect();
     let expected =
         ["ins.gyro_bias", "ins.accel_bias", "dvl.scale", "dvl.misalignment", "dvl.lever_arm"];
     assert_eq!(constant[..5], expected);
     assert_eq!(constant[5..], ["depth.bias", "depth.lever_arm"]);
-    assert_eq!(told.block("dvl.scale").unwrap().first.sigma, [0.01], "the prior");
+    assert_eq!(history.block("dvl.scale").unwrap().first.sigma, [0.01], "the prior");
     assert_eq!(
-        told.block("dvl.misalignment").unwrap().first.estimate,
+        history.block("dvl.misalignment").unwrap().first.estimate,
         [0.0; 3],
         "the initial value"
     );
@@ -158,10 +159,10 @@ fn what_is_a_calibration_has_a_row_of_before_and_after_and_what_moves_has_not() 
 #[test]
 fn every_state_has_its_plots_and_every_measuring_sensor_its_innovations() {
     let folder = tempfile::tempdir().unwrap();
-    let (told, _) = run(&[], folder.path());
-    let page = page::report(&told, None).unwrap();
+    let (history, _) = run(&[], folder.path());
+    let page = page::report(&history, None).unwrap();
     let mut components = 0;
-    for block in told.blocks.iter().filter(|b| b.uncertain()) {
+    for block in history.blocks.iter().filter(|b| b.uncertain()) {
         let from = page
             .find(&format!("id=\"state-{}\"", block.name))
             .unwrap_or_else(|| panic!("{}", block.name));
@@ -192,12 +193,12 @@ fn every_state_has_its_plots_and_every_measuring_sensor_its_innovations() {
     assert!(page.contains("Held fixed: dvl.lever_arm = 0, 0, 0 m"));
 }
 
-/// Attributes by which a page would load something, and style sheets that would.
+/// The page has no attributes or style sheets that would load anything.
 #[test]
 fn the_page_is_one_file_that_loads_nothing_and_escapes_what_it_shows() {
     let folder = tempfile::tempdir().unwrap();
-    let (told, _) = run(&["description=\"<script>alert(1)</script>\""], folder.path());
-    let page = page::report(&told, None).unwrap();
+    let (history, _) = run(&["description=\"<script>alert(1)</script>\""], folder.path());
+    let page = page::report(&history, None).unwrap();
     for loading in [
         "<script",
         "<link",
@@ -238,8 +239,8 @@ fn a_run_without_truth_and_without_measurements_has_a_page_too() {
         "process.ins.gyro_bias={ sigma = \"0.01 deg/h\" }",
         "process.ins.accel_bias={ sigma = \"50 ug\" }",
     ];
-    let (told, _) = run(&settings, folder.path());
-    let page = page::report(&told, None).unwrap();
+    let (history, _) = run(&settings, folder.path());
+    let page = page::report(&history, None).unwrap();
     assert!(page.contains("No truth is known") && page.contains("No sensor corrected the state"));
     assert!(page.contains("id=\"state-ins.position\"") && !page.contains("NaN"));
 }

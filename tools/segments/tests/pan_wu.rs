@@ -1,4 +1,4 @@
-//! The runs of Pan & Wu: what is found in their samples is what Table 1 put into them.
+//! The runs of Pan & Wu: the segments and rates in their samples are those of Table 1.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -44,8 +44,9 @@ fn of(segments: &[Segment], kind: Kind) -> Vec<Segment> {
     segments.iter().copied().filter(|s| s.kind == kind).collect()
 }
 
-/// The profiles leave and arrive with no slope: within 4 s the surge has reached 0.5 mm/s^3, ten times the noise of a slope,
-/// and a turn of 90 deg in 30 s 0.3 deg/s; the window of the slope is 5 s.
+/// The profiles begin and end with zero slope: within 4 s the surge reaches 0.5 mm/s^3, ten times
+/// the noise of a slope, and a turn of 90 deg in 30 s reaches 0.3 deg/s. The window of the slope is
+/// 5 s.
 #[test]
 fn the_segments_are_those_of_table_1() {
     let recording = read("pan-wu-3d.toml", &[]);
@@ -88,9 +89,10 @@ fn surge_and_dive_have_two_directions_and_the_level_run_one() {
     }
 }
 
-/// Gyros of 0.1 deg/h/sqrt(Hz) walk 0.1 deg/h sqrt(1460 s 1 s) = 0.0011 deg an axis from 600 to 2060 s. Their mean at rest is known to
-/// 0.1/sqrt(600) = 0.004 deg/h, which is 0.0017 deg in that time, and in turns the part of the Earth's rate that the heading's
-/// truth leaves. Five sigma of both over three axes: 0.017 deg.
+/// Gyros of 0.1 deg/h/sqrt(Hz) walk 0.1 deg/h sqrt(1460 s 1 s) = 0.0011 deg per axis from 600 to
+/// 2060 s. Their mean at rest is accurate to 0.1/sqrt(600) = 0.004 deg/h, which is 0.0017 deg in
+/// that time; in turns, the heading error leaves a part of the Earth's rate. Five sigma of both
+/// over three axes: 0.017 deg.
 #[test]
 fn the_attitude_by_gyros_is_as_good_as_they_are() {
     let recording = read("pan-wu-3d.toml", &[]);
@@ -104,10 +106,11 @@ fn the_attitude_by_gyros_is_as_good_as_they_are() {
     }
 }
 
-/// Without noise, bias and turning Earth's term the two sides of (18) are equal; what is left is the Coriolis acceleration that
-/// the equation leaves out, 2 w_ie x v, whose integral over the surge is below 2 * 7.3e-5 rad/s * 200 m.
+/// Without noise, bias and the Earth's rate, both sides of (18) are equal. The remaining difference
+/// is the Coriolis acceleration that the equation leaves out, 2 w_ie x v, whose integral over the
+/// surge is below 2 * 7.3e-5 rad/s * 200 m.
 #[test]
-fn the_two_sides_of_equation_18_are_equal_but_for_coriolis() {
+fn the_two_sides_of_equation_18_differ_only_by_coriolis() {
     let quiet =
         ["sensor.imu.simulation.noise=0", "sensor.dvl.simulation.noise=0", "estimator.stop=720 s"];
     let recording = read("pan-wu-3d.toml", &quiet);
@@ -122,11 +125,11 @@ fn the_two_sides_of_equation_18_are_equal_but_for_coriolis() {
     let largest = i.beta.iter().map(|b| b.norm()).fold(0.0_f64, f64::max);
     println!("largest beta {largest:.3} m/s, worst difference {worst:.4} m/s");
     assert!(largest > 4.9 && worst < 2.0 * 7.3e-5 * 200.0, "{worst}");
-    assert!(worst > 1e-3, "Coriolis is there: {worst}");
+    assert!(worst > 1e-3, "Coriolis is present: {worst}");
 }
 
-/// The turns of the square are all alike: roll and pitch come and go together, so that the points lie nearly on a line, and
-/// Lemma 2's condition does not hold. Turns that differ have it.
+/// All turns of the square are alike: roll and pitch change together, so that the points lie nearly
+/// on a line, and Lemma 2's condition does not hold. It holds for turns that differ.
 #[test]
 fn turns_that_differ_have_a_sphere_and_its_centre_is_the_bias() {
     let bias =
@@ -134,10 +137,12 @@ fn turns_that_differ_have_a_sphere_and_its_centre_is_the_bias() {
     let quiet = ["sensor.imu.simulation.noise=0", "sensor.dvl.simulation.noise=0", bias];
     let turn = |angle: i32, bank: i32, pitch: i32| {
         format!(
-            "{{ type = \"turn\", duration = \"40 s\", angle = \"{angle} deg\", bank = \"{bank} deg\", pitch = \"{pitch} deg\" }}"
+            "{{ type = \"turn\", duration = \"40 s\", angle = \"{angle} deg\", bank = \"{bank} deg\", \
+             pitch = \"{pitch} deg\" }}"
         )
     };
-    let rest = "{ type = \"static\", duration = \"620 s\" }, { type = \"surge\", duration = \"60 s\", speed = \"3 m/s\" }";
+    let rest = "{ type = \"static\", duration = \"620 s\" }, \
+                { type = \"surge\", duration = \"60 s\", speed = \"3 m/s\" }";
     let turns =
         [turn(90, 20, 0), turn(-90, 20, 10), turn(120, -10, -15), turn(-60, 5, 20)].join(", ");
     let differ = format!("source.simulation.segments=[{rest}, {turns}]");
@@ -164,7 +169,8 @@ fn turns_that_differ_have_a_sphere_and_its_centre_is_the_bias() {
         "{}",
         sphere.singular_values
     );
-    // a window of T averages an attitude that turns at w: gravity shrinks by (w T)^2 / 24, 1e-5 g at 1 deg/s
+    // a window T averages the attitude of a turn at rate w: gravity shrinks by (w T)^2 / 24, 1e-5 g
+    // at 1 deg/s
     let error = sphere.bias(g, 1e-2).unwrap() / 9.80665e-3 - nalgebra::Vector3::new(5.0, -4.0, 3.0);
     println!("error {:.4} mg", error);
     assert!(error.norm() < 0.1, "{error} mg");
@@ -175,8 +181,10 @@ fn beams_give_the_velocity_that_the_axes_do() {
     let axes = read("pan-wu-3d.toml", &["estimator.stop=660 s", "sensor.dvl.simulation.noise=0"]);
     let beams = [
         "estimator.stop=660 s",
-        "sensor.dvl={ type = \"dvl-beams\", noise = \"2 cm/s\", scale = { initial = 0.8, sigma = 0.2, truth = 0.9998 }, misalignment = \
-         { sigma = \"1 deg\", truth = [\"-0.1 deg\", \"-0.2 deg\", \"0.5 deg\"] }, simulation = { rate = \"5 Hz\", noise = 0 } }",
+        "sensor.dvl={ type = \"dvl-beams\", noise = \"2 cm/s\", \
+         scale = { initial = 0.8, sigma = 0.2, truth = 0.9998 }, misalignment = \
+         { sigma = \"1 deg\", truth = [\"-0.1 deg\", \"-0.2 deg\", \"0.5 deg\"] }, \
+         simulation = { rate = \"5 Hz\", noise = 0 } }",
     ];
     let beams = read("pan-wu-3d.toml", &beams);
     let (a, b) = (&axes.velocities[0], &beams.velocities[0]);
@@ -205,7 +213,8 @@ fn gnss_and_depth_are_found_by_what_they_measure() {
     assert_eq!(fixes.name, "gnss");
     assert!((lever.x + 0.4).abs() < 1e-12);
     let fix = fixes.value[10];
-    // a noise of 1 m and 2 m, and a bias of as much again, which changes in 10 minutes: 2 sigma^2 / 600 s
+    // noise of 1 m and 2 m, and a bias of the same size with a time constant of 10 minutes: 2
+    // sigma^2 / 600 s
     let near = |a: f64, b: f64| (a - b).abs() < 0.01 * b;
     assert!(
         near(fix.sigma, 2_f64.sqrt())

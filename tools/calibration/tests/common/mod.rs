@@ -1,4 +1,4 @@
-//! What the tests share: recordings of the scenarios of the repository.
+//! Shared by the tests: recordings of the repository's scenarios.
 #![allow(dead_code, reason = "every test file uses a part of it")]
 
 use navfuse_calibration::{AttitudeSource, CalibrationData};

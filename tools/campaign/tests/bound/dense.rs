@@ -1,15 +1,17 @@
-//! Dense least squares: every covariance by inverting one information matrix of all that is unknown, no recursion.
+//! Dense least squares: every covariance is the inverse of one information matrix of all unknowns,
+//! without a recursion.
 //!
-//! The unknowns are the start and the process noise of each step, each scaled to unit variance: `x_0 = L_0 u_0`,
-//! `x_k = Phi_k x_(k-1) + L_k u_k` with `Q_k = L_k L_k'`. So `x_k = A_k u`, the information of the samples is
-//! `1 + sum A_k' H' R^-1 H A_k`, and the covariance of `x_k` is `A_k (...)^-1 A_k'`.
+//! The unknowns are the initial state and the process noise of each step, each scaled to unit
+//! variance: `x_0 = L_0 u_0`, `x_k = Phi_k x_(k-1) + L_k u_k` with `Q_k = L_k L_k'`. So `x_k = A_k
+//! u`, the information of the samples is `I + sum A_k' H' R^-1 H A_k`, and the covariance of `x_k`
+//! is `A_k (...)^-1 A_k'`.
 
 use navfuse_core::nalgebra::{DMatrix, SymmetricEigen};
 
 /// `H` and `R`.
 pub type Measurement = (DMatrix<f64>, DMatrix<f64>);
 
-/// A step to the time of a measurement, or of an epoch where there is none.
+/// Propagation to the time of a measurement, or of an epoch without a measurement.
 pub struct Propagation {
     pub phi: DMatrix<f64>,
     pub q: DMatrix<f64>,
@@ -32,7 +34,7 @@ impl Dense {
         Self { prior, steps }
     }
 
-    /// At every epoch.
+    /// Returns the sigmas at every epoch.
     pub fn sigmas(&self) -> Vec<Sigmas> {
         let n = self.prior.nrows();
         let unknowns = n * (self.steps.len() + 1);
@@ -57,13 +59,13 @@ impl Dense {
     }
 }
 
-/// `L` of `P = L L'`; `P` may be singular.
+/// Returns `L` with `P = L L'`; `P` may be singular.
 fn root(p: &DMatrix<f64>) -> DMatrix<f64> {
     let e = SymmetricEigen::new(p.clone());
     e.eigenvectors * DMatrix::from_diagonal(&e.eigenvalues.map(|v| v.max(0.0).sqrt()))
 }
 
-/// The square roots of the diagonal of `A I^-1 A'`.
+/// Returns the square roots of the diagonal of `A I^-1 A'`.
 fn sigma(a: &DMatrix<f64>, information: &DMatrix<f64>) -> Vec<f64> {
     let solved = information
         .clone()

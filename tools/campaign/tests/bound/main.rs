@@ -1,4 +1,4 @@
-//! The Cramer-Rao bound against what can be computed by hand or densely, on sensors written by an outsider.
+//! The Cramer-Rao bound against analytic and dense solutions, for sensors written by an outsider.
 #![allow(missing_docs, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod dense;
@@ -46,7 +46,8 @@ fn close(found: f64, expected: f64, what: &str) {
     assert!((found / expected - 1.0).abs() < 1e-9, "{what}: {found:.17} {expected:.17}");
 }
 
-/// A level that walks, with `Q = 0.04 m^2` a second, and a gauge that reads it every second, with `R = 0.09 m^2`.
+/// A level that is a random walk with `Q = 0.04 m^2` per second, and a gauge that measures it every
+/// second with `R = 0.09 m^2`.
 const GAUGE: &str = r#"
 [sensor.gauge]
 noise = "0.3 m"
@@ -62,14 +63,14 @@ duration = "400 s"
 const Q: f64 = 0.04;
 const R: f64 = 0.09;
 
-/// The steady state of `P+ = P- R / (P- + R)`, `P- = P+ + Q`: before and after an update.
+/// Returns the steady state of `P+ = P- R / (P- + R)`, `P- = P+ + Q`: before and after an update.
 fn riccati(r: f64) -> [f64; 2] {
     let prior = Q / 2.0 + (Q * Q / 4.0 + Q * r).sqrt();
     [prior, prior * r / (prior + r)]
 }
 
-/// The witness tells the truth twice a second: after each update, and half-way to the next one, where half of Q has
-/// come.
+/// The witness provides the truth twice a second: after each update, and half-way to the next one,
+/// when half of Q has been added.
 #[test]
 fn the_bound_of_a_level_that_walks_is_the_steady_state_of_the_riccati_equation() {
     let (columns, record) = bound(toml(GAUGE), &[], 0.5);
@@ -81,8 +82,8 @@ fn the_bound_of_a_level_that_walks_is_the_steady_state_of_the_riccati_equation()
     }
 }
 
-/// What is known from before and after an update is `P+` and `P-` of the filters that run forward and backward,
-/// half-way between two updates twice `P+ + Q/2`; information adds.
+/// After an update, the forward filter has the covariance `P+` and the backward filter `P-`;
+/// half-way between two updates both have `P+ + Q/2`. Their information adds.
 #[test]
 fn in_the_middle_of_a_long_run_the_smoothed_bound_is_that_of_the_two_filters() {
     let (_, record) = bound(toml(GAUGE), &[], 0.5);
@@ -98,7 +99,7 @@ fn in_the_middle_of_a_long_run_the_smoothed_bound_is_that_of_the_two_filters() {
     }
 }
 
-/// At the end there is nothing more to know.
+/// At the end there are no later samples, so both bounds agree.
 #[test]
 fn the_smoothed_bound_ends_where_the_filtered_one_does_and_is_nowhere_above_it() {
     let (_, gauge) = bound(toml(GAUGE), &[], 0.5);
@@ -109,7 +110,7 @@ fn the_smoothed_bound_ends_where_the_filtered_one_does_and_is_nowhere_above_it()
     for record in [gauge, cart, run] {
         for (_, time, filtered, smoothed) in &record.rows {
             for (filtered, smoothed) in filtered.iter().zip(smoothed) {
-                // the same but for rounding where later samples tell nothing
+                // equal except for rounding where later samples hold no information
                 assert!(
                     *smoothed <= filtered * (1.0 + 1e-9) && *smoothed > 0.0,
                     "{time} s: {smoothed} {filtered}"
@@ -121,9 +122,9 @@ fn the_smoothed_bound_ends_where_the_filtered_one_does_and_is_nowhere_above_it()
     }
 }
 
-/// A cart at 3 m/s with white acceleration, and two sensors at rates that do not meet: a log, whose two channels
-/// share a part of their noise, reads `k v + b` and `p + b/2`, with a scale that starts off and a bias that comes and
-/// goes; a fix reads `p`.
+/// A cart at 3 m/s with white acceleration, and two sensors at rates without a common multiple in
+/// the run. A log with two correlated channels measures `k v + b` and `p + b/2`, with a wrong
+/// initial scale and a Gauss-Markov bias; a fix measures `p`.
 const CART: &str = r#"
 [estimator]
 start = "0 s"
@@ -144,7 +145,7 @@ type = "cruise"
 duration = "12 s"
 "#;
 
-/// The dense reference of [`CART`]: state p, v, k, b.
+/// Dense reference of [`CART`]: state p, v, k, b.
 fn cart(noise: f64) -> Dense {
     let (speed, scale) = (3.0, 1.1);
     let log = dmatrix![0.0, scale, speed, 1.0; 1.0, 0.0, 0.0, 0.5];
@@ -152,7 +153,7 @@ fn cart(noise: f64) -> Dense {
     let fix = dmatrix![1.0, 0.0, 0.0, 0.0];
     let r_fix = dmatrix![0.49];
     let mut events: Vec<(u32, Option<Measurement>)> = Vec::new();
-    // in tenths of a second; at the same time a sensor comes before the witness
+    // in tenths of a second; at equal times a sensor precedes the witness
     events.extend((1..=120).step_by(5).map(|t| (t, Some((log.clone(), r_log.clone())))));
     events.extend((6..=120).step_by(25).map(|t| (t, Some((fix.clone(), r_fix.clone())))));
     events.extend((5..=120).step_by(5).map(|t| (t, None)));
@@ -179,7 +180,7 @@ fn the_bound_of_several_coupled_states_is_that_of_dense_least_squares_filtered_a
         columns.components.iter().map(navfuse_campaign::Component::name).collect();
     assert_eq!(names, ["cart.place.x", "cart.speed.x", "log.scale.k", "log.bias.x"]);
     let expected = cart(1.0).sigmas();
-    // the first epoch is the start, the reference begins after it
+    // the first epoch is the start; the reference begins after it
     assert_eq!(record.rows.len(), expected.len() + 1);
     for ((_, time, filtered, smoothed), expected) in record.rows[1..].iter().zip(&expected) {
         for k in 0..4 {
@@ -200,15 +201,15 @@ fn noise_that_is_simulated_twofold_is_the_noise_of_the_bound() {
             close(smoothed[k], expected.smoothed[k], &format!("{time} s, smoothed {k}"));
         }
     }
-    // and of one that moves by itself, in the steady state: the sensor's noise is doubled, the walk is not
+    // in the steady state of the gauge, the sensor's noise is doubled, the random walk is not
     let (_, record) = bound(toml(GAUGE), &["sensor.gauge.simulation.noise=2"], 0.5);
     let (_, _, filtered, _) = record.rows.last().expect("rows");
     close(filtered[0], riccati(4.0 * R)[1].sqrt(), "gauge");
 }
 
-/// The noise of a driving sensor is the process noise.
+/// Noise of a driving sensor is process noise.
 #[test]
-fn an_imu_and_a_dvl_that_are_simulated_twofold_noisy_have_the_bound_of_ones_that_are() {
+fn doubled_simulated_noise_of_imu_and_dvl_has_the_bound_of_doubled_stated_noise() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/pan-wu-3d.toml");
     let document = Document::from_file(&path).expect("the scenario is there");
     let with = |more: &[&str]| {

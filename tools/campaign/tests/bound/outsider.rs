@@ -1,5 +1,5 @@
-//! What an outsider writes: a gauge of a level that walks, a cart without an IMU with a log and a fix, and a witness
-//! that tells the truth.
+//! Code of an outsider: a gauge of a level, a cart without an IMU, with a log and a fix, and a
+//! witness that provides the truth.
 
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
@@ -37,7 +37,7 @@ impl Plugin for Outsider {
 
 const LENGTH: Display = Display { unit: "m", scale: 1.0, components: &["x"] };
 
-/// Reads a level, which is its own state.
+/// Measures a level, which is its own state.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Gauge {
@@ -56,7 +56,7 @@ impl SensorType for Gauge {
     }
 }
 
-/// Reads a scalar as it is.
+/// Measures a scalar directly.
 struct Place {
     place: Handle<Scalar>,
     sigma: f64,
@@ -71,7 +71,8 @@ impl MeasurementModel<1> for Place {
     }
 }
 
-/// Place and speed along a line, moved by white acceleration; it begins at 0 m at 0 s and keeps its speed.
+/// Place and speed along a line with white acceleration; the cart begins at 0 m at 0 s and keeps
+/// its speed.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Cart {}
@@ -79,7 +80,7 @@ struct Cart {}
 pub const PLACE_SIGMA: f64 = 2.0;
 pub const SPEED_SIGMA: f64 = 0.4;
 
-/// Of white acceleration of 0.09 m^2/s^3 over `dt` (Groves eq. 3.44).
+/// Process noise of white acceleration of 0.09 m^2/s^3 over `dt` (Groves eq. 3.44).
 pub fn white_acceleration(dt: f64) -> Matrix2<f64> {
     Matrix2::new(dt.powi(3) / 3.0, dt * dt / 2.0, dt * dt / 2.0, dt) * 0.09
 }
@@ -100,7 +101,7 @@ impl ProcessType for Cart {
             composer.block("speed", spec(SPEED_SIGMA, Display { unit: "m/s", ..LENGTH }))?;
         let (p, v) = (composer.tangent(place), composer.tangent(speed));
         let t = composer.transition();
-        // speed stands behind place: their noise, which is coupled, is one block
+        // speed follows place in the state: their correlated noise is one block
         let (p_p, p_v, q) = (t.phi(p, p), t.phi(p, v), t.noise(p));
         Ok(BuiltProcess::new(CartModel { place, speed, p_p, p_v, q }))
     }
@@ -146,7 +147,7 @@ impl ProcessModel for CartModel {
     }
 }
 
-/// Reads `k v + b` and `p + b / 2`.
+/// Measures `k v + b` and `p + b / 2`.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Log {
@@ -154,7 +155,7 @@ struct Log {
     bias: LengthBias,
 }
 
-/// Its `R`, row-major.
+/// Noise covariance of the log, row-major.
 pub const LOG_NOISE: [f64; 4] = [0.04, 0.03, 0.03, 0.09];
 
 impl SensorType for Log {
@@ -192,7 +193,7 @@ impl MeasurementModel<2> for LogModel {
     }
 }
 
-/// Reads the cart's place.
+/// Measures the cart's place.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Fix {
@@ -210,7 +211,7 @@ impl SensorType for Fix {
     }
 }
 
-/// Tells the speed along north, and by its samples when the truth is looked at.
+/// Provides the speed along north; its samples set the epochs of the truth.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Witness {}
