@@ -47,7 +47,7 @@ pub fn check(registry: &Registry, arguments: &Check) -> Result<ExitCode> {
             Purpose::Measurement => "corrects the state",
             Purpose::Reference => "start and comparison",
         };
-        let gate = match (sensor.info.purpose, sensor.policy.gate.probability()) {
+        let gate = match (sensor.info.purpose, sensor.gate.probability()) {
             (Purpose::Measurement, Some(p)) => p.to_string(),
             (Purpose::Measurement, None) => "off".to_owned(),
             _ => String::new(),

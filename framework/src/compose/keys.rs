@@ -8,7 +8,7 @@ use serde::Deserialize;
 /// The keys that every sensor has beside its own.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Policy {
+pub struct SensorKeys {
     /// Innovation gate: the probability that a good sample passes, or "off". Default: 0.9999.
     #[serde(default)]
     pub gate: Gate,

@@ -54,8 +54,8 @@ impl SensorSlot {
             gated: None,
             reach: Reach::with_capacity(n, sensor.info.channels.len()),
             refused: None,
-            thresholds: sensor.policy.gate.thresholds(),
-            recovery: sensor.policy.recovery,
+            thresholds: sensor.gate.thresholds(),
+            recovery: sensor.recovery,
         }
     }
 

@@ -1,7 +1,6 @@
 //! Sensors: what they are to the estimator.
 
-use crate::compose::keys::Policy;
-use crate::model::gate::Action;
+use crate::model::gate::{Action, Gate, Recovery};
 use crate::model::measurement::AnyMeasurement;
 use crate::model::motion::Motion;
 use crate::model::simulate::{Faults, Simulate};
@@ -94,8 +93,12 @@ pub struct Sensor {
     pub info: SensorInfo,
     /// What it is to the estimator.
     pub role: Role,
-    /// Gate, recovery and time-out.
-    pub policy: Policy,
+    /// Gate on the innovation.
+    pub gate: Gate,
+    /// Way out of lock-out.
+    pub recovery: Recovery,
+    /// Silence after which the sensor counts as lost, s; by default from its usual interval.
+    pub timeout: Option<f64>,
     /// What goes wrong with it in a simulation, and how often it speaks; `None` if it is not simulated.
     pub simulation: Option<Faults>,
     /// How a driving sensor is simulated; a measuring one is by its model.
@@ -109,12 +112,14 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// A sensor without policy or simulation.
+    /// A sensor with default gate and recovery, not simulated.
     pub(crate) fn new(info: SensorInfo, role: Role) -> Self {
         Self {
             info,
             role,
-            policy: Policy::default(),
+            gate: Gate::default(),
+            recovery: Recovery::default(),
+            timeout: None,
             simulation: None,
             simulator: None,
             noise: 1.0,
@@ -126,7 +131,7 @@ impl Sensor {
     /// What a process knows: where it does not hold any more, the process must hear of it, so nothing is inflated.
     pub(crate) fn constraint(info: SensorInfo, role: Role) -> Self {
         let mut sensor = Self { constraint: true, ..Self::new(info, role) };
-        sensor.policy.recovery.action = Action::Report;
+        sensor.recovery.action = Action::Report;
         sensor
     }
 }

@@ -73,8 +73,7 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
         layout: (*composition.layout).clone(),
         sensors: composition.sensors.iter().map(|s| s.info.clone()).collect(),
     };
-    let timeouts =
-        composition.sensors.iter().map(|s| s.policy.timeout.map(|t| t.value().si())).collect();
+    let timeouts = composition.sensors.iter().map(|s| s.timeout).collect();
     let mut fan = Fan {
         sinks,
         statistics: Statistics::new(&info),

@@ -3,7 +3,7 @@
 use crate::compose;
 use crate::compose::draw;
 use crate::compose::draw::Draw;
-use crate::compose::keys::Policy;
+use crate::compose::keys::SensorKeys;
 use crate::compose::settings::EstimatorConfig;
 use crate::compose::settings::Initial;
 use crate::compose::time_offset;
@@ -261,7 +261,7 @@ impl<'a> Scenario<'a> {
                 continue;
             }
             composer.begin(part.name);
-            let policy: Policy = part
+            let keys: SensorKeys = part
                 .node
                 .only(&["gate", "recovery", "timeout", "time_offset", "simulation"])
                 .parse()?;
@@ -288,18 +288,22 @@ impl<'a> Scenario<'a> {
                         .error("only a sensor that corrects the state has a time offset; remove it here")
                         .into());
                 }
-                _ => policy
-                    .time_offset
-                    .map(|offset| time_offset::block(&offset, composer))
-                    .transpose(),
+                _ => {
+                    keys.time_offset.map(|offset| time_offset::block(&offset, composer)).transpose()
+                }
             };
             let time_offset = time_offset.map_err(|e| e.at(&part.node))?;
             let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
             let info = SensorInfo { name, kind, channels: built.channels, purpose };
             Composition::check_channels(&info, &built.role).map_err(|m| part.node.error(m))?;
-            let simulation = policy.simulation.clone();
-            *place =
-                Some(Sensor { simulation, time_offset, policy, ..Sensor::new(info, built.role) });
+            *place = Some(Sensor {
+                gate: keys.gate,
+                recovery: keys.recovery,
+                timeout: keys.timeout.map(|t| t.value().si()),
+                simulation: keys.simulation,
+                time_offset,
+                ..Sensor::new(info, built.role)
+            });
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The JSON Schema of scenarios, and the parameters of types as rows to print.
 
-use crate::compose::keys::Policy;
+use crate::compose::keys::SensorKeys;
 use crate::compose::settings::EstimatorConfig;
 use crate::plugin::{Entry, Kind, Registry};
 use schemars::{JsonSchema, SchemaGenerator};
@@ -75,8 +75,8 @@ fn entry_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
         json!({ "type": "boolean", "description": "false leaves it out. Default: true" }),
     );
     if entry.kind == Kind::Sensor
-        && let Value::Object(policy) = inline::<Policy>(definitions)
-        && let Some(Value::Object(keys)) = policy.get("properties")
+        && let Value::Object(own_keys) = inline::<SensorKeys>(definitions)
+        && let Some(Value::Object(keys)) = own_keys.get("properties")
     {
         common.extend(keys.clone());
     }
