@@ -128,7 +128,7 @@ fn a_recorded_ring_laser_imu_finds_its_heading() {
 }
 
 const RLG: &str = "It is data/lasergyro.imu of the public repository WangShanpeng/PSINS, prepared \
-                   as in docs/src/how-to/alignment.md";
+                   as in docs/src/explanation/alignment.md";
 
 #[test]
 fn in_motion_the_heading_is_found_from_nothing_within_240_s() {

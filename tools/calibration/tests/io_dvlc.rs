@@ -1,4 +1,4 @@
-//! IO-DVLC over many runs of Pan & Wu: the figures of docs/src/how-to/calibrate.md.
+//! IO-DVLC over many runs of Pan & Wu: the figures of docs/src/explanation/calibration.md.
 //!
 //! `NAVFUSE_RUNS=200 cargo test -p navfuse-calibration --test io_dvlc -- --nocapture` prints them.
 #![allow(
