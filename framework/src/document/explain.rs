@@ -1,15 +1,16 @@
-//! Messages of serde in the words of the document, and suggestions.
+//! Rewords the messages of serde, and suggests the word that was meant.
 
-/// The allowed word nearest to what was found, unless none is near.
+/// The allowed word nearest to the one found, if any is near.
 pub fn did_you_mean<'a>(
     found: &str,
     allowed: impl IntoIterator<Item = &'a str>,
 ) -> Option<&'a str> {
-    // below this a suggestion confuses: "gaet" is 0.75 from "gate", "dge" 0.67 from "deg"
+    // a less similar suggestion confuses: "gaet" scores 0.75 against "gate",
+    // and "dge" scores 0.67 against "deg"
     const NEAR: f64 = 0.6;
     let lower = found.to_lowercase();
     let score = |word: &str| {
-        // among equals the one in the same case
+        // of two equal scores, the word in the same case wins
         strsim::normalized_damerau_levenshtein(&lower, &word.to_lowercase())
             + 1e-3 * strsim::normalized_damerau_levenshtein(found, word)
     };
@@ -31,16 +32,16 @@ pub fn unknown(what: &str, found: &str, allowed: &[&str]) -> String {
     format!("unknown {what} {found:?}{near} (allowed: {list})")
 }
 
-/// What serde complains of.
+/// A message of serde, parsed.
 #[derive(Debug, PartialEq)]
 pub enum Complaint<'a> {
-    /// A key that the type does not have, and those it has.
+    /// A key that the type does not have, and the keys that it has.
     UnknownKey { key: &'a str, allowed: Vec<&'a str> },
-    /// Anything else, in words.
+    /// Any other message, reworded.
     Other(String),
 }
 
-/// Understands a message of serde or of serde's derive; `found` is the kind of the value it is about.
+/// Parses a message of serde or of its derived code; `found` is the kind of the value concerned.
 pub fn complaint<'a>(message: &'a str, found: &str) -> Complaint<'a> {
     // the words in backquotes
     let quoted = |list: &'a str| list.split('`').skip(1).step_by(2).collect::<Vec<_>>();
@@ -70,7 +71,7 @@ pub fn complaint<'a>(message: &'a str, found: &str) -> Complaint<'a> {
     })
 }
 
-/// What serde expects, without the names of Rust's types.
+/// The value that serde expects, without the names of Rust types.
 fn plainly(expected: &str) -> &str {
     match expected {
         "f32" | "f64" => "a number",

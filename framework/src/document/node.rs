@@ -1,13 +1,14 @@
 //! A value of a document with its place.
 
-use super::explain::{Complaint, complaint, unknown};
-use super::places::join;
-use super::{Document, DocumentError, Location};
+use crate::document::error::DocumentError;
+use crate::document::explain::{Complaint, complaint, unknown};
+use crate::document::location::Location;
+use crate::document::places::{Places, join};
 use serde::de::DeserializeOwned;
 use serde_path_to_error::Segment;
 use toml::Value;
 
-/// Which keys of a table [`Node::parse`] sees.
+/// The keys of a table that [`Node::parse`] reads.
 #[derive(Clone, Copy, Debug)]
 enum Seen {
     All,
@@ -15,22 +16,22 @@ enum Seen {
     Without(&'static [&'static str]),
 }
 
-/// A value of a [`Document`], which knows its path and where it stands.
+/// A value of a [`crate::document::Document`], with its key path and its place.
 #[derive(Clone, Debug)]
 pub struct Node<'a> {
-    document: &'a Document,
+    places: &'a Places,
     path: String,
     value: &'a Value,
     seen: Seen,
 }
 
 impl<'a> Node<'a> {
-    pub(super) fn root(document: &'a Document, value: &'a Value) -> Self {
-        Self { document, path: String::new(), value, seen: Seen::All }
+    pub(super) fn root(places: &'a Places, value: &'a Value) -> Self {
+        Self { places, path: String::new(), value, seen: Seen::All }
     }
 
     fn below(&self, key: &str, value: &'a Value) -> Self {
-        Self { document: self.document, path: join(&self.path, key), value, seen: Seen::All }
+        Self { places: self.places, path: join(&self.path, key), value, seen: Seen::All }
     }
 
     /// The value at a key of a table, or at an index of an array.
@@ -46,7 +47,7 @@ impl<'a> Node<'a> {
     /// The keys of a table and their values, in the order in which they are written.
     ///
     /// # Errors
-    /// When it is not a table.
+    /// When the value is not a table.
     pub fn entries(&self) -> Result<Vec<(&'a str, Self)>, DocumentError> {
         let Value::Table(table) = self.value else {
             return Err(self.error(format!(
@@ -57,28 +58,29 @@ impl<'a> Node<'a> {
         };
         let mut entries: Vec<_> =
             table.iter().map(|(key, value)| (key.as_str(), self.below(key, value))).collect();
-        entries.sort_by_key(|(_, node)| self.document.places.order(&node.path));
+        entries.sort_by_key(|(_, node)| self.places.order(&node.path));
         Ok(entries)
     }
 
-    /// The same table, of which [`Self::parse`] sees only these keys.
+    /// The same table, of which [`Self::parse`] reads these keys only.
     pub fn only(&self, keys: &'static [&'static str]) -> Self {
         Self { seen: Seen::Only(keys), ..self.clone() }
     }
 
-    /// The same table, of which [`Self::parse`] does not see these keys; as they are allowed, errors list them.
+    /// The same table, of which [`Self::parse`] skips these keys. They are allowed, so errors list
+    /// them.
     pub fn without(&self, keys: &'static [&'static str]) -> Self {
         Self { seen: Seen::Without(keys), ..self.clone() }
     }
 
-    /// Its key path, such as `sensor.dvl.gate`; empty for the whole document.
+    /// The key path of the value, such as `sensor.dvl.gate`; empty for the whole document.
     pub fn path(&self) -> &str {
         &self.path
     }
 
-    /// Where it stands.
+    /// The place of the value.
     pub fn location(&self) -> Location {
-        self.document.places.location(&self.path).clone()
+        self.places.location(&self.path).clone()
     }
 
     /// The value.
@@ -86,7 +88,7 @@ impl<'a> Node<'a> {
         self.value
     }
 
-    /// An error about this value, which names its place, path and what was found.
+    /// An error about this value. It names the place, the key path and the value.
     pub fn error(&self, message: impl std::fmt::Display) -> DocumentError {
         let place = match (self.path.is_empty(), shown(self.value)) {
             (true, _) => String::new(),
@@ -96,10 +98,10 @@ impl<'a> Node<'a> {
         DocumentError::Place { location: self.location(), message: format!("{place}{message}") }
     }
 
-    /// Refuses the first key of a table that is not among the allowed.
+    /// Rejects a table with a key that is not among the allowed ones.
     ///
     /// # Errors
-    /// When there is one, or it is not a table.
+    /// When the table has such a key (the first one is named), or the value is not a table.
     pub fn check_keys(&self, allowed: &[&str]) -> Result<(), DocumentError> {
         match self.entries()?.iter().find(|(key, _)| !allowed.contains(key)) {
             Some((key, _)) => Err(self.unknown_key(key, allowed)),
@@ -109,7 +111,7 @@ impl<'a> Node<'a> {
 
     fn unknown_key(&self, key: &str, allowed: &[&str]) -> DocumentError {
         let path = join(&self.path, key);
-        let location = self.document.places.location(&path).clone();
+        let location = self.places.location(&path).clone();
         DocumentError::Place {
             location,
             message: format!("{path}: {}", unknown("key", key, allowed)),
@@ -119,7 +121,7 @@ impl<'a> Node<'a> {
     /// Reads the value as a `T`.
     ///
     /// # Errors
-    /// When it does not fit, naming the most specific key and its line.
+    /// When the value does not fit `T`. The error names the innermost key and its line.
     pub fn parse<T: DeserializeOwned>(&self) -> Result<T, DocumentError> {
         let mut value = self.value.clone();
         if let Value::Table(table) = &mut value {
@@ -133,7 +135,7 @@ impl<'a> Node<'a> {
             .map_err(|e| self.explain(e.path(), e.inner().message()))
     }
 
-    /// The error of serde at that path below this node.
+    /// The error that serde reports at a path below this node.
     fn explain(&self, path: &serde_path_to_error::Path, message: &str) -> DocumentError {
         let mut place = self.clone();
         for segment in path {
@@ -160,7 +162,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// The table with the unknown key: serde's path ends at that key, or at its table.
+    /// The table with the unknown key. The path of serde ends at that key or at its table.
     fn table_of(&self, place: &Self, key: &str) -> Self {
         let parent = (place.path.strip_suffix(&join("", key)))
             .map(|p| p.strip_suffix('.').unwrap_or(p))
@@ -186,7 +188,7 @@ pub fn kind(value: &Value) -> &'static str {
     }
 }
 
-/// The value as it would be written on a line, unless it is a table or long.
+/// The value as TOML writes it on one line; `None` for a table and for a long value.
 fn shown(value: &Value) -> Option<String> {
     const MAX: usize = 60;
     match value {

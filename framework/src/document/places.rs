@@ -1,11 +1,11 @@
-//! Where each key of a document stands.
+//! The place of each key of a document.
 
-use super::Location;
+use crate::document::location::Location;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
-/// The place of a key: where it stands, and its order among its siblings.
+/// The location of a key, and its order among its siblings.
 #[derive(Clone, Debug)]
 struct Place {
     location: Location,
@@ -27,7 +27,7 @@ pub fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key } else { format!("{path}.{key}") }
 }
 
-/// Line and column of a byte offset, both from 1.
+/// Line and column of a byte offset, both counted from 1.
 pub fn position(text: &str, offset: usize) -> (usize, usize) {
     let before = text.get(..offset).unwrap_or(text);
     let line = before.rsplit('\n').next().unwrap_or_default();
@@ -35,7 +35,7 @@ pub fn position(text: &str, offset: usize) -> (usize, usize) {
 }
 
 impl Places {
-    /// The places in a text, which its parser has divided into `root`.
+    /// The places of all keys in a text, of which `root` is the parsed form.
     pub fn of(file: &str, text: &str, root: &DeTable<'_>) -> Self {
         let line_starts: Vec<usize> = text.match_indices('\n').map(|(end, _)| end + 1).collect();
         let at = |line| Location::File { name: file.to_owned(), line };
@@ -53,19 +53,19 @@ impl Places {
         self.nearest(path).map_or(&self.whole, |p| &p.location)
     }
 
-    /// What sorts the keys of a table as they were written.
+    /// The order of a key: keys sorted by it are in the order of the text.
     pub fn order(&self, path: &str) -> usize {
         self.places.get(path).map_or(usize::MAX, |p| p.order)
     }
 
     fn nearest(&self, path: &str) -> Option<&Place> {
-        // the path itself, then what is before each of its dots
+        // the path itself, then its tables from the innermost to the outermost
         let ends = std::iter::once(path.len()).chain(path.rmatch_indices('.').map(|(dot, _)| dot));
         ends.filter_map(|end| self.places.get(path.get(..end)?)).next()
     }
 
-    /// Says that the command line set `path`, and made `outermost` for it. A key keeps its order; what was below it is
-    /// forgotten.
+    /// Records that the command line set `path`, and that `outermost` is the outermost table it
+    /// created. The key keeps its order; the places below it are removed.
     pub fn set(&mut self, outermost: &str, path: &str) {
         let order = self.order(outermost);
         let below = format!("{outermost}.");

@@ -5,6 +5,7 @@ use crate::units::{AngularRateNoise, Length, Sigma, Triple};
 use proptest::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 const TEXT: &str = r#"# a scenario
 name = "a"
@@ -93,12 +94,14 @@ fn an_error_names_file_line_key_what_was_found_and_what_is_allowed() {
     let dvl = at(&d, &["sensor", "dvl"]);
     assert_eq!(
         error::<Dvl>(&dvl),
-        "scenarios/a.toml:10: sensor.dvl.lever_arm.1 = \"2 m/s\": found 'm/s' which is a speed, a length is needed, \
+        "scenarios/a.toml:10: sensor.dvl.lever_arm.1 = \"2 m/s\": found 'm/s' which is a speed, \
+         a length is needed, \
          e.g. m, cm, km"
     );
     assert_eq!(
         error::<Dvl>(&dvl.only(&["noise", "extra"])),
-        "scenarios/a.toml:12: sensor.dvl.extra.gaet: unknown key \"gaet\"; did you mean \"gate\"? (allowed: gate, scale)"
+        "scenarios/a.toml:12: sensor.dvl.extra.gaet: unknown key \"gaet\"; did you mean \
+         \"gate\"? (allowed: gate, scale)"
     );
     assert_eq!(
         error::<Dvl>(&dvl.only(&[])),
@@ -118,7 +121,8 @@ fn an_error_names_file_line_key_what_was_found_and_what_is_allowed() {
     );
     assert_eq!(
         error::<u32>(&at(&d, &["trajectory", "segments", "1", "duration"])),
-        "scenarios/a.toml:20: trajectory.segments.1.duration = -4: expected a whole number, not negative"
+        "scenarios/a.toml:20: trajectory.segments.1.duration = -4: expected a whole number, not \
+         negative"
     );
     assert_eq!(
         error::<Vec<Segment>>(&at(&d, &["trajectory", "segments"])),
@@ -136,7 +140,8 @@ fn an_error_names_file_line_key_what_was_found_and_what_is_allowed() {
     );
     assert_eq!(
         error::<BTreeMap<String, BTreeMap<String, f64>>>(&at(&d, &["sensor"])),
-        "scenarios/a.toml:9: sensor.dvl.lever_arm = [\"1 m\", \"2 m/s\", \"3 m\"]: found an array, expected a number"
+        "scenarios/a.toml:9: sensor.dvl.lever_arm = [\"1 m\", \"2 m/s\", \"3 m\"]: found an \
+         array, expected a number"
     );
 }
 
@@ -146,7 +151,8 @@ fn keys_that_another_reader_takes_are_hidden_but_listed_as_allowed() {
     let node = at(&d, &["sensor", "dvl"]).without(&["noise", "lever_arm"]);
     assert_eq!(
         error::<Extra>(&node),
-        "scenarios/a.toml:12: sensor.dvl.extra: unknown key \"extra\" (allowed: gate, scale, noise, lever_arm)"
+        "scenarios/a.toml:12: sensor.dvl.extra: unknown key \"extra\" (allowed: gate, scale, \
+         noise, lever_arm)"
     );
     assert_eq!(
         d.root().check_keys(&["name", "proces", "sensor", "trajectory"]).unwrap_err().to_string(),
@@ -193,7 +199,8 @@ fn an_override_is_applied_and_errors_name_it() {
     let sigma = at(&d, &["sensor", "depth", "bias", "sigma"]);
     assert_eq!(
         error::<Sigma<Length>>(&sigma),
-        "--set sensor.depth.bias.sigma: sensor.depth.bias.sigma = \"-5 cm\": a sigma cannot be negative: -0.05 m"
+        "--set sensor.depth.bias.sigma: sensor.depth.bias.sigma = \"-5 cm\": a sigma cannot be \
+         negative: -0.05 m"
     );
     assert!(
         error::<Ins>(&at(&d, &["sensor", "depth"]))
@@ -291,7 +298,9 @@ fn a_suggestion_is_near_or_none() {
 
 proptest! {
     #[test]
-    fn no_text_makes_the_document_panic(text in "\\PC{0,60}", toml in "[a-c.=\\[\\]{}\"' 0-9\n,-]{0,40}") {
+    fn no_text_makes_the_document_panic(
+        text in "\\PC{0,60}", toml in "[a-c.=\\[\\]{}\"' 0-9\n,-]{0,40}"
+    ) {
         for text in [&text, &toml] {
             if let Ok(mut d) = Document::parse("any", text.as_str()) {
                 let _ = d.set(&toml);

@@ -1,6 +1,6 @@
-//! Values for three axes, and values with a sign to respect.
+//! Values for three axes, and values whose sign is checked.
 
-use super::Quantity;
+use crate::units::quantity::Quantity;
 use nalgebra::Vector3;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{DeserializeOwned, Error, IntoDeserializer, SeqAccess, Visitor};
@@ -112,9 +112,8 @@ impl<'de, Q: Components> Visitor<'de> for OneOrThree<Q> {
         }
         let found = axes.len();
         let axes = axes.try_into().map_err(|_| {
-            Error::custom(format!(
-                "found an array of {found}; one value for all three axes or an array of three is needed"
-            ))
+            let needed = "one value for all three axes or an array of three is needed";
+            Error::custom(format!("found an array of {found}; {needed}"))
         })?;
         Ok(Triple(axes))
     }
@@ -141,7 +140,7 @@ impl<Q: JsonSchema> JsonSchema for Triple<Q> {
     }
 }
 
-/// The checked wrappers: a value that was refused where it was read if its sign is wrong.
+/// Defines a wrapper that rejects a value of the wrong sign where it is read.
 macro_rules! checked {
     ($(#[$doc:meta])* $name:ident, $refused:expr, $message:literal, $bound:literal) => {
         $(#[$doc])*
@@ -155,8 +154,10 @@ macro_rules! checked {
             }
         }
 
-        impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> $name<Quantity<L, M, T, A, K>> {
-            /// A value in SI that the program itself gives, such as a default; its sign is not checked.
+        impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>
+            $name<Quantity<L, M, T, A, K>>
+        {
+            /// A value in SI from the program, such as a default; its sign is not checked.
             pub const fn from_si(si: f64) -> Self {
                 Self(Quantity::from_si(si))
             }
@@ -166,7 +167,9 @@ macro_rules! checked {
             }
         }
 
-        impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> $name<Triple<Quantity<L, M, T, A, K>>> {
+        impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>
+            $name<Triple<Quantity<L, M, T, A, K>>>
+        {
             /// The three values in SI.
             pub fn si(&self) -> Vector3<f64> {
                 self.0.si()
@@ -199,11 +202,11 @@ macro_rules! checked {
             fn json_schema(generator: &mut SchemaGenerator) -> Schema {
                 let mut schema = V::json_schema(generator);
                 schema.insert($bound.to_owned(), 0.into());
-                // an example of the value may be negative
+                // the example of a quantity may be negative
                 if let Some(examples) = schema.get_mut("examples").and_then(|e| e.as_array_mut()) {
                     for example in examples {
-                        if let Some(positive) = example.as_str().map(|e| e.trim_start_matches('-').to_owned()) {
-                            *example = positive.into();
+                        if let Some(text) = example.as_str() {
+                            *example = text.trim_start_matches('-').to_owned().into();
                         }
                     }
                 }
@@ -214,7 +217,7 @@ macro_rules! checked {
 }
 
 checked! {
-    /// A standard deviation or another magnitude: a negative one is refused.
+    /// A standard deviation or another magnitude; a negative one is rejected.
     Sigma, |c| c < 0.0, "a sigma cannot be negative: {}", "minimum"
 }
 checked! {

@@ -1,15 +1,17 @@
-//! What a dimension is called, and the units in which people write it.
+//! The names of the dimensions, and the units in which people write them.
 
-use super::unit::{Exponents, parse_unit};
+/// Exponents of length, mass, time, angle and temperature, counted in halves: `1/sqrt(Hz)` is
+/// `[0, 0, 1, 0, 0]`.
+pub type Exponents = [i8; 5];
 
-/// A dimension that data sheets and scenarios know.
+/// A dimension that data sheets and scenarios use.
 pub(super) struct Dimension {
     pub exponents: Exponents,
-    /// With its article, to read well in messages.
+    /// The name with its article, as messages need it.
     pub name: &'static str,
-    /// A value that could be in a scenario.
+    /// A value as a scenario would have it.
     pub example: &'static str,
-    /// Units to print it in, the preferred first; messages name three.
+    /// Units in which it is printed, the preferred one first; messages name three of them.
     pub units: &'static [&'static str],
 }
 
@@ -45,11 +47,11 @@ pub(super) const DIMENSIONS: [Dimension; 19] = [
     row([0, 0, -1, 0, 0], "a ratio random walk", "10 ppm/sqrt(h)", &["ppm/sqrt(h)", "1/sqrt(s)"]),
 ];
 
-fn find(exponents: Exponents) -> Option<&'static Dimension> {
+pub(super) fn find(exponents: Exponents) -> Option<&'static Dimension> {
     DIMENSIONS.iter().find(|d| d.exponents == exponents)
 }
 
-/// The name with its article, such as "a speed"; a dimension without a name is its SI unit.
+/// The name with its article, such as "a speed"; its SI unit for a dimension without a name.
 pub fn name(exponents: Exponents) -> String {
     find(exponents).map_or_else(|| si_unit(exponents), |d| d.name.to_owned())
 }
@@ -60,12 +62,12 @@ pub fn title(exponents: Exponents) -> String {
     name.split_once(' ').map_or(name.clone(), |(_, bare)| bare.to_owned())
 }
 
-/// A value that could be in a scenario.
+/// A value as a scenario would have it.
 pub fn example(exponents: Exponents) -> String {
     find(exponents).map_or_else(|| format!("1 {}", si_unit(exponents)), |d| d.example.to_owned())
 }
 
-/// Up to three units, or for a ratio forms.
+/// Up to three usual units; for a ratio, its forms.
 pub fn usual_units(exponents: Exponents) -> String {
     match find(exponents) {
         Some(d) if d.units[0].is_empty() => "0.002, 0.2 %, 200 ppm".to_owned(),
@@ -75,7 +77,7 @@ pub fn usual_units(exponents: Exponents) -> String {
 }
 
 /// The SI unit, such as `kg/m^3` or `m/sqrt(s^3)`.
-fn si_unit(exponents: Exponents) -> String {
+pub(super) fn si_unit(exponents: Exponents) -> String {
     let power = |base: &str, halves: u8| match halves {
         1 => format!("sqrt({base})"),
         2 => base.to_owned(),
@@ -92,39 +94,4 @@ fn si_unit(exponents: Exponents) -> String {
     let (top, bottom) = (powers(1), powers(-1));
     let top = if top.is_empty() { "1".to_owned() } else { top.join("*") };
     bottom.iter().fold(top, |unit, b| format!("{unit}/{b}"))
-}
-
-/// A number in fewer characters than this is worth the unit it is in.
-const SHORT: usize = 7;
-
-/// A value and its unit as on a data sheet, which reads back as the very same `f64`: the first of the usual units in
-/// which the number is short, else the first in which it can be written at all.
-pub fn print(si: f64, exponents: Exponents) -> String {
-    let units = find(exponents).map_or(&[][..], |d| d.units);
-    let written: Vec<(String, &str)> =
-        units.iter().filter_map(|u| Some((number_in(si, u)?, *u))).collect();
-    let best = written.iter().find(|(number, _)| number.len() < SHORT).or_else(|| written.first());
-    match best {
-        Some((number, "")) => number.clone(),
-        Some((number, unit)) => format!("{number} {unit}"),
-        None => format!("{} {}", decimal(si), si_unit(exponents)),
-    }
-}
-
-/// The shortest decimal of that unit which is `si` to the last bit, where there is one.
-fn number_in(si: f64, unit: &str) -> Option<String> {
-    let to_si =
-        |x: f64| if unit.is_empty() { Some(x) } else { parse_unit(unit).ok().map(|u| u.to_si(x)) };
-    let near = si / to_si(1.0)?;
-    // 17 significant digits tell any f64 from the next
-    (0..17)
-        .filter_map(|digits| format!("{near:.digits$e}").parse().ok())
-        .find(|x| to_si(*x).map(f64::to_bits) == Some(si.to_bits()))
-        .map(decimal)
-}
-
-/// Decimal, or scientific where that is much shorter.
-fn decimal(x: f64) -> String {
-    let (plain, scientific) = (x.to_string(), format!("{x:e}"));
-    if scientific.len() + SHORT < plain.len() { scientific } else { plain }
 }

@@ -1,4 +1,4 @@
-//! Samples: what sources give and sensors mean.
+//! Samples: the measurements that sources provide.
 
 use crate::units::time::Time;
 
@@ -8,9 +8,9 @@ pub const MAX_CHANNELS: usize = 16;
 /// One channel of a sensor: a named number in an SI unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Channel {
-    /// Its name, unique within the sensor: `vel_x`.
+    /// The name of the channel, unique within the sensor: `vel_x`.
     pub name: &'static str,
-    /// Its SI unit as in a column's suffix: `mps`, so that a CSV column reads `vel_x_mps`.
+    /// The SI unit as the suffix of a column: `mps`, so that the CSV column is `vel_x_mps`.
     pub unit: &'static str,
 }
 
@@ -30,12 +30,12 @@ impl Channel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SensorId(pub usize);
 
-/// What a sensor said at one time: its channels in SI, any of which may be missing.
+/// The channels of a sensor at one time, in SI. Any of them may be missing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// When the sample is valid; for an integrating sensor, the end of its interval.
+    /// The time at which the sample is valid; the end of the interval of an integrating sensor.
     pub time: Time,
-    /// Which sensor.
+    /// The sensor.
     pub sensor: SensorId,
     values: [f64; MAX_CHANNELS],
     present: u16,
@@ -64,26 +64,26 @@ impl Sample {
         }
     }
 
-    /// Takes a channel away.
+    /// Removes a channel.
     pub fn clear(&mut self, channel: usize) {
         if channel < MAX_CHANNELS {
             self.present &= !(1 << channel);
         }
     }
 
-    /// The value of a channel, if it is there.
+    /// The value of a channel, if it is present.
     pub fn get(&self, channel: usize) -> Option<f64> {
         (channel < MAX_CHANNELS && self.present & (1 << channel) != 0).then(|| self.values[channel])
     }
 
-    /// `N` channels from `first` on, if all are there.
+    /// `N` channels from `first` on, if all are present.
     pub fn array<const N: usize>(&self, first: usize) -> Option<[f64; N]> {
         let mask = ((1u32 << N) - 1) << first;
         (u32::from(self.present) & mask == mask)
             .then(|| std::array::from_fn(|i| self.values[first + i]))
     }
 
-    /// The channels that are there, one bit each.
+    /// The channels that are present, one bit for each.
     pub fn present(&self) -> u16 {
         self.present
     }
@@ -91,7 +91,7 @@ impl Sample {
     /// The first channel that is not finite.
     pub fn not_finite(&self) -> Option<usize> {
         if self.values.iter().sum::<f64>().is_finite() {
-            return None; // as nearly always: a sum is finite only if its terms are
+            return None; // the usual case: a sum is finite only if its terms are
         }
         (0..MAX_CHANNELS).find(|&i| self.get(i).is_some_and(|v| !v.is_finite()))
     }

@@ -2,8 +2,12 @@
 
 use super::*;
 use proptest::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
+use std::fmt;
+use std::str::FromStr;
 
 fn read<Q: FromStr<Err = UnitError>>(text: &str) -> Q {
     text.parse().unwrap_or_else(|e| panic!("{text}: {e}"))
@@ -80,7 +84,8 @@ fn a_refused_text_says_what_was_found_and_what_is_needed() {
     );
     assert_eq!(
         refused::<AngularRateNoise>("0.1 deg"),
-        "found 'deg' which is an angle, an angular rate noise is needed, e.g. deg/h/sqrt(Hz), deg/sqrt(h), rad/s/sqrt(Hz)"
+        "found 'deg' which is an angle, an angular rate noise is needed, e.g. deg/h/sqrt(Hz), \
+         deg/sqrt(h), rad/s/sqrt(Hz)"
     );
     assert_eq!(refused::<Angle>("2 dge"), "unknown unit 'dge'; did you mean 'deg'?");
     assert_eq!(refused::<Frequency>("2 hz"), "unknown unit 'hz'; did you mean 'Hz'?");
@@ -185,7 +190,9 @@ fn survives<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>(si:
 
 proptest! {
     #[test]
-    fn what_a_quantity_prints_reads_back_to_the_bit(any in any::<f64>(), plain in -1e4..1e4f64, k in -9999..9999i32) {
+    fn what_a_quantity_prints_reads_back_to_the_bit(
+        any in any::<f64>(), plain in -1e4..1e4f64, k in -9999..9999i32
+    ) {
         let deg_per_hour = parse_unit("deg/h").unwrap().to_si(f64::from(k) / 100.0);
         for si in [any, plain, deg_per_hour, f64::from(k)].into_iter().filter(|x| x.is_finite()) {
             survives::<0, 0, 0, 0, 0>(si);

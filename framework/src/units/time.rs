@@ -3,38 +3,40 @@
 use std::fmt;
 use std::ops::{Add, Sub};
 
-/// An instant on the run's clock, in whole nanoseconds from its zero: exact, so that equal times compare equal.
+/// An instant on the clock of the run, in whole nanoseconds from its zero. The count is exact, so
+/// that equal times compare equal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Time(i64);
 
 impl Time {
-    /// Before every instant that a clock can show.
+    /// A time before every instant of a run.
     pub const MIN: Self = Self(i64::MIN / 4);
-    /// After every instant that a clock can show.
+    /// A time after every instant of a run.
     pub const MAX: Self = Self(i64::MAX / 4);
 
-    /// From whole nanoseconds.
+    /// The time of a number of nanoseconds.
     pub const fn from_nanos(nanos: i64) -> Self {
         Self(nanos)
     }
 
-    /// From seconds, rounded to the nearest nanosecond; `None` if not finite or beyond 73 years.
+    /// The time of a number of seconds, rounded to the nearest nanosecond; `None` if the number is
+    /// not finite or beyond 73 years.
     pub fn from_seconds(seconds: f64) -> Option<Self> {
         let nanos = (seconds * 1e9).round();
         (nanos.abs() < Self::MAX.0 as f64).then_some(Self(nanos as i64))
     }
 
-    /// Whole nanoseconds.
+    /// The time in nanoseconds.
     pub const fn nanos(self) -> i64 {
         self.0
     }
 
-    /// Seconds.
+    /// The time in seconds.
     pub fn seconds(self) -> f64 {
         self.0 as f64 / 1e9
     }
 
-    /// Seconds from `earlier` to here.
+    /// Seconds from `earlier` to this time.
     pub fn since(self, earlier: Self) -> f64 {
         self.0.saturating_sub(earlier.0) as f64 / 1e9
     }
@@ -67,21 +69,29 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            failure_persistence: None, ..ProptestConfig::default()
+        })]
 
         #[test]
-        fn seconds_and_nanoseconds_convert_to_the_nearest_and_back(nanos in -(1_i64 << 53)..(1 << 53)) {
-            // below 2^53 ns, 104 days, the count is an exact f64, so that one division rounds once. On the way back half a
-            // unit in the last place of the seconds and of the product add up: below 2^51 ns, 26 days, to 0.12 + 0.13 ns
-            // at most, which the rounding takes away; beyond, to less than 0.5 + 0.5 + 0.5 ns
+        fn seconds_and_nanoseconds_convert_to_the_nearest_and_back(
+            nanos in -(1_i64 << 53)..(1 << 53)
+        ) {
+            // Below 2^53 ns (104 days) the count is an exact f64, so that one division rounds once.
+            // On the way back, half a unit in the last place of the seconds and of the product add
+            // up. Below 2^51 ns (26 days) they are 0.12 + 0.13 ns at most, which rounding removes;
+            // beyond, they and the rounding itself are below 0.5 + 0.5 + 0.5 ns.
             let t = Time::from_nanos(nanos);
             let back = Time::from_seconds(t.seconds()).unwrap();
             prop_assert!((back.nanos() - nanos).abs() <= i64::from(nanos.abs() > 1 << 51));
-            prop_assert_eq!(t.seconds(), format!("{}e-9", nanos).parse::<f64>().unwrap(), "correctly rounded");
+            let exact = format!("{}e-9", nanos).parse::<f64>().unwrap();
+            prop_assert_eq!(t.seconds(), exact, "correctly rounded");
         }
 
         #[test]
-        fn an_interval_is_exact_however_late_it_is(start in 0..1_i64 << 60, length in 0..1_i64 << 50) {
+        fn an_interval_is_exact_however_late_it_is(
+            start in 0..1_i64 << 60, length in 0..1_i64 << 50
+        ) {
             let (a, b) = (Time::from_nanos(start), Time::from_nanos(start + length));
             prop_assert_eq!(b.since(a), Time::from_nanos(length).seconds());
         }

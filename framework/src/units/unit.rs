@@ -1,17 +1,14 @@
 //! Unit expressions such as `deg/h/sqrt(Hz)`.
 
-use super::UnitError;
-use super::dimension;
 use crate::document::did_you_mean;
+use crate::units::dimension::{self, Exponents};
+use crate::units::error::UnitError;
 use std::f64::consts::PI;
 
-/// Exponents of length, mass, time, angle and temperature, counted in halves: `1/sqrt(Hz)` is `[0, 0, 1, 0, 0]`.
-pub type Exponents = [i8; 5];
-
-/// A unit: what one of it is in SI, and its dimension.
+/// A unit: its value in SI, and its dimension.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
-    // kept as a fraction, so that "3 cm" is 3/100: the very f64 that "0.03 m" is
+    // a fraction, so that "3 cm" is 3/100, which is the same f64 as "0.03 m"
     numerator: f64,
     denominator: f64,
     exponents: Exponents,
@@ -29,7 +26,7 @@ const ANGLE: Exponents = [0, 0, 0, 2, 0];
 const ANGULAR_RATE: Exponents = [0, 0, -2, 2, 0];
 const TEMPERATURE: Exponents = [0, 0, 0, 0, 2];
 
-/// Names, SI value as a fraction, dimension, and the prefixes the unit takes.
+/// Names, SI value as a fraction, dimension, and the prefixes that the unit takes.
 type Row = (&'static [&'static str], f64, f64, Exponents, &'static str);
 
 const UNITS: [Row; 26] = [
@@ -46,7 +43,7 @@ const UNITS: [Row; 26] = [
     (&["ft"], 0.3048, 1.0, LENGTH, ""),
     (&["nmi"], 1852.0, 1.0, LENGTH, ""),
     (&["kn", "kt"], 1852.0, 3600.0, SPEED, ""),
-    // standard gravity, CGPM 1901; the gram is only there as kg
+    // standard gravity, CGPM 1901; the gram exists only as part of kg
     (&["g"], 9.80665, 1.0, ACCELERATION, "mun"),
     (&["Gal"], 1.0, 100.0, ACCELERATION, "mu"),
     (&["s"], 1.0, 1.0, TIME, "mun"),
@@ -62,7 +59,7 @@ const UNITS: [Row; 26] = [
     (&["K"], 1.0, 1.0, TEMPERATURE, "m"),
 ];
 
-/// Prefixes as fractions; the micro sign and the Greek letter are both micro.
+/// Prefixes as fractions; the micro sign and the Greek letter mu both count as `u`.
 const PREFIXES: [(char, f64, f64); 8] = [
     ('n', 1.0, 1e9),
     ('u', 1.0, 1e6),
@@ -74,9 +71,9 @@ const PREFIXES: [(char, f64, f64); 8] = [
     ('M', 1e6, 1.0),
 ];
 
-/// An expression longer than this is refused, which bounds the nesting.
+/// Longest expression in bytes, which bounds the nesting.
 const MAX_LENGTH: usize = 64;
-/// No physical unit has a higher power; it keeps exponents within `i8`.
+/// Highest power of a unit; no physical unit has a higher one, and exponents stay within `i8`.
 const MAX_POWER: i8 = 6;
 
 impl Unit {
@@ -87,17 +84,17 @@ impl Unit {
         self.numerator / self.denominator
     }
 
-    /// A number of this unit in SI, rounded better than with [`Self::factor`].
+    /// A number of this unit in SI, with less rounding than by [`Self::factor`].
     pub fn to_si(&self, value: f64) -> f64 {
         value * self.numerator / self.denominator
     }
 
-    /// Its dimension.
+    /// The exponents of its dimension.
     pub fn exponents(&self) -> Exponents {
         self.exponents
     }
 
-    /// Its dimension in words, such as "an angular rate".
+    /// The name of its dimension, such as "an angular rate".
     pub fn dimension(&self) -> String {
         dimension::name(self.exponents)
     }
@@ -129,7 +126,7 @@ impl Unit {
         even.then(|| Self { numerator, denominator, exponents: self.exponents.map(|e| e / 2) })
     }
 
-    /// The unit of that name, with or without a prefix.
+    /// The unit of a name, with or without a prefix.
     fn named(name: &str) -> Option<Self> {
         let plain = |name: &str| UNITS.iter().find(|row| row.0.contains(&name));
         if let Some(&(_, numerator, denominator, exponents, _)) = plain(name) {
@@ -155,8 +152,8 @@ fn names() -> Vec<String> {
     UNITS.iter().flat_map(all).collect()
 }
 
-/// Reads a unit expression: units combined with `*`, `/`, `^n`, `sqrt(...)` and parentheses. `°`, `µ`, `·`, `²`, `³`
-/// and `√` are understood too. `g` is standard gravity.
+/// Parses a unit expression: units combined with `*`, `/`, `^n`, `sqrt(...)` and parentheses. The
+/// signs `°`, `µ`, `·`, `²`, `³` and `√` are allowed too. `g` is standard gravity.
 ///
 /// # Errors
 /// When a unit is unknown or the expression is malformed.
@@ -175,7 +172,7 @@ pub fn parse_unit(expr: &str) -> Result<Unit, UnitError> {
     }
 }
 
-/// Recursive descent over what is left of the expression.
+/// A recursive descent parser.
 struct Parser<'a> {
     whole: &'a str,
     rest: &'a str,
@@ -199,7 +196,7 @@ impl Parser<'_> {
         found
     }
 
-    /// The longest prefix of what is left whose characters satisfy the predicate.
+    /// Takes the longest prefix of the rest whose characters satisfy the predicate.
     fn word(&mut self, belongs: impl Fn(char) -> bool) -> &str {
         self.peek();
         let end = self.rest.find(|c| !belongs(c)).unwrap_or(self.rest.len());
@@ -287,13 +284,13 @@ impl Parser<'_> {
     }
 }
 
-/// The unit that a column name ends with: a plain unit (`m`, `deg`, `ms`, `dbar`), or one per second or second squared
-/// (`mps`, `m_s`, `mps2`, `radps`, `dps`), or `kgpm3`.
+/// The unit that a suffix of a column name stands for: a plain unit (`m`, `deg`, `ms`, `dbar`), one
+/// per second or per second squared (`mps`, `m_s`, `mps2`, `radps`, `dps`), or `kgpm3`.
 pub fn column_suffix(suffix: &str) -> Option<Unit> {
     let per_second = || {
         let (name, power) = suffix.strip_suffix('2').map_or((suffix, -1), |shorter| (shorter, -2));
         let top = Unit::named(name.strip_suffix("ps").or_else(|| name.strip_suffix("_s"))?)?;
-        // "h_s" is a column h in seconds, not hours per second
+        // "h_s" is a column named h in seconds, not a number of hours per second
         (top.exponents != TIME).then(|| Unit::named("s")?.power(power)?.times(top)).flatten()
     };
     match suffix {

@@ -1,0 +1,157 @@
+//! A TOML document with the overrides of the command line.
+
+use crate::document::error::{DocumentError, OverrideError};
+use crate::document::node::{Node, kind};
+use crate::document::places::{Places, join, position};
+use std::path::Path;
+use toml::de::DeTable;
+use toml::{Table, Value};
+
+/// A TOML document, with the overrides of the command line.
+#[derive(Clone, Debug)]
+pub struct Document {
+    name: String,
+    text: String,
+    value: Value,
+    places: Places,
+    overrides: Vec<String>,
+}
+
+impl Document {
+    /// Reads the document in a file.
+    ///
+    /// # Errors
+    /// When the file cannot be read or is not TOML.
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, DocumentError> {
+        let name = path.as_ref().display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => Self::parse(name, text),
+            Err(source) => Err(DocumentError::Read { name, source }),
+        }
+    }
+
+    /// Reads the document in a text. Errors name the file `name`.
+    ///
+    /// # Errors
+    /// When the text is not TOML.
+    pub fn parse(name: impl Into<String>, text: impl Into<String>) -> Result<Self, DocumentError> {
+        let (name, text) = (name.into(), text.into());
+        let syntax = |e: toml::de::Error| {
+            let (line, column) = position(&text, e.span().map_or(0, |s| s.start));
+            DocumentError::Syntax {
+                name: name.clone(),
+                line,
+                column,
+                message: e.message().trim().to_owned(),
+            }
+        };
+        let places = Places::of(&name, &text, DeTable::parse(&text).map_err(syntax)?.get_ref());
+        let value = Value::Table(toml::from_str(&text).map_err(syntax)?);
+        Ok(Self { name, text, value, places, overrides: Vec::new() })
+    }
+
+    /// Sets a value, as `key.path=value`. Missing tables are created. A number in the path is the
+    /// index of an array's element: `segments.2.duration` belongs to the third segment. The value
+    /// is TOML; any other text is a string, so that a quantity needs no quotes.
+    ///
+    /// # Errors
+    /// When the override is malformed, or its path passes through a value that is neither a table
+    /// nor an array. The document then stays as it was.
+    pub fn set(&mut self, assignment: &str) -> Result<(), DocumentError> {
+        self.assign(assignment)
+            .map_err(|source| DocumentError::Set { assignment: assignment.to_owned(), source })?;
+        self.overrides.push(assignment.to_owned());
+        Ok(())
+    }
+
+    fn assign(&mut self, assignment: &str) -> Result<(), OverrideError> {
+        let (key, text) = assignment.split_once('=').ok_or(OverrideError::NoEqualsSign)?;
+        let keys = key_path(key.trim())?;
+        let new = override_value(text.trim())?;
+        let mut path = String::new();
+        let mut outermost = None;
+        let mut value = &mut self.value;
+        for key in &keys {
+            let inner = join(&path, key);
+            let parent = std::mem::replace(&mut path, inner);
+            value = match value {
+                Value::Table(table) => table.entry(key.as_str()).or_insert_with(|| {
+                    // a missing table is created for the new key, and so are those inside it
+                    outermost.get_or_insert_with(|| path.clone());
+                    Value::Table(Table::new())
+                }),
+                Value::Array(array) => {
+                    let length = array.len();
+                    let element = key.parse().ok().and_then(|index: usize| array.get_mut(index));
+                    let index = key.clone();
+                    element.ok_or(OverrideError::NoElement { array: parent, length, index })?
+                }
+                other => {
+                    return Err(OverrideError::NotATable { path: parent, found: kind(other) });
+                }
+            };
+        }
+        *value = new;
+        self.places.set(outermost.as_ref().unwrap_or(&path), &path);
+        Ok(())
+    }
+
+    /// The document as a node.
+    pub fn root(&self) -> Node<'_> {
+        Node::root(&self.places, &self.value)
+    }
+
+    /// The text as it was read.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The overrides that [`Self::set`] has applied, as given.
+    pub fn overrides(&self) -> &[String] {
+        &self.overrides
+    }
+
+    /// The document with its overrides, as TOML.
+    pub fn to_toml(&self) -> String {
+        self.value.as_table().map_or_else(String::new, Table::to_string)
+    }
+
+    /// The file's name without folder and extension.
+    pub fn stem(&self) -> String {
+        Path::new(&self.name)
+            .file_stem()
+            .map_or_else(String::new, |s| s.to_string_lossy().into_owned())
+    }
+
+    /// The file's folder, to which paths in the document are relative.
+    pub fn folder(&self) -> &Path {
+        Path::new(&self.name).parent().unwrap_or(Path::new(""))
+    }
+}
+
+/// The keys of a dotted path as TOML reads it.
+fn key_path(text: &str) -> Result<Vec<String>, OverrideError> {
+    let malformed = || OverrideError::KeyPath { text: text.to_owned() };
+    if text.contains(['\n', '\r']) {
+        return Err(malformed());
+    }
+    let mut table: Table = toml::from_str(&format!("{text} = 0")).map_err(|_| malformed())?;
+    let mut keys = Vec::new();
+    while let Some((key, inner)) = table.into_iter().next() {
+        keys.push(key);
+        table = if let Value::Table(inner) = inner { inner } else { Table::new() };
+    }
+    if keys.is_empty() { Err(malformed()) } else { Ok(keys) }
+}
+
+/// The value of an override: TOML, or a string where the text does not start like TOML.
+fn override_value(text: &str) -> Result<Value, OverrideError> {
+    match text.parse() {
+        Ok(value) => Ok(value),
+        Err(_) if text.is_empty() => Err(OverrideError::NoValue),
+        Err(e) if text.starts_with(['"', '\'', '[', '{']) => {
+            Err(OverrideError::NotToml { reason: e.message().trim().to_owned() })
+        }
+        Err(_) => Ok(Value::String(text.to_owned())),
+    }
+}

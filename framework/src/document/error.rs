@@ -1,0 +1,87 @@
+//! Errors of documents and of their overrides.
+
+use crate::document::location::Location;
+
+/// An error of a document: its place, and what is wrong there.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DocumentError {
+    /// The file cannot be read.
+    #[error("{name}: {source}")]
+    Read {
+        /// The file as it was named.
+        name: String,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// The text is not TOML.
+    #[error("{name}:{line}:{column}: {message}")]
+    Syntax {
+        /// The file as it was named.
+        name: String,
+        /// The line, counted from 1.
+        line: usize,
+        /// The column in characters, counted from 1.
+        column: usize,
+        /// The violation of the syntax.
+        message: String,
+    },
+    /// A key or value is not allowed.
+    #[error("{location}: {message}")]
+    Place {
+        /// The place of the key or value.
+        location: Location,
+        /// The key, the value found, and what is allowed.
+        message: String,
+    },
+    /// An override cannot be applied.
+    #[error("--set {assignment}: {source}")]
+    Set {
+        /// The override as given.
+        assignment: String,
+        /// The cause.
+        source: OverrideError,
+    },
+}
+
+/// An error of an override `key.path=value`.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OverrideError {
+    /// The override has no `=`.
+    #[error("`key.path=value` is needed")]
+    NoEqualsSign,
+    /// The text before `=` is not a key path.
+    #[error("{text:?} is no key path such as sensor.dvl.gate")]
+    KeyPath {
+        /// The text before `=`.
+        text: String,
+    },
+    /// The text after `=` is empty.
+    #[error("a value is needed after `=`")]
+    NoValue,
+    /// The value starts like TOML but is not TOML.
+    #[error("the value is not TOML: {reason}")]
+    NotToml {
+        /// The violation of the syntax.
+        reason: String,
+    },
+    /// The array has no such element.
+    #[error("{array} has {length} elements, counted from 0: there is no {index}")]
+    NoElement {
+        /// Key path of the array.
+        array: String,
+        /// Number of its elements.
+        length: usize,
+        /// The index as given.
+        index: String,
+    },
+    /// The path passes through a value that is neither a table nor an array.
+    #[error("{path} is {found}, not a table")]
+    NotATable {
+        /// Key path of that value.
+        path: String,
+        /// The kind of that value, with its article.
+        found: &'static str,
+    },
+}

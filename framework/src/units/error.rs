@@ -1,0 +1,65 @@
+//! Errors of quantities and units.
+
+/// The reason why a text is not a quantity of the dimension needed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum UnitError {
+    /// A number without the unit that its dimension needs.
+    #[error("{dimension} needs a unit, e.g. \"{example}\"")]
+    Missing {
+        /// The dimension needed, with its article.
+        dimension: String,
+        /// A value of that dimension.
+        example: String,
+    },
+    /// A unit that does not exist.
+    #[error(
+        "unknown unit '{unit}'{}",
+        .remedy.as_ref().map_or_else(String::new, |r| format!("; {r}"))
+    )]
+    Unknown {
+        /// The unit as found.
+        unit: String,
+        /// The nearest unit, or the usual ones.
+        remedy: Option<String>,
+    },
+    /// A unit of another dimension.
+    #[error("found '{unit}' which is {found}, {needed} is needed, e.g. {examples}")]
+    Dimension {
+        /// The unit as found.
+        unit: String,
+        /// The dimension of that unit.
+        found: String,
+        /// The dimension needed.
+        needed: String,
+        /// Some units of the dimension needed.
+        examples: String,
+    },
+    /// A unit expression that cannot be parsed.
+    #[error("cannot read the unit '{unit}': {reason}")]
+    Expression {
+        /// The expression as found.
+        unit: String,
+        /// The violation of the syntax.
+        reason: String,
+    },
+    /// A text that does not start with a number.
+    #[error(
+        "found \"{text}\", which does not start with a number; {needed} is needed, \
+         e.g. \"{example}\""
+    )]
+    Number {
+        /// The text as found.
+        text: String,
+        /// The dimension needed.
+        needed: String,
+        /// A value of that dimension.
+        example: String,
+    },
+    /// A value that is NaN, infinite, or too large for an `f64`.
+    #[error("found \"{text}\", a finite number is needed")]
+    NotFinite {
+        /// The text as found.
+        text: String,
+    },
+}

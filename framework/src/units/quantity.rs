@@ -1,0 +1,203 @@
+//! A physical quantity whose dimension is its type.
+
+use crate::units::dimension::{self, Exponents};
+use crate::units::error::UnitError;
+use crate::units::print::print;
+use crate::units::unit::parse_unit;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::borrow::Cow;
+use std::fmt;
+use std::str::FromStr;
+
+/// A physical quantity in SI. The parameters are the exponents of length, mass, time, angle and
+/// temperature, counted in halves: a speed is `Quantity<2, 0, -2, 0, 0>`, and a quantity in
+/// m/sqrt(s) is `Quantity<2, 0, -1, 0, 0>`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quantity<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>(f64);
+
+/// Splits `NUMBER UNIT`; `None` where the text does not start with a decimal number.
+fn split_number(text: &str) -> Option<(f64, &str)> {
+    let digits = |s: &str| s.len() - s.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    let mut end = usize::from(text.starts_with(['+', '-']));
+    end += digits(&text[end..]);
+    if text[end..].starts_with('.') {
+        end += 1 + digits(&text[end + 1..]);
+    }
+    if let Some(exponent) = text[end..].strip_prefix(['e', 'E']) {
+        let sign = usize::from(exponent.starts_with(['+', '-']));
+        let count = digits(&exponent[sign..]);
+        // an `e` without digits is the start of a unit
+        end += if count > 0 { 1 + sign + count } else { 0 };
+    }
+    let (number, unit) = text.split_at(end);
+    // rejects a decimal comma, a second point and digit groups
+    if unit.starts_with([',', '.', '_']) || unit.starts_with(|c: char| c.is_ascii_digit()) {
+        return None;
+    }
+    Some((number.parse().ok()?, unit.trim()))
+}
+
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Quantity<L, M, T, A, K> {
+    const EXPONENTS: Exponents = [L, M, T, A, K];
+    const RATIO: bool = matches!(Self::EXPONENTS, [0, 0, 0, 0, 0]);
+
+    /// The value in SI.
+    pub const fn si(self) -> f64 {
+        self.0
+    }
+
+    /// The quantity of that value in SI.
+    pub const fn from_si(si: f64) -> Self {
+        Self(si)
+    }
+
+    fn finite(si: f64, text: impl fmt::Display) -> Result<Self, UnitError> {
+        if si.is_finite() {
+            Ok(Self(si))
+        } else {
+            Err(UnitError::NotFinite { text: text.to_string() })
+        }
+    }
+
+    fn missing_unit() -> UnitError {
+        let (dimension, example) =
+            (dimension::name(Self::EXPONENTS), dimension::example(Self::EXPONENTS));
+        UnitError::Missing { dimension, example }
+    }
+}
+
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> FromStr
+    for Quantity<L, M, T, A, K>
+{
+    type Err = UnitError;
+
+    fn from_str(text: &str) -> Result<Self, UnitError> {
+        let text = text.trim();
+        let Some((number, unit)) = split_number(text) else {
+            let word = text.trim_start_matches(['+', '-']).to_ascii_lowercase();
+            if ["nan", "inf"].iter().any(|n| word.starts_with(n)) {
+                return Err(UnitError::NotFinite { text: text.to_owned() });
+            }
+            let (needed, example) =
+                (dimension::name(Self::EXPONENTS), dimension::example(Self::EXPONENTS));
+            return Err(UnitError::Number { text: text.to_owned(), needed, example });
+        };
+        if unit.is_empty() {
+            return if Self::RATIO {
+                Self::finite(number, text)
+            } else {
+                Err(Self::missing_unit())
+            };
+        }
+        let parsed = parse_unit(unit).map_err(|e| match e {
+            UnitError::Unknown { unit, remedy: None } => {
+                let (name, usual) =
+                    (dimension::name(Self::EXPONENTS), dimension::usual_units(Self::EXPONENTS));
+                UnitError::Unknown { unit, remedy: Some(format!("{name} is needed, e.g. {usual}")) }
+            }
+            other => other,
+        })?;
+        if parsed.exponents() != Self::EXPONENTS {
+            return Err(UnitError::Dimension {
+                unit: unit.to_owned(),
+                found: parsed.dimension(),
+                needed: dimension::name(Self::EXPONENTS),
+                examples: dimension::usual_units(Self::EXPONENTS),
+            });
+        }
+        Self::finite(parsed.to_si(number), text)
+    }
+}
+
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> fmt::Display
+    for Quantity<L, M, T, A, K>
+{
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&print(self.0, Self::EXPONENTS))
+    }
+}
+
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Serialize
+    for Quantity<L, M, T, A, K>
+{
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if !self.0.is_finite() {
+            return Err(serde::ser::Error::custom(format!("{self} is not finite")));
+        }
+        let text = self.to_string();
+        match text.parse() {
+            Ok(number) if Self::RATIO => serializer.serialize_f64(number),
+            _ => serializer.serialize_str(&text),
+        }
+    }
+}
+
+impl<'de, const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Deserialize<'de>
+    for Quantity<L, M, T, A, K>
+{
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(Written)
+    }
+}
+
+/// Reads a quantity from TOML: a text with a unit, or for a ratio also a number.
+struct Written<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>;
+
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Visitor<'_>
+    for Written<L, M, T, A, K>
+{
+    type Value = Quantity<L, M, T, A, K>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let exponents = Self::Value::EXPONENTS;
+        write!(f, "{}, e.g. \"{}\"", dimension::name(exponents), dimension::example(exponents))
+    }
+    fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
+        text.parse().map_err(E::custom)
+    }
+    fn visit_f64<E: Error>(self, number: f64) -> Result<Self::Value, E> {
+        if Self::Value::RATIO {
+            Self::Value::finite(number, number).map_err(E::custom)
+        } else {
+            Err(E::custom(Self::Value::missing_unit()))
+        }
+    }
+    fn visit_i64<E: Error>(self, number: i64) -> Result<Self::Value, E> {
+        self.visit_f64(number as f64)
+    }
+    fn visit_u64<E: Error>(self, number: u64) -> Result<Self::Value, E> {
+        self.visit_f64(number as f64)
+    }
+}
+
+impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> JsonSchema
+    for Quantity<L, M, T, A, K>
+{
+    fn schema_name() -> Cow<'static, str> {
+        dimension::title(Self::EXPONENTS).replace(' ', "_").into()
+    }
+    fn inline_schema() -> bool {
+        true
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let (example, title) =
+            (dimension::example(Self::EXPONENTS), dimension::title(Self::EXPONENTS));
+        let usual = dimension::usual_units(Self::EXPONENTS);
+        // the doc comment of a field replaces the description; the title stays
+        if Self::RATIO {
+            let description = format!("{title} as a number or text: {usual}");
+            json_schema!({
+                "type": ["number", "string"], "title": title,
+                "description": description, "examples": [example]
+            })
+        } else {
+            let description = format!("{title} with its unit: {usual}");
+            json_schema!({
+                "type": "string", "title": title,
+                "description": description, "examples": [example]
+            })
+        }
+    }
+}
