@@ -1,9 +1,10 @@
-//! The framework of navfuse: state blocks, process and measurement models, plugins, scenarios, and the error-state EKF
-//! that they compose into.
+//! The framework of navfuse: state blocks, process and measurement models, plugins, scenarios, and
+//! the error-state EKF that they compose into.
 //!
-//! It knows no sensor, no file format and no viewer: those are plugins. A sensor is one generic function of typed state
-//! blocks ([`model::measurement::MeasurementModel`]), registered with its parameters ([`plugin::SensorType`]); a scenario
-//! names it in TOML; the [`run::runner`] feeds the [`ekf::Ekf`] from sources and tells sinks what comes of it.
+//! It knows no sensor, no file format and no viewer: those are plugins. A sensor is one generic
+//! function of typed state blocks ([`model::measurement::MeasurementModel`]), registered with its
+//! parameters ([`plugin::SensorType`]); a scenario names it in TOML; the [`run::runner`] feeds the
+//! [`ekf::Ekf`] from sources and tells sinks what comes of it.
 
 pub mod compose;
 pub mod document;

@@ -22,18 +22,19 @@ use serde::{Deserialize, Deserializer};
 use std::fmt;
 use std::marker::PhantomData;
 
-/// A calibration state: a value alone is held fixed; with a sigma it is estimated unless `mode` says otherwise.
+/// A calibration state. A value alone is held fixed; a sigma makes it estimated unless `mode` gives
+/// another mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration<V: Components, W: Components> {
-    /// Estimate, fixed or consider; by default `estimate` where there is a sigma, else `fixed`.
+    /// Estimate, fixed or consider. Default: `estimate` with a sigma, else `fixed`.
     pub mode: Option<Mode>,
     /// Initial value.
     pub initial: Option<V>,
     /// Prior 1-sigma.
     pub sigma: Option<Sigma<V>>,
-    /// The true value, given to a simulated sensor and compared with the estimate.
+    /// True value, for simulated sensors and for comparison with the estimate.
     pub truth: Option<V>,
-    /// Random walk, per square root of time.
+    /// Random walk per square root of time.
     pub random_walk: Option<Sigma<W>>,
     /// Makes it a first-order Gauss-Markov process of stationary sigma `sigma`.
     pub correlation_time: Option<Positive<Duration>>,
@@ -67,18 +68,18 @@ pub type GyroBias = Calibration<Triple<AngularRate>, Triple<AngularRateRandomWal
 /// Bias of three accelerometers.
 pub type AccelBias = Calibration<Triple<Acceleration>, Triple<AccelerationRandomWalk>>;
 
-/// The form with keys, from which the schema comes.
+/// The table form, which gives the schema.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, bound = "V: Components, W: Components")]
 struct Keys<V: Components, W: Components> {
-    /// `estimate`, `fixed`, or `consider`: held, but its uncertainty is carried by the other states. Default: `estimate`
-    /// where there is a sigma, else `fixed`.
+    /// `estimate`, `fixed`, or `consider`: held at its value, with its uncertainty carried by the
+    /// other states. Default: `estimate` with a sigma, else `fixed`.
     mode: Option<Mode>,
     /// Initial value.
     initial: Option<V>,
     /// Prior 1-sigma.
     sigma: Option<Sigma<V>>,
-    /// True value: given to the simulated sensor, and compared with the estimate.
+    /// True value, for simulated sensors and for comparison with the estimate.
     truth: Option<V>,
     /// Random walk per square root of time.
     random_walk: Option<Sigma<W>>,
@@ -143,11 +144,12 @@ impl<V: Components, W: Components> JsonSchema for Calibration<V, W> {
 }
 
 impl<V: Components, W: Components> Calibration<V, W> {
-    /// Adds the state `name` of the part that is being composed; `default` is its value (coordinates, SI) where the
-    /// scenario gives none.
+    /// Adds the state `name` of the part that is being composed; `default` is its value
+    /// (coordinates, SI) where the scenario gives none.
     ///
     /// # Errors
-    /// When it is to be estimated or considered without a positive sigma, or the number of components is wrong.
+    /// When an estimated or considered state has no positive sigma, or the number of components is
+    /// wrong.
     pub fn block<M: Manifold>(
         &self,
         composer: &mut Composer,

@@ -1,4 +1,4 @@
-//! Composing a state from parts: what a process or sensor type calls while it builds its model.
+//! The composer, with which process and sensor types build their models.
 
 use crate::model::error::ComposeError;
 use crate::model::sensor::Role;
@@ -11,10 +11,10 @@ use crate::units::sample::Channel;
 use std::any::Any;
 use std::marker::PhantomData;
 
-/// Something known without a sensor: its channels, and the model that says what of the state they are.
+/// Knowledge without a sensor: its channels, and the model that relates them to the state.
 type Constraint = (SensorInfo, Role);
 
-/// Collects the blocks, signals and the transition of a composition.
+/// Collects the blocks, signals and transition of a composition.
 #[derive(Default)]
 pub struct Composer {
     layout: Layout,
@@ -48,18 +48,17 @@ impl Composer {
         (self.layout, self.transition, self.needs_reference)
     }
 
-    /// Says that the part's key is not given, so that a reference must say where it starts.
+    /// Declares that the initial value under this key is missing, so that a reference must give it.
     pub fn needs_reference(&mut self, key: &str) {
         self.needs_reference.push(format!("{}.{key}", self.owner));
     }
 
-    /// Says something that a person should know of the part, and that is no mistake: `navfuse check` prints it, and every
-    /// run has it in its log.
+    /// Adds a note for the user that is no error: `navfuse check` prints it, and every run logs it.
     pub fn note(&mut self, text: impl Into<String>) {
         self.notes.push((self.owner.clone(), text.into()));
     }
 
-    /// The name of the part that is being composed: its table in the scenario.
+    /// Name of the part that is being composed: its table in the scenario.
     pub fn owner(&self) -> &str {
         &self.owner
     }
@@ -75,7 +74,7 @@ impl Composer {
     ) -> Result<Handle<M>, ComposeError> {
         let full = format!("{}.{name}", self.owner);
         if self.layout.find(&full).is_some() {
-            return Err(ComposeError::new(name, format!("the state {full} is there already")));
+            return Err(ComposeError::new(name, format!("the state {full} exists already")));
         }
         let slot = self.layout.blocks.len();
         if slot == MAX_BLOCKS {
@@ -109,7 +108,8 @@ impl Composer {
         Ok(Handle { slot, manifold: PhantomData })
     }
 
-    /// The block of that full name, such as `ins.velocity`; `key` is the parameter that named its owner.
+    /// Finds the block of that full name, such as `ins.velocity`; `key` is the parameter that names
+    /// its owner.
     ///
     /// # Errors
     /// When there is no such block, or it lives on another manifold.
@@ -132,20 +132,22 @@ impl Composer {
         Ok(Handle { slot, manifold: PhantomData })
     }
 
-    /// The full names of the states so far, such as `ins.velocity`.
+    /// Full names of the states so far, such as `ins.velocity`.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.layout.blocks.iter().map(|b| b.name.as_str())
     }
 
-    /// Says that a velocity in north, east, down was found by integrating in the axes from which `attitude` maps, so that an
-    /// error of the heading turns it along: see Barrau & Bonnabel (2017) on invariant errors.
+    /// Declares that a velocity in north, east, down results from integration in the axes from
+    /// which `attitude` maps, so that a heading error turns it along: see Barrau & Bonnabel (2017)
+    /// on invariant errors.
     pub fn turns_with_heading(&mut self, velocity: Handle<Vector<3>>, attitude: Handle<Rotation>) {
         self.layout.turning.push(Turning { velocity: velocity.slot, attitude: attitude.slot });
     }
 
-    /// Adds something that is known without a sensor, such as that the vehicle is at rest: `0 = h(x) + v`, `v ~ N(0, R)`. The
-    /// filter is corrected by it when the process says so ([`crate::model::start::Supervision`]); it is gated, recorded and counted as a
-    /// sensor of that name is. A process has one at most.
+    /// Adds knowledge without a sensor, such as that the vehicle is at rest: `0 = h(x) + v`, `v ~
+    /// N(0, R)`. The filter applies it when the process's alignment asks for it
+    /// ([`crate::model::start::Supervision`]), and gates, records and counts it like a sensor of
+    /// that name. A process has at most one constraint.
     pub fn constraint<M, const N: usize>(&mut self, name: &str, channels: [Channel; N], model: M)
     where
         M: crate::model::measurement::MeasurementModel<N> + Sync,
@@ -167,7 +169,7 @@ impl Composer {
         Signal { offset }
     }
 
-    /// The signal of that full name, such as `ins.angular_rate`.
+    /// Finds the signal of that full name, such as `ins.angular_rate`.
     ///
     /// # Errors
     /// When there is no such signal of `N` numbers.
@@ -183,7 +185,8 @@ impl Composer {
             })
     }
 
-    /// What the driving sensor of that name told of itself; `key` is the parameter that named it.
+    /// Configuration that the driving sensor of that name hands over; `key` is the parameter that
+    /// names the sensor.
     ///
     /// # Errors
     /// When there is no driving sensor of that name, or it is of another type.
@@ -203,12 +206,12 @@ impl Composer {
             .ok_or_else(|| ComposeError::new(key, format!("the sensor {name} is of another type")))
     }
 
-    /// The first index of a block's error in the error state; `None` when fixed.
+    /// First index of a block's error in the error state; `None` when fixed.
     pub fn tangent<M>(&self, block: Handle<M>) -> Option<usize> {
         self.layout.block(block).tangent
     }
 
-    /// Where a process model declares the places of `Phi` and `Q` that it fills.
+    /// Transition, in which a process model declares the places of `Phi` and `Q` that it fills.
     pub fn transition(&mut self) -> &mut Transition {
         &mut self.transition
     }

@@ -1,4 +1,4 @@
-//! A scenario composed: everything that an estimator needs, with every name resolved.
+//! The composition of a scenario: everything that an estimator needs, with every name resolved.
 
 use crate::compose::draw::Draw;
 use crate::compose::settings::Initial;
@@ -15,29 +15,29 @@ use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 use std::sync::Arc;
 
-/// A process model in its place.
+/// A process model with its place in the composition.
 pub struct Process {
-    /// Its name in the scenario.
+    /// Name in the scenario.
     pub name: String,
-    /// Its registered type.
+    /// Registered type.
     pub kind: String,
-    /// The model.
+    /// Model.
     pub model: Box<dyn ProcessModel>,
-    /// The index of the sensor that drives it.
+    /// Index of the sensor that drives it.
     pub input: Option<usize>,
-    /// The index of its constraint among the sensors.
+    /// Index of its constraint among the sensors.
     pub constraint: Option<usize>,
-    /// The alignment that finds its initial values.
+    /// Alignment that finds its initial values.
     pub alignment: Option<Box<dyn InitialAlignment>>,
     /// Whether the alignment searches for the initial values; otherwise it only supervises.
     pub searches: bool,
 }
 
-/// A scenario composed: everything that an estimator needs, with every name resolved.
+/// Everything that an estimator needs, with every name resolved.
 pub struct Composition {
     /// Name of the scenario.
     pub name: String,
-    /// The scenario in TOML with every override in place.
+    /// Scenario in TOML with every override applied.
     pub text: String,
     /// The blocks.
     pub layout: Arc<Layout>,
@@ -47,15 +47,15 @@ pub struct Composition {
     pub processes: Vec<Process>,
     /// The sensors, in the order of their ids.
     pub sensors: Vec<Sensor>,
-    /// When and from what the filter starts.
+    /// Start, end and initial values of the filter.
     pub estimator: crate::compose::settings::EstimatorConfig,
     /// Seed of every random number.
     pub seed: u64,
-    /// What the parts said of themselves: the part and the text.
+    /// Notes of the parts for the user: the part and the text.
     pub notes: Vec<(String, String)>,
 }
 
-/// Which blocks the processes move, one a slot.
+/// Whether a process moves each block, one entry per slot.
 pub(crate) fn moved(layout: &Layout, processes: &[Process]) -> Vec<bool> {
     let (mut state, mut moved) = (layout.initial_state(), vec![false; layout.blocks.len()]);
     processes
@@ -74,23 +74,24 @@ impl std::fmt::Debug for Composition {
 }
 
 impl Composition {
-    /// The index of the sensor of that name.
+    /// Index of the sensor of that name.
     pub fn sensor(&self, name: &str) -> Option<usize> {
         self.sensors.iter().position(|s| s.info.name == name)
     }
 
-    /// Which blocks' truth a run can know, one a slot: what the scenario states or draws, and what processes take from a
-    /// reference.
+    /// Whether a run can know the truth of each block, one entry per slot: from the scenario, from
+    /// a draw, or from a reference through a process.
     pub fn known(&self) -> Vec<bool> {
-        let told = self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)));
+        let referenced = self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)));
         let moved = moved(&self.layout, &self.processes);
         let stated = self.layout.blocks.iter().map(|b| b.spec.truth.is_some());
-        stated.zip(moved).map(|(stated, moved)| stated || (told && moved)).collect()
+        stated.zip(moved).map(|(stated, moved)| stated || (referenced && moved)).collect()
     }
 
-    /// Makes it what the Cramer-Rao bound runs on: every block starts at its truth, sensors are simulated without noise and
-    /// outliers, while the filter takes the noise that they would have, so that it stays at the truth and its covariance is
-    /// that of the best estimate. Considered states are estimated.
+    /// Prepares the composition for the Cramer-Rao bound. Every block starts at its truth, and
+    /// sensors are simulated without noise and outliers while the filter assumes their noise. The
+    /// filter thus stays at the truth, and its covariance is that of the best estimate. Considered
+    /// states are estimated.
     pub fn at_truth(&mut self) {
         let mut layout = (*self.layout).clone();
         for block in &mut layout.blocks {
@@ -137,7 +138,7 @@ impl Composition {
         }
     }
 
-    /// The start of the filter.
+    /// Start of the filter.
     pub fn start(&self) -> Time {
         self.estimator.start()
     }

@@ -1,4 +1,5 @@
-//! What differs from run to run: initial errors and true values drawn from the priors, and truths that wander.
+//! Differences between runs: initial errors and true values drawn from the priors, and truths that
+//! wander.
 
 use crate::model::simulate::Random;
 use crate::state::manifold::MAX_TANGENT;
@@ -8,22 +9,24 @@ use nalgebra::DVector;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// What is drawn at random, beside the sensors' noise.
+/// Random quantities of a simulation beside the sensors' noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Draw {
-    /// Nothing: the filter starts from what the reference or the scenario says.
+    /// Nothing: the filter starts from the values of the reference or the scenario.
     #[default]
     Nothing,
-    /// What the filter takes from a reference is displaced by a draw from its prior.
+    /// Initial values from a reference are displaced by a draw from their prior.
     Start,
-    /// All that is uncertain: as `start`, and a state with a `truth` starts from a draw about it, while the truth of
-    /// any other is drawn about its initial value. Both truths move from there as the state does: a stated one is that of the
-    /// start. A Gauss-Markov state starts at its initial value all the same, which is the mean that its truth returns to.
+    /// Every uncertain value: as `start`, and a state with a `truth` starts from a draw about it,
+    /// while the truth of any other state is drawn about its initial value. Both truths then move
+    /// by the dynamics of the state; a stated truth holds at the start. A Gauss-Markov state always
+    /// starts at its initial value, the mean to which its truth returns.
     All,
 }
 
-/// Draws an error of a block about a value from its prior, in the tangent there; nothing where there is no prior.
+/// Draws an error of a block about a value from its prior, in the tangent there; `None` without a
+/// prior.
 pub(crate) fn displacement(
     block: &Block,
     values: &[f64],
@@ -37,7 +40,8 @@ pub(crate) fn displacement(
     Some(delta)
 }
 
-/// Draws what [`Draw::All`] says of the blocks that no reference gives. `moved` are those that processes move.
+/// Draws the values of [`Draw::All`] for the blocks that no reference gives. `moved` marks the
+/// blocks that processes move.
 pub(crate) fn draw(layout: &mut Layout, moved: &[bool], seed: u64) {
     let (initial, truth) = (layout.initial_state(), layout.true_state().0);
     for (block, moved) in layout.blocks.iter_mut().zip(moved) {
@@ -66,34 +70,34 @@ pub(crate) fn draw(layout: &mut Layout, moved: &[bool], seed: u64) {
     }
 }
 
-/// Wandering truths are drawn at this interval, and are straight between.
+/// Interval between draws of wandering truths, which are linear between draws.
 const STEP: Time = Time::from_nanos(100_000_000);
 
-/// The true state beside the motion: what the scenario states, and what was drawn. Goes forward in time only.
+/// True state of the blocks that the scenario states or a draw gives. Moves forward in time only.
 #[derive(Clone, Debug)]
 pub struct TrueState {
     /// The state; blocks without a known truth at their initial value.
     pub state: State,
-    /// Which blocks are known, one a slot.
+    /// Which blocks are known, one entry per slot.
     pub known: Vec<bool>,
     wandering: Vec<Wandering>,
-    /// The time of the next draw.
+    /// Time of the next draw.
     next: Time,
 }
 
-/// The truth of one block that moves as its dynamics say.
+/// Truth of one block that moves by its dynamics.
 #[derive(Clone, Debug)]
 struct Wandering {
     slot: usize,
     random: Random,
-    /// The values at the draw before and at the next one, and where a Gauss-Markov process returns to.
+    /// Values at the previous and the next draw, and the mean of a Gauss-Markov process.
     before: Vec<f64>,
     after: Vec<f64>,
     mean: Vec<f64>,
 }
 
 impl TrueState {
-    /// The truth of a composition's blocks; what wanders does so from `start` on.
+    /// Truth of a composition's blocks, which wander from `start` on.
     pub fn new(layout: &Layout, seed: u64, start: Time) -> Self {
         let (state, known) = layout.true_state();
         let initial = layout.initial_state();
@@ -113,7 +117,7 @@ impl TrueState {
         Self { wandering: wandering.collect(), next, state, known }
     }
 
-    /// Moves what wanders to a time; the state takes that time.
+    /// Moves the wandering truths, and the state, to a time.
     pub fn advance(&mut self, layout: &Layout, to: Time) {
         self.state.time = to;
         if self.wandering.is_empty() {
@@ -230,7 +234,8 @@ mod tests {
         let moved: Vec<f64> = (0..2000).map(|s| at(&walk, s, 100)).map(|(a, b)| b - a).collect();
         let (mean, sigma) = moments(&moved);
         assert!(mean.abs() < 0.09 && (sigma - 1.0).abs() < 0.064, "{mean} {sigma}");
-        // a Gauss-Markov process keeps its sigma, and after one correlation time exp(-1) of its value
+        // a Gauss-Markov process keeps its sigma, and after one correlation time exp(-1) of its
+        // value
         let markov = Dynamics::GaussMarkov { sigma: vec![0.5], time: 20.0 };
         let pairs: Vec<(f64, f64)> = (0..2000).map(|s| at(&markov, s, 20)).collect();
         let (mean, sigma) = moments(&pairs.iter().map(|p| p.1).collect::<Vec<_>>());
@@ -241,8 +246,9 @@ mod tests {
         assert!((correlation - (-1.0_f64).exp()).abs() < 0.09, "{correlation}");
     }
 
-    /// From 4 about a mean of 2, with a sigma of 0.5 and 20 s: after a time `t` the mean is `2 + 2 exp(-t/20)` and sigma
-    /// `0.5 sqrt(1 - exp(-t/10))`. A random walk of 0.01 /s has a sigma of 1 after 100 s, about the 4 where it started.
+    /// From 4 about a mean of 2, with a sigma of 0.5 and 20 s: after a time `t` the mean is `2 + 2
+    /// exp(-t/20)` and sigma `0.5 sqrt(1 - exp(-t/10))`. A random walk of 0.01 /s has a sigma of 1
+    /// after 100 s, about the 4 where it started.
     #[test]
     fn a_stated_truth_is_that_of_the_start_and_wanders_from_there() {
         let at = |dynamics: &Dynamics, seed: u64, seconds: i64| {
@@ -267,7 +273,8 @@ mod tests {
             // 4 sigma of a mean of 2000 is 0.09 of their sigma, of their standard deviation 0.064
             assert!((truths.0 - mean).abs() < 0.09 * sigma, "{dynamics:?} {seconds} s: {truths:?}");
             assert!((truths.1 / sigma - 1.0).abs() < 0.064, "{dynamics:?} {seconds} s: {truths:?}");
-            // a Gauss-Markov state starts at its mean, a random walk from a draw of 0.5 about its truth
+            // a Gauss-Markov state starts at its mean, a random walk from a draw of 0.5 about its
+            // truth
             let starts = moments(&drawn.iter().map(|d| d.0).collect::<Vec<_>>());
             let expected = if dynamics == &walk { (4.0, 0.5) } else { (2.0, 0.0) };
             assert!(

@@ -1,4 +1,4 @@
-//! Composing an estimator from parts: the composer that types build their models with, and what comes of it.
+//! Composition: the composer that types build their models with, and its result.
 
 pub mod calibration;
 mod composer;

@@ -1,4 +1,4 @@
-//! `[estimator]`: when and from what the filter starts.
+//! The table `[estimator]`: start, end and initial values of the filter.
 
 use crate::compose::draw::Draw;
 use crate::units::time::Time;
@@ -6,31 +6,32 @@ use crate::units::{Frequency, Positive, Time as Duration};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Where the filter's initial values come from.
+/// Origin of the initial values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Initial {
-    /// The first sample of a reference at or after the start.
+    /// First sample of a reference at or after the start.
     Reference,
-    /// The `initial` values of the states.
+    /// `initial` values of the states.
     Given,
 }
 
-/// `[estimator]`: when and from what the filter starts, and how often it is recorded.
+/// `[estimator]`: start, end and initial values of the filter, and the rate of recording.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EstimatorConfig {
-    /// When the filter starts. Default: with the first sample.
+    /// Start of the filter. Default: the first sample.
     start: Option<Duration>,
-    /// When the run ends. Default: with the last sample.
+    /// End of the run. Default: the last sample.
     stop: Option<Duration>,
-    /// Where the initial values come from: `reference` (default where there is a reference) or `given`.
+    /// Origin of the initial values: `reference` (default where there is a reference) or `given`.
     pub(crate) initial: Option<Initial>,
-    /// What is drawn at random in a simulation, beside the sensors' noise: `nothing`, `start` (what is taken from a
-    /// reference is displaced by a draw from its prior) or `all` (every uncertain state, as in a Monte Carlo campaign).
+    /// Random quantities of a simulation beside the sensors' noise: `nothing`, `start` (initial
+    /// values from a reference are displaced by a draw from their prior) or `all` (every uncertain
+    /// state, as in a Monte Carlo campaign).
     #[serde(default)]
     pub draw: Draw,
-    /// How often estimates are recorded.
+    /// Rate at which estimates are recorded.
     #[serde(default = "ten_hertz")]
     output_rate: Positive<Frequency>,
 }
@@ -52,7 +53,7 @@ impl Default for EstimatorConfig {
 }
 
 impl EstimatorConfig {
-    /// The key of a time that [`Time`] cannot hold.
+    /// Key of a time beyond the range of [`Time`].
     pub(crate) fn beyond_the_clock(&self) -> Option<&'static str> {
         let times = [("start", self.start), ("stop", self.stop)];
         times
@@ -61,12 +62,12 @@ impl EstimatorConfig {
             .map(|(key, _)| key)
     }
 
-    /// When the filter starts.
+    /// Start of the filter.
     pub fn start(&self) -> Time {
         self.start.and_then(|s| Time::from_seconds(s.si())).unwrap_or(Time::MIN)
     }
 
-    /// When the run ends.
+    /// End of the run.
     pub fn stop(&self) -> Option<Time> {
         self.stop.and_then(|s| Time::from_seconds(s.si()))
     }

@@ -1,4 +1,4 @@
-//! The time offset of a sensor: a calibration state of any sensor that lags.
+//! The time offset, a calibration state of any sensor that lags.
 
 use crate::compose::Composer;
 use crate::compose::calibration::TimeOffset;
@@ -7,16 +7,16 @@ use crate::state::Handle;
 use crate::state::display;
 use crate::state::manifold::Scalar;
 
-/// The longest delay that is kept, s.
+/// Longest delay, s.
 pub(crate) const LONGEST: f64 = 10.0;
 
-/// So many sigma of the offset are kept.
+/// Number of sigma of the offset that the history covers.
 pub(crate) const SIGMAS: f64 = 5.0;
 
 /// Adds the block `time_offset` of the sensor that is being composed.
 ///
 /// # Errors
-/// As [`TimeOffset::block`], and when it is beyond the longest delay.
+/// As [`TimeOffset::block`], and when value and uncertainty reach beyond the longest delay.
 pub(crate) fn block(
     offset: &TimeOffset,
     composer: &mut Composer,

@@ -1,4 +1,5 @@
-//! Initial alignment in the filter: search, trials, and supervision until the alignment is complete.
+//! Initial alignment in the filter: search, trials, and supervision until the alignment is
+//! complete.
 
 use super::filter::{Ekf, EstimatorError, Memory, Snapshot};
 use super::stage::Stage;
@@ -20,13 +21,14 @@ const TRIALS: usize = 8;
 /// Ratio between the prior sigma after a trial and the trial's own sigma.
 ///
 /// The filter uses the samples of the trial a second time, so the first use must carry little
-/// information: with a ratio of 5 it carries `1/5^2` = 4 % of the information, 2 % in sigma. A larger
-/// ratio fails elsewhere: with 10, a component that the trial improves five to ten times, such as the
-/// pitch of a DVL, would keep its stated value although that is degrees off, and the alignment found
-/// with it would be wrong by more than its sigma.
+/// information: with a ratio of 5 it carries `1/5^2` = 4 % of the information, 2 % in sigma. A
+/// larger ratio fails elsewhere: with 10, a component that the trial improves five to ten times,
+/// such as the pitch of a DVL, would keep its stated value although that is degrees off, and the
+/// alignment found with it would be wrong by more than its sigma.
 const WIDENING: f64 = 5.0;
 
-/// Symmetric root of a covariance, and the inverse root, which is zero where the covariance is zero.
+/// Symmetric root of a covariance, and the inverse root, which is zero where the covariance is
+/// zero.
 fn roots(covariance: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     let SymmetricEigen { eigenvectors: axes, eigenvalues } = covariance.symmetric_eigen();
     let along = |sigmas: DVector<f64>| &axes * DMatrix::from_diagonal(&sigmas) * axes.transpose();
@@ -112,19 +114,20 @@ impl Ekf {
         Ok(())
     }
 
-    /// Adopts a trial's estimates of the blocks that no process moves, as far as the trial knows them
-    /// much better than the prior.
+    /// Adopts a trial's estimates of the blocks that no process moves, as far as the trial knows
+    /// them much better than the prior.
     ///
     /// The comparison goes by directions, not by components: along the axes in which the trial's
     /// covariance is diagonal and the prior is the identity. A DVL on a vehicle that moves straight
-    /// ahead does not observe a rotation about the velocity vector, and with degrees of misalignment
-    /// that rotation is no component of its own; a prior that is narrow in single components would
-    /// constrain it.
+    /// ahead does not observe a rotation about the velocity vector, and with degrees of
+    /// misalignment that rotation is no component of its own; a prior that is narrow in single
+    /// components would constrain it.
     ///
-    /// The prior of a constant becomes narrow along the adopted directions, which holds the constant
-    /// where the trial found it: with the full prior the first samples, which carry little information,
-    /// would move it away, and the filter would linearise in the wrong place again. A block that
-    /// wanders keeps its prior, since its value at the end of the trial is not its value at the start.
+    /// The prior of a constant becomes narrow along the adopted directions, which holds the
+    /// constant where the trial found it: with the full prior the first samples, which carry little
+    /// information, would move it away, and the filter would linearise in the wrong place again. A
+    /// block that wanders keeps its prior, since its value at the end of the trial is not its value
+    /// at the start.
     fn adopt(&mut self, Snapshot(after): &Snapshot) {
         let moved = moved(&self.layout, &self.composition.processes);
         let Memory { state, covariance, .. } = &mut self.memory;

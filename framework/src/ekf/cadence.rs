@@ -1,23 +1,24 @@
-//! How often the driving sensor speaks, and when samples are missing.
+//! Cadence of the driving sensor: its usual interval, and intervals with missing samples.
 
-/// Intervals longer than this multiple of the usual one have samples missing.
+/// Ratio to the usual interval above which samples are missing.
 const LONG: f64 = 1.5;
-/// So many long intervals in a row are a new rate, not a loss.
+/// Number of long intervals in a row that is a new rate, not a loss.
 const NEW_RATE: u32 = 8;
 
-/// The usual interval of the driving sensor.
+/// Usual interval of the driving sensor.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Cadence {
     usual: Option<f64>,
     in_a_row: u32,
-    /// How many intervals had samples missing.
+    /// Number of intervals with missing samples.
     pub missing: u64,
-    /// The longest of them, s.
+    /// Longest of those intervals, s.
     pub longest: f64,
 }
 
 impl Cadence {
-    /// The usual interval, s, after one of `duration`: that itself unless samples are missing.
+    /// Usual interval, s, after an interval of `duration`: the duration itself unless samples are
+    /// missing.
     pub(super) fn usual(&mut self, duration: f64) -> f64 {
         match self.usual {
             Some(usual) if duration > LONG * usual && self.in_a_row < NEW_RATE => {

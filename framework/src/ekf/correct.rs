@@ -1,4 +1,4 @@
-//! The update: gate, way out of lock-out, injection and reset.
+//! The measurement update: gate, recovery from lock-out, injection and reset.
 
 use super::filter::{Ekf, EstimatorError, rejected};
 use super::slot::Verdict;
@@ -10,10 +10,12 @@ use crate::state::covariance::{Covariance, Update};
 use crate::units::sample::Sample;
 use std::mem::discriminant;
 
-/// Inflates the covariance until the innovation is about as large as its mean, `NIS = m`; gives the new NIS.
+/// Inflates the covariance until the innovation is about as large as its mean, `NIS = m`, and
+/// returns the new NIS.
 ///
-/// `1 + c = NIS / m` would do in one step if `S` were all `H P H'`. The noise in it makes the step fall short, so it is
-/// repeated; it never goes too far.
+/// The factor `1 + c = NIS / m` would do in one step if `S` consisted of `H P H'` alone. The
+/// measurement noise in `S` makes each step fall short, so the step is repeated; it never
+/// overshoots.
 fn inflate(
     update: &mut Update,
     covariance: &mut Covariance,
@@ -37,7 +39,7 @@ fn inflate(
 }
 
 impl Ekf {
-    /// The update at the state's time.
+    /// Updates the estimate at the state's time.
     pub(super) fn correct(
         &mut self,
         sample: &Sample,
@@ -51,7 +53,7 @@ impl Ekf {
             None => model.linearise(&At { layout: &self.layout, state: &m.state, sample }, update),
             Some((offset, history)) => {
                 if !history.linearise(model, offset, (&self.layout, &m.state), sample, update) {
-                    return Ok(()); // it tells of a time before the start
+                    return Ok(()); // its time less the offset is before the start
                 }
             }
         }
@@ -96,7 +98,7 @@ impl Ekf {
             update.correct(&mut other.reach);
         }
         self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
-        // with what was injected: a velocity that turns moves by more than the gain says
+        // the injected error, since a velocity that turns moves by more than the gain alone gives
         observer.correction(update);
         if let Some(history) = &mut m.history {
             history.corrected(&update.delta);
@@ -111,7 +113,8 @@ impl Ekf {
         }
     }
 
-    /// Turns a sample away, and says why unless the sensor's sample before it was turned away for the same reason.
+    /// Rejects a sample, with a warning unless the sensor's previous sample was rejected for the
+    /// same reason.
     pub(super) fn reject(
         &mut self,
         sample: &Sample,

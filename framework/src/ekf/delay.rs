@@ -1,19 +1,21 @@
-//! Sensors that lag: where the state was, and what a sample of that time tells of the state now.
+//! Sensors with a time offset: recall of the past state, and the measurement matrix with respect to
+//! the present one.
 //!
-//! A sample stamped `t` of a sensor with the time offset `tau` tells of the state at `t - tau`. The filter keeps where its
-//! state was, and asks the model there, as if nothing lagged:
+//! A sample stamped `t` of a sensor with the time offset `tau` measures the state at `t - tau`. The
+//! filter keeps a history of its state and evaluates the model there:
 //! ```text
 //! z = h(x(t - tau)),   x(t - tau) between two entries of the history, along the manifold
 //! dz/dtau = -d/ds h(x(s)) at s = t - tau,   along the history
-//! H = dh/dx (I - A),   A = sum over the delay of (Phi_k - I): the error then is the error now, led back
+//! H = dh/dx (I - A),   A = sum over the delay of (Phi_k - I): leads the past error back to the present one
 //! ```
-//! A correction of the state is one of its past too: entries are read with what was corrected since. So differences along the
-//! history are motion, never corrections.
+//! A correction of the state corrects its past as well: entries are read with all later corrections
+//! applied. Differences along the history are therefore motion, never corrections.
 //!
-//! The slope has the noise of the driving sensor in it. Taken for motion, it would tell of `tau` in every sample, also of a
-//! vehicle that moves straight on, of which nothing can be told. It is therefore taken over 0.2 s, where some of the noise
-//! averages out, and shrunk by what noise explains of it: with the information `I = sum (dz/dtau)^2 / R` over the channels, and `I_n`
-//! that which the process noise gives on average,
+//! The slope contains the noise of the driving sensor. Taken for motion, that noise would carry
+//! information about `tau` in every sample, even of a vehicle on a straight course, where `tau` is
+//! unobservable. The slope is therefore taken over 0.2 s, where part of the noise averages out, and
+//! reduced by the share that noise explains: with the information `I = sum (dz/dtau)^2 / R` over
+//! the channels, and `I_n` the mean information that process noise gives,
 //! ```text
 //! dz/dtau := max(0, 1 - 5 I_n / I) dz/dtau
 //! ```
@@ -27,14 +29,16 @@ use crate::state::{Block, Dynamics, Handle, Layout, State};
 use crate::units::sample::{MAX_CHANNELS, Sample};
 use crate::units::time::Time;
 
-/// Entries are at least so far apart: a motion of 5 m/s^3 is straight over it to 0.25 mm/s.
+/// Shortest time between entries: a motion of 5 m/s^3 deviates from a straight line by 0.25 mm/s
+/// over it.
 const SPACING: Time = Time::from_nanos(20_000_000);
 
-/// The slope is taken over twice this, s. Of a motion that comes and goes in 1 s it is then 6 % too small.
+/// Half of the time over which the slope is taken, s. For a motion with a period of 1 s the slope
+/// is then 6 % too small.
 const HALF: f64 = 0.1;
 
-/// So many times what noise explains does a slope tell nothing.
-const SURE: f64 = 5.0;
+/// Ratio of information to that expected from noise below which a slope is discarded.
+const NOISE_RATIO: f64 = 5.0;
 
 /// A block that processes move.
 #[derive(Clone, Copy)]
@@ -43,25 +47,25 @@ struct Moving {
     estimated: bool,
 }
 
-/// Where the state was, of late: a ring of entries, the oldest of which gives way.
+/// Recent states in a ring; a new entry replaces the oldest.
 #[derive(Clone)]
 pub(super) struct History {
     moving: Vec<Moving>,
-    /// Row and column of the elements of `Phi` that processes fill, and what the identity has there.
+    /// Row and column of each element of `Phi` that processes fill, and its value in the identity.
     places: Vec<(usize, usize, f64)>,
     entries: Vec<Entry>,
-    /// The place of the oldest.
+    /// Index of the oldest entry.
     first: usize,
     len: usize,
-    /// When the filter started.
+    /// Start of the filter.
     start: Time,
-    /// The elements of `Phi` added up since the start, and the number of steps.
+    /// Sum of the elements of `Phi` since the start, and the number of steps.
     drift: Vec<f64>,
     steps: f64,
-    /// When the state last moved, and the density of the process noise then: of each error, unit^2/s.
+    /// Time of the last propagation, and the density of its process noise for each error, unit^2/s.
     last: Time,
     density: Vec<f64>,
-    /// The state of which a sample tells, and those at the ends of the slope.
+    /// State that a sample measures, and the states at the ends of the slope.
     at: State,
     around: [State; 2],
     scratch: Vec<f64>,
@@ -79,13 +83,14 @@ struct Entry {
     signals: Vec<f64>,
     drift: Vec<f64>,
     steps: f64,
-    /// What was corrected between this entry and the next, if anything was.
+    /// Correction between this entry and the next, if there was one.
     corrected: bool,
     correction: Vec<f64>,
 }
 
 impl History {
-    /// A history for the sensors of a composition that have a time offset; `None` where none has.
+    /// Creates a history for the sensors of a composition that have a time offset; `None` where
+    /// none has.
     pub(super) fn new(composition: &Composition) -> Option<Self> {
         let layout = &*composition.layout;
         let offsets = composition
@@ -98,7 +103,7 @@ impl History {
             _ => block.spec.initial[0].abs() + SIGMAS * block.spec.sigma[0],
         });
         let span = spans.reduce(f64::max)?.min(LONGEST);
-        // the slope reaches beyond, and two more for what is between entries
+        // the slope reaches beyond the span, and two more entries allow interpolation
         let capacity = ((span.max(HALF) + HALF) / SPACING.seconds()).ceil() as usize + 3;
         let told = moved(layout, &composition.processes);
         let moves = |slot: &usize| {
@@ -141,7 +146,7 @@ impl History {
         })
     }
 
-    /// The filter started.
+    /// Clears the history at the start of the filter.
     pub(super) fn begin(&mut self, state: &State) {
         (self.first, self.len, self.start, self.last) = (0, 0, state.time, state.time);
         self.drift.fill(0.0);
@@ -149,7 +154,7 @@ impl History {
         self.push(state);
     }
 
-    /// The state moved.
+    /// Records a propagation.
     pub(super) fn moved(&mut self, state: &State, transition: &Transition) {
         transition.add_to(&mut self.drift);
         self.steps += 1.0;
@@ -160,7 +165,7 @@ impl History {
         }
     }
 
-    /// The state was corrected.
+    /// Records a correction.
     pub(super) fn corrected(&mut self, delta: &[f64]) {
         let Some(newest) = self.len.checked_sub(1) else { return };
         let at = (self.first + newest) % self.entries.len();
@@ -186,13 +191,14 @@ impl History {
         self.len += 1;
     }
 
-    /// The entry `k` after the oldest.
+    /// Entry `k` after the oldest.
     fn entry(&self, k: usize) -> &Entry {
         &self.entries[(self.first + k) % self.entries.len()]
     }
 
-    /// A piece of the way: from one entry, to a later one or the state, and the share of it that leads to the state `back`
-    /// seconds ago. Before the first entry and after the state the motion goes on as it is there.
+    /// Segment of the history, from one entry to a later entry or the state, that contains the
+    /// state `back` seconds ago, and the share of the segment up to it. Before the first entry and
+    /// after the state the motion is extrapolated.
     fn piece(&self, now: Time, back: f64) -> (usize, Option<usize>, f64) {
         let newest = self.len - 1;
         let age = |k: usize| now.since(self.entry(k).time);
@@ -202,7 +208,7 @@ impl History {
             let middle = (low + high).div_ceil(2);
             if age(middle) >= back { low = middle } else { high = middle - 1 }
         }
-        // the piece up to the state may be too short to go on from
+        // the segment up to the state may be too short for an extrapolation
         if back < 0.0 && low > 0 && age(low) < 0.5 * SPACING.seconds() {
             low -= 1;
             return (low, None, (age(low) - back) / age(low));
@@ -212,7 +218,7 @@ impl History {
         (low, to, if length > 0.0 { (age(low) - back) / length } else { 0.0 })
     }
 
-    /// The value of a block at an entry, as it is now thought to have been.
+    /// Value of a block at an entry, with all later corrections applied.
     fn value(&self, block: &Block, estimated: bool, k: usize, out: &mut [f64]) {
         out.copy_from_slice(&self.entry(k).values[block.range()]);
         if estimated {
@@ -222,7 +228,7 @@ impl History {
         }
     }
 
-    /// Where the state was `back` seconds ago, into `out`.
+    /// Recalls the state `back` seconds ago into `out`.
     fn recall(&self, layout: &Layout, state: &State, back: f64, out: &mut State, from: &mut [f64]) {
         let (k, to, share) = self.piece(state.time, back);
         out.time = state.time - Time::from_seconds(back).unwrap_or_default();
@@ -247,8 +253,8 @@ impl History {
         out.signals.iter_mut().zip(signals).for_each(|(out, signal)| *out = signal);
     }
 
-    /// Innovation, Jacobian and noise of a sample at the state's time from a sensor with that offset. `false` where it tells
-    /// of a time before the start, of which nothing is known.
+    /// Computes innovation, Jacobian and noise of a sample at the state's time from a sensor with
+    /// that offset. Returns `false` where the measured state lies before the start.
     pub(super) fn linearise(
         &mut self,
         model: &dyn AnyMeasurement,
@@ -283,7 +289,7 @@ impl History {
         true
     }
 
-    /// The share of a change over `span` seconds that the noise of the process does not explain.
+    /// Share of a change over `span` seconds that process noise does not explain.
     fn told(
         &self,
         change: &[f64; MAX_CHANNELS],
@@ -300,10 +306,11 @@ impl History {
             noise += seen.map(|(&c, h)| h * h * self.density[c]).sum::<f64>() * span / r;
             all += change[channel] * change[channel] / r;
         }
-        if all > 0.0 { (1.0 - SURE * noise / all).max(0.0) } else { 0.0 }
+        if all > 0.0 { (1.0 - NOISE_RATIO * noise / all).max(0.0) } else { 0.0 }
     }
 
-    /// Makes the Jacobian with respect to the state then one with respect to the state now and to the offset.
+    /// Converts the Jacobian with respect to the past state into one with respect to the present
+    /// state and the offset.
     fn lead_back(
         &mut self,
         now: Time,
@@ -319,7 +326,7 @@ impl History {
         let (to, steps) =
             to.map_or((&self.drift, self.steps), |to| (&entry(to).drift, entry(to).steps));
         let steps = self.steps - (from.steps + share * (steps - from.steps));
-        // the columns that are seen through those seen then
+        // present columns through which the past columns are observed
         self.columns.clear();
         self.columns.extend_from_slice(&update.columns);
         let seen = self.places.iter().filter(|p| update.columns.contains(&p.0)).map(|p| p.1);

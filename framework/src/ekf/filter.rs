@@ -1,7 +1,8 @@
 //! The error-state extended Kalman filter.
 //!
-//! It owns injection, reset, gating and the covariance; models never touch them. Measurements wait until the driving
-//! sensor's samples reach their time, then its interval is split there, so that every update happens at its own time.
+//! The filter owns injection, reset, gating and the covariance; models never touch them.
+//! Measurements wait until the samples of the driving sensor reach their time. The filter then
+//! splits the driving interval there, so that every update happens at its own time.
 
 use super::cadence::Cadence;
 use super::delay::History;
@@ -22,47 +23,47 @@ use crate::units::time::Time;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// The most measurements that wait for the driving sensor.
+/// Largest number of measurements that wait for the driving sensor.
 pub(super) const MAX_PENDING: usize = 1024;
 
-/// Why the filter cannot go on.
+/// Reason why the filter cannot continue.
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
 pub enum EstimatorError {
     /// A process model failed.
     #[error("at {time}: {process}: {error}")]
     Process {
-        /// When.
+        /// Time of the failure.
         time: Time,
-        /// Which.
+        /// Name of the process.
         process: String,
-        /// Why.
+        /// Reason.
         error: ProcessError,
     },
-    /// The covariance is no longer one.
+    /// The covariance is not positive any more.
     #[error(
         "at {time}: the variance of {block} is not positive: its prior sigma and the noise of the sensors that see it \
          differ by too many orders of magnitude, or a model gives a wrong Jacobian"
     )]
     Covariance {
-        /// When.
+        /// Time of the failure.
         time: Time,
-        /// The block whose variance is wrong.
+        /// Block whose variance is not positive.
         block: String,
     },
 }
 
-/// The filter: feed it samples in order of time.
+/// An error-state EKF, which takes samples in order of time.
 pub struct Ekf {
     pub(super) composition: Composition,
     pub(super) layout: Arc<Layout>,
-    /// The sensor that drives a process model, if any does.
+    /// Sensor that drives a process model.
     pub(super) driver: Option<usize>,
     pub(super) considered: Vec<bool>,
     pub(super) update: Update,
     pub(super) memory: Memory,
 }
 
-/// All that changes while the filter runs: a clone is a snapshot.
+/// Everything that changes while the filter runs; a clone is a snapshot.
 #[derive(Clone)]
 pub(super) struct Memory {
     pub(super) stage: Stage,
@@ -72,28 +73,28 @@ pub(super) struct Memory {
     pub(super) transition: Transition,
     pub(super) dynamics: BlockDynamics,
     pub(super) processes: Vec<Box<dyn ProcessModel>>,
-    /// Initial alignments, one place a process.
+    /// Initial alignments, one place per process.
     pub(super) alignments: Vec<Option<Box<dyn InitialAlignment>>>,
     pub(super) sensors: Vec<SensorSlot>,
-    /// Where the state was, if some sensor tells of that.
+    /// Recent states, kept where some sensor has a time offset.
     pub(super) history: Option<History>,
-    /// The time of the last driving sample.
+    /// Time of the last driving sample.
     pub(super) input: Option<Time>,
     pub(super) cadence: Cadence,
     /// Measurements ahead of the driving sensor, in order of time.
     pub(super) pending: VecDeque<Sample>,
-    /// What is true beside the motion.
+    /// Truth of the blocks that no reference gives.
     pub(super) constants: TrueState,
     pub(super) truth: State,
     pub(super) known: Vec<bool>,
 }
 
-/// A whole filter at one time, to go back to.
+/// A complete filter at one time, to return to.
 #[derive(Clone)]
 pub struct Snapshot(pub(super) Memory);
 
 impl Ekf {
-    /// A filter for the composition, which waits for its start.
+    /// Creates a filter for the composition, which waits for its start.
     pub fn new(composition: Composition) -> Self {
         let layout = Arc::clone(&composition.layout);
         let n = layout.tangent;
@@ -139,22 +140,22 @@ impl Ekf {
         &self.memory.state
     }
 
-    /// Its covariance.
+    /// Covariance of the estimate.
     pub fn covariance(&self) -> &Covariance {
         &self.memory.covariance
     }
 
-    /// The layout of both.
+    /// Layout of state and covariance.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// What it was composed from.
+    /// Composition that the filter runs.
     pub fn composition(&self) -> &Composition {
         &self.composition
     }
 
-    /// Whether it has started.
+    /// Whether the filter has started.
     pub fn running(&self) -> bool {
         matches!(self.memory.stage, Stage::Running)
     }
@@ -167,22 +168,23 @@ impl Ekf {
         self.composition.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)))
     }
 
-    /// The whole filter as it is now.
+    /// Copies the complete filter.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot(self.memory.clone())
     }
 
-    /// Goes back to a snapshot of a filter of the same composition.
+    /// Returns to a snapshot of a filter of the same composition.
     pub fn restore(&mut self, snapshot: &Snapshot) {
         self.memory.clone_from(&snapshot.0);
     }
 
-    /// The last truth that a reference gave, or that the scenario states.
+    /// Last truth that a reference gave or the scenario states.
     pub fn truth(&self) -> Truth<'_> {
         Truth { state: &self.memory.truth, known: &self.memory.known }
     }
 
-    /// The estimate now; with the truth where there is no reference to tell it but the scenario does.
+    /// Estimate at the current time, with the truth where the scenario states it and no reference
+    /// gives it.
     pub(crate) fn epoch(&mut self) -> Epoch<'_> {
         let told = self.has_reference();
         let m = &mut self.memory;

@@ -1,4 +1,4 @@
-//! The estimators.
+//! Estimators: the error-state extended Kalman filter.
 
 mod alignment;
 mod cadence;

@@ -1,4 +1,4 @@
-//! A sensor as the filter follows it: its gate, and the way out of lock-out.
+//! Filter state of one sensor: its gate, and the recovery from lock-out.
 
 use crate::model::gate::{Action, Recovery};
 use crate::model::record::{Event, Level, Observer, Rejection};
@@ -7,41 +7,42 @@ use crate::state::covariance::Reach;
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 
-/// So many gated samples in a row are worth a warning.
+/// Number of gated samples in a row that causes a warning.
 const IN_A_ROW: u64 = 5;
 
-/// So few gated samples in a row are no lock-out, however long they took: an outlier on either side of an outage.
+/// Largest number of gated samples in a row that is no lock-out, however long they took: an outlier
+/// on either side of an outage.
 const OUTLIERS: u64 = 2;
 
-/// A sensor as the filter sees it.
+/// Filter state of one sensor.
 #[derive(Clone)]
 pub(super) struct SensorSlot {
     pub(super) name: String,
-    /// The channels that it measures or drives by, one bit each.
+    /// Channels that the sensor measures or drives by, one bit each.
     pub(super) channels: u16,
-    /// The time of its last sample.
+    /// Time of the last sample.
     pub(super) last: Time,
-    /// The samples gated in a row until now.
+    /// Current streak of gated samples.
     pub(super) gated: Option<Streak>,
-    /// Where the error that the first of them showed has gone since, for the inflation.
+    /// Propagation of the error that the first gated sample showed, for the inflation.
     pub(super) reach: Reach,
-    /// Why its last sample was rejected, if it was: said once in a row.
+    /// Reason of the last rejection, which is reported once in a row.
     pub(super) refused: Option<Rejection>,
     pub(super) thresholds: [f64; MAX_CHANNELS + 1],
     pub(super) recovery: Recovery,
 }
 
-/// Samples of one sensor that were gated, without one between them that passed.
+/// Consecutive gated samples of one sensor.
 #[derive(Clone, Copy)]
 pub(super) struct Streak {
     pub(super) since: Time,
     pub(super) count: u64,
-    /// Whether it was said that the filter is locked out.
-    told: bool,
+    /// Whether the lock-out has been reported.
+    reported: bool,
 }
 
 impl SensorSlot {
-    /// For an error state of dimension `n`.
+    /// Creates the slot for an error state of dimension `n`.
     pub(super) fn new(sensor: &Sensor, n: usize) -> Self {
         let used = match &sensor.role {
             Role::Measurement(model) => model.channels(),
@@ -59,8 +60,8 @@ impl SensorSlot {
         }
     }
 
-    /// What becomes of a sample of that normalised innovation squared, with `m` channels: accepted, gated, or accepted
-    /// all the same because everything was gated for too long.
+    /// Decides on a sample with the given normalised innovation squared and `m` channels. A sample
+    /// beyond the gate passes after a lock-out of `recovery.after`.
     pub(super) fn judge(
         &mut self,
         time: Time,
@@ -81,11 +82,11 @@ impl SensorSlot {
             return Verdict::Pass;
         }
         let after = self.recovery.after.value().si();
-        let mut streak = self.gated.unwrap_or(Streak { since: time, count: 0, told: false });
+        let mut streak = self.gated.unwrap_or(Streak { since: time, count: 0, reported: false });
         streak.count += 1;
-        let Streak { since, count, told, .. } = streak;
+        let Streak { since, count, reported, .. } = streak;
         self.gated = Some(streak);
-        // one is what a gate is for; several in a row are worth a warning
+        // a single gated sample is expected; several in a row are worth a warning
         if count == 1 {
             event(Level::Info, format!("gate rejects: NIS {nis:.1} is above {threshold:.1}"));
         } else if count == IN_A_ROW {
@@ -94,23 +95,23 @@ impl SensorSlot {
         if time.since(since) < after || count <= OUTLIERS || !nis.is_finite() {
             return Verdict::Gate;
         }
-        let said = format!("locked out: every one of {count} samples was gated since {since}");
+        let lock_out = format!("locked out: every one of {count} samples was gated since {since}");
         let verdict = match self.recovery.action {
-            Action::Report if told => return Verdict::Gate,
+            Action::Report if reported => return Verdict::Gate,
             Action::Report => {
-                event(Level::Warning, said);
-                self.gated = Some(Streak { told: true, ..streak });
+                event(Level::Warning, lock_out);
+                self.gated = Some(Streak { reported: true, ..streak });
                 return Verdict::Gate;
             }
             Action::Inflate => {
                 event(
                     Level::Warning,
-                    format!("{said}; the covariance is inflated and this one used"),
+                    format!("{lock_out}; the covariance is inflated and this one used"),
                 );
                 Verdict::Inflate
             }
             Action::Accept => {
-                event(Level::Warning, format!("{said}; this one is used"));
+                event(Level::Warning, format!("{lock_out}; this one is used"));
                 Verdict::Pass
             }
         };
@@ -119,7 +120,7 @@ impl SensorSlot {
     }
 }
 
-/// What becomes of a measured sample.
+/// Decision on a measured sample.
 pub(super) enum Verdict {
     Pass,
     Gate,

@@ -6,12 +6,13 @@ use crate::units::time::Time;
 /// Stage of a filter.
 #[derive(Clone)]
 pub(super) enum Stage {
-    /// Waits for the first driving sample from this time on, or the first measurement where no sensor
-    /// drives.
+    /// Waits for the first driving sample from this time on, or the first measurement where no
+    /// sensor drives.
     At(Time),
     /// Waits for the first reference from this time on.
     FromReference(Time),
-    /// Searches for the initial values from the state's time on. The buffer holds the samples since.
+    /// Searches for the initial values from the state's time on. The buffer holds the samples
+    /// since.
     Searching(Vec<Sample>),
     /// Runs.
     Running,

@@ -64,8 +64,8 @@ impl Ekf {
         observer.event(Event { time, level: Level::Info, about: "estimator".into(), text });
     }
 
-    /// Takes a reference's sample: starts a filter that waits for one, and compares a running filter
-    /// with it at the sample's own time.
+    /// Takes a reference's sample: starts a filter that waits for one, and compares a running
+    /// filter with it at the sample's own time.
     pub(super) fn follow(
         &mut self,
         sample: &Sample,

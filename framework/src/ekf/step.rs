@@ -1,4 +1,5 @@
-//! A filter's way through time: samples wait for the driving sensor, and its interval is split where they are used.
+//! Propagation: samples wait for the driving sensor, and the filter splits its interval at their
+//! times.
 
 use super::cadence::Cadence;
 use super::filter::{Ekf, EstimatorError, MAX_PENDING, rejected};
@@ -13,7 +14,7 @@ impl Ekf {
     /// Takes a sample: propagates to its time and uses it.
     ///
     /// # Errors
-    /// When the filter cannot go on; what it was until then stays.
+    /// When the filter cannot continue. The estimate before the sample stays.
     pub fn process(
         &mut self,
         sample: &Sample,
@@ -50,7 +51,8 @@ impl Ekf {
         Ok(())
     }
 
-    /// Says once that samples of the driving sensor are missing; how many, when there are no more.
+    /// Warns once that samples of the driving sensor are missing; [`Self::finish`] gives their
+    /// number.
     fn tell_of_missing(
         &mut self,
         sample: &Sample,
@@ -67,7 +69,7 @@ impl Ekf {
         }
     }
 
-    /// Says what is left unused when there are no more samples.
+    /// Reports unused samples and sensors that are still gated after the last sample.
     pub fn finish(&mut self, observer: &mut dyn Observer) {
         let Cadence { missing, longest, .. } = self.memory.cadence;
         if let Some(driver) = self.driver
@@ -87,7 +89,7 @@ impl Ekf {
             observer.update(&rejected(&sample, Rejection::NoInput));
         }
         for (slot, sensor) in self.memory.sensors.iter().zip(&self.composition.sensors) {
-            // a process that knows something until then has told of it
+            // the alignment has already reported the samples of its own constraint
             if let Some(streak) = slot.gated.filter(|_| !sensor.constraint) {
                 let text =
                     format!("the last {} samples were gated, since {}", streak.count, streak.since);
@@ -101,14 +103,15 @@ impl Ekf {
         }
     }
 
-    /// Keeps a measurement until the driving sensor reaches its time. Sensors may come in any order among themselves.
+    /// Queues a measurement until the driving sensor reaches its time. Samples of different sensors
+    /// may arrive in any order.
     fn wait(&mut self, sample: &Sample, observer: &mut dyn Observer) {
         if self.memory.pending.len() == MAX_PENDING
             && let Some(oldest) = self.memory.pending.pop_front()
         {
             self.reject(&oldest, Rejection::NoInput, observer);
         }
-        // a running filter is compared with a reference after what else came at its time
+        // a running filter is compared with a reference after all other samples of the same time
         let (sensors, running) = (&self.composition.sensors, self.running());
         let place = |s: &Sample| {
             (s.time, running && matches!(sensors[s.sensor.0].role, Role::Reference(_)))
@@ -119,7 +122,7 @@ impl Ekf {
         pending.insert(at, *sample);
     }
 
-    /// A driving sample: what waits for its interval is used on the way.
+    /// Takes a driving sample, and uses the queued samples within its interval on the way.
     fn drive(
         &mut self,
         sample: &Sample,
@@ -136,7 +139,8 @@ impl Ekf {
                 process.prepare(&self.layout, &mut self.memory.state, &input);
             }
             let due = self.memory.stage.is_due(sample.time);
-            // nothing is known of the motion before the first driving sample, and nothing is used before the start
+            // the motion before the first driving sample is unknown, and samples before the start
+            // are unused
             if due || self.memory.input.is_none() {
                 self.memory.pending.retain(|waiting| waiting.time >= sample.time);
             }
@@ -152,7 +156,8 @@ impl Ekf {
             self.use_sample(&waiting, observer)?;
         }
         if self.searching() && self.memory.state.time < sample.time {
-            // the search began within this sample's interval: it is the first that it sees
+            // the search began within the interval of this sample, which is the first one that it
+            // sees
             self.memory.sensors[sample.sensor.0].last = self.memory.input.unwrap_or(Time::MIN);
             return self.search(sample, observer);
         }
@@ -162,7 +167,7 @@ impl Ekf {
         if self.running() { self.supervise(observer) } else { Ok(()) }
     }
 
-    /// Moves the state and its covariance to a time, if it is ahead.
+    /// Propagates state and covariance to a later time.
     fn advance(
         &mut self,
         to: Time,
@@ -198,7 +203,7 @@ impl Ekf {
         Ok(())
     }
 
-    /// Uses a measurement or reference at the state's time, or turns it away.
+    /// Uses a measurement or reference at the state's time, or rejects it.
     fn use_sample(
         &mut self,
         sample: &Sample,

@@ -1,8 +1,9 @@
-//! Why a part cannot be composed.
+//! Errors of composition.
 
 use crate::document::{DocumentError, Node};
 
-/// Why a part cannot be composed: the key below its table, and what to do.
+/// Reason why a part cannot be composed: the key below the part's table, and a message with the
+/// remedy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{key}: {message}")]
 pub struct ComposeError {
@@ -11,12 +12,12 @@ pub struct ComposeError {
 }
 
 impl ComposeError {
-    /// An error about a key of the part's table (empty for the table itself).
+    /// Creates an error about a key of the part's table (empty for the table itself).
     pub fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
         Self { key: key.into(), message: message.into() }
     }
 
-    /// The error with its place in the document.
+    /// Adds the place in the document.
     pub(crate) fn at(&self, node: &Node<'_>) -> DocumentError {
         let mut place = node.clone();
         for key in self.key.split('.').filter(|k| !k.is_empty()) {

@@ -1,4 +1,4 @@
-//! Innovation gates, and the way out when a filter rejects everything.
+//! Innovation gates, and recovery from lock-out.
 
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::{Positive, Time as Duration};
@@ -8,24 +8,25 @@ use serde::{Deserialize, Deserializer};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::fmt;
 
-/// A chi-square gate on the normalised innovation squared: the probability that a good sample passes, or off.
+/// Chi-square gate on the normalised innovation squared: the probability that a good sample passes,
+/// or off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate(Option<f64>);
 
 impl Default for Gate {
-    /// One good sample in ten thousand is turned away.
+    /// Gates one good sample in ten thousand.
     fn default() -> Self {
         Self(Some(0.9999))
     }
 }
 
 impl Gate {
-    /// The probability that a good sample passes; `None` when off.
+    /// Probability that a good sample passes; `None` when off.
     pub fn probability(self) -> Option<f64> {
         self.0
     }
 
-    /// The threshold on the NIS for each number of channels; infinite when off.
+    /// Threshold on the NIS for each number of channels; infinite when off.
     pub fn thresholds(self) -> [f64; MAX_CHANNELS + 1] {
         std::array::from_fn(|dof| match (self.0, ChiSquared::new(dof as f64)) {
             (Some(p), Ok(distribution)) => distribution.inverse_cdf(p),
@@ -77,27 +78,28 @@ impl JsonSchema for Gate {
     }
 }
 
-/// What to do when every sample of a sensor was turned away for too long.
+/// Action after a lock-out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Action {
-    /// Enlarge the covariance of the states that the sensor sees until the sample is as likely as any, and use it.
+    /// Inflate the covariance of the states that the sensor measures until the innovation is
+    /// plausible, and use the sample.
     #[default]
     Inflate,
     /// Use the next sample whatever its innovation.
     Accept,
-    /// Only say so.
+    /// Only report the lock-out.
     Report,
 }
 
-/// The way out of lock-out.
+/// Recovery from lock-out.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Recovery {
-    /// How long every sample must have been gated; at least three samples.
+    /// Duration for which every sample must have been gated; at least three samples.
     #[serde(default = "half_a_minute")]
     pub after: Positive<Duration>,
-    /// What then happens: `inflate`, `accept` or `report`.
+    /// Action: `inflate`, `accept` or `report`.
     #[serde(default)]
     pub action: Action,
 }

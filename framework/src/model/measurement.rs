@@ -10,12 +10,14 @@ use crate::units::time::Time;
 use nalgebra::{SMatrix, SVector};
 use num_dual::Dual64;
 
-/// How a sensor sees the state: `N` channels, `z [-] h(x) = v`, `v ~ N(0, R)`.
+/// A measurement model of `N` channels: `z [-] h(x) = v`, `v ~ N(0, R)`.
 ///
-/// A sensor may have more than `N` channels: those that follow are not measured, but can be read by [`View::channel`].
+/// A sensor may have more than `N` channels. The channels after the first `N` are not measured;
+/// [`View::channel`] reads them.
 ///
-/// The author writes [`Self::predict`]; the framework differentiates it with respect to every block that it reads,
-/// leaves out channels that a sample lacks, simulates the sensor with it, and never lets the model touch `P`.
+/// The author writes [`Self::predict`]. The framework differentiates it with respect to every block
+/// that it reads, leaves out channels that a sample lacks, and simulates the sensor with it. Models
+/// never touch the covariance.
 ///
 /// A range from the origin of a two-dimensional state:
 /// ```
@@ -35,34 +37,38 @@ use num_dual::Dual64;
 /// }
 /// ```
 pub trait MeasurementModel<const N: usize>: Send + 'static {
-    /// `h(x)`: what the channels would read, in the sensor's channel order, SI.
+    /// `h(x)`: predicted values of the channels, in the sensor's channel order, SI.
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, N>;
 
     /// `R`: covariance of the noise of the channels, SI squared.
     fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, N, N>;
 
-    /// `z [-] h(x)` of one channel. The difference, unless a model says otherwise: of an angle, wrap it into +-pi.
+    /// `z [-] h(x)` of one channel. Default: the difference. A model of an angle wraps it into
+    /// +-pi.
     fn difference(&self, _channel: usize, measured: f64, predicted: f64) -> f64 {
         measured - predicted
     }
 
-    /// Adds to a sample, before it is used, channels that a recording need not have since their value is always the same: the
-    /// sideways speed of a wheel that rolls. Of a sample without any of the model's channels nothing is made.
+    /// Completes a sample before its use with channels that a recording may omit because their
+    /// value is always the same, such as the sideways speed of a rolling wheel. A sample without
+    /// any of the model's channels stays as it is.
     fn complete(&self, _sample: &mut Sample) {}
 
-    /// Fills a simulated sample: what the model predicts of the truth, and noise of `R`. Override it for a sensor that loses
-    /// channels, or has more than `N`: set those first, then call [`Scene::measure`], then take away what is lost.
+    /// Fills a simulated sample with the prediction from the truth and noise of `R`. Override it
+    /// for a sensor that loses channels, or has more than `N` of them: set the additional channels
+    /// first, call [`Scene::measure`], and then clear the lost channels.
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
         scene.measure(self, sample);
     }
 
-    /// An analytic Jacobian in place of the dual numbers: fill every block that `predict` reads and return `true`.
+    /// Analytic Jacobian in place of dual numbers: fill every block that `predict` reads and return
+    /// `true`.
     fn jacobian(&self, _x: &View<'_, f64>, _h: &mut Jacobian<'_, N>) -> bool {
         false
     }
 }
 
-/// The Jacobian of an `N`-channel model, filled block by block.
+/// Jacobian of an `N`-channel model, filled block by block.
 #[derive(Debug)]
 pub struct Jacobian<'a, const N: usize> {
     layout: &'a Layout,
@@ -72,7 +78,7 @@ pub struct Jacobian<'a, const N: usize> {
 }
 
 impl<const N: usize> Jacobian<'_, N> {
-    /// Sets the derivative with respect to a block's tangent; a fixed block is passed over.
+    /// Sets the derivative with respect to a block's tangent; a fixed block is skipped.
     pub fn set<M: Manifold, const K: usize>(
         &mut self,
         block: Handle<M>,
@@ -90,7 +96,7 @@ impl<const N: usize> Jacobian<'_, N> {
     }
 }
 
-/// A measurement model whose type is no longer known: what the estimator and the simulator call.
+/// A measurement model with its type erased, as the estimator and the simulator call it.
 ///
 /// ```
 /// use navfuse_core::model::measurement::{AnyMeasurement, At};
@@ -105,29 +111,31 @@ impl<const N: usize> Jacobian<'_, N> {
 /// }
 /// ```
 pub trait AnyMeasurement: Send {
-    /// Number of channels that it predicts.
+    /// Number of predicted channels.
     fn channels(&self) -> usize;
-    /// `h(x)` into `out`.
+    /// Computes `h(x)` into `out`.
     fn predict(&self, at: &At<'_>, out: &mut [f64]);
-    /// `R`, row-major, into `out`.
+    /// Computes `R`, row-major, into `out`.
     fn noise(&self, at: &At<'_>, out: &mut [f64]);
-    /// Innovation, Jacobian and noise of the channels that the sample has, into the update's work space.
+    /// Computes innovation, Jacobian and noise of the sample's channels into the update's work
+    /// space.
     fn linearise(&self, at: &At<'_>, update: &mut Update);
-    /// The blocks that `h` reads, one bit a slot.
+    /// Blocks that `h` reads, one bit per slot.
     fn blocks(&self, at: &At<'_>) -> u128;
-    /// The Jacobian over `columns` (row-major, all channels) by dual numbers.
+    /// Computes the Jacobian over `columns` (row-major, all channels) by dual numbers.
     fn differentiate(&self, at: &At<'_>, columns: &[usize], read: u128, h: &mut [f64]);
-    /// The analytic Jacobian, if the model has one.
+    /// Computes the analytic Jacobian, if the model has one.
     fn analytic(&self, at: &At<'_>, columns: &[usize], h: &mut [f64]) -> bool;
-    /// The change of each channel from one state to another, `h(to) [-] h(from)`, into `out`.
+    /// Computes the change of each channel from one state to another, `h(to) [-] h(from)`, into
+    /// `out`.
     fn change(&self, from: &At<'_>, to: &At<'_>, out: &mut [f64]);
-    /// Adds the channels that a recording need not have.
+    /// Completes a sample with the channels that a recording may omit.
     fn complete(&self, sample: &mut Sample);
     /// Fills a simulated sample.
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample);
 }
 
-/// Where a model is asked: a state, and the sample that it is to predict.
+/// Point of evaluation of a model: a state, and the sample to predict.
 #[derive(Clone, Copy, Debug)]
 pub struct At<'a> {
     /// The layout of the state.
@@ -141,7 +149,7 @@ pub struct At<'a> {
 static NO_SAMPLE: Sample = Sample::empty(Time::MIN, SensorId(0));
 
 impl<'a> At<'a> {
-    /// At a state, for a model that reads no channel.
+    /// Evaluation at a state, for a model that reads no channel.
     pub fn state(layout: &'a Layout, state: &'a State) -> Self {
         Self { layout, state, sample: &NO_SAMPLE }
     }
@@ -151,7 +159,7 @@ impl<'a> At<'a> {
     }
 }
 
-/// Makes a model an [`AnyMeasurement`].
+/// Adapter that makes a model an [`AnyMeasurement`].
 #[derive(Debug)]
 pub struct Erased<M, const N: usize>(pub M);
 
@@ -235,8 +243,9 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
     }
 }
 
-/// The largest error of a model's Jacobian at a state, relative to the largest derivative of the channel: against central
-/// differences along the tangents of the blocks, beyond what their rounding explains. For the test of a sensor; 1e-6 is a good bound.
+/// Largest error of a model's Jacobian at a state, relative to the largest derivative of the
+/// channel. The reference is central differences along the tangents of the blocks, less their
+/// rounding error. For tests of sensors; 1e-6 is a good bound.
 pub fn jacobian_error(model: &dyn AnyMeasurement, at: &At<'_>) -> f64 {
     let &At { layout, state, sample } = at;
     let (n, read) = (model.channels(), model.blocks(at));
@@ -251,7 +260,8 @@ pub fn jacobian_error(model: &dyn AnyMeasurement, at: &At<'_>) -> f64 {
     let mut column = 0;
     for block in slots(read).map(|slot| &layout.blocks[slot]) {
         for k in 0..block.tangent_range().len() {
-            // the cube root of the rounding, times the size of what is displaced; a position's tangent is metres
+            // cube root of the rounding error times the magnitude of the value; the tangent of a
+            // position is in metres
             let size = if block.operations.kind == std::any::TypeId::of::<Position>() {
                 1e3
             } else {
@@ -280,14 +290,15 @@ pub fn jacobian_error(model: &dyn AnyMeasurement, at: &At<'_>) -> f64 {
     let errors = (0..n).map(|i| {
         let (used, numeric, rounding) = (row(&used, i), row(&numeric, i), row(&rounding, i));
         let largest = numeric.iter().fold(f64::MIN_POSITIVE, |a, x| a.max(x.abs()));
-        // a latitude in radians hardly moves with a lever arm: what rounding makes of it is no error of the Jacobian
+        // a latitude in radians changes little with a lever arm, so rounding of the differences
+        // dominates there
         let beyond = |k: usize| ((used[k] - numeric[k]).abs() - rounding[k]) / largest;
         (0..w).map(beyond).fold(0.0_f64, f64::max)
     });
     errors.fold(0.0, f64::max)
 }
 
-/// The slots of a set of blocks, ascending.
+/// Slots of a set of blocks, ascending.
 pub fn slots(set: u128) -> impl Iterator<Item = usize> {
     (0..u128::BITS as usize).filter(move |s| set >> s & 1 == 1)
 }

@@ -1,4 +1,4 @@
-//! Models: how blocks move, how sensors see them, and what goes in and out of a run.
+//! Models: motion of blocks, measurements by sensors, and the inputs and outputs of a run.
 
 pub mod error;
 pub mod gate;

@@ -1,4 +1,4 @@
-//! Rigid-body motion near the Earth: what a simulation gives and a reference records.
+//! Rigid-body motion near the Earth, as a simulation generates it and a reference records it.
 
 use crate::state::geodesy::Geodetic;
 use crate::units::time::Time;
@@ -22,7 +22,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// At rest on the equator, level and heading north: where it does not matter where.
+    /// At rest on the equator, level and heading north, for uses in which the motion is irrelevant.
     pub(crate) fn at_rest() -> Self {
         Self {
             time: Time::default(),
@@ -35,7 +35,7 @@ impl Motion {
     }
 }
 
-/// A known motion that sensors are simulated on. Times asked for do not decrease.
+/// A known motion, on which sensors are simulated. Requested times do not decrease.
 ///
 /// ```
 /// use navfuse_core::model::motion::{Motion, Trajectory};

@@ -1,4 +1,4 @@
-//! Process models: how blocks move.
+//! Process models, which propagate blocks.
 
 use crate::model::motion::Motion;
 use crate::model::simulate::{DrivingSensor, Simulate};
@@ -8,30 +8,31 @@ use crate::state::{Layout, State};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 
-/// A piece of time over which a process model moves the state.
+/// A time interval over which a process model propagates the state.
 #[derive(Clone, Copy, Debug)]
 pub struct Interval<'a> {
-    /// Its beginning: the time of the state.
+    /// Beginning of the interval: the time of the state.
     pub from: Time,
-    /// Its end.
+    /// End of the interval.
     pub to: Time,
-    /// The driving sensor's sample whose interval covers this one, for a model that has such a sensor.
+    /// Driving sample whose interval covers this one, for a process with a driving sensor.
     pub input: Option<Input<'a>>,
 }
 
-/// A driving sample and the time it covers.
+/// A driving sample and its interval.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
-    /// The sample, at the end of its interval.
+    /// Sample, at the end of its interval.
     pub sample: &'a Sample,
-    /// The length of its interval, s: from the previous sample to this one.
+    /// Length of its interval, s: from the previous sample to this one.
     pub duration: f64,
-    /// The sensor's usual interval, s: less than `duration` where samples are missing before this one.
+    /// Usual interval of the sensor, s: less than `duration` where samples are missing before this
+    /// one.
     pub usual: f64,
 }
 
 impl Interval<'_> {
-    /// Its length, s.
+    /// Length of the interval, s.
     pub fn duration(&self) -> f64 {
         self.to.since(self.from)
     }
@@ -42,10 +43,11 @@ impl Interval<'_> {
 #[error("{0}")]
 pub struct ProcessError(pub String);
 
-/// Propagates the blocks that it names and fills only the blocks of `Phi` and `Q` that it touches.
+/// Propagates its blocks, and fills the blocks of `Phi` and `Q` that it declares.
 ///
-/// The places it fills were declared when it was composed ([`crate::compose::Composer::transition`]). A row of the
-/// error state of which it declares any part is replaced as a whole; all others move by their block's own dynamics.
+/// A model declares its places in `Phi` and `Q` when it is composed
+/// ([`crate::compose::Composer::transition`]). A declared place replaces its whole row of the error
+/// state; all other rows follow the dynamics of their own block.
 ///
 /// A place on a line that moves with a speed:
 /// ```
@@ -92,10 +94,10 @@ pub struct ProcessError(pub String);
 /// }
 /// ```
 pub trait ProcessModel: Send {
-    /// Moves the state over the interval and fills `Phi` and `Q`.
+    /// Propagates the state over the interval and fills `Phi` and `Q`.
     ///
     /// # Errors
-    /// When the state or the input is outside what the model can compute with.
+    /// When state or input is outside the range of the model.
     fn propagate(
         &mut self,
         layout: &Layout,
@@ -104,18 +106,19 @@ pub trait ProcessModel: Send {
         transition: &mut Transition,
     ) -> Result<(), ProcessError>;
 
-    /// Sees a driving sample before the filter has started: a model may publish its signals.
+    /// Takes a driving sample before the start of the filter: a model may publish its signals.
     fn prepare(&mut self, _layout: &Layout, _state: &mut State, _input: &Input<'_>) {}
 
-    /// Called when the state was set or corrected from outside, with what remains of the model's own memory invalid.
+    /// Discards the model's memory, after the state was set or corrected from outside.
     fn restart(&mut self) {}
 
-    /// Sets the blocks and signals that this model moves to what they are on a known motion, and says which.
+    /// Sets the blocks and signals that this model propagates to their values on a known motion,
+    /// and marks these blocks as known.
     ///
     /// This is how a simulation, or a recorded reference, becomes the truth of the estimated state.
     fn follow(&self, layout: &Layout, motion: &Motion, state: &mut State, known: &mut [bool]);
 
-    /// The model's memory beside the state, to continue from a snapshot.
+    /// Copies the model with its memory for a snapshot of the filter.
     fn boxed_clone(&self) -> Box<dyn ProcessModel>;
 }
 

@@ -1,11 +1,11 @@
-//! What a run tells: epochs, updates and events.
+//! Records of a run: epochs, updates and events.
 
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Layout, State};
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
 
-/// What became of one sample of a measuring sensor.
+/// Outcome of a measuring sensor's sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
     /// The state was corrected.
@@ -16,16 +16,16 @@ pub enum Outcome {
     Rejected(Rejection),
 }
 
-/// Why a sample could not be used.
+/// Reason of a rejection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rejection {
-    /// That channel is NaN or infinite.
+    /// The channel is NaN or infinite.
     NotFinite(usize),
-    /// No channel is there, or for a driving sensor not all of them.
+    /// No channel is present, or for a driving sensor not all of them.
     Missing,
-    /// Not later than the sensor's sample before it.
+    /// The time is not later than that of the sensor's previous sample.
     OutOfOrder,
-    /// Earlier than the state, which cannot go back.
+    /// The time is before that of the state, which cannot go back.
     Late,
     /// The innovation covariance is not positive definite.
     Singular,
@@ -33,29 +33,29 @@ pub enum Rejection {
     NoInput,
 }
 
-/// One use of a sample of a measuring sensor.
+/// Record of a measuring sensor's sample.
 #[derive(Clone, Copy, Debug)]
 pub struct UpdateRecord<'a> {
     /// The sample's time.
     pub time: Time,
     /// The sensor.
     pub sensor: SensorId,
-    /// What became of it.
+    /// Outcome.
     pub outcome: Outcome,
     /// Normalised innovation squared; NaN where none was computed.
     pub nis: f64,
     /// The gate's threshold on it; infinite where the gate is off.
     pub threshold: f64,
-    /// The channels that were there, one bit each: the order of the innovation.
+    /// Present channels, one bit each: the order of the innovation.
     pub present: u16,
-    /// Innovation `z [-] h(x)` of the channels that were there, SI.
+    /// Innovation `z [-] h(x)` of the present channels, SI.
     pub innovation: &'a [f64],
     /// Innovation covariance `S`, row-major.
     pub covariance: &'a [f64],
 }
 
 impl UpdateRecord<'_> {
-    /// Innovation and its 1-sigma for each of the first `N` channels, where it was there.
+    /// Present channels among the first `N`, each with its innovation and 1-sigma.
     pub fn channels(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
         let m = self.innovation.len();
         let present = self.present;
@@ -80,36 +80,36 @@ pub struct Epoch<'a> {
     pub truth: Option<Truth<'a>>,
 }
 
-/// What is known to be true.
+/// Known truth of a state.
 #[derive(Clone, Copy, Debug)]
 pub struct Truth<'a> {
-    /// The true state.
+    /// True state.
     pub state: &'a State,
-    /// Which blocks of it are known, one a slot.
+    /// Which blocks of the state are known, one entry per slot.
     pub known: &'a [bool],
 }
 
-/// How much an event matters.
+/// Severity of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// Worth a line in the log.
+    /// Information for the log.
     Info,
-    /// The run goes on, but not as intended.
+    /// The run continues, but not as intended.
     Warning,
     /// The run, or a part of it, ends.
     Error,
 }
 
-/// Something that a person should read.
+/// An event for the log and the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// When, on the run's clock.
+    /// Time, on the run's clock.
     pub time: Time,
-    /// How much it matters.
+    /// Severity.
     pub level: Level,
-    /// Which sensor, process, source or sink it is about.
+    /// Sensor, process, source or sink concerned.
     pub about: String,
-    /// What happened.
+    /// Message.
     pub text: String,
 }
 
@@ -133,8 +133,8 @@ pub trait Observer {
     fn update(&mut self, _update: &UpdateRecord<'_>) {}
     /// Receives `Phi` and the accumulated `Q` of a propagation, which a backward pass needs.
     fn transition(&mut self, _transition: &Transition) {}
-    /// Receives a correction: Jacobian, gain and innovation covariance in the update's work space. Its
-    /// `delta` is the injected error, as [`crate::state::Layout::reset_rows`] takes it.
+    /// Receives a correction: Jacobian, gain and innovation covariance in the update's work space.
+    /// Its `delta` is the injected error, as [`crate::state::Layout::reset_rows`] takes it.
     fn correction(&mut self, _update: &Update) {}
     /// Receives a sample of the driving sensor, and the reason if the filter rejected it.
     fn input(&mut self, _sample: &Sample, _rejected: Option<Rejection>) {}

@@ -1,4 +1,4 @@
-//! Sensors: what they are to the estimator.
+//! Sensors and their roles in the estimator.
 
 use crate::model::gate::{Action, Gate, Recovery};
 use crate::model::measurement::AnyMeasurement;
@@ -10,42 +10,42 @@ use crate::units::sample::{Channel, Sample};
 use std::any::Any;
 use std::sync::Arc;
 
-/// What a sink knows of a sensor.
+/// Description of a sensor for sinks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorInfo {
-    /// Its name in the scenario.
+    /// Name in the scenario.
     pub name: String,
-    /// Its registered type.
+    /// Registered type.
     pub kind: String,
-    /// Its channels.
+    /// Channels.
     pub channels: Vec<Channel>,
-    /// What it is for.
+    /// Purpose.
     pub purpose: Purpose,
 }
 
-/// What a sensor is for.
+/// Purpose of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// It drives a process model.
+    /// Drives a process model.
     Input,
-    /// It corrects the state.
+    /// Corrects the state.
     Measurement,
-    /// It tells the truth, to begin from and to compare with.
+    /// Gives the truth, for the start and for comparison.
     Reference,
 }
 
-/// What a sensor is to the estimator.
+/// Role of a sensor in the estimator.
 pub enum Role {
-    /// It drives the process model that names it.
+    /// Drives the process model that names the sensor.
     Input(Box<dyn Any + Send>),
-    /// It corrects the state.
+    /// Corrects the state.
     Measurement(Arc<dyn AnyMeasurement + Sync>),
-    /// It tells the truth.
+    /// Gives the truth.
     Reference(Arc<dyn Reference>),
 }
 
 impl Role {
-    /// The role of a measurement model.
+    /// Role of a measurement model.
     pub fn measurement<M, const N: usize>(model: M) -> Self
     where
         M: crate::model::measurement::MeasurementModel<N> + Sync,
@@ -54,7 +54,7 @@ impl Role {
     }
 }
 
-/// Reads the motion of the body from a reference's sample.
+/// Converts between a reference's samples and the motion of the body.
 ///
 /// ```
 /// use navfuse_core::model::sensor::Reference;
@@ -81,38 +81,38 @@ impl Role {
 /// }
 /// ```
 pub trait Reference: Send + Sync {
-    /// The motion of the body's origin; the state's signals may be used. `None` if channels are missing.
+    /// Motion of the body's origin; may use the state's signals. `None` if channels are missing.
     fn motion(&self, layout: &Layout, state: &State, sample: &Sample) -> Option<Motion>;
-    /// The reverse: the sample that a reference would give on a known motion.
+    /// The reverse: the sample of a reference on a known motion.
     fn sample(&self, motion: &Motion, sample: &mut Sample);
 }
 
-/// A sensor in its place.
+/// A sensor with its place in the composition.
 pub struct Sensor {
     /// Name, type and channels.
     pub info: SensorInfo,
-    /// What it is to the estimator.
+    /// Role in the estimator.
     pub role: Role,
     /// Gate on the innovation.
     pub gate: Gate,
-    /// Way out of lock-out.
+    /// Recovery from lock-out.
     pub recovery: Recovery,
     /// Silence after which the sensor counts as lost, s; by default from its usual interval.
     pub timeout: Option<f64>,
-    /// What goes wrong with it in a simulation, and how often it speaks; `None` if it is not simulated.
+    /// Rate and faults of the simulated sensor; `None` if it is not simulated.
     pub simulation: Option<Faults>,
-    /// How a driving sensor is simulated; a measuring one is by its model.
+    /// Simulator of a driving sensor; a measuring sensor is simulated by its model.
     pub simulator: Option<Box<dyn Simulate>>,
-    /// Its noise, as the filter takes it, as a multiple of the model's.
+    /// Noise that the filter assumes, as a multiple of the model's.
     pub noise: f64,
-    /// By how much its samples lag, if they do: a sample stamped t tells of the state at t minus this.
+    /// Time offset: a sample stamped t measures the state at t minus this.
     pub time_offset: Option<Handle<Scalar>>,
-    /// Whether it is a constraint of a process, which no source gives.
+    /// Whether the sensor is a constraint of a process, which no source gives.
     pub constraint: bool,
 }
 
 impl Sensor {
-    /// A sensor with default gate and recovery, not simulated.
+    /// Creates a sensor with default gate and recovery, not simulated.
     pub(crate) fn new(info: SensorInfo, role: Role) -> Self {
         Self {
             info,
@@ -128,7 +128,8 @@ impl Sensor {
         }
     }
 
-    /// What a process knows: where it does not hold any more, the process must hear of it, so nothing is inflated.
+    /// Creates the constraint of a process. A lock-out is only reported, since the process handles
+    /// it.
     pub(crate) fn constraint(info: SensorInfo, role: Role) -> Self {
         let mut sensor = Self { constraint: true, ..Self::new(info, role) };
         sensor.recovery.action = Action::Report;

@@ -1,4 +1,4 @@
-//! Simulating sensors: what a driving sensor brings itself, and what every sensor gets for nothing.
+//! Simulation of sensors: the scene, simulators of driving sensors, and faults of all sensors.
 
 use crate::model::measurement::MeasurementModel;
 use crate::model::motion::Trajectory;
@@ -17,9 +17,9 @@ use serde::Deserialize;
 pub struct Random(Xoshiro256PlusPlus);
 
 impl Random {
-    /// The stream of a seed for one purpose: adding a sensor does not change what another one draws.
+    /// Stream of a seed for one purpose: an additional sensor does not change the draws of another.
     pub fn new(seed: u64, purpose: &str) -> Self {
-        // FNV-1a: the standard hasher may change with the compiler
+        // FNV-1a, since the standard hasher may change with the compiler
         let hash = purpose.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| {
             (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)
         });
@@ -37,7 +37,7 @@ impl Random {
     }
 }
 
-/// What a simulated sensor sees.
+/// Inputs of a simulated sensor.
 pub struct Scene<'a> {
     /// The blocks.
     pub layout: &'a Layout,
@@ -45,20 +45,20 @@ pub struct Scene<'a> {
     pub truth: &'a State,
     /// The motion.
     pub trajectory: &'a mut dyn Trajectory,
-    /// The time of the sensor's sample before, where an integrating sensor begins.
+    /// Time of the sensor's previous sample, at which an integrating sensor begins.
     pub from: Time,
     /// The time of the sample.
     pub to: Time,
-    /// The simulated noise as a multiple of the model's.
+    /// Simulated noise as a multiple of the model's.
     pub noise: f64,
-    /// By how many sigma this sample is an outlier.
+    /// Size of the outlier in this sample, in sigma; zero for a good sample.
     pub outlier: f64,
     /// The sensor's own random numbers.
     pub random: &'a mut Random,
 }
 
 impl Scene<'_> {
-    /// Sets the `N` channels of a sample to what a model predicts of the truth, and noise of its `R`.
+    /// Sets the `N` channels of a sample to the prediction from the truth and noise of `R`.
     pub fn measure<M: MeasurementModel<N> + ?Sized, const N: usize>(
         &mut self,
         model: &M,
@@ -66,7 +66,7 @@ impl Scene<'_> {
     ) {
         let x = View::new(self.layout, self.truth).with(sample);
         let (predicted, noise) = (model.predict(&x), model.noise(&x));
-        // a noise of zero on some channel is no obstacle to simulating it
+        // some channels may have a noise of zero, which has no Cholesky factor
         let factor = match noise.cholesky() {
             Some(c) => c.l(),
             None => noise.map(|v| v.max(0.0).sqrt()),
@@ -112,20 +112,21 @@ impl Scene<'_> {
 pub trait Simulate: Send + Sync {
     /// Fills the sample's channels.
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample);
-    /// A copy.
+    /// Copies the simulator.
     fn boxed_clone(&self) -> Box<dyn Simulate>;
 }
 
-/// How often a simulated sensor speaks, and what goes wrong with it.
+/// Rate and faults of a simulated sensor.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Faults {
-    /// Samples a second.
+    /// Samples per second.
     pub rate: Positive<Frequency>,
     /// Time of the first sample.
     #[serde(default = "zero_time")]
     pub offset: Duration,
-    /// The simulated noise as a multiple of the model's: 2 makes the sensor twice as noisy as the filter believes.
+    /// Simulated noise as a multiple of the model's: 2 makes the sensor twice as noisy as the
+    /// filter assumes.
     #[serde(default = "one")]
     pub noise: Sigma<Ratio>,
     /// Probability that a sample is lost.
@@ -157,8 +158,8 @@ fn twenty() -> Sigma<Ratio> {
 
 /// The sensor that drives a process model.
 pub struct DrivingSensor {
-    /// Its name in the scenario.
+    /// Name in the scenario.
     pub name: String,
-    /// How it is simulated.
+    /// Simulator.
     pub simulator: Box<dyn Simulate>,
 }

@@ -31,7 +31,8 @@ pub struct FilterView<'a> {
     pub state: &'a State,
     /// Covariance of the estimate.
     pub covariance: &'a Covariance,
-    /// Start and length of the current streak of gated constraint samples, if the last one was gated.
+    /// Start and length of the current streak of gated constraint samples, if the last one was
+    /// gated.
     pub gated: Option<(Time, u64)>,
 }
 
@@ -53,13 +54,13 @@ pub struct AlignmentReport {
     pub values: serde_json::Value,
 }
 
-/// Finds the initial values of a process's blocks from samples, and supervises the filter until they
-/// are good enough.
+/// Finds the initial values of a process's blocks from samples, and supervises the filter until
+/// they are good enough.
 ///
 /// A process hands its alignment over when it is built
 /// ([`BuiltProcess::aligned_by`](crate::model::process::BuiltProcess::aligned_by)). The filter then
-/// starts in three stages: [`search`](Self::search) sees every sample and sets the initial values; the
-/// filter starts at the beginning of the search and processes the same samples; and
+/// starts in three stages: [`search`](Self::search) sees every sample and sets the initial values;
+/// the filter starts at the beginning of the search and processes the same samples; and
 /// [`supervise`](Self::supervise) follows it until the alignment is complete.
 pub trait InitialAlignment: Send {
     /// Looks up the sensors that the alignment needs. Called once, after all sensors are composed.
@@ -72,9 +73,10 @@ pub trait InitialAlignment: Send {
 
     /// Takes the next sample of any sensor.
     ///
-    /// On [`Progress::Found`] the process's blocks in `state` hold their values at the time at which the
-    /// search began. The filter starts there with the prior covariance of the composition and processes
-    /// the samples a second time, so the prior must be wide enough to carry no information from them.
+    /// On [`Progress::Found`] the process's blocks in `state` hold their values at the time at
+    /// which the search began. The filter starts there with the prior covariance of the composition
+    /// and processes the samples a second time, so the prior must be wide enough to carry no
+    /// information from them.
     ///
     /// # Errors
     /// When the samples do not allow an alignment; the error names the reason and the remedy.
@@ -85,7 +87,8 @@ pub trait InitialAlignment: Send {
         sample: &Sample,
     ) -> Result<Progress, ProcessError>;
 
-    /// Repeats the search after a trial, with the trial's estimates of the calibration states in `state`.
+    /// Repeats the search after a trial, with the trial's estimates of the calibration states in
+    /// `state`.
     ///
     /// # Errors
     /// As [`Self::search`].
@@ -98,7 +101,8 @@ pub trait InitialAlignment: Send {
     }
 
     /// Follows the filter after every driving sample: decides whether the process's constraint
-    /// ([`Composer::constraint`](crate::compose::Composer::constraint)) applies, and reports progress.
+    /// ([`Composer::constraint`](crate::compose::Composer::constraint)) applies, and reports
+    /// progress.
     ///
     /// # Errors
     /// When the alignment has failed and the rest of the run would be useless.

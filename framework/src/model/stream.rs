@@ -29,7 +29,8 @@ pub trait Source: Send {
     /// Writes the next sample; `false` at the end.
     ///
     /// # Errors
-    /// When what it reads is not what it should be. The run then ends, and what was recorded is kept.
+    /// When what it reads is not what it should be. The run then ends, and what was recorded is
+    /// kept.
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError>;
 
     /// The time of its last sample, if it can tell: the end of the progress bar.
@@ -37,12 +38,14 @@ pub trait Source: Send {
         None
     }
 
-    /// What it knows will happen, such as the segments of a simulated trajectory; asked once, at the start.
+    /// What it knows will happen, such as the segments of a simulated trajectory; asked once, at
+    /// the start.
     fn schedule(&self) -> Vec<Event> {
         Vec::new()
     }
 
-    /// What a person should know after the last sample: a log that was cut off, rows that were skipped.
+    /// What a person should know after the last sample: a log that was cut off, rows that were
+    /// skipped.
     fn warning(&mut self) -> Option<String> {
         None
     }

@@ -59,8 +59,8 @@ pub struct Progress {
     pub end: Option<Time>,
 }
 
-/// Runs an assembly to its end, or until `stop` is set; `progress` is called about a hundred times a second of run time
-/// at most.
+/// Runs an assembly to its end, or until `stop` is set; `progress` is called about a hundred times
+/// a second of run time at most.
 pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progress)) -> Finished {
     let Assembly { composition, sources, sinks } = assembly;
     let clock = std::time::Instant::now();
@@ -242,7 +242,8 @@ impl Merge {
         Ok(())
     }
 
-    /// The earliest head; the first source of those at the same time, but what a running filter is compared with last.
+    /// The earliest head; the first source of those at the same time, but what a running filter is
+    /// compared with last.
     fn first(&self, running: bool) -> Option<(Sample, usize)> {
         let heads = self.heads.iter().enumerate().filter_map(|(k, h)| h.as_ref().map(|h| (h, k)));
         heads
@@ -356,7 +357,8 @@ struct Heard {
 }
 
 impl Heard {
-    /// How long it may be silent, s: by default three times the usual, and at least 5 s. One that spoke once has no usual.
+    /// How long it may be silent, s: by default three times the usual, and at least 5 s. One that
+    /// spoke once has no usual.
     fn timeout(&self) -> f64 {
         match (self.timeout, self.usual) {
             (Some(given), _) => given,

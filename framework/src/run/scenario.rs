@@ -116,7 +116,8 @@ impl<'a> Scenario<'a> {
     /// Composes the filter: blocks, models, sensors.
     ///
     /// # Errors
-    /// When anything in the scenario does not fit; the message names file, line, key, what was found and what to do.
+    /// When anything in the scenario does not fit; the message names file, line, key, what was
+    /// found and what to do.
     pub fn compose(&self) -> Result<Composition, BuildError> {
         let root = self.document.root();
         root.check_keys(&TOP_KEYS)?;
@@ -308,8 +309,8 @@ impl<'a> Scenario<'a> {
         Ok(())
     }
 
-    /// Composes the scenario and opens its sources and sinks. Sinks that are on by default are opened unless their
-    /// table says `enabled = false`; with no `output` folder none is.
+    /// Composes the scenario and opens its sources and sinks. Sinks that are on by default are
+    /// opened unless their table says `enabled = false`; with no `output` folder none is.
     ///
     /// # Errors
     /// As [`Self::compose`], and when a source or sink cannot be opened.
@@ -317,7 +318,8 @@ impl<'a> Scenario<'a> {
         self.open(self.compose()?, output)
     }
 
-    /// The scenario without sinks, as the Cramer-Rao bound runs on it: see [`Composition::at_truth`].
+    /// The scenario without sinks, as the Cramer-Rao bound runs on it: see
+    /// [`Composition::at_truth`].
     ///
     /// # Errors
     /// As [`Self::assemble`].

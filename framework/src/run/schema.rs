@@ -101,8 +101,8 @@ pub struct Parameter {
     pub meaning: String,
 }
 
-/// The parameters of a registered type, own ones first; the keys of an inner table follow it as `table.key`, the kinds of
-/// an array's tables as `array: kind`.
+/// The parameters of a registered type, own ones first; the keys of an inner table follow it as
+/// `table.key`, the kinds of an array's tables as `array: kind`.
 pub fn parameters(entry: &Entry) -> Vec<Parameter> {
     let mut definitions = Map::new();
     let own: Vec<String> = (entry.schema.as_value().get("properties").and_then(Value::as_object))

@@ -29,7 +29,8 @@ pub struct Summary {
     pub scenario: String,
     /// From the filter's start to its end, s.
     pub duration_s: f64,
-    /// Horizontal path length of the reference, or of the estimate where none goes on to the end, m.
+    /// Horizontal path length of the reference, or of the estimate where none goes on to the end,
+    /// m.
     pub distance_m: f64,
     /// Time that the run took, s.
     pub wall_s: f64,
@@ -74,8 +75,8 @@ pub struct StateRow {
     pub estimate: Vec<f64>,
     /// Its 1-sigma.
     pub sigma: Vec<f64>,
-    /// Estimate minus reference, both of the last reference's time; none where that is more than 2 s, and twice the
-    /// reference's last interval, before the end.
+    /// Estimate minus reference, both of the last reference's time; none where that is more than 2
+    /// s, and twice the reference's last interval, before the end.
     pub error: Option<Vec<f64>>,
     /// 1-sigma at the time of the error, or at the end where there is no error.
     pub error_sigma: Vec<f64>,
@@ -240,7 +241,8 @@ impl Statistics {
                 ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
             block.show(&ekf.state().values, &mut estimate);
             block.show_sigma(&ekf.state().values, ekf.covariance(), &mut sigma);
-            // what the scenario states as true is so at the end too; a reference counts at its last time
+            // what the scenario states as true is so at the end too; a reference counts at its last
+            // time
             let holds = (block.spec.truth.is_some() && !block.wanders) || truth.state.time == end;
             let before = self.compared[slot].as_ref().filter(|c| c.tells(end));
             let (error, error_sigma) = match before {

@@ -3,7 +3,7 @@
 use crate::state::manifold::{MAX_TANGENT, Operations};
 use nalgebra::DMatrix;
 
-/// What the filter does with a block.
+/// Treatment of a block by the filter.
 #[derive(
     Clone,
     Copy,
@@ -20,21 +20,23 @@ pub enum Mode {
     /// Estimated: part of the error state, corrected by every update.
     #[default]
     Estimate,
-    /// Held at its initial value, which is taken as exact.
+    /// Held at its initial value, which counts as exact.
     Fixed,
-    /// Held at its initial value, whose uncertainty the other states carry (Schmidt's consider filter).
+    /// Held at its initial value, whose uncertainty the other states carry (Schmidt's consider
+    /// filter).
     Consider,
 }
 
-/// How a block moves when no process model propagates it.
+/// Motion of a block that no process model propagates.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Dynamics {
-    /// It does not move.
+    /// Constant.
     #[default]
     Constant,
-    /// It wanders: power spectral density of the rate along each tangent axis, unit^2/s.
+    /// Random walk: power spectral density of the rate along each tangent axis, unit^2/s.
     RandomWalk(Vec<f64>),
-    /// First-order Gauss-Markov about the initial value: stationary sigma of each tangent axis, correlation time in s.
+    /// First-order Gauss-Markov about the initial value: stationary sigma of each tangent axis,
+    /// correlation time in s.
     GaussMarkov {
         /// Stationary sigma of each tangent axis.
         sigma: Vec<f64>,
@@ -43,58 +45,58 @@ pub enum Dynamics {
     },
 }
 
-/// How the numbers of a block are shown: SI coordinates divided by `scale` are in `unit`.
+/// Presentation of a block: SI coordinates divided by `scale` are in `unit`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Display {
-    /// The unit of sigma and error, such as `deg/h`; empty for a ratio.
+    /// Unit of sigma and error, such as `deg/h`; empty for a ratio.
     pub unit: &'static str,
     /// SI per `unit`.
     pub scale: f64,
-    /// One name a component: `roll`, `pitch`, `yaw`.
+    /// Name of each component: `roll`, `pitch`, `yaw`.
     pub components: &'static [&'static str],
 }
 
-/// A state block before it has a place: value, uncertainty and motion.
+/// Specification of a state block: value, uncertainty and motion.
 #[derive(Clone, Debug)]
 pub struct BlockSpec {
-    /// What the filter does with it.
+    /// Treatment by the filter.
     pub mode: Mode,
     /// Initial value, in coordinates (SI).
     pub initial: Vec<f64>,
     /// Prior sigma of each *coordinate*, except for a position, where it is of the tangent (SI).
     pub sigma: Vec<f64>,
-    /// The value that a simulation gives it, in coordinates (SI).
+    /// True value in a simulation, in coordinates (SI).
     pub truth: Option<Vec<f64>>,
-    /// How it moves.
+    /// Motion.
     pub dynamics: Dynamics,
-    /// How it is shown.
+    /// Presentation.
     pub display: Display,
 }
 
-/// A state block in its place.
+/// A state block with its place in the layout.
 #[derive(Clone, Debug)]
 pub struct Block {
     /// `owner.name`, such as `dvl.scale`.
     pub name: String,
-    /// Value, uncertainty and motion.
+    /// Specification.
     pub spec: BlockSpec,
-    /// The manifold.
+    /// Operations of the manifold.
     pub operations: Operations,
-    /// Where its value starts in [`crate::state::State::values`].
+    /// Offset of the value in [`crate::state::State::values`].
     pub offset: usize,
-    /// Where its error starts in the error state; `None` when fixed.
+    /// Offset of the error in the error state; `None` when fixed.
     pub tangent: Option<usize>,
-    /// Whether its truth moves as the dynamics say.
+    /// Whether the truth moves by the dynamics.
     pub wanders: bool,
 }
 
 impl Block {
-    /// The range of its value in [`crate::state::State::values`].
+    /// Range of the value in [`crate::state::State::values`].
     pub fn range(&self) -> std::ops::Range<usize> {
         self.offset..self.offset + self.operations.ambient
     }
 
-    /// The range of its error in the error state, empty when fixed.
+    /// Range of the error in the error state, empty when fixed.
     pub fn tangent_range(&self) -> std::ops::Range<usize> {
         self.tangent.map_or(0..0, |t| t..t + self.operations.tangent)
     }
@@ -104,7 +106,7 @@ impl Block {
         self.tangent.is_some() && self.spec.mode == Mode::Estimate
     }
 
-    /// The block's coordinates in its display unit; latitude and longitude in degrees.
+    /// Coordinates in the display unit; latitude and longitude in degrees.
     pub fn show(&self, values: &[f64], out: &mut [f64]) {
         let n = self.operations.tangent;
         (self.operations.coordinates)(&values[self.range()], &mut out[..n]);
@@ -116,7 +118,7 @@ impl Block {
         }
     }
 
-    /// 1-sigma of the block's components in its display unit; zero when fixed.
+    /// 1-sigma of the components in the display unit; zero when fixed.
     pub fn show_sigma(
         &self,
         values: &[f64],
@@ -166,7 +168,7 @@ impl Block {
         out[..n].iter_mut().for_each(|x| *x /= self.spec.display.scale);
     }
 
-    /// The prior covariance of the block's tangent about the given value.
+    /// Prior covariance of the tangent about the given value.
     pub fn prior(&self, values: &[f64]) -> DMatrix<f64> {
         let n = self.operations.tangent;
         let diagonal =
@@ -181,8 +183,9 @@ impl Block {
         }
     }
 
-    /// Derivative of the coordinates with respect to the tangent, row-major; `None` where sigma is read in the tangent,
-    /// and where roll and yaw are one angle, at a pitch of 90 deg: that of the tangent then stands for theirs.
+    /// Derivative of the coordinates with respect to the tangent, row-major. `None` where sigma
+    /// refers to the tangent, and at a pitch of 90 deg, where roll and yaw are one angle; the sigma
+    /// of the tangent then stands for that of the angles.
     fn coordinate_jacobian(&self, values: &[f64]) -> Option<[f64; MAX_TANGENT * MAX_TANGENT]> {
         use crate::state::manifold::Reading;
         // at 1e6 the pitch is within 0.2 arc seconds of 90 deg

@@ -1,4 +1,4 @@
-//! How the common states are shown: unit, scale and the names of the components.
+//! Presentation of the common states: unit, scale and names of the components.
 
 use crate::state::block::Display;
 use std::f64::consts::PI;
@@ -16,13 +16,13 @@ pub const LEVER_ARM: Display = Display { unit: "m", scale: 1.0, components: &["x
 pub const LENGTH: Display = Display { unit: "m", scale: 1.0, components: &["bias"] };
 /// A time in seconds.
 pub const TIME: Display = Display { unit: "s", scale: 1.0, components: &["offset"] };
-/// North, east and down in metres a second.
+/// North, east and down in metres per second.
 pub const VELOCITY: Display =
     Display { unit: "m/s", scale: 1.0, components: &["north", "east", "down"] };
 /// Latitude, longitude and height; sigma and error north, east and down in metres.
 pub const POSITION: Display =
     Display { unit: "m", scale: 1.0, components: &["latitude", "longitude", "height"] };
-/// Three gyros in degrees an hour.
+/// Three gyros in degrees per hour.
 pub const GYRO_BIAS: Display =
     Display { unit: "deg/h", scale: PI / 180.0 / 3600.0, components: &["x", "y", "z"] };
 /// Three accelerometers in millionths of standard gravity.

@@ -1,14 +1,15 @@
-//! How blocks move when no process model propagates them: random walks and Gauss-Markov processes.
+//! Own dynamics of blocks that no process model propagates: random walks and Gauss-Markov
+//! processes.
 
 use crate::state::covariance::Transition;
 use crate::state::manifold::MAX_TANGENT;
 use crate::state::{Dynamics, Layout, State};
 
-/// The blocks that move by themselves, and their places in the transition.
+/// Blocks with dynamics of their own, and their places in the transition.
 #[derive(Clone, Debug, Default)]
 pub struct BlockDynamics {
     moving: Vec<Moving>,
-    /// The values that Gauss-Markov processes return to.
+    /// Means of the Gauss-Markov processes.
     initial: Vec<f64>,
 }
 
@@ -19,7 +20,7 @@ struct Moving {
 }
 
 impl BlockDynamics {
-    /// Finds the moving blocks and compiles the transition with their places.
+    /// Finds the blocks and compiles the transition with their places.
     pub fn new(layout: &Layout, transition: &mut Transition) -> Self {
         let mut moving = Vec::new();
         for (slot, block) in layout.blocks.iter().enumerate() {
@@ -35,7 +36,7 @@ impl BlockDynamics {
         Self { moving, initial: layout.initial_state().values }
     }
 
-    /// Moves the blocks over `dt` seconds and fills their part of the transition.
+    /// Propagates the blocks over `dt` seconds and fills their part of the transition.
     pub fn propagate(
         &self,
         layout: &Layout,
@@ -53,7 +54,8 @@ impl BlockDynamics {
                     }
                 }
                 Dynamics::GaussMarkov { sigma, time } => {
-                    // Groves eqs 3.3 and 14.81: x(t+dt) = x exp(-dt/T), Q = sigma^2 (1 - exp(-2 dt/T))
+                    // Groves eqs 3.3 and 14.81: x(t+dt) = x exp(-dt/T), Q = sigma^2 (1 - exp(-2
+                    // dt/T))
                     let decay = (-dt / time).exp();
                     for (k, s) in sigma.iter().enumerate() {
                         transition.set_own(

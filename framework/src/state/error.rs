@@ -1,16 +1,18 @@
-//! Velocities that turn with the heading.
+//! Error injection and reset, and the error of a velocity that turns with the heading.
 //!
-//! A velocity in navigation axes that was found by integrating a specific force in body axes has turned with every error of
-//! the heading. Its error is thus resolved in the group of both (right-invariant: Barrau & Bonnabel, IEEE Trans. Autom.
-//! Control 62, 2017; Hartley, Ghaffari, Eustice & Grizzle, Int. J. Robotics Research 39, 2020):
+//! A velocity in navigation axes that results from integrating specific force in body axes turns
+//! with every error of the heading. Its error is therefore resolved in the group of both
+//! (right-invariant error: Barrau & Bonnabel, IEEE Trans. Autom. Control 62, 2017; Hartley,
+//! Ghaffari, Eustice & Grizzle, Int. J. Robotics Research 39, 2020):
 //! ```text
 //! v = exp([psi x]) v^ + J(psi) xi,   delta = xi + psi x v^,   psi = (0, 0, phi_D)
 //! ```
-//! with `J` the left Jacobian of SO(3), and `delta` what the covariance is about: the error of the velocity itself to first
-//! order. What body axes see of the velocity depends on `xi` alone, so that a correction which moves the estimate does not
-//! make the heading seem observed. An additive error has that fault, and a filter with degrees of initial heading error grows
-//! overconfident by it. Only the vertical turns: gravity tells the other two axes, and with them a filter that is aided by
-//! depth alone grows overconfident instead.
+//! Here `J` is the left Jacobian of SO(3), and the covariance refers to `delta`, which to first
+//! order is the error of the velocity itself. The velocity in body axes depends on `xi` alone, so
+//! that a correction of the estimate does not make the heading appear observed. An additive error
+//! has that fault: with degrees of initial heading error it makes the filter overconfident. Only
+//! the vertical axis turns. Gravity observes the other two axes, and turning them would make a
+//! filter that is aided by depth alone overconfident.
 
 use crate::state::covariance::Covariance;
 use crate::state::layout::Turning;
@@ -27,22 +29,24 @@ impl Turning {
     }
 }
 
-/// `exp([phi x]) - I`, which keeps the digits of a small angle, and the left Jacobian of SO(3).
+/// `exp([phi x]) - I`, computed without cancellation for small angles, and the left Jacobian of
+/// SO(3).
 fn turn(phi: &Vector3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
     let jacobian = left_jacobian(phi);
     (jacobian * phi.cross_matrix(), jacobian)
 }
 
 impl Layout {
-    /// The velocities that turn with the heading when a correction moves both.
+    /// Velocities that turn with the heading when a correction moves both.
     fn corrected(&self) -> impl Iterator<Item = &Turning> {
         self.turning
             .iter()
             .filter(|t| self.blocks[t.velocity].estimated() && self.blocks[t.attitude].estimated())
     }
 
-    /// Injects a correction of the error state into the estimated blocks, and moves the covariance to the error about the
-    /// new estimate. In `delta` a velocity that turns gets by how much it moved.
+    /// Injects a correction of the error state into the estimated blocks, and moves the covariance
+    /// to the error about the new estimate. For a velocity that turns, `delta` receives the actual
+    /// change.
     pub(crate) fn inject(&self, state: &mut State, delta: &mut [f64], covariance: &mut Covariance) {
         for t in self.corrected() {
             let (v, a) =
@@ -67,9 +71,11 @@ impl Layout {
         }
     }
 
-    /// Moves the covariance of the error with anything else, `G` with one row a state (row-major, rows of `stride`), to the error
-    /// about the estimate after `delta` was injected: what the injection does to the filter's own covariance, by the `delta` that
-    /// [`crate::model::record::Observer::correction`] is given. Any other breaks the joint covariance of both.
+    /// Resets the covariance of the error with any other quantity, `G` with one row per state
+    /// (row-major, rows of `stride`), to the error about the estimate after the injection of
+    /// `delta`. The injection does the same to the filter's own covariance. `delta` must be the one
+    /// that [`crate::model::record::Observer::correction`] receives; any other breaks the joint
+    /// covariance.
     pub fn reset_rows(&self, delta: &[f64], g: &mut [f64], stride: usize) {
         for t in self.corrected() {
             let (v, a) =
@@ -97,8 +103,9 @@ impl Layout {
         }
     }
 
-    /// The error of an estimate that its covariance is about, `truth [-] estimate`: one number a tangent component. Blocks that
-    /// are not `known` have none; a velocity then turns with no heading.
+    /// Error of an estimate to which its covariance refers, `truth [-] estimate`: one number per
+    /// tangent component. Blocks that are not `known` have none; a velocity then turns with no
+    /// heading.
     pub fn error(&self, truth: &State, estimate: &State, known: &[bool], out: &mut [f64]) {
         out.fill(0.0);
         let uncertain = |slot: usize| known[slot] && self.blocks[slot].tangent.is_some();
@@ -228,7 +235,8 @@ mod tests {
         assert!(worst < 0.5 * 1e-11 * 3e3, "{worst}");
     }
 
-    /// The heading's variance after many velocities in body axes, each of which moves the estimate, relative to the prior.
+    /// The heading's variance after many velocities in body axes, each of which moves the estimate,
+    /// relative to the prior.
     fn after_body_velocities(turns: bool) -> f64 {
         let layout = layout(turns);
         let mut random = Random::new(3, "turning");

@@ -1,6 +1,7 @@
 //! The WGS-84 ellipsoid, and positions on it.
 //!
-//! Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems*, 2nd ed., section 2.4.
+//! Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems*, 2nd ed.,
+//! section 2.4.
 
 use crate::Real;
 use nalgebra::{Vector3, convert};
@@ -36,7 +37,7 @@ pub fn radii_of_curvature<T: Real>(latitude: T) -> (T, T) {
 }
 
 impl Geodetic {
-    /// The position with scalars of type `T`, of which it is a constant.
+    /// The position as a constant with scalars of type `T`.
     pub fn cast<T: Real>(&self) -> Geodetic<T> {
         let Self { latitude, longitude, height } = *self;
         Geodetic {
@@ -58,8 +59,9 @@ impl<T: Real> Geodetic<T> {
         }
     }
 
-    /// North, east and down metres from `origin` to here, in the tangent at `origin`: the inverse of [`Self::displaced`].
-    /// The longitude difference is taken the short way round the antimeridian.
+    /// North, east and down metres from `origin` to this position, in the tangent at `origin`: the
+    /// inverse of [`Self::displaced`]. The longitude difference is taken the short way round the
+    /// antimeridian.
     pub fn ned_from(&self, origin: &Self) -> Vector3<T> {
         let (r_n, r_e) = radii_of_curvature(origin.latitude);
         let two_pi = T::two_pi();

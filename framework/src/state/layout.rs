@@ -1,14 +1,14 @@
-//! The layout of the blocks in one flat vector, and the state that it describes.
+//! Layout of the blocks in one flat vector, and the state in that layout.
 
 use crate::state::block::Block;
 use crate::state::manifold::Manifold;
 use crate::units::time::Time;
 use std::marker::PhantomData;
 
-/// The largest number of blocks of one composition.
+/// Largest number of blocks of one composition.
 pub const MAX_BLOCKS: usize = 128;
 
-/// A typed reference to a state block: resolved once, when the scenario is composed.
+/// A typed reference to a state block, resolved once when the scenario is composed.
 #[derive(Debug)]
 pub struct Handle<M> {
     pub(crate) slot: usize,
@@ -30,17 +30,17 @@ impl<M> Handle<M> {
     }
 }
 
-/// A known time-varying input of `N` numbers that a process model publishes for measurement models, such as the angular
-/// rate of the body. It has no error state.
+/// A known time-varying input of `N` numbers that a process model publishes for measurement models,
+/// such as the angular rate of the body. It has no error state.
 #[derive(Clone, Copy, Debug)]
 pub struct Signal<const N: usize> {
     pub(crate) offset: usize,
 }
 
-/// The blocks of a composition and where each stands.
+/// Blocks of a composition and their places.
 #[derive(Clone, Debug, Default)]
 pub struct Layout {
-    /// The blocks in order.
+    /// Blocks in order.
     pub blocks: Vec<Block>,
     /// Length of [`State::values`].
     pub ambient: usize,
@@ -58,12 +58,12 @@ impl Layout {
         self.blocks.iter().find(|b| b.name == name)
     }
 
-    /// The block in the place of a handle.
+    /// Block of a handle.
     pub fn block<M>(&self, handle: Handle<M>) -> &Block {
         &self.blocks[handle.slot]
     }
 
-    /// The state at every block's initial value, and which blocks have a `truth`, at that truth.
+    /// State with every block at its initial value.
     pub fn initial_state(&self) -> State {
         let (values, signals) = (vec![0.0; self.ambient], vec![0.0; self.signals]);
         let mut state = State { time: Time::MIN, values, signals };
@@ -76,7 +76,7 @@ impl Layout {
         state
     }
 
-    /// The state with every block at its `truth` where it has one, and the slots of those blocks.
+    /// State with every block at its `truth` where it has one, and which blocks have one.
     pub fn true_state(&self) -> (State, Vec<bool>) {
         let mut state = self.initial_state();
         let mut known = vec![false; self.blocks.len()];
@@ -90,7 +90,8 @@ impl Layout {
     }
 }
 
-/// The nominal state: every block's value, and the signals, at one time. Plain data: a snapshot is a clone.
+/// The nominal state: every block's value, and the signals, at one time. Plain data; a snapshot is
+/// a clone.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
     /// The time of the values.

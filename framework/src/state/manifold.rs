@@ -1,17 +1,18 @@
 //! The manifolds on which states live.
 //!
-//! A manifold gives the value a model computes with, the retraction `x [+] d` of a tangent vector, and its inverse
-//! `y [-] x`. The estimator knows nothing else of a state, so any type that implements [`Manifold`] can be one.
+//! A manifold defines the value that a model computes with, the retraction `x [+] d` of a tangent
+//! vector, and its inverse `y [-] x`. The estimator needs nothing else of a state, so any type that
+//! implements [`Manifold`] can be one.
 
 use crate::Real;
 use crate::state::geodesy::Geodetic;
 use nalgebra::{Matrix3, Rotation3, SVector, UnitQuaternion, Vector3, convert};
 use num_dual::Dual64;
 
-/// The largest tangent dimension of one block.
+/// Largest tangent dimension of one block.
 pub const MAX_TANGENT: usize = 16;
 
-/// A manifold: where the value of a state block lives.
+/// A manifold, on which the value of a state block lives.
 ///
 /// A positive number, whose error is a ratio:
 /// ```
@@ -45,11 +46,11 @@ pub const MAX_TANGENT: usize = 16;
 /// assert!((PositiveNumber::retract::<f64>(&2.0, &delta) - 3.0).abs() < 1e-15);
 /// ```
 pub trait Manifold: Send + Sync + 'static {
-    /// Numbers that hold a value.
+    /// Number of stored numbers per value.
     const AMBIENT: usize;
     /// Dimension of the tangent space, at most [`MAX_TANGENT`].
     const TANGENT: usize;
-    /// How sigma and error are read, see [`Reading`].
+    /// Coordinates in which sigma and error are read, see [`Reading`].
     const READING: Reading = Reading::Coordinates;
     /// A value with scalars of type `T`.
     type Value<T: Real>: Clone;
@@ -62,19 +63,19 @@ pub trait Manifold: Send + Sync + 'static {
     fn retract<T: Real>(x: &Self::Value<T>, delta: &[T]) -> Self::Value<T>;
     /// `to [-] from`: the tangent vector at `from` that retracts to `to`.
     fn local(to: &Self::Value<f64>, from: &Self::Value<f64>, delta: &mut [f64]);
-    /// The Jacobian of the error about `x [+] delta` with respect to the error about `x`, row-major, by which the
-    /// covariance changes when `delta` is injected (Sola, *Quaternion kinematics for the error-state Kalman filter*,
-    /// section 6.3). Returns `false` where it is the identity.
+    /// Jacobian of the error about `x [+] delta` with respect to the error about `x`, row-major, by
+    /// which the covariance changes when `delta` is injected (Sola, *Quaternion kinematics for the
+    /// error-state Kalman filter*, section 6.3). Returns `false` where it is the identity.
     fn reset(_delta: &[f64], _jacobian: &mut [f64]) -> bool {
         false
     }
-    /// The [`Self::TANGENT`] numbers that a person reads, in SI.
+    /// The [`Self::TANGENT`] coordinates for presentation, in SI.
     fn coordinates<T: Real>(x: &Self::Value<T>, out: &mut [T]);
     /// The value with the given coordinates, the inverse of [`Self::coordinates`].
     fn from_coordinates(coordinates: &[f64]) -> Self::Value<f64>;
 }
 
-/// How the sigma and the error of a block are read.
+/// Coordinates in which sigma and error of a block are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
     /// In the block's coordinates: the sigma through their Jacobian, the error as their difference.
@@ -145,9 +146,10 @@ impl<const N: usize> Manifold for Vector<N> {
 
 /// A rotation, SO(3), held as a unit quaternion (w, x, y, z).
 ///
-/// `C [+] delta = exp([delta x]) C`: the error is resolved in the frame that the rotation maps *to*: the navigation
-/// frame for `c_b_n`, the instrument frame for `c_b_d`. Coordinates are roll, pitch and yaw of
-/// `C^T = R_x(roll) R_y(pitch) R_z(yaw)` (coordinate transformations, Groves eq. 2.22, Pan & Wu eq. 16).
+/// `C [+] delta = exp([delta x]) C`: the error is resolved in the frame that the rotation maps
+/// *to*: the navigation frame for `c_b_n`, the instrument frame for `c_b_d`. Coordinates are roll,
+/// pitch and yaw of `C^T = R_x(roll) R_y(pitch) R_z(yaw)` (coordinate transformations, Groves eq.
+/// 2.22, Pan & Wu eq. 16).
 #[derive(Debug)]
 pub struct Rotation;
 
@@ -155,7 +157,7 @@ impl Rotation {
     /// Rotation matrix to roll, pitch and yaw (Groves eq. 2.23).
     fn euler<T: Real>(c: &Rotation3<T>) -> [T; 3] {
         let m = c.matrix();
-        // not by the arc sine, which near 90 deg loses half of the digits
+        // atan2 instead of the arc sine, which loses half of the digits near 90 deg
         let cos_pitch = (m[(2, 1)] * m[(2, 1)] + m[(2, 2)] * m[(2, 2)]).sqrt();
         [m[(2, 1)].atan2(m[(2, 2)]), (-m[(2, 0)]).atan2(cos_pitch), m[(1, 0)].atan2(m[(0, 0)])]
     }
@@ -183,7 +185,7 @@ impl Manifold for Rotation {
         Rotation3::from_matrix_unchecked(m.map(convert))
     }
     fn store(value: &Rotation3<f64>, ambient: &mut [f64]) {
-        // normalised, so that rounding does not add up over many corrections
+        // normalised, so that rounding does not accumulate over many corrections
         let q = UnitQuaternion::from_rotation_matrix(value);
         store_quaternion(&UnitQuaternion::new_normalize(q.into_inner()), ambient);
     }
@@ -195,7 +197,8 @@ impl Manifold for Rotation {
         delta.copy_from_slice(q.scaled_axis().as_slice());
     }
     fn reset(delta: &[f64], jacobian: &mut [f64]) -> bool {
-        // error' = log(exp(error) exp(-delta)), so that its derivative at error = delta is the left Jacobian of SO(3)
+        // error' = log(exp(error) exp(-delta)), so that its derivative at error = delta is the left
+        // Jacobian of SO(3)
         let g = left_jacobian(&Vector3::new(delta[0], delta[1], delta[2]));
         for i in 0..3 {
             for j in 0..3 {
@@ -219,7 +222,7 @@ pub(crate) fn left_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
         (0.5 - angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0)
     } else {
         let angle = angle2.sqrt();
-        // 1 - cos by the half angle, which keeps its digits
+        // 1 - cos by the half angle, without cancellation
         (2.0 * ((0.5 * angle).sin() / angle).powi(2), (angle - angle.sin()) / (angle2 * angle))
     };
     let skew = phi.cross_matrix();
@@ -290,7 +293,7 @@ impl Manifold for Position {
     }
 }
 
-/// The operations of a manifold on plain numbers: what the estimator calls where the type is no longer known.
+/// Operations of a manifold on plain numbers, for the estimator, which does not know the type.
 #[derive(Clone, Copy, Debug)]
 pub struct Operations {
     /// [`Manifold::AMBIENT`].
@@ -299,7 +302,7 @@ pub struct Operations {
     pub tangent: usize,
     /// [`Manifold::READING`].
     pub reading: Reading,
-    /// Identity of the manifold's type, so that a handle of another type is refused.
+    /// Identity of the manifold's type, with which a handle of another type is rejected.
     pub kind: std::any::TypeId,
     /// `x = x [+] delta`.
     pub retract: fn(&mut [f64], &[f64]),
@@ -309,14 +312,15 @@ pub struct Operations {
     pub reset: fn(&[f64], &mut [f64]) -> bool,
     /// [`Manifold::coordinates`].
     pub coordinates: fn(&[f64], &mut [f64]),
-    /// Jacobian of the coordinates with respect to the tangent, row-major; not finite where coordinates are singular.
+    /// Jacobian of the coordinates with respect to the tangent, row-major; not finite where
+    /// coordinates are singular.
     pub coordinate_jacobian: fn(&[f64], &mut [f64]),
     /// [`Manifold::from_coordinates`].
     pub from_coordinates: fn(&[f64], &mut [f64]),
 }
 
 impl Operations {
-    /// The operations of the manifold `M`.
+    /// Operations of the manifold `M`.
     pub fn of<M: Manifold>() -> Self {
         const { assert!(M::TANGENT <= MAX_TANGENT) };
         Self {

@@ -1,4 +1,5 @@
-//! The state: blocks on manifolds, their layout in one flat vector, the error state and its covariance.
+//! The state: blocks on manifolds, their layout in one flat vector, the error state and its
+//! covariance.
 
 pub mod block;
 pub mod covariance;

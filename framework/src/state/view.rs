@@ -7,9 +7,11 @@ use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::cell::Cell;
 
-/// What a measurement function reads: typed values of scalar type `T`, one block of which may carry a derivative.
+/// Input of a measurement function: typed values of scalar type `T`, one block of which may carry a
+/// derivative.
 ///
-/// It notes which blocks were read, so that the derivative is taken with respect to exactly those.
+/// The view records which blocks are read, and the derivative is taken with respect to exactly
+/// those.
 #[derive(Debug)]
 pub struct View<'a, T: Real> {
     layout: &'a Layout,
@@ -45,14 +47,15 @@ impl<'a, T: Real> View<'a, T> {
         Self { layout, state, sample: None, seeded: slot, delta, read: Cell::new(0) }
     }
 
-    /// The view in which the sample's channels can be read too.
+    /// Adds access to the sample's channels.
     #[must_use]
     pub fn with(self, sample: &'a Sample) -> Self {
         Self { sample: Some(sample), ..self }
     }
 
-    /// A channel of the sample that is predicted, if it is there: what a sensor tells beside what it measures, such as the
-    /// speed of sound that it assumed, or how good it believes to be. In a simulation, the simulator fills it first.
+    /// Channel of the predicted sample, if it is present: additional data of a sensor, such as the
+    /// assumed speed of sound or its own accuracy estimate. In a simulation, the simulator fills it
+    /// first.
     pub fn channel(&self, channel: usize) -> Option<f64> {
         self.sample.and_then(|sample| sample.get(channel))
     }
@@ -78,7 +81,7 @@ impl<'a, T: Real> View<'a, T> {
         self.state.time
     }
 
-    /// The blocks read so far, one bit a slot.
+    /// Blocks read so far, one bit per slot.
     pub fn blocks_read(&self) -> u128 {
         self.read.get()
     }

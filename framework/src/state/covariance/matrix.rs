@@ -1,6 +1,7 @@
 //! The symmetric covariance of the error state.
 
-/// A symmetric covariance, row-major with rows padded to a multiple of four so that the kernel runs on whole vectors.
+/// A symmetric covariance, row-major, with rows padded to a multiple of four so that the kernel
+/// runs on whole vectors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Covariance {
     pub(super) n: usize,
@@ -61,7 +62,8 @@ impl Covariance {
         self.symmetrise();
     }
 
-    /// `P = G P G'` with `G` the identity but for `g` at those three rows of the column `k`, which is none of them.
+    /// `P = G P G'`, where `G` is the identity except for `g` in three rows of column `k`, which is
+    /// none of them.
     pub(crate) fn shear(
         &mut self,
         rows: std::ops::Range<usize>,

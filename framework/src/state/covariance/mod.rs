@@ -1,7 +1,8 @@
 //! The covariance of the error state: structured propagation and Joseph update.
 //!
-//! A process model changes few rows of the error state, and each from few columns: the transition is held as a sparse
-//! pattern, found once. One kernel, `y_i = sum_k a_ik x_k` over rows of `x`, does all the work.
+//! A process model changes few rows of the error state, each from few columns. The transition is
+//! therefore a sparse pattern, found once, and one kernel, `y_i = sum_k a_ik x_k` over rows of `x`,
+//! does all the work.
 
 mod matrix;
 mod transition;

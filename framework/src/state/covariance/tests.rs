@@ -9,8 +9,9 @@ use crate::state::{BlockSpec, Display, Dynamics, Layout, Mode};
 use nalgebra::{DMatrix, DVector, SMatrix};
 use proptest::prelude::*;
 
-/// Double precision leaves 2^-53; a sum of k products of norm one is good to k 2^-53. The longest chain here has k =
-/// 3 x 36 terms, so 1.2e-14 of the largest product; 1e-12 is what the framework promises.
+/// Double precision leaves 2^-53; a sum of k products of norm one is good to k 2^-53. The longest
+/// chain here has k = 3 x 36 terms, so 1.2e-14 of the largest product; 1e-12 is what the framework
+/// promises.
 const RELATIVE: f64 = 1e-12;
 
 /// Calls `f::<N>(...)`, or `f::<R, N>(...)`, for an `N` of 1 to 6.
@@ -203,7 +204,8 @@ proptest! {
         let mut state = layout.initial_state();
         dynamics.propagate(&layout, &mut state, dt, &mut transition);
         let (phi, q) = (transition.phi_dense(n), transition.noise_dense(n));
-        // what the dense form is made of is checked too: the own dynamics of a block, from their definition
+        // what the dense form is made of is checked too: the own dynamics of a block, from their
+        // definition
         for (block, _) in layout.blocks.iter().zip(&cases).filter(|(b, c)| b.tangent.is_some() && !c.driven) {
             for (axis, k) in block.tangent_range().enumerate() {
                 let (f, noise) = match &block.spec.dynamics {

@@ -1,22 +1,23 @@
-//! The transition of one step: a sparse pattern, found once, and the product that it makes.
+//! Transition of one step: a sparse pattern, found once, and its products.
 
 use super::{Covariance, Reach};
 use crate::state::Layout;
 use crate::units::sample::MAX_CHANNELS;
 
-/// Where a process model writes an `R` x `C` block of the transition matrix; a block of a fixed state has no place.
+/// Place of an `R` x `C` block of the transition matrix; a block of a fixed state has no place.
 #[derive(Clone, Copy, Debug)]
 pub struct PhiSlot<const R: usize, const C: usize>(Option<usize>);
 
-/// Where a process model writes the diagonal of a block of the transition matrix.
+/// Place of the diagonal of a block of the transition matrix.
 #[derive(Clone, Copy, Debug)]
 pub struct PhiDiagonal<const N: usize>(Option<usize>);
 
-/// Where a process model writes an `N` x `N` block on the diagonal of the process noise covariance.
+/// Place of an `N` x `N` block on the diagonal of the process noise covariance.
 #[derive(Clone, Copy, Debug)]
 pub struct NoiseSlot<const N: usize>(Option<usize>);
 
-/// The transition `Phi` and process noise `Q` of one step, filled by the process models in the places they declared.
+/// Transition matrix `Phi` and process noise `Q` of one step, which the process models fill in
+/// their declared places.
 #[derive(Clone, Debug, Default)]
 pub struct Transition {
     /// The values of all declared elements of `Phi`.
@@ -27,18 +28,18 @@ pub struct Transition {
     q: Vec<f64>,
     /// `(offset in q, first row, dimension)` of each block of `Q`.
     noise: Vec<(usize, usize, usize)>,
-    /// How much more than the models' `q` is added, as a share of it.
+    /// Additional process noise as a share of the models' `q`.
     excess: f64,
-    /// Blocks that move by themselves, one entry an axis.
+    /// Blocks with dynamics of their own, one entry per axis.
     own: Vec<Own>,
     compiled: Compiled,
 }
 
-/// One axis of a block that moves by itself.
+/// One axis of a block with dynamics of its own.
 #[derive(Clone, Debug)]
 struct Own {
     row: usize,
-    /// Where its decay stands in `Transition::phi`.
+    /// Index of its decay in `Transition::phi`.
     phi: Option<usize>,
     q: f64,
 }
@@ -46,15 +47,15 @@ struct Own {
 /// The pattern in the kernel's order, and its work space.
 #[derive(Clone, Debug, Default)]
 struct Compiled {
-    /// The rows of `Phi` that are not those of the identity, ascending.
+    /// Rows of `Phi` that differ from the identity, ascending.
     rows: Vec<usize>,
     /// Their number, padded to a multiple of four.
     width: usize,
     /// End of each row's entries.
     ends: Vec<usize>,
-    /// The column of each entry, and where its value stands in `Transition::phi`.
+    /// Column of each entry, and the index of its value in `Transition::phi`.
     entries: Vec<(usize, usize)>,
-    /// Whether a column of the error state is an active row, and which.
+    /// Index of each column of the error state among the active rows, if it is one.
     position: Vec<Option<usize>>,
     terms: Terms,
     x: Vec<f64>,
@@ -63,7 +64,7 @@ struct Compiled {
     carried: Vec<f64>,
 }
 
-/// The elements of the changed rows of `Phi` that are not zero in this step, row by row.
+/// Nonzero elements of the changed rows of `Phi` in this step, row by row.
 #[derive(Clone, Debug, Default)]
 struct Terms {
     ends: Vec<usize>,
@@ -71,7 +72,8 @@ struct Terms {
 }
 
 impl Transition {
-    /// Declares a block of `Phi` with rows of `row` and columns of `column` (first tangent index, `None` when fixed).
+    /// Declares a block of `Phi` with rows of `row` and columns of `column` (first tangent index,
+    /// `None` when fixed).
     pub fn phi<const R: usize, const C: usize>(
         &mut self,
         row: Option<usize>,
@@ -146,7 +148,8 @@ impl Transition {
         }
     }
 
-    /// Declares the axes of a block that moves by itself, with a decay or without; gives the first one's index.
+    /// Declares the axes of a block with dynamics of its own, with or without a decay; returns the
+    /// index of the first.
     pub(crate) fn own_block(&mut self, row: usize, axes: usize, decays: bool) -> usize {
         let first = self.own.len();
         for k in row..row + axes {
@@ -160,7 +163,7 @@ impl Transition {
         first
     }
 
-    /// Sets the decay and the process noise variance of the axis `k` after `first`.
+    /// Sets decay and process noise variance of axis `k` after `first`.
     pub(crate) fn set_own(&mut self, first: usize, k: usize, decay: Option<f64>, q: f64) {
         let own = &mut self.own[first + k];
         own.q = q;
@@ -169,7 +172,7 @@ impl Transition {
         }
     }
 
-    /// Orders the pattern for the kernel; call once, when every place is declared.
+    /// Orders the pattern for the kernel. Call once, after every place is declared.
     pub fn compile(&mut self, layout: &Layout) {
         let n = layout.tangent;
         let mut rows: Vec<usize> = self.places.iter().map(|p| p.0).collect();
@@ -213,7 +216,8 @@ impl Transition {
                 column[k] = *v;
             }
         }
-        // Y = A X', where changed rows and columns meet; it is symmetric, and its upper half is enough
+        // Y = A X', where changed rows and columns meet; it is symmetric, and its upper half is
+        // enough
         terms.product(xt, width, y, true);
         for (row, x) in rows.iter().zip(x.chunks_exact(stride)) {
             p[row * stride..][..n].copy_from_slice(&x[..n]);
@@ -245,8 +249,8 @@ impl Transition {
         }
     }
 
-    /// `G = Phi G` with the `Phi` of the last [`Self::propagate`]; `G` row-major with rows of `stride`, a multiple of four.
-    /// `work` is room for it, which grows once.
+    /// `G = Phi G` with the `Phi` of the last [`Self::propagate`]. `G` is row-major with rows of
+    /// `stride`, a multiple of four; `work` is its work space, which grows once.
     pub fn carry(&self, g: &mut [f64], stride: usize, work: &mut Vec<f64>) {
         let Compiled { rows, terms, .. } = &self.compiled;
         work.resize(rows.len() * stride, 0.0);
@@ -279,7 +283,8 @@ impl Transition {
         sum.iter_mut().zip(&self.phi).for_each(|(sum, phi)| *sum += phi);
     }
 
-    /// The density of the models' process noise in a step of `dt` seconds: its variance of each error, over `dt`.
+    /// The density of the models' process noise in a step of `dt` seconds: its variance of each
+    /// error, over `dt`.
     pub(crate) fn noise_density(&self, dt: f64, density: &mut [f64]) {
         for &(at, row, size) in &self.noise {
             for i in 0..size {
@@ -288,12 +293,13 @@ impl Transition {
         }
     }
 
-    /// Takes the process noise of the models as that multiple of what they give, in standard deviation.
+    /// Multiplies the process noise of the models by that factor, in standard deviation.
     pub fn scale_noise(&mut self, factor: f64) {
         self.excess = factor * factor - 1.0;
     }
 
-    /// The declared elements of `Phi`, as row, column and value; a row that has none is that of the identity.
+    /// The declared elements of `Phi`, as row, column and value; a row that has none is that of the
+    /// identity.
     pub fn elements(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
         self.places.iter().zip(&self.phi).map(|(&(i, j), &value)| (i, j, value))
     }
@@ -338,15 +344,16 @@ impl Terms {
         }
     }
 
-    /// `out = A x`; `x` and `out` row-major with rows of `stride`, a multiple of four. Of a result that is symmetric
-    /// (`half`), only what is right of the diagonal's group of four.
+    /// `out = A x`, with `x` and `out` row-major and rows of `stride`, a multiple of four. For a
+    /// symmetric result (`half`) only the part right of the diagonal is computed, in groups of
+    /// four.
     #[inline]
     fn product(&self, x: &[f64], stride: usize, out: &mut [f64], half: bool) {
         let mut start = 0;
         for (k, (&end, row)) in self.ends.iter().zip(out.chunks_exact_mut(stride)).enumerate() {
             let terms = &self.columns[start..end];
             let mut at = if half { k / 4 * 4 } else { 0 };
-            // as many columns at once as there are registers for
+            // as many columns at once as there are registers
             while at < stride {
                 at += match stride - at {
                     4 => accumulate::<4>(terms, x, stride, at, row),

@@ -1,9 +1,9 @@
-//! The measurement update.
+//! Measurement update of the covariance.
 
 use super::Covariance;
 use crate::units::sample::MAX_CHANNELS;
 
-/// The work space of one update: innovation, Jacobian and gain, allocated once.
+/// Work space of an update: innovation, Jacobian and gain, allocated once.
 #[derive(Clone, Debug, Default)]
 pub struct Update {
     /// Number of measured components.
@@ -26,18 +26,19 @@ pub struct Update {
     work: Vec<f64>,
 }
 
-/// Where an error that a sensor saw at one time has gone since: `G`, one row a state; empty when nothing is followed.
+/// Propagation of an error that a sensor measured at one time: `G`, one row per state; empty when
+/// none is followed.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Reach {
-    /// The channels that saw it, one bit each.
+    /// Channels that measured the error, one bit each.
     channels: u16,
-    /// The length of a row: the number of channels, padded to a multiple of four.
+    /// Length of a row: the number of channels, padded to a multiple of four.
     pub(super) stride: usize,
     pub(super) g: Vec<f64>,
 }
 
 impl Reach {
-    /// Room for an error state of dimension `n` and up to `m` channels.
+    /// Creates room for an error state of dimension `n` and up to `m` channels.
     pub(crate) fn with_capacity(n: usize, m: usize) -> Self {
         Self { g: Vec::with_capacity(n * m.next_multiple_of(4)), ..Self::default() }
     }
@@ -74,8 +75,8 @@ impl Update {
         &self.gain
     }
 
-    /// Computes `S = H P H' + R` and the normalised innovation squared, which may be infinite; `None` if `S` is
-    /// not positive definite.
+    /// Computes `S = H P H' + R` and the normalised innovation squared, which may be infinite;
+    /// `None` if `S` is not positive definite.
     pub fn innovate(&mut self, covariance: &Covariance) -> Option<f64> {
         let (n, m, w) = (covariance.n, self.m, self.columns.len());
         self.l.clear();
@@ -105,8 +106,9 @@ impl Update {
         (!nis.is_nan()).then_some(nis)
     }
 
-    /// `P = P + c G A G'` with `A = H P H'` and `G` as in [`Self::direction`]: what the sensor sees becomes `1 + c` times as
-    /// uncertain. `false` if nothing can be done. After [`Self::innovate`], and before another.
+    /// `P = P + c G A G'` with `A = H P H'` and `G` as in [`Self::direction`]: the measured
+    /// combination of states becomes `1 + c` times as uncertain. Returns `false` where there is no
+    /// such direction. Call after [`Self::innovate`], and before another.
     pub(crate) fn inflate(
         &mut self,
         covariance: &mut Covariance,
@@ -121,8 +123,9 @@ impl Update {
         true
     }
 
-    /// `P = P + c N A N'` with `N` of [`Self::unseen`]: what an error of the size that [`Self::inflate`] adds reached
-    /// without the sensor seeing it gets its share. `H N = 0`, so the sample says nothing of it.
+    /// `P = P + c N A N'` with `N` of [`Self::unseen`]: inflates the states that an error of the
+    /// size added by [`Self::inflate`] has reached without being measured. `H N = 0`, so the sample
+    /// carries no information about them.
     pub(crate) fn inflate_unseen(&self, covariance: &mut Covariance, unseen: &[f64], c: f64) {
         self.add(covariance, unseen.chunks_exact(self.m).enumerate(), c);
     }
@@ -145,16 +148,17 @@ impl Update {
         covariance.symmetrise();
     }
 
-    /// `G = D H' (H D H')^-1` with `D` the diagonal of `P`, over `columns`, into `l`: an error in what the sensor sees,
-    /// shared among the states in proportion to how uncertain each is and how much it is seen. `considered` states, whose
-    /// variance is a statement, get none. `false` if there is no such direction. After [`Self::innovate`].
+    /// `G = D H' (H D H')^-1` with `D` the diagonal of `P`, over `columns`, into `l`: distributes a
+    /// measured error among the states in proportion to their uncertainty and sensitivity.
+    /// `considered` states get no share, since their variance is given. Returns `false` where there
+    /// is no such direction. Call after [`Self::innovate`].
     fn direction(&mut self, covariance: &Covariance, considered: &[bool]) -> bool {
         let (m, w) = (self.m, self.columns.len());
         let columns = &self.columns;
         let variance = |k: usize| {
             if considered[columns[k]] { 0.0 } else { covariance.get(columns[k], columns[k]) }
         };
-        // H D H', which 1e-9 S keeps invertible where some channel sees nothing uncertain
+        // H D H'; 1e-9 S keeps it invertible where a channel measures nothing uncertain
         self.work.clear();
         for a in 0..m {
             for b in 0..m {
@@ -177,8 +181,8 @@ impl Update {
         true
     }
 
-    /// Begins to follow where an error in what the sensor sees goes from now on; none if there is no direction of it.
-    /// After [`Self::innovate`], and before another.
+    /// Begins to follow the propagation of a measured error; follows none where there is no
+    /// direction. Call after [`Self::innovate`], and before another.
     pub(crate) fn begin(
         &mut self,
         covariance: &Covariance,
@@ -197,15 +201,16 @@ impl Update {
         }
     }
 
-    /// `N`, row-major `n` x `m`: the rows of `K = G (H G)^-1`, so that `H K = 1`, of the states that the sensor does not
-    /// see now, and zero for the others. Empty if it sees too little of the error that it saw at the beginning.
+    /// `N`, row-major `n` x `m`: the rows of `K = G (H G)^-1`, so that `H K = 1`, of the states
+    /// that the sensor does not measure now, and zero for the others. Empty if the sensor measures
+    /// too little of the error that it measured at the beginning.
     pub(crate) fn unseen(&self, considered: &[bool], channels: u16, reach: &Reach) -> Vec<f64> {
         let (m, w) = (self.m, self.columns.len());
         if reach.g.is_empty() || reach.channels != channels {
             return Vec::new();
         }
         let hg = nalgebra::DMatrix::from_fn(m, m, |a, b| self.seen(reach, a, b));
-        // in units of each channel's sigma, a tenth of the error is still to be seen
+        // in units of each channel's sigma, at least a tenth of the error must still be measured
         let sigma = |a: usize| self.s[a * m + a].sqrt();
         let usable = |back: &nalgebra::DMatrix<f64>| {
             (0..m * m).all(|k| (back[(k / m, k % m)] * sigma(k % m) / sigma(k / m)).abs() <= 10.0)
@@ -227,7 +232,8 @@ impl Update {
         rows
     }
 
-    /// `G = (I - K H) G`: an update of another sensor changes that error too. After [`Self::apply`].
+    /// `G = (I - K H) G`: an update by another sensor changes that error too. Call after
+    /// [`Self::apply`].
     pub(crate) fn correct(&self, reach: &mut Reach) {
         for b in 0..reach.stride.min(reach.g.len()) {
             let mut seen = [0.0; MAX_CHANNELS];
@@ -246,8 +252,9 @@ impl Update {
         self.columns.iter().zip(h).map(|(c, h)| h * reach.g[c * reach.stride + b]).sum()
     }
 
-    /// The gain `P H' S^-1` (zero rows for `considered` columns), the correction, and the Joseph update
-    /// `P = (I - K H) P (I - K H)' + K R K'` (Groves eq. 3.58), which holds for any gain. After [`Self::innovate`].
+    /// The gain `P H' S^-1` (zero rows for `considered` columns), the correction, and the Joseph
+    /// update `P = (I - K H) P (I - K H)' + K R K'` (Groves eq. 3.58), which holds for any gain.
+    /// After [`Self::innovate`].
     pub fn apply(&mut self, covariance: &mut Covariance, considered: &[bool]) {
         let (n, m, w, stride) = (covariance.n, self.m, self.columns.len(), covariance.stride);
         self.gain.clear();
