@@ -1,6 +1,8 @@
-//! Depth sensor: the depth of its port below the reference surface of heights, with bias and lever arm.
+//! Depth sensor: the depth of its port below the reference surface of heights, with bias and lever
+//! arm.
 //!
-//! `z = -h + e_D . C_b^n l + b` (Groves section 6.2.2, for a sensor that already converts pressure to depth).
+//! `z = -h + e_D . C_b^n l + b` (Groves section 6.2.2, for a sensor that already converts pressure
+//! to depth).
 
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
@@ -25,13 +27,13 @@ use serde::Deserialize;
 pub struct Depth {
     /// 1-sigma noise of one sample.
     pub noise: Sigma<Length>,
-    /// Bias: what the sensor reads at depth zero. Tide and air pressure are in it. Without it zero.
+    /// Bias: the reading at depth zero, which includes tide and air pressure. Default: zero.
     #[serde(default)]
     pub bias: LengthBias,
-    /// Where the sensor's port is, from the IMU, in body axes. Without it at the IMU.
+    /// Position of the sensor's port from the IMU, in body axes. Default: at the IMU.
     #[serde(default)]
     pub lever_arm: LeverArm,
-    /// The process whose motion it measures.
+    /// Process whose motion the sensor measures.
     #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
 }
@@ -77,12 +79,14 @@ impl MeasurementModel<1> for DepthModel {
         SMatrix::from_element(self.sigma * self.sigma)
     }
 
-    /// So simple that it is written out: down displacement, the lever arm's down part, and the bias.
+    /// The analytic Jacobian, which saves the evaluation with dual numbers: 1 for the downward
+    /// displacement, `(C l) x e_D` for the attitude (from `e_D . (phi x C l)`), the down row of
+    /// `C_b^n` for the lever arm, and 1 for the bias.
     fn jacobian(&self, x: &View<'_, f64>, h: &mut Jacobian<'_, 1>) -> bool {
         let c_b_n = x.get(self.navigation.attitude);
         let l = c_b_n * x.get(self.lever_arm);
         h.set(self.navigation.position, &SMatrix::<f64, 1, 3>::new(0.0, 0.0, 1.0));
-        h.set(self.navigation.attitude, &SMatrix::<f64, 1, 3>::new(l.y, -l.x, 0.0)); // e_D . (phi x l)
+        h.set(self.navigation.attitude, &SMatrix::<f64, 1, 3>::new(l.y, -l.x, 0.0));
         h.set(self.lever_arm, &c_b_n.matrix().fixed_view::<1, 3>(2, 0).into_owned());
         h.set(self.bias, &SMatrix::<f64, 1, 1>::new(1.0));
         true

@@ -1,4 +1,4 @@
-//! The current: a state of the water that sensors share.
+//! The current of the water, a state that sensors share.
 
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::Calibration;
@@ -15,15 +15,17 @@ use navfuse_core::units::{AccelerationNoise, Positive, Speed, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Correlation time of a current that the scenario says nothing of, s.
+/// Default correlation time of the current, s.
 const HOUR: f64 = 3600.0;
 
-/// The current of the water where the vehicle is: the velocity of the water over the bottom, a state that sensors name.
+/// Current of the water around the vehicle: the velocity of the water over the bottom, a state to
+/// which sensors refer by name.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WaterCurrent {
-    /// North, east, down. With a sigma it is estimated, as a Gauss-Markov process about its initial value of that stationary
-    /// sigma and a `correlation_time` of 1 h, or as a `random_walk` where that is given. Without a sigma it is known.
+    /// Velocity north, east, down. With a sigma it is estimated: as a Gauss-Markov process about its
+    /// initial value, with that stationary sigma and a `correlation_time` of 1 h by default, or as a
+    /// random walk where `random_walk` is given. Without a sigma it is known.
     pub current: Calibration<Triple<Speed>, Triple<AccelerationNoise>>,
 }
 
@@ -41,7 +43,8 @@ impl ProcessType for WaterCurrent {
     }
 }
 
-/// Moves nothing: the block moves by its own dynamics.
+/// Process model of the current. It moves nothing itself: the block moves by its own dynamics,
+/// `c' = -c/T + w` of a Gauss-Markov process (Hegrenaes & Berglund 2009) or `c' = w`.
 #[derive(Clone, Copy, Debug)]
 struct OwnDynamics;
 

@@ -1,10 +1,12 @@
-//! GNSS: position and velocity of the antenna, as a receiver gives them out (loosely coupled; Groves section 14.3).
+//! GNSS: position and velocity of the antenna, as a receiver outputs them (loosely coupled; Groves
+//! section 14.3).
 //!
-//! `p = p_imu [+] (C_b^n l + b)`, `v = v^n + C_b^n (w_eb^b x l)`: Groves section 14.3.1, with a bias `b`.
+//! `p = p_imu [+] (C_b^n l + b)`, `v = v^n + C_b^n (w_eb^b x l)`: Groves section 14.3.1, with a bias
+//! `b`. `[+]` displaces a geodetic position by metres.
 //!
-//! Latitude and longitude are in radians, and so are their innovations; the noise in metres becomes radians by the radii of
-//! curvature at the estimate. In double precision an angle of pi is good to 3 nm on the ground. The normalised innovation
-//! squared is the same as in metres.
+//! Latitude and longitude are in radians, and so are their innovations; the radii of curvature at
+//! the estimate convert the noise from metres to radians. In double precision an angle of pi is
+//! accurate to 3 nm on the ground. The normalised innovation squared is the same as in metres.
 
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
@@ -26,8 +28,9 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::f64::consts::TAU;
 
-/// GNSS receiver: position of its antenna and, where `velocity_noise` is given, velocity. Any channel may be missing: a 2-D
-/// fix has no height. Reported accuracies, where a recording has them, take the place of the noise given here.
+/// GNSS receiver: position of its antenna and, where `velocity_noise` is given, velocity. Any
+/// channel may be missing: a 2-D fix has no height. Accuracies that a recording reports replace the
+/// noise given here.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gnss {
@@ -35,22 +38,24 @@ pub struct Gnss {
     pub horizontal_noise: Sigma<Length>,
     /// 1-sigma noise of one height.
     pub vertical_noise: Sigma<Length>,
-    /// 1-sigma noise of one velocity, one value or north, east, down. Without it there are no velocity channels.
+    /// 1-sigma noise of one velocity, one value or north, east, down. Default: no velocity channels.
     pub velocity_noise: Option<Sigma<Triple<Speed>>>,
-    /// What the accuracies that the receiver reports are multiplied by: they are taken as 1-sigma of each axis. Default: 1.
+    /// Factor on the accuracies that the receiver reports; the product is the 1-sigma of each axis.
+    /// Default: 1.
     #[serde(default = "one")]
     pub accuracy_factor: Positive<Ratio>,
-    /// Error of the position that lasts: atmosphere, orbits, multipath. North, east, down; a Gauss-Markov process where it
-    /// has a `correlation_time`. Without it zero.
+    /// Slowly varying error of the position, north, east, down: atmosphere, orbits, multipath. With
+    /// a `correlation_time` it is a Gauss-Markov process. Default: zero.
     #[serde(default)]
     pub bias: Calibration<Triple<Length>, Triple<LengthRandomWalk>>,
-    /// Where the antenna is, from the IMU, in body axes. Without it at the IMU.
+    /// Position of the antenna from the IMU, in body axes. Default: at the IMU.
     #[serde(default)]
     pub lever_arm: LeverArm,
-    /// The process whose motion it measures.
+    /// Process whose motion the receiver measures.
     #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
 }
+
 fn one() -> Positive<Ratio> {
     Positive::from_si(1.0)
 }
@@ -96,7 +101,8 @@ impl SensorType for Gnss {
     }
 }
 
-/// The measurement model of a [`Gnss`]: of three channels, the position, or of six, position and velocity.
+/// The measurement model of a [`Gnss`]: with three rows it predicts the position, with six the
+/// position and the velocity.
 #[derive(Clone, Debug)]
 pub struct GnssModel {
     navigation: Navigation,
@@ -112,7 +118,11 @@ pub struct GnssModel {
 }
 
 impl GnssModel {
-    /// Latitude, longitude and height of the antenna, displaced by the bias.
+    /// Latitude, longitude and height of the antenna, displaced by the bias:
+    /// `p_imu [+] (C_b^n l + b)` (Groves section 14.3.1).
+    ///
+    /// The bias is added in north, east and down before the displacement, so that its unit is the
+    /// metre at every latitude.
     fn position<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
         let displacement =
             x.get(self.navigation.attitude) * x.get(self.lever_arm) + x.get(self.bias);
@@ -120,20 +130,23 @@ impl GnssModel {
         SVector::from([antenna.latitude, antenna.longitude, antenna.height])
     }
 
-    /// Velocity of the antenna, north, east, down.
+    /// Velocity of the antenna, north, east, down: `v^n + C_b^n (w_eb^b x l)` (Groves section
+    /// 14.3.1). The rate is relative to the Earth, because the antenna's velocity is too.
     fn velocity<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
-        let around = self.navigation.angular_rate(x).cross(&x.get(self.lever_arm));
-        x.get(self.navigation.velocity) + x.get(self.navigation.attitude) * around
+        let rotation = self.navigation.angular_rate(x).cross(&x.get(self.lever_arm));
+        x.get(self.navigation.velocity) + x.get(self.navigation.attitude) * rotation
     }
 
-    /// The accuracy that the receiver reports in a channel, if it does.
+    /// The accuracy that the receiver reports in a channel, scaled, if it is there and positive.
     fn reported(&self, x: &View<'_, f64>, channel: usize) -> Option<f64> {
         x.channel(channel)
             .filter(|accuracy| *accuracy > 0.0)
             .map(|accuracy| accuracy * self.accuracy_factor)
     }
 
-    /// Sigma of latitude and longitude (rad) and height (m); reported accuracies begin at the channel `first`.
+    /// Sigma of latitude and longitude (rad) and height (m): `sigma_L = sigma / (R_N + h)`,
+    /// `sigma_lon = sigma / ((R_E + h) cos L)` (Groves eq. 2.111 read as differentials). Reported
+    /// accuracies begin at the channel `first`.
     fn position_sigma(&self, x: &View<'_, f64>, first: usize) -> [f64; 3] {
         let horizontal = self.reported(x, first).unwrap_or(self.horizontal);
         let vertical = self.reported(x, first + 1).unwrap_or(self.vertical);
@@ -144,13 +157,14 @@ impl GnssModel {
     }
 }
 
-/// The difference of two longitudes the short way round, others as they are.
+/// Computes the innovation of a channel, for longitudes the short way round: at the date line a
+/// plain difference would be a full turn.
 fn short_way(channel: usize, measured: f64, predicted: f64) -> f64 {
     let difference = measured - predicted;
     if channel == LONGITUDE { difference - TAU * (difference / TAU).round() } else { difference }
 }
 
-/// A receiver's longitude is within +-180 deg.
+/// Wraps a simulated longitude to +-180 deg, the range that receivers output.
 fn wrap_longitude(sample: &mut Sample) {
     if let Some(longitude) = sample.get(LONGITUDE) {
         sample.set(LONGITUDE, short_way(LONGITUDE, longitude, 0.0));

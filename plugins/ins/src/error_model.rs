@@ -98,7 +98,7 @@ impl ErrorDynamics {
 /// The blocks of the transition `Phi` over a step; those that are not named are zero, or the identity on the diagonal
 /// of the biases.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Transition {
+pub struct InertialTransition {
     /// Attitude on attitude.
     pub phi_phi: Matrix3<f64>,
     /// Velocity on attitude, s/m.
@@ -136,11 +136,11 @@ pub struct Transition {
 /// The biases' share in coning and sculling, the difference of two samples over 12 (1e-5 of `phi_bg` for a change of
 /// rate of 1 rad/s^2 at 100 Hz), is left out too.
 #[inline]
-pub fn transition(rates: &StepRates) -> Transition {
+pub fn transition(rates: &StepRates) -> InertialTransition {
     let dt = rates.dt;
     let f = ErrorDynamics::new(rates);
     let identity = Matrix3::identity();
-    Transition {
+    InertialTransition {
         phi_phi: identity + f.phi_phi * dt,
         phi_v: f.phi_v * dt,
         phi_p: f.phi_p * dt,

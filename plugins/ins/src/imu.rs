@@ -16,14 +16,14 @@ use navfuse_core::units::{
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// What the channels of an IMU are.
+/// Quantity in the channels of an IMU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Output {
     /// Mean angular rate and specific force over the interval that ends at the sample's time.
     #[default]
     Rates,
-    /// Integrals of both since the sample before.
+    /// Integrals of both since the previous sample.
     Increments,
 }
 
@@ -50,18 +50,20 @@ const INCREMENTS: [Channel; 6] = [
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Imu {
-    /// `rates` or `increments`.
+    /// Quantity in the channels: `rates` or `increments`.
     #[serde(default)]
     pub output: Output,
-    /// Angular random walk: white noise of the gyros, one value or one an axis.
+    /// Angular random walk: white noise of the gyros, one value or one per axis.
     pub gyro_noise: Sigma<Triple<AngularRateNoise>>,
-    /// Velocity random walk: white noise of the accelerometers, one value or one an axis.
+    /// Velocity random walk: white noise of the accelerometers, one value or one per axis.
     pub accel_noise: Sigma<Triple<AccelerationNoise>>,
-    /// Least step of the angular rate in the recording. Its rounding is noise to the filter; a simulated IMU rounds so.
+    /// Quantisation step of the angular rate in the recording. The filter treats the rounding as
+    /// noise; a simulated IMU rounds its output to this step.
     pub gyro_quantisation: Option<Sigma<AngularRate>>,
-    /// Least step of the specific force in the recording.
+    /// Quantisation step of the specific force in the recording.
     pub accel_quantisation: Option<Sigma<Acceleration>>,
-    /// The longest interval between samples that is bridged at the mean rate; a longer one ends the run. Default: 0.1 s.
+    /// Longest interval between samples that is bridged at the mean rate; a longer one ends the run.
+    /// Default: 0.1 s.
     #[serde(default = "tenth_second")]
     pub max_gap: Positive<Duration>,
 }
@@ -87,8 +89,8 @@ impl SensorType for Imu {
 }
 
 impl Imu {
-    /// Mean angular rate (rad/s) and specific force (m/s^2) of a sample that covers `interval` seconds; `None` if channels
-    /// are missing.
+    /// Mean angular rate (rad/s) and specific force (m/s^2) of a sample that covers `interval`
+    /// seconds; `None` if channels are missing.
     #[inline]
     pub(crate) fn rates(
         &self,
@@ -103,8 +105,11 @@ impl Imu {
         Some((Vector3::new(c[0], c[1], c[2]) * share, Vector3::new(c[3], c[4], c[5]) * share))
     }
 
-    /// Variance of one axis's noise integrated over `dt` of a sample's `duration`: white noise by its spectral density, and
-    /// the rounding of the sample, uniform in a step, to which each part of its interval gives its share.
+    /// Variance of the noise of one axis, integrated over `dt` of a sample's `duration`:
+    /// `S dt + step^2/12 dt duration`. The first term is white noise of density `S = noise^2`; the
+    /// second is the rounding, uniform within a step (a uniform distribution has the
+    /// variance `step^2/12`), of which a part of the interval has its share, so that the parts add up
+    /// to the `step^2/12 duration^2` of the whole sample.
     pub(crate) fn variance(noise: f64, step: f64, dt: f64, duration: f64) -> f64 {
         noise * noise * dt + step * step / 12.0 * dt * duration
     }

@@ -1,4 +1,5 @@
-//! A reference: where the vehicle really was, to start from and to compare with.
+//! Reference solution: the motion of the vehicle from another system, to start from and to compare
+//! with.
 
 use crate::earth::earth_rate_ned;
 use crate::navigation::Navigation;
@@ -16,14 +17,15 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::sync::Arc;
 
-/// A reference solution: position, velocity and attitude. The filter can start from it, and is compared with it; it never
-/// corrects the filter.
+/// Reference solution: position, velocity and attitude. The filter can start from it, and the run
+/// compares the estimates with it; it never corrects the filter.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReferenceSolution {
-    /// Where the reference's point is, from the IMU, in body axes. Default: at the IMU.
+    /// Position of the reference point from the IMU, in body axes. Default: at the IMU.
     pub lever_arm: Option<Triple<Length>>,
-    /// The process whose state it tells. A vehicle without an IMU has none, and a reference without a lever arm.
+    /// Process whose state the reference gives. A vehicle without an IMU has no such process; its
+    /// reference has no lever arm.
     #[serde(default = "crate::default_name")]
     pub navigation: String,
 }
@@ -63,7 +65,7 @@ impl SensorType for ReferenceSolution {
 }
 
 struct ReferenceModel {
-    /// Where the angular rate is from, which a lever arm needs.
+    /// Source of the angular rate, which a lever arm needs.
     navigation: Option<Navigation>,
     lever_arm: Vector3<f64>,
 }

@@ -1,6 +1,6 @@
 //! The strapdown process: mechanisation and error model as a process model of the framework.
 
-use crate::alignment::{Aligner, Alignment, AtRest, NAME};
+use crate::alignment::{Aligner, Alignment, AlignmentSettings, ZeroVelocity};
 use crate::error_model::transition;
 use crate::imu::{Imu, SimulatedImu};
 use crate::mechanisation::{Increments, Mechanisation, NavState};
@@ -24,24 +24,26 @@ use navfuse_core::units::{Angle, Components, Length, Sigma, Speed, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Strapdown inertial navigation in north, east, down on WGS-84, driven by an IMU: attitude, velocity, position, gyro
-/// and accelerometer bias.
+/// Strapdown inertial navigation in north, east, down on WGS-84, driven by an IMU: attitude,
+/// velocity, position, gyro and accelerometer bias.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Strapdown {
-    /// The IMU that drives it: the name of its `[sensor.NAME]` table.
+    /// IMU that drives the process: the name of its `[sensor.NAME]` table.
     #[serde(default = "imu")]
     pub imu: String,
-    /// How attitude and velocity at the start are found: `given` (default), `static` or `in-motion`, or a table with that
-    /// `method` and its keys.
+    /// Source of attitude and velocity at the start: `given` (default), `static` or `in-motion`, or
+    /// a table with that `method` and its keys.
     #[serde(default)]
     pub alignment: Alignment,
-    /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it. Not used with an alignment.
-    pub attitude: Option<Start<Triple<Angle>>>,
-    /// Velocity north, east, down: prior sigma, and the initial value where no reference gives it. Not used with an alignment.
-    pub velocity: Option<Start<Triple<Speed>>>,
+    /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it. Not used
+    /// with an alignment.
+    pub attitude: Option<InitialValue<Triple<Angle>>>,
+    /// Velocity north, east, down: prior sigma, and the initial value where no reference gives it.
+    /// Not used with an alignment.
+    pub velocity: Option<InitialValue<Triple<Speed>>>,
     /// Position: prior sigma north, east, down, and the initial value where no reference gives it.
-    pub position: PositionStart,
+    pub position: InitialPosition,
     /// Gyro bias.
     #[serde(default)]
     pub gyro_bias: GyroBias,
@@ -54,20 +56,20 @@ fn imu() -> String {
     "imu".into()
 }
 
-/// Where a state starts.
+/// Prior and initial value of a state.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, bound = "V: Components")]
-pub struct Start<V: Components> {
+pub struct InitialValue<V: Components> {
     /// Prior 1-sigma.
     pub sigma: Sigma<V>,
     /// Initial value; left out where a reference gives it.
     pub initial: Option<V>,
 }
 
-/// Where the position starts.
+/// Prior and initial value of the position.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PositionStart {
+pub struct InitialPosition {
     /// Prior 1-sigma north, east, down.
     pub sigma: Sigma<Triple<Length>>,
     /// Geodetic latitude; left out where a reference gives it.
@@ -104,11 +106,12 @@ fn spec(
     })
 }
 
-/// As [`spec`], of a state that is given, or found with that prior sigma.
+/// As [`spec`], for a state that the scenario gives, or that the alignment finds with the prior
+/// sigma `found`.
 fn start<V: Components>(
     composer: &mut Composer,
     name: &str,
-    given: Option<Start<V>>,
+    given: Option<InitialValue<V>>,
     found: Option<Vector3<f64>>,
     display: Display,
 ) -> Result<BlockSpec, ComposeError> {
@@ -144,7 +147,7 @@ impl ProcessType for Strapdown {
             self.gyro_bias.sigma.map_or(0.0, |s| s.value().si().amax()),
             self.accel_bias.sigma.map_or(0.0, |s| s.value().si().amax()),
         );
-        let plan = Aligner::plan(&self.alignment, bias)?;
+        let settings = AlignmentSettings::new(&self.alignment, bias)?;
         let p = &self.position;
         let position = match (p.latitude, p.longitude, p.height) {
             (Some(latitude), Some(longitude), Some(height)) => {
@@ -158,10 +161,10 @@ impl ProcessType for Strapdown {
                 ));
             }
         };
-        let found = plan.as_ref().map(|plan| plan.attitude_prior(&imu));
+        let found = settings.as_ref().map(|s| s.attitude_prior(&imu));
         let attitude = start(composer, "attitude", self.attitude, found, display::ANGLES)?;
         let attitude = composer.block("attitude", attitude)?;
-        let found = plan.as_ref().map(|plan| Vector3::repeat(plan.velocity_prior()));
+        let found = settings.as_ref().map(|s| Vector3::repeat(s.velocity_prior()));
         let velocity = start(composer, "velocity", self.velocity, found, display::VELOCITY)?;
         let velocity = composer.block("velocity", velocity)?;
         let position =
@@ -176,11 +179,11 @@ impl ProcessType for Strapdown {
         let navigation =
             Navigation { attitude, velocity, position, gyro_bias, accel_bias, angular_rate };
         let places = Places::new(composer, &navigation);
-        if let Some(at_rest) = plan.as_ref().and_then(|plan| plan.constraint(velocity)) {
-            composer.constraint(NAME, AtRest::CHANNELS, at_rest);
+        if let Some(model) = settings.as_ref().and_then(|s| s.constraint(velocity)) {
+            composer.constraint(ZeroVelocity::NAME, ZeroVelocity::CHANNELS, model);
         }
-        let aligner = plan.map(|plan| {
-            Aligner::new(&self.alignment, plan, (self.imu.clone(), imu.clone()), navigation)
+        let aligner = settings.map(|settings| {
+            Aligner::new(&self.alignment, settings, (self.imu.clone(), imu.clone()), navigation)
         });
         let simulator = SimulatedImu { imu: imu.clone(), gyro_bias, accel_bias };
         let gyro = imu.gyro_noise.value().si();
@@ -198,7 +201,7 @@ impl ProcessType for Strapdown {
     }
 }
 
-/// Where the model fills `Phi` and `Q`.
+/// Places that the model fills in `Phi` and `Q`.
 #[derive(Clone, Copy, Debug)]
 struct Places {
     phi_phi: PhiSlot<3, 3>,
@@ -248,11 +251,14 @@ struct StrapdownModel {
     places: Places,
     mechanisation: Mechanisation,
     isotropic: bool,
-    /// Those of the sample being used, and of the one before.
+    /// Rates of the current sample and of the one before.
     rates: LastRates,
 }
 
 impl StrapdownModel {
+    /// Process noise over `dt` in navigation axes, `C_b^n Q_b C_b^n'` (compare Groves section
+    /// 14.2.6). The rotation is omitted where all axes have the same noise, since it changes nothing
+    /// there.
     fn noise(
         &self,
         c_b_n: &Matrix3<f64>,
@@ -268,13 +274,14 @@ impl StrapdownModel {
         c_b_n * Matrix3::from_diagonal(&variance) * c_b_n.transpose()
     }
 
-    /// Variance that bridging adds over `dt`: where samples are missing for `hole` of `duration` seconds, the mean rate there
-    /// is off by as much as the rate changed since, which is taken as one sigma on each axis.
+    /// Variance that bridging adds over `dt`. Where samples are missing for `hole` of `duration`
+    /// seconds, the mean rate in the hole is uncertain by the change of the rate over it, which is
+    /// taken as one sigma on each axis.
     fn bridged(change: &Vector3<f64>, hole: f64, dt: f64, duration: f64) -> Matrix3<f64> {
         Matrix3::identity() * (change.norm_squared() * hole * hole * dt / duration)
     }
 
-    /// The angular rate at a time, for the sensors that read it then.
+    /// Publishes the angular rate at a time, for the sensors that read it then.
     fn publish(&self, state: &mut State, at: Time) {
         if let Some(w) = self.rates.angular_rate(at) {
             state.publish(self.navigation.angular_rate, &[w.x, w.y, w.z]);
@@ -316,7 +323,7 @@ impl ProcessModel for StrapdownModel {
                 hole, input.sample.time
             )));
         }
-        // a filter that starts without an earlier sample takes the first one's rate for the time since its start
+        // without an earlier sample, the rate of the first one holds since the start of the filter
         let duration = if input.duration > 0.0 { input.duration } else { dt };
         let usual = if input.usual > 0.0 { input.usual } else { duration };
         let Some((w, f)) = self.imu.rates(input.sample, usual) else {

@@ -1,7 +1,8 @@
-//! Odometer of a wheeled vehicle: the speed of a wheel along the vehicle's axis, and the non-holonomic constraint, that the
-//! wheel neither slides sideways nor leaves the ground (Wu, Wu, Hu & Hu 2009; Dissanayake et al. 2001).
+//! Odometer of a wheeled vehicle: the speed of a wheel along the vehicle's axis, and the
+//! non-holonomic constraint that the wheel neither slides sideways nor leaves the ground (Wu, Wu, Hu
+//! & Hu 2009; Dissanayake et al. 2001).
 //!
-//! `z = diag(k, 1, 1) C_b^v (C_n^b v^n + w_eb^b x l)` with `z = [speed, 0, 0]` of a real wheel.
+//! `z = diag(k, 1, 1) C_b^v (C_n^b v^n + w_eb^b x l)`, where a real wheel has `z = [speed, 0, 0]`.
 
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
@@ -20,32 +21,34 @@ use navfuse_ins::Navigation;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Odometer of a wheeled vehicle: speed of a wheel, which neither slides nor jumps. A recording needs the speed alone: the
-/// sideways and vertical speeds are then taken as zero, each with its own sigma.
+/// Odometer of a wheeled vehicle: speed of a wheel, which neither slides nor jumps. A recording
+/// needs the speed alone: the sideways and vertical speeds are then taken as zero, each with its own
+/// sigma.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Odometer {
     /// 1-sigma noise of one speed.
     pub noise: Sigma<Speed>,
-    /// 1-sigma of the sideways speed of the wheel: how far the constraint holds.
+    /// 1-sigma of the sideways speed of the wheel, which the constraint takes as zero.
     pub lateral_noise: Sigma<Speed>,
-    /// 1-sigma of the speed of the wheel across the road: suspension and bumps.
+    /// 1-sigma of the speed of the wheel normal to the road, which the constraint takes as zero:
+    /// suspension and bumps.
     pub vertical_noise: Sigma<Speed>,
-    /// Scale factor k: the output is k times the speed. Without it k = 1.
+    /// Scale factor k: the output is k times the speed. Default: k = 1.
     #[serde(default)]
     pub scale: ScaleFactor,
-    /// Pitch of the vehicle's axis against the IMU: C_b^v = R_y(pitch) R_z(yaw). Without it zero. There is no roll: about the
-    /// axis of motion it changes nothing.
+    /// Pitch of the vehicle's axis relative to the IMU: C_b^v = R_y(pitch) R_z(yaw). There is no
+    /// roll, because a rotation about the axis of motion changes nothing. Default: zero.
     #[serde(default)]
     pub pitch: Calibration<Angle, AngularRateNoise>,
-    /// Yaw of the vehicle's axis against the IMU. Without it zero.
+    /// Yaw of the vehicle's axis relative to the IMU. Default: zero.
     #[serde(default)]
     pub yaw: Calibration<Angle, AngularRateNoise>,
-    /// Where the wheel is, from the IMU, in body axes: for the constraint to hold in turns, on the axle that is not steered.
-    /// Without it at the IMU.
+    /// Position of the wheel from the IMU, in body axes. The constraint holds in turns only on the
+    /// axle that is not steered. Default: at the IMU.
     #[serde(default)]
     pub lever_arm: LeverArm,
-    /// The process whose motion it measures.
+    /// Process whose motion the odometer measures.
     #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
 }
@@ -95,6 +98,10 @@ pub struct OdometerModel {
 }
 
 impl MeasurementModel<3> for OdometerModel {
+    /// `z = diag(k, 1, 1) R_y(pitch) R_z(yaw) v` of the velocity `v` of the wheel in body axes,
+    /// multiplied out: pitch and yaw are scalar states, since a rotation state would carry a roll
+    /// that nothing observes. The scale factor multiplies the measured speed alone, because the
+    /// constraint of zero speed has none.
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
         let v = self.navigation.velocity_at(x, &x.get(self.lever_arm));
         let (sin_pitch, cos_pitch) = x.get(self.pitch).sin_cos();
@@ -110,7 +117,8 @@ impl MeasurementModel<3> for OdometerModel {
         SMatrix::from_diagonal(&self.sigma.map(|s| s * s))
     }
 
-    /// The constraint: what no odometer measures is zero.
+    /// Sets the sideways and vertical speeds to zero where a sample has a speed but not these: the
+    /// non-holonomic constraint as a measurement.
     fn complete(&self, sample: &mut Sample) {
         if sample.get(0).is_some() {
             for channel in [LATERAL, VERTICAL] {

@@ -1,14 +1,15 @@
-//! The alignment from its beginning to its end.
+//! Initial alignment of a strapdown process, from the first sample to the end of the fine stage.
 
-use super::search::Search;
-use super::{Alignment, Coarse, Method};
+use super::coarse::CoarseAlignment;
+use super::error::AlignmentError;
+use super::settings::AlignmentSettings;
+use super::{Alignment, AlignmentMethod};
 use crate::earth::EARTH_RATE;
 use crate::imu::Imu;
 use crate::navigation::Navigation;
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
-use navfuse_core::Real;
+use nalgebra::UnitQuaternion;
 use navfuse_core::model::error::ComposeError;
-use navfuse_core::model::measurement::{AnyMeasurement, MeasurementModel};
+use navfuse_core::model::measurement::AnyMeasurement;
 use navfuse_core::model::process::ProcessError;
 use navfuse_core::model::record::Level;
 use navfuse_core::model::sensor::Purpose;
@@ -17,91 +18,37 @@ use navfuse_core::model::start::{
     AlignmentReport, FilterView, InitialAlignment, Progress, Supervision,
 };
 use navfuse_core::state::display;
-use navfuse_core::state::manifold::Vector;
-use navfuse_core::state::{Handle, Layout, State, View};
-use navfuse_core::units::sample::{Channel, Sample};
+use navfuse_core::state::{Layout, State};
+use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 use std::sync::Arc;
 
-/// The name under which the zero velocity of a vehicle at rest is recorded.
-pub(crate) const NAME: &str = "zero_velocity";
-
-/// How often zero velocity is taken as measured, and the heading is looked at.
+/// Interval of the zero-velocity updates and of the checks of the heading.
 const PERIOD: Time = Time::from_nanos(1_000_000_000);
-/// So many zero velocities that do not fit in a row are a motion.
+/// Number of consecutive gated zero-velocity updates that indicate motion.
 const MOVED: u64 = 3;
-/// The shortest alignment, s: by then gravity has turned by 0.1 deg at most.
-const SHORTEST: f64 = 10.0;
-/// The prior of the fine alignment, as a multiple of the coarse one's expected error: its information then is a hundredth.
-const PRIOR: f64 = 10.0;
-/// Beyond that error of the heading, rad, nothing can be linearised.
+/// Largest expected error of the coarse heading, rad: beyond it the filter cannot linearise.
 const HOPELESS: f64 = 0.5;
 
-/// Trials end when the attitude changes by less, rad: half of what 240 s of a good IMU leave.
+/// Change of the attitude below which trials end, rad: half of the error that a navigation-grade IMU
+/// leaves after 240 s.
 const SETTLED: f64 = 3.5e-4;
 
-/// Zero velocity as if it were measured.
-pub(crate) struct AtRest {
-    velocity: Handle<Vector<3>>,
-    sigma: f64,
-}
-
-impl MeasurementModel<3> for AtRest {
-    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
-        x.get(self.velocity)
-    }
-
-    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
-        SMatrix::from_diagonal_element(self.sigma * self.sigma)
-    }
-}
-
-/// The sensors that it uses, in their places.
+/// Sensors of an alignment.
 #[derive(Clone)]
 pub(crate) struct Sensed {
     pub imu: Imu,
     pub driver: usize,
-    /// The one that measures the velocity.
+    /// Index and model of the sensor that measures the velocity.
     pub velocity: Option<(usize, Arc<dyn AnyMeasurement + Sync>)>,
-}
-
-/// What the alignment is told, in SI.
-#[derive(Clone, Debug)]
-pub(crate) struct Plan {
-    pub method: Method,
-    pub duration: f64,
-    /// How long samples are only looked at.
-    pub coarse_duration: f64,
-    pub coarse: Coarse,
-    pub gate: f64,
-    pub rest_velocity: f64,
-    pub max_gap: f64,
-    /// The largest prior sigma of the gyros' and the accelerometers' biases.
-    pub bias: (f64, f64),
-}
-
-impl Plan {
-    /// The error of heading that the coarse alignment is expected to have, rad, with `north` the horizontal Earth rate: gyro bias,
-    /// gyro noise, and the velocity that is not known, over the time that it takes.
-    fn heading_error(&self, imu: &Imu, north: f64) -> f64 {
-        let t = self.coarse_duration;
-        let rate = self.bias.0.hypot(1.2 * imu.gyro_noise.value().si().amax() / t.sqrt());
-        let turned = crate::earth::normal_gravity(0.8, 0.0) * 0.5 * t * t;
-        rate.hypot(self.rest_velocity * std::f64::consts::SQRT_2 / turned) / north
-    }
-
-    fn tilt_error(&self) -> f64 {
-        let gravity = crate::earth::normal_gravity(0.8, 0.0);
-        (self.bias.1 / gravity).hypot(self.rest_velocity / (gravity * self.coarse_duration))
-    }
 }
 
 #[derive(Clone)]
 enum Phase {
-    /// Before it begins.
+    /// Before the first sample.
     Waiting,
-    Searching(Box<Search>),
-    /// Fine: since when, when it looks next, and whether it told that it takes longer.
+    Searching(Box<CoarseAlignment>),
+    /// The fine stage: its beginning, the time of the next check, and whether the delay was reported.
     Fine {
         begin: Time,
         next: Time,
@@ -110,91 +57,35 @@ enum Phase {
     Done,
 }
 
-/// Finds attitude and velocity at the start, and tells when they are good enough.
+/// Finds attitude and velocity at the start, and supervises the filter until they are good enough.
 #[derive(Clone)]
 pub(crate) struct Aligner {
-    plan: Plan,
+    settings: AlignmentSettings,
     navigation: Navigation,
-    /// The sensor that the scenario names.
+    /// Velocity sensor that the scenario names.
     wanted: Option<String>,
     imu: (String, Imu),
     sensed: Option<Sensed>,
     phase: Phase,
-    /// The attitude that was found coarsely, and the one after the last trial.
+    /// Attitude of the first coarse solution.
     coarse: Option<UnitQuaternion<f64>>,
+    /// Attitude of the latest coarse solution.
     before: Option<UnitQuaternion<f64>>,
-    /// What is to be said at the start, beside the coarse attitude.
+    /// Warning to report at the start of the fine stage.
     warning: Option<String>,
     report: Option<AlignmentReport>,
 }
 
 impl Aligner {
-    /// The alignment that a scenario asks for; `None` where attitude and velocity are given.
-    ///
-    /// # Errors
-    /// When keys do not fit one another.
-    pub fn plan(config: &Alignment, bias: (f64, f64)) -> Result<Option<Plan>, ComposeError> {
-        let c = &config.0;
-        let error =
-            |key: &str, text: String| Err(ComposeError::new(format!("alignment.{key}"), text));
-        let at_rest = [
-            ("coarse", c.coarse.is_some()),
-            ("coarse_duration", c.coarse_duration.is_some()),
-            ("rest_velocity", c.rest_velocity.is_some()),
-        ];
-        let moving = [("velocity", c.velocity.is_some()), ("max_gap", c.max_gap.is_some())];
-        let any = [("duration", c.duration.is_some()), ("heading_gate", c.heading_gate.is_some())];
-        let (of_no_use, why): (Vec<_>, _) = match c.method {
-            Method::Given => (
-                [&at_rest[..], &moving, &any].concat(),
-                "of no use where attitude and velocity are given",
-            ),
-            Method::Static => (moving.to_vec(), "of no use at rest"),
-            Method::InMotion => (at_rest.to_vec(), "of no use in motion"),
-        };
-        if let Some((key, _)) = of_no_use.iter().find(|k| k.1) {
-            return error(key, format!("{why}: remove it, or set another alignment.method"));
-        }
-        if c.method == Method::Given {
-            return Ok(None);
-        }
-        let moving = c.method == Method::InMotion;
-        let duration = c.duration.map_or(if moving { 240.0 } else { 600.0 }, |d| d.value().si());
-        if duration < SHORTEST {
-            let text = format!(
-                "{duration} s is too short to see the Earth turn: give {SHORTEST} s at least, minutes rather"
-            );
-            return error("duration", text);
-        }
-        let default = (0.2 * duration).clamp(20.0, 120.0).min(duration);
-        let coarse_duration =
-            c.coarse_duration.map_or(if moving { duration } else { default }, |d| d.value().si());
-        if !(SHORTEST..=duration).contains(&coarse_duration) {
-            let text = format!(
-                "{coarse_duration} s is not possible: give {SHORTEST} s to the duration of {duration} s"
-            );
-            return error("coarse_duration", text);
-        }
-        Ok(Some(Plan {
-            method: c.method,
-            duration,
-            coarse_duration,
-            coarse: c.coarse.unwrap_or_default(),
-            gate: c.heading_gate.map_or_else(|| 1_f64.to_radians(), |g| g.value().si()),
-            rest_velocity: if moving {
-                0.0
-            } else {
-                c.rest_velocity.map_or(5e-3, |v| v.value().si())
-            },
-            max_gap: c.max_gap.map_or(5.0, |g| g.value().si()),
-            bias,
-        }))
-    }
-
-    pub fn new(config: &Alignment, plan: Plan, imu: (String, Imu), navigation: Navigation) -> Self {
+    pub fn new(
+        config: &Alignment,
+        settings: AlignmentSettings,
+        imu: (String, Imu),
+        navigation: Navigation,
+    ) -> Self {
         let wanted = config.0.velocity.clone();
         Self {
-            plan,
+            settings,
             navigation,
             wanted,
             imu,
@@ -207,7 +98,8 @@ impl Aligner {
         }
     }
 
-    /// The sensor that the scenario names, or else the only one that could be it: one of three channels or more that are speeds.
+    /// The sensor that the scenario names, or else the only one with at least three channels that are
+    /// speeds.
     fn velocity_sensor(
         &self,
         sensors: &[Sensor],
@@ -226,9 +118,13 @@ impl Aligner {
             let what = match (&self.wanted, fitting.len()) {
                 (Some(name), _) => format!("there is no [sensor.{name}] that corrects the state"),
                 (None, 0) => {
-                    "an alignment in motion needs a sensor that measures the velocity, such as [sensor.dvl]".into()
+                    "an alignment in motion needs a sensor that measures the velocity, such as \
+                     [sensor.dvl]"
+                        .into()
                 }
-                (None, _) => format!("more than one sensor measures the velocity: {}", names(&fitting)),
+                (None, _) => {
+                    format!("more than one sensor measures the velocity: {}", names(&fitting))
+                }
             };
             let text = format!(
                 "{what}; name one with alignment.velocity (sensors that correct the state: {})",
@@ -245,7 +141,7 @@ impl Aligner {
         }
     }
 
-    /// Heading and its 1-sigma, rad.
+    /// Heading and 1-sigma of the heading, rad.
     fn heading(&self, now: &FilterView<'_>) -> (f64, f64) {
         let block = now.layout.block(self.navigation.attitude);
         let (mut angles, mut sigma) = ([0.0; 3], [0.0; 3]);
@@ -259,12 +155,14 @@ impl Aligner {
         let (heading, sigma) = self.heading(now);
         let degrees = |rad: f64| rad.to_degrees().rem_euclid(360.0);
         let (heading, sigma) = (degrees(heading), sigma.to_degrees());
-        let method = if self.plan.method == Method::Static { "static" } else { "in-motion" };
+        let method =
+            if self.settings.method == AlignmentMethod::Static { "static" } else { "in-motion" };
         let coarse = self.coarse.as_ref().map(|found| degrees(found.euler_angles().2));
         let from =
             coarse.map_or_else(String::new, |c| format!(" (coarse, at the start: {c:.2} deg)"));
         let text = format!(
-            "aligned, {method}, {elapsed:.0} s: heading {heading:.3} deg{from}, 1-sigma {sigma:.3} deg"
+            "aligned, {method}, {elapsed:.0} s: heading {heading:.3} deg{from}, \
+             1-sigma {sigma:.3} deg"
         );
         let values = serde_json::json!({
             "method": method,
@@ -278,43 +176,12 @@ impl Aligner {
     }
 }
 
-impl Plan {
-    /// What is known of a vehicle at rest.
-    pub fn constraint(&self, velocity: Handle<Vector<3>>) -> Option<AtRest> {
-        (self.method == Method::Static).then_some(AtRest { velocity, sigma: self.rest_velocity })
-    }
-
-    /// Prior sigma of the attitude about what the coarse alignment finds, rad: so wide that it tells nothing of what the
-    /// same samples tell again.
-    pub fn attitude_prior(&self, imu: &Imu) -> Vector3<f64> {
-        let heading = PRIOR * self.heading_error(imu, EARTH_RATE * std::f64::consts::FRAC_1_SQRT_2);
-        let (tilt, least) = match self.method {
-            // an error of the velocity's scale factor is one of the coarse attitude
-            Method::InMotion => (1_f64.to_radians(), 10_f64.to_radians()),
-            Method::Given | Method::Static => (0.05_f64.to_radians(), 1_f64.to_radians()),
-        };
-        let tilt = (PRIOR * self.tilt_error()).clamp(tilt, 5_f64.to_radians());
-        Vector3::new(tilt, tilt, heading.clamp(least, 30_f64.to_radians()))
-    }
-
-    /// Prior sigma of the velocity, m/s: at rest that of the rest, in motion so wide that it tells nothing.
-    pub fn velocity_prior(&self) -> f64 {
-        if self.method == Method::Static { self.rest_velocity } else { 10.0 }
-    }
-}
-
-/// The channels of zero velocity.
-impl AtRest {
-    pub const CHANNELS: [Channel; 3] =
-        [Channel::new("vel_n", "mps"), Channel::new("vel_e", "mps"), Channel::new("vel_d", "mps")];
-}
-
 impl InitialAlignment for Aligner {
     fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
         let driver = sensors.iter().position(|s| s.info.name == self.imu.0).unwrap_or_default();
-        let velocity = match self.plan.method {
-            Method::InMotion => Some(self.velocity_sensor(sensors)?),
-            Method::Given | Method::Static => None,
+        let velocity = match self.settings.method {
+            AlignmentMethod::InMotion => Some(self.velocity_sensor(sensors)?),
+            AlignmentMethod::Given | AlignmentMethod::Static => None,
         };
         self.sensed = Some(Sensed { imu: self.imu.1.clone(), driver, velocity });
         Ok(())
@@ -329,29 +196,33 @@ impl InitialAlignment for Aligner {
         let Some(sensed) = &self.sensed else { return Ok(Progress::Found) };
         if matches!(self.phase, Phase::Waiting) {
             let latitude = state.get(layout, self.navigation.position).latitude;
-            let error = self.plan.heading_error(&sensed.imu, EARTH_RATE * latitude.cos());
+            let error = self.settings.heading_error(&sensed.imu, EARTH_RATE * latitude.cos());
             if error > HOPELESS {
-                return Err(ProcessError(format!(
-                    "the gyros cannot find north: with this bias and noise the heading would be {:.0} deg wrong, 1-sigma, after \
-                     {} s at latitude {:.1} deg; give the heading (alignment = \"given\"), or more time to quiet gyros",
-                    error.to_degrees(),
-                    self.plan.coarse_duration,
-                    latitude.to_degrees()
-                )));
+                return Err(AlignmentError::GyrosTooCoarse {
+                    heading: error.to_degrees(),
+                    duration: self.settings.coarse_duration,
+                    latitude: latitude.to_degrees(),
+                }
+                .into());
             }
-            self.phase = Phase::Searching(Box::new(Search::new(layout, state, self.navigation)));
+            self.phase =
+                Phase::Searching(Box::new(CoarseAlignment::new(layout, state, self.navigation)));
         }
         let Phase::Searching(search) = &mut self.phase else { return Ok(Progress::Found) };
-        if !search.take(layout, sensed, &self.plan, sample).map_err(ProcessError)? {
+        if !search.take(layout, sensed, &self.settings, sample)? {
             return Ok(Progress::Searching);
         }
-        let found = search.find(sensed, &self.plan).map_err(ProcessError)?;
+        let found = search.find(sensed, &self.settings)?;
         found.set(layout, &self.navigation, state);
         self.warning = search.unverified(layout, sensed);
         self.coarse = Some(found.c_b_n);
         self.before = Some(found.c_b_n);
-        // at rest nothing else is uncertain that could be in the way
-        Ok(if self.plan.method == Method::InMotion { Progress::Trial } else { Progress::Found })
+        // at rest no other state disturbs the linearisation, so no trial is needed
+        Ok(if self.settings.method == AlignmentMethod::InMotion {
+            Progress::Trial
+        } else {
+            Progress::Found
+        })
     }
 
     fn search_again(
@@ -363,7 +234,7 @@ impl InitialAlignment for Aligner {
             return Ok(Progress::Found);
         };
         search.measure_again(layout, sensed, state);
-        let found = search.find(sensed, &self.plan).map_err(ProcessError)?;
+        let found = search.find(sensed, &self.settings)?;
         found.set(layout, &self.navigation, state);
         let before = self.before.replace(found.c_b_n);
         let settled = before.is_some_and(|before| before.angle_to(&found.c_b_n) < SETTLED);
@@ -380,7 +251,7 @@ impl InitialAlignment for Aligner {
                     Level::Info,
                     format!(
                         "coarse alignment: heading {yaw:.2} deg, from {:.1} s",
-                        self.plan.coarse_duration
+                        self.settings.coarse_duration
                     ),
                 )
             });
@@ -398,35 +269,39 @@ impl InitialAlignment for Aligner {
         while *next <= time {
             *next = *next + PERIOD;
         }
-        let (begin, told, plan) = (*begin, *late, &self.plan);
+        let (begin, reported, settings) = (*begin, *late, &self.settings);
         let (elapsed, sigma) = (time.since(begin), self.heading(now).1);
-        let good = sigma <= plan.gate;
+        let good = sigma <= settings.gate;
         let deg = |rad: f64| format!("{:.3} deg", rad.to_degrees());
         if let Some((since, _)) = now.gated.filter(|(_, count)| *count >= MOVED) {
-            let moved = format!(
-                "the vehicle moved at {since}, {:.1} s into a static alignment",
-                since.since(begin)
-            );
-            let sigma_text =
-                format!("1-sigma of the heading {}, gate {}", deg(sigma), deg(plan.gate));
             if !good {
-                return Err(ProcessError(format!(
-                    "{moved}: {sigma_text}; start later or stay longer at rest, align in motion (alignment.method = \
-                     \"in-motion\"), raise alignment.rest_velocity if that was sway, or alignment.heading_gate if that will do"
-                )));
+                return Err(AlignmentError::Moved {
+                    at: since,
+                    elapsed: since.since(begin),
+                    sigma: sigma.to_degrees(),
+                    gate: settings.gate.to_degrees(),
+                }
+                .into());
             }
-            let text = format!("{moved} of {} s, which ends so: {sigma_text}", plan.duration);
+            let text = format!(
+                "the vehicle moved at {since}, {:.1} s into a static alignment of {} s, which ends so: \
+                 1-sigma of the heading {}, gate {}",
+                since.since(begin),
+                settings.duration,
+                deg(sigma),
+                deg(settings.gate)
+            );
             self.finish(now, elapsed);
             return Ok(Supervision { constrain: false, message: Some((Level::Warning, text)) });
         }
-        if elapsed >= plan.duration && good {
+        if elapsed >= settings.duration && good {
             self.finish(now, elapsed);
             let said = self.report.as_ref().map(|r| (Level::Info, r.text.clone()));
             return Ok(Supervision { constrain: false, message: said });
         }
         let mut said = None;
-        if elapsed >= plan.duration && !told {
-            let (duration, gate) = (plan.duration, deg(plan.gate));
+        if elapsed >= settings.duration && !reported {
+            let (duration, gate) = (settings.duration, deg(settings.gate));
             let text = format!(
                 "after {duration} s the heading has a 1-sigma of {}, gate {gate}: it goes on",
                 deg(sigma)
@@ -436,15 +311,18 @@ impl InitialAlignment for Aligner {
                 *late = true;
             }
         }
-        Ok(Supervision { constrain: self.plan.method == Method::Static, message: said })
+        Ok(Supervision {
+            constrain: self.settings.method == AlignmentMethod::Static,
+            message: said,
+        })
     }
 
     fn unfinished(&self, now: &FilterView<'_>) -> Option<(Level, String)> {
-        let plan = &self.plan;
-        let need = match plan.method {
-            Method::Static => format!("an alignment at rest of {} s", plan.duration),
-            Method::Given | Method::InMotion => {
-                format!("an alignment in motion of {} s", plan.duration)
+        let settings = &self.settings;
+        let need = match settings.method {
+            AlignmentMethod::Static => format!("an alignment at rest of {} s", settings.duration),
+            AlignmentMethod::Given | AlignmentMethod::InMotion => {
+                format!("an alignment in motion of {} s", settings.duration)
             }
         };
         let shorter = "begin earlier (estimator.start), or give alignment.duration less";
@@ -456,17 +334,19 @@ impl InitialAlignment for Aligner {
             )),
             Phase::Fine { begin, .. } => {
                 let elapsed = now.state.time.since(*begin);
-                let (sigma, gate) = (self.heading(now).1, plan.gate);
+                let (sigma, gate) = (self.heading(now).1, settings.gate);
                 let reached = format!(
-                    "the samples end {elapsed:.1} s into {need}, with a 1-sigma of the heading of {:.3} deg, gate {:.3} deg",
+                    "the samples end {elapsed:.1} s into {need}, with a 1-sigma of the heading of \
+                     {:.3} deg, gate {:.3} deg",
                     sigma.to_degrees(),
                     gate.to_degrees()
                 );
-                match (sigma <= gate, elapsed < plan.duration) {
+                match (sigma <= gate, elapsed < settings.duration) {
                     (true, true) => Some((Level::Warning, format!("{reached}: {shorter}"))),
                     (true, false) => None,
                     (false, _) => {
-                        let remedy = "more time or turns, better gyros (noise, bias), or a wider alignment.heading_gate";
+                        let remedy = "more time or turns, better gyros (noise, bias), or a wider \
+                                      alignment.heading_gate";
                         Some((Level::Error, format!("{reached}: it needs {remedy}")))
                     }
                 }

@@ -1,4 +1,4 @@
-//! Attitude from gravity as inertial axes see it turn, at rest or in motion.
+//! Attitude from the rotation of gravity in inertial axes, at rest or in motion.
 //!
 //! With `b0` the body axes and `n0` the navigation axes of the beginning, both frozen in inertial space, the navigation
 //! equation `dv/dt = C_b^n f - (2 w_ie + w_en) x v + g` integrates, for the velocity `v^b` in body axes, to
@@ -7,19 +7,20 @@
 //! b(t) = C_b(t)^b0 v^b(t) - v^b(0) + w_ie^b0 x int C_b^b0 v^b dt - int C_b^b0 f^b dt
 //! a(t) = int C_n^n0 g^n dt
 //! ```
-//! (Li, Tang, Lu & Wu, *Optimization-based alignment for inertial navigation systems: theory and algorithm*, Aerosp. Sci. Technol.
-//! 15, 2011, and *Optimization-based alignment for strapdown inertial navigation system: comparison and extension*, IEEE Trans.
-//! Aerosp. Electron. Syst. 49(3), 2013, where `int C_b^b0 (w_ie^b x v^b) dt` stands for the third term, in which `w_ie` is constant
-//! in inertial axes). `C_b^b0` is integrated from the gyros, `C_n^n0` from Earth and transport rate, so `C_b0^n0` is a constant to
-//! be found from many times `t`. Sway hardly matters: it is in `C_b^b0`, and a velocity that comes and goes stays small beside
-//! `a`, which grows with time.
+//! (Li, Tang, Lu & Wu, *Optimization-based alignment for inertial navigation systems: theory and
+//! algorithm*, Aerosp. Sci. Technol. 15, 2011, and *Optimization-based alignment for strapdown
+//! inertial navigation system: comparison and extension*, IEEE Trans. Aerosp. Electron. Syst. 49(3),
+//! 2013, which write the third term as `int C_b^b0 (w_ie^b x v^b) dt`; `w_ie` is constant in inertial
+//! axes). `C_b^b0` is integrated from the gyros and `C_n^n0` from Earth and transport rate, so
+//! `C_b0^n0` is a constant, which many times `t` determine. Sway has little effect: its rotation is in
+//! `C_b^b0`, and its velocity stays small compared with `a`, which grows with time.
 
 use super::optimisation::{Fit, Pairs};
 use crate::earth::LocalEarth;
 use crate::mechanisation::{Increments, Mechanisation};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// Rotation and specific force as integrated in inertial axes from the beginning on.
+/// Rotation and specific force, integrated in inertial axes since the beginning.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Integral {
     /// `C_b(t)^b0`.
@@ -30,10 +31,11 @@ pub struct Integral {
 }
 
 impl Integral {
-    /// Goes on by an inertial sample, biases removed.
+    /// Adds an inertial sample, biases removed.
     pub fn advance(&mut self, sample: &Increments) {
         let (rotation, dvel) = self.mechanisation.compensate(sample);
-        // the velocity increment in the axes of the interval's beginning, to third order in its rotation (Groves section 5.5.4)
+        // the velocity increment in the axes of the interval's beginning, `int C(t) f dt`, to third
+        // order in the rotation (Groves section 5.5.4)
         let turned = rotation.cross(&dvel);
         self.dvel += self.c_b_b0 * (dvel + turned * 0.5 + rotation.cross(&turned) / 6.0);
         self.c_b_b0 = UnitQuaternion::new_normalize(
@@ -42,10 +44,10 @@ impl Integral {
     }
 }
 
-/// What is known at one time.
+/// Integrals and velocity at one time.
 #[derive(Clone, Copy, Debug)]
 pub struct Instant {
-    /// Since the beginning, s.
+    /// Time since the beginning, s.
     pub time: f64,
     /// `C_b(t)^b0`.
     pub c_b_b0: UnitQuaternion<f64>,
@@ -55,22 +57,22 @@ pub struct Instant {
     pub velocity: Vector3<f64>,
 }
 
-/// What the instants tell.
+/// Attitude that fits the instants best.
 #[derive(Clone, Debug)]
-pub struct Alignment {
+pub struct AttitudeFit {
     /// `C_b0^n0`.
     pub c_b_n: UnitQuaternion<f64>,
-    /// Of every instant after the first, `|C b - a|`, m/s: its error of velocity.
+    /// `|C b - a|` of every instant after the first, m/s: its error of velocity.
     pub residuals: Vec<f64>,
 }
 
-/// Rounds after which the attitude that Earth and transport rate are resolved in has settled: each takes away all but the
-/// `v t W / g t` of the error, a hundredth at most.
+/// Number of iterations: Earth and transport rate need the attitude, which is found with them. Each
+/// iteration reduces the error to `v t W / (g t)` of it, at most a hundredth.
 const ROUNDS: usize = 8;
 
-/// The attitude at the beginning from instants in order of time, the first of which is the anchor of all others. `None` with fewer than
-/// three, or where gravity does not turn: at a pole, or in no time.
-pub fn align(instants: &[Instant], earth: &LocalEarth) -> Option<Alignment> {
+/// Computes the attitude at the beginning from instants in order of time, relative to the first of
+/// them. `None` with fewer than three, or where gravity does not rotate: at a pole, or in no time.
+pub fn align(instants: &[Instant], earth: &LocalEarth) -> Option<AttitudeFit> {
     let mut c_b_n = None;
     for _ in 0..ROUNDS {
         let fit = pairs(instants, earth, c_b_n).iter().fold(Pairs::default(), |mut sum, (a, b)| {
@@ -88,10 +90,11 @@ pub fn align(instants: &[Instant], earth: &LocalEarth) -> Option<Alignment> {
     let c_b_n = c_b_n?;
     let residuals =
         pairs(instants, earth, Some(c_b_n)).iter().map(|(a, b)| (c_b_n * b - a).norm()).collect();
-    Some(Alignment { c_b_n, residuals })
+    Some(AttitudeFit { c_b_n, residuals })
 }
 
-/// `a` and `b` of every instant after the first, with the Earth and transport rate of a velocity in the axes of an attitude.
+/// Computes `a` and `b` of every instant after the first; Earth and transport rate are resolved with
+/// the attitude `c_b_n`, and are zero in `b` where it is not known yet.
 fn pairs(
     instants: &[Instant],
     earth: &LocalEarth,

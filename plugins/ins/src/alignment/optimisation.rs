@@ -3,12 +3,14 @@
 use crate::earth::LocalEarth;
 use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 
-/// Two vectors are no directions of their own if the sine between them is less.
+/// Sine of the angle below which two vectors count as one direction.
 const COLLINEAR: f64 = 1e-6;
 
-/// `C_b^n` of a vehicle at rest from the means of its specific force (m/s^2) and angular rate (rad/s), biases removed: gravity
-/// tells down, Earth rate tells north (Groves, 2nd ed., section 5.6.2; TRIAD of Black, AIAA J. 2(7), 1964, in which gravity is
-/// the vector that is met exactly). `None` where they are parallel: at a pole, or where one is zero.
+/// Computes `C_b^n` of a vehicle at rest from the means of its specific force (m/s^2) and angular
+/// rate (rad/s), biases removed: gravity determines down, the Earth rate north (Groves, 2nd ed.,
+/// section 5.6.2). The method is TRIAD (Black, AIAA J. 2(7), 1964) with gravity as the vector that is
+/// fitted exactly, because it is known better. `None` where both are parallel, at a pole, or one is
+/// zero.
 ///
 /// Errors: tilt `db_a / g`, heading `db_E / (W cos L)`.
 pub fn analytic(
@@ -21,30 +23,32 @@ pub fn analytic(
     Some(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(n * b.transpose())))
 }
 
-/// An orthonormal triad: along `first`, across both, and the third.
+/// Builds an orthonormal triad: along `first`, normal to both, and normal to these two.
 fn triad(first: &Vector3<f64>, second: &Vector3<f64>) -> Option<Matrix3<f64>> {
     let x = first.try_normalize(f64::MIN_POSITIVE)?;
     let y = x.cross(&second.try_normalize(f64::MIN_POSITIVE)?).try_normalize(COLLINEAR)?;
     Some(Matrix3::from_columns(&[x, y, x.cross(&y)]))
 }
 
-/// The rotation `C` that makes `sum |C b - a|^2` least over pairs of vectors, by their length weighted: Wahba's problem in
-/// quaternions (Davenport's q method; Wu, Wang & Hu, IEEE Trans. Aerosp. Electron. Syst. 49(2), 2013).
+/// The rotation `C` that minimises `sum |C b - a|^2` over pairs of vectors, which their length
+/// weights: Wahba's problem in quaternions (Davenport's q method; Wu, Wang & Hu, IEEE Trans. Aerosp.
+/// Electron. Syst. 49(2), 2013).
 ///
-/// `C b = a` is `q b = a q` of quaternions, linear in `q`: with `[b]+` the matrix of multiplying by `b` on the right and `[a]-`
-/// that of `a` on the left, `q` is the eigenvector of the least eigenvalue of `K = sum ([b]+ - [a]-)' ([b]+ - [a]-)`, and that
-/// eigenvalue is the sum.
+/// `C b = a` is `q b = a q` in quaternions, linear in `q`. With `[b]+` the matrix of multiplication
+/// by `b` on the right and `[a]-` that of `a` on the left, `q` is the eigenvector of the least
+/// eigenvalue of `K = sum ([b]+ - [a]-)' ([b]+ - [a]-)`, and the eigenvalue is the minimum of the
+/// sum. `K` has a fixed size, so the pairs need not be stored.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pairs {
     k: Matrix4<f64>,
 }
 
-/// What a sum of pairs says.
+/// Solution of Wahba's problem.
 #[derive(Clone, Copy, Debug)]
 pub struct Fit {
     /// The rotation from the frame of `b` to that of `a`.
     pub rotation: UnitQuaternion<f64>,
-    /// `sum |C b - a|^2` at it.
+    /// `sum |C b - a|^2` at the rotation.
     pub residual: f64,
 }
 
@@ -59,13 +63,13 @@ impl Pairs {
         self.k += m.transpose() * m;
     }
 
-    /// The rotation; `None` where the pairs leave one open: fewer than two directions.
+    /// Computes the rotation; `None` where the pairs have fewer than two directions.
     pub fn solve(&self) -> Option<Fit> {
         let eigen = SymmetricEigen::new(self.k);
         let mut order = [0, 1, 2, 3];
         order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
         let value = |i: usize| eigen.eigenvalues[order[i]];
-        // a turn by the angle e about the one direction of all vectors changes nothing, else e^2 of the second eigenvalue
+        // with one direction only, a rotation about it changes nothing: the two least eigenvalues agree
         if !value(3).is_finite() || value(1) - value(0) <= COLLINEAR * COLLINEAR * value(3) {
             return None;
         }

@@ -1,9 +1,11 @@
-//! The coarse alignment: from the samples of the beginning to an attitude.
+//! The coarse alignment: an attitude from the first samples.
 
-use super::aligner::{Plan, Sensed};
+use super::aligner::Sensed;
+use super::error::AlignmentError;
 use super::inertial::{Instant, Integral, align};
 use super::optimisation::analytic;
-use super::{Coarse, Method};
+use super::settings::AlignmentSettings;
+use super::{AlignmentMethod, CoarseMethod};
 use crate::earth::LocalEarth;
 use crate::mechanisation::Increments;
 use crate::navigation::Navigation;
@@ -16,50 +18,51 @@ use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
 use navfuse_core::units::time::Time;
 use std::collections::VecDeque;
 
-/// At rest an instant is noted so often, s.
+/// Interval between the instants of an alignment at rest, s.
 const INTERVAL: f64 = 1.0;
-/// So many sigma of the velocity are a motion.
+/// Ratio of a velocity to its sigma beyond which the vehicle moves.
 const MOTION: f64 = 6.0;
-/// The fewest velocities in motion.
+/// Least number of velocities of an alignment in motion.
 const FEWEST: usize = 10;
-/// The largest prior sigma of a misalignment, rad, up to which the sigma of all states was found true over many runs.
+/// Largest prior sigma of a misalignment, rad, for which Monte Carlo runs showed consistent states.
 const VERIFIED: f64 = 1.0 / 180.0 * std::f64::consts::PI;
 
-/// What was found of the beginning.
+/// Attitude and velocity at the beginning.
 #[derive(Clone, Debug)]
-pub(crate) struct Found {
+pub(crate) struct CoarseSolution {
     pub c_b_n: UnitQuaternion<f64>,
     pub velocity: Vector3<f64>,
 }
 
-impl Found {
+impl CoarseSolution {
     pub fn set(&self, layout: &Layout, navigation: &Navigation, state: &mut State) {
         state.set(layout, navigation.attitude, &self.c_b_n.to_rotation_matrix());
         state.set(layout, navigation.velocity, &self.velocity);
     }
 }
 
-/// Goes through the samples, and notes what the attitude follows from.
+/// Integrates the inertial samples and collects the instants from which the attitude follows.
 #[derive(Clone)]
-pub(crate) struct Search {
+pub(crate) struct CoarseAlignment {
     navigation: Navigation,
-    /// The state of the beginning with the attitude of body axes and no velocity: where a velocity sensor is asked.
+    /// The state at the beginning with the identity as attitude and zero velocity, at which the
+    /// model of the velocity sensor is linearised.
     state: State,
     earth: LocalEarth,
     begin: Time,
-    /// The driving sample before.
+    /// Time of the latest driving sample.
     last: Time,
     integral: Integral,
     /// Sums of angles and velocity increments, for the analytic alignment.
     sums: (Vector3<f64>, Vector3<f64>),
     instants: Vec<Instant>,
-    /// In motion, the velocity sensor's sample at each instant, and the angular rate then.
-    told: Vec<(Sample, [f64; 3])>,
-    /// Velocities that the driving sensor has not reached.
+    /// In motion, the sample of the velocity sensor at each instant, and the angular rate then.
+    measured: Vec<(Sample, [f64; 3])>,
+    /// Velocity samples later than the latest driving sample.
     waiting: VecDeque<Sample>,
 }
 
-impl Search {
+impl CoarseAlignment {
     pub fn new(layout: &Layout, state: &State, navigation: Navigation) -> Self {
         let position = state.get(layout, navigation.position);
         let mut state = state.clone();
@@ -74,24 +77,24 @@ impl Search {
             integral: Integral::default(),
             sums: (Vector3::zeros(), Vector3::zeros()),
             instants: Vec::new(),
-            told: Vec::new(),
+            measured: Vec::new(),
             waiting: VecDeque::new(),
         }
     }
 
-    /// Since the beginning, s.
+    /// Time since the beginning, s.
     pub fn elapsed(&self) -> f64 {
         self.last.since(self.begin)
     }
 
-    /// Takes a sample; the result when there are enough.
+    /// Takes a sample, and reports whether there are enough.
     pub fn take(
         &mut self,
         layout: &Layout,
         sensed: &Sensed,
-        plan: &Plan,
+        settings: &AlignmentSettings,
         sample: &Sample,
-    ) -> Result<bool, String> {
+    ) -> Result<bool, AlignmentError> {
         let sensor = sample.sensor.0;
         if sensed.velocity.as_ref().is_some_and(|(index, _)| *index == sensor) {
             self.waiting.push_back(*sample);
@@ -104,7 +107,7 @@ impl Search {
         self.state.publish(self.navigation.angular_rate, &[w.x, w.y, w.z]);
         let bias = |block| self.state.get(layout, block);
         let (w, f) = (w - bias(self.navigation.gyro_bias), f - bias(self.navigation.accel_bias));
-        if self.instants.is_empty() && plan.method == Method::Static {
+        if self.instants.is_empty() && settings.method == AlignmentMethod::Static {
             self.note(0.0, Vector3::zeros());
         }
         let part = |dt: f64| Increments { dtheta: w * dt, dvel: f * dt, dt };
@@ -115,7 +118,7 @@ impl Search {
                     model.as_ref(),
                     waiting,
                     &part(waiting.time.since(self.last).max(0.0)),
-                    plan,
+                    settings,
                 )?;
             }
         }
@@ -129,25 +132,29 @@ impl Search {
         {
             self.note(self.elapsed(), Vector3::zeros());
         }
-        Ok(self.elapsed() >= plan.coarse_duration)
+        Ok(self.elapsed() >= settings.coarse_duration)
     }
 
-    /// Attitude and velocity at the beginning from what was seen.
-    pub fn find(&self, sensed: &Sensed, plan: &Plan) -> Result<Found, String> {
-        match plan.method {
-            Method::InMotion => self.in_motion(plan),
-            Method::Given | Method::Static => self.at_rest(sensed, plan),
+    /// Computes attitude and velocity at the beginning from the samples so far.
+    pub fn find(
+        &self,
+        sensed: &Sensed,
+        settings: &AlignmentSettings,
+    ) -> Result<CoarseSolution, AlignmentError> {
+        match settings.method {
+            AlignmentMethod::InMotion => self.in_motion(settings),
+            AlignmentMethod::Given | AlignmentMethod::Static => self.at_rest(sensed, settings),
         }
     }
 
-    /// Asks the velocity sensor again, with the calibration of a state.
+    /// Recomputes the velocities with the calibration states that a trial has estimated.
     pub fn measure_again(&mut self, layout: &Layout, sensed: &Sensed, state: &State) {
         let Some((_, model)) = &sensed.velocity else { return };
         let navigation = self.navigation;
         self.state.values.copy_from_slice(&state.values);
         self.state.set(layout, navigation.attitude, &Rotation3::identity());
         self.state.set(layout, navigation.velocity, &Vector3::zeros());
-        for (instant, (sample, rate)) in self.instants.iter_mut().zip(&self.told) {
+        for (instant, (sample, rate)) in self.instants.iter_mut().zip(&self.measured) {
             self.state.publish(navigation.angular_rate, rate);
             if let Some(velocity) =
                 body_velocity(layout, model.as_ref(), &self.state, sample, navigation)
@@ -157,9 +164,9 @@ impl Search {
         }
     }
 
-    /// In motion, what to say of a velocity sensor whose misalignment is known less well than was verified.
+    /// Warns in motion of a velocity sensor whose prior misalignment is beyond [`VERIFIED`].
     pub fn unverified(&self, layout: &Layout, sensed: &Sensed) -> Option<String> {
-        let ((_, model), (sample, _)) = (sensed.velocity.as_ref()?, self.told.first()?);
+        let ((_, model), (sample, _)) = (sensed.velocity.as_ref()?, self.measured.first()?);
         let mut update = Update::with_capacity(layout.tangent, MAX_CHANNELS);
         model.linearise(&At { layout, state: &self.state, sample }, &mut update);
         let attitude = layout.block(self.navigation.attitude).tangent;
@@ -175,9 +182,10 @@ impl Search {
             .map(|b| (b, b.spec.sigma.iter().copied().fold(0.0, f64::max)))
             .find(|(_, sigma)| *sigma > 1.001 * VERIFIED)?;
         Some(format!(
-            "{name} has a prior sigma of {:.1} deg, and alignments in motion were verified up to {:.0} deg: what the turns do not \
-             tell of it, as a rule its roll, then gets a sigma that is too small; measure the mounting, or take value and sigma \
-             from an earlier dive (sensor.{name}.initial and .sigma)",
+            "{name} has a prior sigma of {:.1} deg, and alignments in motion were verified up to \
+             {:.0} deg: components that the turns do not determine, as a rule the roll, then become \
+             overconfident; measure the mounting, or take value and sigma from an earlier dive \
+             (sensor.{name}.initial and .sigma)",
             sigma.to_degrees(),
             VERIFIED.to_degrees(),
             name = block.name,
@@ -189,79 +197,82 @@ impl Search {
         self.instants.push(Instant { time, c_b_b0, dvel, velocity });
     }
 
-    /// A sample of the velocity sensor, within a driving sample of which this is the part before it.
+    /// Adds the instant of a velocity sample; `before` is the part of the driving sample before it.
     fn velocity(
         &mut self,
         layout: &Layout,
         model: &dyn AnyMeasurement,
         mut sample: Sample,
         before: &Increments,
-        plan: &Plan,
-    ) -> Result<(), String> {
+        settings: &AlignmentSettings,
+    ) -> Result<(), AlignmentError> {
         model.complete(&mut sample);
         let Some(velocity) = body_velocity(layout, model, &self.state, &sample, self.navigation)
         else {
             return Ok(());
         };
         let time = sample.time.since(self.begin);
-        self.gap(time, plan)?;
+        self.gap(time, settings)?;
         let mut then = self.integral;
         if before.dt > 0.0 {
             then.advance(before);
         }
         self.instants.push(Instant { time, c_b_b0: then.c_b_b0, dvel: then.dvel, velocity });
-        self.told
+        self.measured
             .push((sample, View::new(layout, &self.state).signal(self.navigation.angular_rate)));
         Ok(())
     }
 
-    /// Refuses a time without velocities that is too long, up to `time` since the beginning.
-    fn gap(&self, time: f64, plan: &Plan) -> Result<(), String> {
+    /// Rejects a gap in the velocities that is too long, up to `time` since the beginning.
+    fn gap(&self, time: f64, settings: &AlignmentSettings) -> Result<(), AlignmentError> {
         let last = self.instants.last().map_or(0.0, |i| i.time);
-        if time - last <= plan.max_gap {
+        if time - last <= settings.max_gap {
             return Ok(());
         }
         let at = |t: f64| self.begin + Time::from_seconds(t).unwrap_or_default();
-        Err(format!(
-            "no velocity for {:.1} s from {} on, inside an alignment in motion of {} s: start after it (estimator.start), end \
-             before it (alignment.duration), or bridge it (alignment.max_gap)",
-            time - last,
-            at(last),
-            plan.duration
-        ))
+        Err(AlignmentError::VelocityGap {
+            gap: time - last,
+            from: at(last),
+            duration: settings.duration,
+        })
     }
 
-    fn in_motion(&self, plan: &Plan) -> Result<Found, String> {
-        self.gap(self.elapsed(), plan)?;
+    fn in_motion(&self, settings: &AlignmentSettings) -> Result<CoarseSolution, AlignmentError> {
+        self.gap(self.elapsed(), settings)?;
         let count = self.instants.len();
         let found = (count >= FEWEST).then(|| align(&self.instants, &self.earth)).flatten();
         let (Some(found), Some(first)) = (found, self.instants.first()) else {
-            return Err(format!(
-                "{count} velocities in {} s do not tell the attitude: a sensor that measures all three components is needed, \
-                 at least {FEWEST} times, away from the poles",
-                plan.duration
-            ));
+            return Err(AlignmentError::TooFewVelocities {
+                count,
+                duration: settings.duration,
+                least: FEWEST,
+            });
         };
-        Ok(Found { velocity: found.c_b_n * (first.c_b_b0 * first.velocity), c_b_n: found.c_b_n })
+        Ok(CoarseSolution {
+            velocity: found.c_b_n * (first.c_b_b0 * first.velocity),
+            c_b_n: found.c_b_n,
+        })
     }
 
-    fn at_rest(&self, sensed: &Sensed, plan: &Plan) -> Result<Found, String> {
-        let pole = || {
-            "gravity and Earth rate do not tell the attitude here, or the IMU's samples are zero"
-                .to_owned()
-        };
-        let found = align(&self.instants, &self.earth).ok_or_else(pole)?;
-        // the velocity that a vehicle at rest seems to have by noise, biases and sway
+    fn at_rest(
+        &self,
+        sensed: &Sensed,
+        settings: &AlignmentSettings,
+    ) -> Result<CoarseSolution, AlignmentError> {
+        let found = align(&self.instants, &self.earth).ok_or(AlignmentError::NoDirection)?;
+        // sigma of the apparent velocity of a vehicle at rest: sway at both ends, accelerometer bias
+        // and noise, and the tilt from gyro bias (g b t^2 / 2) and gyro noise (g N sqrt(t^3 / 3))
         let (gyro, accel) =
             (sensed.imu.gyro_noise.value().si().amax(), sensed.imu.accel_noise.value().si().amax());
         let g = self.earth.gravity;
         let sigma = |t: f64| {
             let drift = g * gyro * t.powf(1.5) / 3_f64.sqrt();
-            let (tilting, falling) = (g * plan.bias.0 * 0.5 * t * t, plan.bias.1 * t);
+            let (tilting, falling) = (g * settings.bias.0 * 0.5 * t * t, settings.bias.1 * t);
             let squares = tilting * tilting + falling * falling + drift * drift + accel * accel * t;
-            (2.0 * plan.rest_velocity.powi(2) + squares).sqrt()
+            (2.0 * settings.rest_velocity.powi(2) + squares).sqrt()
         };
-        // the attitude fits the end best, so that its share of the error there grows evenly
+        // a(t) grows with time, so the last instants determine the attitude; their error enters the
+        // residuals of the others in proportion to time
         let end = self.elapsed();
         let sigma = |t: f64| sigma(t).hypot(sigma(end) * t / end);
         let times = self.instants.iter().skip(1).map(|i| i.time);
@@ -269,26 +280,29 @@ impl Search {
             times.zip(&found.residuals).find(|(t, r)| **r > MOTION * sigma(*t))
         {
             let at = self.begin + Time::from_seconds(time).unwrap_or_default();
-            return Err(format!(
-                "the vehicle does not rest: its velocity is {error:.2} m/s off zero about {at}, and an alignment at rest needs {} s \
-                 from {} on; start at a time at rest (estimator.start), raise alignment.rest_velocity if this is sway, or \
-                 align in motion (alignment.method = \"in-motion\")",
-                plan.duration, self.begin
-            ));
+            return Err(AlignmentError::NotAtRest {
+                error: *error,
+                at,
+                duration: settings.duration,
+                begin: self.begin,
+            });
         }
-        let c_b_n = match plan.coarse {
-            Coarse::Optimisation => found.c_b_n,
-            Coarse::Analytic => {
+        let c_b_n = match settings.coarse {
+            CoarseMethod::Optimisation => found.c_b_n,
+            CoarseMethod::Analytic => {
                 let t = self.elapsed();
-                analytic(&(self.sums.1 / t), &(self.sums.0 / t), &self.earth).ok_or_else(pole)?
+                analytic(&(self.sums.1 / t), &(self.sums.0 / t), &self.earth)
+                    .ok_or(AlignmentError::NoDirection)?
             }
         };
-        Ok(Found { c_b_n, velocity: Vector3::zeros() })
+        Ok(CoarseSolution { c_b_n, velocity: Vector3::zeros() })
     }
 }
 
-/// The velocity in body axes that a sensor tells, with everything else as the state says: `h` is linear in the velocity, so one
-/// step of weighted least squares at the attitude of body axes gives it. `None` where the channels do not tell all three components.
+/// Computes the velocity in body axes from a sample of the velocity sensor, with all other states as
+/// they are: `v = (H' R^-1 H)^-1 H' R^-1 (z - h(0))`. One step of weighted least squares suffices,
+/// because `h` is linear in the velocity; at the identity as attitude, navigation axes are body axes.
+/// `None` where the channels do not determine all three components.
 fn body_velocity(
     layout: &Layout,
     model: &dyn AnyMeasurement,
