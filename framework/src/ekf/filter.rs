@@ -37,6 +37,7 @@ pub enum EstimatorError {
         /// Name of the process.
         process: String,
         /// Reason.
+        #[source]
         error: ProcessError,
     },
     /// The covariance is not positive any more.

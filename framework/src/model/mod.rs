@@ -5,6 +5,7 @@ pub mod gate;
 pub mod measurement;
 pub mod motion;
 pub mod process;
+mod process_error;
 pub mod record;
 pub mod sensor;
 pub mod simulate;

@@ -8,6 +8,8 @@ use crate::state::{Layout, State};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 
+pub use crate::model::process_error::{ProcessError, ProcessErrorKind};
+
 /// A time interval over which a process model propagates the state.
 #[derive(Clone, Copy, Debug)]
 pub struct Interval<'a> {
@@ -37,11 +39,6 @@ impl Interval<'_> {
         self.to.since(self.from)
     }
 }
-
-/// Why a process model could not go on.
-#[derive(Clone, Debug, thiserror::Error, PartialEq)]
-#[error("{0}")]
-pub struct ProcessError(pub String);
 
 /// Propagates its blocks, and fills the blocks of `Phi` and `Q` that it declares.
 ///

@@ -1,8 +1,12 @@
 //! Plugins, and the types that they register.
 
+mod error;
+mod need;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod plugin;
 mod registry;
 
-pub use plugin::{Need, Plugin, PluginError};
+pub use error::{PluginConflict, PluginError};
+pub use need::Need;
+pub use plugin::Plugin;
 pub use registry::*;

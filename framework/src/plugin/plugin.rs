@@ -1,9 +1,10 @@
 //! Plugins: what registers types, under which name and version, and what of others it needs.
 
+use crate::plugin::error::{PluginConflict, PluginError};
+use crate::plugin::need::Need;
 use crate::plugin::{Entry, Registry};
 use semver::{Version, VersionReq};
 use std::any::{Any, TypeId};
-use std::fmt::Write as _;
 
 /// Adds types to the registry.
 ///
@@ -61,20 +62,6 @@ macro_rules! named_after_crate {
         }
     };
 }
-
-/// A plugin that another needs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Need {
-    /// Its [`Plugin::name`]; `navfuse-core` is the framework.
-    pub plugin: &'static str,
-    /// The versions that serve, as in Cargo.toml: `"0.1"`, `">=0.1.3, <0.3"`.
-    pub version: &'static str,
-}
-
-/// Why plugins do not fit together: every reason, each with what to do.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct PluginError(pub String);
 
 /// A plugin that was added.
 #[derive(Clone, Debug)]
@@ -148,75 +135,63 @@ impl Members {
         member.map_or("this program", |m| m.name)
     }
 
-    /// Whether they fit together; `clashes` are types that were registered twice, by whom.
+    /// Checks that the plugins fit together; `clashes` are the types that were registered twice,
+    /// each with the two plugins concerned.
     pub(crate) fn check<'e>(
         &self,
         clashes: impl Iterator<Item = (&'e Entry, [Option<TypeId>; 2])>,
     ) -> Result<(), PluginError> {
-        let mut text = String::new();
-        let mut say = |what: std::fmt::Arguments<'_>| {
-            let _ = write!(text, "{}{what}", if text.is_empty() { "" } else { "\n" });
-        };
-        for name in &self.absent {
-            say(format_args!(
-                "{name} is to be replaced or disabled, but is no plugin here; add it first, or leave that out"
-            ));
-        }
+        let absent = self.absent.iter().map(|&plugin| PluginConflict::Absent { plugin });
+        let mut conflicts: Vec<PluginConflict> = absent.collect();
         for (k, member) in self.members.iter().enumerate() {
             if self.members[..k].iter().any(|m| m.plugin == member.plugin) {
-                say(format_args!(
-                    "the plugin {} is added twice; add it once, or `set` it for other settings",
-                    member.name
-                ));
+                conflicts.push(PluginConflict::AddedTwice { plugin: member.name });
             }
         }
         for (entry, owners) in clashes {
             if owners[0].is_some() && owners[0] == owners[1] {
-                continue; // added twice, as told
+                continue; // the plugin was added twice, which is a conflict already
             }
-            let ([before, now], table) = (owners.map(|o| self.name(o)), entry.kind.table());
-            say(format_args!(
-                "{now} registers the {table} type {:?}, which {before} has registered; rename it, or `replace` the plugin",
-                entry.name
-            ));
+            let [first, second] = owners.map(|owner| self.name(owner));
+            let (table, name) = (entry.kind.table(), entry.name);
+            conflicts.push(PluginConflict::Clash { table, name, first, second });
         }
         for member in &self.members {
-            for need in &member.needs {
-                if let Some(what) = self.lacks(need) {
-                    say(format_args!(
-                        "the plugin {} {} needs the plugin {what}",
-                        member.name, member.version
-                    ));
-                }
-            }
+            conflicts.extend(member.needs.iter().filter_map(|need| self.unmet(member, *need)));
         }
-        if text.is_empty() { Ok(()) } else { Err(PluginError(text)) }
+        PluginError::check(conflicts)
     }
 
-    /// What is not as it is needed.
-    fn lacks(&self, Need { plugin, version }: &Need) -> Option<String> {
-        let there = if *plugin == env!("CARGO_PKG_NAME") {
+    /// The conflict of a need that is not met.
+    fn unmet(&self, member: &Member, need: Need) -> Option<PluginConflict> {
+        let Member { name: plugin, version, .. } = *member;
+        let found = if need.plugin == env!("CARGO_PKG_NAME") {
             Some(env!("CARGO_PKG_VERSION"))
         } else {
-            self.members.iter().find(|m| m.name == *plugin).map(|m| m.version)
+            self.members.iter().find(|m| m.name == need.plugin).map(|m| m.version)
         };
-        let Some(there) = there else {
-            return Some(format!(
-                "{plugin} {version}, which is not there; add that one, or disable this"
-            ));
+        let Some(found) = found else {
+            return Some(PluginConflict::Unmet { plugin, version, need });
         };
-        let wanted = match VersionReq::parse(version) {
+        let wanted = match VersionReq::parse(need.version) {
             Ok(wanted) => wanted,
             Err(e) => {
-                return Some(format!("{plugin} in the version {version:?}, which is none: {e}"));
+                let reason = e.to_string();
+                return Some(PluginConflict::MalformedRequirement {
+                    plugin,
+                    version,
+                    need,
+                    reason,
+                });
             }
         };
-        match Version::parse(there) {
+        match Version::parse(found) {
             Ok(parsed) if wanted.matches(&parsed) => None,
-            Ok(_) => Some(format!(
-                "{plugin} {version}, but {there} is there; take versions that fit together"
-            )),
-            Err(e) => Some(format!("{plugin}, whose version {there:?} is none: {e}")),
+            Ok(_) => Some(PluginConflict::WrongVersion { plugin, version, need, found }),
+            Err(e) => {
+                let reason = e.to_string();
+                Some(PluginConflict::MalformedVersion { plugin, version, need, found, reason })
+            }
         }
     }
 }

@@ -118,7 +118,7 @@ impl ProcessModel for CartModel {
         let speed = interval
             .input
             .and_then(|i| i.sample.get(0))
-            .ok_or_else(|| ProcessError("no speed".into()))?;
+            .ok_or_else(|| ProcessError::input("no speed"))?;
         let dt = interval.duration();
         let place = state.get(layout, self.place) + (speed - state.get(layout, self.drift)) * dt;
         state.set(layout, self.place, &place);

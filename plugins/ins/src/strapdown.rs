@@ -311,13 +311,13 @@ impl ProcessModel for StrapdownModel {
         out: &mut Transition,
     ) -> Result<(), ProcessError> {
         let Some(input) = interval.input else {
-            return Err(ProcessError("no IMU sample covers this time".into()));
+            return Err(ProcessError::input("no IMU sample covers this time"));
         };
         let dt = interval.duration();
         let gap = self.imu.max_gap.value().si();
         let hole = input.duration.max(input.sample.time.since(interval.from));
         if hole > gap {
-            return Err(ProcessError(format!(
+            return Err(ProcessError::input(format!(
                 "no IMU sample for {:.3} s before {}, more than max_gap = {gap} s: the track cannot be bridged; repair \
                  the recording, start after the gap (estimator.start), or raise max_gap of the IMU",
                 hole, input.sample.time
@@ -327,7 +327,7 @@ impl ProcessModel for StrapdownModel {
         let duration = if input.duration > 0.0 { input.duration } else { dt };
         let usual = if input.usual > 0.0 { input.usual } else { duration };
         let Some((w, f)) = self.imu.rates(input.sample, usual) else {
-            return Err(ProcessError("channels of the IMU are missing".into()));
+            return Err(ProcessError::input("channels of the IMU are missing"));
         };
         self.rates.take(Rates { time: input.sample.time, duration: usual, w, f });
         let n = &self.navigation;
@@ -343,7 +343,7 @@ impl ProcessModel for StrapdownModel {
         let (bg, ba) = (bias(n.gyro_bias.slot()), bias(n.accel_bias.slot()));
         let increments = Increments { dtheta: (w - bg) * dt, dvel: (f - ba) * dt, dt };
         let (next, rates) = (self.mechanisation.step_part(&nav, &increments, duration.max(dt)))
-            .map_err(|e| ProcessError(e.to_string()))?;
+            .map_err(|e| ProcessError::domain(e.to_string()).with_source(e))?;
         store_quaternion(&next.c_b_n, &mut x[a..a + 4]);
         x[v..v + 3].copy_from_slice(next.velocity.as_slice());
         x[p..p + 3].copy_from_slice(&[

@@ -1,7 +1,7 @@
 //! Channels: named as CSV headings need it, all filled by the simulator with finite numbers.
 
-use crate::Report;
 use crate::lab::Lab;
+use crate::{Failure, Report};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
 
@@ -24,7 +24,7 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
     }
 }
 
-fn names_fit(channels: &[(&str, &str)]) -> Result<(), String> {
+fn names_fit(channels: &[(&str, &str)]) -> Result<(), Failure> {
     if channels.is_empty() {
         return Err("it has no channels; name what a sample holds in `channels`".into());
     }
@@ -36,13 +36,15 @@ fn names_fit(channels: &[(&str, &str)]) -> Result<(), String> {
     };
     for (k, (name, unit)) in channels.iter().enumerate() {
         if !plain(name, "_") || !plain(unit, "1") {
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "channel {name:?} with unit {unit:?} makes no heading of a column; use small letters, digits and _, and an SI unit \
                  as in vel_x_mps"
-            ));
+            )));
         }
         if channels[..k].iter().any(|(other, _)| other == name) {
-            return Err(format!("two channels are named {name:?}; give each its own name"));
+            return Err(Failure::new(format!(
+                "two channels are named {name:?}; give each its own name"
+            )));
         }
     }
     Ok(())
@@ -52,7 +54,7 @@ fn filled(
     channels: &[(&str, &str)],
     measured: usize,
     samples: &[&Sample],
-) -> Result<String, String> {
+) -> Result<String, Failure> {
     if samples.is_empty() {
         return Err(
             "it is not simulated; give it `simulation = { rate = \"1 Hz\" }` in the scenario"
@@ -69,26 +71,26 @@ fn filled(
     for sample in samples {
         if let Some(i) = sample.not_finite() {
             let name = channels.get(i).map_or("beyond those declared", |c| c.0);
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "its simulated channel {name} is {} at {}; clear a channel that is lost (Sample::clear), and keep predict finite",
                 sample.get(i).unwrap_or(f64::NAN),
                 sample.time
-            ));
+            )));
         }
         seen |= sample.present();
     }
     if let Some(i) = (channels.len()..MAX_CHANNELS).find(|i| seen >> i & 1 == 1) {
-        return Err(format!(
+        return Err(Failure::new(format!(
             "its simulator sets channel number {}, but {} are declared in `channels`",
             i + 1,
             channels.len()
-        ));
+        )));
     }
     if let Some(i) = (0..measured).find(|i| seen >> i & 1 == 0) {
-        return Err(format!(
+        return Err(Failure::new(format!(
             "channel {} is in no simulated sample; let `simulate` set it, or do not declare it",
             channels[i].0
-        ));
+        )));
     }
     Ok(format!("{} channels in {} samples", channels.len(), samples.len()))
 }

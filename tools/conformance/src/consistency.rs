@@ -1,7 +1,7 @@
 //! Simulate, then estimate: innovations and errors are as large as the filter says.
 
-use crate::Report;
 use crate::lab::{Lab, Types, assemble};
+use crate::{Failure, Report};
 use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::nalgebra::{DMatrix, DVector};
@@ -61,7 +61,7 @@ struct Run {
 }
 
 /// All runs, in the order of their seeds, on all cores.
-fn runs(lab: &Lab<'_>) -> Result<Vec<Run>, String> {
+fn runs(lab: &Lab<'_>) -> Result<Vec<Run>, Failure> {
     let mut settings = vec!["estimator.draw=all".to_owned()];
     for sensor in &lab.composition.sensors {
         let name = &sensor.info.name;
@@ -77,7 +77,7 @@ fn runs(lab: &Lab<'_>) -> Result<Vec<Run>, String> {
         }
     }
     let (types, text) = (lab.types, lab.text);
-    let (next, found) = (AtomicUsize::new(0), Mutex::new(vec![None; RUNS]));
+    let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::from_iter((0..RUNS).map(|_| None))));
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(RUNS);
     std::thread::scope(|scope| {
         for _ in 0..threads {
@@ -90,7 +90,7 @@ fn runs(lab: &Lab<'_>) -> Result<Vec<Run>, String> {
                     let settings: Vec<String> =
                         settings.iter().cloned().chain([format!("seed={}", k + 1)]).collect();
                     let run = run(types, text, &settings)
-                        .map_err(|e| format!("with --set seed={}: {e}", k + 1));
+                        .map_err(|e| Failure::during(format_args!("with --set seed={}", k + 1), e));
                     found.lock().unwrap_or_else(PoisonError::into_inner)[k] = Some(run);
                 }
             });
@@ -99,13 +99,13 @@ fn runs(lab: &Lab<'_>) -> Result<Vec<Run>, String> {
     found.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().flatten().collect()
 }
 
-fn run(types: &Types, text: &str, settings: &[String]) -> Result<Run, String> {
+fn run(types: &Types, text: &str, settings: &[String]) -> Result<Run, Failure> {
     let mut assembly = assemble(types, text, settings)?;
     let heard = Arc::new(Mutex::new(Run::default()));
     assembly.sinks.push(("conformance".into(), Box::new(Listener(Arc::clone(&heard)))));
     let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
     if let Some(error) = finished.error {
-        return Err(format!("the run ends early: {error}"));
+        return Err(Failure::new(format!("the run ends early: {error}")));
     }
     Ok(std::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner)))
 }
@@ -162,12 +162,12 @@ fn judge(sum: f64, freedom: usize, may_be_less: bool) -> Option<(bool, [f64; 2])
     Some((mean.is_finite() && mean >= band[0] && mean <= band[1], band))
 }
 
-fn nis(runs: &[Run], sensor: usize, channels: usize, may_be_less: bool) -> Result<String, String> {
+fn nis(runs: &[Run], sensor: usize, channels: usize, may_be_less: bool) -> Result<String, Failure> {
     let gated: usize = runs.iter().map(|r| r.gated[sensor]).sum();
     if gated > 0 {
-        return Err(format!(
+        return Err(Failure::new(format!(
             "{gated} of its innovations are not finite; let predict be finite wherever the simulated vehicle goes"
-        ));
+        )));
     }
     let thin = |r: &Run| {
         let all = &r.nis[sensor];
@@ -191,7 +191,7 @@ fn nis(runs: &[Run], sensor: usize, channels: usize, may_be_less: bool) -> Resul
     if holds {
         return Ok(numbers);
     }
-    Err(format!(
+    Err(Failure::new(format!(
         "NIS {numbers}: {}; compare what `simulate` adds with `noise` (sigma squared, of {channels} channels), and `predict` \
          with it; where all this is right, start the scenario nearer to the truth",
         if mean > high {
@@ -199,11 +199,11 @@ fn nis(runs: &[Run], sensor: usize, channels: usize, may_be_less: bool) -> Resul
         } else {
             "they are smaller than the filter says"
         }
-    ))
+    )))
 }
 
 /// The errors of blocks at the end of all runs.
-fn nees(runs: &[Run], blocks: &[&Block], may_be_less: bool) -> Result<String, String> {
+fn nees(runs: &[Run], blocks: &[&Block], may_be_less: bool) -> Result<String, Failure> {
     let (mut sum, mut freedom) = (0.0, 0);
     let mut alone: Vec<(String, f64, usize)> =
         blocks.iter().map(|b| (b.name.clone(), 0.0, 0)).collect();
@@ -247,10 +247,10 @@ fn nees(runs: &[Run], blocks: &[&Block], may_be_less: bool) -> Result<String, St
     let of = worst.map_or_else(String::new, |(name, sum, freedom)| {
         format!(" ({name}: {:.3} of {freedom})", sum / *freedom as f64)
     });
-    Err(format!(
+    Err(Failure::new(format!(
         "NEES {numbers}{of}: the errors of its states are not as large as the filter's covariance says; look at `predict` and \
          `noise`, at Phi and Q of a process, and whether the simulator gives what the state stands for"
-    ))
+    )))
 }
 
 fn singular(name: &str) -> String {

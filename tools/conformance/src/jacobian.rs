@@ -1,7 +1,7 @@
 //! `H` against central differences of `h` on the manifold, also of samples that lack channels.
 
 use crate::lab::{Lab, Moment, all_estimated};
-use crate::{Report, lab};
+use crate::{Failure, Report, lab};
 use navfuse_core::model::measurement::{AnyMeasurement, At, slots};
 use navfuse_core::state::covariance::Update;
 use navfuse_core::state::manifold::MAX_TANGENT;
@@ -19,7 +19,7 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
         if moments.is_empty() {
             let message = "no sample of it reaches the running filter: give it `simulation = { rate = \"1 Hz\" }`, and \
                            a trajectory on which it measures";
-            report.add("jacobian", part.about, Err(message.into()));
+            report.add("jacobian", part.about, Err(Failure::new(message)));
             continue;
         }
         let names: Vec<&str> =
@@ -33,7 +33,7 @@ fn of_model(
     layout: &Layout,
     moments: &[Moment],
     names: &[&str],
-) -> Result<String, String> {
+) -> Result<String, Failure> {
     let (n, mut worst, mut used, mut finite) = (model.channels(), 0.0_f64, 0, 0);
     let mut reads: Option<u128> = None;
     let mut update = Update::with_capacity(layout.tangent, MAX_CHANNELS);
@@ -53,11 +53,11 @@ fn of_model(
                     .find(lacking)
                     .filter(|_| (n..names.len()).all(|i| sample.get(i) == all.get(i)))
                 {
-                    return Err(format!(
+                    return Err(Failure::new(format!(
                         "without channel {} the prediction of another one is not finite; let the prediction of one channel not \
                          depend on another that may be missing",
                         names[lacking]
-                    ));
+                    )));
                 }
                 continue;
             }
@@ -67,24 +67,24 @@ fn of_model(
             if *reads.get_or_insert(read) != read {
                 let other =
                     slots(reads.unwrap_or(0) ^ read).map(|s| layout.blocks[s].name.as_str());
-                return Err(format!(
+                return Err(Failure::new(format!(
                     "predict reads {} at some states and not at others, so its derivative is lost there; read every state \
                      with x.get(...) before the first branch",
                     other.collect::<Vec<_>>().join(", ")
-                ));
+                )));
             }
             update.m = 0;
             model.linearise(&at, &mut update);
             if update.m != present.len() || update.h.len() < update.m * update.columns.len() {
                 let lacking: Vec<&str> =
                     (0..n).filter(|i| !present.contains(i)).map(|i| names[i]).collect();
-                return Err(format!(
+                return Err(Failure::new(format!(
                     "a sample without {} is linearised with {} rows, {} are needed; leave out the rows of `H` and `R` of \
                      channels that are missing, or let MeasurementModel do it",
                     lacking.join(", "),
                     update.m,
                     present.len()
-                ));
+                )));
             }
             used += 1;
             let mut noise = [0.0; MAX_CHANNELS * MAX_CHANNELS];
@@ -117,11 +117,11 @@ fn of_model(
         }
     }
     if 2 * finite < moments.len() {
-        return Err(format!(
+        return Err(Failure::new(format!(
             "predict is not finite at {} of {} states about the run; let it be finite wherever the vehicle may be",
             moments.len() - finite,
             moments.len()
-        ));
+        )));
     }
     Ok(format!("largest error {worst:.1e} of {used} samples and states"))
 }

@@ -1,5 +1,6 @@
 //! What the checks work on: the scenario composed, its samples, and states at which models are asked.
 
+use crate::Failure;
 use navfuse_core::compose::Composition;
 use navfuse_core::document::{Document, Node};
 use navfuse_core::ekf::Ekf;
@@ -83,7 +84,7 @@ pub struct Part {
 }
 
 impl<'a> Lab<'a> {
-    pub fn new(types: &'a Types, text: &'a str) -> Result<Self, String> {
+    pub fn new(types: &'a Types, text: &'a str) -> Result<Self, Failure> {
         let Assembly { composition, mut sources, .. } = assemble_to(types, text, None)?;
         let samples = merged(&mut sources, &composition)?;
         let mut lab = Self { types, text, composition, samples, moments: Vec::new(), ended: None };
@@ -91,10 +92,10 @@ impl<'a> Lab<'a> {
             assemble(types, text, &[])?; // what is drawn again and again must be simulated
         } else if lab.streams(Kind::Source).is_empty() && lab.streams(Kind::Sink).is_empty() {
             let names: Vec<&str> = types.checked.iter().map(|(_, name)| *name).collect();
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "no type of the plugins is in the scenario, so nothing is checked; add a table for one of: {}",
                 names.join(", ")
-            ));
+            )));
         }
         let mut ekf = Ekf::new(lab.compose(&[])?);
         for sample in &lab.samples {
@@ -114,11 +115,11 @@ impl<'a> Lab<'a> {
     }
 
     /// The scenario composed anew, with `key.path=value` overrides.
-    pub fn compose(&self, settings: &[String]) -> Result<Composition, String> {
-        let document = Document::parse("scenario", self.text).map_err(|e| e.to_string())?;
+    pub fn compose(&self, settings: &[String]) -> Result<Composition, Failure> {
+        let document = Document::parse("scenario", self.text).map_err(Failure::caused_by)?;
         let scenario =
-            Scenario::new(&self.types.registry, document, settings).map_err(|e| e.to_string())?;
-        scenario.compose().map_err(|e| e.to_string())
+            Scenario::new(&self.types.registry, document, settings).map_err(Failure::caused_by)?;
+        scenario.compose().map_err(Failure::caused_by)
     }
 
     fn is_checked(&self, kind: Kind, name: &str) -> bool {
@@ -252,39 +253,42 @@ fn displace(layout: &Layout, state: &mut State, random: &mut Random) {
     }
 }
 
-pub fn assemble(types: &Types, text: &str, settings: &[String]) -> Result<Assembly, String> {
-    let document = Document::parse("scenario", text).map_err(|e| e.to_string())?;
-    let scenario = Scenario::new(&types.registry, document, settings).map_err(|e| e.to_string())?;
-    if !scenario.simulates().map_err(|e| e.to_string())? {
+pub fn assemble(types: &Types, text: &str, settings: &[String]) -> Result<Assembly, Failure> {
+    let document = Document::parse("scenario", text).map_err(Failure::caused_by)?;
+    let scenario =
+        Scenario::new(&types.registry, document, settings).map_err(Failure::caused_by)?;
+    if !scenario.simulates().map_err(Failure::caused_by)? {
         return Err("its samples are not all simulated; use [source.simulation] alone".into());
     }
-    scenario.assemble(None).map_err(|e| e.to_string())
+    scenario.assemble(None).map_err(Failure::caused_by)
 }
 
 /// The scenario as it is, also where its samples are recorded; with the sinks that it names, where there is a folder for them.
-pub fn assemble_to(types: &Types, text: &str, output: Option<&Path>) -> Result<Assembly, String> {
-    let document = Document::parse("scenario", text).map_err(|e| e.to_string())?;
-    let scenario = Scenario::new(&types.registry, document, &[]).map_err(|e| e.to_string())?;
-    scenario.assemble(output).map_err(|e| e.to_string())
+pub fn assemble_to(types: &Types, text: &str, output: Option<&Path>) -> Result<Assembly, Failure> {
+    let document = Document::parse("scenario", text).map_err(Failure::caused_by)?;
+    let scenario = Scenario::new(&types.registry, document, &[]).map_err(Failure::caused_by)?;
+    scenario.assemble(output).map_err(Failure::caused_by)
 }
 
 /// All samples in order of time; a reference's after what else comes then, but not before the first driving sample.
 pub fn merged(
     sources: &mut [(String, Box<dyn Source>)],
     composition: &Composition,
-) -> Result<Vec<Sample>, String> {
+) -> Result<Vec<Sample>, Failure> {
     let mut samples = Vec::new();
     let until = composition.estimator.stop().unwrap_or(Time::MAX);
     for (name, source) in sources {
         let mut sample = Sample::empty(Time::MIN, navfuse_core::units::sample::SensorId(0));
-        while source.next(&mut sample).map_err(|e| format!("source {name}: {e}"))?
+        while source
+            .next(&mut sample)
+            .map_err(|e| Failure::during(format_args!("source {name}"), e))?
             && sample.time <= until
         {
             if sample.sensor.0 >= composition.sensors.len() {
-                return Err(format!(
+                return Err(Failure::new(format!(
                     "source {name}: {}",
                     stranger(&sample, composition.sensors.len())
-                ));
+                )));
             }
             samples.push(sample);
         }

@@ -23,8 +23,10 @@
 //! # it_conforms().unwrap();
 //! ```
 //!
-//! The scenario is one that `navfuse run` runs, of a minute or a few, on simulated samples; where only sources and sinks are
-//! checked, recorded ones will do. Its types that the given plugins register are checked; the IMU, the strapdown process and the simulation are there in any case.
+//! The scenario is one that `navfuse run` runs, of one minute or a few, on simulated samples. For
+//! sources and sinks alone, recorded samples serve too. The call checks those types of the scenario
+//! that the given plugins register. The IMU, the strapdown process and the simulation are always
+//! available.
 
 mod channels;
 mod consistency;
@@ -44,14 +46,14 @@ use std::marker::PhantomData;
 /// Checks every process, sensor, source and sink type that the plugins register and the scenario (TOML) uses.
 ///
 /// # Errors
-/// All checks that failed, each with what is wrong, the numbers, and what to mend.
+/// All checks that failed, each with what is wrong, the numbers, and the remedy.
 pub fn check(plugins: &[&dyn Plugin], scenario: &str) -> Result<(), Failed> {
     let report = report(plugins, scenario);
     println!("{report}"); // shown by `cargo test -- --nocapture`
     if report.findings.iter().any(|f| f.outcome.is_err()) { Err(Failed(report)) } else { Ok(()) }
 }
 
-/// [`check`] of one sensor type that is in no plugin: of a program that registers it by itself.
+/// [`check`] of one sensor type that no plugin registers, but a program itself.
 ///
 /// # Errors
 /// As [`check`].
@@ -65,7 +67,7 @@ pub fn check_sensor<S: SensorType>(scenario: &str) -> Result<(), Failed> {
     check(&[&Only::<S>(PhantomData)], scenario)
 }
 
-/// As [`check`], with what passed.
+/// As [`check`], with the checks that passed.
 pub fn report(plugins: &[&dyn Plugin], scenario: &str) -> Report {
     let registry = lab::registry(plugins);
     let mut report = Report::default();
@@ -73,7 +75,7 @@ pub fn report(plugins: &[&dyn Plugin], scenario: &str) -> Report {
         Err(message) => report.add("scenario", "the scenario", Err(message)),
         Ok(lab) => {
             if let Some(ended) = &lab.ended {
-                report.add("scenario", "the scenario", Err(ended.clone()));
+                report.add("scenario", "the scenario", Err(Failure::new(ended)));
             }
             parameters::check(&lab, &mut report);
             if lab.has_models() {
@@ -92,19 +94,71 @@ pub fn report(plugins: &[&dyn Plugin], scenario: &str) -> Report {
     report
 }
 
-/// What one check found of one type.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// The reason why a check fails: what is wrong, the numbers, and the remedy.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Failure {
+    /// What is wrong, the numbers, and the remedy.
+    pub message: String,
+    source: Option<Box<dyn std::error::Error + Send + Sync>>,
+}
+
+impl Failure {
+    fn new(message: impl Into<String>) -> Self {
+        Self { message: message.into(), source: None }
+    }
+
+    /// The failure of a part of the framework, as it is.
+    fn caused_by(error: impl std::error::Error + Send + Sync + 'static) -> Self {
+        Self { message: error.to_string(), source: Some(Box::new(error)) }
+    }
+
+    /// The failure of a part that a check calls, with what the check was doing.
+    fn during(
+        what: impl fmt::Display,
+        error: impl std::error::Error + Send + Sync + 'static,
+    ) -> Self {
+        Self { message: format!("{what}: {error}"), source: Some(Box::new(error)) }
+    }
+}
+
+impl From<String> for Failure {
+    fn from(message: String) -> Self {
+        Self::new(message)
+    }
+}
+
+impl From<&str> for Failure {
+    fn from(message: &str) -> Self {
+        Self::new(message)
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Failure {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        self.source.as_deref().map(|cause| cause as &(dyn std::error::Error + 'static))
+    }
+}
+
+/// The finding of one check about one type.
+#[derive(Debug)]
 pub struct Finding {
     /// The check: `jacobian`, `noise`, `transition`, ...
     pub check: &'static str,
     /// The type and its table: `sensor type dvl ([sensor.port])`.
     pub about: String,
-    /// What was measured; or what is wrong, and what to mend.
-    pub outcome: Result<String, String>,
+    /// The numbers of a check that passed, or the reason why it failed.
+    pub outcome: Result<String, Failure>,
 }
 
-/// What all checks found.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+/// The findings of all checks.
+#[derive(Debug, Default)]
 pub struct Report {
     /// In the order of the checks.
     pub findings: Vec<Finding>,
@@ -115,7 +169,7 @@ impl Report {
         &mut self,
         check: &'static str,
         about: impl Into<String>,
-        outcome: Result<String, String>,
+        outcome: Result<String, Failure>,
     ) {
         self.findings.push(Finding { check, about: about.into(), outcome });
     }
@@ -142,7 +196,6 @@ impl fmt::Display for Report {
 }
 
 /// A plugin that does not conform.
-#[derive(Clone, PartialEq, Eq)]
 pub struct Failed(
     /// All findings, also those that passed.
     pub Report,
@@ -155,7 +208,7 @@ impl fmt::Display for Failed {
     }
 }
 
-// what a test that returns an error prints
+// a test that returns an error prints its `Debug`
 impl fmt::Debug for Failed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Display::fmt(self, f)

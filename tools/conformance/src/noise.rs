@@ -1,7 +1,7 @@
 //! `R`: finite, symmetric and positive semi-definite wherever the model is asked.
 
-use crate::Report;
 use crate::lab::{Lab, Moment};
+use crate::{Failure, Report};
 use navfuse_core::model::measurement::At;
 use navfuse_core::nalgebra::DMatrix;
 
@@ -14,9 +14,9 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
         let outcome = moments.iter().try_for_each(|Moment { state, sample }| {
             model.noise(&At { layout, state, sample }, &mut values);
             fault(&DMatrix::from_row_slice(n, n, &values)).map_or(Ok(()), |fault| {
-                Err(format!(
+                Err(Failure::new(format!(
                     "R is {fault}; give variances (sigma squared) on the diagonal, and a covariance as L L' if channels correlate"
-                ))
+                )))
             })
         });
         report.add("noise", part.about, outcome.map(|()| format!("R of {} states", moments.len())));

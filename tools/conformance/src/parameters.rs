@@ -1,7 +1,7 @@
 //! Parameters: documented, and with units.
 
-use crate::Report;
 use crate::lab::Lab;
+use crate::{Failure, Report};
 use navfuse_core::plugin::{Entry, Kind};
 use navfuse_core::run::schema::parameters;
 
@@ -30,7 +30,7 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
     }
 }
 
-fn of_type(entry: &Entry) -> Result<String, String> {
+fn of_type(entry: &Entry) -> Result<String, Failure> {
     let schema = entry.schema.as_value();
     if schema.get("description").is_none() {
         return Err("it has no documentation; write a /// comment above its struct".into());
@@ -50,18 +50,18 @@ fn of_type(entry: &Entry) -> Result<String, String> {
             "one value for all three axes, or an array of three",
         ];
         if row.meaning.is_empty() || of_type.iter().any(|text| row.meaning.contains(text)) {
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "parameter {} has no documentation; write a /// comment above its field",
                 row.key
-            ));
+            )));
         }
         let bare = row.takes.split([' ', '|', '[', ']', ',']).any(|word| word == "number");
         if bare {
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "parameter {} takes a bare number; give it a dimension from navfuse_core::units, such as Sigma<Length>, or \
                  Ratio where it has none",
                 row.key
-            ));
+            )));
         }
         count += 1;
     }

@@ -1,8 +1,8 @@
 //! What must be the same again: the samples of a seed, the filter that reads them, a filter that goes on from a snapshot,
 //! and a filter after a sample that it rejects.
 
-use crate::Report;
 use crate::lab::{Heard, Lab, assemble_to, merged};
+use crate::{Failure, Report};
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::record::Rejection;
 use navfuse_core::model::sensor::Role;
@@ -27,12 +27,12 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
 }
 
 /// Feeds samples.
-fn feed(ekf: &mut Ekf, samples: &[Sample]) -> Result<(), String> {
+fn feed(ekf: &mut Ekf, samples: &[Sample]) -> Result<(), Failure> {
     let mut heard = Heard::default();
     samples
         .iter()
         .try_for_each(|s| ekf.process(s, &mut heard))
-        .map_err(|e| format!("the run ends early: {e}"))
+        .map_err(|e| Failure::during("the run ends early", e))
 }
 
 /// All numbers of a filter, bit by bit.
@@ -64,38 +64,38 @@ fn same(a: &Sample, b: &Sample) -> bool {
     (a.time, a.sensor) == (b.time, b.sensor) && bits(a) == bits(b)
 }
 
-fn determinism(lab: &Lab<'_>) -> Result<String, String> {
+fn determinism(lab: &Lab<'_>) -> Result<String, Failure> {
     let mut again = assemble_to(lab.types, lab.text, None)?;
     let samples = merged(&mut again.sources, &again.composition)?;
     let name = |s: &Sample| lab.composition.sensors[s.sensor.0].info.name.as_str();
     if lab.samples.len() != samples.len() {
-        return Err(format!(
+        return Err(Failure::new(format!(
             "the same scenario with the same seed gives {} samples, and then {}; draw from the random numbers of the scene alone",
             lab.samples.len(),
             samples.len()
-        ));
+        )));
     }
     if let Some((first, _)) = lab.samples.iter().zip(&samples).find(|(a, b)| !same(a, b)) {
-        return Err(format!(
+        return Err(Failure::new(format!(
             "the sample of [sensor.{}] at {} is another one when the same scenario is simulated again with the same seed; draw from \
              scene.random alone, and keep nothing between samples",
             name(first),
             first.time
-        ));
+        )));
     }
     let (mut a, mut b) = (Ekf::new(lab.compose(&[])?), Ekf::new(lab.compose(&[])?));
     feed(&mut a, &lab.samples)?;
     feed(&mut b, &lab.samples)?;
     match difference(&a, &b) {
         None => Ok(format!("{} samples and the filter are the same to the bit", samples.len())),
-        Some(block) => Err(format!(
+        Some(block) => Err(Failure::new(format!(
             "two filters of the same samples differ in {block}; let predict, noise, jacobian and propagate depend on their \
              arguments and the model's own memory alone: no statics, clocks or hash order"
-        )),
+        ))),
     }
 }
 
-fn snapshot(lab: &Lab<'_>) -> Result<String, String> {
+fn snapshot(lab: &Lab<'_>) -> Result<String, Failure> {
     let middle = lab.samples.len() / 2;
     let (first, second) = lab.samples.split_at(middle);
     let mut straight = Ekf::new(lab.compose(&[])?);
@@ -111,17 +111,17 @@ fn snapshot(lab: &Lab<'_>) -> Result<String, String> {
     feed(&mut other, second)?;
     for (ekf, place) in [(&ekf, "the same filter"), (&other, "another filter")] {
         if let Some(block) = difference(ekf, &straight) {
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "restored to a snapshot from the middle of the run, {place} does not go on as the one that ran straight through: \
                  {block} differs; let boxed_clone of a process model copy all of its memory (no Arc, no reset), and keep \
                  nothing in a measurement model"
-            ));
+            )));
         }
     }
     Ok(format!("the run goes on the same from sample {middle} of {}", lab.samples.len()))
 }
 
-fn rejection(lab: &Lab<'_>, sensor: usize) -> Result<String, String> {
+fn rejection(lab: &Lab<'_>, sensor: usize) -> Result<String, Failure> {
     let Some(at) =
         lab.samples.iter().skip(lab.samples.len() / 2).position(|s| s.sensor.0 == sensor)
     else {
@@ -140,19 +140,19 @@ fn rejection(lab: &Lab<'_>, sensor: usize) -> Result<String, String> {
     let mut refused = |bad: &Sample,
                        expected: &dyn Fn(Rejection) -> bool,
                        what: &str|
-     -> Result<(), String> {
+     -> Result<(), Failure> {
         let mut heard = Heard::default();
         ekf.process(bad, &mut heard)
-            .map_err(|e| format!("a sample with {what} ends the run: {e}"))?;
+            .map_err(|e| Failure::during(format_args!("a sample with {what} ends the run"), e))?;
         let unchanged = bits(&ekf) == state;
         ekf.restore(&before);
         tried += 1;
         match heard.rejection {
             Some(rejection) if expected(rejection) && unchanged => Ok(()),
-            found => Err(format!(
+            found => Err(Failure::new(format!(
                 "a sample with {what} is not rejected ({found:?}), or changes the state; declare all its channels, and leave it to \
                  the filter to reject samples"
-            )),
+            ))),
         }
     };
     for (i, channel) in names.iter().enumerate() {
@@ -187,14 +187,14 @@ fn rejection(lab: &Lab<'_>, sensor: usize) -> Result<String, String> {
     Ok(format!("{tried} samples that are NaN, infinite or empty are rejected, and change nothing"))
 }
 
-fn ekf_at(snapshot: &navfuse_core::ekf::Snapshot, lab: &Lab<'_>) -> Result<Ekf, String> {
+fn ekf_at(snapshot: &navfuse_core::ekf::Snapshot, lab: &Lab<'_>) -> Result<Ekf, Failure> {
     let mut ekf = Ekf::new(lab.compose(&[])?);
     ekf.restore(snapshot);
     Ok(ekf)
 }
 
 /// A sample without one of its channels is used with the others.
-fn partial(lab: &Lab<'_>, mut ekf: Ekf, samples: &[Sample], channel: usize) -> Result<(), String> {
+fn partial(lab: &Lab<'_>, mut ekf: Ekf, samples: &[Sample], channel: usize) -> Result<(), Failure> {
     let Some((&sample, later)) = samples.split_first() else { return Ok(()) };
     let Role::Measurement(model) = &lab.composition.sensors[sample.sensor.0].role else {
         return Ok(());
@@ -210,7 +210,7 @@ fn partial(lab: &Lab<'_>, mut ekf: Ekf, samples: &[Sample], channel: usize) -> R
     let name = lab.composition.sensors[sample.sensor.0].info.channels[channel].name;
     let mut heard = Only { sensor: sample, found: None };
     ekf.process(&part, &mut heard)
-        .map_err(|e| format!("without channel {name} the run ends: {e}"))?;
+        .map_err(|e| Failure::during(format_args!("without channel {name} the run ends"), e))?;
     // it waits for the driving sensor
     let soon = later.iter().take_while(|s| {
         s.time < Time::from_nanos(sample.time.nanos().saturating_add(1_000_000_000))
@@ -220,16 +220,16 @@ fn partial(lab: &Lab<'_>, mut ekf: Ekf, samples: &[Sample], channel: usize) -> R
             break;
         }
         ekf.process(other, &mut heard)
-            .map_err(|e| format!("without channel {name} the run ends: {e}"))?;
+            .map_err(|e| Failure::during(format_args!("without channel {name} the run ends"), e))?;
     }
     match heard.found {
         Some(n) if n == left => Ok(()),
-        Some(n) => Err(format!(
+        Some(n) => Err(Failure::new(format!(
             "a sample without channel {name} is used with {n} channels, {left} are there; leave out the rows of what is missing"
-        )),
-        None => Err(format!(
+        ))),
+        None => Err(Failure::new(format!(
             "a sample without channel {name} is not used at all; the other channels must still be"
-        )),
+        ))),
     }
 }
 

@@ -1,8 +1,8 @@
 //! Sources: samples that a filter can take. Sinks: they write what a run tells, the same for the same run, and leave a file
 //! when it is interrupted.
 
-use crate::Report;
 use crate::lab::{Lab, Stream, assemble_to, stranger};
+use crate::{Failure, Report};
 use navfuse_core::model::record::Level;
 use navfuse_core::model::stream::{RunInfo, Sink, Source, StreamError};
 use navfuse_core::plugin::Kind;
@@ -26,7 +26,7 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
     }
 }
 
-fn source(lab: &Lab<'_>, name: &str) -> Result<String, String> {
+fn source(lab: &Lab<'_>, name: &str) -> Result<String, Failure> {
     let mut assembly = assemble_to(lab.types, lab.text, None)?;
     let mut count = 0;
     for (_, stream) in assembly.sources.iter_mut().filter(|(n, _)| n == name) {
@@ -42,47 +42,49 @@ fn source(lab: &Lab<'_>, name: &str) -> Result<String, String> {
 }
 
 /// Reads a stream to its end; the number of its samples.
-fn one_stream(lab: &Lab<'_>, stream: &mut dyn Source) -> Result<usize, String> {
+fn one_stream(lab: &Lab<'_>, stream: &mut dyn Source) -> Result<usize, Failure> {
     let sensors = &lab.composition.sensors;
     let (mut last, mut count, end) = (vec![None::<Time>; sensors.len()], 0, stream.end());
     let mut sample = Sample::empty(Time::MIN, SensorId(0));
     // a source without an end is cut by the filter's
     let until = lab.composition.estimator.stop().unwrap_or(Time::MAX);
-    while stream.next(&mut sample).map_err(|e| format!("it fails: {e}"))? {
+    while stream.next(&mut sample).map_err(|e| Failure::during("it fails", e))? {
         let (time, index) = (sample.time, sample.sensor.0);
         if time > until {
             return Ok(count);
         }
         count += 1;
-        let Some(sensor) = sensors.get(index) else { return Err(stranger(&sample, sensors.len())) };
+        let Some(sensor) = sensors.get(index) else {
+            return Err(stranger(&sample, sensors.len()).into());
+        };
         let name = &sensor.info.name;
         let before = last[index].replace(time);
         if let Some(before) = before.filter(|before| *before >= time) {
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "the samples of [sensor.{name}] go from {before} to {time}; give each sensor's in increasing order of time, or an \
                  error that names the place and the remedy"
-            ));
+            )));
         }
         for channel in (0..MAX_CHANNELS).filter(|i| sample.get(*i).is_some()) {
             if channel >= sensor.info.channels.len() {
                 let declared = sensor.info.channels.len();
-                return Err(format!(
+                return Err(Failure::new(format!(
                     "a sample of [sensor.{name}] at {time} has channel number {channel}, and {declared} are declared; begin each \
                      with Sample::empty"
-                ));
+                )));
             }
             if sample.get(channel).is_some_and(|v| !v.is_finite()) {
-                return Err(format!(
+                return Err(Failure::new(format!(
                     "channel {} of [sensor.{name}] at {time} is not finite; leave a channel out where there is no value, or give \
                      an error",
                     sensor.info.channels[channel].name
-                ));
+                )));
             }
         }
         if let Some(end) = end.filter(|end| time > *end) {
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "a sample is at {time}, after the end that it tells, {end}; tell the last one's time, or None"
-            ));
+            )));
         }
     }
     if stream.next(&mut sample).is_ok_and(|more| more) {
@@ -94,42 +96,42 @@ fn one_stream(lab: &Lab<'_>, stream: &mut dyn Source) -> Result<usize, String> {
     Ok(count)
 }
 
-fn sink(lab: &Lab<'_>, part: &Stream) -> Result<String, String> {
-    let once = |half: bool| -> Result<(String, Files), String> {
+fn sink(lab: &Lab<'_>, part: &Stream) -> Result<String, Failure> {
+    let once = |half: bool| -> Result<(String, Files), Failure> {
         let failed = |e: std::io::Error| format!("the folder for its output: {e}");
         let folder = tempfile::tempdir().map_err(failed)?;
         let told = place(part, &run(lab, folder.path(), half)?)?;
         Ok((told, files(folder.path()).map_err(failed)?))
     };
     let ((told, first), (_, second)) = (once(false)?, once(false)?);
-    let (_, cut) = once(true).map_err(|e| format!("of a run that is interrupted: {e}"))?;
+    let (_, cut) = once(true).map_err(|e| Failure::during("of a run that is interrupted", e))?;
     if first.is_empty() {
         return if told.is_empty() || told.contains("://") || Path::new(&told).exists() {
             Ok("it takes whole runs and one that is interrupted; it writes nothing into the folder of the run".into())
         } else {
-            Err(format!(
+            Err(Failure::new(format!(
                 "it tells that it wrote to {told}, and there is no such file; return the place of what was written, or None"
-            ))
+            )))
         };
     }
     for (name, bytes) in &first {
         if bytes.is_empty() {
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "the file {name} that it wrote is empty; write what is left in finish"
-            ));
+            )));
         }
         if !cut.contains_key(name) {
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "of a run that is interrupted it leaves no {name}; create it when it is opened, and write what is left in finish"
-            ));
+            )));
         }
         let again = second.get(name).map_or(&[][..], Vec::as_slice);
         if bytes != again {
             let at = bytes.iter().zip(again).take_while(|(a, b)| a == b).count();
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "two runs with the same seed write {name} differently from byte {at} on; write no clock, path, random id or \
                  hash order, so that a run can be compared with another"
-            ));
+            )));
         }
     }
     let bytes: usize = first.values().map(Vec::len).sum();
@@ -160,7 +162,7 @@ fn names(files: &Files) -> String {
 }
 
 /// Runs the scenario with its sinks; or until its middle, as Ctrl-C ends it.
-fn run(lab: &Lab<'_>, output: &Path, half: bool) -> Result<Finished, String> {
+fn run(lab: &Lab<'_>, output: &Path, half: bool) -> Result<Finished, Failure> {
     let mut assembly = assemble_to(lab.types, lab.text, Some(output))?;
     let stop = Arc::new(AtomicBool::new(false));
     if half {
@@ -195,13 +197,13 @@ impl Sink for Interruption {
 }
 
 /// Where a sink says that it wrote.
-fn place(part: &Stream, finished: &Finished) -> Result<String, String> {
+fn place(part: &Stream, finished: &Finished) -> Result<String, Failure> {
     let own = finished.events.iter().find(|e| e.level == Level::Error && e.about == part.name);
     if let Some(error) = &finished.error {
-        return Err(format!("the run ends early: {error}"));
+        return Err(Failure::new(format!("the run ends early: {error}")));
     }
     if let Some(event) = own {
-        return Err(format!("it fails at {}: {}", event.time, event.text));
+        return Err(Failure::new(format!("it fails at {}: {}", event.time, event.text)));
     }
     let recorded = finished.recorded.iter().find(|r| r.sink == part.name);
     Ok(recorded.map_or_else(String::new, |r| r.place.clone()))

@@ -3,9 +3,9 @@
 //! What is compared is the rate `(Phi - I) / dt` of both, extrapolated from a whole step and half of it to none: a model may
 //! leave out terms of the second order in the step.
 
-use crate::Report;
 use crate::lab::{Lab, reach};
 use crate::noise::fault;
+use crate::{Failure, Report};
 use navfuse_core::model::process::{Input, Interval};
 use navfuse_core::nalgebra::DMatrix;
 use navfuse_core::state::manifold::{MAX_TANGENT, Reading};
@@ -35,7 +35,7 @@ struct Step<'a> {
 
 impl Step<'_> {
     /// The state after the step, `Phi` and `Q`.
-    fn from(&self, state: &State) -> Result<(State, DMatrix<f64>, DMatrix<f64>), String> {
+    fn from(&self, state: &State) -> Result<(State, DMatrix<f64>, DMatrix<f64>), Failure> {
         let composition = &self.lab.composition;
         let mut transition = composition.transition.clone();
         transition.compile(&composition.layout);
@@ -45,10 +45,9 @@ impl Step<'_> {
             model.restart();
             (model.propagate(&composition.layout, &mut state, &self.interval, &mut transition))
                 .map_err(|e| {
-                    format!(
-                        "propagate of {} fails near the run, at {}: {e}",
-                        process.name, self.interval.to
-                    )
+                    let (name, time) = (&process.name, self.interval.to);
+                    let what = format!("propagate of {name} fails near the run, at {time}");
+                    Failure::during(what, e)
                 })?;
         }
         let n = composition.layout.tangent;
@@ -56,20 +55,20 @@ impl Step<'_> {
     }
 
     /// `(Phi - I) / dt` as the model gives it, and by central differences.
-    fn rates(&self, state: &State) -> Result<[DMatrix<f64>; 2], String> {
+    fn rates(&self, state: &State) -> Result<[DMatrix<f64>; 2], Failure> {
         let (layout, dt) = (&self.lab.composition.layout, self.interval.duration());
         let (after, phi, q) = self.from(state)?;
         if let Some(fault) = fault(&q) {
-            return Err(format!(
+            return Err(Failure::new(format!(
                 "Q over {dt} s is {fault}; fill each declared place of Q in every step, with G S G' dt or the like"
-            ));
+            )));
         }
         let identity = DMatrix::identity(layout.tangent, layout.tangent);
         Ok([(phi - &identity) / dt, (numeric(layout, self, state, &after)? - identity) / dt])
     }
 }
 
-fn of_process(lab: &Lab<'_>) -> Result<String, String> {
+fn of_process(lab: &Lab<'_>) -> Result<String, Failure> {
     let layout = &*lab.composition.layout;
     let driver = lab.composition.processes.iter().find_map(|p| p.input);
     let steps: Vec<(&State, &Sample)> = (lab.moments.windows(2))
@@ -109,7 +108,7 @@ fn numeric(
     step: &Step<'_>,
     state: &State,
     after: &State,
-) -> Result<DMatrix<f64>, String> {
+) -> Result<DMatrix<f64>, Failure> {
     let mut phi = DMatrix::zeros(layout.tangent, layout.tangent);
     for block in layout.blocks.iter().filter(|b| b.tangent.is_some()) {
         for (axis, column) in block.tangent_range().enumerate() {
@@ -150,7 +149,7 @@ fn compare(
     given: &DMatrix<f64>,
     numeric: &DMatrix<f64>,
     dt: f64,
-) -> Result<f64, String> {
+) -> Result<f64, Failure> {
     let n = layout.tangent;
     let estimated = || layout.blocks.iter().filter(|b| b.tangent.is_some());
     let sigma: Vec<f64> = estimated().flat_map(|b| b.spec.sigma.iter().copied()).collect();
@@ -172,7 +171,7 @@ fn compare(
                     }
                     let relative = error / largest;
                     if relative > BOUND || relative.is_nan() {
-                        return Err(format!(
+                        return Err(Failure::new(format!(
                             "the rate (Phi - I) / dt of {}, axis {}, with respect to {}, axis {}, is {:.6e}; central differences of \
                              propagate give {:.6e}; mend the term in `propagate`, and declare its place with Composer::transition where there \
                              is none",
@@ -182,7 +181,7 @@ fn compare(
                             axis + 1,
                             given[(i, j)],
                             numeric[(i, j)]
-                        ));
+                        )));
                     }
                     worst = worst.max(relative);
                 }

@@ -91,6 +91,6 @@ pub(crate) enum AlignmentError {
 
 impl From<AlignmentError> for ProcessError {
     fn from(error: AlignmentError) -> Self {
-        Self(error.to_string())
+        Self::alignment(error.to_string()).with_source(error)
     }
 }
