@@ -8,13 +8,13 @@ use std::sync::LazyLock;
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// A 3-D run until 720 s, with the result of the observer.
-struct Seen {
+struct ObservedRun {
     data: CalibrationData,
     printed: Estimate,
 }
 
-fn seen() -> &'static [Seen] {
-    static SEEN: LazyLock<Vec<Seen>> = LazyLock::new(|| {
+fn observed_runs() -> &'static [ObservedRun] {
+    static SEEN: LazyLock<Vec<ObservedRun>> = LazyLock::new(|| {
         for_seeds(|mut settings| {
             settings.push("estimator.stop=720 s".into());
             let recording =
@@ -22,14 +22,14 @@ fn seen() -> &'static [Seen] {
             let data = CalibrationData::new(recording, AttitudeSource::Gyros)
                 .unwrap_or_else(|e| panic!("{e}"));
             let printed = Method::IoDvlcPrinted.estimate(&data).unwrap_or_else(|e| panic!("{e}"));
-            Seen { data, printed }
+            ObservedRun { data, printed }
         })
     });
     &SEEN
 }
 
 /// Returns the errors of k, roll, pitch and yaw (rad) of the estimate at a time.
-fn errors(seen: &Seen, time: f64) -> [f64; 4] {
+fn errors(seen: &ObservedRun, time: f64) -> [f64; 4] {
     let truth = seen.data.recording.velocities[0].truth.expect("the scenario states it");
     let zero = seen.data.recording.clock(0.0);
     let step = seen
@@ -49,7 +49,7 @@ fn root_mean_square(errors: impl Iterator<Item = f64>) -> f64 {
 
 #[test]
 fn the_specific_force_rates_of_advance_and_dive_are_linearly_independent() {
-    for Seen { data, .. } in seen() {
+    for ObservedRun { data, .. } in observed_runs() {
         let rank = |until: f64| {
             let zero = data.recording.clock(0.0);
             let segments = data.of(Kind::TypeI).filter(|s| s.to + zero <= until);
@@ -67,20 +67,21 @@ fn the_specific_force_rates_of_advance_and_dive_are_linearly_independent() {
 fn the_scale_factor_is_computable_from_the_first_segment_on() {
     // as printed, at 5 m/s: sigma is 1.1 % over both segments; the bound is four sigma, also for
     // the first segment alone
-    assert!(root_mean_square(seen().iter().map(|s| errors(s, 659.0)[0])) < 0.05);
+    assert!(root_mean_square(observed_runs().iter().map(|s| errors(s, 659.0)[0])) < 0.05);
 }
 
 #[test]
 fn the_roll_angle_cannot_converge_until_the_descent() {
-    let roll = |time| root_mean_square(seen().iter().map(|s| errors(s, time)[1] / DEG));
+    let roll = |time| root_mean_square(observed_runs().iter().map(|s| errors(s, time)[1] / DEG));
     // before the descent only noise rotates about the thrust, so that any angle may result
     assert!(roll(655.0) > 2.0 * roll(720.0), "{} before, {} after", roll(655.0), roll(720.0));
 }
 
 #[test]
 fn the_filter_is_more_accurate_than_the_observer_whose_angles_are_too_inaccurate() {
-    let observer: [f64; 4] =
-        std::array::from_fn(|i| root_mean_square(seen().iter().map(|s| errors(s, 720.0)[i])));
+    let observer: [f64; 4] = std::array::from_fn(|i| {
+        root_mean_square(observed_runs().iter().map(|s| errors(s, 720.0)[i]))
+    });
     let names =
         ["dvl.scale.k", "dvl.misalignment.roll", "dvl.misalignment.pitch", "dvl.misalignment.yaw"];
     for (i, name) in names.into_iter().enumerate() {

@@ -30,6 +30,7 @@ pub fn observer(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
         let dt = (pair.time - before).clamp(0.0, 10.0);
         before = pair.time;
         let (x, y) = (pair.y.normalize(), pair.body.normalize());
+        // R <- exp([g (R x) × y ×] dt) R
         r = Rotation3::from_scaled_axis((r * x).cross(&y) * (GAIN * dt)) * r;
         history.push(IntermediateEstimate {
             time: pair.time,

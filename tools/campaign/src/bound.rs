@@ -222,6 +222,7 @@ fn backward(tape: Tape<Kind>, layout: &Layout, places: &Places, width: usize) ->
     tape.backward(|kind, values| match kind {
         Kind::Step => {
             let phi = DMatrix::from_fn(n, n, |i, j| values[i * stride + j]);
+            // L = Phi' L- Phi
             l = symmetric(phi.tr_mul(&l) * &phi);
         }
         Kind::Update(m) => {
@@ -230,12 +231,14 @@ fn backward(tape: Tape<Kind>, layout: &Layout, places: &Places, width: usize) ->
             let h = DMatrix::from_row_slice(m, n, h);
             let k = DMatrix::from_row_slice(n, m, k);
             let Some(s) = DMatrix::from_row_slice(m, m, s).cholesky() else { return };
+            // L- = H' S^-1 H + (I - K H)' L (I - K H)
             let a = DMatrix::identity(n, n) - k * &h;
             l = symmetric(a.tr_mul(&l) * &a + h.tr_mul(&s.solve(&h)));
         }
         Kind::Epoch(number, time) => {
             let (state, p) = values.split_at(layout.ambient);
             let p = DMatrix::from_column_slice(n, n, p);
+            // P_s = P - P L P
             let smoothed = symmetric(&p - &p * &l * &p);
             let shown = [&p, &smoothed].map(|p| sigmas(layout, places, width, state, p));
             let [filtered, smoothed] = shown;
@@ -246,6 +249,7 @@ fn backward(tape: Tape<Kind>, layout: &Layout, places: &Places, width: usize) ->
     Ok(rows)
 }
 
+/// Returns the symmetric part of a matrix, which rounding would otherwise slowly destroy.
 fn symmetric(m: DMatrix<f64>) -> DMatrix<f64> {
     let transposed = m.transpose();
     (m + transposed) * 0.5

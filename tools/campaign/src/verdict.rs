@@ -45,18 +45,20 @@ enum Test {
 }
 
 /// Sum of squared normalised errors, its expectation and variance, and its number of terms.
-struct Seen {
+struct SquaredSum {
     sum: f64,
     expectation: f64,
     variance: f64,
     count: f64,
 }
 
-impl Seen {
+impl SquaredSum {
+    /// Returns the ratio of the errors to their sigma, `sqrt(sum / expectation)`.
     fn ratio(&self) -> f64 {
         (self.sum / self.expectation).sqrt()
     }
 
+    /// Returns `true` if the sum is outside its band for the false-alarm probability `alpha`.
     fn outside(&self, alpha: f64) -> bool {
         outside(self.sum, self.expectation, self.variance, alpha)
     }
@@ -82,15 +84,18 @@ fn dimension(columns: &Columns, of: usize) -> usize {
     if of == 0 { columns.known() } else { columns.blocks[of - 1].dimension }
 }
 
-fn nees(columns: &Columns, of: usize, (mean, runs): (f64, usize)) -> Seen {
+/// Returns the summed NEES of all runs. Each run's NEES is chi-square with `dimension` degrees of
+/// freedom, so the sum has the variance `2 dimension runs`.
+fn nees(columns: &Columns, of: usize, (mean, runs): (f64, usize)) -> SquaredSum {
     let count = runs as f64;
     let expectation = dimension(columns, of) as f64 * count;
-    Seen { sum: mean * count, expectation, variance: 2.0 * expectation, count }
+    SquaredSum { sum: mean * count, expectation, variance: 2.0 * expectation, count }
 }
 
-fn nis(sums: &NisSums) -> Option<Seen> {
+/// Returns the summed NIS of a sensor; `None` without samples.
+fn nis(sums: &NisSums) -> Option<SquaredSum> {
     let NisSums { used: count, nis: sum, expected: expectation, variance, .. } = *sums;
-    (count > 0.0 && variance > 0.0).then_some(Seen { sum, expectation, variance, count })
+    (count > 0.0 && variance > 0.0).then_some(SquaredSum { sum, expectation, variance, count })
 }
 
 impl Test {
@@ -105,6 +110,7 @@ impl Test {
     /// Tests the quantity once at the end, or over all samples, and once at every epoch.
     fn find(self, columns: &Columns, point: &PointStatistics, tests: usize) -> Option<Finding> {
         let count = point.judged().count().max(1);
+        // Bonferroni: the probabilities of all tests add up to FALSE_ALARM
         let (once, often) =
             (0.5 * FALSE_ALARM / tests as f64, 0.5 * FALSE_ALARM / (tests * count) as f64);
         let at = |epoch: &EpochStatistics| match self {

@@ -76,11 +76,13 @@ impl InitialError {
         read(update, &self.free, self.stride, &mut rows);
         if let Some(r) = r {
             r.solve(&mut rows, self.stride);
+            // diagonal of F' H' R^-1 H F
             for row in rows.chunks_exact(self.stride) {
                 self.alone.iter_mut().zip(row).for_each(|(sum, y)| *sum += y * y);
             }
         }
         read(update, &self.carried, self.stride, &mut rows);
+        // G+ = G- - K (H G-)
         for (g, k) in self.carried.chunks_exact_mut(self.stride).zip(update.gain().chunks_exact(m))
         {
             for (k, row) in k.iter().zip(rows.chunks_exact(self.stride)).filter(|(k, _)| **k != 0.0)
@@ -95,6 +97,7 @@ impl InitialError {
             for (i, reduction) in reduction.iter_mut().enumerate() {
                 *reduction = self.left[i * n + i];
             }
+            // M+ = M - Y' Y with Y = L_S^-1 H G- and S = L_S L_S'
             for y in rows.chunks_exact(self.stride) {
                 for (i, left) in self.left.chunks_exact_mut(n).enumerate() {
                     let by = y[i];

@@ -242,6 +242,7 @@ impl Rates {
 
     fn report(&self) -> DirectionsReport {
         let (values, axes) = eigen(self.scatter / self.count.max(1.0));
+        // overlapping slopes are correlated: only one in `bins` is independent
         let independent = (self.count / self.bins).max(1.0);
         let noise = (4.0 * self.variance * (2.0 / independent).sqrt()).sqrt();
         let singular_values = values.map(|v| v.max(0.0).sqrt());

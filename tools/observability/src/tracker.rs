@@ -316,6 +316,7 @@ impl Tracker {
             let driven = started.reference.driven(slot);
             let mut carried = [0.0; MAX_TANGENT];
             if driven {
+                // block of Psi P_0 Psi' that the block's own initial error contributes
                 for (i, j) in range.clone().flat_map(|i| range.clone().map(move |j| (i, j))) {
                     let product = |k| started.error.carried(i, k) * started.error.carried(j, k);
                     started.work.set(i, j, range.clone().map(product).sum());
