@@ -70,9 +70,13 @@ fn json_has_every_documented_key_and_nothing_else_is_on_standard_output() {
 fn errors_are_null_where_there_is_no_reference() {
     let recording = Recording::new();
     recording.change(
-        "attitude = { sigma = \"0.1 deg\" }\nvelocity = { sigma = \"1 cm/s\" }\nposition = { sigma = \"1 m\" }",
-        "attitude = { sigma = \"0.1 deg\", initial = \"0 deg\" }\nvelocity = { sigma = \"1 cm/s\", initial = \"0 m/s\" }\n\
-         position = { sigma = \"1 m\", latitude = \"30 deg\", longitude = \"5 deg\", height = \"0 m\" }",
+        "attitude = { sigma = \"0.1 deg\" }\n\
+         velocity = { sigma = \"1 cm/s\" }\n\
+         position = { sigma = \"1 m\" }",
+        "attitude = { sigma = \"0.1 deg\", initial = \"0 deg\" }\n\
+         velocity = { sigma = \"1 cm/s\", initial = \"0 m/s\" }\n\
+         position = { sigma = \"1 m\", latitude = \"30 deg\", longitude = \"5 deg\", \
+         height = \"0 m\" }",
     );
     let result = run_json(
         &recording.path("rest.toml"),

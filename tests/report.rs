@@ -147,10 +147,12 @@ fn a_browser_opens_the_page_offline_and_draws_every_figure() {
     let count = "<script>window.onerror = e => { document.title = 'error ' + e };\
         addEventListener('load', () => {\
         document.querySelectorAll('details').forEach(d => d.open = true);\
-        const drawn = [...document.querySelectorAll('figure svg')].filter(s => s.getBoundingClientRect().height > 50);\
+        const drawn = [...document.querySelectorAll('figure svg')]\
+            .filter(s => s.getBoundingClientRect().height > 50);\
         const wide = document.documentElement.scrollWidth > innerWidth;\
         const loaded = performance.getEntriesByType('resource').length;\
-        document.title = `drawn ${drawn.length} wide ${wide} loaded ${loaded}`; });</script></head>";
+        document.title = `drawn ${drawn.length} wide ${wide} loaded ${loaded}`; });\
+        </script></head>";
     let page = read(&path);
     let figures = page.matches("<figure").count();
     let probed = folder.path().join("probed.html");

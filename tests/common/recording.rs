@@ -18,7 +18,8 @@ impl Recording {
         let earth = 7.292_115e-5;
         let (sin, cos) = LATITUDE.to_radians().sin_cos();
         let mut imu =
-            "time_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,accel_x_mps2,accel_y_mps2,accel_z_mps2\n".to_owned();
+            "time_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,accel_x_mps2,accel_y_mps2,accel_z_mps2\n"
+                .to_owned();
         for k in 1..=2000 {
             let _ = writeln!(
                 imu,

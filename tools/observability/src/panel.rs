@@ -1,7 +1,8 @@
 //! The state of a run's observability as a page in Markdown, for an operator during the run.
 
 use crate::component::Verdict;
-use crate::tracker::{ComponentStatus, Tracker};
+use crate::status::ComponentStatus;
+use crate::tracker::Tracker;
 use crate::words::{self, short};
 use std::fmt::Write;
 

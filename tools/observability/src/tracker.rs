@@ -4,6 +4,7 @@ use crate::component::{Component, Verdict, square_root};
 use crate::direction::{self, Direction};
 use crate::initial_error::InitialError;
 use crate::reference::Reference;
+use crate::status::{ComponentStatus, DETERMINED};
 use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -14,51 +15,9 @@ use navfuse_core::units::sample::SensorId;
 use navfuse_core::units::time::Time;
 use std::sync::{Arc, Mutex};
 
-/// Largest share of prior in a determined component: the estimate is four times better than the
-/// prior, 2 bits.
-pub const DETERMINED: f64 = 1.0 / 16.0;
-/// Share of prior above which a component ceases to be determined; larger than [`DETERMINED`] as a
-/// hysteresis.
-pub const LOST: f64 = 1.0 / 8.0;
-/// Largest share of prior in a component that is determined in part: the measurements weigh as much
-/// as the prior.
-pub const IN_PART: f64 = 0.5;
-
 /// Squared sensitivity above which a sensor reads a component: one prior sigma changes a sample by
 /// a thousandth of its noise.
 const READS: f64 = 1e-6;
-
-/// Present status of a component.
-#[derive(Clone, Copy, Debug)]
-pub struct ComponentStatus {
-    /// Prior 1-sigma, in the unit of the component.
-    pub prior: f64,
-    /// 1-sigma without measurements, from the component's own dynamics.
-    pub reference: f64,
-    /// Present 1-sigma.
-    pub sigma: f64,
-    /// Share of the estimate that is still prior, 0 to 1: see [`Tracker`].
-    pub weight: f64,
-    /// Verdict.
-    pub verdict: Verdict,
-    /// Time since which the component is determined.
-    pub since: Option<Time>,
-    /// Last time at which the component ceased to be determined.
-    pub lost: Option<Time>,
-}
-
-impl ComponentStatus {
-    /// Returns sigma divided by the sigma without measurements.
-    pub fn normalised(&self) -> f64 {
-        if self.reference > 0.0 { self.sigma / self.reference } else { 1.0 }
-    }
-
-    /// Returns the gained information in bits, the number of times sigma was halved; negative if
-    /// sigma has grown.
-    pub fn bits(&self) -> f64 {
-        0.0 - self.normalised().log2()
-    }
-}
 
 /// Contribution of a sensor.
 #[derive(Clone, Debug)]
@@ -88,7 +47,7 @@ pub struct SensorShare {
 pub struct Tracker {
     layout: Layout,
     components: Vec<Component>,
-    now: Vec<ComponentStatus>,
+    status: Vec<ComponentStatus>,
     sensors: Vec<SensorShare>,
     started: Option<Propagation>,
     last_used: Option<SensorId>,
@@ -152,7 +111,7 @@ impl Tracker {
             lost: None,
         };
         Self {
-            now: components.iter().map(first).collect(),
+            status: components.iter().map(first).collect(),
             sensors: run.sensors.iter().map(sensor).collect(),
             components,
             layout,
@@ -181,7 +140,7 @@ impl Tracker {
 
     /// Returns the present status of each component.
     pub fn status(&self) -> &[ComponentStatus] {
-        &self.now
+        &self.status
     }
 
     /// Returns the coordinates (SI) of a block at the last epoch; `None` before the first epoch or
@@ -234,7 +193,7 @@ impl Tracker {
     /// those that the estimate has forgotten take no part.
     pub fn undetermined(&self) -> Vec<Direction> {
         let forgotten =
-            |i: usize| self.driven(self.components[i].slot) && self.now[i].weight <= DETERMINED;
+            |i: usize| self.driven(self.components[i].slot) && self.status[i].weight <= DETERMINED;
         let of = |i: usize| !self.components[i].considered && !forgotten(i);
         direction::undetermined(self.components.len(), self.left(), of)
     }
@@ -329,38 +288,17 @@ impl Tracker {
                     (false, true) => (sigma[k] / reference[k]).powi(2),
                     (_, false) => 1.0,
                 };
-                let now = &mut self.now[first + k];
-                changed |= now.look(time, prior[k], reference[k], sigma[k], weight);
+                let status = &mut self.status[first + k];
+                changed |= status.set(time, prior[k], reference[k], sigma[k], weight);
             }
             first += range.len();
         }
         if time >= self.next && self.every < i64::MAX {
             self.next = Time::from_nanos((time.nanos().div_euclid(self.every) + 1) * self.every);
             self.times.push(time.seconds());
-            self.history.extend(self.now.iter().map(ComponentStatus::normalised));
+            self.history.extend(self.status.iter().map(ComponentStatus::normalised));
         }
         changed
-    }
-}
-
-impl ComponentStatus {
-    /// Sets the sigmas and the share of prior at a time; returns `true` if the verdict changed.
-    fn look(&mut self, time: Time, prior: f64, reference: f64, sigma: f64, weight: f64) -> bool {
-        (self.prior, self.reference, self.sigma, self.weight) = (prior, reference, sigma, weight);
-        if self.verdict == Verdict::Considered {
-            return false;
-        }
-        if self.weight <= DETERMINED {
-            self.since.get_or_insert(time);
-        } else if self.weight > LOST && self.since.take().is_some() {
-            self.lost = Some(time);
-        }
-        let verdict = match (self.since, self.weight <= IN_PART) {
-            (Some(_), _) => Verdict::Determined,
-            (None, true) => Verdict::InPart,
-            (None, false) => Verdict::NotDetermined,
-        };
-        std::mem::replace(&mut self.verdict, verdict) != verdict
     }
 }
 

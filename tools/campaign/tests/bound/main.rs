@@ -163,7 +163,12 @@ fn cart(noise: f64) -> Dense {
         let dt = f64::from(t - before) / 10.0;
         before = t;
         let decay = (-dt / 4.0_f64).exp();
-        let phi = dmatrix![1.0, dt, 0.0, 0.0; 0.0, 1.0, 0.0, 0.0; 0.0, 0.0, 1.0, 0.0; 0.0, 0.0, 0.0, decay];
+        let phi = dmatrix![
+            1.0, dt, 0.0, 0.0;
+            0.0, 1.0, 0.0, 0.0;
+            0.0, 0.0, 1.0, 0.0;
+            0.0, 0.0, 0.0, decay
+        ];
         let mut q = DMatrix::zeros(4, 4);
         q.view_mut((0, 0), (2, 2)).copy_from(&outsider::white_acceleration(dt));
         q[(3, 3)] = 0.25 * (1.0 - decay * decay);
