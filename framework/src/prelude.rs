@@ -8,8 +8,7 @@ pub use crate::compose::calibration::{
 pub use crate::model::error::ComposeError;
 pub use crate::model::measurement::{Jacobian, MeasurementModel};
 pub use crate::model::motion::Motion;
-pub use crate::model::process::BuiltProcess;
-pub use crate::model::process::{Interval, ProcessError, ProcessModel};
+pub use crate::model::process::{BuiltProcess, Interval, OwnDynamics, ProcessError, ProcessModel};
 pub use crate::model::sensor::Role;
 pub use crate::model::simulate::Scene;
 pub use crate::model::stream::{RunInfo, Sink, Source, StreamError};

@@ -1,10 +1,8 @@
 //! Estimated, considered and fixed blocks, and blocks that move by themselves.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-mod lab;
-
-use lab::{Bench, DENSITY};
 use navfuse_core::nalgebra::{DMatrix, DVector};
+use navfuse_testing::lab::{self, Bench, DENSITY};
 
 #[test]
 fn a_fixed_block_has_no_error_state() {

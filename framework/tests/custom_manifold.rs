@@ -8,18 +8,15 @@ use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::measurement::{At, MeasurementModel, jacobian_error};
-use navfuse_core::model::motion::Motion;
-use navfuse_core::model::process::BuiltProcess;
-use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::model::process::{BuiltProcess, OwnDynamics};
 use navfuse_core::model::record::{Observer, Outcome, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector2, Vector3, convert};
 use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::state::covariance::Transition;
 use navfuse_core::state::display;
 use navfuse_core::state::manifold::{Manifold, Operations, Reading};
-use navfuse_core::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, State, View};
+use navfuse_core::state::{BlockSpec, Display, Dynamics, Handle, Mode, View};
 use navfuse_core::units::sample::{Channel, Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_core::units::{Angle, Sigma};
@@ -90,25 +87,6 @@ struct Star {
     sigma: Sigma<Angle>,
 }
 
-#[derive(Clone)]
-struct Still;
-
-impl ProcessModel for Still {
-    fn propagate(
-        &mut self,
-        _: &Layout,
-        _: &mut State,
-        _: &Interval<'_>,
-        _: &mut Transition,
-    ) -> Result<(), ProcessError> {
-        Ok(())
-    }
-    fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
-    fn boxed_clone(&self) -> Box<dyn ProcessModel> {
-        Box::new(self.clone())
-    }
-}
-
 impl ProcessType for Star {
     const TYPE: &'static str = "star";
     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
@@ -121,7 +99,7 @@ impl ProcessType for Star {
             display: Display { components: &["azimuth", "elevation"], ..display::ANGLES },
         };
         composer.block::<Direction>("direction", spec)?;
-        Ok(BuiltProcess::new(Still))
+        Ok(BuiltProcess::new(OwnDynamics))
     }
 }
 

@@ -2,9 +2,6 @@
 //! from parameters in TOML to an estimate.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-mod lab;
-
-use lab::{Bench, Lab, SCENARIO, seconds};
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::ScaleFactor;
@@ -12,19 +9,17 @@ use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::measurement::{At, Jacobian, MeasurementModel, jacobian_error};
-use navfuse_core::model::motion::Motion;
-use navfuse_core::model::process::BuiltProcess;
-use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::model::process::{BuiltProcess, OwnDynamics};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector};
 use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::state::covariance::Transition;
 use navfuse_core::state::display;
 use navfuse_core::state::manifold::{Position, Scalar};
-use navfuse_core::state::{BlockSpec, Dynamics, Handle, Layout, Mode, State, View};
+use navfuse_core::state::{BlockSpec, Dynamics, Handle, Mode, View};
 use navfuse_core::units::sample::{Channel, Sample, SensorId};
 use navfuse_core::units::{Length, Sigma};
+use navfuse_testing::lab::{self, Bench, Lab, SCENARIO, seconds};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -172,25 +167,6 @@ impl MeasurementModel<1> for Latitude {
 #[derive(Deserialize, JsonSchema)]
 struct Still {}
 
-#[derive(Clone)]
-struct StillModel;
-
-impl ProcessModel for StillModel {
-    fn propagate(
-        &mut self,
-        _: &Layout,
-        _: &mut State,
-        _: &Interval<'_>,
-        _: &mut Transition,
-    ) -> Result<(), ProcessError> {
-        Ok(())
-    }
-    fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
-    fn boxed_clone(&self) -> Box<dyn ProcessModel> {
-        Box::new(self.clone())
-    }
-}
-
 impl ProcessType for Still {
     const TYPE: &'static str = "still";
     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
@@ -200,7 +176,7 @@ impl ProcessType for Still {
             "position",
             BlockSpec { mode, initial, sigma: vec![1.0; 3], truth: None, dynamics, display },
         )?;
-        Ok(BuiltProcess::new(StillModel))
+        Ok(BuiltProcess::new(OwnDynamics))
     }
 }
 

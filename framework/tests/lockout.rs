@@ -1,9 +1,6 @@
 //! Gates, what is told of them, and the way out when everything is gated.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-mod lab;
-
-use lab::{Bench, Lab, SCENARIO};
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::document::Document;
@@ -19,6 +16,7 @@ use navfuse_core::state::manifold::Scalar;
 use navfuse_core::state::{Handle, View};
 use navfuse_core::units::sample::Channel;
 use navfuse_core::units::{Sigma, Speed};
+use navfuse_testing::lab::{self, Bench, Lab, SCENARIO};
 use schemars::JsonSchema;
 use serde::Deserialize;
 

@@ -1,15 +1,13 @@
 //! The runner: merging, memory, failing sinks, interruption, silence.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-mod lab;
-
-use lab::{SCENARIO, compose, seconds};
 use navfuse_core::model::record::{Epoch, Event, Level};
 use navfuse_core::model::stream::{RunInfo, Sink, Source, StreamError};
 use navfuse_core::run::runner::{Finished, RunError, run};
 use navfuse_core::run::scenario::Assembly;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
+use navfuse_testing::lab::{SCENARIO, compose, seconds};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 

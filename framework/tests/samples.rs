@@ -1,11 +1,9 @@
 //! Samples in and out of order, whole and damaged: what the filter does with each.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-mod lab;
-
-use lab::{Bench, SCENARIO, seconds};
 use navfuse_core::model::record::{Outcome, Rejection};
 use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_testing::lab::{self, Bench, SCENARIO, seconds};
 
 fn rejected(why: Rejection) -> Outcome {
     Outcome::Rejected(why)

@@ -119,6 +119,29 @@ pub trait ProcessModel: Send {
     fn boxed_clone(&self) -> Box<dyn ProcessModel>;
 }
 
+/// A process model that propagates nothing: its blocks follow their own dynamics, such as a random
+/// walk or a Gauss-Markov process.
+#[derive(Clone, Copy, Debug)]
+pub struct OwnDynamics;
+
+impl ProcessModel for OwnDynamics {
+    fn propagate(
+        &mut self,
+        _: &Layout,
+        _: &mut State,
+        _: &Interval<'_>,
+        _: &mut Transition,
+    ) -> Result<(), ProcessError> {
+        Ok(())
+    }
+
+    fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
+
+    fn boxed_clone(&self) -> Box<dyn ProcessModel> {
+        Box::new(*self)
+    }
+}
+
 /// A process model with its driving sensor and its initial alignment.
 pub struct BuiltProcess {
     pub(crate) model: Box<dyn ProcessModel>,

@@ -80,24 +80,11 @@ pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
 ///     height: LengthBias,
 /// }
 ///
-/// #[derive(Clone)]
-/// struct Model;
-///
 /// impl ProcessType for Tide {
 ///     const TYPE: &'static str = "tide";
 ///     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
 ///         self.height.block::<Scalar>(composer, "height", &[0.0], display::LENGTH)?; // others find it as tide.height
-///         Ok(BuiltProcess::new(Model))
-///     }
-/// }
-///
-/// impl ProcessModel for Model {
-///     fn propagate(&mut self, _: &Layout, _: &mut State, _: &Interval<'_>, _: &mut Transition) -> Result<(), ProcessError> {
-///         Ok(())
-///     }
-///     fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
-///     fn boxed_clone(&self) -> Box<dyn ProcessModel> {
-///         Box::new(self.clone())
+///         Ok(BuiltProcess::new(OwnDynamics))
 ///     }
 /// }
 /// let mut registry = Registry::new();

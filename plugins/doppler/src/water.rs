@@ -3,14 +3,11 @@
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::Calibration;
 use navfuse_core::model::error::ComposeError;
-use navfuse_core::model::motion::Motion;
-use navfuse_core::model::process::BuiltProcess;
-use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::model::process::{BuiltProcess, OwnDynamics};
 use navfuse_core::plugin::ProcessType;
-use navfuse_core::state::covariance::Transition;
+use navfuse_core::state::Mode;
 use navfuse_core::state::display;
 use navfuse_core::state::manifold::Vector;
-use navfuse_core::state::{Layout, Mode, State};
 use navfuse_core::units::{AccelerationNoise, Positive, Speed, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -39,29 +36,7 @@ impl ProcessType for WaterCurrent {
             current.correlation_time.get_or_insert(Positive::from_si(HOUR));
         }
         current.block::<Vector<3>>(composer, "current", &[0.0; 3], display::VELOCITY)?;
+        // c' = -c/T + w of a Gauss-Markov process (Hegrenaes & Berglund 2009), or c' = w
         Ok(BuiltProcess::new(OwnDynamics))
-    }
-}
-
-/// Process model of the current. It moves nothing itself: the block moves by its own dynamics,
-/// `c' = -c/T + w` of a Gauss-Markov process (Hegrenaes & Berglund 2009) or `c' = w`.
-#[derive(Clone, Copy, Debug)]
-struct OwnDynamics;
-
-impl ProcessModel for OwnDynamics {
-    fn propagate(
-        &mut self,
-        _: &Layout,
-        _: &mut State,
-        _: &Interval<'_>,
-        _: &mut Transition,
-    ) -> Result<(), ProcessError> {
-        Ok(())
-    }
-
-    fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
-
-    fn boxed_clone(&self) -> Box<dyn ProcessModel> {
-        Box::new(*self)
     }
 }

@@ -59,15 +59,8 @@ const SCENARIO: &str = r#"
     ]
 "#;
 
-fn scenario<T>(settings: &[&str], f: impl FnOnce(Scenario<'_>) -> T) -> T {
-    let mut registry = Registry::new();
-    registry
-        .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_gnss::GnssPlugin)
-        .add(&navfuse_simulation::SimulationPlugin);
-    let document = Document::parse("antimeridian.toml", SCENARIO).expect("a scenario");
-    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
-    f(Scenario::new(&registry, document, &settings).unwrap_or_else(|e| panic!("{e}")))
+fn scenario<T>(settings: &[&str], f: impl FnOnce(&Scenario<'_>) -> T) -> T {
+    navfuse_testing::scenario(SCENARIO, settings, f)
 }
 
 fn run(settings: &[&str]) -> Finished {

@@ -2,28 +2,10 @@
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
 use navfuse_campaign::{Campaign, Folder, Options, execute};
-use navfuse_core::document::Document;
-use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
-use std::path::Path;
+use navfuse_testing::{document, registry};
 use std::sync::atomic::AtomicBool;
-
-fn registry() -> Registry {
-    let mut registry = Registry::new();
-    registry
-        .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_doppler::DvlPlugin)
-        .add(&navfuse_depth::DepthPlugin);
-    registry.add(&navfuse_gnss::GnssPlugin).add(&navfuse_simulation::SimulationPlugin);
-    registry
-}
-
-fn document() -> Document {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/surface-dive.toml");
-    Document::parse("surface-dive.toml", std::fs::read_to_string(path).expect("the scenario"))
-        .expect("TOML")
-}
 
 /// Root mean square over runs of the horizontal error (m), and of its sigma, of a run until `stop`.
 fn horizontal(stop: &str) -> (f64, f64) {
@@ -33,8 +15,8 @@ fn horizontal(stop: &str) -> (f64, f64) {
     for seed in runs.clone() {
         let settings =
             [format!("seed={seed}"), format!("estimator.stop={stop}"), "estimator.draw=all".into()];
-        let scenario =
-            Scenario::new(&registry, document(), &settings).unwrap_or_else(|e| panic!("{e}"));
+        let scenario = Scenario::new(&registry, document("surface-dive.toml"), &settings)
+            .unwrap_or_else(|e| panic!("{e}"));
         let assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
         let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
         assert!(finished.error.is_none(), "{:?}", finished.error);
@@ -64,7 +46,7 @@ fn the_error_grows_in_the_dive_and_is_that_of_gnss_before_and_after() {
 
 #[test]
 fn twenty_runs_are_consistent() {
-    let (registry, document) = (registry(), document());
+    let (registry, document) = (registry(), document("surface-dive.toml"));
     let options = Options { runs: 20, every: Some(20.0), ..Options::default() };
     let plan = Campaign::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).expect("no folder");

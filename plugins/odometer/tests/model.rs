@@ -2,11 +2,9 @@
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
 use navfuse_core::compose::Composition;
-use navfuse_core::document::Document;
 use navfuse_core::model::measurement::{AnyMeasurement, At, jacobian_error};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{Rotation3, Vector3};
-use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::state::State;
@@ -51,18 +49,8 @@ const SCENARIO: &str = r#"
     segments = [{ type = "cruise", duration = "1 s" }]
 "#;
 
-fn registry() -> Registry {
-    let mut registry = Registry::new();
-    registry.add(&navfuse_ins::InsPlugin).add(&navfuse_odometer::OdometerPlugin);
-    registry.add(&navfuse_simulation::SimulationPlugin);
-    registry
-}
-
-fn scenario<T>(settings: &[&str], f: impl FnOnce(Scenario<'_>) -> T) -> T {
-    let registry = registry();
-    let document = Document::parse("motion.toml", SCENARIO).expect("a scenario");
-    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
-    f(Scenario::new(&registry, document, &settings).unwrap_or_else(|e| panic!("{e}")))
+fn scenario<T>(settings: &[&str], f: impl FnOnce(&Scenario<'_>) -> T) -> T {
+    navfuse_testing::scenario(SCENARIO, settings, f)
 }
 
 struct Bench {

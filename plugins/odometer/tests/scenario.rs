@@ -2,30 +2,16 @@
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
 use navfuse_campaign::{Campaign, Folder, Options, execute};
-use navfuse_core::document::Document;
-use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
-use std::path::Path;
+use navfuse_testing::{document, registry};
 use std::sync::atomic::AtomicBool;
-
-fn registry() -> Registry {
-    let mut registry = Registry::new();
-    registry.add(&navfuse_ins::InsPlugin).add(&navfuse_odometer::OdometerPlugin);
-    registry.add(&navfuse_simulation::SimulationPlugin);
-    registry
-}
-
-fn document() -> Document {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/land-odometer.toml");
-    Document::parse("land-odometer.toml", std::fs::read_to_string(path).expect("the scenario"))
-        .expect("TOML")
-}
 
 #[test]
 fn scale_angles_and_lever_arm_converge_and_the_position_drifts_by_less_than_a_tenth_of_a_percent() {
     let registry = registry();
-    let scenario = Scenario::new(&registry, document(), &[]).unwrap_or_else(|e| panic!("{e}"));
+    let scenario = Scenario::new(&registry, document("land-odometer.toml"), &[])
+        .unwrap_or_else(|e| panic!("{e}"));
     let assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
     let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
     assert!(finished.error.is_none(), "{:?}", finished.error);
@@ -56,7 +42,7 @@ fn scale_angles_and_lever_arm_converge_and_the_position_drifts_by_less_than_a_te
 
 #[test]
 fn twenty_runs_are_consistent() {
-    let (registry, document) = (registry(), document());
+    let (registry, document) = (registry(), document("land-odometer.toml"));
     let options = Options { runs: 20, every: Some(20.0), ..Options::default() };
     let plan = Campaign::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let mut folder = Folder::create(None, &plan, None).expect("no folder");

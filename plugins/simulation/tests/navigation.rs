@@ -1,7 +1,5 @@
 //! The estimator with the inertial, DVL and depth plugins: Jacobians, intervals, long runs, memory.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
-
-use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::measurement::{At, jacobian_error, slots};
 use navfuse_core::model::record::{Epoch, Observer, Outcome, UpdateRecord};
@@ -9,33 +7,16 @@ use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Random;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::nalgebra::{DMatrix, Matrix3, Vector3};
-use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
-use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::run::scenario::Assembly;
 use navfuse_core::state::State;
 use navfuse_core::state::manifold::{Manifold, Rotation};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_ins::earth::earth_rate_ned;
+use navfuse_testing::scenario;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
-
-fn registry() -> Registry {
-    let mut registry = Registry::new();
-    registry
-        .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_doppler::DvlPlugin)
-        .add(&navfuse_depth::DepthPlugin)
-        .add(&navfuse_simulation::SimulationPlugin);
-    registry
-}
-
-fn scenario<T>(text: &str, settings: &[&str], then: impl FnOnce(&Scenario<'_>) -> T) -> T {
-    let registry = registry();
-    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
-    let document = Document::parse("test.toml", text).unwrap();
-    then(&Scenario::new(&registry, document, &settings).unwrap())
-}
 
 const PAN_WU: &str = include_str!("../../../scenarios/pan-wu-3d.toml");
 

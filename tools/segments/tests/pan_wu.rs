@@ -7,23 +7,12 @@
 )]
 
 use navfuse_core::document::Document;
-use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_segments::{
     Attitude, Directions, Increments, Kind, Positions, Recording, Segment, Settings, Sphere, find,
 };
+use navfuse_testing::registry;
 use std::path::Path;
-
-fn registry() -> Registry {
-    let mut registry = Registry::new();
-    registry
-        .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_doppler::DvlPlugin)
-        .add(&navfuse_depth::DepthPlugin)
-        .add(&navfuse_gnss::GnssPlugin)
-        .add(&navfuse_simulation::SimulationPlugin);
-    registry
-}
 
 fn read(name: &str, settings: &[&str]) -> Recording {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios").join(name);

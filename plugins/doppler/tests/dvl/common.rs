@@ -1,38 +1,19 @@
 //! What the tests of this crate share: a registry, scenarios, states set by name, and runs.
 
 use navfuse_core::compose::Composition;
-use navfuse_core::document::Document;
 use navfuse_core::model::measurement::{AnyMeasurement, At};
 use navfuse_core::model::record::{Epoch, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::nalgebra::Matrix3;
-use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
-use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::run::scenario::Assembly;
 use navfuse_core::state::State;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
+pub use navfuse_testing::scenario;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
-
-pub fn registry() -> Registry {
-    let mut registry = Registry::new();
-    registry
-        .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_doppler::DvlPlugin)
-        .add(&navfuse_depth::DepthPlugin)
-        .add(&navfuse_simulation::SimulationPlugin);
-    registry
-}
-
-/// A scenario with settings, each `key.path=value`.
-pub fn scenario<T>(text: &str, settings: &[&str], then: impl FnOnce(&Scenario<'_>) -> T) -> T {
-    let registry = registry();
-    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
-    let document = Document::parse("test.toml", text).unwrap();
-    then(&Scenario::new(&registry, document, &settings).unwrap())
-}
 
 pub fn compose(text: &str, settings: &[&str]) -> Composition {
     scenario(text, settings, |s| s.compose().unwrap_or_else(|e| panic!("{e}")))

@@ -2,19 +2,10 @@
 
 use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
-use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::Scenario;
+pub use navfuse_testing::registry;
 
 /// The types that the scenarios name.
-pub fn registry() -> Registry {
-    let mut registry = Registry::new();
-    registry
-        .add(&navfuse_ins::InsPlugin)
-        .add(&navfuse_simulation::SimulationPlugin)
-        .add(&navfuse_doppler::LaserDopplerPlugin);
-    registry
-}
-
 /// A navigation-grade IMU after an alignment at rest, and a laser whose misalignment and scale are not known.
 pub const SCENARIO: &str = r#"
 name = "laser"

@@ -13,10 +13,8 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 fn registry() -> Registry {
-    let mut registry = Registry::new();
+    let mut registry = navfuse_testing::registry();
     registry.add(&outsider::Outsider);
-    registry.add(&navfuse_simulation::SimulationPlugin);
-    registry.add(&navfuse_ins::InsPlugin).add(&navfuse_doppler::DvlPlugin);
     registry
 }
 

@@ -1,12 +1,5 @@
 //! A small laboratory, written with the public interface alone: a cart on a line, driven by a speedometer whose drift is
-//! a state, and a sensor of three channels that sees its place.
-#![allow(
-    dead_code,
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "shared by tests, which fail by panicking"
-)]
-
+//! a state, and a sensor of three channels that measures its place.
 use navfuse_core::Real;
 use navfuse_core::compose::calibration::{Calibration, LengthBias};
 use navfuse_core::compose::{Composer, Composition};
@@ -230,17 +223,20 @@ pub fn compose(scenario: &str, settings: &[&str]) -> Composition {
     try_compose(scenario, settings).unwrap()
 }
 
-fn try_compose(scenario: &str, settings: &[&str]) -> Result<Composition, String> {
+fn try_compose(
+    scenario: &str,
+    settings: &[&str],
+) -> Result<Composition, navfuse_core::plugin::BuildError> {
     let mut registry = Registry::new();
     registry.add(&Lab);
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
     let document = Document::parse("lab.toml", scenario).unwrap();
-    Scenario::new(&registry, document, &settings).unwrap().compose().map_err(|e| e.to_string())
+    Scenario::new(&registry, document, &settings).unwrap().compose()
 }
 
-/// Why the scenario is refused.
+/// Message with which the scenario is rejected.
 pub fn refused(scenario: &str, settings: &[&str]) -> String {
-    try_compose(scenario, settings).unwrap_err()
+    try_compose(scenario, settings).unwrap_err().to_string()
 }
 
 pub fn filter(settings: &[&str]) -> Ekf {
@@ -251,7 +247,7 @@ pub fn seconds(t: f64) -> Time {
     Time::from_seconds(t).unwrap()
 }
 
-/// What a run told.
+/// Log of a run.
 #[derive(Default)]
 pub struct Log {
     pub epochs: Vec<Time>,
@@ -316,7 +312,7 @@ impl Bench {
         self
     }
 
-    /// Gives the fix that the place stands for.
+    /// Gives the fix at a place.
     pub fn fix(&mut self, t: f64, p: f64) -> &mut Self {
         self.give("fix", t, &[p, 2.0 * p, 0.1 * p * p])
     }
