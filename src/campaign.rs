@@ -200,7 +200,7 @@ fn report(
         #[cfg(feature = "rerun")]
         if plan.keys.is_empty() {
             let path = out.join("campaign.rrd");
-            navfuse_rerun::figures::record(
+            navfuse_viewer::figures::record(
                 &path,
                 &format!("{} {}", plan.scenario, kind.name),
                 &figures,

@@ -43,7 +43,7 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_csv::CsvPlugin)
         .add(&navfuse_mcap::McapPlugin);
     #[cfg(feature = "rerun")]
-    registry.add(&navfuse_rerun::RerunPlugin);
+    registry.add(&navfuse_viewer::ViewerPlugin);
     registry
 }
 

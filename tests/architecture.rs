@@ -1,44 +1,49 @@
-//! The dependencies between crates are those in the table in docs/src/explanation/design.md.
+//! The arrows between the crates: those of the table in docs/src/explanation/design.md, and no
+//! more.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
 
 use common::root;
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Returns the workspace crates that a crate needs, without their prefix and without the framework,
-/// and the other crates.
-fn needs(folder: &Path) -> (BTreeSet<String>, BTreeSet<String>) {
+/// The names in `[dependencies]` of a crate.
+fn dependencies(folder: &Path) -> BTreeSet<String> {
     let file = folder.join("Cargo.toml");
     let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
     let table: toml::Table = text.parse().expect("Cargo.toml is TOML");
-    let names = table
-        .get("dependencies")
-        .and_then(toml::Value::as_table)
-        .map(|t| t.keys().cloned().collect());
-    let names: Vec<String> = names.unwrap_or_default();
-    let (ours, others): (BTreeSet<_>, BTreeSet<_>) =
-        names.into_iter().partition(|n| n.starts_with("navfuse"));
-    (
-        ours.iter()
-            .filter_map(|n| n.strip_prefix("navfuse-"))
-            .filter(|n| *n != "core")
-            .map(Into::into)
-            .collect(),
-        others,
-    )
+    let names = table.get("dependencies").and_then(toml::Value::as_table);
+    names.map(|t| t.keys().cloned().collect()).unwrap_or_default()
 }
 
-/// Returns the names in back-quotes.
+/// The crates of this workspace in `[dependencies]`, without their prefix and without the
+/// framework.
+fn uses(folder: &Path) -> BTreeSet<String> {
+    let names = dependencies(folder);
+    let ours = names.iter().filter_map(|n| n.strip_prefix("navfuse-"));
+    ours.filter(|n| *n != "core").map(Into::into).collect()
+}
+
+/// The crates in a room, by the names of their folders.
+fn crates(room: &str) -> Vec<(String, PathBuf)> {
+    let folders = std::fs::read_dir(root().join(room)).expect("the folder exists");
+    let folders = folders.map(|f| f.expect("the folder is readable").path());
+    folders
+        .filter(|f| f.join("Cargo.toml").is_file())
+        .map(|f| (f.file_name().and_then(|n| n.to_str()).expect("a name").to_owned(), f.clone()))
+        .collect()
+}
+
+/// The names in back-quotes.
 fn quoted(cell: &str) -> Vec<String> {
     cell.split('`').skip(1).step_by(2).map(Into::into).collect()
 }
 
-/// Returns the arrows of the table, from the used crate to its user.
+/// The arrows of the table, each from the crate that is used to the one that uses it.
 fn table() -> BTreeSet<(String, String)> {
     let text = std::fs::read_to_string(root().join("docs/src/explanation/design.md"))
-        .expect("the page is there");
+        .expect("the page exists");
     let rows = text
         .lines()
         .skip_while(|l| !l.starts_with("| shared | by |"))
@@ -56,12 +61,10 @@ fn table() -> BTreeSet<(String, String)> {
 }
 
 #[test]
-fn no_plugin_uses_another_but_as_the_design_says() {
-    let folders = std::fs::read_dir(root().join("plugins")).expect("the folder is there");
+fn no_crate_uses_another_but_as_the_design_says() {
     let mut found = BTreeSet::new();
-    for folder in folders.map(|f| f.expect("it can be read").path()) {
-        let name = folder.file_name().and_then(|n| n.to_str()).expect("a name").to_owned();
-        found.extend(needs(&folder).0.into_iter().map(|shared| (shared, name.clone())));
+    for (name, folder) in ["plugins", "tools"].into_iter().flat_map(crates) {
+        found.extend(uses(&folder).into_iter().map(|shared| (shared, name.clone())));
     }
     let table = table();
     let (more, less): (Vec<_>, Vec<_>) =
@@ -73,10 +76,29 @@ fn no_plugin_uses_another_but_as_the_design_says() {
 }
 
 #[test]
+fn no_plugin_depends_on_a_tool_and_no_tool_on_the_command() {
+    let tools: BTreeSet<String> = crates("tools").into_iter().map(|(name, _)| name).collect();
+    assert!(tools.contains("report"), "{tools:?}");
+    for (name, folder) in crates("plugins") {
+        let upwards: Vec<_> = uses(&folder).intersection(&tools).cloned().collect();
+        assert!(upwards.is_empty(), "plugins/{name} depends on tools: {upwards:?}");
+    }
+    for room in ["framework", "plugins", "tools"] {
+        let one = [(room.to_owned(), root().join(room))];
+        let all = if room == "framework" { one.to_vec() } else { crates(room) };
+        for (name, folder) in all {
+            assert!(!dependencies(&folder).contains("navfuse"), "{room}: {name} uses the command");
+        }
+    }
+}
+
+#[test]
 fn the_framework_knows_no_plugin_no_file_format_of_samples_and_no_viewer() {
-    let (ours, others) = needs(&root().join("framework"));
+    let framework = root().join("framework");
+    let ours = uses(&framework);
     assert!(ours.is_empty(), "{ours:?}");
-    for name in ["csv", "mcap", "rerun", "plotters", "parquet"] {
-        assert!(!others.contains(name), "{name}");
+    let all = dependencies(&framework);
+    for name in ["csv", "mcap", "rerun", "re_sdk", "plotters", "parquet"] {
+        assert!(!all.contains(name), "{name}");
     }
 }

@@ -1,62 +1,72 @@
-//! The layout: track and map at the left, one tab for each block, calibration and sensor at the right, the log below.
+//! The layout: track and map at the left, one tab for each block, calibration and sensor at the
+//! right, the log below.
 
-use crate::observability::Observability;
 use crate::recording::{APPLICATION, TIMELINE};
 use crate::sink::Run;
 use crate::state::BlockSeries;
 use crate::style::title;
+use crate::tab::Tab;
 use crate::track::Extent;
-use rerun::blueprint::components::{Corner2D, PanelState, PlayState};
-use rerun::blueprint::{
-    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Grid, Horizontal, MapView,
+use re_sdk::blueprint::components::{Corner2D, PanelState, PlayState};
+use re_sdk::blueprint::{
+    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, MapView,
     SelectionPanel, Spatial3DView, Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView,
     Vertical,
 };
-use rerun::datatypes::{TimeRange, TimeRangeBoundary};
-use rerun::external::re_sdk_types::blueprint::archetypes::{
+use re_sdk::log::LogMsg;
+use re_sdk::{AsComponents, EntityPath, RecordingStreamBuilder, RecordingStreamResult, StoreKind};
+use re_sdk_types::blueprint::archetypes::{
     EyeControls3D, LineGrid3D, MapZoom, PlotLegend, ScalarAxis, TextLogColumns, TimeAxis,
 };
-use rerun::external::re_sdk_types::blueprint::components::TextLogColumn;
-use rerun::external::re_sdk_types::blueprint::datatypes::{self, TextLogColumnKind};
-use rerun::log::LogMsg;
-use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, RecordingStreamResult, StoreKind};
+use re_sdk_types::blueprint::components::TextLogColumn;
+use re_sdk_types::blueprint::datatypes::{self, TextLogColumnKind};
+use re_sdk_types::datatypes::{TimeRange, TimeRangeBoundary};
 
-/// Pixels that a track should span on the map.
+/// The span of a track on the map, pixels.
 const MAP_PIXELS: f64 = 450.0;
-/// Metres of one pixel of the map at zoom 0 on the equator: the circumference over the 256 pixels of the one tile.
+/// The size of one pixel of the map at zoom 0 on the equator, m: the circumference of the Earth
+/// over the 256 pixels of the one tile.
 const MAP_SCALE: f64 = 40_075_016.7 / 256.0;
 
-/// The messages of a layout for a run; with `ranges` after it, when it is known what the plots span.
+/// The messages of the layout of a run; with `ranges` after the run, when the plots' ranges are
+/// known.
 ///
 /// # Errors
-/// When the viewer's library cannot encode it.
-pub fn messages(run: &Run, ranges: bool) -> RecordingStreamResult<Vec<LogMsg>> {
+/// When the viewer's library cannot encode the layout.
+pub fn messages(
+    run: &Run,
+    tabs: &[Box<dyn Tab>],
+    ranges: bool,
+) -> RecordingStreamResult<Vec<LogMsg>> {
     let mut layout = Layout::new(ranges);
-    let root = layout.root(run);
+    let root = layout.root(run, tabs);
     layout.messages(root)
 }
 
-/// A layout that is being made. The builder of this version sets no properties of views: they are logged beside what it
-/// builds.
+/// A layout under construction.
+///
+/// The builder of this version of the viewer's library sets no properties of views, so the layout
+/// logs them beside the views.
 pub struct Layout {
     properties: Vec<(EntityPath, Box<dyn AsComponents>)>,
     ranges: bool,
-    /// Whether the next plots have a legend: one a tab is enough, as the colours mean the same in all.
+    /// Gives the next plots a legend. One per tab is enough, since a colour means the same in all
+    /// plots.
     pub legend: bool,
     /// The corner of the legend.
-    corner: Corner2D,
+    pub corner: Corner2D,
 }
 
 impl Layout {
-    /// A layout without views; with `ranges` where it is known what the plots span.
+    /// A layout without views; with `ranges` where the plots' ranges are known.
     pub fn new(ranges: bool) -> Self {
         Self { properties: Vec::new(), ranges, legend: true, corner: Corner2D::RightTop }
     }
 
-    /// The messages of the layout with that container around everything.
+    /// The messages of the layout with that container around all views.
     ///
     /// # Errors
-    /// When the viewer's library cannot encode it.
+    /// When the viewer's library cannot encode the layout.
     pub fn messages(self, root: ContainerLike) -> RecordingStreamResult<Vec<LogMsg>> {
         let play = if self.ranges { PlayState::Paused } else { PlayState::Following };
         let time = TimePanel::new()
@@ -89,7 +99,7 @@ impl Layout {
         Ok(messages)
     }
 
-    fn root(&mut self, run: &Run) -> ContainerLike {
+    fn root(&mut self, run: &Run, tabs: &[Box<dyn Tab>]) -> ContainerLike {
         let mut right: Vec<ContainerLike> = Vec::new();
         let sensor = |name: &str| run.sensors.iter().any(|s| s.name == name);
         let (calibrations, own): (Vec<_>, Vec<_>) =
@@ -113,7 +123,7 @@ impl Layout {
             }
         }
         let all = !self.ranges;
-        for s in run.sensors.iter().filter(|s| s.measures && (s.heard || all)) {
+        for s in run.sensors.iter().filter(|s| s.measures && (s.updated || all)) {
             self.legend = true;
             let mut plots = Vec::new();
             for q in &s.quantities {
@@ -126,8 +136,8 @@ impl Layout {
             }
             right.push(Vertical::new(plots).with_name(format!("{} innovations", s.name)).into());
         }
-        right.extend(self.observability(run));
-        self.legend = true; // channels differ from sensor to sensor
+        right.extend(tabs.iter().filter_map(|tab| tab.view(self)));
+        self.legend = true; // the channels differ between sensors
         let samples: Vec<_> = (run.sensors.iter())
             .filter_map(|s| {
                 s.samples.as_ref().map(|series| (&s.name, format!("+ {}", series.path)))
@@ -157,28 +167,7 @@ impl Layout {
             .into()
     }
 
-    /// The bits gained of each state, and beside them what is determined and what is missing.
-    fn observability(&mut self, run: &Run) -> Option<ContainerLike> {
-        let followed = run.observability.as_ref()?;
-        let mut plots = Vec::new();
-        self.corner = Corner2D::LeftTop; // bits begin low and are read at the end
-        for block in &followed.blocks {
-            self.legend = true;
-            plots.push(self.plot(
-                &format!("{} bits", block.name),
-                &[format!("+ {}/**", block.path)],
-                block.range.axis(),
-            ));
-        }
-        self.corner = Corner2D::RightTop;
-        let page =
-            TextDocumentView::new("What is determined").with_origin(Observability::page()).into();
-        let bits = Grid::new(plots).with_grid_columns(2).into();
-        let both = Horizontal::new([bits, page]).with_column_shares(vec![1.0, 1.05]);
-        Some(both.with_name("Observability").into())
-    }
-
-    /// Track and map.
+    /// The track and the map.
     fn left(&mut self, run: &Run) -> Option<ContainerLike> {
         let track = run.track.as_ref()?;
         let space = ContainerLike::from(Spatial3DView::new("3-D track").with_origin("/world"));
@@ -192,7 +181,7 @@ impl Layout {
         Some(Tabs::new([space, map]).into())
     }
 
-    /// A row for each component: beside the value its error, where the truth moves.
+    /// One row for each component: the value and, where the truth moves, the error beside it.
     fn process_block(&mut self, name: &str, block: &BlockSeries, errors: bool) -> ContainerLike {
         let mut rows = Vec::new();
         for (k, c) in block.components.iter().enumerate() {
@@ -209,7 +198,7 @@ impl Layout {
         Vertical::new(rows).with_name(name).into()
     }
 
-    /// One block's components side by side.
+    /// The components of one block side by side.
     fn calibration_row(&mut self, block: &BlockSeries) -> ContainerLike {
         let name = title(&block.name);
         let mut plots = Vec::new();
@@ -228,7 +217,7 @@ impl Layout {
         )
     }
 
-    /// A plot of the whole run.
+    /// A plot of those entities over the whole run, with that range of its vertical axis.
     pub fn plot(
         &mut self,
         name: &str,
@@ -256,7 +245,7 @@ impl Layout {
     }
 }
 
-/// Looks from the south and above, so that north is ahead and east at the right.
+/// The eye south of the track and above it, so that north is ahead and east to the right.
 fn eye(middle: [f32; 3], side: f32) -> EyeControls3D {
     let offset = [-1.05, -0.35, -0.85];
     let position: [f32; 3] = std::array::from_fn(|k| middle[k] + side * offset[k]);
@@ -266,7 +255,7 @@ fn eye(middle: [f32; 3], side: f32) -> EyeControls3D {
         .with_eye_up([0.0, 0.0, -1.0])
 }
 
-/// The zoom of the map at which a track fits.
+/// The zoom of the map at which a track fits: a pixel is `MAP_SCALE cos(latitude) / 2^zoom` metres.
 fn zoom(extent: &Extent) -> f64 {
     let side = (0..2).map(|k| f64::from(extent.high[k] - extent.low[k])).fold(1.0, f64::max);
     let metres = MAP_SCALE * extent.latitude.to_radians().cos().abs();
@@ -278,7 +267,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_track_spans_the_wanted_pixels_of_the_map() {
+    fn a_track_spans_the_intended_pixels_of_the_map() {
         // at zoom z a pixel is the circumference cos(latitude) / 256 / 2^z metres
         let extent = Extent { low: [0.0; 3], high: [500.0, 1200.0, 30.0], latitude: 60.0 };
         let pixel = 40_075_016.7 * 0.5 / 256.0 / zoom(&extent).exp2();

@@ -1,15 +1,17 @@
-//! Buffers of dense series, sent in blocks of columns: a value costs 40 ns that way, and 5 us row by row.
+//! Buffers of dense series, sent in blocks of columns: 40 ns a value, where row by row takes 5 us.
 
 use crate::recording::Recording;
 use crate::style::{BOUND, Colour};
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
-use rerun::{AsComponents, EntityPath, Scalars, SeriesLines, SeriesPoints};
+use re_sdk::{AsComponents, EntityPath};
+use re_sdk_types::archetypes::{Scalars, SeriesLines, SeriesPoints};
+use re_sdk_types::components::MarkerShape;
 
-/// Rows of one block: the size to which the viewer compacts anyway.
+/// The size of one block, rows: that to which the viewer compacts its own blocks.
 pub const ROWS: usize = 4096;
 
-/// Scalars of one entity over time, one column an instance.
+/// The scalars of one entity over time, one column per instance.
 pub struct Series {
     /// The entity.
     pub path: EntityPath,
@@ -28,7 +30,7 @@ impl Series {
         Self { path, width, times, values, style: Some(style), jump: f64::INFINITY, last: f64::NAN }
     }
 
-    /// Lines, each of a name, colour and stroke width.
+    /// A series of lines, each with a name, a colour and a stroke width.
     pub fn lines(path: EntityPath, lines: &[(String, Colour, f32)]) -> Self {
         let style = SeriesLines::new()
             .with_names(lines.iter().map(|l| l.0.as_str()))
@@ -37,7 +39,7 @@ impl Series {
         Self::new(path, lines.len(), style)
     }
 
-    /// A line between its bounds of 3 sigma.
+    /// A series of a line and its bounds of 3 sigma.
     pub fn bounded(path: EntityPath, name: String, colour: Colour, width: f32) -> Self {
         Self::lines(
             path,
@@ -45,23 +47,27 @@ impl Series {
         )
     }
 
-    /// Points.
+    /// A series of points.
     pub fn points(path: EntityPath, name: &str, colour: Colour, size: f32) -> Self {
         let style = SeriesPoints::new()
             .with_names([name])
             .with_colors([colour])
-            .with_markers([rerun::components::MarkerShape::Diamond])
+            .with_markers([MarkerShape::Diamond])
             .with_marker_sizes([size]);
         Self::new(path, 1, style)
     }
 
-    /// Breaks the lines where the first jumps by more than that: an angle that goes round is no line across the plot.
+    /// Breaks the lines where the first value jumps by more than `jump`, so that an angle that
+    /// wraps draws no line across the plot.
     pub fn broken_at(mut self, jump: f64) -> Self {
         self.jump = jump;
         self
     }
 
-    /// Adds a row of as many values as there are lines.
+    /// Adds a row with one value for each line.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
     pub fn push(
         &mut self,
         recording: &Recording,
@@ -79,7 +85,10 @@ impl Series {
         if self.times.len() >= ROWS { self.flush(recording) } else { Ok(()) }
     }
 
-    /// Sends what is buffered; names and colours go before the first block.
+    /// Sends the buffered rows; names and colours go before the first block.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
     pub fn flush(&mut self, recording: &Recording) -> Result<(), StreamError> {
         if self.times.is_empty() {
             return Ok(());
@@ -98,7 +107,7 @@ impl Series {
     }
 }
 
-/// Every so many-th item of a sequence of unknown length, and its last: a bounded picture of the whole.
+/// A thinned sequence of unknown length: every `stride`-th item and the last, at most `capacity`.
 #[derive(Debug)]
 pub struct Thinned<T> {
     items: Vec<T>,
@@ -109,12 +118,12 @@ pub struct Thinned<T> {
 }
 
 impl<T: Copy> Thinned<T> {
-    /// At most that many items.
+    /// A sequence that keeps at most that many items.
     pub fn new(capacity: usize) -> Self {
         Self { items: Vec::new(), capacity, stride: 1, count: 0, last: None }
     }
 
-    /// Adds an item; where there is no room, every other one goes.
+    /// Adds an item; at full capacity every second item is removed.
     pub fn push(&mut self, item: T) {
         self.last = None;
         if self.count.is_multiple_of(self.stride) {
@@ -134,18 +143,18 @@ impl<T: Copy> Thinned<T> {
         }
     }
 
-    /// The items that are left, in order.
+    /// The items that remain, in order.
     pub fn iter(&self) -> impl Iterator<Item = T> + '_ {
         self.items.iter().copied().chain(self.last)
     }
 
-    /// How many are left.
+    /// The number of items that remain.
     pub fn len(&self) -> usize {
         self.items.len() + usize::from(self.last.is_some())
     }
 }
 
-/// The range of a plot: all of a line, and its bounds once they have begun to converge.
+/// The range of a plot: that of the line, and that of its bounds once they have begun to converge.
 #[derive(Debug)]
 pub struct Range {
     low: f64,
@@ -162,7 +171,7 @@ impl Default for Range {
 impl Range {
     /// Adds a point of the line.
     pub fn include(&mut self, value: f64) {
-        // min and max pass over NaN
+        // min and max ignore NaN
         self.low = self.low.min(value);
         self.high = self.high.max(value);
     }
@@ -172,7 +181,8 @@ impl Range {
         self.bounds.push([low, high]);
     }
 
-    /// The range: the bounds of the first tenth do not count, so that a wide prior does not flatten what follows.
+    /// The range with a margin. The bounds of the first tenth do not count, so that a wide prior
+    /// does not flatten the rest of the plot.
     pub fn axis(&self) -> Option<[f64; 2]> {
         let later = self.bounds.iter().skip(self.bounds.len() / 10);
         let (low, high) = later.fold((self.low, self.high), |(l, h), [a, b]| (l.min(a), h.max(b)));

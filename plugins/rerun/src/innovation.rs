@@ -1,4 +1,5 @@
-//! The measuring sensors over time: innovations with their bounds, gated samples, NIS with its threshold, and samples.
+//! The measuring sensors over time: innovations with their bounds, gated samples, NIS with its
+//! threshold, and samples.
 
 use crate::columns::{Range, Series};
 use crate::recording::Recording;
@@ -10,33 +11,34 @@ use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
 
 /// One channel of a measuring sensor, or its NIS.
 pub struct Quantity {
-    /// What it is called in a title.
+    /// The name in a title.
     pub label: String,
-    /// Of accepted samples.
+    /// The series of accepted samples.
     pub accepted: Series,
-    /// Of gated ones.
+    /// The series of gated samples.
     pub gated: Series,
-    /// Of both.
+    /// The range of both.
     pub range: Range,
 }
 
-/// One sensor.
+/// The series of one sensor.
 pub struct SensorSeries {
-    /// Its name.
+    /// The name of the sensor.
     pub name: String,
-    /// Whether it corrects the state.
+    /// Set for a sensor that corrects the state.
     pub measures: bool,
-    /// Innovations, one a channel, and NIS at the end.
+    /// The innovation of each channel, and the NIS as the last.
     pub quantities: Vec<Quantity>,
-    /// Whether any update came.
-    pub heard: bool,
+    /// Set once an update was recorded.
+    pub updated: bool,
     /// The samples, where they are recorded.
     pub samples: Option<Series>,
     width: usize,
 }
 
 impl SensorSeries {
-    /// The series of a sensor; the samples of one that measures are recorded, and of all sensors on request.
+    /// The series of a sensor. The samples of a measuring sensor are recorded, those of other
+    /// sensors only with `all_samples`.
     pub fn new(info: &SensorInfo, all_samples: bool) -> Self {
         let measures = info.purpose == Purpose::Measurement;
         let mut quantities = Vec::new();
@@ -70,13 +72,13 @@ impl SensorSeries {
             name: info.name.clone(),
             measures,
             quantities,
-            heard: false,
+            updated: false,
             samples,
             width: lines.len(),
         }
     }
 
-    /// Adds a sample; a channel that is missing is NaN.
+    /// Adds a sample; a missing channel is NaN.
     pub fn sample(&mut self, recording: &Recording, sample: &Sample) -> Result<(), StreamError> {
         let Some(series) = &mut self.samples else { return Ok(()) };
         let values: [f64; MAX_CHANNELS] =
@@ -96,7 +98,7 @@ impl SensorSeries {
             Outcome::Rejected(_) => return Ok(()),
         };
         let Some((nis, channels)) = self.quantities.split_last_mut() else { return Ok(()) };
-        self.heard = true;
+        self.updated = true;
         for (k, innovation, sigma) in update.channels() {
             let Some(channel) = channels.get_mut(k) else { continue };
             channel.range.include(innovation);
@@ -113,14 +115,14 @@ impl SensorSeries {
         if gated {
             nis.gated.push(recording, update.time, &[update.nis])
         } else {
-            // an infinite line would stretch the axis: without a gate there is none
+            // without a gate the threshold is infinite, and an infinite line would stretch the axis
             let threshold = if update.threshold.is_finite() { update.threshold } else { f64::NAN };
             nis.range.bound(0.0, threshold);
             nis.accepted.push(recording, update.time, &[update.nis, threshold])
         }
     }
 
-    /// Its series.
+    /// All series of the sensor.
     pub fn series(&mut self) -> impl Iterator<Item = &mut Series> {
         self.quantities
             .iter_mut()

@@ -1,46 +1,55 @@
-//! The sink `rerun`: a recording for the [rerun](https://rerun.io) viewer, laid out for navigation runs.
+//! The sink `rerun`: a recording for the [rerun](https://rerun.io) viewer, laid out for navigation
+//! runs.
 //!
-//! Everything follows from the layout of the state and the sensors' channels; no sensor is known by name. All data is on
-//! the timeline `t`, the run's clock:
+//! Everything follows from the layout of the state and the sensors' channels: this crate knows no
+//! sensor by name. All data is on the timeline `t`, the clock of the run:
 //!
-//! | entity | what |
+//! | entity | content |
 //! |---|---|
 //! | `/world/estimate`, `/world/truth` | the tracks, north-east-down metres from the start |
 //! | `/world/vehicle` | position and attitude over time |
 //! | `/map/estimate`, `/map/truth`, `/map/vehicle` | the same in latitude and longitude |
 //! | `/state/OWNER/BLOCK/COMPONENT/estimate` | estimate and its bounds of 3 sigma |
 //! | `/state/OWNER/BLOCK/COMPONENT/truth` | truth, where it is known |
-//! | `/state/OWNER/BLOCK/COMPONENT/error` | estimate minus truth, and the bounds of 3 sigma about zero |
+//! | `/state/OWNER/BLOCK/COMPONENT/error` | estimate minus truth, bounds of 3 sigma about zero |
 //! | `/innovation/SENSOR/CHANNEL` | innovation and its bounds of 3 sigma; below it `gated` |
-//! | `/innovation/SENSOR/nis` | normalised innovation squared and the gate's threshold; below it `gated` |
-//! | `/samples/SENSOR` | the samples, one instance a channel, SI |
-//! | `/observability/OWNER/BLOCK/COMPONENT` | bits gained: how many times sigma was halved |
-//! | `/observability/verdicts` | what is determined, and what is missing |
+//! | `/innovation/SENSOR/nis` | normalised innovation squared and the gate's threshold; `gated` |
+//! | `/samples/SENSOR` | the samples, one instance per channel, SI |
 //! | `/events`, `/scenario` | the log, and the scenario in TOML |
+//!
+//! A [`Tab`] adds entities and a view of its own.
+//!
+//! The feature `serve` adds the page that shows a run in a browser (key `serve`).
 
 mod blueprint;
 mod columns;
-pub mod figures;
 mod innovation;
 mod live;
-mod observability;
 mod recording;
+mod serve;
 mod sink;
 mod state;
-mod style;
+pub mod style;
+mod tab;
 mod track;
 
-use live::Live;
+pub use blueprint::Layout;
+pub use columns::{Range, Series};
+pub use live::Live;
+pub use recording::Recording;
+pub use tab::Tab;
+/// The viewer's library: the version that this crate writes with.
+pub use {re_sdk, re_sdk_types};
+
 use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, Plugin, Registry, SinkType};
-use recording::Recording;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::net::AddrParseError;
 use std::path::{Path, PathBuf};
 
-/// A recording for the rerun viewer, with a layout for navigation runs: `rerun run.rrd` shows it. The file is always
-/// written; a viewer can watch besides.
+/// A recording for the rerun viewer, with a layout for navigation runs: `rerun run.rrd` shows it.
+/// The file is always written; a viewer can watch besides.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Rerun {
@@ -48,23 +57,24 @@ pub struct Rerun {
     pub path: PathBuf,
     /// Address of a running viewer that shows the run while it goes on: "127.0.0.1:9876".
     pub connect: Option<String>,
-    /// Start the viewer and show the run in it while it goes on. Its program is `rerun`, or what RERUN_BIN names.
+    /// Start the viewer and show the run in it while it goes on. Its program is `rerun`, or what
+    /// RERUN_BIN names.
     pub spawn: bool,
-    /// Show the run in a browser: `true` for http://127.0.0.1:9090, or an address and port.
+    /// Show the run in a browser: `true` for http://127.0.0.1:9090, or an address and port. It needs a
+    /// program built with the feature `serve`.
     pub serve: Serve,
-    /// Record the samples of driving and reference sensors too; those of measuring sensors always are.
+    /// Record the samples of driving and reference sensors too; those of measuring sensors always
+    /// are.
     pub samples: bool,
-    /// Follow what the run determines of each state, and what is missing.
-    pub observability: bool,
 }
 
-/// Whether and where the run is shown in a browser.
+/// The address at which the run is shown in a browser.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Serve {
-    /// At 127.0.0.1:9090, or not.
+    /// 127.0.0.1:9090, or none.
     Local(bool),
-    /// At that address and port.
+    /// That address and port.
     At(String),
 }
 
@@ -76,17 +86,21 @@ impl Default for Rerun {
             spawn: false,
             serve: Serve::Local(false),
             samples: false,
-            observability: true,
         }
     }
 }
 
 impl Rerun {
-    /// Opens the recording in the folder `output`, and reaches the viewers.
+    /// Opens the recording in the folder `output`, and connects the viewers; `tabs` stand beside
+    /// those of the run.
     ///
     /// # Errors
-    /// When the file cannot be written, an address is wrong, or a viewer is not there.
-    pub fn record(self, output: &Path) -> Result<Box<dyn Sink>, StreamError> {
+    /// When the file cannot be written, an address is wrong, or a viewer does not answer.
+    pub fn record(
+        self,
+        output: &Path,
+        tabs: Vec<Box<dyn Tab>>,
+    ) -> Result<Box<dyn Sink>, StreamError> {
         let serve = match self.serve {
             Serve::Local(yes) => yes.then_some(Live::LOCAL),
             Serve::At(address) => Some(address.parse().map_err(|cause: AddrParseError| {
@@ -98,7 +112,7 @@ impl Rerun {
         };
         let live = Live { connect: self.connect, spawn: self.spawn, serve };
         let recording = Recording::open(output.join(self.path), &live)?;
-        Ok(Box::new(sink::RerunSink::new(recording, self.samples, self.observability)))
+        Ok(Box::new(sink::RerunSink::new(recording, self.samples, tabs)))
     }
 }
 
@@ -106,7 +120,7 @@ impl SinkType for Rerun {
     const TYPE: &'static str = "rerun";
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
-        self.record(&context.output)
+        self.record(&context.output, Vec::new())
     }
 }
 

@@ -1,49 +1,38 @@
-//! Viewers that watch a run while it goes on: one that is there, one that is started, or one in the browser.
+//! Viewers that watch a run while it goes on: a running one, a new one, or one in the browser.
 
 use navfuse_core::model::stream::StreamError;
-use rerun::external::re_uri::ProxyUri;
-use rerun::grpc_server::GrpcServerSink;
-use rerun::web_viewer::WebViewerConfig;
-use rerun::{DEFAULT_SERVER_PORT, RecordingStream, ServerOptions, SpawnError, SpawnOptions};
-use std::any::Any;
-use std::io::Write;
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
+use re_sdk::external::re_uri::ProxyUri;
+use re_sdk::{DEFAULT_SERVER_PORT, SpawnError, SpawnOptions};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
-/// The version of the viewer that reads what this version writes.
+/// The version of the viewer that reads these recordings.
 const VERSION: &str = "0.36.3";
-/// Names the viewer's program where it is not `rerun` on the PATH.
+/// The environment variable with the viewer's program, where that is not `rerun` on the PATH.
 const PROGRAM: &str = "RERUN_BIN";
-/// Where the browser finds the viewer.
+/// The port of the page for the browser.
 const WEB_PORT: u16 = 9090;
 
-/// Who watches.
+/// The viewers of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Live {
-    /// The address of a viewer that is running.
+    /// Address of a running viewer.
     pub connect: Option<String>,
     /// Start a viewer.
     pub spawn: bool,
-    /// Serve the run and a viewer for the browser.
+    /// Address of the page that shows the run in a browser; it needs the feature `serve`.
     pub serve: Option<SocketAddr>,
 }
 
-/// A server for the browser.
-pub struct Served {
-    /// What to open.
-    pub url: String,
-    web: Box<dyn Any + Send>,
-}
-
 impl Live {
-    /// The address that `serve = true` means.
+    /// The address for `serve = true`.
     pub const LOCAL: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), WEB_PORT);
 
-    /// The viewers to send to.
+    /// The addresses of the viewers to send to; starts a viewer where one is asked for.
     ///
     /// # Errors
-    /// When no viewer answers, or none can be started.
-    pub fn viewers(&self) -> Result<Vec<ProxyUri>, StreamError> {
+    /// When a viewer does not answer or cannot be started.
+    pub(crate) fn viewers(&self) -> Result<Vec<ProxyUri>, StreamError> {
         let mut viewers = Vec::new();
         if let Some(address) = &self.connect {
             viewers.push(reach(address)?);
@@ -54,46 +43,9 @@ impl Live {
         }
         Ok(viewers)
     }
-
-    /// Starts the servers for the browser and says where they are.
-    ///
-    /// # Errors
-    /// When the address is taken.
-    pub fn serve(&self) -> Result<Option<(GrpcServerSink, Served)>, StreamError> {
-        let Some(address) = self.serve else { return Ok(None) };
-        let error = |e: &dyn std::fmt::Display| {
-            StreamError::network(format!("{address}: {e}"))
-                .at_key("serve")
-                .with_remedy("give another address and port")
-        };
-        let ip = address.ip();
-        // the server binds in a thread of its own, where a port that is taken would go unnoticed
-        let free =
-            |port| TcpListener::bind((ip, port)).and_then(|l| l.local_addr()).map(|a| a.port());
-        let port = free(DEFAULT_SERVER_PORT).or_else(|_| free(0)).map_err(|e| error(&e))?;
-        let web_port = free(address.port()).map_err(|e| error(&e))?;
-        let anyone = if ip.is_loopback() { Vec::new() } else { vec!["*".to_owned()] };
-        let options = ServerOptions { cors_allowed_origins: anyone, ..ServerOptions::default() };
-        let server = GrpcServerSink::new(&ip.to_string(), port, options).map_err(|e| error(&e))?;
-        let web = rerun::serve_web_viewer(WebViewerConfig {
-            bind_ip: ip.to_string(),
-            web_port: web_port.to_string().parse().map_err(|e| error(&e))?,
-            open_browser: false,
-            ..WebViewerConfig::default()
-        })
-        .map_err(|e| error(&e))?;
-        let url = format!("http://{ip}:{web_port}/?url=rerun%2Bhttp%3A%2F%2F{ip}%3A{port}%2Fproxy");
-        writeln!(std::io::stderr(), "the run is shown at {url}").ok();
-        Ok(Some((server, Served { url, web: Box::new(web) })))
-    }
 }
 
-/// Keeps streams and servers for the rest of the process: the browser asks for the data when the run is long over.
-pub fn keep(streams: Vec<RecordingStream>, served: Served) {
-    std::mem::forget((streams, served.web));
-}
-
-/// The viewer at `host:port` or `rerun+http://host:port/proxy`, if it answers.
+/// The viewer at `host:port` or `rerun+http://host:port/proxy`, if one answers there.
 fn reach(address: &str) -> Result<ProxyUri, StreamError> {
     let url = if address.contains("://") {
         address.to_owned()
@@ -118,7 +70,7 @@ fn reach(address: &str) -> Result<ProxyUri, StreamError> {
     }
 }
 
-/// Starts a viewer, or takes the one that is listening on that port already.
+/// Starts a viewer, or takes the one that already listens on that port.
 fn start(program: &str, port: u16) -> Result<ProxyUri, StreamError> {
     let options = SpawnOptions {
         port,
@@ -127,10 +79,10 @@ fn start(program: &str, port: u16) -> Result<ProxyUri, StreamError> {
         hide_welcome_screen: true,
         ..SpawnOptions::default()
     };
-    let info = rerun::spawn(&options).map_err(|e| match e {
+    let info = re_sdk::spawn(&options).map_err(|e| match e {
         SpawnError::ExecutableNotFound { .. } | SpawnError::ExecutableNotFoundInPath { .. } => {
             let remedy = format!(
-                "get it with `pip install rerun-sdk=={VERSION}`, or let {PROGRAM} name it, \
+                "install it with `pip install rerun-sdk=={VERSION}`, or set {PROGRAM} to its path, \
                  or leave spawn out and open the recording later"
             );
             StreamError::network(format!("there is no viewer `{program}`"))
@@ -149,7 +101,7 @@ fn start(program: &str, port: u16) -> Result<ProxyUri, StreamError> {
             let message = format!("the viewer `{program}` did not listen at {address} within 30 s");
             return Err(StreamError::network(message)
                 .at_key("spawn")
-                .with_remedy("does it run alone?"));
+                .with_remedy("does it start by itself?"));
         }
         std::thread::sleep(Duration::from_millis(100));
     }
@@ -166,10 +118,11 @@ mod tests {
     )]
 
     use super::*;
+    use std::net::TcpListener;
 
     #[test]
-    fn a_missing_viewer_is_named_with_its_remedy() {
-        // port 1 is never listened on, so that the program is looked for
+    fn an_error_names_a_missing_viewer_and_its_remedy() {
+        // nothing listens on port 1, so that `start` looks for the program
         let error = start("/nowhere/rerun", 1).unwrap_err().to_string();
         assert!(
             error.contains("/nowhere/rerun") && error.contains("pip install rerun-sdk==0.36.3"),
@@ -178,11 +131,11 @@ mod tests {
     }
 
     #[test]
-    fn a_viewer_that_does_not_answer_is_named() {
+    fn an_error_names_a_viewer_that_does_not_answer() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
         assert!(reach(&address).is_ok());
-        // port 1 is never listened on; one that was just given back may be another test's, or the caller's own
+        // nothing listens on port 1; a port that was just closed may be in use by another test
         let error = reach("127.0.0.1:1").unwrap_err().to_string();
         assert!(error.contains("127.0.0.1:1") && error.contains("spawn = true"), "{error}");
         let error = reach("no address").unwrap_err().to_string();

@@ -1,38 +1,40 @@
-//! Where a run is sent: always a file, and a viewer that watches while it goes on.
+//! The recording of a run: always a file, and streams to the viewers that watch it.
 
-use crate::live::{self, Live};
+use crate::live::Live;
+use crate::serve::{self, Served};
 use navfuse_core::model::stream::{StreamError, StreamErrorKind};
-use rerun::external::re_log_types::BlueprintActivationCommand;
-use rerun::log::{LogMsg, TimeColumn};
-use rerun::sink::{FileSink, GrpcSink};
-use rerun::{
-    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentColumn,
-    StoreId, TimeCell,
+use re_sdk::external::re_log_types::BlueprintActivationCommand;
+use re_sdk::log::{LogMsg, TimeColumn};
+use re_sdk::sink::{FileSink, GrpcSink, IntoMultiSink};
+use re_sdk::{
+    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, RecordingStreamResult,
+    SerializedComponentColumn, StoreId, TimeCell,
 };
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
-/// The application of every recording: the viewer keeps one layout for each.
+/// The application of every recording: the viewer keeps one layout for each application.
 pub const APPLICATION: &str = "navfuse";
-/// The timeline: the run's clock.
+/// The timeline: the clock of the run.
 pub const TIMELINE: &str = "t";
 
-/// How long a viewer may keep a run waiting before it is let go.
+/// The longest wait for a viewer, after which the recording drops it.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// A file and the viewers, each with its own queue: a viewer that is closed does not stop the file.
+/// A file and the viewers, each with a queue of its own: a viewer that is closed does not stop the
+/// file.
 pub struct Recording {
     path: PathBuf,
     streams: Vec<RecordingStream>,
-    served: Option<live::Served>,
+    served: Option<Served>,
 }
 
 impl Recording {
-    /// Creates the file and reaches the viewers.
+    /// Creates the file and connects the viewers.
     ///
     /// # Errors
-    /// When the file cannot be written, or a viewer is not there.
+    /// When the file cannot be written, or a viewer does not answer.
     pub fn open(path: PathBuf, live: &Live) -> Result<Self, StreamError> {
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).map_err(|e| {
@@ -40,20 +42,24 @@ impl Recording {
                 StreamError::of(StreamErrorKind::Open, message).in_file(folder).with_source(e)
             })?;
         }
-        let id = StoreId::random(rerun::StoreKind::Recording, APPLICATION);
+        let id = StoreId::random(re_sdk::StoreKind::Recording, APPLICATION);
         let sink = FileSink::new(&path).map_err(|e| StreamError::write(&path, e))?;
-        let mut recording = Self { streams: vec![stream(&id, sink, &path)?], path, served: None };
+        let mut recording = Self { streams: Vec::new(), path, served: None };
+        let file = stream(&id, sink).map_err(|e| recording.error(e))?;
+        recording.streams.push(file);
         for viewer in live.viewers()? {
-            recording.streams.push(stream(&id, GrpcSink::new(viewer), &recording.path)?);
+            let viewer = stream(&id, GrpcSink::new(viewer)).map_err(|e| recording.error(e))?;
+            recording.streams.push(viewer);
         }
-        if let Some((server, served)) = live.serve()? {
-            recording.streams.push(stream(&id, server, &recording.path)?);
+        if let Some(address) = live.serve {
+            let (server, served) = serve::start(&id, address)?;
+            recording.streams.push(server);
             recording.served = Some(served);
         }
         Ok(recording)
     }
 
-    /// Whether someone watches.
+    /// Checks whether a viewer watches.
     pub fn is_live(&self) -> bool {
         self.streams.len() > 1
     }
@@ -63,38 +69,50 @@ impl Recording {
         StreamError::write(&self.path, cause)
     }
 
-    /// Names the recording.
+    /// Sets the name that the viewer shows.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
     pub fn name(&self, name: &str) -> Result<(), StreamError> {
         self.streams.iter().try_for_each(|s| s.send_recording_name(name)).map_err(|e| self.error(e))
     }
 
-    /// Logs what does not change.
+    /// Logs a value that does not change over time.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
     pub fn log_static(
         &self,
         path: &EntityPath,
-        what: &dyn AsComponents,
+        value: &dyn AsComponents,
     ) -> Result<(), StreamError> {
         self.streams
             .iter()
-            .try_for_each(|s| s.log_static(path.clone(), what))
+            .try_for_each(|s| s.log_static(path.clone(), value))
             .map_err(|e| self.error(e))
     }
 
-    /// Logs at one time.
+    /// Logs a value at one time.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
     pub fn log(
         &self,
         path: &EntityPath,
         nanos: i64,
-        what: &dyn AsComponents,
+        value: &dyn AsComponents,
     ) -> Result<(), StreamError> {
         for stream in &self.streams {
             stream.set_time(TIMELINE, TimeCell::from_duration_nanos(nanos));
-            stream.log(path.clone(), what).map_err(|e| self.error(e))?;
+            stream.log(path.clone(), value).map_err(|e| self.error(e))?;
         }
         Ok(())
     }
 
-    /// Sends a block of columns.
+    /// Sends a block of columns, one row for each time.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
     pub fn columns(
         &self,
         path: &EntityPath,
@@ -111,7 +129,8 @@ impl Recording {
         Ok(())
     }
 
-    /// Sends a layout: to the file, and to the viewers as what is shown or as what a reset goes back to.
+    /// Sends a layout to the file and to the viewers, which show it at once or, with `reset_only`,
+    /// after a reset.
     pub fn layout(&self, messages: &[LogMsg], reset_only: bool) {
         let Some(blueprint_id) = messages.first().map(|m| m.store_id().clone()) else { return };
         for (k, stream) in self.streams.iter().enumerate() {
@@ -123,7 +142,7 @@ impl Recording {
         }
     }
 
-    /// Waits until everything is written; a viewer that has gone is forgotten.
+    /// Waits until everything is written, and drops viewers that no longer answer.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -138,31 +157,30 @@ impl Recording {
         Ok(())
     }
 
-    /// Completes the file, and keeps a server for the rest of the process; gives the address or the path.
+    /// Completes the file, and keeps a server until the process ends; returns the path, with the
+    /// address of the page where one is served.
     pub fn close(&mut self) -> String {
         let live = self.streams.split_off(self.streams.len().min(1));
-        self.streams.clear(); // the writer ends the file and is joined
+        self.streams.clear(); // ends the writer, which completes the file
         let path = self.path.display().to_string();
         match self.served.take() {
             None => path,
             Some(served) => {
                 let place = format!("{path}, shown at {}", served.url);
-                live::keep(live, served);
+                serve::keep(live, served);
                 place
             }
         }
     }
 }
 
-/// A stream to one sink. It is enabled whatever the environment says: the scenario asks for it.
-fn stream<S>(id: &StoreId, sink: S, path: &Path) -> Result<RecordingStream, StreamError>
+/// A stream to one sink. The stream is enabled whatever the environment variable RERUN holds: the
+/// scenario asks for it.
+pub fn stream<S>(id: &StoreId, sink: S) -> RecordingStreamResult<RecordingStream>
 where
-    (S,): rerun::sink::IntoMultiSink,
+    (S,): IntoMultiSink,
 {
-    let stream = RecordingStreamBuilder::from_store_id(id)
-        .enabled(true)
-        .set_sinks((sink,))
-        .map_err(|e| StreamError::write(path, e))?;
+    let stream = RecordingStreamBuilder::from_store_id(id).enabled(true).set_sinks((sink,))?;
     stream.set_log_time_enabled(false);
     Ok(stream)
 }

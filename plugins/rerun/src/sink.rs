@@ -3,10 +3,10 @@
 use crate::blueprint;
 use crate::columns::{ROWS, Series};
 use crate::innovation::SensorSeries;
-use crate::observability::Observability;
 use crate::recording::Recording;
 use crate::state::{self, BlockSeries};
 use crate::style::path;
+use crate::tab::Tab;
 use crate::track::Track;
 use navfuse_core::model::record::{Epoch, Event, Level, UpdateRecord};
 use navfuse_core::model::sensor::Purpose;
@@ -14,13 +14,14 @@ use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::state::covariance::{Transition, Update};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
-use rerun::{TextDocument, TextLog, TextLogLevel};
+use re_sdk_types::archetypes::{TextDocument, TextLog};
+use re_sdk_types::components::TextLogLevel;
 use std::time::{Duration, Instant};
 
-/// How often a viewer that watches gets what is new.
+/// The time between two refreshes of a viewer that watches.
 const LIVE_INTERVAL: Duration = Duration::from_millis(500);
 
-/// What is recorded of a run; a layout is made from it.
+/// The series of a run, from which the layout is made.
 pub struct Run {
     /// The blocks that have an uncertainty.
     pub blocks: Vec<BlockSeries>,
@@ -28,17 +29,15 @@ pub struct Run {
     pub sensors: Vec<SensorSeries>,
     /// The track, where there is a position.
     pub track: Option<Track>,
-    /// Whether a reference tells the truth about processes' blocks.
+    /// Set where a reference gives the truth of the processes' blocks.
     pub reference: bool,
-    /// What it determines, where that is followed.
-    pub observability: Option<Observability>,
 }
 
 /// Records a run for the viewer.
 pub struct RerunSink {
     recording: Recording,
     samples: bool,
-    observability: bool,
+    tabs: Vec<Box<dyn Tab>>,
     run: Option<Run>,
     epochs: usize,
     last: Option<Time>,
@@ -48,12 +47,13 @@ pub struct RerunSink {
 }
 
 impl RerunSink {
-    /// Records into an open file; with the samples of driving and reference sensors, and what the run determines, or not.
-    pub fn new(recording: Recording, samples: bool, observability: bool) -> Self {
+    /// A sink that writes to an open recording; with `samples` also those of driving and reference
+    /// sensors.
+    pub fn new(recording: Recording, samples: bool, tabs: Vec<Box<dyn Tab>>) -> Self {
         Self {
             recording,
             samples,
-            observability,
+            tabs,
             run: None,
             epochs: 0,
             last: None,
@@ -63,11 +63,14 @@ impl RerunSink {
         }
     }
 
-    /// Sends everything that is buffered, and the tracks so far.
+    /// Sends all buffered rows, and the tracks so far.
     fn refresh(&mut self) -> Result<(), StreamError> {
         let Some(run) = &mut self.run else { return Ok(()) };
         for series in run.series() {
             series.flush(&self.recording)?;
+        }
+        for tab in &mut self.tabs {
+            tab.flush(&self.recording)?;
         }
         if let Some(track) = &mut run.track {
             track.draw(&self.recording)?;
@@ -90,19 +93,20 @@ impl RerunSink {
         self.recording.log(&path(&["events"]), time.nanos(), &TextLog::new(text).with_level(level))
     }
 
-    /// Writes the events that came before the run's clock was known.
+    /// Writes the events that came before the first epoch set the clock.
     fn write_waiting(&mut self, first: Time) -> Result<(), StreamError> {
         std::mem::take(&mut self.waiting).iter().try_for_each(|e| self.write(e, e.time.max(first)))
     }
 
     fn close(&mut self) -> Result<String, StreamError> {
         self.write_waiting(self.last.unwrap_or_default())?;
-        if let Some(o) = self.run.as_mut().and_then(|r| r.observability.as_mut()) {
-            o.write(&self.recording)?;
+        if self.run.is_some() {
+            self.tabs.iter_mut().try_for_each(|tab| tab.finish(&self.recording))?;
         }
         self.refresh()?;
         if let Some(run) = &self.run {
-            let layout = blueprint::messages(run, true).map_err(|e| self.recording.error(e))?;
+            let layout =
+                blueprint::messages(run, &self.tabs, true).map_err(|e| self.recording.error(e))?;
             self.recording.layout(&layout, true);
         }
         self.recording.flush()?;
@@ -114,7 +118,7 @@ impl Run {
     fn series(&mut self) -> impl Iterator<Item = &mut Series> {
         let blocks = self.blocks.iter_mut().flat_map(BlockSeries::series);
         let sensors = self.sensors.iter_mut().flat_map(SensorSeries::series);
-        blocks.chain(sensors).chain(self.observability.iter_mut().flat_map(Observability::series))
+        blocks.chain(sensors)
     }
 }
 
@@ -125,7 +129,6 @@ impl Sink for RerunSink {
             sensors: info.sensors.iter().map(|s| SensorSeries::new(s, self.samples)).collect(),
             track: Track::new(&info.layout),
             reference: info.sensors.iter().any(|s| s.purpose == Purpose::Reference),
-            observability: self.observability.then(|| Observability::new(info)),
         };
         self.recording.name(&info.name)?;
         let scenario = format!("```toml\n{}\n```\n\nnavfuse {}\n", info.scenario, info.version);
@@ -133,7 +136,11 @@ impl Sink for RerunSink {
         if let Some(track) = &run.track {
             track.start(&self.recording)?;
         }
-        let layout = blueprint::messages(&run, false).map_err(|e| self.recording.error(e))?;
+        for tab in &mut self.tabs {
+            tab.start(info, &self.recording)?;
+        }
+        let layout =
+            blueprint::messages(&run, &self.tabs, false).map_err(|e| self.recording.error(e))?;
         self.recording.layout(&layout, false);
         self.run = Some(run);
         self.recording.flush()
@@ -153,8 +160,8 @@ impl Sink for RerunSink {
         for block in &mut run.blocks {
             block.epoch(&self.recording, epoch)?;
         }
-        if let Some(observability) = &mut run.observability {
-            observability.epoch(&self.recording, epoch)?;
+        for tab in &mut self.tabs {
+            tab.epoch(epoch, &self.recording)?;
         }
         if let Some(track) = &mut run.track {
             track.epoch(&self.recording, epoch)?;
@@ -165,22 +172,18 @@ impl Sink for RerunSink {
     }
 
     fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
-        if let Some(o) = self.run.as_mut().and_then(|r| r.observability.as_mut()) {
-            o.tracker.transition(transition);
-        }
+        self.tabs.iter_mut().for_each(|tab| tab.transition(transition));
         Ok(())
     }
 
     fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
-        if let Some(o) = self.run.as_mut().and_then(|r| r.observability.as_mut()) {
-            o.tracker.correction(update);
-        }
+        self.tabs.iter_mut().for_each(|tab| tab.correction(update));
         Ok(())
     }
 
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
-        if let Some(o) = self.run.as_mut().and_then(|r| r.observability.as_mut()) {
-            o.tracker.update(update);
+        for tab in &mut self.tabs {
+            tab.update(update, &self.recording)?;
         }
         let sensor = self.run.as_mut().and_then(|r| r.sensors.get_mut(update.sensor.0));
         sensor.map_or(Ok(()), |s| s.update(&self.recording, update))
@@ -202,7 +205,7 @@ impl Sink for RerunSink {
 }
 
 impl Drop for RerunSink {
-    /// A run that was broken off leaves a recording that opens.
+    /// Closes the recording, so that a run that was aborted leaves a file that opens.
     fn drop(&mut self) {
         if self.place.is_none() {
             self.close().ok();

@@ -12,38 +12,38 @@ use navfuse_core::state::{Block, Layout};
 pub struct Component {
     /// Name and unit: `roll [deg]`.
     pub label: String,
-    /// The same of the error: `roll error [deg]`.
+    /// Name and unit of the error: `roll error [deg]`.
     pub error_label: String,
-    /// Estimate with its bounds.
+    /// The estimate with its bounds.
     pub estimate: Series,
-    /// Truth.
+    /// The truth.
     pub truth: Series,
-    /// Error with the bounds about zero.
+    /// The error, with the bounds about zero.
     pub error: Series,
-    /// Of estimate and truth.
+    /// The range of estimate and truth.
     pub range: Range,
-    /// Of the error.
+    /// The range of the error.
     pub error_range: Range,
 }
 
-/// One block that has an uncertainty.
+/// The series of one block that has an uncertainty.
 pub struct BlockSeries {
     slot: usize,
-    /// The process or sensor that it belongs to.
+    /// The process or sensor that the block belongs to.
     pub owner: String,
-    /// Its name below the owner.
+    /// The name of the block below its owner.
     pub name: String,
-    /// Its components.
+    /// The components of the block.
     pub components: Vec<Component>,
-    /// Whether the truth is a constant of the scenario.
+    /// Set where the truth is a constant of the scenario.
     pub constant: bool,
-    /// Whether the truth was ever known.
+    /// Set once a truth was recorded.
     pub known: bool,
-    /// A position is shown in metres from here, its first estimate.
+    /// The first estimate: a position is shown in metres from there.
     origin: Option<Vec<f64>>,
 }
 
-/// The blocks of a layout, without those that are held fixed: they do not change and have no uncertainty.
+/// The blocks of a layout, without the fixed ones: those neither change nor have an uncertainty.
 pub fn blocks(layout: &Layout) -> Vec<BlockSeries> {
     let free = layout.blocks.iter().enumerate().filter(|(_, b)| b.tangent.is_some());
     free.map(|(slot, block)| BlockSeries::new(slot, block)).collect()
@@ -89,7 +89,7 @@ impl BlockSeries {
         }
     }
 
-    /// Adds an estimate.
+    /// Adds an estimate and, where it is known, the truth.
     pub fn epoch(&mut self, recording: &Recording, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         let block = &epoch.layout.blocks[self.slot];
         let n = block.operations.tangent;
@@ -129,7 +129,7 @@ impl BlockSeries {
         Ok(())
     }
 
-    /// Its series.
+    /// All series of the block.
     pub fn series(&mut self) -> impl Iterator<Item = &mut Series> {
         self.components.iter_mut().flat_map(|c| [&mut c.estimate, &mut c.truth, &mut c.error])
     }

@@ -1,19 +1,19 @@
 //! Colours, names and units: one look for every plot, legible on the viewer's dark and light theme.
 
-use rerun::{EntityPath, EntityPathPart};
+use re_sdk::{EntityPath, EntityPathPart};
 
-/// A colour, red, green, blue.
+/// A colour: red, green, blue.
 pub type Colour = [u8; 3];
 
-/// The axes x, y and z; roll, pitch and yaw; north, east and down.
+/// The colours of three axes: x, y, z; roll, pitch, yaw; north, east, down.
 pub const AXES: [Colour; 3] = [[235, 64, 82], [38, 166, 91], [56, 132, 255]];
-/// What is true.
+/// The colour of the truth.
 pub const TRUTH: Colour = [245, 166, 35];
-/// Bounds of 3 sigma.
+/// The colour of bounds of 3 sigma.
 pub const BOUND: Colour = [140, 148, 160];
-/// Samples that the gate refused.
+/// The colour of samples that the gate rejected.
 pub const GATED: Colour = [255, 0, 200];
-/// The estimated track.
+/// The colour of the estimated track.
 pub const TRACK: Colour = AXES[2];
 
 /// The colour of a component.
@@ -21,7 +21,7 @@ pub fn axis(component: usize) -> Colour {
     AXES[component % AXES.len()]
 }
 
-/// An entity path of those parts, escaped where a name needs it.
+/// An entity path of those parts, which are escaped where necessary.
 pub fn path(parts: &[&str]) -> EntityPath {
     EntityPath::new(parts.iter().map(|p| EntityPathPart::new(*p)).collect())
 }
@@ -31,7 +31,7 @@ pub fn label(name: &str, unit: &str) -> String {
     if unit.is_empty() { name.to_owned() } else { format!("{name} [{unit}]") }
 }
 
-/// The unit of a column's suffix as a person writes it: `m/s^2` for `mps2`.
+/// The unit of a column's suffix in the usual notation: `m/s^2` for `mps2`.
 pub fn unit(suffix: &str) -> String {
     match (suffix.strip_suffix("ps2"), suffix.strip_suffix("ps")) {
         (Some(top), _) if !top.is_empty() => format!("{top}/s^2"),

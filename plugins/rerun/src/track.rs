@@ -7,20 +7,23 @@ use navfuse_core::model::record::Epoch;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::Layout;
 use navfuse_core::state::manifold::{Position, Rotation};
-use rerun::{
-    Arrows3D, GeoLineStrings, GeoPoints, LineStrips3D, Radius, Transform3D, ViewCoordinates,
+use re_sdk::EntityPath;
+use re_sdk_types::archetypes::{
+    Arrows3D, GeoLineStrings, GeoPoints, LineStrips3D, Transform3D, ViewCoordinates,
 };
+use re_sdk_types::components::Radius;
+use re_sdk_types::datatypes::Quaternion;
 use std::any::TypeId;
 
-/// Vertices of a track: more make a software renderer slow.
+/// The greatest number of vertices of a track: more would make a software renderer slow.
 const VERTICES: usize = 5000;
-/// Time between poses, ns: no eye follows more than 50 in a second.
+/// The time between two poses, ns: 50 poses a second look continuous.
 const POSE_INTERVAL: i64 = 20_000_000;
 
 /// A place: north, east, down from the origin (m), latitude and longitude (deg).
 type Place = ([f32; 3], [f64; 2]);
 
-/// The vehicle's position and attitude over time, and its track so far.
+/// The position and attitude of the vehicle over time, and its track so far.
 pub struct Track {
     position: usize,
     attitude: Option<usize>,
@@ -34,7 +37,7 @@ pub struct Track {
     pub(crate) extent: Extent,
 }
 
-/// The box around both tracks.
+/// The box around the estimated and the true track.
 #[derive(Clone, Copy, Debug)]
 pub struct Extent {
     /// Least north, east, down, m.
@@ -68,7 +71,8 @@ impl Extent {
 }
 
 impl Track {
-    /// The track of the first position in the layout, with the attitude of the same owner; `None` without a position.
+    /// The track of the first position in the layout, with the attitude of the same owner; `None`
+    /// without a position.
     pub fn new(layout: &Layout) -> Option<Self> {
         let position =
             layout.blocks.iter().position(|b| b.operations.kind == TypeId::of::<Position>())?;
@@ -90,12 +94,12 @@ impl Track {
         })
     }
 
-    /// Says how the axes are to be read: x forward (north), y right (east), z down.
+    /// Records the directions of the axes: x forward (north), y right (east), z down.
     pub fn start(&self, recording: &Recording) -> Result<(), StreamError> {
         recording.log_static(&path(&["world"]), &ViewCoordinates::FRD())
     }
 
-    /// Adds an estimate.
+    /// Adds an estimate and, where it is known, the truth.
     pub fn epoch(&mut self, recording: &Recording, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         let block = &epoch.layout.blocks[self.position];
         let origin = self.origin.get_or_insert_with(|| epoch.state.values[block.range()].to_vec());
@@ -130,7 +134,7 @@ impl Track {
         Ok(())
     }
 
-    /// Sends the poses that are buffered.
+    /// Sends the buffered poses.
     pub fn flush(&mut self, recording: &Recording) -> Result<(), StreamError> {
         if self.times.is_empty() {
             return Ok(());
@@ -138,7 +142,7 @@ impl Track {
         let mut poses =
             Transform3D::update_fields().with_many_translation(self.places.iter().map(|p| p.0));
         if self.attitude.is_some() {
-            let quaternions = self.attitudes.iter().map(|q| rerun::Quaternion::from_xyzw(*q));
+            let quaternions = self.attitudes.iter().map(|q| Quaternion::from_xyzw(*q));
             poses = poses.with_many_quaternion(quaternions);
         }
         let columns = poses.columns_of_unit_batches().map_err(|e| recording.error(e))?;
@@ -152,17 +156,17 @@ impl Track {
         Ok(())
     }
 
-    /// Draws the tracks so far, in the place of those before.
+    /// Draws the tracks so far, which replace those drawn before.
     pub fn draw(&mut self, recording: &Recording) -> Result<(), StreamError> {
         self.flush(recording)?;
         let Some((_, side)) = self.extent.middle() else { return Ok(()) };
         line(recording, "truth", &self.truth, TRUTH, 0.9)?;
         line(recording, "estimate", &self.estimate, TRACK, 1.5)?;
-        // the track's shadow on the level of its start makes a dive visible
+        // the shadow of the track at the level of its start makes a dive visible
         let shadow = self.estimate.iter().map(|(ned, _)| [ned[0], ned[1], 0.0]);
         let shadow = LineStrips3D::new([shadow.collect::<Vec<_>>()]);
         recording.log_static(&path(&["world", "shadow"]), &styled(shadow, BOUND, 0.7))?;
-        let vehicle = rerun::EntityPath::from("map/vehicle");
+        let vehicle = EntityPath::from("map/vehicle");
         let look = GeoPoints::update_fields()
             .with_colors([AXES[0]])
             .with_radii([Radius::new_ui_points(7.0)]);

@@ -1,4 +1,4 @@
-//! What is recorded is what was fed, also where the run is broken off or the disk is full.
+//! A recording holds the values that were fed, also after an aborted run or on a full disk.
 
 #![allow(
     clippy::unwrap_used,
@@ -12,7 +12,9 @@ mod common;
 use common::{DVL_EVERY, OUTLIER_EVERY, Synthetic, TRUE_SCALE};
 use navfuse_core::model::stream::Sink;
 use navfuse_rerun::{Rerun, Serve};
-use rerun::{ChunkStore, ChunkStoreConfig, Scalars, StoreKind, TextLog, TimelineName};
+use re_chunk_store::{ChunkStore, ChunkStoreConfig};
+use re_sdk::{StoreKind, TimelineName};
+use re_sdk_types::archetypes::{Scalars, TextLog};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
@@ -47,7 +49,7 @@ fn scalars(path: &Path) -> Rows {
 }
 
 fn record(folder: &Path, epochs: usize) -> Box<dyn Sink> {
-    let mut sink = Rerun::default().record(folder).unwrap();
+    let mut sink = Rerun::default().record(folder, Vec::new()).unwrap();
     Synthetic::new(epochs).feed(sink.as_mut()).unwrap();
     sink
 }
@@ -68,7 +70,8 @@ fn a_recording_holds_every_row_and_value_that_was_fed() {
     assert_eq!(place, path.display().to_string());
     let rows = scalars(&path);
 
-    // 21 components that are estimated: 3 x (attitude, velocity, position, two biases, misalignment, lever arm) + scale
+    // 21 components that are estimated: 3 x (attitude, velocity, position, two biases,
+    // misalignment, lever arm) + scale
     for leaf in ["estimate", "truth", "error"] {
         assert_eq!(
             rows.keys().filter(|k| k.starts_with("/state/") && k.ends_with(leaf)).count(),
@@ -148,13 +151,17 @@ fn a_run_that_is_broken_off_leaves_a_recording_that_opens() {
 #[test]
 fn a_full_disk_is_named_at_once() {
     let config = Rerun { path: "/dev/full".into(), ..Rerun::default() };
-    let error = config.record(Path::new("/tmp")).err().expect("nothing can be written").to_string();
+    let error = config
+        .record(Path::new("/tmp"), Vec::new())
+        .err()
+        .expect("nothing can be written")
+        .to_string();
     assert!(error.contains("/dev/full") && error.contains("No space left"), "{error}");
 }
 
 #[test]
 fn a_disk_that_fills_up_ends_the_sink_with_its_path() {
-    // a pipe whose reader goes away refuses to be written to, as a full disk does
+    // a pipe without a reader rejects writes, as a full disk does
     let folder = tempfile::tempdir().unwrap();
     let pipe = folder.path().join("run.rrd");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
@@ -164,7 +171,7 @@ fn a_disk_that_fills_up_ends_the_sink_with_its_path() {
             drop(std::io::Read::read(&mut File::open(pipe).unwrap(), &mut [0; 4096]))
         })
     };
-    let mut sink = Rerun::default().record(folder.path()).unwrap();
+    let mut sink = Rerun::default().record(folder.path(), Vec::new()).unwrap();
     reader.join().unwrap();
     let fed = Synthetic::new(200).feed(sink.as_mut());
     let error = fed.and_then(|()| sink.finish().map(|_| ())).unwrap_err().to_string();
@@ -177,6 +184,15 @@ fn a_table_without_keys_is_a_configuration_and_a_wrong_address_is_named() {
     assert_eq!(config.path, Path::new("run.rrd"));
     let config: Rerun = serde_json::from_str(r#"{ "serve": "everywhere" }"#).unwrap();
     assert!(matches!(&config.serve, Serve::At(a) if a == "everywhere"));
-    let error = config.record(Path::new("/tmp")).err().unwrap().to_string();
+    let error = config.record(Path::new("/tmp"), Vec::new()).err().unwrap().to_string();
     assert!(error.contains("\"everywhere\"") && error.contains("127.0.0.1:9090"), "{error}");
+}
+
+#[cfg(not(feature = "serve"))]
+#[test]
+fn a_program_without_a_server_names_the_feature_to_build_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = Rerun { serve: Serve::Local(true), ..Rerun::default() };
+    let error = config.record(folder.path(), Vec::new()).err().unwrap().to_string();
+    assert!(error.contains("--features serve") && error.contains("127.0.0.1:9090"), "{error}");
 }

@@ -10,16 +10,16 @@ use navfuse_core::state::{Block, BlockSpec, Display, Dynamics, Layout, Mode, Sta
 use navfuse_core::units::sample::{Channel, Sample, SensorId};
 use navfuse_core::units::time::Time;
 
-/// Epochs a second.
+/// The rate of epochs, Hz.
 pub const RATE: i64 = 10;
-/// Every so many-th epoch has a sample of the DVL.
+/// The number of epochs per sample of the DVL.
 pub const DVL_EVERY: usize = 5;
-/// Every so many-th sample of the DVL is an outlier.
+/// The number of samples of the DVL per outlier.
 pub const OUTLIER_EVERY: usize = 40;
 /// The true scale factor of the DVL.
 pub const TRUE_SCALE: f64 = 0.9998;
 
-/// What is fed to a sink.
+/// A run that is fed to a sink.
 pub struct Synthetic {
     pub info: RunInfo,
     pub epochs: usize,
@@ -60,7 +60,7 @@ fn sensor(name: &str, purpose: Purpose, channels: &[(&'static str, &'static str)
     SensorInfo { name: name.into(), kind: name.into(), channels, purpose }
 }
 
-/// Noise with a sigma of 1: the sum of twelve uniform numbers less six.
+/// Noise with a sigma of 1: the sum of twelve uniform numbers, minus six.
 fn noise(k: usize, channel: u64) -> f64 {
     let mut x = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15)
         ^ (channel + 1).wrapping_mul(0xD1B5_4A32_D192_ED03);
@@ -159,7 +159,7 @@ impl Synthetic {
         Self::sigma(k)[axis] * ((t / (17.0 + 3.0 * axis as f64) + 1.5 + axis as f64).sin() * 1.2)
     }
 
-    /// Feeds the run; `finish` is left to the caller.
+    /// Feeds the run; the caller calls `finish`.
     pub fn feed(&self, sink: &mut dyn Sink) -> Result<(), StreamError> {
         sink.start(&self.info)?;
         let layout = &self.info.layout;
@@ -173,7 +173,7 @@ impl Synthetic {
         say(sink, Time::MIN, Level::Info, "trajectory", "dive to 30 m")?;
         for k in 0..self.epochs {
             let t = k as f64 * dt;
-            // a corner of 90 deg in 20 s at the end of every 75 s
+            // a turn of 90 deg in 20 s at the end of every 75 s
             let turning = t % 75.0 >= 55.0;
             yaw += if turning { std::f64::consts::FRAC_PI_2 / 20.0 * dt } else { 0.0 };
             let pitch: f64 = if t < 50.0 { -0.4 } else { 0.0 };

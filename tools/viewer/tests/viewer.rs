@@ -1,7 +1,7 @@
-//! A run really is visible: the recording in the real viewer, without a display, view by view.
+//! The viewer shows a run: the recording in the real viewer, without a display, view by view.
 //!
-//! The viewer is `$RERUN_BIN`, or is fetched once with pip into the target folder; it renders in software with Mesa's
-//! Vulkan driver. Where either cannot be had the test says so and passes.
+//! The viewer is `$RERUN_BIN`, or is fetched once with pip into the target folder; it renders in
+//! software with Mesa's Vulkan driver. Where either is not available the test prints so and passes.
 
 #![allow(
     clippy::unwrap_used,
@@ -10,12 +10,13 @@
     reason = "a test ends where it fails"
 )]
 
+#[path = "../../../plugins/rerun/tests/common/mod.rs"]
 mod common;
 mod driver;
 
 use common::Synthetic;
 use driver::{Layout, Viewer};
-use navfuse_rerun::{Rerun, Serve};
+use navfuse_viewer::Viewer as Config;
 
 const RED: [u8; 3] = [235, 64, 82];
 const GREEN: [u8; 3] = [38, 166, 91];
@@ -24,7 +25,7 @@ const TRUTH: [u8; 3] = [245, 166, 35];
 const BOUND: [u8; 3] = [140, 148, 160];
 const GATED: [u8; 3] = [255, 0, 200];
 
-/// Views by name, and the colours that each shows.
+/// The names of views, and the colours that each shows.
 type Views = &'static [(&'static str, &'static [[u8; 3]])];
 
 /// The tabs.
@@ -70,14 +71,15 @@ const TABS: &[(&str, Views)] = &[
     ("Samples", &[("dvl", &[RED, GREEN, BLUE])]),
 ];
 
-/// Pixels of a colour. A line between two rows of pixels is blended with what is beside it: the colours are at least 80
-/// apart in some channel, so that half of that tells them apart.
+/// The number of pixels of a colour. A line between two rows of pixels is blended with its
+/// neighbours; the colours differ by at least 80 in some channel, so half of that separates them.
 fn count(picture: &image::RgbImage, colour: [u8; 3]) -> usize {
     picture.pixels().filter(|p| (0..3).all(|k| p[k].abs_diff(colour[k]) <= 40)).count()
 }
 
-/// The least number of pixels: a line crosses a plot of 300 pixels or more, and at least a third of it is seen between
-/// other lines and grid; the arrows of the vehicle, red and green, are 20 pixels or more.
+/// The least number of pixels: a line crosses a plot of 300 pixels or more, and at least a third of
+/// it is visible between other lines and grid; the arrows of the vehicle, red and green, are 20
+/// pixels or more.
 fn least(view: &str, colour: [u8; 3]) -> usize {
     if view == "3-D track" && (colour == RED || colour == GREEN) { 20 } else { 100 }
 }
@@ -86,7 +88,7 @@ fn least(view: &str, colour: [u8; 3]) -> usize {
 fn every_series_of_a_run_is_drawn_in_its_colour() {
     let Some(program) = driver::program() else { return };
     let folder = driver::target("rerun-pictures");
-    let mut sink = Rerun::default().record(&folder).unwrap();
+    let mut sink = Config::default().record(&folder).unwrap();
     Synthetic::new(6000).feed(sink.as_mut()).unwrap();
     sink.finish().unwrap();
     let recording = folder.join("run.rrd");
@@ -113,20 +115,34 @@ fn every_series_of_a_run_is_drawn_in_its_colour() {
 }
 
 #[test]
-fn a_viewer_shows_a_run_that_is_sent_or_served_to_it() {
+fn a_viewer_shows_a_run_that_is_sent_to_it() {
     let Some(program) = driver::program() else { return };
     let folder = driver::target("rerun-pictures/live");
     let mut viewer = Viewer::start(&program, None, &folder);
-    let connect = Some(viewer.address());
-    let config = Rerun { connect, serve: Serve::At("127.0.0.1:0".into()), ..Rerun::default() };
+    let config = Config { connect: Some(viewer.address()), ..Config::default() };
     let mut sink = config.record(&folder).unwrap();
+    Synthetic::new(500).feed(sink.as_mut()).unwrap();
+    sink.finish().unwrap().unwrap();
+    drop(sink);
+    viewer.wait(Synthetic::time(499).nanos());
+}
+
+#[cfg(feature = "serve")]
+#[test]
+fn a_viewer_shows_a_run_that_is_sent_and_served_to_it() {
+    let Some(program) = driver::program() else { return };
+    let folder = driver::target("rerun-pictures/served");
+    let mut viewer = Viewer::start(&program, None, &folder);
+    let connect = Some(viewer.address());
+    let serve = navfuse_rerun::Serve::At("127.0.0.1:0".into());
+    let mut sink = Config { connect, serve, ..Config::default() }.record(&folder).unwrap();
     Synthetic::new(500).feed(sink.as_mut()).unwrap();
     let place = sink.finish().unwrap().unwrap();
     drop(sink);
     let end = Synthetic::time(499).nanos();
     viewer.wait(end);
     drop(viewer);
-    // what is served is there when the run is over
+    // the server still has the run when the run is over
     let url = place
         .split("url=")
         .nth(1)
@@ -138,7 +154,8 @@ fn a_viewer_shows_a_run_that_is_sent_or_served_to_it() {
 }
 
 /// Makes the pictures of the documentation from a recording:
-/// `NAVFUSE_RECORDING=runs/pan-wu-3d/run.rrd NAVFUSE_TAB="dvl calibration" cargo test -p navfuse-rerun --test viewer -- --ignored`
+/// `NAVFUSE_RECORDING=runs/pan-wu-3d/run.rrd NAVFUSE_TAB="dvl calibration" \
+/// cargo test -p navfuse-viewer --test viewer -- --ignored`
 #[test]
 #[ignore = "makes a picture, tests nothing"]
 fn picture_of_a_recording() {

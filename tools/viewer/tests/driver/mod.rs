@@ -1,15 +1,14 @@
-//! The viewer without a window, driven over its control service.
+//! The viewer without a window, controlled through its service.
 
+use navfuse_rerun::re_sdk::external::re_log_types::BlueprintActivationCommand;
+use navfuse_rerun::re_sdk::log::Chunk;
+use navfuse_rerun::re_sdk::{ComponentDescriptor, RecordingStreamBuilder, StoreId, StoreKind};
+use navfuse_rerun::re_sdk_types::blueprint::archetypes::{ContainerBlueprint, ViewBlueprint};
+use re_chunk_store::{ChunkStore, ChunkStoreConfig};
 use re_protos::common::v1alpha1::{Timeline, TimelineTime};
 use re_protos::sdk_comms::v1alpha1::viewer_control_service_client::ViewerControlServiceClient;
 use re_protos::sdk_comms::v1alpha1::{
     GetViewerStateRequest, SaveScreenshotRequest, SetTimeCursorRequest,
-};
-use rerun::external::re_log_types::BlueprintActivationCommand;
-use rerun::external::re_sdk_types::blueprint::archetypes::{ContainerBlueprint, ViewBlueprint};
-use rerun::log::Chunk;
-use rerun::{
-    ChunkStore, ChunkStoreConfig, ComponentDescriptor, RecordingStreamBuilder, StoreId, StoreKind,
 };
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -21,10 +20,10 @@ use std::time::{Duration, Instant};
 use tonic::transport::Channel;
 
 const VERSION: &str = "0.36.3";
-/// How long the viewer may take.
+/// The longest wait for the viewer.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Where pictures and the viewer's program go: the target folder of the build.
+/// The folder for pictures and the viewer's program, in the target folder of the build.
 pub fn target(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join(name);
     std::fs::create_dir_all(&folder).unwrap();
@@ -35,7 +34,7 @@ fn succeeds(command: &mut Command) -> bool {
     command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|s| s.success())
 }
 
-/// The viewer's program, and a Vulkan driver for it; `None` with a message where either cannot be had.
+/// The viewer's program, with a Vulkan driver for it; `None` and a message where either is missing.
 pub fn program() -> Option<PathBuf> {
     let icd =
         || Path::new("/usr/share/vulkan/icd.d").read_dir().is_ok_and(|mut d| d.next().is_some());
@@ -64,7 +63,8 @@ pub fn program() -> Option<PathBuf> {
         ) && succeeds(Command::new("chmod").arg("+x").arg(&program));
         if !fetched {
             println!(
-                "skipped: no viewer; set RERUN_BIN, or make `pip download --no-deps {wheel}` and `unzip` work"
+                "skipped: no viewer; set RERUN_BIN, or make `pip download --no-deps {wheel}` and \
+                 `unzip` work"
             );
             return None;
         }
@@ -72,7 +72,7 @@ pub fn program() -> Option<PathBuf> {
     Some(program)
 }
 
-/// A viewer. It is killed at the end.
+/// A viewer, which is killed at the end.
 pub struct Viewer {
     child: Child,
     port: u16,
@@ -82,10 +82,11 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// Starts it with what it is to open: a file or an address.
+    /// Starts a viewer that opens a file or an address.
     pub fn start(program: &Path, open: Option<&str>, pictures: &Path) -> Self {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        // only the loopback is reached: map tiles and analytics end at a proxy that is not there
+        // only the loopback is reachable: requests for map tiles and analytics fail at a proxy that
+        // does not exist
         let nowhere = "http://127.0.0.1:1";
         let child = Command::new(program)
             .args(["--headless", "--bind", "127.0.0.1", "--port", &port.to_string()])
@@ -114,12 +115,12 @@ impl Viewer {
         Self { child, port, pictures: pictures.to_owned(), runtime, client }
     }
 
-    /// Where it listens.
+    /// The address on which the viewer listens.
     pub fn address(&self) -> String {
         format!("127.0.0.1:{}", self.port)
     }
 
-    /// Waits until all of a run is there: until the timeline ends at `end`, ns.
+    /// Waits until the whole run has arrived: until the timeline ends at `end`, ns.
     pub fn wait(&mut self, end: i64) {
         let begun = Instant::now();
         loop {
@@ -142,7 +143,7 @@ impl Viewer {
         timelines.filter_map(|t| t.time_range.as_ref()).map(|r| r.end).max()
     }
 
-    /// Moves the cursor, paused.
+    /// Moves the time cursor and pauses.
     pub fn seek(&mut self, nanos: i64) {
         let request = SetTimeCursorRequest {
             store_id: None,
@@ -153,7 +154,7 @@ impl Viewer {
         self.runtime.block_on(self.client.set_time_cursor(request)).unwrap();
     }
 
-    /// Shows the layout with some of its tabs in front, and lets the picture settle.
+    /// Shows the layout with some of its tabs in front, and waits until the picture settles.
     pub fn show(&self, layout: &Layout, tabs: &[&str]) {
         let id = StoreId::random(StoreKind::Blueprint, layout.recording.application_id().clone());
         let (stream, stored) =
@@ -190,7 +191,7 @@ impl Viewer {
             view_id: view.map(str::to_owned),
             file_path: path.display().to_string(),
         };
-        // the service never answers for a view that is not on the screen
+        // the service never answers for a view that is hidden
         let saved =
             async { tokio::time::timeout(PATIENCE, self.client.save_screenshot(request)).await };
         self.runtime
@@ -219,20 +220,20 @@ impl Drop for Viewer {
 pub struct Layout {
     recording: StoreId,
     chunks: Vec<Arc<Chunk>>,
-    /// The views' ids by their names.
+    /// The ids of the views by their names.
     pub views: BTreeMap<String, String>,
-    /// The tabs: their container, name and path.
+    /// The tabs: container, name and path.
     pub tabs: Vec<(String, String, String)>,
 }
 
 impl Layout {
-    /// Reads it.
+    /// Reads the layout from a recording.
     pub fn read(recording: &Path) -> Self {
         let mut file = File::open(recording).unwrap();
         let stores =
             ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).unwrap();
         let of = |kind| stores.iter().filter(move |(id, _)| id.kind() == kind);
-        // the layout that is sent at the end has ranges
+        // the layout sent at the end has ranges
         let is_last = |s: &ChunkStore| {
             s.iter_physical_chunks().any(|c| c.entity_path().to_string().ends_with("ScalarAxis"))
         };

@@ -1,4 +1,5 @@
-//! Figures in a recording are what was given, and are seen in the real viewer; see `viewer.rs` for what that needs.
+//! A recording of figures holds their values, and the real viewer shows them; `viewer.rs` lists
+//! what that needs.
 
 #![allow(
     clippy::unwrap_used,
@@ -11,8 +12,10 @@ mod driver;
 
 use driver::{Layout, Viewer};
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
-use navfuse_rerun::figures::record;
-use rerun::{ChunkStore, ChunkStoreConfig, Scalars, StoreKind, TimelineName};
+use navfuse_rerun::re_sdk::{StoreKind, TimelineName};
+use navfuse_rerun::re_sdk_types::archetypes::Scalars;
+use navfuse_viewer::figures::record;
+use re_chunk_store::{ChunkStore, ChunkStoreConfig};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
@@ -29,7 +32,8 @@ fn panel(title: &str, y: Axis, curves: Vec<Curve>) -> Panel {
     Panel { title: title.into(), x: Axis::time(), y, curves, bands: Vec::new() }
 }
 
-/// The error of a state and its bounds; the mean NEES and its band; a track, which is not over time.
+/// The error of a state and its bounds, the mean NEES and its band, and a track, which has no time
+/// axis.
 fn figures() -> Vec<Figure> {
     let sigma = |t: f64| 0.02 + (-t / 300.0).exp();
     let error = |title: &str, phase: f64| {
@@ -88,7 +92,7 @@ fn figures() -> Vec<Figure> {
     ]
 }
 
-/// Times, s, and values of every entity, by its path as it is read.
+/// The times, s, and values of every entity, by its path.
 fn scalars(path: &Path) -> BTreeMap<String, Vec<(f64, f64)>> {
     let stores = ChunkStore::from_rrd_reader(
         &ChunkStoreConfig::ALL_DISABLED,
@@ -113,7 +117,7 @@ fn scalars(path: &Path) -> BTreeMap<String, Vec<(f64, f64)>> {
     rows
 }
 
-/// Whether rows are points: times to the nanosecond that a recording counts, values to the bit.
+/// Compares rows with points: times to the nanosecond of a recording, values to the bit.
 fn same(rows: &[(f64, f64)], points: &[[f64; 2]]) -> bool {
     let equal = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());
     rows.len() == points.len()
@@ -154,7 +158,7 @@ fn a_recording_holds_every_point_of_the_panels_over_time_and_no_other() {
         );
     }
     assert_eq!(rows["consistency/NEES/95 %/upper"], [(0.0, 1.2), (2000.0, 1.2)]);
-    // a logarithmic axis: decimal logarithms, and the gap is there
+    // a logarithmic axis: decimal logarithms, and the gap remains
     let limit: Vec<_> =
         figures[0].panels[3].curves[2].points.iter().map(|p| [p[0], p[1].log10()]).collect();
     assert!(same(&rows["errors/yaw 2/limit"], &limit));
@@ -249,8 +253,8 @@ fn every_curve_of_every_figure_is_drawn_in_its_colour() {
         for (view, colours) in views {
             let picture = viewer.screenshot(Some(&layout.views[view]), view);
             for colour in colours {
-                // the colours are 60 or more apart in some channel; a line crosses a plot of 300 pixels or more, and a
-                // third of it is seen between others and grid
+                // the colours are 60 or more apart in some channel; a line crosses a plot of 300
+                // pixels or more, and a third of it is visible between others and the grid
                 let near = |p: &&image::Rgb<u8>| (0..3).all(|k| p[k].abs_diff(colour[k]) <= 30);
                 let n = picture.pixels().filter(near).count();
                 if n < 100 {

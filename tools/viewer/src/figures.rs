@@ -1,27 +1,28 @@
 //! Figures as a recording: a tab for each figure, and in it a plot for each panel over time.
 //!
-//! A curve is the entity `/FIGURE/PANEL/CURVE`, an edge of a band `/FIGURE/PANEL/BAND/lower` or `upper`; a name that
-//! comes again in the same place has a number after it. The values of a logarithmic axis are recorded as their decimal
-//! logarithms, and the plot says so: the viewer's plots have linear axes only.
+//! A curve is the entity `/FIGURE/PANEL/CURVE`, an edge of a band `/FIGURE/PANEL/BAND/lower` or
+//! `upper`; a name that is repeated in one place has a number after it. The viewer's plots have
+//! linear axes only, so the values of a logarithmic axis are recorded as decimal logarithms, and
+//! the title of the plot has `log10` before the label.
 
-use crate::blueprint::Layout;
-use crate::columns::{Range, Series};
-use crate::live::Live;
-use crate::recording::Recording;
-use crate::style::{BOUND, Colour, path as entity};
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
 use navfuse_figures::{Band, Figure, Look, Panel, Scale};
-use rerun::blueprint::{ContainerLike, Grid, Tabs};
+use navfuse_rerun::re_sdk::blueprint::{ContainerLike, Grid, Tabs};
+use navfuse_rerun::style::{BOUND, Colour, path as entity};
+use navfuse_rerun::{Layout, Live, Range, Recording, Series};
 use std::path::Path;
 
-/// Letters that a bar of tabs has room for. Where the titles have more, the tabs have the figures' names.
+/// The room on a bar of tabs, letters. Where the titles need more, the tabs have the figures'
+/// names.
 const TABS: usize = 160;
 
-/// Writes figures as a recording for the viewer, with its layout. `name` is what the viewer calls the recording.
+/// Writes figures as a recording for the viewer, with its layout. The viewer lists the recording as
+/// `name`.
 ///
-/// Only panels whose horizontal axis is time are recorded: the viewer draws series over its timeline and nothing else.
-/// A figure without such a panel has no tab. Lines are neither dashed nor dotted there, bands are drawn by their edges.
+/// Only panels whose horizontal axis is time are recorded, since the viewer draws series over its
+/// timeline alone. A figure without such a panel has no tab. The viewer draws lines neither dashed
+/// nor dotted, and bands by their edges.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -38,7 +39,7 @@ pub fn record(path: &Path, name: &str, figures: &[Figure]) -> Result<(), StreamE
         let mut panels = Names::default();
         let mut explained = None;
         for panel in figure.panels.iter().filter(|p| p.x.scale == Scale::Time) {
-            // one legend is enough for panels that follow with the same curves
+            // one legend is enough for successive panels with the same curves
             let curves = legend(panel);
             layout.legend = explained.as_ref() != Some(&curves);
             explained = Some(curves);
@@ -63,12 +64,12 @@ pub fn record(path: &Path, name: &str, figures: &[Figure]) -> Result<(), StreamE
     Ok(())
 }
 
-/// Names that are told apart.
+/// Names that differ from each other.
 #[derive(Default)]
 struct Names(Vec<String>);
 
 impl Names {
-    /// The name, or where it was given before the name and a number.
+    /// The name, with a number after it where the name was used before.
     fn unique(&mut self, name: &str) -> String {
         let mut unique = name.to_owned();
         let mut k = 1;
@@ -81,13 +82,14 @@ impl Names {
     }
 }
 
-/// What a legend says.
+/// The entries of a legend.
 fn legend(panel: &Panel) -> Vec<(String, Option<Look>)> {
     let curves = panel.curves.iter().map(|c| (c.name.clone(), Some(c.look)));
     curves.chain(panel.bands.iter().map(|b| (b.name.clone(), None))).collect()
 }
 
-/// The panel's title with the label of its vertical axis, which the viewer has no other place for.
+/// The title of the panel with the label of its vertical axis, for which the viewer has no other
+/// place.
 fn title(panel: &Panel) -> String {
     let logarithm = if panel.y.scale == Scale::Logarithmic { "log10 " } else { "" };
     let label = format!("{logarithm}{}", panel.y.label);
@@ -99,7 +101,7 @@ fn title(panel: &Panel) -> String {
     }
 }
 
-/// Writes the curves and bands of a panel, and says what they span.
+/// Writes the curves and bands of a panel, and returns their range.
 fn write(recording: &Recording, parts: &[&str], panel: &Panel) -> Result<Range, StreamError> {
     let mut range = Range::default();
     let mut names = Names::default();
@@ -124,7 +126,8 @@ fn write(recording: &Recording, parts: &[&str], panel: &Panel) -> Result<Range, 
     Ok(range)
 }
 
-/// The colours of the figures; but dark ink would not be seen on the viewer's dark ground.
+/// The colour and width of a line: those of the figure, but a bound is grey, since its dark ink
+/// would be invisible on the viewer's dark ground.
 fn stroke(look: Look) -> (Colour, f32) {
     match look {
         Look::Bound => (BOUND, 1.0),
@@ -134,8 +137,8 @@ fn stroke(look: Look) -> (Colour, f32) {
     }
 }
 
-/// Sends the points of a series. What is no number of the axis breaks the line; without a time it does so right after the
-/// point before.
+/// Sends the points of a series. A value that is no number on the axis breaks the line; a point
+/// without a time breaks it right after the previous point.
 fn send(
     recording: &Recording,
     series: &mut Series,

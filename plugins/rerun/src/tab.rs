@@ -1,0 +1,112 @@
+//! Tabs that a program adds beside those of the run.
+
+use crate::blueprint::Layout;
+use crate::recording::Recording;
+use navfuse_core::model::record::{Epoch, UpdateRecord};
+use navfuse_core::model::stream::{RunInfo, StreamError};
+use navfuse_core::state::covariance::{Transition, Update};
+use re_sdk::blueprint::ContainerLike;
+
+/// A tab of its own: it follows the run, writes to the recording and adds a view to the layout.
+///
+/// A program hands its tabs to [`Rerun::record`](crate::Rerun::record), from a sink type of its own
+/// where a scenario switches them on:
+/// ```
+/// use navfuse_core::model::record::Epoch;
+/// use navfuse_core::prelude::*;
+/// use navfuse_rerun::re_sdk::blueprint::ContainerLike;
+/// use navfuse_rerun::{Layout, Range, Recording, Rerun, Series, Tab, style};
+///
+/// /// The trace of the covariance over time.
+/// struct Trace {
+///     series: Series,
+///     range: Range,
+/// }
+///
+/// impl Trace {
+///     fn new() -> Self {
+///         let line = ("trace".to_owned(), style::axis(0), 2.0);
+///         let series = Series::lines(style::path(&["covariance", "trace"]), &[line]);
+///         Self { series, range: Range::default() }
+///     }
+/// }
+///
+/// impl Tab for Trace {
+///     fn epoch(&mut self, epoch: &Epoch<'_>, to: &Recording) -> Result<(), StreamError> {
+///         let trace = (0..epoch.layout.tangent).map(|i| epoch.covariance.get(i, i)).sum();
+///         self.range.include(trace);
+///         self.series.push(to, epoch.state.time, &[trace])
+///     }
+///
+///     fn flush(&mut self, to: &Recording) -> Result<(), StreamError> {
+///         self.series.flush(to)
+///     }
+///
+///     fn view(&self, layout: &mut Layout) -> Option<ContainerLike> {
+///         let contents = [format!("+ {}", self.series.path)];
+///         Some(layout.plot("Trace of P", &contents, self.range.axis()))
+///     }
+/// }
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let folder = tempfile::tempdir()?;
+/// let sink = Rerun::default().record(folder.path(), vec![Box::new(Trace::new())])?;
+/// # drop(sink);
+/// # Ok(())
+/// # }
+/// ```
+pub trait Tab: Send {
+    /// Starts with a run.
+    ///
+    /// # Errors
+    /// When the recording cannot be written. The run and its other sinks go on.
+    fn start(&mut self, _run: &RunInfo, _recording: &Recording) -> Result<(), StreamError> {
+        Ok(())
+    }
+
+    /// Takes an estimate.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
+    fn epoch(&mut self, _epoch: &Epoch<'_>, _recording: &Recording) -> Result<(), StreamError> {
+        Ok(())
+    }
+
+    /// Takes the update of one measurement, also a gated one.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
+    fn update(
+        &mut self,
+        _update: &UpdateRecord<'_>,
+        _recording: &Recording,
+    ) -> Result<(), StreamError> {
+        Ok(())
+    }
+
+    /// Takes a step of the error state: see [`navfuse_core::model::record::Observer::transition`].
+    fn transition(&mut self, _transition: &Transition) {}
+
+    /// Takes a correction: see [`navfuse_core::model::record::Observer::correction`].
+    fn correction(&mut self, _update: &Update) {}
+
+    /// Sends what the tab has buffered: at the end, and before it as often as a viewer is
+    /// refreshed.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
+    fn flush(&mut self, _recording: &Recording) -> Result<(), StreamError> {
+        Ok(())
+    }
+
+    /// Writes what is known at the end of the run; [`Tab::flush`] follows.
+    ///
+    /// # Errors
+    /// When the recording cannot be written.
+    fn finish(&mut self, _recording: &Recording) -> Result<(), StreamError> {
+        Ok(())
+    }
+
+    /// The view, once when the run starts and once when it is over; `None` leaves the tab out.
+    fn view(&self, layout: &mut Layout) -> Option<ContainerLike>;
+}
