@@ -1,10 +1,132 @@
-//! The framework of navfuse: state blocks, process and measurement models, plugins, scenarios, and
-//! the error-state EKF that they compose into.
+//! The framework of navfuse: state blocks, process models and measurement models, provided by plugins,
+//! compose into an error-state EKF as a TOML scenario describes it.
 //!
-//! It knows no sensor, no file format and no viewer: those are plugins. A sensor is one generic
-//! function of typed state blocks ([`model::measurement::MeasurementModel`]), registered with its
-//! parameters ([`plugin::SensorType`]); a scenario names it in TOML; the [`run::runner`] feeds the
-//! [`ekf::Ekf`] from sources and tells sinks what comes of it.
+//! The framework contains no sensor, no file format and no viewer. A sensor is one generic function of
+//! typed state blocks; dual numbers differentiate the function, and the framework gates, records and
+//! simulates the sensor. This program estimates the level of a lake from a gauge:
+//!
+//! ```
+//! use navfuse_core::document::Document;
+//! use navfuse_core::prelude::*;
+//! use navfuse_core::run::runner::run;
+//! use navfuse_core::run::scenario::Scenario;
+//!
+//! /// A lake, whose level is a state with dynamics of its own.
+//! #[derive(Deserialize, JsonSchema)]
+//! #[serde(deny_unknown_fields)]
+//! struct Lake {
+//!     /// Level above the zero of the gauge.
+//!     level: LengthBias,
+//! }
+//!
+//! impl ProcessType for Lake {
+//!     const TYPE: &'static str = "lake";
+//!     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
+//!         self.level.block::<Scalar>(composer, "level", &[0.0], display::LENGTH)?;
+//!         Ok(BuiltProcess::new(OwnDynamics))
+//!     }
+//! }
+//!
+//! /// A gauge that measures the level.
+//! #[derive(Deserialize, JsonSchema)]
+//! #[serde(deny_unknown_fields)]
+//! struct Gauge {
+//!     /// 1-sigma noise.
+//!     noise: Sigma<Length>,
+//! }
+//!
+//! struct GaugeModel {
+//!     level: Handle<Scalar>,
+//!     sigma: f64,
+//! }
+//!
+//! impl SensorType for Gauge {
+//!     const TYPE: &'static str = "gauge";
+//!     fn channels(&self) -> Vec<Channel> {
+//!         vec![Channel::new("level", "m")]
+//!     }
+//!     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+//!         let level = composer.find("level", "lake.level")?;
+//!         Ok(Role::measurement(GaugeModel { level, sigma: self.noise.value().si() }))
+//!     }
+//! }
+//!
+//! impl MeasurementModel<1> for GaugeModel {
+//!     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
+//!         SVector::from([x.get(self.level)])
+//!     }
+//!     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
+//!         SMatrix::from([[self.sigma * self.sigma]])
+//!     }
+//! }
+//!
+//! /// Hourly readings of the gauge in metres.
+//! #[derive(Deserialize, JsonSchema)]
+//! #[serde(deny_unknown_fields)]
+//! struct Readings {
+//!     /// Level of each hour.
+//!     levels: Vec<f64>,
+//! }
+//!
+//! struct Hourly(std::vec::IntoIter<Sample>);
+//!
+//! impl SourceType for Readings {
+//!     const TYPE: &'static str = "readings";
+//!     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
+//!         let missing = || StreamError::new("the scenario has no [sensor.gauge]");
+//!         let gauge = SensorId(context.composition.sensor("gauge").ok_or_else(missing)?);
+//!         let hour = |k: i64| Time::from_nanos(3_600_000_000_000 * k);
+//!         let samples = (0..).zip(&self.levels).map(|(k, z)| Sample::new(hour(k), gauge, &[*z]));
+//!         Ok(vec![Box::new(Hourly(samples.collect::<Vec<_>>().into_iter()))])
+//!     }
+//! }
+//!
+//! impl Source for Hourly {
+//!     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+//!         let next = self.0.next();
+//!         *sample = next.unwrap_or(*sample);
+//!         Ok(next.is_some())
+//!     }
+//! }
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut registry = Registry::new();
+//! registry.process::<Lake>();
+//! registry.sensor::<Gauge>();
+//! registry.source::<Readings>();
+//! let scenario = r#"
+//!     [process.lake]
+//!     level = { sigma = "10 m", random_walk = "1 mm/sqrt(s)" }
+//!     [sensor.gauge]
+//!     noise = "5 cm"
+//!     [source.readings]
+//!     levels = [4.02, 4.11, 4.23, 4.28]
+//! "#;
+//! let document = Document::parse("lake.toml", scenario)?;
+//! let assembly = Scenario::new(&registry, document, &[])?.assemble(None)?;
+//! let finished = run(assembly, &false.into(), |_progress| {});
+//! let level = &finished.summary.rows[0];
+//! println!("{} = {:.2} m, 1-sigma {:.2} m", level.name, level.estimate[0], level.sigma[0]);
+//! # assert!((level.estimate[0] - 4.28).abs() < 0.05 && level.sigma[0] < 0.05);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! The modules are rooms by concept, and each uses only the rooms below it:
+//!
+//! | room | concept |
+//! |---|---|
+//! | [`run`] | scenario, runner, summary, JSON Schema |
+//! | [`ekf`] | the error-state EKF |
+//! | [`plugin`] | plugins, and the registry of the types that they provide |
+//! | [`compose`] | composer, calibration states, draws from priors, settings of the estimator |
+//! | [`model`] | process and measurement models, initial alignment, sensors, sources, sinks, records |
+//! | [`state`] | blocks on manifolds, layout, view, error injection and reset, covariance |
+//! | [`units`] | quantities with dimensions, time, samples |
+//! | [`document`] | TOML with places, for errors that name file, line and key |
+//!
+//! A plugin's author starts with [`prelude`]. The
+//! [book](https://github.com/navfuse/navfuse/tree/main/docs/src) has tutorials and the equations.
 
 pub mod compose;
 pub mod document;

@@ -1,4 +1,4 @@
-//! What the author of a plugin needs, in one `use navfuse_core::prelude::*`.
+//! Names for the author of a plugin: `use navfuse_core::prelude::*`.
 
 pub use crate::Real;
 pub use crate::compose::Composer;
