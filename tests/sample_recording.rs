@@ -126,6 +126,16 @@ fn the_calibration_method_finds_the_true_calibration() {
     }
 }
 
+/// An alignment finds the attitude during the run, and there is no reference: the methods have no
+/// attitude to begin from, and must not take the block's value before the alignment for one.
+#[test]
+fn a_calibration_without_an_attitude_is_an_error() {
+    let path = scenario("csv-dvl").display().to_string();
+    let output = navfuse(&["calibrate", &path, "--set", "process.ins.alignment=static"]);
+    let text = stderr(&output);
+    assert!(!output.status.success() && text.contains("no initial attitude"), "{text}");
+}
+
 #[test]
 fn the_tutorial_shows_the_scenario_as_it_is() {
     let page = root().join("docs/src/tutorials/csv-to-calibrated-dvl.md");

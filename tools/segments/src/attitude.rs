@@ -37,8 +37,9 @@ impl AttitudeStart {
             given.map(|c_b_n| Self { time: begin, c_b_n, position: recording.initial_position });
         given.or(reference).ok_or_else(|| {
             SegmentError::Missing(
-                "no initial attitude: the reference has no sample after estimator.start; give \
-                     process.ins.attitude.initial and estimator.initial = \"given\", or a reference"
+                "no initial attitude: the reference has no sample after estimator.start, or an \
+                 alignment finds the attitude during the run; give process.ins.attitude.initial, \
+                 process.ins.alignment = \"given\" and estimator.initial = \"given\", or a reference"
                     .into(),
             )
         })

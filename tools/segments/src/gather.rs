@@ -58,7 +58,9 @@ impl<'a> Builder<'a> {
         }
         let imu = self.imu()?;
         let start = self.composition.start().max(self.zero).since(self.zero);
-        let given = !self.composition.estimator.from_reference();
+        // an alignment finds the attitude during the run; before it, the block's value is arbitrary
+        let given = !self.composition.estimator.from_reference()
+            && !self.composition.processes.iter().any(|p| p.searches);
         let initial_attitude = given.then(|| {
             let c = self.block::<Rotation>(".attitude");
             UnitQuaternion::from_euler_angles(c[0], c[1], c[2])
