@@ -14,15 +14,17 @@ use std::marker::PhantomData;
 /// Scales a vector to length one, unless it is zero or not finite.
 pub(crate) fn unit_vector(axes: [f64; 3]) -> Option<Vector3<f64>> {
     let v = Vector3::from(axes);
-    // scaled by its largest component first, so that no square overflows or vanishes: [1e-200, 0, 0]
-    // has a direction
+    // scaled by its largest component first, so that no square overflows or vanishes: [1e-200, 0,
+    // 0] has a direction
     let unit = (v / v.amax()).normalize();
     unit.iter().all(|x| x.is_finite()).then_some(unit)
 }
 
-/// The direction in which a beam leaves the instrument: a unit vector in its axes forward, right, down.
+/// The direction in which a beam leaves the instrument: a unit vector in its axes forward, right,
+/// down.
 ///
-/// In TOML a vector of any length, `[1, 0, 1]`, or two angles, `{ azimuth = "0 deg", elevation = "-45 deg" }`.
+/// In TOML a vector of any length, `[1, 0, 1]`, or two angles,
+/// `{ azimuth = "0 deg", elevation = "-45 deg" }`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beam(Vector3<f64>);
 

@@ -1,7 +1,7 @@
 //! Laser Doppler velocimeter: the velocity over the ground along one to four laser beams.
 //!
-//! `z_i = k u_i · C_b^d (C_n^b v^n + w_eb^b x l)`: Pan & Wu eq. (7), projected on the beams `u_i`. A
-//! velocity towards the ground spot is positive.
+//! `z_i = k u_i · C_b^d (C_n^b v^n + w_eb^b x l)`: Pan & Wu eq. (7), projected on the beams `u_i`.
+//! A velocity towards the ground spot is positive.
 
 use crate::beam::{Beam, PerBeam};
 use crate::instrument::Instrument;

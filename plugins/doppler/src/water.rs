@@ -20,9 +20,9 @@ const HOUR: f64 = 3600.0;
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WaterCurrent {
-    /// Velocity north, east, down. With a sigma it is estimated: as a Gauss-Markov process about its
-    /// initial value, with that stationary sigma and a `correlation_time` of 1 h by default, or as a
-    /// random walk where `random_walk` is given. Without a sigma it is known.
+    /// Velocity north, east, down. With a sigma it is estimated: as a Gauss-Markov process about
+    /// its initial value, with that stationary sigma and a `correlation_time` of 1 h by default, or
+    /// as a random walk where `random_walk` is given. Without a sigma it is known.
     pub current: Calibration<Triple<Speed>, Triple<AccelerationNoise>>,
 }
 

@@ -1,7 +1,8 @@
 //! The mapping from the axes of Pan & Wu (2016) to ours, proved against their equations.
 //!
-//! The paper: north-up-east and forward-up-right; ours: north-east-down and forward-right-down. Both pairs differ by the
-//! same rotation about the first axis, so that roll and pitch keep their sign and yaw about up is minus yaw about down.
+//! The paper: north-up-east and forward-up-right; ours: north-east-down and forward-right-down.
+//! Both pairs differ by the same rotation about the first axis, so that roll and pitch keep their
+//! sign and yaw about up is minus yaw about down.
 
 use navfuse_core::nalgebra::{Matrix3, Vector3};
 use navfuse_core::state::manifold::{Manifold, Rotation};
@@ -17,7 +18,8 @@ const PAPER_TO_OURS: Matrix3<f64> = Matrix3::new(
     0.0, -1.0, 0.0,
 );
 
-/// Eq. (16) of the paper, as printed: `C_d^b` of roll `phi`, yaw `psi` (about up) and pitch `theta`.
+/// Eq. (16) of the paper, as printed: `C_d^b` of roll `phi`, yaw `psi` (about up) and pitch
+/// `theta`.
 fn equation_16(phi: f64, psi: f64, theta: f64) -> Matrix3<f64> {
     let ((sf, cf), (sp, cp), (st, ct)) = (phi.sin_cos(), psi.sin_cos(), theta.sin_cos());
     #[rustfmt::skip]
@@ -29,7 +31,8 @@ fn equation_16(phi: f64, psi: f64, theta: f64) -> Matrix3<f64> {
     c
 }
 
-/// Our `C_d^b`, of roll, pitch and yaw (about down): the transpose of what the misalignment block holds.
+/// Our `C_d^b`, of roll, pitch and yaw (about down): the transpose of what the misalignment block
+/// holds.
 fn ours(roll: f64, pitch: f64, yaw: f64) -> Matrix3<f64> {
     Rotation::from_coordinates(&[roll, pitch, yaw]).matrix().transpose()
 }
@@ -65,7 +68,8 @@ fn the_misalignment_is_roll_after_pitch_after_yaw() {
 
 #[test]
 fn the_output_of_the_dvl_is_that_of_equation_7() {
-    // The paper's numbers: k = 0.9998, misalignment roll -0.1, yaw -0.5, pitch -0.2 deg, at 5 m/s forward and 1 m/s down.
+    // The paper's numbers: k = 0.9998, misalignment roll -0.1, yaw -0.5, pitch -0.2 deg, at 5 m/s
+    // forward and 1 m/s down.
     let [phi, psi, theta] = [-0.1_f64, -0.5, -0.2].map(f64::to_radians);
     let k = 0.9998;
     let v_paper = Vector3::new(5.0, -1.0, 0.0); // forward, up, right
@@ -77,7 +81,8 @@ fn the_output_of_the_dvl_is_that_of_equation_7() {
 
 #[test]
 fn a_vehicle_yawed_by_minus_ten_degrees_about_up_heads_ten_degrees_east_of_north() {
-    // North, up, east and forward, up, right in place of the instrument's frames: eq. (16) is C_n^b.
+    // North, up, east and forward, up, right in place of the instrument's frames: eq. (16) is
+    // C_n^b.
     let c_n_b =
         PAPER_TO_OURS * equation_16(0.0, (-10_f64).to_radians(), 0.0) * PAPER_TO_OURS.transpose();
     let forward = c_n_b.transpose() * Vector3::x();

@@ -1,8 +1,8 @@
 //! GNSS: position and velocity of the antenna, as a receiver outputs them (loosely coupled; Groves
 //! section 14.3).
 //!
-//! `p = p_imu [+] (C_b^n l + b)`, `v = v^n + C_b^n (w_eb^b x l)`: Groves section 14.3.1, with a bias
-//! `b`. `[+]` displaces a geodetic position by metres.
+//! `p = p_imu [+] (C_b^n l + b)`, `v = v^n + C_b^n (w_eb^b x l)`: Groves section 14.3.1, with a
+//! bias `b`. `[+]` displaces a geodetic position by metres.
 //!
 //! Latitude and longitude are in radians, and so are their innovations; the radii of curvature at
 //! the estimate convert the noise from metres to radians. In double precision an angle of pi is
@@ -38,7 +38,8 @@ pub struct Gnss {
     pub horizontal_noise: Sigma<Length>,
     /// 1-sigma noise of one height.
     pub vertical_noise: Sigma<Length>,
-    /// 1-sigma noise of one velocity, one value or north, east, down. Default: no velocity channels.
+    /// 1-sigma noise of one velocity, one value or north, east, down. Default: no velocity
+    /// channels.
     pub velocity_noise: Option<Sigma<Triple<Speed>>>,
     /// Factor on the accuracies that the receiver reports; the product is the 1-sigma of each axis.
     /// Default: 1.

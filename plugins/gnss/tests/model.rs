@@ -1,4 +1,5 @@
-//! The equation of a GNSS receiver against geometry in Earth-centred axes, and what a filter makes of it.
+//! The equation of a GNSS receiver against geometry in Earth-centred axes, and what a filter makes
+//! of it.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
 use navfuse_core::compose::Composition;
@@ -156,9 +157,11 @@ fn the_innovation_is_the_way_from_estimate_to_fix_in_metres_at_70_degrees_and_ac
             let y = &update.innovation;
             let metres =
                 Vector3::new(y[0] * (r_n + 500.0), y[1] * (r_e + 500.0) * position[0].cos(), -y[2]);
-            // The Earth falls away by way^2 tan(latitude) / R = 25 * 2.7 / 6.4e6 = 1.1e-5 m at the most.
+            // The Earth falls away by way^2 tan(latitude) / R = 25 * 2.7 / 6.4e6 = 1.1e-5 m at the
+            // most.
             assert!((metres - way).amax() < 1.2e-5, "{longitude}: {metres} {way}");
-            // With a certain state S = R: (3 m / 1 m)^2 + (4 m / 1 m)^2 + (2 m / 2 m)^2, each to 2 * 1.2e-5 m / way.
+            // With a certain state S = R: (3 m / 1 m)^2 + (4 m / 1 m)^2 + (2 m / 2 m)^2, each to 2
+            // * 1.2e-5 m / way.
             let nis = update
                 .innovate(&Covariance::zero(bench.composition.layout.tangent))
                 .expect("a noise");
@@ -265,7 +268,8 @@ fn nis_and_position_are_right_across_the_antimeridian_at_70_degrees() {
     assert!(count > 8.0 * 395.0, "{count} of 8 x 400 samples are used");
     // Chi-square of 6: mean 6, variance 12. Four sigma.
     assert!((sum / count - 6.0).abs() < 4.0 * (12.0 / count).sqrt(), "mean NIS {}", sum / count);
-    // 24 squares, those of one run correlated by little: chi-square of 24 is between 8 and 50 with probability 0.998.
+    // 24 squares, those of one run correlated by little: chi-square of 24 is between 8 and 50 with
+    // probability 0.998.
     assert!((8.0..50.0).contains(&squares), "{squares}");
 }
 

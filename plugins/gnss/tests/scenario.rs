@@ -1,4 +1,5 @@
-//! The scenario surface-dive as it is in the repository: what is known of the position before, in and after the dive.
+//! The scenario surface-dive as it is in the repository: what is known of the position before, in
+//! and after the dive.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
 use navfuse_campaign::{Campaign, Folder, Options, execute};
@@ -34,7 +35,8 @@ fn horizontal(stop: &str) -> (f64, f64) {
 #[test]
 fn the_error_grows_in_the_dive_and_is_that_of_gnss_before_and_after() {
     let [before, deep, after] = ["319 s", "1079 s", "1199 s"].map(horizontal);
-    // The bias, 1 m on each axis with a correlation time of 10 min, is all but the whole error where there is GNSS: 1.4 m.
+    // The bias, 1 m on each axis with a correlation time of 10 min, is all but the whole error
+    // where there is GNSS: 1.4 m.
     assert!(before.1 < 1.5 && after.1 < 1.5, "{before:?} {after:?}");
     // 1.5 km of dive, with a heading that goes with gyros of 3 deg/h
     assert!(deep.1 > 2.0 * before.1, "{deep:?}");

@@ -4,8 +4,8 @@
 //! finds an attitude without a prior. The fine one is the filter itself: it starts at the beginning
 //! of the coarse one, at the attitude found, with a prior sigma about ten times the expected error,
 //! and processes the same samples again. The information of the filter therefore comes from the
-//! samples, used once, and its covariance has the correlations of heading with gyro bias and of tilt
-//! with accelerometer bias. The coarse attitude is only the point of linearisation.
+//! samples, used once, and its covariance has the correlations of heading with gyro bias and of
+//! tilt with accelerometer bias. The coarse attitude is only the point of linearisation.
 
 mod aligner;
 mod coarse;
@@ -44,7 +44,8 @@ pub enum AlignmentMethod {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum CoarseMethod {
-    /// From the rotation of gravity in inertial axes over the whole time, which sway does not disturb.
+    /// From the rotation of gravity in inertial axes over the whole time, which sway does not
+    /// disturb.
     #[default]
     Optimisation,
     /// From the means of specific force and angular rate, for a vehicle that stands still.
@@ -62,8 +63,8 @@ pub struct AlignmentConfig {
     pub method: AlignmentMethod,
     /// Shortest duration. Default: 600 s at rest, 240 s in motion.
     pub duration: Option<Positive<Duration>>,
-    /// 1-sigma of the heading at which the alignment may end. It continues until then, and a run that
-    /// never reaches the gate fails. Default: 1 deg.
+    /// 1-sigma of the heading at which the alignment may end. It continues until then, and a run
+    /// that never reaches the gate fails. Default: 1 deg.
     pub heading_gate: Option<Positive<Angle>>,
     /// At rest: method of the coarse attitude, `optimisation` (default) or `analytic`.
     pub coarse: Option<CoarseMethod>,

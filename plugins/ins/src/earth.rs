@@ -31,12 +31,13 @@ pub struct LocalEarth {
     pub r_n_slope: f64,
     /// `d R_E / d L`, m/rad.
     pub r_e_slope: f64,
-    /// Normal gravity, down, m/s^2: Somigliana's formula (Groves eq. 2.134) and its second-order change with height
-    /// (eq. 2.139). The north component above the ellipsoid, 8e-9 h sin 2L (eq. 2.140), is left out.
+    /// Normal gravity, down, m/s^2: Somigliana's formula (Groves eq. 2.134) and its second-order
+    /// change with height (eq. 2.139). The north component above the ellipsoid, 8e-9 h sin 2L
+    /// (eq. 2.140), is omitted.
     pub gravity: f64,
-    /// Its derivative by the latitude, m/s^2/rad.
+    /// Derivative of gravity by the latitude, m/s^2/rad.
     pub gravity_latitude: f64,
-    /// Its derivative by the height, 1/s^2.
+    /// Derivative of gravity by the height, 1/s^2.
     pub gravity_height: f64,
 }
 
@@ -54,6 +55,8 @@ impl LocalEarth {
         const A: f64 = EQUATORIAL_RADIUS;
         /// Ratio of centrifugal to gravitational acceleration at the equator, `w^2 a^2 b / GM`.
         const M: f64 = EARTH_RATE * EARTH_RATE * A * A * A * (1.0 - FLATTENING) / GM;
+        // R_E = a / sqrt(1 - e^2 s^2) and R_N = R_E (1 - e^2) / (1 - e^2 s^2) (Groves eqs 2.106,
+        // 2.105)
         let s2 = sin * sin;
         let w2 = 1.0 - E2 * s2;
         let inv_w = 1.0 / w2.sqrt();
@@ -62,10 +65,12 @@ impl LocalEarth {
         let r_n = r_e * (1.0 - E2) * inv_w2;
         let r_e_slope = r_e * E2 * sin * cos * inv_w2;
 
+        // g0 = g_e (1 + k s^2) / sqrt(1 - e^2 s^2) (Groves eq. 2.134)
         let shape = 1.0 + SOMIGLIANA * s2;
         let g0 = EQUATORIAL_GRAVITY * shape * inv_w;
         // d g0 / d s2, from g0 = g_e (1 + k s2) w2^(-1/2).
         let g0_s2 = EQUATORIAL_GRAVITY * inv_w * (SOMIGLIANA + 0.5 * E2 * shape * inv_w2);
+        // g(h) = g0 (1 - 2/a (1 + f (1 - 2 s^2) + m) h + 3/a^2 h^2) (Groves eq. 2.139)
         let gradient = 2.0 / A * (1.0 + FLATTENING * (1.0 - 2.0 * s2) + M);
         let with_height = 1.0 - (gradient - 3.0 / (A * A) * height) * height;
         Self {
@@ -105,12 +110,14 @@ pub fn earth_rate_ned(latitude: f64) -> Vector3<f64> {
     Vector3::new(EARTH_RATE * c, 0.0, -EARTH_RATE * s)
 }
 
-/// Transport rate `w_en^n` at a latitude (rad) and height (m) for a velocity (m/s, NED), rad/s (Groves eq. 5.44).
+/// Transport rate `w_en^n` at a latitude (rad) and height (m) for a velocity (m/s, NED), rad/s
+/// (Groves eq. 5.44).
 pub fn transport_rate_ned(latitude: f64, height: f64, velocity: &Vector3<f64>) -> Vector3<f64> {
     LocalEarth::at(latitude, height).transport_rate(velocity)
 }
 
-/// Magnitude of normal gravity at a latitude (rad) and height (m), m/s^2 (see [`LocalEarth::gravity`]).
+/// Magnitude of normal gravity at a latitude (rad) and height (m), m/s^2 (see
+/// [`LocalEarth::gravity`]).
 pub fn normal_gravity(latitude: f64, height: f64) -> f64 {
     LocalEarth::at(latitude, height).gravity
 }
@@ -122,7 +129,8 @@ mod tests {
 
     #[test]
     fn normal_gravity_has_the_published_values() {
-        // WGS-84: equator 9.7803253359, pole 9.8321849378 (NIMA TR8350.2); 45 degrees 9.80620 (Somigliana).
+        // WGS-84: equator 9.7803253359, pole 9.8321849378 (NIMA TR8350.2); 45 degrees 9.80620
+        // (Somigliana).
         let at = |degrees: f64| normal_gravity(degrees.to_radians(), 0.0);
         assert!((at(0.0) - 9.780_325_335_9).abs() < 1e-12);
         // The formula's k has seven digits, so 5e-10 * g_e = 5e-9 m/s^2.
@@ -137,7 +145,8 @@ mod tests {
         for degrees in [-80.0_f64, -33.0, 0.0, 12.0, 45.0, 79.0] {
             let (latitude, height) = (degrees.to_radians(), -2_000.0);
             let here = LocalEarth::at(latitude, height);
-            // Central differences: the third derivatives are of the order of the slopes, so 1e-8 of their scale.
+            // Central differences: the third derivatives are of the order of the slopes, so 1e-8 of
+            // their scale.
             let d = 1e-4;
             let (north, south) =
                 (radii_of_curvature(latitude + d), radii_of_curvature(latitude - d));

@@ -14,16 +14,18 @@
 //! dp_E' = dv_E + [v_E tan(L) dp_N - (v_N tan(L) + v_D) dp_E + v_E dp_D]/(R_E+h)
 //! dp_D' = dv_D
 //! ```
-//! (compare Groves section 14.2.4, where the attitude error has the other sign and the position error is in radians).
-//! The position rows use `d(R_E cos L)/dL = -R_N sin L`; the slope of `R_N` cancels in the first.
+//! (compare Groves section 14.2.4, where the attitude error has the other sign and the position
+//! error is in radians). The position error is in metres, so that all rows of `Phi` have similar
+//! magnitude. The position rows use `d(R_E cos L)/dL = -R_N sin L`; the slope of `R_N` cancels in
+//! the first.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::earth::EARTH_RATE;
 use crate::mechanisation::StepRates;
 
-/// The blocks of `F` in `x' = F x`; `x_y` is the effect of `y` on `x'`. `p_v` is the identity, and the blocks that are
-/// not named are zero.
+/// The blocks of `F` in `x' = F x`; the field `x_y` is the effect of `y` on `x'`. `p_v` is the
+/// identity, and the blocks that are not named are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorDynamics {
     /// Attitude on attitude, 1/s.
@@ -47,7 +49,7 @@ pub struct ErrorDynamics {
 }
 
 impl ErrorDynamics {
-    /// The dynamics at what a step met.
+    /// Computes the dynamics from the mean values of a step.
     #[inline]
     pub fn new(rates: &StepRates) -> Self {
         let e = &rates.earth;
@@ -55,14 +57,17 @@ impl ErrorDynamics {
         let tan = e.sin * e.inv_cos;
         let (north, east) = (v.x * e.inv_n, v.y * e.inv_e);
 
-        // d w_en / d v, then d w_ie and d w_en / d p: the latitude by dp_N, the height by -dp_D.
+        // dw_en / dv of w_en = [v_E/(R_E+h), -v_N/(R_N+h), -v_E tan(L)/(R_E+h)] (Groves eq. 5.44)
         #[rustfmt::skip]
         let phi_v = Matrix3::new(
             0.0, -e.inv_e, 0.0,
             e.inv_n, 0.0, 0.0,
             0.0, e.inv_e * tan, 0.0,
         );
+        // dw_ie / dp_N of w_ie = W [cos L, 0, -sin L] (Groves eq. 2.123), with dL = dp_N / (R_N+h)
         let earth_p = Vector3::new(-e.sin, 0.0, -e.cos) * (EARTH_RATE * e.inv_n);
+        // dw_en / dp: by dp_N through the radii, whose slopes count, and tan(L); by dp_D through
+        // the height, dh = -dp_D
         let east_n = -east * e.inv_e * e.r_e_slope * e.inv_n;
         let north_n = -north * e.inv_n * e.r_n_slope * e.inv_n;
         let transport_n =
@@ -70,11 +75,14 @@ impl ErrorDynamics {
         let (east_d, north_d) = (east * e.inv_e, north * e.inv_n);
         let transport_d = Vector3::new(east_d, -north_d, -east_d * tan);
 
+        // dv' / dp: the Coriolis term -(2 dw_ie + dw_en) x v, and the gradient of gravity, which
+        // makes the vertical channel unstable (Schuler's dynamics follow from v_phi and phi_v)
         let v_p_n = v.cross(&(earth_p * 2.0 + transport_n))
             + Vector3::new(0.0, 0.0, e.gravity_latitude * e.inv_n);
         let v_p_d = v.cross(&transport_d) - Vector3::new(0.0, 0.0, e.gravity_height);
         let zero = Vector3::zeros();
         let w_in = rates.earth_rate + rates.transport_rate;
+        // from dL' = v_N/(R_N+h) and dlon' = v_E/((R_E+h) cos L) (Groves eq. 2.111), in metres
         #[rustfmt::skip]
         let p_p = Matrix3::new(
             -v.z * e.inv_n, 0.0, north,
@@ -95,8 +103,8 @@ impl ErrorDynamics {
     }
 }
 
-/// The blocks of the transition `Phi` over a step; those that are not named are zero, or the identity on the diagonal
-/// of the biases.
+/// The blocks of the transition matrix `Phi` of the inertial error state over a step. Blocks that
+/// are not named are zero, or the identity on the diagonal of the biases.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InertialTransition {
     /// Attitude on attitude.
@@ -121,20 +129,22 @@ pub struct InertialTransition {
     pub p_p: Matrix3<f64>,
 }
 
-/// The transition over a step: `I + F dt` with `F` of its midpoint.
+/// Computes the transition over a step: `Phi = I + F dt` (Groves eq. 3.34 to first order) with `F`
+/// of its midpoint.
 ///
-/// Taking `F` at the midpoint, with the means of `C` and `f` over the interval, leaves an error of second order in `dt`
-/// only where blocks chain, `F^2 dt^2 / 2`. Within the blocks that are kept that is `w_in dt / 2` of each, 4e-7 at 100
-/// Hz and 4e-6 at 10 Hz. Left out as blocks of their own, to keep covariance propagation small:
+/// With `F` at the midpoint, and the means of `C` and `f` over the interval, an error of second
+/// order in `dt` remains only where blocks chain, `F^2 dt^2 / 2`. Within the blocks that are kept
+/// it is `w_in dt / 2` of each, 4e-7 at 100 Hz and 4e-6 at 10 Hz. Some blocks are omitted, to keep
+/// the propagation of the covariance small:
 /// - `p_phi = dt/2 v_phi` and `p_ba = dt/2 v_ba`: 5e-4 m per rad and 5e-5 m per m/s^2 at 100 Hz;
 /// - `v_bg = v_phi phi_bg / 2`: 5e-4 m/s per rad/s at 100 Hz, and `p_bg = dt/3 v_bg`.
 ///
-/// Over many steps these telescope: without them the position error lags the velocity error by half a step, and
-/// the velocity error the attitude error, whatever the number of steps. An error in velocity that changes by 0.1 m/s
-/// leaves the position error short by 0.5 mm at 100 Hz.
+/// Over many steps these telescope: without them the position error lags the velocity error by half
+/// a step, and the velocity error lags the attitude error, for any number of steps. An error in
+/// velocity that changes by 0.1 m/s leaves the position error short by 0.5 mm at 100 Hz.
 ///
-/// The biases' share in coning and sculling, the difference of two samples over 12 (1e-5 of `phi_bg` for a change of
-/// rate of 1 rad/s^2 at 100 Hz), is left out too.
+/// The share of the biases in coning and sculling, the difference of two samples over 12 (1e-5 of
+/// `phi_bg` for a change of rate of 1 rad/s^2 at 100 Hz), is omitted too.
 #[inline]
 pub fn transition(rates: &StepRates) -> InertialTransition {
     let dt = rates.dt;
@@ -226,8 +236,9 @@ mod tests {
         (state, Increments { dtheta: u.vector(1.0) * dt, dvel, dt })
     }
 
-    /// Perturbations of a step: large, for the sake of rounding, yet the scale on which the equations bend (1 rad, or
-    /// `R cos L`, 1e6 m) is 200 times larger, so that the truncation, of fourth order, stays below 1e-7.
+    /// Perturbations of a step: large, for the sake of rounding, yet the scale on which the
+    /// equations bend (1 rad, or `R cos L`, 1e6 m) is 200 times larger, so that the truncation, of
+    /// fourth order, stays below 1e-7.
     fn perturbations() -> Errors {
         let mut steps = Errors::zeros();
         for (i, s) in [1e-2, 10.0, 5_000.0, 1.0, 50.0].into_iter().enumerate() {
@@ -238,13 +249,15 @@ mod tests {
 
     #[test]
     fn the_transition_is_the_derivative_of_the_mechanisation() {
-        // Bounds at 100 Hz, 30 m/s, latitude 80 degrees, from the second-order terms `transition` leaves out:
-        // - each block relative to itself: (|2 w_ie + w_en| + |w_in|) dt = (1.7e-4 + 1.0e-4) 0.01 = 2.7e-6, and
-        //   rounding of the difference, 4e-16 rad in 5 km of phi_p's 1.1e-13 rad/m: 1e-6;
-        // - diagonal blocks, absolute: dt^2/2 times f tan(L)/R = 12 * 5.7 / 6.4e6 (attitude, velocity), 5e-10, or times
-        //   the gravity gradient 3.1e-6 (position), 1.5e-10;
-        // - blocks left out, absolute: dt^2/2 times |f| < 14 (p_phi, v_bg), times 1 (p_ba), dt^3/6 |f| (p_bg), 1% over
-        //   for the turn of 1.7 rad/s 0.01 s; phi_ba: dt^2/2 tan(L)/R.
+        // Bounds at 100 Hz, 30 m/s, latitude 80 degrees, from the second-order terms `transition`
+        // leaves out:
+        // - each block relative to itself: (|2 w_ie + w_en| + |w_in|) dt = (1.7e-4 + 1.0e-4) 0.01 =
+        //   2.7e-6, and rounding of the difference, 4e-16 rad in 5 km of phi_p's 1.1e-13 rad/m:
+        //   1e-6;
+        // - diagonal blocks, absolute: dt^2/2 times f tan(L)/R = 12 * 5.7 / 6.4e6 (attitude,
+        //   velocity), 5e-10, or times the gravity gradient 3.1e-6 (position), 1.5e-10;
+        // - blocks left out, absolute: dt^2/2 times |f| < 14 (p_phi, v_bg), times 1 (p_ba), dt^3/6
+        //   |f| (p_bg), 1% over for the turn of 1.7 rad/s 0.01 s; phi_ba: dt^2/2 tan(L)/R.
         const RELATIVE: f64 = 4e-6;
         const DIAGONAL: f64 = 1e-9;
         let mut u = Uniform::new(1);
@@ -294,8 +307,8 @@ mod tests {
             let phi = numerical(&state, &sample, &perturbations());
             let t = transition(&rates);
             let half = 0.5 * rates.dt;
-            // The next order is the turn in a step, at most 1.7 rad/s 0.01 s, on either side of `f`, of a block of
-            // nine components compared by its largest.
+            // The next order is the turn in a step, at most 1.7 rad/s 0.01 s, on either side of
+            // `f`, of a block of nine components compared by its largest.
             for (i, j, block) in [
                 (2, 0, t.v_phi * half),
                 (2, 4, t.v_ba * half),

@@ -45,8 +45,8 @@ const INCREMENTS: [Channel; 6] = [
     Channel::new("dvel_z", "mps"),
 ];
 
-/// Inertial measurement unit: three gyros and three accelerometers along forward, right, down. It drives a strapdown
-/// process, which estimates its biases.
+/// Inertial measurement unit: three gyros and three accelerometers along forward, right, down. It
+/// drives a strapdown process, which estimates its biases.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Imu {
@@ -62,8 +62,8 @@ pub struct Imu {
     pub gyro_quantisation: Option<Sigma<AngularRate>>,
     /// Quantisation step of the specific force in the recording.
     pub accel_quantisation: Option<Sigma<Acceleration>>,
-    /// Longest interval between samples that is bridged at the mean rate; a longer one ends the run.
-    /// Default: 0.1 s.
+    /// Longest interval between samples that is bridged at the mean rate; a longer one ends the
+    /// run. Default: 0.1 s.
     #[serde(default = "tenth_second")]
     pub max_gap: Positive<Duration>,
 }
@@ -107,9 +107,9 @@ impl Imu {
 
     /// Variance of the noise of one axis, integrated over `dt` of a sample's `duration`:
     /// `S dt + step^2/12 dt duration`. The first term is white noise of density `S = noise^2`; the
-    /// second is the rounding, uniform within a step (a uniform distribution has the
-    /// variance `step^2/12`), of which a part of the interval has its share, so that the parts add up
-    /// to the `step^2/12 duration^2` of the whole sample.
+    /// second is the rounding, uniform within a step (a uniform distribution has the variance
+    /// `step^2/12`), of which a part of the interval has its share, so that the parts add up to the
+    /// `step^2/12 duration^2` of the whole sample.
     pub(crate) fn variance(noise: f64, step: f64, dt: f64, duration: f64) -> f64 {
         noise * noise * dt + step * step / 12.0 * dt * duration
     }

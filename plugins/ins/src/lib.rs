@@ -1,7 +1,8 @@
-//! Inertial navigation: the IMU as a driving sensor, the strapdown process that it drives, and a reference solution to
-//! start from and compare with.
+//! Inertial navigation: the IMU as a driving sensor, the strapdown process that it drives, and a
+//! reference solution to start from and compare with.
 //!
-//! [`Navigation`] is what other plugins share: the navigation state that a sensor on the same body is predicted from.
+//! [`Navigation`] is what other plugins share: the navigation state that a sensor on the same body
+//! is predicted from.
 
 pub mod alignment;
 pub mod earth;

@@ -1,10 +1,11 @@
 //! Strapdown navigation in north-east-down axes on WGS-84.
 //!
-//! The equations are those of Groves, 2nd ed., chapter 5, and Savage, *Strapdown Inertial Navigation Integration
-//! Algorithm Design* (J. Guidance 21(1-2), 1998). Over one interval the corrected rotation vector and velocity
-//! increment are taken as constant rates in the body, for which the integrals are exact; everything slow (Earth
-//! rate, transport rate, Coriolis, gravity, radii) is evaluated once, at the interval's midpoint, which is second
-//! order.
+//! The equations are those of Groves, 2nd ed., chapter 5, and Savage, *Strapdown Inertial
+//! Navigation Integration Algorithm Design* (J. Guidance 21(1-2), 1998). Over one interval the
+//! corrected rotation vector and velocity increment are taken as constant rates in the body, for
+//! which the integrals are exact. Quantities that change slowly (Earth rate, transport rate,
+//! Coriolis, gravity, radii) are evaluated once, at the midpoint of the interval, which is accurate
+//! to second order.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use navfuse_core::state::geodesy::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, Geodetic};
@@ -13,7 +14,7 @@ use thiserror::Error;
 
 use crate::earth::LocalEarth;
 
-/// Largest latitude, degrees, north or south: the longitude of north-east-down axes has no meaning at the poles.
+/// Largest latitude, degrees, north or south: north-east-down axes do not exist at the poles.
 pub const MAX_LATITUDE_DEG: f64 = 89.9;
 
 /// Attitude, velocity and position.
@@ -27,7 +28,7 @@ pub struct NavState {
     pub position: Geodetic<f64>,
 }
 
-/// What the inertial sensors integrated over an interval, biases already removed.
+/// Integrals of the inertial sensors over an interval, biases already removed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Increments {
     /// Integral of the angular rate `w_ib^b`, rad.
@@ -39,7 +40,8 @@ pub struct Increments {
 }
 
 impl Increments {
-    /// The share of this sample that falls to a fraction of its interval, at the sample's mean rates.
+    /// The share of this sample that falls to a fraction of its interval, at the sample's mean
+    /// rates.
     #[must_use]
     pub fn part(&self, fraction: f64) -> Self {
         Self { dtheta: self.dtheta * fraction, dvel: self.dvel * fraction, dt: self.dt * fraction }
@@ -51,8 +53,8 @@ impl Increments {
 pub struct StepRates {
     /// Length of the interval, s.
     pub dt: f64,
-    /// Mean over the interval of the rotation from body to navigation axes (the axes of its beginning; the
-    /// difference, 4e-7 at 100 Hz, is below what the error model resolves).
+    /// Mean over the interval of the rotation from body to navigation axes (the axes of its
+    /// beginning; the difference, 4e-7 at 100 Hz, is below what the error model resolves).
     pub c_b_n: Matrix3<f64>,
     /// Mean specific force in navigation axes, m/s^2.
     pub specific_force: Vector3<f64>,
@@ -66,20 +68,23 @@ pub struct StepRates {
     pub earth: LocalEarth,
 }
 
-/// Why a step has no result.
+/// Reason for which a step has no result.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum MechanisationError {
     /// The interval is not a positive number of seconds.
     #[error(
-        "the inertial interval is {dt} s: it must be positive; check that the samples are in time order"
+        "the inertial interval is {dt} s: it must be positive; check that the samples are in time \
+         order"
     )]
     Interval {
         /// The interval, s.
         dt: f64,
     },
-    /// North-east-down navigation has no meaning so near a pole.
+    /// The latitude is too near a pole for north-east-down navigation.
     #[error(
-        "the latitude reached {degrees:.4} deg: north-east-down navigation ends at 89.9 deg north and south"
+        "the latitude reached {degrees:.4} deg: north-east-down navigation ends at 89.9 deg north \
+         and south"
     )]
     Latitude {
         /// The latitude, degrees.
@@ -87,21 +92,22 @@ pub enum MechanisationError {
     },
     /// A number is infinite or not a number.
     #[error(
-        "the inertial step's {what} is not finite: check the sensor's samples and the initial state"
+        "the inertial step's {what} is not finite: check the sensor's samples and the initial \
+         state"
     )]
     NonFinite {
-        /// What is not finite: a part of the state or of the increments that were given, or else the result.
+        /// Part of the given state or increments that is not finite, or else the result.
         what: &'static str,
     },
 }
 
-/// The strapdown integrator: what it remembers from one inertial sample to the next, which is the previous sample,
-/// for coning and sculling. It holds no part of the navigation state, so a filter may correct that freely, and
-/// a copy is a snapshot.
+/// The strapdown integrator. It stores the previous inertial sample, for coning and sculling, and
+/// no part of the navigation state; so a filter may correct the state freely, and a copy is a
+/// snapshot.
 ///
-/// A sample may be taken in parts, because something else happened inside it: see [`Self::step_part`].
-/// After a gap in the samples begin again with the default, which has no previous sample and applies no coning or
-/// sculling to its first.
+/// A sample may be taken in parts, where an update falls inside its interval: see
+/// [`Self::step_part`]. After a gap in the samples, begin with the default again: it has no
+/// previous sample and applies no coning or sculling to its first.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mechanisation {
     /// The last complete sample.
@@ -114,7 +120,7 @@ impl Mechanisation {
     /// Advances a state by one whole inertial sample.
     ///
     /// # Errors
-    /// See [`MechanisationError`]. Nothing is remembered of a step that failed.
+    /// See [`MechanisationError`]. A step that failed leaves the integrator unchanged.
     #[inline]
     pub fn step(
         &mut self,
@@ -124,16 +130,16 @@ impl Mechanisation {
         self.step_part(state, sample, sample.dt)
     }
 
-    /// Advances a state by a part of an inertial sample that lasts `sample_dt` seconds in all: the increments are
-    /// the part's own share ([`Increments::part`]).
+    /// Advances a state by a part of an inertial sample that lasts `sample_dt` seconds in all; the
+    /// increments are the share of the part ([`Increments::part`]).
     ///
-    /// The coning and sculling of a whole sample are linear in its increments, once its previous sample and length
-    /// are given, so each part takes its share, and the parts add up to the whole. The parts become the previous
-    /// sample when together they last `sample_dt` (to one part in a million); a sample that was left unfinished is
-    /// counted with the next, as one sample at their mean rates.
+    /// For a given previous sample and length, the coning and sculling of a sample are linear in
+    /// its increments, so each part takes its share, and the parts add up to the whole. The parts
+    /// become the previous sample when together they last `sample_dt` (to one part in a million); a
+    /// sample that was left unfinished is merged with the next, as one sample at their mean rates.
     ///
     /// # Errors
-    /// See [`MechanisationError`]. Nothing is remembered of a step that failed.
+    /// See [`MechanisationError`]. A step that failed leaves the integrator unchanged.
     pub fn step_part(
         &mut self,
         state: &NavState,
@@ -160,19 +166,22 @@ impl Mechanisation {
         Ok((next, rates))
     }
 
-    /// As [`Self::coning_sculling`] of the whole next sample, which is then the previous one.
+    /// Computes [`Self::coning_sculling`] of the whole next sample, which becomes the previous one.
     pub(crate) fn compensate(&mut self, sample: &Increments) -> (Vector3<f64>, Vector3<f64>) {
         let equivalent = self.coning_sculling(sample, sample.dt);
         self.remember(sample, sample.dt);
         equivalent
     }
 
-    /// The rotation vector and velocity increment of an interval at constant body rates that are equivalent to
-    /// the increments: Savage's two-sample coning and sculling, `phi = a2 + a1 x a2 / 12` and
-    /// `dv = v2 + (a1 x v2 + v1 x a2) / 12` (compare Groves section 5.5), for unequal intervals.
+    /// Computes the rotation vector and velocity increment of an interval at constant body rates
+    /// that are equivalent to the increments: Savage's two-sample coning and sculling,
+    /// `phi = a2 + a1 x a2 / 12` and `dv = v2 + (a1 x v2 + v1 x a2) / 12` (compare Groves section
+    /// 5.5), for unequal intervals. Without them a vibration about two axes, out of phase, would
+    /// drift.
     ///
-    /// For rates linear in time over `T1` then `T2` the integrals `1/2 int alpha x w` and `1/2 int (alpha x f + nu x
-    /// w)` over `T2` are the same cross products times `T2^2 / (6 T1 (T1 + T2))`, which is 1/12 when `T1 = T2`.
+    /// For rates linear in time over `T1` then `T2`, the integrals `1/2 int alpha x w` and
+    /// `1/2 int (alpha x f + nu x w)` over `T2` are the same cross products times
+    /// `T2^2 / (6 T1 (T1 + T2))`, which is 1/12 when `T1 = T2`.
     #[inline]
     fn coning_sculling(&self, inc: &Increments, sample_dt: f64) -> (Vector3<f64>, Vector3<f64>) {
         let Some(previous) = &self.previous else { return (inc.dtheta, inc.dvel) };
@@ -201,7 +210,7 @@ impl Mechanisation {
     }
 }
 
-/// `1 / n!`: a multiplication is several times faster than a division.
+/// `1 / n!`, because a multiplication is several times faster than a division.
 const F3: f64 = 1.0 / 6.0;
 const F4: f64 = 1.0 / 24.0;
 const F5: f64 = 1.0 / 120.0;
@@ -211,12 +220,14 @@ const F8: f64 = 1.0 / 40_320.0;
 const F9: f64 = 1.0 / 362_880.0;
 const F10: f64 = 1.0 / 3_628_800.0;
 
-/// Exact integrals of a rotation at constant rate by the rotation vector `phi` (`x` its square), with `K = [phi x]`.
+/// Exact integrals of a rotation at constant rate by the rotation vector `phi` (`x` its square),
+/// with `K = [phi x]`.
 struct Rotation {
     /// `exp(phi)` as a quaternion.
     quaternion: Quaternion<f64>,
     /// `a = (1 - cos)/x`, `b = (phi - sin)/phi^3`, `c = (1/2 - a)/x`, for which
-    /// `int_0^1 exp(K u) du = I + a K + b K^2` and `int_0^1 int_0^u exp(K s) ds du = I/2 + b K + c K^2`.
+    /// `int_0^1 exp(K u) du = I + a K + b K^2` and
+    /// `int_0^1 int_0^u exp(K s) ds du = I/2 + b K + c K^2`.
     a: f64,
     b: f64,
     c: f64,
@@ -229,8 +240,9 @@ impl Rotation {
         // Half angle: sine over the whole angle, and cosine.
         let (sinc, cos, b, c);
         if x < 0.01 {
-            // The first terms left out of `sinc` and `cos` are (x/4)^5/11! and (x/4)^5/10!, below 3e-20;
-            // those of `b` and `c`, x^4/11! and x^4/12!, are below 3e-16 where x b and x c matter to 1.
+            // The first terms omitted from `sinc` and `cos` are (x/4)^5/11! and (x/4)^5/10!, below
+            // 3e-20; those of `b` and `c`, x^4/11! and x^4/12!, are below 3e-16 where x b and x c
+            // matter to 1.
             let u = 0.25 * x;
             sinc = 0.5 - u * (0.5 * F3 - u * (0.5 * F5 - u * (0.5 * F7 - u * (0.5 * F9))));
             cos = 1.0 - u * (0.5 - u * (F4 - u * (F6 - u * F8)));
@@ -248,7 +260,8 @@ impl Rotation {
     }
 }
 
-/// One interval at constant body rates: the rotation vector and velocity increment are free of coning and sculling.
+/// Advances a state by one interval at constant body rates; the rotation vector and velocity
+/// increment already include coning and sculling.
 #[inline]
 fn advance(
     state: &NavState,
@@ -260,8 +273,9 @@ fn advance(
     let x = phi.norm_squared();
     let turn = Rotation::new(phi);
 
-    // Velocity and position increments of the specific force in the axes of the beginning (Savage's rotation
-    // compensation and its double integral, here in closed form); `mean` is the mean rotation over the interval.
+    // Velocity and position increments of the specific force in the axes of the beginning (Savage's
+    // rotation compensation and its double integral, here in closed form): with K = [phi x], dv = C
+    // (I + a K + b K^2) dvel and dr = C (I/2 + b K + c K^2) dvel. `mean` is the mean rotation.
     let start = *state.c_b_n.to_rotation_matrix().matrix();
     let outer = phi * (turn.b * phi.transpose());
     let diagonal = 1.0 - turn.b * x;
@@ -277,7 +291,9 @@ fn advance(
     let dr_f = start
         * (dvel * (0.5 - turn.c * x) + phi.cross(dvel) * turn.b + phi * (turn.c * phi.dot(dvel)));
 
-    // The Earth at the midpoint. The latitude is extrapolated with a series for R_N good to 1e-6 of itself.
+    // The Earth at the midpoint. The latitude is extrapolated with a series for R_N (Groves eq.
+    // 2.105) that is accurate to 1e-6 of it; the change of the latitude is so small that two terms
+    // suffice.
     let (sin, cos) = position.latitude.sin_cos();
     let e2s2 = ECCENTRICITY_SQUARED * sin * sin;
     let r_n =
@@ -291,23 +307,26 @@ fn advance(
     let gravity = Vector3::new(0.0, 0.0, earth.gravity * dt);
     let earth_rate = earth.earth_rate();
 
-    // Mean velocity over the interval, which Coriolis, transport rate and position need. The predictor lacks the
-    // Coriolis acceleration and the turn of the axes; the corrector puts them in.
+    // Mean velocity over the interval, which Coriolis, transport rate and position need. The
+    // predictor lacks the Coriolis acceleration and the rotation of the axes; the corrector adds
+    // them.
     let predicted = state.velocity + dr_f + gravity * 0.5;
     let rate = earth_rate + earth.transport_rate(&predicted);
     let velocity =
         predicted - (rate + earth_rate).cross(&predicted) * half - rate.cross(&dv_f) * (F3 * dt);
 
-    // Velocity (Groves eqs 5.53 and 5.54, Coriolis and gravity at the midpoint). The axes turn meanwhile by zeta, which
-    // weights the force by the time gone, and `int_0^1 u exp(K u) du` is the difference of the two integrals above.
+    // Velocity (Groves eqs 5.53 and 5.54, Coriolis and gravity at the midpoint). Meanwhile the axes
+    // rotate by zeta, which weights the force by the elapsed time; `int_0^1 u exp(K u) du` is the
+    // difference of the two integrals above.
     let transport_rate = earth.transport_rate(&velocity);
     let rate = earth_rate + transport_rate;
     let zeta = rate * dt;
     let dv_n = dv_f - zeta.cross(&(dv_f - dr_f - zeta.cross(&dv_f) * F3));
     let new_velocity = state.velocity + dv_n + gravity - (rate + earth_rate).cross(&velocity) * dt;
 
-    // Attitude (Groves eq. 5.39 and section 5.5, as quaternions): exp(-w_in dt) q exp(phi). The turn of the axes is
-    // below 1e-3 rad, where the series leaves out less than 1e-14 of it. One Newton step restores the norm.
+    // Attitude (Groves eq. 5.39 and section 5.5, as quaternions): exp(-w_in dt) q exp(phi). The
+    // rotation of the axes is below 1e-3 rad, where the series omits less than 1e-14 of it. One
+    // Newton step restores the norm.
     let zeta2 = zeta.norm_squared();
     let axes = Quaternion::from_parts(1.0 - 0.125 * zeta2, zeta * (-0.5 + 0.5 * F4 * zeta2));
     let q = axes * (state.c_b_n.into_inner() * turn.quaternion);

@@ -9,7 +9,8 @@ fn geodetic(latitude_deg: f64, longitude_deg: f64, height: f64) -> Geodetic {
     Geodetic { latitude: latitude_deg.to_radians(), longitude: longitude_deg.to_radians(), height }
 }
 
-/// Constant attitude and velocity in navigation axes at constant height and latitude: the exact sensors.
+/// Constant attitude and velocity in navigation axes at constant height and latitude: the exact
+/// sensors.
 fn steady(state: &NavState, dt: f64) -> Increments {
     let p = &state.position;
     let w_ie = earth_rate_ned(p.latitude);
@@ -41,10 +42,11 @@ fn assert_near(a: &NavState, b: &NavState, bounds: [f64; 3], what: &str) {
 
 #[test]
 fn at_rest_on_the_rotating_earth_stays_at_rest() {
-    // An hour at 100 Hz. The same sample at the same state rounds the same way every time, so at worst the attitude
-    // drifts by 2 eps = 4.4e-16 rad a step (two products, of half angles): 1.6e-10 rad, as a gyroscope of 4.4e-14 rad/s
-    // (9e-9 deg/h) would. Such a drift gives R * 4.4e-14 = 2.8e-7 m/s and, times an hour, 1e-3 m. The quaternion's norm
-    // adds 2 eps g = 4e-15 m/s^2 down, which the vertical channel multiplies by R/2g cosh(3600 s / 570 s) = 9e7 s^2:
+    // An hour at 100 Hz. The same sample at the same state rounds the same way every time, so at
+    // worst the attitude drifts by 2 eps = 4.4e-16 rad a step (two products, of half angles):
+    // 1.6e-10 rad, as a gyroscope of 4.4e-14 rad/s (9e-9 deg/h) would. Such a drift gives R *
+    // 4.4e-14 = 2.8e-7 m/s and, times an hour, 1e-3 m. The quaternion's norm adds 2 eps g = 4e-15
+    // m/s^2 down, which the vertical channel multiplies by R/2g cosh(3600 s / 570 s) = 9e7 s^2:
     // 4e-7 m.
     for (latitude, heading) in [(0.0, 0.0_f64), (59.3, 1.0), (-79.0, -2.5)] {
         let c_b_n = UnitQuaternion::from_euler_angles(0.05, -0.03, heading);
@@ -60,8 +62,9 @@ fn at_rest_on_the_rotating_earth_stays_at_rest() {
 
 #[test]
 fn an_eastward_run_at_high_latitude_follows_its_parallel() {
-    // 30 m/s for half an hour along 80 degrees north, across the antimeridian. Rounding as at rest, for half the time;
-    // the longitude near 180 degrees rounds by 2.2e-16 rad * R cos(80 deg) a step, 4e-5 m in all.
+    // 30 m/s for half an hour along 80 degrees north, across the antimeridian. Rounding as at rest,
+    // for half the time; the longitude near 180 degrees rounds by 2.2e-16 rad * R cos(80 deg) a
+    // step, 4e-5 m in all.
     for speed in [30.0, -30.0] {
         let longitude: f64 = if speed > 0.0 { 179.5 } else { -179.5 };
         let state = NavState {
@@ -80,7 +83,8 @@ fn an_eastward_run_at_high_latitude_follows_its_parallel() {
     }
 }
 
-/// The error about x, rad per step, of integrating a coning motion of half angle `angle` at `x` rad of phase per step.
+/// The error about x, rad per step, of integrating a coning motion of half angle `angle` at `x` rad
+/// of phase per step.
 fn coning_drift(angle: f64, x: f64, with_history: bool) -> f64 {
     // w = 2 q* q' of q = (cos a/2, 0, sin(a/2) cos Wt, sin(a/2) sin Wt).
     let sample = |k: f64| Increments {
@@ -114,8 +118,8 @@ fn coning_drift(angle: f64, x: f64, with_history: bool) -> f64 {
 
 #[test]
 fn coning_drifts_as_the_two_sample_algorithm_must() {
-    // Per step the true coning is a^2 (x - sin x) / 2 and the algorithm's a^2 sin^2(x/2) sin(x) / 3, so that a^2 x^5 /
-    // 60 (1 + ...) remains, against a^2 x^3 / 12 without the correction.
+    // Per step the true coning is a^2 (x - sin x) / 2 and the algorithm's a^2 sin^2(x/2) sin(x) /
+    // 3, so that a^2 x^5 / 60 (1 + ...) remains, against a^2 x^3 / 12 without the correction.
     let (a, x) = (1e-3_f64, 0.3_f64);
     let remainder = a * a * ((x - x.sin()) / 2.0 - (x / 2.0).sin().powi(2) * x.sin() / 3.0);
     let drift = coning_drift(a, x, true);
@@ -124,7 +128,8 @@ fn coning_drifts_as_the_two_sample_algorithm_must() {
     assert!((without.abs() / (a * a * (x - x.sin()) / 2.0) - 1.0).abs() < 1e-2, "{without:e}");
 }
 
-/// The mean error along y, m/s per step, of sculling `angle sin Wt` about x in phase with `sin Wt` m/s^2 along z.
+/// The mean error along y, m/s per step, of sculling `angle sin Wt` about x in phase with `sin Wt`
+/// m/s^2 along z.
 fn sculling_drift(angle: f64, x: f64, correct: bool) -> f64 {
     let sample = |k: f64| Increments {
         dtheta: Vector3::x() * angle * ((x * (k + 1.0)).sin() - (x * k).sin()),
@@ -153,8 +158,8 @@ fn sculling_drift(angle: f64, x: f64, correct: bool) -> f64 {
 
 #[test]
 fn sculling_drifts_as_the_two_sample_algorithm_must() {
-    // By the duality of coning and sculling (alpha, w -> nu, f) the remainder per step is a A x^4 / 60 (1 + ...) of
-    // coning's a^2 x^5 / 60, against a A x^2 / 12 without the correction.
+    // By the duality of coning and sculling (alpha, w -> nu, f) the remainder per step is a A x^4 /
+    // 60 (1 + ...) of coning's a^2 x^5 / 60, against a A x^2 / 12 without the correction.
     let (a, x) = (1e-2, 2.0 * PI * 0.04);
     let remainder = a * ((x - x.sin()) / 2.0 - (x / 2.0_f64).sin().powi(2) * x.sin() / 3.0) / x;
     let drift = sculling_drift(a, x, true);
@@ -171,7 +176,8 @@ fn manoeuvre(t: f64) -> (Vector3<f64>, Vector3<f64>) {
     (w, f)
 }
 
-/// The manoeuvre's increments by five-point Gauss-Legendre quadrature: the error is (1.7 dt)^10 1e-12 of them.
+/// The manoeuvre's increments by five-point Gauss-Legendre quadrature: the error is (1.7 dt)^10
+/// 1e-12 of them.
 fn manoeuvre_increments(start: f64, dt: f64) -> Increments {
     const NODES: [(f64, f64); 5] = [
         (-0.906_179_845_938_664, 0.236_926_885_056_189_08),
@@ -189,7 +195,8 @@ fn manoeuvre_increments(start: f64, dt: f64) -> Increments {
     sum
 }
 
-/// The continuous equations (Groves eqs 5.39, 5.53, 5.56), written with matrices, apart from the code under test.
+/// The continuous equations (Groves eqs 5.39, 5.53, 5.56), written with matrices, apart from the
+/// code under test.
 fn derivative(
     t: f64,
     s: &(Matrix3<f64>, Vector3<f64>, Vector3<f64>),
@@ -258,8 +265,8 @@ fn halving_the_interval_divides_the_error_by_eight() {
         .collect();
     for pair in errors.windows(2) {
         for (coarse, fine) in pair[0].iter().zip(&pair[1]) {
-            // The curvature of the rates, which two samples do not see, is of third order; the second order of the
-            // slow terms is far below it. 7.5 leaves room for the orders above.
+            // The curvature of the rates, which two samples do not see, is of third order; the
+            // second order of the slow terms is far below it. 7.5 leaves room for the orders above.
             assert!(coarse / fine > 7.5, "{errors:?}");
         }
     }
@@ -267,8 +274,9 @@ fn halving_the_interval_divides_the_error_by_eight() {
 
 #[test]
 fn unequal_intervals_keep_the_order_of_coning_and_sculling() {
-    // Alternating 8 and 12 ms against 10 ms throughout: the error of third order grows by at most (1.2^3 + 0.8^3)/2 =
-    // 1.12 per sample; with the factor 1/12 for all it would be of second order, hundreds of times larger.
+    // Alternating 8 and 12 ms against 10 ms throughout: the error of third order grows by at most
+    // (1.2^3 + 0.8^3)/2 = 1.12 per sample; with the factor 1/12 for all it would be of second
+    // order, hundreds of times larger.
     let duration = 60.0;
     let reference = runge_kutta(&manoeuvre_start(), duration, 60_000);
     let mut mechanisation = Mechanisation::default();
@@ -291,10 +299,11 @@ fn unequal_intervals_keep_the_order_of_coning_and_sculling() {
 
 #[test]
 fn a_sample_taken_in_parts_equals_the_whole() {
-    // The body's integrals are exact at constant rates and Coriolis sees the mean velocity, so that over one step only
-    // what is not linear in the velocity differs: v^2 tan(L)/R, (f dt)^2/12 * 5.7/6.4e6 * dt = 2e-11 m/s at 20 m/s^2,
-    // and the height at which gravity is taken, 3.1e-6/s^2 * f dt^2/8 * dt = 8e-12 m/s. Attitude: rounding. Position:
-    // that of the longitude, 4.4e-16 * R = 3e-9 m, twice.
+    // The body's integrals are exact at constant rates and Coriolis sees the mean velocity, so that
+    // over one step only what is not linear in the velocity differs: v^2 tan(L)/R, (f dt)^2/12 *
+    // 5.7/6.4e6 * dt = 2e-11 m/s at 20 m/s^2, and the height at which gravity is taken, 3.1e-6/s^2
+    // * f dt^2/8 * dt = 8e-12 m/s. Attitude: rounding. Position: that of the longitude, 4.4e-16 * R
+    // = 3e-9 m, twice.
     let mut u = Uniform::new(3);
     for _ in 0..1_000 {
         let dt = 0.01;
@@ -324,10 +333,10 @@ fn a_sample_taken_in_parts_equals_the_whole() {
 
 #[test]
 fn a_fast_turn_is_integrated_in_closed_form() {
-    // 20 rad/s over 0.1 s, where the series would not do: one step equals a thousand of the same constant rates, but
-    // for the slow terms: the height at which gravity is taken is off by a dt^2/8 = 1.5 cm, 3.1e-6 * 0.015 * 0.1 = 5e-9
-    // m/s, and in the mean velocity the turn of the axes within the body's, zeta phi dv / 24 = 1e-5 * 2 * 1.2 / 24 =
-    // 1e-6 m/s, for 0.1 s.
+    // 20 rad/s over 0.1 s, where the series would not do: one step equals a thousand of the same
+    // constant rates, but for the slow terms: the height at which gravity is taken is off by a
+    // dt^2/8 = 1.5 cm, 3.1e-6 * 0.015 * 0.1 = 5e-9 m/s, and in the mean velocity the turn of the
+    // axes within the body's, zeta phi dv / 24 = 1e-5 * 2 * 1.2 / 24 = 1e-6 m/s, for 0.1 s.
     let state = manoeuvre_start();
     let whole = Increments {
         dtheta: Vector3::new(1.0, -1.5, 0.8),
@@ -347,8 +356,8 @@ fn the_series_meets_the_closed_form() {
         let exact = UnitQuaternion::from_scaled_axis(phi);
         assert!((turn.quaternion - exact.into_inner()).norm() < 2e-16, "{x}");
         assert!((turn.a - 2.0 * ((0.5 * x).sin() / x).powi(2)).abs() < 2e-16, "{x}");
-        // b = sum (-x^2)^k / (2k + 3)! and c = sum (-x^2)^k / (2k + 4)!; the closed forms lose 1e-16 / x^2 of 1 to
-        // cancellation, at most 1e-14 where they are used.
+        // b = sum (-x^2)^k / (2k + 3)! and c = sum (-x^2)^k / (2k + 4)!; the closed forms lose
+        // 1e-16 / x^2 of 1 to cancellation, at most 1e-14 where they are used.
         let series = |n: f64, first: f64| {
             let terms = (0..20).map(|k| n + 2.0 * f64::from(k));
             terms

@@ -10,7 +10,7 @@ use navfuse_core::state::{Handle, Signal, View};
 
 use crate::earth::EARTH_RATE;
 
-/// The blocks of a strapdown process: what sensors on the same body are predicted from.
+/// The blocks of a strapdown process, from which sensors on the same body predict their samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Navigation {
     /// Attitude: body to navigation frame.
@@ -23,17 +23,18 @@ pub struct Navigation {
     pub gyro_bias: Handle<Vector<3>>,
     /// Accelerometer bias, m/s^2.
     pub accel_bias: Handle<Vector<3>>,
-    /// Angular rate as the gyros gave it, rad/s.
+    /// Angular rate as the gyros measured it, rad/s.
     pub angular_rate: Signal<3>,
 }
 
-/// The name that a strapdown process has where a scenario gives it none: the default of a sensor's parameter that names it.
+/// Default name of a strapdown process, and therefore of the parameter with which a sensor refers
+/// to it.
 pub fn default_name() -> String {
     "ins".to_owned()
 }
 
 impl Navigation {
-    /// The navigation state of the process `name`; `key` is the parameter that named it.
+    /// Finds the navigation state of the process `name`; `key` is the parameter that named it.
     ///
     /// # Errors
     /// When there is no strapdown process of that name.
@@ -48,7 +49,7 @@ impl Navigation {
         })
     }
 
-    /// The navigation state of the scenario's strapdown process: there is one, whatever its name.
+    /// Finds the navigation state of the only strapdown process of the scenario, whatever its name.
     ///
     /// # Errors
     /// When there is none.
@@ -61,7 +62,9 @@ impl Navigation {
         Self::find(composer, "", &owner)
     }
 
-    /// Angular rate of the body with respect to the Earth in body axes, rad/s: `w_ib^b - b_g - C_n^b w_ie^n`.
+    /// Angular rate of the body with respect to the Earth in body axes, rad/s:
+    /// `w_eb^b = w_ib^b - b_g - C_n^b w_ie^n`. A lever arm moves relative to the Earth, so the
+    /// Earth rate is subtracted; `w_ie^n` is Groves eq. 2.123.
     pub fn angular_rate<T: Real>(&self, x: &View<'_, T>) -> Vector3<T> {
         let measured = Vector3::from(x.signal(self.angular_rate)).map(nalgebra::convert::<f64, T>);
         let (sin, cos) = x.get(self.position).latitude.sin_cos();
@@ -70,14 +73,14 @@ impl Navigation {
         measured - x.get(self.gyro_bias) - x.get(self.attitude).inverse() * w_ie_n
     }
 
-    /// Earth-referenced velocity in body axes, m/s, of the point at `lever_arm` (body axes, m) from the IMU (Groves
-    /// eq. 17.13).
+    /// Earth-referenced velocity in body axes, m/s, of the point at `lever_arm` (body axes, m) from
+    /// the IMU: `C_n^b v^n + w_eb^b x l` (Groves eq. 17.13).
     pub fn velocity_at<T: Real>(&self, x: &View<'_, T>, lever_arm: &Vector3<T>) -> Vector3<T> {
         let v_b = x.get(self.attitude).inverse() * x.get(self.velocity);
         v_b + self.angular_rate(x).cross(lever_arm)
     }
 
-    /// Position of the point at `lever_arm` (body axes, m) from the IMU.
+    /// Position of the point at `lever_arm` (body axes, m) from the IMU: `p [+] C_b^n l`.
     pub fn position_at<T: Real>(&self, x: &View<'_, T>, lever_arm: &Vector3<T>) -> Geodetic<T> {
         x.get(self.position).displaced(&(x.get(self.attitude) * lever_arm))
     }

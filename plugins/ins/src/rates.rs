@@ -6,9 +6,9 @@ use navfuse_core::units::time::Time;
 /// Mean angular rate and specific force over the time that a sample covers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rates {
-    /// The end of that time.
+    /// End of the sample.
     pub time: Time,
-    /// Its length, s.
+    /// Length of the sample, s.
     pub duration: f64,
     /// Angular rate, rad/s.
     pub w: Vector3<f64>,
@@ -37,14 +37,16 @@ impl LastRates {
         self.before.as_ref()
     }
 
-    /// The angular rate at a time within the last sample, rad/s: on the line through both means, each of which is the rate in
-    /// the middle of its sample.
+    /// Computes the angular rate at a time within the last sample, rad/s, on the line through both
+    /// means, each of which is the rate in the middle of its sample.
     ///
-    /// The mean of the last sample alone is half an interval `T` late at its end: off by `w' T/2`, in one direction as long
-    /// as a turn begins or ends, which no sensor's noise accounts for and which a lever arm's estimate follows. The line is
-    /// off by `w'' T^2 / 3` at most. Its price is white noise: that of the mean in the middle of the sample, and
-    /// `sqrt(10)/2` = 1.58 of it at its end, the least that two samples can do without that error. For a gyro of
-    /// `0.1 deg/h/sqrt(Hz)` at 100 Hz and a lever arm of 3 m it grows from 0.015 to 0.023 mm/s.
+    /// The mean of the last sample alone is late by half an interval `T` at the end of the sample.
+    /// Its error `w' T/2` keeps its sign while a turn begins or ends; no noise of a sensor accounts
+    /// for it, and it biases the estimate of a lever arm. The error of the line is at most
+    /// `w'' T^2 / 3`. The price is white noise: that of the mean in the middle of the sample, and
+    /// `sqrt(10)/2` = 1.58 times that at its end, the least that two samples allow without the
+    /// bias. For a gyro of `0.1 deg/h/sqrt(Hz)` at 100 Hz and a lever arm of 3 m it grows from
+    /// 0.015 to 0.023 mm/s.
     #[inline]
     pub fn angular_rate(&self, at: Time) -> Option<Vector3<f64>> {
         let last = self.last.as_ref()?;

@@ -36,8 +36,8 @@ pub struct Strapdown {
     /// a table with that `method` and its keys.
     #[serde(default)]
     pub alignment: Alignment,
-    /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it. Not used
-    /// with an alignment.
+    /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it. Not
+    /// used with an alignment.
     pub attitude: Option<InitialValue<Triple<Angle>>>,
     /// Velocity north, east, down: prior sigma, and the initial value where no reference gives it.
     /// Not used with an alignment.
@@ -257,8 +257,8 @@ struct StrapdownModel {
 
 impl StrapdownModel {
     /// Process noise over `dt` in navigation axes, `C_b^n Q_b C_b^n'` (compare Groves section
-    /// 14.2.6). The rotation is omitted where all axes have the same noise, since it changes nothing
-    /// there.
+    /// 14.2.6). The rotation is omitted where all axes have the same noise, since it changes
+    /// nothing there.
     fn noise(
         &self,
         c_b_n: &Matrix3<f64>,

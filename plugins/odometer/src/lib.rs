@@ -1,6 +1,6 @@
 //! Odometer of a wheeled vehicle: the speed of a wheel along the vehicle's axis, and the
-//! non-holonomic constraint that the wheel neither slides sideways nor leaves the ground (Wu, Wu, Hu
-//! & Hu 2009; Dissanayake et al. 2001).
+//! non-holonomic constraint that the wheel neither slides sideways nor leaves the ground (Wu, Wu,
+//! Hu & Hu 2009; Dissanayake et al. 2001).
 //!
 //! `z = diag(k, 1, 1) C_b^v (C_n^b v^n + w_eb^b x l)`, where a real wheel has `z = [speed, 0, 0]`.
 
@@ -22,8 +22,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// Odometer of a wheeled vehicle: speed of a wheel, which neither slides nor jumps. A recording
-/// needs the speed alone: the sideways and vertical speeds are then taken as zero, each with its own
-/// sigma.
+/// needs the speed alone: the sideways and vertical speeds are then taken as zero, each with its
+/// own sigma.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Odometer {

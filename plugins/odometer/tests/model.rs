@@ -103,7 +103,8 @@ fn sample(values: &[f64]) -> Sample {
 #[test]
 fn a_vehicle_that_only_rolls_along_its_axis_shows_its_speed_and_two_zeros() {
     let mut bench = Bench::new();
-    // C_b^v = R_y(pitch) R_z(yaw) transforms coordinates: its transpose turns the vehicle's axis into the body
+    // C_b^v = R_y(pitch) R_z(yaw) transforms coordinates: its transpose turns the vehicle's axis
+    // into the body
     let c_v_b = Rotation3::from_axis_angle(&Vector3::z_axis(), YAW)
         * Rotation3::from_axis_angle(&Vector3::y_axis(), PITCH);
     let c_b_n = Rotation3::from_euler_angles(0.2, -0.1, 2.0);
@@ -146,8 +147,8 @@ fn a_recording_of_the_speed_alone_implies_the_constraint() {
     assert_eq!(innovations(&[]).len(), 0, "no speed, no measurement");
 }
 
-/// The Cramer-Rao bound: the smallest sigma that any filter can end with, of scale, pitch (deg), yaw (deg) and lever arm
-/// (m), after segments of a minute.
+/// The Cramer-Rao bound: the smallest sigma that any filter can end with, of scale, pitch (deg),
+/// yaw (deg) and lever arm (m), after segments of a minute.
 fn limit(speed: &str, segments: &str) -> [f64; 6] {
     let segments = format!("source.simulation.segments=[{segments}]");
     let settings = [segments.as_str(), &format!("source.simulation.start={{ speed = '{speed}' }}")];
@@ -177,9 +178,10 @@ fn limit(speed: &str, segments: &str) -> [f64; 6] {
 
 const PRIOR: [f64; 6] = [0.05, 2.0, 2.0, 1.0, 1.0, 1.0];
 
-/// Wu et al. (2009): at rest nothing is seen, and at constant velocity no more; acceleration tells scale and both angles, turns
-/// the lever arm across their axis. What is not seen keeps its prior, to 0.1 %; the bounds on what is seen are a third above the
-/// limit that this scenario reached when it was written.
+/// Wu et al. (2009): at rest nothing is seen, and at constant velocity no more; acceleration tells
+/// scale and both angles, turns the lever arm across their axis. What is not seen keeps its prior,
+/// to 0.1 %; the bounds on what is seen are a third above the limit that this scenario reached when
+/// it was written.
 #[test]
 fn acceleration_tells_scale_and_mounting_and_turning_tells_the_lever_arm() {
     let kept = |limit: [f64; 6], which: &[usize]| {
@@ -190,8 +192,9 @@ fn acceleration_tells_scale_and_mounting_and_turning_tells_the_lever_arm() {
     };
     kept(limit("0 m/s", "{ type = 'static', duration = '60 s' }"), &[0, 1, 2, 3, 4, 5]);
 
-    // 1 m/s known of 10 m/s is 10 % and 5.73 deg: with the priors 1 / sqrt(1/5^2 + 1/10^2) = 4.47 %, 1.89 deg. That gravity
-    // and the Earth's rotation turn with the place is worth a little more.
+    // 1 m/s known of 10 m/s is 10 % and 5.73 deg: with the priors 1 / sqrt(1/5^2 + 1/10^2) = 4.47
+    // %, 1.89 deg. That gravity and the Earth's rotation turn with the place is worth a little
+    // more.
     let cruise = limit("10 m/s", "{ type = 'cruise', duration = '60 s' }");
     assert!(cruise[0] > 0.044 && cruise[1] > 1.85 && cruise[2] > 1.85, "{cruise:?}");
     kept(cruise, &[3, 4, 5]);

@@ -1,4 +1,5 @@
-//! The scenario land-odometer as it is in the repository: its drift, and what it finds of the odometer.
+//! The scenario land-odometer as it is in the repository: its drift, and what it finds of the
+//! odometer.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
 use navfuse_campaign::{Campaign, Folder, Options, execute};
@@ -32,7 +33,8 @@ fn scale_angles_and_lever_arm_converge_and_the_position_drifts_by_less_than_a_te
         error[0].hypot(error[1]) < share && sigma[0].hypot(sigma[1]) < share,
         "{error:?} {sigma:?}"
     );
-    // a hundredth of the priors of 2 % and 2 deg, a tenth of 0.3 m; how low the wheel is only a change of slope tells
+    // a hundredth of the priors of 2 % and 2 deg, a tenth of 0.3 m; how low the wheel is only a
+    // change of slope tells
     assert!(row("odometer.scale").1[0] < 2e-4);
     assert!(row("odometer.pitch").1[0] < 0.02 && row("odometer.yaw").1[0] < 0.02);
     let (_, arm) = row("odometer.lever_arm");

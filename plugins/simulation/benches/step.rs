@@ -1,8 +1,8 @@
-//! The cost of one step of the estimator on the composition of `scenarios/pan-wu-3d.toml` (19 states):
-//! `cargo bench -p navfuse-simulation`
+//! The cost of one step of the estimator on the composition of `scenarios/pan-wu-3d.toml` (19
+//! states): `cargo bench -p navfuse-simulation`
 //!
-//! `imu` is the whole loop step: mechanisation, Phi and covariance through `Ekf::process`. The dense products are what
-//! the covariance would cost if its structure were not used.
+//! `imu` is the whole loop step: mechanisation, Phi and covariance through `Ekf::process`. The
+//! dense products are what the covariance would cost if its structure were not used.
 #![allow(
     missing_docs,
     clippy::unwrap_used,

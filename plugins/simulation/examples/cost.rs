@@ -1,6 +1,6 @@
-//! What the filter costs: the dive of `scenarios/auv.toml`, an update of each of its sensors, and what a state adds, with
-//! the block-sparse kernel and with dense matrices in the same run. Prints the tables of docs/src/explanation/performance.md and draws its
-//! figure:
+//! What the filter costs: the dive of `scenarios/auv.toml`, an update of each of its sensors, and
+//! what a state adds, with the block-sparse kernel and with dense matrices in the same run. Prints
+//! the tables of docs/src/explanation/performance.md and draws its figure:
 //!
 //! `cargo run --release -p navfuse-simulation --example cost -- docs/src/images/performance.svg`
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot start has nothing to report")]
@@ -58,7 +58,8 @@ fn samples(assembly: &mut Assembly) -> Vec<Sample> {
     all
 }
 
-/// What this thread has computed, s: another program on the same core is not in it. The wall clock where there is no such clock.
+/// What this thread has computed, s: another program on the same core is not in it. The wall clock
+/// where there is no such clock.
 fn clock(begin: Instant) -> f64 {
     let spent = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
     let spent = spent.and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
@@ -151,7 +152,8 @@ fn composed(states: usize, calibration: &str) -> String {
     std::iter::once(base.to_owned()).chain(more).collect()
 }
 
-/// Microseconds of: the covariance with the kernel, dense, the whole step of an IMU sample, and an update of four channels.
+/// Microseconds of: the covariance with the kernel, dense, the whole step of an IMU sample, and an
+/// update of four channels.
 fn costs(text: &str) -> [f64; 4] {
     let (mut ekf, rest) = started(text);
     let (warm, rest) = rest.split_at(3000);

@@ -67,12 +67,13 @@ pub trait TrajectoryType: DeserializeOwned + JsonSchema + Send + Sync + 'static 
     /// How long it takes, s.
     fn duration(&self) -> f64;
 
-    /// Earth-referenced velocity in north, east, down (m/s), and roll, pitch and heading (rad, the heading not wrapped), at a
-    /// time since the start (s). Acceleration and angular rate are their derivatives, by dual numbers; the position is the
-    /// integral of the velocity.
+    /// Earth-referenced velocity in north, east, down (m/s), and roll, pitch and heading (rad, the
+    /// heading not wrapped), at a time since the start (s). Acceleration and angular rate are their
+    /// derivatives, by dual numbers; the position is the integral of the velocity.
     fn motion<T: Real>(&self, time: T) -> (Vector3<T>, Vector3<T>);
 
-    /// Times in increasing order, s, at which acceleration or angular rate jumps: nothing is interpolated over them.
+    /// Times in increasing order, s, at which acceleration or angular rate jumps: nothing is
+    /// interpolated over them.
     fn breaks(&self) -> Vec<f64> {
         Vec::new()
     }
@@ -172,7 +173,8 @@ impl<C: TrajectoryType> Trajectory<Stretch<C>> {
     /// The trajectory that a type describes.
     ///
     /// # Errors
-    /// When its duration, breaks, velocity or attitude are not such that the equations hold on its way.
+    /// When its duration, breaks, velocity or attitude are not such that the equations hold on its
+    /// way.
     pub fn of(course: C) -> Result<Self, StreamError> {
         let refuse = |what| Err(StreamError::scenario(format!("trajectory {}: {what}", C::TYPE)));
         let (origin, duration) = (course.start(), course.duration());

@@ -38,7 +38,8 @@ pub struct Kinematics {
     pub euler_rates: Vector3<f64>,
     /// Angular rate of the body relative to NED, in the body, rad/s.
     pub w_nb_b: Vector3<f64>,
-    /// Angular rate of the body relative to inertial space, in the body, rad/s: what a perfect gyroscope measures.
+    /// Angular rate of the body relative to inertial space, in the body, rad/s: what a perfect
+    /// gyroscope measures.
     pub w_ib_b: Vector3<f64>,
     /// Specific force, in the body, m/s^2: what a perfect accelerometer measures.
     pub specific_force: Vector3<f64>,
@@ -58,10 +59,11 @@ struct Node {
 
 /// Reads a trajectory forwards, in constant memory and without allocating.
 ///
-/// Velocity, attitude and their derivatives are closed forms of time. The position is their integral by the classical
-/// Runge-Kutta method on a fixed grid, by cubic Hermite interpolation between its nodes: it depends on the time alone,
-/// so that all cursors agree to the bit. A time before the present cell of the grid starts the integration again.
-/// Times before the start or after the end are taken as those.
+/// Velocity, attitude and their derivatives are closed forms of time. The position is their
+/// integral by the classical Runge-Kutta method on a fixed grid, by cubic Hermite interpolation
+/// between its nodes: it depends on the time alone, so that all cursors agree to the bit. A time
+/// before the present cell of the grid starts the integration again. Times before the start or
+/// after the end are taken as those.
 #[derive(Debug)]
 pub struct Cursor<P: Piece = Phase> {
     trajectory: Trajectory<P>,
@@ -117,8 +119,8 @@ impl<P: Piece> Cursor<P> {
         }
     }
 
-    /// The integrals from one time to another (s) of angular rate `w_ib^b` (rad) and specific force `f^b` (m/s): what a
-    /// perfect integrating inertial sensor gives out.
+    /// The integrals from one time to another (s) of angular rate `w_ib^b` (rad) and specific force
+    /// `f^b` (m/s): what a perfect integrating inertial sensor gives out.
     pub fn increments(&mut self, from: f64, to: f64) -> (Vector3<f64>, Vector3<f64>) {
         let (mut t, to) = (self.clamp(from), self.clamp(to));
         let (mut angle, mut velocity) = (Vector3::zeros(), Vector3::zeros());
@@ -126,7 +128,8 @@ impl<P: Piece> Cursor<P> {
             // A piece is smooth: no quadrature reaches over its end.
             let end = to.min(t + QUADRATURE).min(self.seek(t).span().1);
             let (length, middle) = (end - t, t + 0.5 * (end - t));
-            // Latitude and height change by 1e-7 rad and 1 m at most: their effect is linear, and that of the middle.
+            // Latitude and height change by 1e-7 rad and 1 m at most: their effect is linear, and
+            // that of the middle.
             let path = self.path(middle);
             let earth = LocalEarth::at(path.x, path.z);
             let phase = self.seek(t);
@@ -197,7 +200,8 @@ impl<P: Piece> Cursor<P> {
     }
 }
 
-/// Angular rate of NED relative to inertial space and specific force, both in NED (Pan & Wu eqs 3 and 4).
+/// Angular rate of NED relative to inertial space and specific force, both in NED (Pan & Wu eqs 3
+/// and 4).
 #[inline]
 fn inertial(motion: &Motion, earth: &LocalEarth) -> (Vector3<f64>, Vector3<f64>) {
     let (w_ie, w_en) = (earth.earth_rate(), earth.transport_rate(&motion.velocity));

@@ -1,4 +1,5 @@
-//! Simulation: a trajectory made of motion segments, or one of your own, and every sensor of a scenario on it.
+//! Simulation of every sensor of a scenario on a trajectory, which is made of motion segments or
+//! written as a type of its own.
 
 mod course;
 pub mod cursor;

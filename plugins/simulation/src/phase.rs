@@ -56,8 +56,8 @@ pub trait Piece: Send + Sync + 'static {
     fn motion(&self, time: f64) -> Motion;
 }
 
-/// The rate of the body relative to NED from the derivatives of roll, pitch and heading: Groves eq. 2.58 read backwards, as
-/// the third row of `c_b_n` is the down axis in the body.
+/// The rate of the body relative to NED from the derivatives of roll, pitch and heading: Groves eq.
+/// 2.58 read backwards, as the third row of `c_b_n` is the down axis in the body.
 #[inline]
 pub(crate) fn rate_of(
     c_b_n: &Matrix3<f64>,
@@ -125,7 +125,8 @@ impl Phase {
         }
     }
 
-    /// With a change of heading, and a bank (positive into the turn) and a pitch that come and go, rad.
+    /// With a change of heading, and a bank (positive into the turn) and a pitch that come and go,
+    /// rad.
     pub(crate) fn turning(mut self, angle: f64, bank: f64, pitch: f64) -> Self {
         self.heading.step = angle;
         self.roll.bump = bank * angle.signum();

@@ -1,13 +1,15 @@
-//! How a quantity moves through a phase: a smooth step to a new value, a smooth bump and back, or both.
+//! How a quantity moves through a phase: a smooth step to a new value, a smooth bump and back, or
+//! both.
 
 /// The two shapes and their derivatives at one place `x` of a phase, `0 <= x <= 1`.
 ///
-/// - step `S = x^4 (35 - 84 x + 70 x^2 - 20 x^3)`: from 0 to 1, its first three derivatives zero at both ends;
-/// - bump `B = 64 x^3 (1 - x)^3`, which is `S'` scaled to a peak of 1: its first two derivatives are zero at both ends,
-///   where those of `sin^2` are not.
+/// - step `S = x^4 (35 - 84 x + 70 x^2 - 20 x^3)`: from 0 to 1, its first three derivatives zero at
+///   both ends;
+/// - bump `B = 64 x^3 (1 - x)^3`, which is `S'` scaled to a peak of 1: its first two derivatives
+///   are zero at both ends, where those of `sin^2` are not.
 ///
-/// Joined end to end they are twice continuously differentiable, and so are a velocity and an attitude made of them:
-/// the specific force and the angular rate have a continuous derivative.
+/// Joined end to end they are twice continuously differentiable, and so are a velocity and an
+/// attitude made of them: the specific force and the angular rate have a continuous derivative.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Shape {
     step: f64,
@@ -92,7 +94,8 @@ mod tests {
         for x in (1..100).map(|i| f64::from(i) / 100.0) {
             let (before, here, after) = (unit(x - d), unit(x), unit(x + d));
             for i in 0..2 {
-                // Central difference: third derivatives reach 384 (the bump's, at its ends): 384 d^2 / 6 = 6.4e-9.
+                // Central difference: third derivatives reach 384 (the bump's, at its ends): 384
+                // d^2 / 6 = 6.4e-9.
                 let rate = (after[i].0 - before[i].0) / (2.0 * d);
                 assert!((rate - here[i].1).abs() < 7e-9, "{x} {i}: {rate} {}", here[i].1);
             }

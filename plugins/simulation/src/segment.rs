@@ -1,4 +1,4 @@
-//! The table of motion segments, its checks, and how it becomes smooth phases.
+//! Motion segments of the table, their checks, and their conversion to smooth phases.
 
 use crate::phase::{Phase, Pose};
 use crate::trajectory::TrajectoryError;
@@ -6,7 +6,7 @@ use navfuse_core::units::{Angle, Speed, Time};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Durations of a phase, s: the shortest has eight steps of the position's integration.
+/// Range of the duration of a phase, s: the shortest has eight integration steps of the position.
 const DURATION: std::ops::RangeInclusive<f64> = 1.0..=1e7;
 /// The greatest speed, m/s.
 pub(crate) const MAX_SPEED: f64 = 1e3;
@@ -15,87 +15,89 @@ const MAX_TILT: f64 = 89.0 * std::f64::consts::PI / 180.0;
 /// The greatest change of heading of one turn, rad.
 const MAX_TURN: f64 = 3600.0 * std::f64::consts::PI / 180.0;
 
-/// One row of the table: a motion. What it does not change keeps the value with which the row before ended.
+/// One row of the table: a motion. Quantities that it does not change keep the value at the end of
+/// the row before.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum SegmentConfig {
     /// At rest. The segments before must have brought the speed to zero.
     Static {
-        /// How long it takes.
+        /// Duration.
         duration: Time,
     },
     /// Straight and level at constant speed and attitude.
     Cruise {
-        /// How long it takes.
+        /// Duration.
         duration: Time,
     },
     /// Straight and level at constant attitude: the forward speed changes smoothly.
     Surge {
-        /// How long it takes.
+        /// Duration.
         duration: Time,
-        /// The forward speed at the end.
+        /// Forward speed at the end.
         speed: Speed,
     },
-    /// Straight and level at constant attitude: the forward speed changes and comes back.
+    /// Straight and level at constant attitude: the forward speed changes and returns.
     Pulse {
-        /// How long it takes.
+        /// Duration.
         duration: Time,
         /// The change of forward speed in the middle.
         speed_change: Speed,
     },
-    /// Down at constant attitude, by ballast: the vertical speed comes and goes, the forward speed stays. The descent is
-    /// 16/35 of the peak rate times the duration.
+    /// Down at constant attitude, by ballast: the vertical speed rises and falls back to zero, at
+    /// constant forward speed. The descent is 16/35 of the peak rate times the duration.
     Descend {
-        /// How long it takes.
+        /// Duration.
         duration: Time,
         /// The vertical speed in the middle, above zero.
         rate: Speed,
     },
     /// Up at constant attitude, by ballast: as `descend`, upwards.
     Ascend {
-        /// How long it takes.
+        /// Duration.
         duration: Time,
         /// The vertical speed in the middle, above zero.
         rate: Speed,
     },
-    /// Sideways at constant attitude, by thrusters: the speed to starboard comes and goes, the forward speed stays. The way
-    /// to starboard is 16/35 of the peak speed times the duration.
+    /// Sideways at constant attitude, by thrusters: the speed to starboard rises and falls back to
+    /// zero, at constant forward speed. The distance to starboard is 16/35 of the peak speed times
+    /// the duration.
     Sway {
-        /// How long it takes.
+        /// Duration.
         duration: Time,
         /// The speed to starboard in the middle: negative is to port.
         speed: Speed,
     },
-    /// Up a slope and level again, as on a road: the pitch comes and goes, and the velocity goes with it, at constant
-    /// horizontal speed.
+    /// Up a slope and level again, as on a road: the pitch rises and falls back, and the velocity
+    /// follows it, at constant horizontal speed.
     Slope {
-        /// How long it takes.
+        /// Duration.
         duration: Time,
         /// The slope in the middle: positive is up.
         angle: Angle,
     },
     /// A turn at constant speed; the velocity turns with the heading.
     Turn {
-        /// How long it takes.
+        /// Duration.
         duration: Time,
         /// The change of heading, positive to starboard.
         angle: Angle,
-        /// The roll in the middle, beyond that before and after: positive leans into the turn. Zero when left out.
+        /// Additional roll in the middle: positive leans into the turn. Default: zero.
         bank: Option<Angle>,
-        /// The pitch in the middle, beyond that before and after: positive is nose up. Zero when left out.
+        /// Additional pitch in the middle: positive is nose up. Default: zero.
         pitch: Option<Angle>,
     },
     /// Four equal legs at constant speed, each a straight part and then a turn by 90 deg.
     Square {
-        /// How long the four legs take.
+        /// Duration of the four legs.
         duration: Time,
-        /// How long each turn takes.
+        /// Duration of each turn.
         turn: Time,
         /// As in a turn.
         bank: Option<Angle>,
         /// As in a turn.
         pitch: Option<Angle>,
-        /// The side to turn to: starboard when left out.
+        /// Side to which it turns. Default: starboard.
         #[serde(default)]
         direction: Direction,
     },
@@ -112,7 +114,7 @@ pub enum Direction {
     Port,
 }
 
-/// Checks the numbers of one segment, so that an error says which.
+/// Checks the numbers of one segment; errors name the segment.
 struct Check {
     number: usize,
     kind: &'static str,
@@ -194,7 +196,7 @@ impl SegmentConfig {
         }
     }
 
-    /// How long it takes.
+    /// Duration.
     pub fn duration(&self) -> Time {
         match self {
             Self::Static { duration }
@@ -210,7 +212,8 @@ impl SegmentConfig {
         }
     }
 
-    /// Appends its phases from the instant `start` (s) and `pose` on; `number` is its row, from 1. Returns where it ends.
+    /// Appends the phases that begin at the time `start` (s) and at `pose`; `number` is the row of
+    /// the segment, from 1. Returns the time and the pose at the end.
     pub(crate) fn append(
         &self,
         phases: &mut Vec<Phase>,
@@ -253,7 +256,8 @@ impl SegmentConfig {
                 let straight = (duration - 4.0 * corner) / 4.0;
                 if !DURATION.contains(&straight) {
                     let remedy = format!(
-                        "four turns leave nothing of {duration} s: shorten them or lengthen the square"
+                        "four turns leave nothing of {duration} s: shorten them or lengthen the \
+                         square"
                     );
                     return Err(check.error("turn", turn, remedy));
                 }

@@ -1,4 +1,4 @@
-//! The simulated source: every sensor of the scenario on one trajectory.
+//! The simulated source, which simulates every sensor of the scenario on one trajectory.
 
 use crate::phase::Piece;
 use crate::{Cursor, Trajectory, TrajectoryConfig};
@@ -26,10 +26,10 @@ use std::sync::Arc;
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Simulation {
-    /// Where the vehicle starts.
+    /// Initial position, attitude and speed.
     #[serde(default)]
     pub start: crate::StartConfig,
-    /// What it does, one after the other.
+    /// Motions, one after the other.
     pub segments: Vec<crate::SegmentConfig>,
 }
 
@@ -45,10 +45,10 @@ impl SourceType for Simulation {
     }
 }
 
-/// A stream for every sensor that has a `simulation` table, on the trajectory.
+/// Opens a stream for every sensor that has a `simulation` table, on the trajectory.
 ///
 /// # Errors
-/// When no sensor is simulated, or one in a way that cannot be.
+/// When no sensor is simulated, or the parameters of a simulation are out of range.
 pub fn simulate<P: Piece>(
     trajectory: &Trajectory<P>,
     context: &OpenContext<'_>,
@@ -74,10 +74,10 @@ pub fn simulate<P: Piece>(
     Ok(streams)
 }
 
-/// The greatest rate, Hz: times are whole nanoseconds, and a run is finite.
+/// Greatest rate, Hz: times are whole nanoseconds, and a run is finite.
 const MAX_RATE: f64 = 1e6;
 
-/// Refuses what cannot be simulated.
+/// Rejects parameters that cannot be simulated.
 fn check(faults: &Faults, sensor: &SensorInfo) -> Result<(), StreamError> {
     let refuse = |key: &str, found: String, ask: &str| {
         let place = format!("[sensor.{}.simulation] {key} = {found}", sensor.name);
@@ -86,7 +86,8 @@ fn check(faults: &Faults, sensor: &SensorInfo) -> Result<(), StreamError> {
     if faults.rate.value().si() > MAX_RATE {
         return refuse("rate", faults.rate.value().to_string(), "give a rate up to 1 MHz");
     }
-    // what measures may begin before the trajectory does, where the vehicle is as at 0 s; what integrates may not
+    // a measuring sensor may begin before the trajectory, where the vehicle is as at 0 s; an
+    // integrating sensor may not
     if sensor.purpose == Purpose::Input && faults.offset.si() < 0.0 {
         return refuse(
             "offset",
@@ -122,13 +123,13 @@ fn check(faults: &Faults, sensor: &SensorInfo) -> Result<(), StreamError> {
     Ok(())
 }
 
-/// How a sensor is simulated.
+/// Simulator of a sensor.
 enum Simulated {
-    /// By itself.
+    /// The simulator of the driving sensor itself.
     Driving(Box<dyn Simulate>),
-    /// By its measurement model, from the true state.
+    /// The measurement model, at the true state.
     Measuring(Arc<dyn AnyMeasurement + Sync>),
-    /// By the motion.
+    /// The reference, from the motion.
     Reference(Arc<dyn Reference>),
 }
 
@@ -162,7 +163,7 @@ struct SensorStream<P: Piece> {
     random: Random,
     faults: Faults,
     sensor: SensorId,
-    /// By how much its samples lag, and the truth at the time of a sample, which tells that.
+    /// Lag of the samples, and the truth at the time of a sample, which contains the lag.
     lag: Option<(Handle<Scalar>, TrueState)>,
     kind: Simulated,
     /// Number of the next sample.
@@ -218,14 +219,14 @@ impl<P: Piece> SensorStream<P> {
         Time::from_seconds(seconds).unwrap_or(Time::MAX)
     }
 
-    /// By how much the sample of that time lags.
+    /// Lag of the sample at that time.
     fn lag(&mut self, time: Time) -> Option<Time> {
         let (offset, truth) = self.lag.as_mut()?;
         truth.advance(&self.layout, time);
         Time::from_seconds(truth.state.get(&self.layout, *offset))
     }
 
-    /// Whether this sample is lost.
+    /// Draws whether the sample at that time is lost.
     fn lost(&mut self, time: Time) -> bool {
         let t = time.seconds();
         let dropped = self.faults.dropout.value().si() > 0.0
@@ -243,7 +244,7 @@ impl<P: Piece> Source for SensorStream<P> {
             }
             self.count += 1;
             *sample = Sample::empty(to, self.sensor);
-            // what lags is given what was
+            // a sample that lags holds the motion of an earlier time
             let (from, to) = match self.lag(to) {
                 Some(lag) => (from - lag, to - lag),
                 None => (from, to),
@@ -293,7 +294,7 @@ impl<P: Piece> Source for SensorStream<P> {
                 Simulated::Reference(reference) => reference.sample(&motion, sample),
                 Simulated::Driving(_) => {}
             }
-            // a sensor that has lost all of its channels says nothing
+            // a sensor that has lost all channels gives no sample
             if sample.present() != 0 {
                 return Ok(true);
             }

@@ -10,25 +10,25 @@ use serde::Deserialize;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
-/// The latitude beyond which north and east lose their meaning for a vehicle, deg.
+/// Greatest latitude, deg: beyond it north and east change too fast for a vehicle.
 pub(crate) const MAX_LATITUDE: f64 = 89.0;
-/// The greatest height above or depth below the ellipsoid, m.
+/// Greatest height above or depth below the ellipsoid, m.
 pub(crate) const MAX_HEIGHT: f64 = 1e5;
-/// Less than any radius of curvature within [`MAX_HEIGHT`] of the ellipsoid, m.
+/// Lower bound of the radii of curvature within [`MAX_HEIGHT`] of the ellipsoid, m.
 pub(crate) const LEAST_RADIUS: f64 = 6.2e6;
 
-/// Where a trajectory starts, and the table of its segments.
+/// Start of a trajectory and the table of its segments.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrajectoryConfig {
-    /// Where and how it starts.
+    /// Initial position, attitude and speed.
     #[serde(default)]
     pub start: StartConfig,
     /// The motions, one after the other.
     pub segments: Vec<SegmentConfig>,
 }
 
-/// The vehicle at the start: at rest on the ellipsoid at 30 deg north, level, heading north, unless said otherwise.
+/// Vehicle at the start, by default at rest on the ellipsoid at 30 deg north, level, heading north.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct StartConfig {
@@ -63,12 +63,14 @@ impl Default for StartConfig {
     }
 }
 
-/// Why a table is not a trajectory.
+/// Error in a table of motion segments.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum TrajectoryError {
     /// There are no segments.
     #[error(
-        "segments: the table is empty: give at least one segment, such as {{ type = \"static\", duration = \"600 s\" }}"
+        "segments: the table is empty: give at least one segment, such as \
+         {{ type = \"static\", duration = \"600 s\" }}"
     )]
     Empty,
     /// A number of a segment does not fit.
@@ -95,10 +97,10 @@ pub enum TrajectoryError {
         /// The greatest magnitude allowed.
         limit: &'static str,
     },
-    /// The way is so long that it may leave the region in which the equations hold.
+    /// The path is so long that it may leave the region in which the equations hold.
     #[error(
-        "segment {number}: the way so far may lead to a {key} of {value:.1} {unit}, beyond {limit} {unit}: \
-         shorten the way or start elsewhere"
+        "segment {number}: the path so far may lead to a {key} of {value:.1} {unit}, beyond \
+         {limit} {unit}: shorten the path or start elsewhere"
     )]
     Reach {
         /// Row of the table, from 1.
@@ -114,7 +116,7 @@ pub enum TrajectoryError {
     },
 }
 
-/// The value in SI, if its magnitude is not beyond the limit.
+/// Converts a value to SI, unless its magnitude exceeds the limit.
 fn within<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>(
     key: &'static str,
     value: Quantity<L, M, T, A, K>,
@@ -127,7 +129,7 @@ fn within<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>(
     Err(TrajectoryError::Start { key, value: value.to_string(), limit: written })
 }
 
-/// A part of the trajectory with one kind of motion: for a log of events.
+/// A part of the trajectory with one kind of motion, for a log of events.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span<'a> {
     /// Row of the table, from 1.
@@ -202,12 +204,12 @@ impl Trajectory {
 }
 
 impl<P: Piece> Trajectory<P> {
-    /// How long it takes, s.
+    /// Duration, s.
     pub fn duration(&self) -> f64 {
         self.pieces.last().map_or(0.0, |piece| piece.span().1)
     }
 
-    /// Its parts, in order and without gaps.
+    /// The parts, in order and without gaps.
     pub fn segments(&self) -> impl Iterator<Item = Span<'_>> {
         self.pieces.iter().map(|p| Span {
             number: p.number(),
@@ -217,7 +219,7 @@ impl<P: Piece> Trajectory<P> {
         })
     }
 
-    /// A reader of its values, at the start.
+    /// A cursor at the start.
     pub fn cursor(&self) -> Cursor<P> {
         Cursor::new(self.clone())
     }

@@ -84,8 +84,8 @@ fn velocity_and_acceleration_are_derivatives() {
                 * here.position.latitude.cos(),
             before.position.height - after.position.height,
         ) * scale;
-        // Central difference: v'' d^2 / 6 with v'' < 5 m/s (pi/2 35/16 / T)^2 + ... < 0.1 m/s^3: 1.7e-6; the longitude
-        // (2 rad) is rounded to 4.4e-16 rad: 2.8e-9 m / 2 d = 1.4e-7 m/s.
+        // Central difference: v'' d^2 / 6 with v'' < 5 m/s (pi/2 35/16 / T)^2 + ... < 0.1 m/s^3:
+        // 1.7e-6; the longitude (2 rad) is rounded to 4.4e-16 rad: 2.8e-9 m / 2 d = 1.4e-7 m/s.
         assert!((rate - here.velocity).amax() < 2e-6, "{time}: {rate} {}", here.velocity);
         let acceleration = (after.velocity - before.velocity) * scale;
         // v''' < 5 m/s * pi/2 * 84 / T^3 = 0.024 m/s^4: 4e-7 m/s^2.
@@ -128,7 +128,8 @@ fn on_a_slope_the_velocity_is_along_the_body_and_its_derivative_is_the_accelerat
     }
     let (middle, end) = (t.cursor().at(30.0), c.at(60.0));
     assert!((middle.euler.y - 6_f64.to_radians()).abs() < 1e-15 && end.euler.y == 0.0);
-    // the mean of tan(6 deg B(x)) is 0.10472 * 16/35, and of its cube / 3 less than 0.0004: 57.4 to 57.9 m in 1200 m
+    // the mean of tan(6 deg B(x)) is 0.10472 * 16/35, and of its cube / 3 less than 0.0004: 57.4 to
+    // 57.9 m in 1200 m
     assert!((57.4..57.9).contains(&end.position.height), "{}", end.position.height);
 }
 
@@ -191,11 +192,12 @@ fn rate_and_force_are_those_of_newton_in_inertial_axes() {
             std::array::from_fn(|i| cursors[i].at(time + d * (i as f64 - 2.0)));
         let here = &k[2];
         let p = k.map(|k| inertial(&k));
-        // Five points: r'''''' d^4 / 90 with 1e-4 m/s^6 at most is 4e-9; rounding (64/12 of 1e-9 m for the equator's
-        // radius, and as much for the angles) / d^2 is 2e-7 m/s^2.
+        // Five points: r'''''' d^4 / 90 with 1e-4 m/s^6 at most is 4e-9; rounding (64/12 of 1e-9 m
+        // for the equator's radius, and as much for the angles) / d^2 is 2e-7 m/s^2.
         let acceleration =
             (-p[0].0 + p[1].0 * 16.0 - p[2].0 * 30.0 + p[3].0 * 16.0 - p[4].0) / (12.0 * d * d);
-        // Gravity is gravitation with the centrifugal acceleration: here the latter is taken out again.
+        // Gravity is gravitation with the centrifugal acceleration: here the latter is taken out
+        // again.
         let c_e_i = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), EARTH_RATE * time);
         let down = c_e_i * c_n_e(here) * Vector3::z();
         let centrifugal = Vector3::new(p[2].0.x, p[2].0.y, 0.0) * EARTH_RATE.powi(2);
@@ -207,8 +209,8 @@ fn rate_and_force_are_those_of_newton_in_inertial_axes() {
 
         let between = |i: usize, j: usize| (p[i].1.inverse() * p[j].1).scaled_axis();
         let rate = (between(1, 3) * 8.0 - between(0, 4)) / (12.0 * d);
-        // Five points: w'''' d^4 / 30, at the ends of a turn 10 080 pi/2 / T^5 = 6.5e-4 rad/s^5; elsewhere rounding,
-        // 2e-16 * 9 / 6 d.
+        // Five points: w'''' d^4 / 30, at the ends of a turn 10 080 pi/2 / T^5 = 6.5e-4 rad/s^5;
+        // elsewhere rounding, 2e-16 * 9 / 6 d.
         let bound = if here.w_nb_b == Vector3::zeros() { 1e-13 } else { 9e-8 };
         let error = (rate - here.w_ib_b).amax();
         assert!(error < bound, "{time}: {error}");
@@ -228,8 +230,9 @@ fn specific_force_and_rate_have_a_continuous_derivative_at_every_boundary() {
             let rate = a.w_ib_b - b.w_ib_b * 2.0 + c.w_ib_b;
             (force.amax(), rate.amax())
         };
-        // A jump J of the derivative would leave J h. A bump leaves 384 / T^3 times its peak, one-sided, h^2 / 2: with a
-        // peak of 1 m/s in 60 s 9e-4 h^2, of 0.5 m/s in 30 s 3.6e-3 h^2; 8 deg in 30 s 1e-3 h^2 and, in gravity, nothing.
+        // A jump J of the derivative would leave J h. A bump leaves 384 / T^3 times its peak,
+        // one-sided, h^2 / 2: with a peak of 1 m/s in 60 s 9e-4 h^2, of 0.5 m/s in 30 s 3.6e-3 h^2;
+        // 8 deg in 30 s 1e-3 h^2 and, in gravity, nothing.
         let h = 0.01;
         let (force, rate) = second(h);
         assert!(force < 0.01 * h * h, "{boundary}: {force}");
@@ -240,9 +243,10 @@ fn specific_force_and_rate_have_a_continuous_derivative_at_every_boundary() {
 #[test]
 fn increments_are_the_integrals_at_any_rate() {
     let t = paper();
-    // What is left is the Earth taken in the middle of an interval T (0.125 s at most, then summed): the height's curvature
-    // w' = 0.057 m/s^2 in the dive, in the gradient of gravity 3.1e-6 1/s^2, times T^3 / 24. It is 7.4e-15, 7.4e-12 and
-    // 1.2e-10 m/s, and rounding 1e-14: the noise of a good accelerometer is 1e-6 m/s in 100 s of 100 Hz increments.
+    // What is left is the Earth taken in the middle of an interval T (0.125 s at most, then
+    // summed): the height's curvature w' = 0.057 m/s^2 in the dive, in the gradient of gravity
+    // 3.1e-6 1/s^2, times T^3 / 24. It is 7.4e-15, 7.4e-12 and 1.2e-10 m/s, and rounding 1e-14: the
+    // noise of a good accelerometer is 1e-6 m/s in 100 s of 100 Hz increments.
     for (rate, bound) in [(100.0, 2e-14), (10.0, 8e-12), (1.0, 1.3e-10)] {
         let (mut cursor, mut truth) = (t.cursor(), t.cursor());
         let mut worst: f64 = 0.0;
@@ -295,15 +299,17 @@ fn a_square_comes_back_but_for_the_convergence_of_the_meridians() {
         let mut cursor = t.cursor();
         let (first, last) = (cursor.at(0.0), cursor.at(1220.0));
         let gap = last.position.ned_from(&first.position);
-        // The sides are those of a leg and both halves of its turns: the step's mean is 1/2 and, by symmetry, each turn
-        // adds the same both ways. The eastward side at latitude L + side / R runs through more longitude than the
-        // westward one: side^2 tan L / R in metres, east of the start (west, for a square to port).
+        // The sides are those of a leg and both halves of its turns: the step's mean is 1/2 and, by
+        // symmetry, each turn adds the same both ways. The eastward side at latitude L + side / R
+        // runs through more longitude than the westward one: side^2 tan L / R in metres, east of
+        // the start (west, for a square to port).
         let quarter = cursor_at(&t, 305.0).position.ned_from(&first.position);
         let side = quarter.x + quarter.y.abs();
         let (r_n, _) = radii_of_curvature(first.position.latitude);
         let expected = sign * side * side * first.position.latitude.tan() / r_n;
         assert!((expected - gap.y).abs() < 0.02 * expected.abs(), "{direction}: {gap} {expected}");
-        // North and south are the same way but for R_N over 1.5 km: 3 e^2 sin L cos L * 2.4e-4 rad * 1.5 km < 2e-3 m.
+        // North and south are the same way but for R_N over 1.5 km: 3 e^2 sin L cos L * 2.4e-4 rad
+        // * 1.5 km < 2e-3 m.
         assert!(gap.x.abs() < 2e-3 && gap.z.abs() < 1e-9, "{direction}: {gap}");
         assert!((last.distance - 6100.0).abs() < 1e-6, "{}", last.distance);
     }
@@ -322,7 +328,8 @@ fn turns_lean_to_their_side_and_a_dive_reaches_its_depth() {
             && (middle.euler.y.to_degrees() - 2.0).abs() < 1e-12
     );
     assert!((middle.euler.z.to_degrees() - 55.0).abs() < 1e-12);
-    // 16/35 of 1 m/s in 60 s; the integration's error is h^4 times the jumps of w''' (1.8e-3), each at one node.
+    // 16/35 of 1 m/s in 60 s; the integration's error is h^4 times the jumps of w''' (1.8e-3), each
+    // at one node.
     assert!((cursor_at(&t, 720.0).position.height + 60.0 * 16.0 / 35.0).abs() < 1e-8);
     assert!(cursor_at(&t, 2060.0).position.height.abs() < 1e-8);
 
@@ -371,7 +378,7 @@ fn errors_name_the_segment_the_key_the_value_and_the_remedy() {
         ),
         (
             of(moving, json!([{ "type": "cruise", "duration": "10000000 s" }])),
-            "segment 1: the way so far may lead to a latitude of 214.8 deg, beyond 89 deg",
+            "segment 1: the path so far may lead to a latitude of 214.8 deg, beyond 89 deg",
         ),
     ];
     for (message, expected) in cases {

@@ -42,7 +42,8 @@ bias = { sigma = "1 m" }
 lever_arm = { sigma = "10 cm" }
 "#;
 
-/// The state with every block and signal at random: angles to half a turn, lever arms and velocities of metres.
+/// The state with every block and signal at random: angles to half a turn, lever arms and
+/// velocities of metres.
 fn random_state(ekf: &Ekf, random: &mut Random) -> State {
     let layout = ekf.layout();
     let mut state = ekf.state().clone();
@@ -69,7 +70,8 @@ fn the_jacobian_of_every_measurement_model_is_its_derivative_on_the_manifold() {
         models += 1;
         for case in 0..200 {
             let state = random_state(&ekf, &mut random);
-            // central differences: truncation (6e-6)^2 and rounding 1e-16/6e-6 of numbers up to 3000 (a depth) leave 1e-7
+            // central differences: truncation (6e-6)^2 and rounding 1e-16/6e-6 of numbers up to
+            // 3000 (a depth) leave 1e-7
             let error = jacobian_error(model.as_ref(), &At::state(ekf.layout(), &state));
             assert!(error < 1e-6, "{}, case {case}: {error:e}", sensor.info.name);
         }
@@ -77,7 +79,8 @@ fn the_jacobian_of_every_measurement_model_is_its_derivative_on_the_manifold() {
     assert_eq!(models, 2);
 }
 
-/// The Jacobian by dual numbers, and the analytic one if there is one, over the blocks that are read.
+/// The Jacobian by dual numbers, and the analytic one if there is one, over the blocks that are
+/// read.
 fn jacobians(
     ekf: &Ekf,
     name: &str,
@@ -213,8 +216,9 @@ fn a_velocity_between_two_inertial_samples_is_used_at_its_own_time() {
             [imu(0), imu(10), imu(20), imu(20 + at), ("dvl", (20 + at) * MS), imu(30), imu(40)];
         let (split, log) = run(EVERYTHING, &set, &split);
         assert_eq!(log.outcomes, [Outcome::Accepted]);
-        // at constant rates coning and sculling vanish, and both runs make the same steps but for the rounding of the
-        // increments: 2^-53 of the largest value, the height of 20 m, over ten operations; as much of the covariance
+        // at constant rates coning and sculling vanish, and both runs make the same steps but for
+        // the rounding of the increments: 2^-53 of the largest value, the height of 20 m, over ten
+        // operations; as much of the covariance
         let (values, covariance) = difference(&whole, &split);
         assert!(values < 3e-14 && covariance < 1e-13, "{at} ms: {values:e} {covariance:e}");
         // the nearest epoch differs: 0.3 m/s^2 and 9.8 m/s^2 x 0.2 rad/s over milliseconds
@@ -237,7 +241,8 @@ fn a_filter_that_starts_inside_an_interval_takes_only_its_rest() {
         run(&text, &set, &[imu(0), imu(10), reference, imu(14), imu(20), imu(30), imu(40)]);
     let (values, covariance) = difference(&whole, &split);
     assert!(values < 3e-14 && covariance < 1e-13, "{values:e} {covariance:e}");
-    // a reference that comes after later inertial samples starts nothing: they could not be used again
+    // a reference that comes after later inertial samples starts nothing: they could not be used
+    // again
     let (late, _) = run(&text, &set, &[imu(0), imu(10), imu(20), reference, imu(30)]);
     assert!(!late.running());
 }
@@ -321,8 +326,8 @@ fn day(settings: &[&str]) -> (u64, f64, f64) {
     let summary = &finished.summary;
     // the first reference comes before the first IMU sample: the second, at 10 s, starts the filter
     assert!((summary.duration_s - 86_390.0).abs() < 1.0, "{}", summary.duration_s);
-    // 2 m/s around the square and half of it while it gathers speed; chords of 10 s cut corners of 76 m radius by 0.3 % in
-    // 240 s of the day
+    // 2 m/s around the square and half of it while it gathers speed; chords of 10 s cut corners of
+    // 76 m radius by 0.3 % in 240 s of the day
     assert!(
         (summary.distance_m / (2.0 * 86_340.0 + 60.0) - 1.0).abs() < 1e-4,
         "{}",
@@ -336,8 +341,8 @@ fn day(settings: &[&str]) -> (u64, f64, f64) {
     *seen.lock().unwrap()
 }
 
-// the eigenvalues of a correlation matrix of dimension 20 are computed to 20 x 2^-53 = 2e-15: what is above 1e-14 is
-// certainly positive
+// the eigenvalues of a correlation matrix of dimension 20 are computed to 20 x 2^-53 = 2e-15: what
+// is above 1e-14 is certainly positive
 const CERTAINLY_POSITIVE: f64 = 1e-14;
 
 #[test]

@@ -5,7 +5,8 @@ use navfuse_ins::mechanisation::{Increments, Mechanisation, NavState};
 use navfuse_simulation::{Trajectory, TrajectoryConfig};
 use serde_json::json;
 
-/// One hour of turning and diving: laps of a square with tilted turns, each with a dive and an ascent.
+/// One hour of turning and diving: laps of a square with tilted turns, each with a dive and an
+/// ascent.
 fn hour() -> Trajectory {
     let mut segments = vec![json!({ "type": "surge", "duration": "60 s", "speed": "3 m/s" })];
     for lap in 0..6 {
@@ -48,8 +49,8 @@ fn worst_errors(rate: f64) -> (f64, f64) {
     (velocity, position)
 }
 
-/// Reached: 9.5e-7 m/s and 6.4e-4 m; the bounds leave a factor of ten for other processors' rounding. What a navigation
-/// filter needs is a thousand times more.
+/// Reached: 9.5e-7 m/s and 6.4e-4 m; the bounds leave a factor of ten for other processors'
+/// rounding. What a navigation filter needs is a thousand times more.
 #[test]
 fn a_noise_free_imu_stays_within_a_hundredth_of_a_millimetre_per_second_for_an_hour() {
     let (velocity, position) = worst_errors(100.0);
@@ -57,8 +58,8 @@ fn a_noise_free_imu_stays_within_a_hundredth_of_a_millimetre_per_second_for_an_h
     assert!(position < 6e-3, "{position:e} m");
 }
 
-/// Two-sample coning and sculling leave errors of third order: ten times the interval, a thousand times the error
-/// (1.1e-3 m/s and 0.7 m at 10 Hz).
+/// Two-sample coning and sculling leave errors of third order: ten times the interval, a thousand
+/// times the error (1.1e-3 m/s and 0.7 m at 10 Hz).
 #[test]
 fn the_error_falls_with_the_cube_of_the_interval() {
     let (coarse, fine) = (worst_errors(10.0), worst_errors(20.0));

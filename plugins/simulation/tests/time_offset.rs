@@ -63,8 +63,8 @@ impl Observer for Log {
     }
 }
 
-/// A filter in a turn, started from the values of `changed` instead of its own, two seconds before its one velocity: the
-/// filter just before that, and what the velocity told it.
+/// A filter in a turn, started from the values of `changed` instead of its own, two seconds before
+/// its one velocity: the filter just before that, and what the velocity told it.
 fn first_velocity(changed: &str) -> (Ekf, Log) {
     let settings = [
         "estimator.start=\"190 s\"",
@@ -96,8 +96,8 @@ fn first_velocity(changed: &str) -> (Ekf, Log) {
     (ekf, log)
 }
 
-/// Whole filters, each started a little apart from the other: what they predict differs as the Jacobian says of how their
-/// states differ when the sample comes, the lag among them.
+/// Whole filters, each started a little apart from the other: what they predict differs as the
+/// Jacobian says of how their states differ when the sample comes, the lag among them.
 #[test]
 fn the_jacobian_is_the_change_of_the_prediction_with_the_state_when_the_sample_comes() {
     let (_, nominal) = first_velocity("seed=1");
@@ -156,16 +156,17 @@ fn the_jacobian_is_the_change_of_the_prediction_with_the_state_when_the_sample_c
         let size = change.iter().fold(0.0_f64, |a, c| a.max(c.abs()));
         let worst = change.iter().zip(&told).fold(0.0_f64, |a, (c, t)| a.max((c - t).abs())) / size;
         println!("{what}: {change:?}, {told:?}, {worst:.1e}");
-        // Phi is led back to first order of the delay: what is left out is of the order of the angle turned in it, 15 mrad,
-        // times what the delay itself changes
+        // Phi is led back to first order of the delay: what is left out is of the order of the
+        // angle turned in it, 15 mrad, times what the delay itself changes
         assert!(worst < 1e-3, "{what}: {change:?} {told:?}");
     }
 }
 
-/// Straight on, a velocity is the same whenever it was: 3000 of them tell nothing of the lag, however noisy the IMU that
-/// carries the state between them. Its noise of 500 ug/sqrt(Hz) is an acceleration of 1 cm/s^2 over 0.2 s: taken for motion, it
-/// would make a sigma of 0.02 s of the prior's 0.3 s. What passes, chi-square of three channels being above 15 of the 3 that
-/// noise gives on average, is 1/4000 of that information, which leaves 0.29 s.
+/// Straight on, a velocity is the same whenever it was: 3000 of them tell nothing of the lag,
+/// however noisy the IMU that carries the state between them. Its noise of 500 ug/sqrt(Hz) is an
+/// acceleration of 1 cm/s^2 over 0.2 s: taken for motion, it would make a sigma of 0.02 s of the
+/// prior's 0.3 s. What passes, chi-square of three channels being above 15 of the 3 that noise
+/// gives on average, is 1/4000 of that information, which leaves 0.29 s.
 #[test]
 fn a_vehicle_that_moves_straight_on_tells_nothing_of_a_lag() {
     let settings = [
@@ -216,8 +217,8 @@ fn a_run_with_a_time_offset_continues_from_a_snapshot_to_the_bit() {
     assert_eq!((ekf.state(), ekf.covariance()), (&state, &covariance));
 }
 
-/// An offset that is known to be zero is none: the same samples, and the same estimates but for the rounding of reading the
-/// state from the history.
+/// An offset that is known to be zero is none: the same samples, and the same estimates but for the
+/// rounding of reading the state from the history.
 #[test]
 fn an_offset_of_zero_is_no_offset() {
     let end = |text: &str, settings: &[&str]| {
@@ -237,7 +238,8 @@ fn an_offset_of_zero_is_no_offset() {
     let known = vec![true; none.layout().blocks.len()];
     none.layout().error(none.state(), zero.state(), &known, &mut error);
     let worst = error.iter().fold(0.0_f64, |a, e| a.max(e.abs()));
-    // the first sample, at the very start, is left out where there is an offset: there is no motion yet to tell it by
+    // the first sample, at the very start, is left out where there is an offset: there is no motion
+    // yet to tell it by
     println!("{error:?}");
     assert!(worst < 1e-2, "{worst}");
 }

@@ -21,8 +21,8 @@ pub enum Array {
 /// no such beam.
 ///
 /// The Doppler shift is `2 f b.v / c`, and the instrument converts it with `set`:
-/// `z = (set/c) b.v`. A phased array keeps the delay between its elements, hence `sin(slant)/c`. The
-/// two speeds therefore cancel across the axis, and along it `cos(slant)` changes with `c`.
+/// `z = (set/c) b.v`. A phased array keeps the delay between its elements, hence `sin(slant)/c`.
+/// The two speeds therefore cancel across the axis, and along it `cos(slant)` changes with `c`.
 pub(super) fn gains(array: Array, beam: &Vector3<f64>, set: f64, c: f64) -> (f64, f64) {
     if c <= 0.0 {
         return (f64::NAN, f64::NAN);

@@ -1,4 +1,5 @@
-//! A DVL of single beams: its geometry, what it is to one that gives a velocity, lost beams, and the speed of sound.
+//! A DVL of single beams: its geometry, what it is to one that gives a velocity, lost beams, and
+//! the speed of sound.
 
 use crate::common::{Log, bound, compose, model, no_sample, predict, refused, run, set};
 use navfuse_core::ekf::Ekf;
@@ -93,7 +94,8 @@ fn a_beam_reads_the_velocity_in_its_direction() {
     assert!((z[0] - 1.0).abs() < roundings && (z[1] - (0.6 * 2.0 + 0.8)).abs() < roundings);
 }
 
-/// A state with every block and signal at random: angles to half a turn, lever arms and velocities of metres.
+/// A state with every block and signal at random: angles to half a turn, lever arms and velocities
+/// of metres.
 fn random_state(
     composition: &navfuse_core::compose::Composition,
     random: &mut Random,
@@ -133,8 +135,8 @@ fn the_jacobian_is_the_derivative() {
     }
 }
 
-/// The least-squares velocity of four equally good beams, with its own covariance, is all that they tell of the state:
-/// `B' R^-1 B` and `B' R^-1 z` are the same.
+/// The least-squares velocity of four equally good beams, with its own covariance, is all that they
+/// tell of the state: `B' R^-1 B` and `B' R^-1 z` are the same.
 #[test]
 fn four_beams_are_the_velocity_that_fits_them_best() {
     let b = janus();
@@ -188,8 +190,9 @@ fn along(log: &Log, azimuth: f64) -> f64 {
     (beam.transpose() * log.at(120.0).velocity * beam)[(0, 0)].sqrt()
 }
 
-/// Bounds of a calibrated instrument: what a sample of 1 cm/s at 5 Hz tells of the velocity along a beam, the accelerometers
-/// carry over some seconds, so that the sigma is below that of one sample. With depth, two beams see all of the velocity.
+/// Bounds of a calibrated instrument: what a sample of 1 cm/s at 5 Hz tells of the velocity along a
+/// beam, the accelerometers carry over some seconds, so that the sigma is below that of one sample.
+/// With depth, two beams see all of the velocity.
 #[test]
 fn one_beam_and_two_beams_aid() {
     let calibrated =
@@ -235,8 +238,9 @@ fn lost_beams_are_left_out_and_those_that_remain_fit() {
     assert!(last.error < 4.0 * last.sigma, "{last:?}");
 }
 
-/// Physics apart from the model: a phased array steers to `sin = sin(30 deg) c/c0`; the Doppler shift is `2 f b.v/c` with the
-/// beam as it is, and the instrument makes a velocity of it with `c0`.
+/// Physics apart from the model: a phased array steers to `sin = sin(30 deg) c/c0`; the Doppler
+/// shift is `2 f b.v/c` with the beam as it is, and the instrument makes a velocity of it with
+/// `c0`.
 #[test]
 fn a_wrong_speed_of_sound_scales_a_piston_and_leaves_the_horizontal_of_a_phased_array() {
     let aligned =
@@ -265,8 +269,8 @@ fn a_wrong_speed_of_sound_scales_a_piston_and_leaves_the_horizontal_of_a_phased_
         let horizontal = (solve * phased - v).xy();
         assert!(horizontal.amax() < 1e-14, "{c}: {horizontal}");
     }
-    // Pathfinder DVL Guide (2018), page 127: sin(slant) is c / (2 x 1536 m/s); set to 1500 m/s in water of 1450 m/s, the
-    // vertical velocity is to be multiplied by 0.9569
+    // Pathfinder DVL Guide (2018), page 127: sin(slant) is c / (2 x 1536 m/s); set to 1500 m/s in
+    // water of 1450 m/s, the vertical velocity is to be multiplied by 0.9569
     let slant = format!("sensor.dvl.slant=\"{} rad\"", (1500.0_f64 / 3072.0).asin());
     let sound =
         [assumed, "sensor.dvl.array=\"phased\"", &slant, aligned[0], aligned[1], aligned[2]];

@@ -139,7 +139,8 @@ impl Log {
         self.epochs.iter().rfind(|e| e.time <= time + 1e-6).unwrap()
     }
 
-    /// Mean and bound of 4 sigma of NIS over channels of a sensor: the mean of chi-square over its degrees of freedom.
+    /// Mean and bound of 4 sigma of NIS over channels of a sensor: the mean of chi-square over its
+    /// degrees of freedom.
     pub fn mean_nis(&self, sensor: usize) -> (f64, f64) {
         let of = || self.nis.iter().filter(|n| n.2 == sensor);
         let channels: f64 = of().map(|n| f64::from(n.1)).sum();

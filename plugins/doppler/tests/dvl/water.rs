@@ -13,7 +13,8 @@ fn the_current_is_taken_off_in_north_east_down() {
     let body = "sensor.water-track={ type = \"dvl\", noise = \"1 cm/s\", track = \"water\", current = \"water\" }";
     let composition = compose(SCENARIO, &[body]);
     let mut state = composition.layout.initial_state();
-    // heading east at 2 m/s in a current of 0.3 m/s to the north and 0.5 m/s to the east, sinking water of 0.1 m/s
+    // heading east at 2 m/s in a current of 0.3 m/s to the north and 0.5 m/s to the east, sinking
+    // water of 0.1 m/s
     set(&composition, &mut state, "ins.attitude", &[0.0, 0.0, 90_f64.to_radians()]);
     set(&composition, &mut state, "ins.velocity", &[0.0, 2.0, 0.0]);
     set(&composition, &mut state, "water.current", &[0.3, 0.5, 0.1]);
@@ -79,13 +80,15 @@ fn a_current_is_gauss_markov_of_an_hour_unless_the_scenario_says_otherwise() {
 }
 
 /// What is known of the position when the bottom is back, from what can be said by hand:
-/// - the current wanders from what it was when the bottom was lost, by `sqrt(2 s^2/T t^3/3)` = 5.8 m of position, with
-///   s = 10 cm/s, T = 12 h and t = 600 s;
+/// - the current wanders from what it was when the bottom was lost, by `sqrt(2 s^2/T t^3/3)` = 5.8
+///   m of position, with s = 10 cm/s, T = 12 h and t = 600 s;
 /// - the heading is known to 0.25 deg: 1200 m of it are 5.2 m across the track;
-/// - velocity and current together are known to about 5 mm/s when the bottom is lost, which is 3 m, and 1 m was there before.
+/// - velocity and current together are known to about 5 mm/s when the bottom is lost, which is 3 m,
+///   and 1 m was there before.
 ///
-/// That is 8.5 m. An accelerometer of 100 ug/sqrt(Hz) alone gives `1e-3 sqrt(t^3/3)` = 8.3 m; the gyros' 3 deg/h/sqrt(Hz)
-/// tilt the platform and give `9.8 N sqrt(t^5/20)` = 282 m with N = 1.45e-5.
+/// That is 8.5 m. An accelerometer of 100 ug/sqrt(Hz) alone gives `1e-3 sqrt(t^3/3)` = 8.3 m; the
+/// gyros' 3 deg/h/sqrt(Hz) tilt the platform and give `9.8 N sqrt(t^5/20)` = 282 m with N =
+/// 1.45e-5.
 #[test]
 fn the_current_is_known_when_the_bottom_is_lost_and_holds_the_drift_at_metres() {
     let (with, without) = (bound(SCENARIO, &[]), bound(SCENARIO, &[NO_WATER]));

@@ -5,8 +5,8 @@ use navfuse_core::document::Document;
 use navfuse_core::run::scenario::Scenario;
 pub use navfuse_testing::registry;
 
-/// The types that the scenarios name.
-/// A navigation-grade IMU after an alignment at rest, and a laser whose misalignment and scale are not known.
+/// A navigation-grade IMU after an alignment at rest, and a laser whose misalignment and scale are
+/// not known.
 pub const SCENARIO: &str = r#"
 name = "laser"
 seed = 1

@@ -1,9 +1,11 @@
 //! What beams and motion determine of scale factor and misalignment.
 //!
-//! A beam reads `k u · C_b^d v` of the velocity `v` at the instrument, in body axes. To first order, at `k = 1` and no
-//! misalignment, its change is `(u · v) dk + (v x u) · eta`. Motion that goes through the velocities `v_j` therefore
-//! determines the numbers `[u_i · v_j, v_j x u_i] · [dk, eta]` and nothing else. The Cramer-Rao bound of the whole filter
-//! must find the same: next to nothing left where these determine a state, and what the prior leaves elsewhere.
+//! A beam reads `k u · C_b^d v` of the velocity `v` at the instrument, in body axes. To first
+//! order, at `k = 1` and no misalignment, its change is `(u · v) dk + (v x u) · eta`. Motion that
+//! goes through the velocities `v_j` therefore determines the numbers
+//! `[u_i · v_j, v_j x u_i] · [dk, eta]` and nothing else. The Cramer-Rao bound of the whole filter
+//! must find the same: next to nothing left where these determine a state, and what the prior
+//! leaves elsewhere.
 
 use crate::common::{document, registry};
 use navfuse_campaign::{Campaign, Options, bound};
@@ -30,7 +32,8 @@ const TURNS: &str = r#"{ type = "turn", duration = "20 s", angle = "90 deg" }, {
     { type = "turn", duration = "40 s", angle = "-180 deg" }, { type = "cruise", duration = "20 s" }"#;
 const CLIMB: &str = r#"{ type = "ascend", duration = "40 s", rate = "3 m/s" }, { type = "descend", duration = "40 s", rate = "3 m/s" }"#;
 
-/// Its name, its segments, its lever arm forward in m, and the directions of the velocity at the instrument.
+/// Its name, its segments, its lever arm forward in m, and the directions of the velocity at the
+/// instrument.
 type Motion = (&'static str, &'static [&'static str], f64, &'static [Vector3<f64>]);
 const X: Vector3<f64> = Vector3::new(1.0, 0.0, 0.0);
 const Y: Vector3<f64> = Vector3::new(0.0, 1.0, 0.0);
@@ -89,7 +92,8 @@ fn achieved(beams: &[[f64; 3]], motion: &Motion) -> [f64; 4] {
     [of("laser.scale.k"), angle("roll"), angle("pitch"), angle("yaw")]
 }
 
-/// `cargo test -p navfuse-doppler --test laser determined -- --nocapture` prints the table of the book.
+/// `cargo test -p navfuse-doppler --test laser determined -- --nocapture` prints the table of the
+/// book.
 #[test]
 fn the_bound_is_what_the_geometry_of_beams_and_motion_says() {
     println!(
@@ -112,9 +116,10 @@ fn the_bound_is_what_the_geometry_of_beams_and_motion_says() {
             println!("| {beams_name} | {} | {} |", motion.0, cells.join(" | "));
             for i in 0..4 {
                 let (e, f) = (expected[i] / PRIOR[i], found[i] / PRIOR[i]);
-                // What is determined is known five times better than before. Of what is not, noise leaves a little more
-                // than the geometry, and never less but for 1e-4: with a lever arm the filter is not quite at the truth,
-                // since the rate of its gyros is half an interval old.
+                // What is determined is known five times better than before. Of what is not, noise
+                // leaves a little more than the geometry, and never less but for 1e-4: with a lever
+                // arm the filter is not quite at the truth, since the rate of its gyros is half an
+                // interval old.
                 let right = if e < 1e-3 { f < 0.2 } else { f > e * (1.0 - 1e-4) && f < e * 1.05 };
                 if !right {
                     wrong.push(format!(
@@ -128,8 +133,9 @@ fn the_bound_is_what_the_geometry_of_beams_and_motion_says() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// By hand: with `theta` the depression of a forward beam, a straight road shows `cos(theta) dk - sin(theta) dpitch` alone,
-/// so of a scale of sigma `s` and a pitch of sigma `p tan(theta)` in the same unit, `s p / sqrt(s^2 + p^2)` is left of both.
+/// By hand: with `theta` the depression of a forward beam, a straight road shows
+/// `cos(theta) dk - sin(theta) dpitch` alone, so of a scale of sigma `s` and a pitch of sigma
+/// `p tan(theta)` in the same unit, `s p / sqrt(s^2 + p^2)` is left of both.
 #[test]
 fn one_beam_on_a_straight_road_shows_scale_and_pitch_only_as_a_difference() {
     let (s, p) = (PRIOR[0], PRIOR[2]); // tan(45 deg) = 1

@@ -71,8 +71,9 @@ fn a_beam_is_given_as_a_vector_or_as_azimuth_and_elevation() {
     assert_close(&read(&vectors, &state(&vectors, &moving)), &z);
 }
 
-/// `k u · C_b^d v`. With `C_d^b = R_z(90 deg)` the body is turned by 90 deg to the right of the instrument, as it would be of
-/// north with that heading: the instrument looks to the body's left, and has the body's forward on its right.
+/// `k u · C_b^d v`. With `C_d^b = R_z(90 deg)` the body is turned by 90 deg to the right of the
+/// instrument, as it would be of north with that heading: the instrument looks to the body's left,
+/// and has the body's forward on its right.
 #[test]
 fn the_scale_multiplies_and_the_misalignment_turns_the_instrument() {
     let laser = compose(&["sensor.laser.beams=[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"]);

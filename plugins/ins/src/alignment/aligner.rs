@@ -30,8 +30,8 @@ const MOVED: u64 = 3;
 /// Largest expected error of the coarse heading, rad: beyond it the filter cannot linearise.
 const HOPELESS: f64 = 0.5;
 
-/// Change of the attitude below which trials end, rad: half of the error that a navigation-grade IMU
-/// leaves after 240 s.
+/// Change of the attitude below which trials end, rad: half of the error that a navigation-grade
+/// IMU leaves after 240 s.
 const SETTLED: f64 = 3.5e-4;
 
 /// Sensors of an alignment.
@@ -48,7 +48,8 @@ enum Phase {
     /// Before the first sample.
     Waiting,
     Searching(Box<CoarseAlignment>),
-    /// The fine stage: its beginning, the time of the next check, and whether the delay was reported.
+    /// The fine stage: its beginning, the time of the next check, and whether the delay was
+    /// reported.
     Fine {
         begin: Time,
         next: Time,
@@ -98,8 +99,8 @@ impl Aligner {
         }
     }
 
-    /// The sensor that the scenario names, or else the only one with at least three channels that are
-    /// speeds.
+    /// The sensor that the scenario names, or else the only one with at least three channels that
+    /// are speeds.
     fn velocity_sensor(
         &self,
         sensors: &[Sensor],

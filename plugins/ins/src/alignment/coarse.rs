@@ -260,8 +260,9 @@ impl CoarseAlignment {
         settings: &AlignmentSettings,
     ) -> Result<CoarseSolution, AlignmentError> {
         let found = align(&self.instants, &self.earth).ok_or(AlignmentError::NoDirection)?;
-        // sigma of the apparent velocity of a vehicle at rest: sway at both ends, accelerometer bias
-        // and noise, and the tilt from gyro bias (g b t^2 / 2) and gyro noise (g N sqrt(t^3 / 3))
+        // sigma of the apparent velocity of a vehicle at rest: sway at both ends, accelerometer
+        // bias and noise, and the tilt from gyro bias (g b t^2 / 2) and gyro noise (g N sqrt(t^3 /
+        // 3))
         let (gyro, accel) =
             (sensed.imu.gyro_noise.value().si().amax(), sensed.imu.accel_noise.value().si().amax());
         let g = self.earth.gravity;
@@ -299,10 +300,10 @@ impl CoarseAlignment {
     }
 }
 
-/// Computes the velocity in body axes from a sample of the velocity sensor, with all other states as
-/// they are: `v = (H' R^-1 H)^-1 H' R^-1 (z - h(0))`. One step of weighted least squares suffices,
-/// because `h` is linear in the velocity; at the identity as attitude, navigation axes are body axes.
-/// `None` where the channels do not determine all three components.
+/// Computes the velocity in body axes from a sample of the velocity sensor, with all other states
+/// as they are: `v = (H' R^-1 H)^-1 H' R^-1 (z - h(0))`. One step of weighted least squares
+/// suffices, because `h` is linear in the velocity; at the identity as attitude, navigation axes
+/// are body axes. `None` where the channels do not determine all three components.
 fn body_velocity(
     layout: &Layout,
     model: &dyn AnyMeasurement,

@@ -1,7 +1,8 @@
 //! Attitude from the rotation of gravity in inertial axes, at rest or in motion.
 //!
-//! With `b0` the body axes and `n0` the navigation axes of the beginning, both frozen in inertial space, the navigation
-//! equation `dv/dt = C_b^n f - (2 w_ie + w_en) x v + g` integrates, for the velocity `v^b` in body axes, to
+//! With `b0` the body axes and `n0` the navigation axes of the beginning, both frozen in inertial
+//! space, the navigation equation `dv/dt = C_b^n f - (2 w_ie + w_en) x v + g` integrates, for the
+//! velocity `v^b` in body axes, to
 //! ```text
 //! C_b0^n0 b(t) = a(t)
 //! b(t) = C_b(t)^b0 v^b(t) - v^b(0) + w_ie^b0 x int C_b^b0 v^b dt - int C_b^b0 f^b dt
@@ -9,11 +10,11 @@
 //! ```
 //! (Li, Tang, Lu & Wu, *Optimization-based alignment for inertial navigation systems: theory and
 //! algorithm*, Aerosp. Sci. Technol. 15, 2011, and *Optimization-based alignment for strapdown
-//! inertial navigation system: comparison and extension*, IEEE Trans. Aerosp. Electron. Syst. 49(3),
-//! 2013, which write the third term as `int C_b^b0 (w_ie^b x v^b) dt`; `w_ie` is constant in inertial
-//! axes). `C_b^b0` is integrated from the gyros and `C_n^n0` from Earth and transport rate, so
-//! `C_b0^n0` is a constant, which many times `t` determine. Sway has little effect: its rotation is in
-//! `C_b^b0`, and its velocity stays small compared with `a`, which grows with time.
+//! inertial navigation system: comparison and extension*, IEEE Trans. Aerosp. Electron. Syst.
+//! 49(3), 2013, which write the third term as `int C_b^b0 (w_ie^b x v^b) dt`; `w_ie` is constant in
+//! inertial axes). `C_b^b0` is integrated from the gyros and `C_n^n0` from Earth and transport
+//! rate, so `C_b0^n0` is a constant, which many times `t` determine. Sway has little effect: its
+//! rotation is in `C_b^b0`, and its velocity stays small compared with `a`, which grows with time.
 
 use super::optimisation::{Fit, Pairs};
 use crate::earth::LocalEarth;
@@ -93,8 +94,8 @@ pub fn align(instants: &[Instant], earth: &LocalEarth) -> Option<AttitudeFit> {
     Some(AttitudeFit { c_b_n, residuals })
 }
 
-/// Computes `a` and `b` of every instant after the first; Earth and transport rate are resolved with
-/// the attitude `c_b_n`, and are zero in `b` where it is not known yet.
+/// Computes `a` and `b` of every instant after the first; Earth and transport rate are resolved
+/// with the attitude `c_b_n`, and are zero in `b` where it is not known yet.
 fn pairs(
     instants: &[Instant],
     earth: &LocalEarth,
@@ -130,7 +131,8 @@ mod tests {
     use crate::testing::Uniform;
     use navfuse_core::state::geodesy::Geodetic;
 
-    /// Instants once a second along a motion that the mechanisation itself makes from increments, so that they fit it exactly.
+    /// Instants once a second along a motion that the mechanisation itself makes from increments,
+    /// so that they fit it exactly.
     fn run(
         seed: u64,
         duration: usize,
@@ -191,7 +193,8 @@ mod tests {
         for seed in 0..20 {
             let (instants, start, earth) =
                 run(seed, 60, 0.0, 0.0, if seed % 2 == 0 { 0.0 } else { 0.05 });
-            // what sculling of the sway leaves in 60 s is 1e-6 of g, over an Earth rate of 1e-4 to 7e-5
+            // what sculling of the sway leaves in 60 s is 1e-6 of g, over an Earth rate of 1e-4 to
+            // 7e-5
             let error = error_deg(&instants, &start, &earth);
             assert!(error < 0.01, "seed {seed}: {error} deg");
         }
@@ -202,12 +205,14 @@ mod tests {
         for seed in 20..40 {
             let (instants, start, earth) = run(seed, 120, 5.0, 0.03, 0.02);
             let error = error_deg(&instants, &start, &earth);
-            // the latitude is held at that of the beginning: 600 m north are 1e-4 rad of it, and 0.01 deg of the direction of a
+            // the latitude is held at that of the beginning: 600 m north are 1e-4 rad of it, and
+            // 0.01 deg of the direction of a
             assert!(error < 0.02, "seed {seed}: {error} deg");
         }
     }
 
-    /// Left out, Earth rate and transport rate cost a speed of 5 m/s more than half a degree of heading.
+    /// Left out, Earth rate and transport rate cost a speed of 5 m/s more than half a degree of
+    /// heading.
     #[test]
     fn earth_and_transport_rate_matter() {
         let mut worst = 0.0_f64;
@@ -225,7 +230,8 @@ mod tests {
     fn a_motion_that_is_not_the_one_told_shows_in_the_residuals() {
         let (mut instants, _, earth) = run(60, 60, 5.0, 0.05, 0.0);
         let told = align(&instants, &earth).unwrap();
-        // a gravity that is held while 300 m of height change it by 1e-3 m/s^2 is 0.03 m/s off after a minute
+        // a gravity that is held while 300 m of height change it by 1e-3 m/s^2 is 0.03 m/s off
+        // after a minute
         assert!(told.residuals.iter().all(|r| *r < 0.05), "{:?}", told.residuals);
         instants.iter_mut().for_each(|i| i.velocity = Vector3::zeros());
         let at_rest = align(&instants, &earth).unwrap();

@@ -8,9 +8,9 @@ const COLLINEAR: f64 = 1e-6;
 
 /// Computes `C_b^n` of a vehicle at rest from the means of its specific force (m/s^2) and angular
 /// rate (rad/s), biases removed: gravity determines down, the Earth rate north (Groves, 2nd ed.,
-/// section 5.6.2). The method is TRIAD (Black, AIAA J. 2(7), 1964) with gravity as the vector that is
-/// fitted exactly, because it is known better. `None` where both are parallel, at a pole, or one is
-/// zero.
+/// section 5.6.2). The method is TRIAD (Black, AIAA J. 2(7), 1964) with gravity as the vector that
+/// is fitted exactly, because it is known better. `None` where both are parallel, at a pole, or one
+/// is zero.
 ///
 /// Errors: tilt `db_a / g`, heading `db_E / (W cos L)`.
 pub fn analytic(
@@ -31,8 +31,8 @@ fn triad(first: &Vector3<f64>, second: &Vector3<f64>) -> Option<Matrix3<f64>> {
 }
 
 /// The rotation `C` that minimises `sum |C b - a|^2` over pairs of vectors, which their length
-/// weights: Wahba's problem in quaternions (Davenport's q method; Wu, Wang & Hu, IEEE Trans. Aerosp.
-/// Electron. Syst. 49(2), 2013).
+/// weights: Wahba's problem in quaternions (Davenport's q method; Wu, Wang & Hu, IEEE Trans.
+/// Aerosp. Electron. Syst. 49(2), 2013).
 ///
 /// `C b = a` is `q b = a q` in quaternions, linear in `q`. With `[b]+` the matrix of multiplication
 /// by `b` on the right and `[a]-` that of `a` on the left, `q` is the eigenvector of the least
@@ -69,7 +69,8 @@ impl Pairs {
         let mut order = [0, 1, 2, 3];
         order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
         let value = |i: usize| eigen.eigenvalues[order[i]];
-        // with one direction only, a rotation about it changes nothing: the two least eigenvalues agree
+        // with one direction only, a rotation about it changes nothing: the two least eigenvalues
+        // agree
         if !value(3).is_finite() || value(1) - value(0) <= COLLINEAR * COLLINEAR * value(3) {
             return None;
         }

@@ -12,8 +12,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 /// Shortest alignment, s: in that time gravity turns by at most 0.04 deg in inertial axes.
 const SHORTEST: f64 = 10.0;
-/// Ratio of the prior sigma of the fine alignment to the expected error of the coarse one. The prior
-/// then has a hundredth of the information, so the samples are practically used once.
+/// Ratio of the prior sigma of the fine alignment to the expected error of the coarse one. The
+/// prior then has a hundredth of the information, so the samples are practically used once.
 const PRIOR: f64 = 10.0;
 
 /// Latitude whose gravity the expected errors use, rad: gravity varies by 0.5 % over the Earth.
