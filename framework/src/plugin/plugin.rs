@@ -1,4 +1,4 @@
-//! Plugins: what registers types, under which name and version, and what of others it needs.
+//! Plugins, which register types.
 
 use crate::plugin::error::{PluginConflict, PluginError};
 use crate::plugin::need::Need;
@@ -27,29 +27,30 @@ use std::any::{Any, TypeId};
 /// assert!(error.to_string().contains("needs the plugin navfuse-ins 0.1, which is not there"));
 /// ```
 ///
-/// A group is a plugin that adds others in `build`; whoever takes it can still replace, disable or set each of them:
-/// see [`Registry`].
+/// A group is a plugin that adds other plugins in `build`. A program that adds the group can still
+/// replace, disable or set each member; see [`Registry`].
 pub trait Plugin: Any {
-    /// Registers what the plugin brings.
+    /// Registers the types of the plugin.
     fn build(&self, registry: &mut Registry);
 
-    /// The name by which other plugins need it: that of its crate. Default: its type.
+    /// Name by which other plugins refer to it: the name of its crate. Default: its type.
     fn name(&self) -> &'static str {
         std::any::type_name::<Self>()
     }
 
-    /// Its version: that of its crate. Default: that of the framework.
+    /// Version of its crate. Default: the version of the framework.
     fn version(&self) -> &'static str {
         env!("CARGO_PKG_VERSION")
     }
 
-    /// The plugins without which its types cannot be composed.
+    /// Plugins without which its types cannot be composed.
     fn needs(&self) -> &[Need] {
         &[]
     }
 }
 
-/// [`Plugin::name`] and [`Plugin::version`] from the Cargo.toml of the crate that calls it, inside of `impl Plugin`.
+/// Defines [`Plugin::name`] and [`Plugin::version`] inside `impl Plugin`, from the Cargo.toml of
+/// the calling crate.
 #[macro_export]
 macro_rules! named_after_crate {
     () => {
@@ -67,7 +68,7 @@ macro_rules! named_after_crate {
 #[derive(Clone, Debug)]
 struct Member {
     plugin: TypeId,
-    /// The group that added it.
+    /// The group that added the plugin.
     group: Option<TypeId>,
     name: &'static str,
     version: &'static str,
@@ -78,9 +79,9 @@ struct Member {
 #[derive(Debug, Default)]
 pub(crate) struct Members {
     members: Vec<Member>,
-    /// Those whose `build` runs, the innermost last.
+    /// Plugins whose `build` is running, the innermost last.
     building: Vec<Option<TypeId>>,
-    /// What was to be replaced or disabled and is not there.
+    /// Plugins that were to be replaced or disabled but are absent.
     absent: Vec<&'static str>,
 }
 
@@ -101,18 +102,18 @@ impl Members {
         self.building.pop();
     }
 
-    /// What is added until [`Self::end`] belongs to the group of a plugin.
+    /// Assigns the plugins added until [`Self::end`] to the group of a plugin.
     pub(crate) fn begin_beside(&mut self, plugin: TypeId) {
         let group = self.members.iter().find(|m| m.plugin == plugin).and_then(|m| m.group);
         self.building.push(group);
     }
 
-    /// The plugin that registers now.
+    /// The plugin that is registering types.
     pub(crate) fn current(&self) -> Option<TypeId> {
         self.building.last().copied().flatten()
     }
 
-    /// Forgets a plugin and those that it added; gives all that are gone.
+    /// Removes a plugin and those that it added; returns all removed plugins.
     pub(crate) fn remove(&mut self, plugin: TypeId, name: &'static str) -> Vec<TypeId> {
         if !self.members.iter().any(|m| m.plugin == plugin) {
             self.absent.push(name);

@@ -1,4 +1,4 @@
-//! The types that a scenario can name, and what registers them.
+//! The types that a scenario can name, and their registry.
 
 use crate::compose::{Composer, Composition};
 use crate::document::{DocumentError, Node};
@@ -16,11 +16,12 @@ use std::path::PathBuf;
 use crate::plugin::plugin::Members;
 pub use crate::plugin::{Plugin, PluginError};
 
-/// A type of sensor. Its fields are the parameters in TOML: their documentation, units and defaults are the type's.
+/// A type of sensor. Its fields are the parameters in TOML, with their documentation, units and
+/// defaults.
 ///
 /// ```
 /// use navfuse_core::prelude::*;
-/// /// Height above the ellipsoid, by some means.
+/// /// Height above the ellipsoid.
 /// #[derive(Clone, Debug, Deserialize, JsonSchema)]
 /// #[serde(deny_unknown_fields)]
 /// struct Altitude {
@@ -56,20 +57,20 @@ pub use crate::plugin::{Plugin, PluginError};
 pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
-    /// Whether it drives a process model; such sensors are composed before the processes.
+    /// Whether the sensor drives a process model. Such sensors are composed before the processes.
     const INPUT: bool = false;
-    /// The channels of its samples.
+    /// Channels of its samples.
     fn channels(&self) -> Vec<Channel>;
-    /// Adds its states and gives its model.
+    /// Adds its states and returns its model.
     ///
     /// # Errors
-    /// When a parameter does not fit, or a block that it needs is not there.
+    /// When a parameter does not fit, or a block that the sensor needs is missing.
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError>;
 }
 
 /// A type of process model.
 ///
-/// One that moves nothing itself, and brings a state that wanders by the framework's own dynamics:
+/// A type that propagates nothing itself, but adds a state with the dynamics of the framework:
 /// ```
 /// use navfuse_core::prelude::*;
 /// /// Height of the sea surface.
@@ -83,7 +84,8 @@ pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
 /// impl ProcessType for Tide {
 ///     const TYPE: &'static str = "tide";
 ///     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
-///         self.height.block::<Scalar>(composer, "height", &[0.0], display::LENGTH)?; // others find it as tide.height
+///         // other types find the state as tide.height
+///         self.height.block::<Scalar>(composer, "height", &[0.0], display::LENGTH)?;
 ///         Ok(BuiltProcess::new(OwnDynamics))
 ///     }
 /// }
@@ -93,21 +95,21 @@ pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
 pub trait ProcessType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
-    /// Adds its states, declares its part of the transition and gives its model.
+    /// Adds its states, declares its part of the transition and returns its model.
     ///
     /// # Errors
-    /// When a parameter does not fit, or its driving sensor is not there.
+    /// When a parameter does not fit, or its driving sensor is missing.
     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError>;
 }
 
-/// What a source or sink may know when it is opened.
+/// The context in which a source or sink is opened.
 #[derive(Debug)]
 pub struct OpenContext<'a> {
-    /// The composition that it feeds or records.
+    /// Composition that the source feeds or the sink records.
     pub composition: &'a Composition,
-    /// Where relative paths of inputs start: the folder of the scenario.
+    /// Folder of the scenario, to which the paths of inputs are relative.
     pub base: PathBuf,
-    /// Where outputs go.
+    /// Folder of the outputs.
     pub output: PathBuf,
 }
 
@@ -115,7 +117,7 @@ pub struct OpenContext<'a> {
 ///
 /// ```
 /// use navfuse_core::prelude::*;
-/// /// Nothing: a scenario that only composes.
+/// /// A source without samples, for a scenario that is only composed.
 /// #[derive(Clone, Debug, Deserialize, JsonSchema)]
 /// struct Silence {}
 /// struct Silent;
@@ -138,10 +140,10 @@ pub trait SourceType: DeserializeOwned + JsonSchema + 'static {
     const TYPE: &'static str;
     /// Whether its samples are simulated, so that another seed gives another run.
     const SIMULATES: bool = false;
-    /// Opens it: one stream or several, which the runner merges.
+    /// Opens the source: one or several streams, which the runner merges.
     ///
     /// # Errors
-    /// When a file is missing or is not what it should be.
+    /// When a file is missing or malformed.
     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError>;
 }
 
@@ -178,16 +180,17 @@ pub trait SourceType: DeserializeOwned + JsonSchema + 'static {
 pub trait SinkType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
-    /// Whether it records every run, with its default parameters where the scenario does not mention it.
+    /// Whether the sink records every run, with its default parameters if the scenario does not
+    /// mention it.
     const DEFAULT: bool = true;
-    /// Opens it.
+    /// Opens the sink.
     ///
     /// # Errors
-    /// When the file or address cannot be written to.
+    /// When the file cannot be created, or nobody answers at the address.
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError>;
 }
 
-/// What a registered type is.
+/// The kind of a registered type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
     /// `[process.NAME]`
@@ -204,7 +207,7 @@ impl Kind {
     /// All kinds, in the order of a scenario.
     pub const ALL: [Self; 4] = [Self::Process, Self::Sensor, Self::Source, Self::Sink];
 
-    /// The table in TOML.
+    /// Table of the kind in TOML.
     pub const fn table(self) -> &'static str {
         match self {
             Self::Process => "process",
@@ -215,13 +218,14 @@ impl Kind {
     }
 }
 
-/// Why a composed part could not be built: a place in the document, or a stream.
+/// The reason why a part of a scenario cannot be built.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum BuildError {
-    /// The scenario, also where a source or sink cannot be opened.
+    /// The scenario does not fit, or a source or sink cannot be opened.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// The plugins.
+    /// The plugins do not fit together.
     #[error(transparent)]
     Plugin(#[from] PluginError),
 }
@@ -245,14 +249,14 @@ pub(crate) enum Make {
 
 /// A registered type.
 pub struct Entry {
-    /// What it is.
+    /// Kind of the type.
     pub kind: Kind,
-    /// Its name in TOML.
+    /// Name of the type in TOML.
     pub name: &'static str,
-    /// The JSON Schema of its parameters.
+    /// JSON Schema of its parameters.
     pub schema: Schema,
     pub(crate) make: Make,
-    /// The plugin that registered it, if a plugin did.
+    /// Plugin that registered the type, if a plugin did.
     owner: Option<TypeId>,
 }
 
@@ -264,7 +268,7 @@ impl std::fmt::Debug for Entry {
 
 /// Every type that a scenario can name, with the plugins that registered them.
 ///
-/// Plugins are members: one can be replaced, disabled, or added anew with other settings.
+/// A plugin can be replaced, disabled, or added again with other settings.
 /// ```
 /// # use navfuse_core::plugin::{Plugin, Registry};
 /// # struct Sonar;
@@ -282,7 +286,7 @@ impl std::fmt::Debug for Entry {
 /// ```
 #[derive(Debug, Default)]
 pub struct Registry {
-    /// More than one of a kind and name is an error, which [`Registry::check`] tells.
+    /// Two types of the same kind and name are an error, which [`Registry::check`] reports.
     entries: BTreeMap<(Kind, &'static str), Vec<Entry>>,
     members: Members,
 }
@@ -293,7 +297,7 @@ impl Registry {
         Self::default()
     }
 
-    /// Adds a plugin, and those that it adds itself.
+    /// Adds a plugin, with the plugins that it adds itself.
     pub fn add(&mut self, plugin: &dyn Plugin) -> &mut Self {
         self.members.begin(plugin);
         plugin.build(self);
@@ -301,13 +305,13 @@ impl Registry {
         self
     }
 
-    /// Removes plugin `P`, and what it registered.
+    /// Removes plugin `P` and the types that it registered.
     pub fn disable<P: Plugin>(&mut self) -> &mut Self {
         self.remove(TypeId::of::<P>(), std::any::type_name::<P>());
         self
     }
 
-    /// Removes plugin `P`, and adds another in its place: in its group, if it is in one.
+    /// Removes plugin `P` and adds another in its place, in the same group if there is one.
     pub fn replace<P: Plugin>(&mut self, by: &dyn Plugin) -> &mut Self {
         self.members.begin_beside(TypeId::of::<P>());
         self.disable::<P>().add(by);
@@ -315,7 +319,7 @@ impl Registry {
         self
     }
 
-    /// Adds a plugin anew, with other settings than those with which it is there.
+    /// Adds a plugin again, with other settings.
     pub fn set<P: Plugin>(&mut self, plugin: &P) -> &mut Self {
         self.replace::<P>(plugin)
     }
@@ -328,11 +332,12 @@ impl Registry {
         }
     }
 
-    /// Whether the plugins fit together. [`crate::run::scenario::Scenario::compose`] asks it too.
+    /// Checks that the plugins fit together, as composing a scenario does.
     ///
     /// # Errors
-    /// When one is added twice, two register the same type, one needs another that is not there or is there in another
-    /// version, or one was to be replaced or disabled that is not there.
+    /// When a plugin was added twice, two plugins register the same type, a plugin needs another
+    /// one that is missing or has another version, or a plugin to be replaced or disabled is
+    /// missing.
     pub fn check(&self) -> Result<(), PluginError> {
         let clashes = self.entries.values().filter_map(|same| match &same[..] {
             [first, second, ..] => Some((first, [first.owner, second.owner])),

@@ -1,4 +1,4 @@
-//! Where the time and the channels of a sensor are in a row, and how they become SI.
+//! The columns of the time and the channels of a sensor, and their conversion to SI.
 
 use crate::config::FileConfig;
 use crate::headings::Wanted;
@@ -9,32 +9,32 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::Unit;
 use navfuse_core::units::time::Time;
 
-/// How the time is read.
+/// The column of the time.
 pub struct TimeCell {
-    /// Index of its column.
+    /// Index of the column.
     pub column: usize,
-    /// Nanoseconds in one of its unit.
+    /// Its unit in nanoseconds.
     pub unit: u64,
-    /// What is added to it.
+    /// Offset that is added to the time.
     pub offset: Time,
 }
 
-/// How a channel is read.
+/// The column of a channel.
 pub struct ChannelCell {
-    /// Index of its column.
+    /// Index of the column.
     pub column: usize,
     unit: Option<Unit>,
     scale: f64,
 }
 
 impl ChannelCell {
-    /// A number of the column in SI.
+    /// Converts a number of the column to SI.
     pub fn to_si(&self, number: f64) -> f64 {
         self.unit.map_or(number, |u| u.to_si(number)) * self.scale
     }
 }
 
-/// The heading of every column that a sensor needs, where nothing is mapped.
+/// The headings that a sensor needs by default.
 pub fn usual_header(info: &SensorInfo) -> String {
     let channels = info.channels.iter().map(|c| c.column().trim_end_matches('_').to_owned());
     std::iter::once("time_s".to_owned()).chain(channels).collect::<Vec<_>>().join(",")
@@ -43,7 +43,7 @@ pub fn usual_header(info: &SensorInfo) -> String {
 /// Finds the column of the time.
 ///
 /// # Errors
-/// What is wrong and what to do about it.
+/// When the column is missing, is ambiguous, or has an unsuitable unit.
 pub fn time_cell(
     info: &SensorInfo,
     config: &FileConfig,
@@ -55,7 +55,7 @@ pub fn time_cell(
     let found = Wanted { name: "time", si: "s", column, unit, key: &key, others: &others }
         .find(headings)?;
     let nanos = found.unit.map_or(1e9, |u| u.to_si(1e9));
-    // exact times need a whole number of nanoseconds; all of the usual units of time are
+    // exact times need a unit of whole nanoseconds, as all usual units of time are
     if !(1.0..=86_400e9).contains(&nanos) || (nanos - nanos.round()).abs() > 1e-6 {
         let message = "a unit of time from ns to day is needed, such as \"ms\"";
         return Err(StreamError::scenario(format!("{key}.unit: {message}")));
@@ -69,7 +69,7 @@ pub fn time_cell(
 /// Finds the columns of the channels.
 ///
 /// # Errors
-/// What is wrong and what to do about it.
+/// When the column is missing, is ambiguous, or has an unsuitable unit.
 pub fn channel_cells(
     info: &SensorInfo,
     config: &FileConfig,

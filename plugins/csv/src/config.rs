@@ -11,34 +11,37 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::path::PathBuf;
 
-/// Reads recorded samples from CSV files, one file a sensor.
+/// Reads recorded samples from CSV files, one file for each sensor.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Csv {
-    /// Folder of the files, absolute or from the scenario's folder. Default: the scenario's folder.
+    /// Folder of the files, absolute or relative to the folder of the scenario. Default: the folder
+    /// of the scenario.
     #[serde(default)]
     pub directory: PathBuf,
-    /// How a sensor's file is read, by the sensor's name. A sensor that is not here reads NAME.csv, if there is one.
+    /// Format of each sensor's file, by the name of the sensor. Default: the file NAME.csv, if it
+    /// exists.
     #[serde(default)]
     pub files: BTreeMap<String, FileConfig>,
 }
 
-/// How the file of one sensor is read.
+/// The file of one sensor and its format.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct FileConfig {
-    /// The file, absolute or from the directory. Default: NAME.csv.
+    /// The file, absolute or relative to the directory. Default: NAME.csv.
     pub path: Option<PathBuf>,
     /// The column of the time. Default: time_s, or time with another unit of time.
     pub time: Named<TimeColumn>,
-    /// The columns of channels, by the channel's name. Default: the channel's name and a unit, such as vel_x_mps.
+    /// The columns of the channels, by the name of the channel. Default: the name of the channel
+    /// and a unit, such as vel_x_mps.
     pub columns: BTreeMap<String, Named<Column>>,
-    /// What separates cells: a comma, semicolon, tab, bar or space.
+    /// Separator of the cells: a comma, semicolon, tab, bar or space.
     #[serde(deserialize_with = "delimiter")]
     pub delimiter: char,
-    /// What to do with a row whose time is not later than that of the row before.
+    /// Treatment of a row whose time is not later than that of the row before.
     pub disorder: Disorder,
-    /// What to do with a cell that says that it is no number, such as nan or inf.
+    /// Treatment of a cell without a number, such as nan or inf.
     pub nan: Nan,
 }
 
@@ -55,18 +58,18 @@ impl Default for FileConfig {
     }
 }
 
-/// What to do with a row whose time is not later than that of the row before.
+/// The treatment of a row whose time is not later than that of the row before.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Disorder {
     /// The run ends.
     #[default]
     Error,
-    /// The row is left out, and counted in a warning.
+    /// The row is skipped, and a warning reports the number of such rows.
     Skip,
 }
 
-/// What to do with a cell that says that it is no number.
+/// The treatment of a cell without a number, such as nan or inf.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Nan {
@@ -81,11 +84,11 @@ pub enum Nan {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Column {
-    /// Its heading. Default: the channel's name and a unit.
+    /// Heading of the column. Default: the name of the channel and a unit.
     pub column: Option<String>,
-    /// Its unit. Default: what the heading ends with.
+    /// Unit of the column. Default: the unit at the end of the heading.
     pub unit: Option<UnitName>,
-    /// A factor on it, such as -1 for an axis that points the other way. Default: 1.
+    /// Factor on the value, such as -1 for an axis with the opposite direction. Default: 1.
     pub scale: Option<Ratio>,
 }
 
@@ -93,11 +96,11 @@ pub struct Column {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TimeColumn {
-    /// Its heading. Default: time and a unit.
+    /// Heading of the column. Default: time and a unit.
     pub column: Option<String>,
-    /// Its unit. Default: what the heading ends with.
+    /// Unit of the column. Default: the unit at the end of the heading.
     pub unit: Option<UnitName>,
-    /// What is added to it. Default: 0 s.
+    /// Offset that is added to the time. Default: 0 s.
     pub offset: Option<Duration>,
 }
 
@@ -113,7 +116,7 @@ impl From<String> for TimeColumn {
     }
 }
 
-/// The description of a column: in TOML its heading alone, or a table.
+/// The description of a column: in TOML the heading alone, or a table.
 #[derive(Clone, Debug, Default)]
 pub struct Named<T>(pub T);
 

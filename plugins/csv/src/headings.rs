@@ -1,42 +1,42 @@
-//! Which column is which channel, and in which unit.
+//! Finds the column of a channel, and its unit.
 
 use navfuse_core::document::did_you_mean;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::{Unit, column_suffix};
 
-/// Columns that a message lists before it says how many more there are.
+/// Largest number of columns that a message lists.
 const LISTED: usize = 30;
 
-/// What is looked for.
+/// A column to find.
 pub struct Wanted<'a> {
     /// Name of the channel: `vel_x`.
     pub name: &'a str,
-    /// Its SI unit as in a heading: `mps`; empty for a ratio.
+    /// SI unit of the channel as in a heading: `mps`; empty for a ratio.
     pub si: &'a str,
-    /// The heading, where the scenario tells it.
+    /// The heading, where the scenario gives it.
     pub column: Option<&'a str>,
-    /// The unit, where the scenario tells it.
+    /// The unit, where the scenario gives it.
     pub unit: Option<Unit>,
-    /// The key of the source where it can be told: `files.dvl.columns.vel_x`.
+    /// Key of the source that gives heading and unit: `files.dvl.columns.vel_x`.
     pub key: &'a str,
-    /// Names of what else is looked for, whose columns it is not.
+    /// Names of the other channels of the sensor; their columns are not suggested.
     pub others: &'a [&'a str],
 }
 
-/// Where it is.
+/// A column that was found.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
     /// Index of the column.
     pub index: usize,
-    /// Its unit; `None` is SI, or a unit that the units do not know, in which the channel is too.
+    /// Unit of the column; `None` for the unit of the channel itself.
     pub unit: Option<Unit>,
 }
 
 impl Wanted<'_> {
-    /// Finds it among the headings.
+    /// Finds the column among the headings.
     ///
     /// # Errors
-    /// What is wrong and what to do about it.
+    /// When the column is missing, is ambiguous, or has an unsuitable unit.
     pub fn find(&self, headings: &[String]) -> Result<Found, StreamError> {
         let needed = column_suffix(self.si);
         let heading = match self.column {
@@ -69,7 +69,7 @@ impl Wanted<'_> {
         Ok(Found { index, unit })
     }
 
-    /// The heading that the channel has by itself.
+    /// The heading of the channel where the scenario gives none.
     fn heading(&self, headings: &[String], needed: Option<Unit>) -> Result<String, StreamError> {
         let usual = self.usual();
         let (Some(needed), false) = (needed, headings.contains(&usual)) else { return Ok(usual) };
@@ -84,7 +84,7 @@ impl Wanted<'_> {
             }
             _ => {}
         }
-        // with a wrong unit or without any it is still meant
+        // a heading with a wrong unit, or without any, is probably the one meant
         let meant = headings
             .iter()
             .find(|h| *h == self.name)
@@ -92,7 +92,8 @@ impl Wanted<'_> {
         Ok(meant.cloned().unwrap_or(usual))
     }
 
-    /// The unit that a heading ends with: the longest that is one, so that `v_m_s` is in m/s.
+    /// The unit at the end of a heading: the longest suffix that is a unit, so that `v_m_s` is in
+    /// m/s.
     fn suffix(&self, heading: &str, needed: Unit) -> Result<Unit, StreamError> {
         let ends =
             heading.char_indices().filter(|(_, c)| *c == '_').map(|(i, _)| &heading[i + 1..]);
@@ -223,17 +224,20 @@ mod tests {
         let error = |wanted: &Wanted<'_>, header| find(wanted, header).unwrap_err();
         assert_eq!(
             error(&SPEED, "time_s,velx_mps,vy"),
-            "no column \"vel_x_mps\"; did you mean \"velx_mps\"? (columns: time_s, velx_mps, vy); rename the column, or set \
+            "no column \"vel_x_mps\"; did you mean \"velx_mps\"? (columns: time_s, velx_mps, vy); \
+             rename the column, or set \
              files.dvl.columns.vel_x"
         );
         assert_eq!(
             error(&SPEED, "vel_x_m"),
-            "column \"vel_x_m\" ends with \"m\", which is a length, vel_x is a speed; rename it to \"vel_x_mps\", or set \
+            "column \"vel_x_m\" ends with \"m\", which is a length, vel_x is a speed; rename it \
+             to \"vel_x_mps\", or set \
              files.dvl.columns.vel_x.unit"
         );
         assert_eq!(
             error(&SPEED, "vel_x"),
-            "column \"vel_x\" does not end with a unit, vel_x is a speed; rename it to \"vel_x_mps\", or set \
+            "column \"vel_x\" does not end with a unit, vel_x is a speed; rename it to \
+             \"vel_x_mps\", or set \
              files.dvl.columns.vel_x.unit"
         );
         assert_eq!(

@@ -1,12 +1,14 @@
-//! CSV files: a source of recorded samples, and a sink that tells a run to spreadsheets and scripts.
+//! CSV files: a source of recorded samples, and a sink for spreadsheets and scripts.
 //!
-//! **Source.** A sensor NAME is read from `NAME.csv` of the directory, or as `[source.csv.files.NAME]` says. A heading is
-//! a channel's name and its unit, such as `vel_x_mps`; `vel_x_cmps` is understood too. The time is in `time_s`, `time_ms`,
-//! `time_us` or `time_ns`, and kept to the nanosecond. An empty cell is a channel that is missing; a row in which all of a
-//! sensor's channels are is not a sample of it, so that several sensors can share a file. Lines that start with `#` are
-//! comments.
+//! **Source.** The source reads the samples of a sensor NAME from `NAME.csv` in the directory, or
+//! from the file that `[source.csv.files.NAME]` names. A heading consists of the name of a channel
+//! and its unit, such as `vel_x_mps` or `vel_x_cmps`. The time is in `time_s`, `time_ms`, `time_us`
+//! or `time_ns`; it is exact to the nanosecond. An empty cell is a missing channel. A row in which
+//! all channels of a sensor are missing is not a sample of that sensor, so that several sensors can
+//! share a file. Lines that start with `#` are comments.
 //!
-//! **Sink.** `estimate.csv` has a row an epoch, `innovations.csv` a row a measurement; see [`sink`].
+//! **Sink.** `estimate.csv` has one row for each epoch, `innovations.csv` one for each measurement;
+//! see [`sink`].
 
 mod cells;
 pub mod config;

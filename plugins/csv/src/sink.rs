@@ -1,14 +1,17 @@
 //! The sink: tables for spreadsheets and scripts, in the folder of the run.
 //!
-//! `estimate.csv` has a row an epoch: `time_s`, then for every component of every block the estimate, its 1-sigma and,
-//! where the scenario has a truth or a reference, estimate minus truth:
-//! `dvl.misalignment.yaw_deg`, `dvl.misalignment.yaw_sigma_deg`, `dvl.misalignment.yaw_error_deg`. Units are those that the
-//! summary shows. A position is latitude, longitude and height; its sigma and error are north, east and down in metres. An
+//! `estimate.csv` has one row for each epoch: `time_s`, then for every component of every block the
+//! estimate, its 1-sigma and, where the scenario has a truth or a reference, the estimate minus the
+//! truth: `dvl.misalignment.yaw_deg`, `dvl.misalignment.yaw_sigma_deg`,
+//! `dvl.misalignment.yaw_error_deg`. The units are those of the summary. A position is latitude,
+//! longitude and height; its sigma and error are north, east and down in metres. The cell of an
 //! error is empty where no truth is known.
 //!
-//! `innovations.csv` has a row a sample of a measuring sensor: `time_s`, `sensor`, `outcome` (`accepted`, `gated` or
-//! `rejected_` and why), the normalised innovation squared `nis` and the gate's `threshold`, then for every channel of every
-//! measuring sensor the innovation and its 1-sigma, SI: `dvl.vel_x_mps`, `dvl.vel_x_sigma_mps`. What does not apply is empty.
+//! `innovations.csv` has one row for each sample of a measuring sensor: `time_s`, `sensor`,
+//! `outcome` (`accepted`, `gated`, or `rejected_` and the reason), the normalised innovation
+//! squared `nis` and the `threshold` of the gate; then for every channel of every measuring sensor
+//! the innovation and its 1-sigma in SI: `dvl.vel_x_mps`, `dvl.vel_x_sigma_mps`. Cells that do not
+//! apply are empty.
 
 use crate::time::write_seconds;
 use csv::Writer;
@@ -26,7 +29,7 @@ use std::fs::File;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// Writes estimate.csv and innovations.csv into the folder of the run. Only where the scenario has it.
+/// Writes estimate.csv and innovations.csv into the folder of the run, if the scenario has it.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CsvSink {}
@@ -48,7 +51,7 @@ impl SinkType for CsvSink {
     }
 }
 
-/// A file that rows are written into, cell by cell.
+/// A file, written cell by cell.
 struct Table {
     path: PathBuf,
     writer: Writer<File>,
@@ -66,12 +69,13 @@ impl Table {
         self.writer.write_field(cell).map_err(|e| StreamError::write(&self.path, e))
     }
 
-    /// A number that reads back to the bit; what is not finite is empty.
+    /// Writes a number that reads back to the same bits; a number that is not finite is an empty
+    /// cell.
     fn number(&mut self, value: f64) -> Result<(), StreamError> {
         let mut cell = std::mem::take(&mut self.cell);
         cell.clear();
         if value.is_finite() {
-            // a vector takes whatever is written
+            // writing into a vector cannot fail
             let _ = write!(cell, "{value}");
         }
         let done = self.bytes(&cell);
@@ -106,11 +110,11 @@ impl Table {
 struct Tables {
     estimate: Table,
     innovations: Table,
-    /// Whether a block has columns of its error, one a slot.
+    /// By slot: whether the block has columns for its error.
     errors: Vec<bool>,
-    /// The sensors, and for a measuring one the place of its first channel among all of them.
+    /// The sensors; a measuring one with the index of its first channel among all channels.
     sensors: Vec<(SensorInfo, Option<usize>)>,
-    /// Channels of all measuring sensors.
+    /// Number of channels of all measuring sensors.
     width: usize,
 }
 

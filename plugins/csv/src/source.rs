@@ -1,4 +1,4 @@
-//! The source: one stream a file.
+//! The source: one stream for each file.
 
 use crate::cells::{ChannelCell, TimeCell, channel_cells, time_cell, usual_header};
 use crate::config::{Csv, Disorder, FileConfig, Nan};
@@ -14,9 +14,9 @@ use navfuse_core::units::time::Time;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// Bytes that are read at once.
+/// Size of the read buffer in bytes.
 const BUFFER: usize = 64 * 1024;
-/// What programs write for a number that is not there, beside what Rust reads as NaN.
+/// Words that programs write for a missing number, in addition to those that Rust parses as NaN.
 const ABSENT: [&str; 4] = ["na", "n/a", "null", "none"];
 
 impl SourceType for Csv {
@@ -27,7 +27,7 @@ impl SourceType for Csv {
         let scenario = Document::parse("scenario", context.composition.text.as_str()).ok();
         let table = |key: &str| scenario.as_ref().and_then(|s| s.root().get(key));
         let names: Vec<&str> = sensors.iter().map(|s| s.info.name.as_str()).collect();
-        // a sensor that is there but not enabled may keep its file
+        // a sensor that is in the scenario but not enabled may keep its table
         let known = |name: &&String| {
             table("sensor").is_some_and(|t| t.get(name).is_some()) || names.contains(&name.as_str())
         };
@@ -69,20 +69,20 @@ impl SourceType for Csv {
     }
 }
 
-/// A path as it was looked for, for messages about what is not there.
+/// The absolute path, for messages about missing files.
 fn absolute(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
-/// What a row is.
+/// The kind of a row.
 enum Row {
     Sample,
-    /// None of the sensor's channels is in it.
+    /// The row has no channel of the sensor.
     Empty,
     OutOfOrder,
 }
 
-/// What is wrong in a row, and whether that is so because the file ends in it.
+/// A problem of a row, and whether a cut-off file may be the cause.
 struct Problem {
     kind: StreamErrorKind,
     text: String,
@@ -103,14 +103,14 @@ struct Stream {
     nan: Nan,
     before: Option<Time>,
     end: Option<Time>,
-    /// How many rows were left out, and the line of the first.
+    /// Number of skipped rows, and the line of the first one.
     skipped: Option<(u64, u64)>,
     cut: Option<String>,
 }
 
 fn builder(delimiter: char) -> ReaderBuilder {
     let mut builder = ReaderBuilder::new();
-    // ragged rows are told in our own words
+    // rows with too few or too many cells get a message of this crate
     builder.has_headers(false).flexible(true).comment(Some(b'#')).buffer_capacity(BUFFER);
     builder.delimiter(u8::try_from(delimiter).unwrap_or(b','));
     builder
@@ -184,7 +184,7 @@ impl Stream {
         Ok(stream)
     }
 
-    /// The time of the last row that is complete.
+    /// The time of the last complete row.
     fn last_time(&self, delimiter: char) -> Option<Time> {
         let mut record = ByteRecord::new();
         tail::last_lines(&self.path)?.iter().find_map(|line| {
@@ -208,7 +208,7 @@ impl Stream {
     fn row(&mut self, sample: &mut Sample) -> Result<Row, Problem> {
         let (found, needed) = (self.record.len(), self.headings.len());
         if found == 1 && self.record[0].trim_ascii().is_empty() {
-            // a line of spaces, or a comment that the file ends within
+            // a line of spaces, or a comment without a line end at the end of the file
             return Ok(Row::Empty);
         }
         if found != needed {
@@ -239,7 +239,7 @@ impl Stream {
         Ok(if sample.present() == 0 { Row::Empty } else { Row::Sample })
     }
 
-    /// Heading and content of a cell, for a message.
+    /// The heading and the content of a cell, for a message.
     fn cell(&self, column: usize) -> String {
         let cell =
             String::from_utf8_lossy(self.record.get(column).unwrap_or_default().trim_ascii());
@@ -253,7 +253,8 @@ impl Stream {
             TimeError::NotANumber => format!("{cell} is no time: a decimal number is needed"),
             TimeError::TooLarge => {
                 format!(
-                    "{cell} is more than 73 years from zero; is its unit another? Set files.{}.time.unit",
+                    "{cell} is more than 73 years from zero; is its unit another? \
+                     Set files.{}.time.unit",
                     self.name
                 )
             }
@@ -261,7 +262,7 @@ impl Stream {
         Problem { kind: StreamErrorKind::Format, text, cut: false }
     }
 
-    /// A cell that is no finite number: a channel that is missing, or an error.
+    /// Accepts a cell without a finite number as a missing channel, or rejects it.
     fn no_number(
         &self,
         column: usize,
@@ -277,7 +278,8 @@ impl Stream {
         let text = match text {
             _ if absent => {
                 format!(
-                    "{cell} is not finite; leave such cells empty, or set files.{}.nan = \"missing\"",
+                    "{cell} is not finite; leave such cells empty, \
+                     or set files.{}.nan = \"missing\"",
                     self.name
                 )
             }
@@ -287,7 +289,7 @@ impl Stream {
             }
             Some(_) => format!("{cell} is no number; leave a cell empty where there is no value"),
         };
-        // a number can be cut off only in the last cell: "-9.81e-"
+        // only the last cell can hold a cut-off number, such as "-9.81e-"
         let cut = column + 1 == self.headings.len();
         Err(Problem { kind: StreamErrorKind::Format, text, cut })
     }

@@ -1,14 +1,15 @@
-//! What only the end of a file tells, or a second look at it: its last time, whether it was cut off, which line an error is
-//! in. None of it reads more than it needs, and none of it is on the way of a sample.
+//! Reads parts of a file once more: its last lines, its last byte, the lines up to an error. The
+//! functions read no more than they need, and none is called for every sample.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Bytes of the end in which the last complete line is looked for.
+/// Size in bytes of the end of the file in which the last complete line is searched.
 const TAIL: u64 = 64 * 1024;
 
-/// The last lines of a file, the very last first, without line ends, empty lines and comments; the first may be cut off.
+/// The last lines of a file in reverse order, without line ends, empty lines and comments. The
+/// earliest of these lines may be incomplete.
 pub fn last_lines(path: &Path) -> Option<Vec<Vec<u8>>> {
     let mut file = File::open(path).ok()?;
     let length = file.metadata().ok()?.len();
@@ -21,7 +22,7 @@ pub fn last_lines(path: &Path) -> Option<Vec<Vec<u8>>> {
     )
 }
 
-/// Whether a file ends at that byte, without the end of a line.
+/// Whether a file ends at a byte, and not with a line end.
 pub fn ends_within_line(path: &Path, byte: u64) -> bool {
     let last = || -> std::io::Result<bool> {
         let mut file = File::open(path)?;
@@ -35,10 +36,10 @@ pub fn ends_within_line(path: &Path, byte: u64) -> bool {
     last().unwrap_or(false)
 }
 
-/// The line, from 1, of the last byte before that one.
+/// The number of the line, counted from 1, that holds the last byte before a position.
 pub fn line_before(path: &Path, byte: u64) -> u64 {
     let count = || -> std::io::Result<u64> {
-        // the line end itself, or the first of its two bytes, is in the line
+        // the line end itself, or the first of its two bytes, belongs to the line
         let mut reader = BufReader::new(File::open(path)?.take(byte.saturating_sub(1)));
         let mut line = 1;
         loop {

@@ -1,23 +1,24 @@
-//! Time stamps, exactly: from decimal text to nanoseconds without a binary fraction between.
+//! Exact time stamps: decimal text becomes nanoseconds without a binary fraction in between.
 
 use navfuse_core::units::time::Time;
 
-/// Why a cell is no time.
+/// The reason why a cell is not a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeError {
-    /// It is not a decimal number.
+    /// The cell is not a decimal number.
     NotANumber,
-    /// It is further from zero than a [`Time`] can be, 73 years.
+    /// The time is more than 73 years from zero, the limit of [`Time`].
     TooLarge,
 }
 
-/// More digits than any nanosecond count has; with the nanoseconds of a day their product still fits.
+/// Limit of the mantissa: more digits than any count of nanoseconds has. Its product with the
+/// nanoseconds of a day still fits.
 const MAX_MANTISSA: u128 = 10_u128.pow(22);
-/// Powers of ten beyond this change nothing: the result is zero or too large.
+/// Largest power of ten of interest: beyond, the result is zero or too large.
 const MAX_POWER: i64 = 40;
 
-/// The time of a decimal number, rounded to the nearest nanosecond, halves away from zero; `unit` is one of its unit in
-/// nanoseconds, at most a day.
+/// Parses a decimal number as a time, rounded to the nearest nanosecond, halves away from zero. The
+/// `unit` of the number is given in nanoseconds, at most a day.
 pub fn parse(text: &[u8], unit: u64) -> Result<Time, TimeError> {
     let (negative, text) = match text {
         [b'-', rest @ ..] => (true, rest),
@@ -70,7 +71,7 @@ fn scaled(mantissa: u128, power: i64, unit: u64) -> Option<u128> {
         return Some(0);
     }
     let ten = |power: i64| 10_u64.checked_pow(u32::try_from(power).ok()?);
-    // the usual case is free of the division of wide numbers: seconds with at most nine decimals
+    // the usual case, seconds with at most nine decimals, needs no division of 128-bit numbers
     if let Some(step) = ten(-power).filter(|step| unit.is_multiple_of(*step)) {
         return mantissa.checked_mul(u128::from(unit / step));
     }
@@ -84,19 +85,19 @@ fn scaled(mantissa: u128, power: i64, unit: u64) -> Option<u128> {
     }
 }
 
-/// The time of a number of seconds, whose whole part is exact; `None` when too large.
+/// The time of a number of seconds; the whole part is exact. `None` if the number is too large.
 pub fn from_seconds(seconds: f64) -> Option<Time> {
     let nanos = i128::from(seconds.trunc() as i64) * 1_000_000_000
         + i128::from((seconds.fract() * 1e9).round() as i64);
     i64::try_from(nanos).ok().filter(|n| n.abs() < Time::MAX.nanos()).map(Time::from_nanos)
 }
 
-/// Writes a time in seconds with as many decimals as it has.
+/// Writes a time in seconds with the decimals that it needs.
 pub fn write_seconds(time: Time, out: &mut Vec<u8>) {
     use std::io::Write;
     let magnitude = time.nanos().unsigned_abs();
     let sign = if time.nanos() < 0 { "-" } else { "" };
-    // a vector takes whatever is written
+    // writing into a vector cannot fail
     let _ = write!(out, "{sign}{}", magnitude / 1_000_000_000);
     if !magnitude.is_multiple_of(1_000_000_000) {
         let _ = write!(out, ".{:09}", magnitude % 1_000_000_000);
@@ -191,7 +192,9 @@ mod tests {
         }
 
         #[test]
-        fn anything_like_a_number_is_a_time_or_an_error(text in "[-+]?[0-9]{0,50}\\.?[0-9]{0,50}([eE][-+]?[0-9]{1,20})?") {
+        fn anything_like_a_number_is_a_time_or_an_error(
+            text in "[-+]?[0-9]{0,50}\\.?[0-9]{0,50}([eE][-+]?[0-9]{1,20})?"
+        ) {
             let _ = parse(text.as_bytes(), 86_400 * S);
         }
     }

@@ -1,4 +1,4 @@
-//! What is in a log beside its messages, and how its records are read.
+//! The metadata of a log, and the reader of its records.
 
 use mcap::records::{Metadata, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -14,21 +14,21 @@ pub const METADATA: &str = "navfuse";
 /// The name of the attachment with the scenario.
 pub const SCENARIO: &str = "scenario.toml";
 
-/// A record longer than this is damage, not data.
+/// Length in bytes above which a record counts as damaged.
 const LONGEST_RECORD: usize = 1 << 30;
-/// Bytes read at once.
+/// Size in bytes of one read.
 const BLOCK: usize = 1 << 16;
 
-/// Why a log cannot be written, without its name.
+/// The reason why a log cannot be written, without the path of the log.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamFailure {
-    /// The disk, or the reader at the other end of a pipe.
+    /// The disk is full, or the reader of a pipe has gone.
     #[error("{0}")]
     Io(std::io::Error),
-    /// The format.
+    /// The content violates the format.
     #[error("{0}")]
     Format(McapError),
-    /// What was to be written.
+    /// The message cannot be encoded.
     #[error(transparent)]
     Content(#[from] StreamError),
 }
@@ -48,7 +48,7 @@ pub(crate) fn damaged(error: McapError) -> StreamError {
     StreamError::format(format!("damaged record: {cause}")).with_source(cause)
 }
 
-/// What a log tells of the run that it records.
+/// The metadata of the run in a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogInfo {
     /// The scenario's name.
@@ -57,7 +57,7 @@ pub struct LogInfo {
     pub scenario: String,
     /// Version of the program that recorded it.
     pub version: String,
-    /// Nanoseconds from a run time to a log time.
+    /// Log time minus run time, ns.
     pub log_time_offset: i64,
 }
 
@@ -73,7 +73,8 @@ impl LogInfo {
     }
 }
 
-/// Reads what a log tells of its run. It stands at the beginning of the file, so that a log that was cut off has it too.
+/// Reads the metadata of the run. They are at the beginning of the file, so that a log that was cut
+/// off has them too.
 ///
 /// # Errors
 /// When the file cannot be read, is not an MCAP file, or was not recorded by navfuse.
@@ -86,7 +87,7 @@ pub fn read_scenario(path: &Path) -> Result<LogInfo, StreamError> {
     })
 }
 
-/// Reads what a log tells of its run, if anything; with `at_start` only before the first message.
+/// Reads the metadata of the run, if there are any; with `at_start` only before the first message.
 pub(crate) fn read_info(path: &Path, at_start: bool) -> Result<Option<LogInfo>, StreamError> {
     let mut records = Records::open(path, true)?;
     let found = records.find(|opcode, data| match opcode {
@@ -100,7 +101,7 @@ pub(crate) fn read_info(path: &Path, at_start: bool) -> Result<Option<LogInfo>, 
     Ok(if let Step::Found(info) = found { info } else { None })
 }
 
-/// The summary at the end of a file; none where it was cut off.
+/// The summary at the end of a file; `None` if the file was cut off.
 pub fn summary(path: &Path) -> Option<Summary> {
     let mut file = File::open(path).ok()?;
     let mut reader = SummaryReader::new();
@@ -116,31 +117,31 @@ pub fn summary(path: &Path) -> Option<Summary> {
     reader.finish()
 }
 
-/// What a search in a log came to.
+/// The result of a search in a log.
 #[derive(Debug, PartialEq)]
 pub enum Step<T> {
-    /// It was found.
+    /// The search found something.
     Found(T),
-    /// The log is over.
+    /// The log has ended.
     End,
     /// The log ends within a record.
     Cut,
 }
 
-/// The records of a file in their order, those in chunks among them. The memory that it takes does not depend on the
-/// length of the file.
+/// The records of a file in their order, including those in chunks. The memory needed does not
+/// depend on the length of the file.
 pub struct Records {
     path: PathBuf,
     file: File,
     reader: LinearReader,
-    /// How many bytes were read.
+    /// Number of bytes that were read.
     pub position: u64,
-    /// Whether it is an MCAP file.
+    /// Whether a record was found, so that the file is an MCAP file.
     begun: bool,
 }
 
 impl Records {
-    /// Opens a file; with `whole_chunks` they are records themselves.
+    /// Opens a file; with `whole_chunks`, a chunk is one record.
     pub fn open(path: &Path, whole_chunks: bool) -> Result<Self, StreamError> {
         let file = File::open(path).map_err(|e| StreamError::open(path, e))?;
         let options = LinearReaderOptions::default()
@@ -156,7 +157,7 @@ impl Records {
         &self.path
     }
 
-    /// Reads on until `take` makes something of a record.
+    /// Reads records until `take` returns a result for one of them.
     pub fn find<T>(
         &mut self,
         mut take: impl FnMut(u8, &[u8]) -> Result<Option<T>, StreamError>,
@@ -190,7 +191,8 @@ impl Records {
                         .with_source(cause));
                 }
             };
-            // in blocks of its own size: what a damaged length asks for is not allocated before it is there
+            // blocks of a fixed size: a damaged length allocates no memory for bytes that do not
+            // exist
             let buffer = self.reader.insert(want.clamp(BLOCK, 16 * BLOCK));
             let read = loop {
                 match self.file.read(buffer) {

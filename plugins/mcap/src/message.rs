@@ -17,11 +17,10 @@ pub const BODY_FRAME: &str = "base_link_frd";
 pub const ATMOSPHERE: f64 = 101_325.0;
 /// Pressure of one metre of sea water (1025 kg/m^3) at standard gravity, Pa.
 pub const PASCALS_PER_METRE: f64 = 1025.0 * 9.806_65;
-/// What stands in a message without presence bits for a channel that the sample does not have: a NaN that no computation
-/// gives.
+/// Bits of a missing channel in a message without presence bits: a NaN that no computation returns.
 pub const MISSING: u64 = 0x7ff8_0000_6d69_7373;
 
-/// A time as ROS writes it: whole seconds towards the past, and nanoseconds.
+/// A time in the form of ROS: whole seconds, rounded down, and nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamp {
     pub sec: i32,
@@ -34,7 +33,7 @@ impl Stamp {
     /// The stamp of a time.
     ///
     /// # Errors
-    /// When it is more than 68 years from zero.
+    /// When the time is more than 68 years from zero.
     pub fn new(time: Time) -> Result<Self, StreamError> {
         let nanos = time.nanos();
         let sec = i32::try_from(nanos.div_euclid(Self::NANOS)).map_err(|_| {
@@ -51,7 +50,7 @@ impl Stamp {
     }
 }
 
-/// Writes one message into a buffer that is used again.
+/// Writes one message into a reusable buffer.
 pub struct Encoder<'a>(CdrWriter<'a, LittleEndian>);
 
 impl<'a> Encoder<'a> {
@@ -135,8 +134,9 @@ impl<'a> Encoder<'a> {
         self.0.write_u8(if covariance.is_some() { 3 } else { 0 });
     }
 
-    /// `nav_msgs/Odometry`: position (m) and attitude in [`FIXED_FRAME`], velocity (m/s) along the axes of
-    /// [`BODY_FRAME`], and their covariances. The angular rate is not told: the first element of its covariance is -1.
+    /// `nav_msgs/Odometry`: position (m) and attitude in [`FIXED_FRAME`], velocity (m/s) along the
+    /// axes of [`BODY_FRAME`], and their covariances. The angular rate is not given: the first
+    /// element of its covariance is -1.
     pub fn odometry(mut self, stamp: Stamp, pose: &Pose, velocity: &Velocity) {
         self.header(stamp, FIXED_FRAME);
         self.0.write_string(BODY_FRAME);
@@ -223,7 +223,7 @@ impl<'a> Encoder<'a> {
     }
 }
 
-/// Why a sample was rejected, as it stands in the log; `columns` are the names of the sensor's channels.
+/// The reason for a rejection, in the words of the log; `columns` are the columns of the sensor.
 pub fn reason(why: Rejection, columns: &[String]) -> String {
     match why {
         Rejection::NotFinite(i) => {
@@ -257,7 +257,7 @@ pub struct Velocity {
     pub covariance: Matrix3<f64>,
 }
 
-/// A block as it is shown.
+/// The values of a block in its display unit.
 #[derive(Clone, Copy, Debug)]
 pub struct BlockValues<'a> {
     pub name: &'a str,

@@ -1,4 +1,4 @@
-//! A log read for what it tells of the run, without composing the scenario: for reports and tables.
+//! Reads a log without composing its scenario, for reports and tables.
 
 use crate::log::{LogInfo, Records, Step, damaged, read_info};
 use crate::message::Stamp;
@@ -16,29 +16,29 @@ use re_cdr::{CdrReader, LittleEndian};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What a log tells, one at a time, in its order.
+/// An entry of a log.
 #[derive(Clone, Debug)]
 pub enum Entry<'a> {
-    /// There is a sensor; its id counts from 0 in the order of these.
+    /// A sensor; ids count from 0 in the order of these entries.
     Sensor(SensorEntry<'a>),
-    /// A sample: its id is that of the sensor; with the names of its channels, such as `vel_x_mps`.
+    /// A sample with the id of its sensor, and its columns, such as `vel_x_mps`.
     Sample(Sample, Vec<&'a str>),
     /// The estimate of one block at one epoch.
     Block(BlockEntry<'a>),
-    /// What became of a sample of a measuring sensor.
+    /// The use of a sample of a measuring sensor.
     Innovation(InnovationEntry<'a>),
-    /// Something to read.
+    /// An event.
     Event(Event),
 }
 
 /// A sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SensorEntry<'a> {
-    /// Its name in the scenario.
+    /// Name of the sensor in the scenario.
     pub name: &'a str,
-    /// Its registered type; none in a log that was written before it was recorded.
+    /// Registered type of the sensor; `None` in a log of a version that did not record it.
     pub kind: Option<&'a str>,
-    /// What it is for; none as above.
+    /// Purpose of the sensor; `None` as above.
     pub purpose: Option<Purpose>,
 }
 
@@ -49,30 +49,30 @@ pub struct BlockEntry<'a> {
     pub time: Time,
     /// `owner.name`, such as `dvl.scale`.
     pub name: &'a str,
-    /// What the filter does with it.
+    /// Treatment of the block by the filter.
     pub mode: Mode,
-    /// One name a component.
+    /// Names of the components.
     pub components: Vec<&'a str>,
     /// Whether the estimate is latitude and longitude (deg) and height (m).
     pub geodetic: bool,
-    /// The unit of sigma and error, and of the estimate where it is not geodetic; empty for a ratio.
+    /// Unit of sigma and error, and of the estimate unless geodetic; empty for a ratio.
     pub unit: &'a str,
-    /// One a component.
+    /// Estimates of the components.
     pub estimate: Vec<f64>,
-    /// 1-sigma; zero where fixed. Of a position north, east, down.
+    /// 1-sigma; zero for a fixed block. The components of a position are north, east, down.
     pub sigma: Vec<f64>,
     /// Estimate minus truth; empty where the truth is not known.
     pub error: Vec<f64>,
 }
 
-/// What became of a sample: the message `navfuse_msgs/Innovation`.
+/// The use of a sample: the message `navfuse_msgs/Innovation`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InnovationEntry<'a> {
     /// The sample's time.
     pub time: Time,
     /// The sensor's name.
     pub sensor: &'a str,
-    /// `accepted`, `gated`, or `rejected: ` and why.
+    /// `accepted`, `gated`, or `rejected: ` and the reason.
     pub outcome: &'a str,
     /// Normalised innovation squared; NaN where none was computed.
     pub nis: f64,
@@ -97,7 +97,7 @@ pub struct LogReader {
     cut: bool,
 }
 
-/// What the messages of a topic are.
+/// The kind of the messages of a topic.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     Imu(SensorId),
@@ -124,20 +124,21 @@ impl LogReader {
         Ok(Self { records, info, length, schemas, topics, sensors: 0, cut: false })
     }
 
-    /// What the log tells of its run.
+    /// The metadata of the run.
     pub fn info(&self) -> &LogInfo {
         &self.info
     }
 
-    /// How many bytes of how many were read.
+    /// Number of bytes read, and length of the file.
     pub fn progress(&self) -> [u64; 2] {
         [self.records.position.min(self.length), self.length]
     }
 
-    /// Tells the next entry; `false` at the end.
+    /// Passes the next entry to `take`; returns `false` at the end.
     ///
     /// # Errors
-    /// When the log is damaged. One that was cut off ends there, and [`Self::warning`] says so.
+    /// When the log is damaged. A log that was cut off ends at the cut, which [`Self::warning`]
+    /// reports.
     pub fn next(&mut self, mut take: impl FnMut(Entry<'_>)) -> Result<bool, StreamError> {
         let (schemas, topics, sensors) = (&mut self.schemas, &mut self.topics, &mut self.sensors);
         let step = self.records.find(|opcode, data| {
@@ -149,7 +150,7 @@ impl LogReader {
                     schemas.insert(header.id, header.name);
                     Ok(None)
                 }
-                // a channel is told again in the summary
+                // the summary repeats the channels
                 Record::Channel(c) if !topics.contains_key(&c.id) => {
                     let schema = schemas.get(&c.schema_id).map_or("", String::as_str);
                     let Some(kind) = kind(&c.topic, schema, SensorId(*sensors)) else {
@@ -189,7 +190,7 @@ impl LogReader {
         Ok(step == Step::Found(()))
     }
 
-    /// What a person should know at the end: that the log was cut off.
+    /// A warning at the end, if the log was cut off.
     pub fn warning(&self) -> Option<String> {
         self.cut.then(|| {
             format!(

@@ -1,11 +1,12 @@
-//! The message definitions of the log: each with those that it is made of, as ROS 2 writes them into MCAP.
+//! The message definitions of the log, each with the definitions it refers to, as ROS 2 writes
+//! them.
 
 /// A message type: its name, and its definition in `ros2msg` form.
 #[derive(Clone, Copy, Debug)]
 pub struct Schema {
     /// `package/msg/Type`.
     pub name: &'static str,
-    /// The definition, and after it those that it refers to.
+    /// The definition, followed by the definitions that it refers to.
     pub text: &'static str,
 }
 

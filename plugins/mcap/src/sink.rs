@@ -20,12 +20,12 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-/// Records the run in an MCAP file, which `navfuse replay`, ROS 2 tools, Foxglove and rerun read: every sample, the
-/// estimates of all states, innovations, events and the scenario.
+/// Records the run in an MCAP file, which `navfuse replay`, ROS 2 tools, Foxglove and rerun read:
+/// every sample, the estimates of all states, innovations, events and the scenario.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mcap {
-    /// The file, relative to the run's output folder. Default: `run.mcap`.
+    /// The file, relative to the output folder of the run. Default: `run.mcap`.
     #[serde(default = "run_mcap")]
     pub path: PathBuf,
     /// `zstd` (default, smallest), `lz4` (faster) or `none` (fastest).
@@ -67,7 +67,7 @@ impl SinkType for Mcap {
 
 /// A log that is being written.
 ///
-/// Nothing is written before the first sample, by whose time that of the log is chosen.
+/// Writing starts with the first sample: its time decides the offset of the log time.
 #[derive(Debug)]
 pub struct McapSink {
     path: PathBuf,
@@ -81,7 +81,8 @@ pub struct McapSink {
 }
 
 impl McapSink {
-    /// Creates the file, in place of one of that name: a log that is being read while it is replaced is read to its end.
+    /// Creates the file and unlinks an older one of the same name; a program that is reading the
+    /// older log still reads it to the end.
     ///
     /// # Errors
     /// When the file cannot be created.
@@ -102,7 +103,7 @@ impl McapSink {
         })
     }
 
-    /// The recording, begun now if this is the first thing that has a time.
+    /// The recording, which starts now unless it has started before.
     fn recording(&mut self, now: Time) -> Result<&mut Recording, StreamError> {
         let recording = match self.recording.take() {
             Some(recording) => recording,
@@ -171,11 +172,11 @@ impl Sink for McapSink {
     }
 }
 
-/// The file and what is needed to write a message.
+/// The file, and the state of its writer.
 pub(crate) struct LogWriter {
     writer: Writer<NoSeek<BufWriter<File>>>,
     buffer: Vec<u8>,
-    /// Nanoseconds from a run time to a log time.
+    /// Log time minus run time, ns.
     offset: i64,
     /// The latest time that was logged.
     latest: Time,
@@ -197,7 +198,7 @@ impl LogWriter {
         self.described(name, schema, BTreeMap::new())
     }
 
-    /// Opens a topic, and says something of it that is in no message.
+    /// Opens a topic with metadata.
     pub(crate) fn described(
         &mut self,
         name: &str,
@@ -229,7 +230,7 @@ impl LogWriter {
     }
 }
 
-/// A log that has begun.
+/// A log to which messages are being written.
 #[derive(Debug)]
 struct Recording {
     log: LogWriter,
@@ -246,7 +247,7 @@ impl Recording {
         seed: u64,
         first: Time,
     ) -> Result<Self, StreamFailure> {
-        // without seeking every chunk is written at once: a run that is killed leaves whole chunks
+        // without seeking, each chunk is written at once: a killed run leaves complete chunks
         let options = WriteOptions::new()
             .profile("ros2")
             .library(format!("navfuse {}", run.version))
@@ -258,7 +259,7 @@ impl Recording {
             .compression_threads(0)
             .disable_seeking(true);
         let writer = options.create(NoSeek::new(BufWriter::new(file)))?;
-        // whole seconds, so that log times and stamps have the same fraction
+        // whole seconds, so that log times and stamps have the same fraction of a second
         let offset = (-first.nanos()).max(0).unsigned_abs().div_ceil(SECOND) * SECOND;
         let offset = i64::try_from(offset).unwrap_or(0);
         let mut log = LogWriter { writer, buffer: Vec::new(), offset, latest: first };
@@ -294,7 +295,7 @@ impl Recording {
         self.sensors[update.sensor.0].update(&mut self.log, update)
     }
 
-    /// An event from before the clock was known, such as one about the start, has the time of what was logged last.
+    /// Writes an event. An event from before the clock was known has the latest logged time.
     fn event(&mut self, event: &Event) -> Result<(), StreamFailure> {
         let time = if event.time <= Time::MIN { self.log.latest } else { event.time };
         let stamp = crate::message::Stamp::new(time)?;

@@ -16,15 +16,16 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Reads the samples of a log that navfuse recorded, exactly and in their order; or inertial measurements from a log of
-/// ROS 2.
+/// Reads the samples of a log that navfuse recorded, exactly and in their order, or inertial
+/// measurements from a log of ROS 2.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct McapLog {
-    /// The log, relative to the scenario's folder.
+    /// The log, relative to the folder of the scenario.
     pub path: PathBuf,
-    /// Topics of type `sensor_msgs/msg/Imu` by the sensor that they are for: `{ imu = "/imu/data" }`. Their axes are taken
-    /// as forward, right, down, their times from the header. Default: each sensor from `/sensor/NAME`.
+    /// Topics of type `sensor_msgs/msg/Imu`, by the sensor they belong to: `{ imu = "/imu/data" }`.
+    /// Their axes count as forward, right, down; their times come from the header. Default: each
+    /// sensor from `/sensor/NAME`.
     #[serde(default)]
     pub topics: BTreeMap<String, String>,
 }
@@ -51,8 +52,8 @@ impl McapSource {
     /// Opens a log for the sensors of a composition, in the order of their ids.
     ///
     /// # Errors
-    /// When the file is missing or is not an MCAP file, or, where it can be told at the start, none of the sensors is in
-    /// it or one is recorded with other channels.
+    /// When the file is missing or is not an MCAP file. If the log has a summary, also when it holds
+    /// none of the sensors, or a sensor with other channels.
     pub fn open(
         path: &Path,
         sensors: Vec<SensorInfo>,
@@ -97,7 +98,7 @@ impl Source for McapSource {
             Step::End => {}
             Step::Cut => self.cut = true,
         }
-        // a log that was cut off before the first topic is nobody's mistake
+        // a log that was cut off before the first topic is no reason for an error
         if !self.cut || !self.router.others.is_empty() {
             self.router.check_matched().map_err(|e| e.in_file(self.records.path()))?;
         }
@@ -130,7 +131,7 @@ impl Source for McapSource {
     }
 }
 
-/// Where the messages of a channel go.
+/// The destination of the messages of a channel.
 #[derive(Clone, Copy, Debug)]
 enum Route {
     /// Nowhere.
@@ -197,7 +198,7 @@ impl Router {
         ))
     }
 
-    /// Finds the route of a channel; a message that names what is wrong.
+    /// Finds the route of a channel.
     fn channel(
         &mut self,
         id: u16,
@@ -247,7 +248,7 @@ impl Router {
         Ok(())
     }
 
-    /// Whether a sensor was recorded with the channels that it has.
+    /// Checks that a sensor was recorded with the channels that it has in the scenario.
     fn check_columns<'a>(
         &self,
         sensor: usize,
@@ -264,7 +265,7 @@ impl Router {
         )))
     }
 
-    /// Takes note of a record; a sample if it is one.
+    /// Registers a record; returns the sample if the record is one.
     fn record(&mut self, opcode: u8, data: &[u8]) -> Result<Option<Sample>, StreamError> {
         if ![op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&opcode) {
             return Ok(None);
@@ -358,7 +359,7 @@ pub(crate) fn read_imu<O: ByteOrder>(
     Ok(sample)
 }
 
-/// The sample and the number of its channels, whose names are written to `names`.
+/// Reads a sample and the number of its channels; writes the names of its channels to `names`.
 pub(crate) fn read_sample<'a, O: ByteOrder>(
     r: &mut CdrReader<'a, O>,
     sensor: SensorId,

@@ -1,4 +1,4 @@
-//! The topics of a log and what is written to each.
+//! The topics of a log, and the messages written to each.
 
 use crate::log::StreamFailure;
 use crate::message::{BlockValues, Pose, Stamp, Velocity};
@@ -17,12 +17,12 @@ use navfuse_core::state::{Block, Layout};
 use navfuse_core::units::sample::{Channel, Sample};
 use std::any::TypeId;
 
-/// Where messages of one kind go.
+/// A topic.
 #[derive(Clone, Copy, Debug)]
 pub struct Topic {
     /// The channel's id.
     pub channel: u16,
-    /// How many messages were written.
+    /// Number of messages written.
     pub sequence: u32,
 }
 
@@ -31,7 +31,7 @@ pub struct Topic {
 pub struct Topics {
     /// By sensor id.
     pub sensors: Vec<SensorTopics>,
-    /// What is estimated.
+    /// Topics of the estimate.
     pub estimate: Estimate,
     /// `/log`
     pub events: Topic,
@@ -50,9 +50,9 @@ impl Topics {
     }
 }
 
-/// What the channel of a sensor's samples has in its metadata: the sensor's registered type, and what it is for.
+/// Metadata key of the channel of the samples of a sensor: its registered type.
 pub const KIND: &str = "type";
-/// See [`KIND`]: `input`, `measurement` or `reference`.
+/// Metadata key as [`KIND`]: the purpose `input`, `measurement` or `reference`.
 pub const PURPOSE: &str = "purpose";
 
 fn purpose_word(purpose: Purpose) -> &'static str {
@@ -63,7 +63,7 @@ fn purpose_word(purpose: Purpose) -> &'static str {
     }
 }
 
-/// The purpose of that word.
+/// The purpose that a word stands for.
 pub fn purpose(word: &str) -> Option<Purpose> {
     [Purpose::Input, Purpose::Measurement, Purpose::Reference]
         .into_iter()
@@ -85,7 +85,7 @@ pub const RATES: [Channel; 6] = [
 pub struct SensorTopics {
     name: String,
     columns: Vec<String>,
-    /// Whether it is written as a `sensor_msgs/Imu`.
+    /// Whether the samples are written as `sensor_msgs/Imu`.
     imu: bool,
     samples: Topic,
     also: Also,
@@ -93,13 +93,13 @@ pub struct SensorTopics {
     innovation: Option<Topic>,
 }
 
-/// As what else a sample is written, for other tools.
+/// An additional message for each sample, for other tools.
 #[derive(Debug)]
 enum Also {
     Nothing,
-    /// Its only channel is a depth.
+    /// The pressure of a sensor whose only channel is a depth.
     Pressure(Topic),
-    /// The channels of latitude, longitude and height.
+    /// The fix, from the channels of latitude, longitude and height.
     Fix(Topic, [usize; 3]),
 }
 
@@ -189,7 +189,7 @@ struct Navigation {
     position: usize,
     attitude: usize,
     velocity: Option<usize>,
-    /// Where [`crate::message::FIXED_FRAME`] is: the position of the first epoch.
+    /// Origin of [`crate::message::FIXED_FRAME`]: the position of the first epoch.
     origin: Option<Geodetic>,
     odometry: Topic,
     fix: Topic,
@@ -285,7 +285,7 @@ fn value<'a>(epoch: &'a Epoch<'_>, slot: usize) -> &'a [f64] {
     &epoch.state.values[epoch.layout.blocks[slot].range()]
 }
 
-/// The joint covariance of two blocks of three; zero for what is fixed.
+/// The joint covariance of two blocks of three components; zero for a fixed block.
 fn covariance(epoch: &Epoch<'_>, first: usize, second: usize) -> Matrix6<f64> {
     let tangent = [first, second].map(|slot| epoch.layout.blocks[slot].tangent);
     Matrix6::from_fn(|i, j| {
@@ -294,8 +294,9 @@ fn covariance(epoch: &Epoch<'_>, first: usize, second: usize) -> Matrix6<f64> {
     })
 }
 
-/// `v^b = C_n^b v^n` and its covariance: with the attitude's error `phi` about the navigation axes,
-/// `dv^b = C_n^b (dv^n + v^n x phi)`.
+/// The body velocity `v^b = C_n^b v^n` and its covariance. With the attitude error `phi` about the
+/// navigation axes, the first-order error is `dv^b = C_n^b (dv^n + v^n x phi)`, which is the
+/// Jacobian below.
 fn body_velocity(
     epoch: &Epoch<'_>,
     velocity: usize,

@@ -13,7 +13,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Runs, each with its own noise, initial errors and truths.
 const RUNS: usize = 20;
-/// Innovations of a sensor that count in a run, evenly over it: enough to see a sigma that is 10 % wrong.
+/// Innovations of a sensor that count in a run, evenly over it: enough to see a sigma that is 10 %
+/// wrong.
 const INNOVATIONS: usize = 50;
 /// Probability that a band does not hold what is right: one test in some 10 000 fails by chance.
 const ALPHA: f64 = 1e-5;
@@ -44,7 +45,8 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
     }
 }
 
-/// Whether the truth of a block is as random as the filter takes it: a stated truth stays where it is.
+/// Whether the truth of a block is as random as the filter takes it: a stated truth stays where it
+/// is.
 fn random(block: &Block) -> bool {
     block.spec.truth.is_none() || block.spec.dynamics == Dynamics::Constant
 }
@@ -150,8 +152,8 @@ impl Sink for Listener {
     }
 }
 
-/// Whether a sum of squares is in the band of the chi-square distribution, and the band of its mean per degree of freedom;
-/// from zero on, where it `may_be_less`.
+/// Whether a sum of squares is in the band of the chi-square distribution, and the band of its mean
+/// per degree of freedom; from zero on, where it `may_be_less`.
 fn judge(sum: f64, freedom: usize, may_be_less: bool) -> Option<(bool, [f64; 2])> {
     let chi = ChiSquared::new(freedom as f64).ok()?;
     let mut band = [0.5 * ALPHA, 1.0 - 0.5 * ALPHA].map(|p| chi.inverse_cdf(p) / freedom as f64);

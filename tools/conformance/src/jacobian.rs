@@ -8,8 +8,9 @@ use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::state::{Block, Layout};
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
 
-/// The largest error of a derivative, relative to the largest of its channel and block: central differences at the best of
-/// several steps are good to about 1e-9, and a wrong term is an error of more than its own size.
+/// The largest error of a derivative, relative to the largest of its channel and block: central
+/// differences at the best of several steps are good to about 1e-9, and a wrong term is an error of
+/// more than its own size.
 const BOUND: f64 = 1e-6;
 
 pub fn check(lab: &Lab<'_>, report: &mut Report) {
@@ -48,7 +49,8 @@ fn of_model(
             if present.iter().any(|&i| !z[i].is_finite()) {
                 let lacking =
                     |i: &usize| whole && all.get(*i).is_some() && sample.get(*i).is_none();
-                // a sample without what is told beside may be useless; one without another measured channel may not
+                // a sample without what is told beside may be useless; one without another measured
+                // channel may not
                 if let Some(lacking) = (0..n)
                     .find(lacking)
                     .filter(|_| (n..names.len()).all(|i| sample.get(i) == all.get(i)))
@@ -142,7 +144,8 @@ fn subsets(sample: &Sample, channels: usize) -> Vec<Sample> {
     all
 }
 
-/// A step for central differences: the cube root of the rounding, times the size of what is displaced.
+/// A step for central differences: the cube root of the rounding, times the size of what is
+/// displaced.
 fn step(block: &Block, values: &[f64], axis: usize) -> f64 {
     let size = values.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
     let position =
@@ -180,9 +183,10 @@ struct Wrong {
     relative: f64,
 }
 
-/// The largest error of a channel's derivatives with respect to a block, relative to the largest of them. Steps of several
-/// sizes are tried: a good one is not the same for every function, a wrong derivative is wrong at all of them. An error that
-/// moves the prediction by less than a millionth of its noise is rounding.
+/// The largest error of a channel's derivatives with respect to a block, relative to the largest of
+/// them. Steps of several sizes are tried: a good one is not the same for every function, a wrong
+/// derivative is wrong at all of them. An error that moves the prediction by less than a millionth
+/// of its noise is rounding.
 fn of_row(
     model: &dyn AnyMeasurement,
     at: &At<'_>,

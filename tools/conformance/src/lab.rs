@@ -1,4 +1,5 @@
-//! What the checks work on: the scenario composed, its samples, and states at which models are asked.
+//! What the checks work on: the scenario composed, its samples, and states at which models are
+//! asked.
 
 use crate::Failure;
 use navfuse_core::compose::Composition;
@@ -32,7 +33,8 @@ pub struct Types {
     pub checked: Vec<(Kind, &'static str)>,
 }
 
-/// Registers the plugins, and the IMU, the strapdown process and the simulation where they are not among them.
+/// Registers the plugins, and the IMU, the strapdown process and the simulation where they are not
+/// among them.
 pub fn registry(plugins: &[&dyn Plugin]) -> Types {
     let mut registry = Registry::new();
     plugins.iter().for_each(|plugin| _ = registry.add(*plugin));
@@ -180,8 +182,9 @@ impl<'a> Lab<'a> {
         checked.map(part).collect()
     }
 
-    /// Whether a process moves states with the vehicle and no sensor drives it. Then its `Q` stands for manoeuvres, of which
-    /// the simulated ones are no draw: errors and innovations may be smaller than the filter says.
+    /// Whether a process moves states with the vehicle and no sensor drives it. Then its `Q` stands
+    /// for manoeuvres, of which the simulated ones are no draw: errors and innovations may be
+    /// smaller than the filter says.
     pub fn assumes(&self) -> bool {
         let (layout, mut state) = (&self.composition.layout, self.moments[0].state.clone());
         let motion = Motion {
@@ -199,7 +202,8 @@ impl<'a> Lab<'a> {
         moved.contains(&true)
     }
 
-    /// Moments of the run at a sensor's samples, evenly over the run, each state displaced at random.
+    /// Moments of the run at a sensor's samples, evenly over the run, each state displaced at
+    /// random.
     pub fn moments_of(&self, sensor: usize, layout: &Layout) -> Vec<Moment> {
         let own: Vec<&Moment> =
             self.moments.iter().filter(|m| m.sample.sensor.0 == sensor).collect();
@@ -216,7 +220,8 @@ impl<'a> Lab<'a> {
     }
 }
 
-/// The layout with a place in the error state for fixed blocks too, so that derivatives with respect to them are checked.
+/// The layout with a place in the error state for fixed blocks too, so that derivatives with
+/// respect to them are checked.
 pub fn all_estimated(layout: &Layout) -> Layout {
     let mut layout = layout.clone();
     for block in &mut layout.blocks {
@@ -228,7 +233,8 @@ pub fn all_estimated(layout: &Layout) -> Layout {
     layout
 }
 
-/// How large a displacement of a block is: its prior sigma, and not so little that a function is straight.
+/// How large a displacement of a block is: its prior sigma, and not so little that a function is
+/// straight.
 pub fn reach(block: &Block, values: &[f64], axis: usize) -> f64 {
     let floor = if block.operations.kind == TypeId::of::<Position>() {
         10.0
@@ -263,14 +269,16 @@ pub fn assemble(types: &Types, text: &str, settings: &[String]) -> Result<Assemb
     scenario.assemble(None).map_err(Failure::caused_by)
 }
 
-/// The scenario as it is, also where its samples are recorded; with the sinks that it names, where there is a folder for them.
+/// The scenario as it is, also where its samples are recorded; with the sinks that it names, where
+/// there is a folder for them.
 pub fn assemble_to(types: &Types, text: &str, output: Option<&Path>) -> Result<Assembly, Failure> {
     let document = Document::parse("scenario", text).map_err(Failure::caused_by)?;
     let scenario = Scenario::new(&types.registry, document, &[]).map_err(Failure::caused_by)?;
     scenario.assemble(output).map_err(Failure::caused_by)
 }
 
-/// All samples in order of time; a reference's after what else comes then, but not before the first driving sample.
+/// All samples in order of time; a reference's after what else comes then, but not before the first
+/// driving sample.
 pub fn merged(
     sources: &mut [(String, Box<dyn Source>)],
     composition: &Composition,

@@ -43,7 +43,8 @@ use navfuse_core::plugin::{Plugin, Registry, SensorType};
 use std::fmt;
 use std::marker::PhantomData;
 
-/// Checks every process, sensor, source and sink type that the plugins register and the scenario (TOML) uses.
+/// Checks every process, sensor, source and sink type that the plugins register and the scenario
+/// (TOML) uses.
 ///
 /// # Errors
 /// All checks that failed, each with what is wrong, the numbers, and the remedy.

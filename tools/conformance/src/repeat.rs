@@ -1,5 +1,5 @@
-//! What must be the same again: the samples of a seed, the filter that reads them, a filter that goes on from a snapshot,
-//! and a filter after a sample that it rejects.
+//! What must be the same again: the samples of a seed, the filter that reads them, a filter that
+//! goes on from a snapshot, and a filter after a sample that it rejects.
 
 use crate::lab::{Heard, Lab, assemble_to, merged};
 use crate::{Failure, Report};

@@ -1,5 +1,5 @@
-//! Sources: samples that a filter can take. Sinks: they write what a run tells, the same for the same run, and leave a file
-//! when it is interrupted.
+//! Sources: samples that a filter can take. Sinks: they write what a run tells, the same for the
+//! same run, and leave a file when it is interrupted.
 
 use crate::lab::{Lab, Stream, assemble_to, stranger};
 use crate::{Failure, Report};

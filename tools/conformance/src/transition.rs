@@ -1,7 +1,7 @@
 //! `Phi` against central differences of `propagate`, and `Q`.
 //!
-//! What is compared is the rate `(Phi - I) / dt` of both, extrapolated from a whole step and half of it to none: a model may
-//! leave out terms of the second order in the step.
+//! What is compared is the rate `(Phi - I) / dt` of both, extrapolated from a whole step and half
+//! of it to none: a model may leave out terms of the second order in the step.
 
 use crate::lab::{Lab, reach};
 use crate::noise::fault;
