@@ -12,21 +12,12 @@
 //! }
 //! ```
 
-mod arguments;
-mod calibrate;
-mod campaign;
-mod figures;
-mod inspect;
-mod new_plugin;
-mod observability;
-mod print;
-mod print_campaign;
-mod progress;
-mod report;
-mod run;
+mod commands;
+mod error;
+mod execution;
+mod output;
 
-use arguments::{Arguments, Command};
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use navfuse_core::plugin::Registry;
 use std::process::ExitCode;
 
@@ -47,31 +38,86 @@ pub fn standard_plugins() -> Registry {
     registry
 }
 
-/// Parses the arguments of the process and does what they say.
+/// Multisensor navigation from a TOML scenario: a simulated or recorded vehicle, its sensors, an
+/// error-state EKF that calibrates them, a log, and a recording for the rerun viewer.
+#[derive(Debug, Parser)]
+#[command(
+    name = "navfuse",
+    version,
+    after_help = "\
+Start here:
+  navfuse run scenarios/quickstart.toml       run the smallest useful scenario, on simulated sensors
+  navfuse list                                list the types that a scenario can use
+  navfuse list dvl                            list the parameters of one type
+  navfuse check my-scenario.toml              compose a scenario without running it
+  navfuse monte-carlo my-scenario.toml        test whether its uncertainty is consistent"
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Commands,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+enum Commands {
+    /// Run a scenario: print the estimates, write a log and a recording
+    Run(commands::run::Run),
+    /// Check a scenario without running it, and print its states and sensors
+    Check(commands::check::Check),
+    /// List the registered types, or the parameters of one
+    List(commands::list::List),
+    /// Print the JSON Schema of scenarios, with which editors complete and check them
+    Schema,
+    /// Run the filter again on the samples of a log, with the scenario in the log
+    Replay(commands::replay::Replay),
+    /// Run a scenario many times, and test errors against sigma, bound and chi-square bands
+    MonteCarlo(commands::monte_carlo::MonteCarlo),
+    /// Compute the Cramer-Rao bound of a scenario, filtered and smoothed
+    Bound(commands::bound::Bound),
+    /// Compute the bound, or run a campaign, for every combination of values of some keys
+    Sweep(commands::sweep::Sweep),
+    /// Report which states a scenario or a log determines, since when, and what is missing
+    Observability(commands::observability::Observability),
+    /// Join the parts of a campaign that ran with --shard
+    Merge(commands::merge::Merge),
+    /// Calibrate the DVL: IO-DVLC of Pan & Wu, the methods that they compare with, and the filter
+    Calibrate(commands::calibrate::Calibrate),
+    /// Write one page about a run, which opens offline: track, states, innovations, calibration
+    Report(commands::report::Report),
+    /// Make the figures of a paper from runs of its scenarios
+    Figures(commands::figures::Figures),
+    /// Write a crate with a sensor of your own, which builds and runs at once
+    NewPlugin(commands::new_plugin::NewPlugin),
+}
+
+/// Parses the arguments of the process and runs the subcommand.
 pub fn command(registry: &Registry) -> ExitCode {
     let command = Arguments::parse().command;
-    if let Err(error) = registry.check() {
-        print::warn(format_args!("error: {error}"));
-        return ExitCode::FAILURE;
+    registry.check().map_err(Into::into).and_then(|()| run(registry, command)).unwrap_or_else(
+        |error: error::CommandError| {
+            output::warn(format_args!("error: {error}"));
+            ExitCode::FAILURE
+        },
+    )
+}
+
+fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
+    match command {
+        Commands::Run(arguments) => commands::run::run(registry, &arguments),
+        Commands::Replay(arguments) => commands::replay::replay(registry, &arguments),
+        Commands::MonteCarlo(arguments) => commands::monte_carlo::monte_carlo(registry, &arguments),
+        Commands::Bound(arguments) => commands::bound::bound(registry, &arguments),
+        Commands::Sweep(arguments) => commands::sweep::sweep(registry, &arguments),
+        Commands::Observability(arguments) => {
+            commands::observability::observability(registry, &arguments)
+        }
+        Commands::Merge(arguments) => commands::merge::merge(&arguments),
+        Commands::Calibrate(arguments) => commands::calibrate::calibrate(registry, &arguments),
+        Commands::NewPlugin(arguments) => commands::new_plugin::new_plugin(registry, &arguments),
+        Commands::Report(arguments) => commands::report::report(registry, &arguments),
+        Commands::Figures(arguments) => commands::figures::figures(registry, &arguments),
+        Commands::Check(arguments) => commands::check::check(registry, &arguments),
+        Commands::List(arguments) => commands::list::list(registry, &arguments),
+        Commands::Schema => commands::schema::schema(registry),
     }
-    let done = match command {
-        Command::Run(arguments) => run::run(registry, &arguments),
-        Command::Replay(arguments) => run::replay(registry, &arguments),
-        Command::MonteCarlo(arguments) => campaign::monte_carlo(registry, &arguments),
-        Command::Bound(arguments) => campaign::bound(registry, &arguments),
-        Command::Sweep(arguments) => campaign::sweep(registry, &arguments),
-        Command::Observability(arguments) => observability::observability(registry, &arguments),
-        Command::Merge(arguments) => campaign::merge(&arguments),
-        Command::Calibrate(arguments) => calibrate::calibrate(registry, &arguments),
-        Command::NewPlugin(arguments) => new_plugin::new_plugin(registry, &arguments),
-        Command::Report(arguments) => report::report(registry, &arguments),
-        Command::Figures(arguments) => figures::figures(registry, &arguments),
-        Command::Check(arguments) => inspect::check(registry, &arguments),
-        Command::List { name } => inspect::list(registry, name.as_deref()),
-        Command::Schema => inspect::schema(registry),
-    };
-    done.unwrap_or_else(|error| {
-        print::warn(format_args!("error: {error}"));
-        ExitCode::FAILURE
-    })
 }

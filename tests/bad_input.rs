@@ -354,3 +354,23 @@ fn what_a_source_refuses_is_named_with_the_line_of_its_table() {
         fails_with(&navfuse(&["run", &pan_wu, "--no-output", "--set", setting]), &parts);
     }
 }
+
+#[test]
+fn two_sinks_of_one_file_are_rejected_before_either_opens_it() {
+    let recording = Recording::new();
+    std::fs::create_dir(recording.path("out")).expect("the test can write");
+    recording.write("out/run.mcap", "an earlier run");
+    for (first, second) in [("run.mcap", "run.mcap"), ("run.mcap", "../out/./run.mcap")] {
+        let sinks = format!(
+            "sink={{ mcap = {{ path = {first:?} }}, copy = {{ type = \"mcap\", path = {second:?} }} }}"
+        );
+        let output = run(&recording, &["--set", &sinks]);
+        fails_with(&output, &["[sink.mcap]", "[sink.copy]", "run.mcap", "`path`"]);
+        let kept = std::fs::read_to_string(recording.path("out/run.mcap"));
+        assert_eq!(kept.expect("it is there"), "an earlier run");
+    }
+    let apart = "sink={ mcap = {}, copy = { type = \"mcap\", path = \"copy.mcap\" } }";
+    let output = run(&recording, &["--set", apart]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(recording.path("out/copy.mcap").is_file());
+}

@@ -99,7 +99,7 @@ fn an_impossible_calibration_ends_with_an_error_and_a_remedy() {
         (vec!["--set", "estimator.stop=600 s"], vec!["no segment of Type I", "accelerate"]),
         (
             vec!["--method", "troni", "--write", "/dev/null"],
-            vec!["sigma of troni is not to be a prior", "--initialise"],
+            vec!["sigma of troni cannot serve as a prior", "--initialise"],
         ),
         (
             vec!["--method", "io-dvlc-printed", "--write", "/dev/null"],

@@ -295,3 +295,35 @@ fn a_reference_between_two_imu_samples_starts_the_filter_and_is_compared_at_its_
     // from the reference at 60.005 s to the last IMU sample at 200 s
     assert_eq!(result["duration_s"], 139.995);
 }
+
+/// `--connect` sets the address in the table of the one sink for the viewer, whatever its name is.
+#[cfg(feature = "rerun")]
+#[test]
+fn a_live_view_changes_the_one_sink_for_the_viewer() {
+    let recording = Recording::new();
+    let run = |sinks: &str, live: &[&str]| {
+        let (scenario, out) = (recording.path("rest.toml"), recording.path("out"));
+        let mut command = command();
+        command.arg("run").arg(scenario).arg("--out").arg(out);
+        command.args(["--set", &format!("sink={sinks}")]).args(live);
+        command.output().expect("the command starts")
+    };
+    let rejected = |sinks: &str, live: &[&str], parts: &[&str]| {
+        let output = run(sinks, live);
+        assert_eq!(output.status.code(), Some(1), "{}", stdout(&output));
+        for part in parts {
+            assert!(stderr(&output).contains(part), "no {part:?} in: {}", stderr(&output));
+        }
+    };
+    // nothing listens at port 1, and the error names the table whose sink tried it
+    let connect = ["--connect", "127.0.0.1:1"];
+    rejected("{ viewer = { type = \"rerun\" } }", &connect, &["sink.viewer", "127.0.0.1:1"]);
+    rejected("{}", &connect, &["127.0.0.1:1"]);
+    let two = "{ one = { type = \"rerun\" }, two = { type = \"rerun\", path = \"two.rrd\" } }";
+    rejected(two, &connect, &["--connect", "[sink.one]", "[sink.two]", "disable"]);
+    rejected("{ rerun = { enabled = false } }", &["--serve"], &["--serve", "disables"]);
+    assert!(!recording.path("out/run.rrd").exists());
+    let output = run("{ viewer = { type = \"rerun\" } }", &[]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(recording.path("out/run.rrd").is_file());
+}

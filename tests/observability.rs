@@ -29,12 +29,10 @@ fn tracked(name: &str, settings: &[String], at_truth: bool) -> Tracker {
     let scenario = Scenario::new(&registry, document, settings).expect("the settings fit");
     let assembly = if at_truth { scenario.assemble_at_truth() } else { scenario.assemble(None) };
     let mut assembly = assembly.unwrap_or_else(|e| panic!("{e}"));
-    let (watch, kept) = TrackerSink::new(1.0);
-    assembly.sinks.push(("watch".into(), Box::new(watch)));
-    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assembly.sinks.push(("tracker".into(), Box::new(TrackerSink::new(1.0))));
+    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
     assert!(finished.error.is_none(), "{:?}", finished.error);
-    let tracker = kept.lock().expect("no panic").take();
-    tracker.expect("the run is over")
+    TrackerSink::take(&mut finished).expect("the run is over")
 }
 
 fn report(name: &str, settings: &[&str]) -> ObservabilityReport {

@@ -7,8 +7,8 @@ use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::state::manifold::MAX_TANGENT;
+use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 /// Seeds of the runs.
 pub const SEEDS: std::ops::RangeInclusive<u64> = 1..=8;
@@ -91,23 +91,20 @@ fn all(name: &str) -> Vec<Run> {
 }
 
 fn run(name: &str, settings: &[String]) -> Run {
-    let kept = Arc::new(Mutex::new(Run::default()));
     let mut assembly = with(name, settings, |s| s.assemble(None)).unwrap_or_else(|e| panic!("{e}"));
-    assembly.sinks.push(("kept".into(), Box::new(Keeper(Arc::clone(&kept)))));
-    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assembly.sinks.push(("errors".into(), Box::new(Run::default())));
+    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
     assert!(finished.error.is_none(), "{:?}", finished.error);
-    std::mem::take(&mut *kept.lock().unwrap_or_else(PoisonError::into_inner))
+    finished.take_sink().expect("the run gives its sinks back")
 }
 
-struct Keeper(Arc<Mutex<Run>>);
-
-impl Sink for Keeper {
+impl Sink for Run {
     fn start(&mut self, info: &RunInfo) -> Result<(), StreamError> {
         let names = info.layout.blocks.iter().flat_map(|block| {
             let components = block.spec.display.components.iter();
             components.map(|c| format!("{}.{c}", block.name))
         });
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).names = names.collect();
+        self.names = names.collect();
         Ok(())
     }
 
@@ -122,8 +119,7 @@ impl Sink for Keeper {
             sigmas.extend_from_slice(&sigma[..n]);
             errors.extend_from_slice(&error[..n]);
         }
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.rows.push((epoch.state.time.seconds(), sigmas, errors));
+        self.rows.push((epoch.state.time.seconds(), sigmas, errors));
         Ok(())
     }
 

@@ -78,6 +78,10 @@ impl SinkType for LinesSink {
     const TYPE: &'static str = "lines";
     const DEFAULT: bool = false; // only where the scenario has [sink.lines]
 
+    fn files(&self) -> Vec<PathBuf> {
+        vec!["samples.txt".into()]
+    }
+
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
         let path = context.output.join("samples.txt");
         let file = File::create(&path).map_err(|e| StreamError::open(&path, e))?;

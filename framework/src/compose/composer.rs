@@ -10,6 +10,7 @@ use crate::state::{Block, BlockSpec, Handle, Layout, MAX_BLOCKS, Mode, Signal};
 use crate::units::sample::Channel;
 use std::any::Any;
 use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
 
 /// Knowledge without a sensor: its channels, and the model that relates them to the state.
 type Constraint = (SensorInfo, Role);
@@ -25,15 +26,25 @@ pub struct Composer {
     needs_reference: Vec<String>,
     notes: Vec<(String, String)>,
     constraints: Vec<(String, Constraint)>,
+    folder: PathBuf,
 }
 
 impl Composer {
+    /// A composer for a scenario in a folder.
+    pub(crate) fn new(folder: &Path) -> Self {
+        Self { folder: folder.to_owned(), ..Self::default() }
+    }
+
     pub(crate) fn begin(&mut self, owner: &str) {
         owner.clone_into(&mut self.owner);
     }
 
     pub(crate) fn add_input(&mut self, name: &str, config: Box<dyn Any + Send>) {
         self.inputs.push((name.to_owned(), config));
+    }
+
+    pub(crate) fn take_inputs(&mut self) -> Vec<(String, Box<dyn Any + Send>)> {
+        std::mem::take(&mut self.inputs)
     }
 
     pub(crate) fn take_notes(&mut self) -> Vec<(String, String)> {
@@ -209,6 +220,36 @@ impl Composer {
     /// First index of a block's error in the error state; `None` when fixed.
     pub fn tangent<M>(&self, block: Handle<M>) -> Option<usize> {
         self.layout.block(block).tangent
+    }
+
+    /// The path of a file that a parameter names; a relative path starts at the scenario's folder.
+    /// `key` is the parameter.
+    ///
+    /// ```
+    /// # use navfuse_core::prelude::*;
+    /// # use std::path::PathBuf;
+    /// fn table(composer: &Composer, given: &PathBuf) -> Result<String, ComposeError> {
+    ///     let path = composer.file("table", given)?;
+    ///     let failed = |e| ComposeError::new("table", format!("{}: {e}", path.display()));
+    ///     std::fs::read_to_string(&path).map_err(failed)
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// When there is no such file.
+    pub fn file(&self, key: &str, path: impl AsRef<Path>) -> Result<PathBuf, ComposeError> {
+        let path = self.folder.join(path);
+        if path.exists() {
+            return Ok(path);
+        }
+        let shown = std::path::absolute(&path).unwrap_or(path);
+        Err(ComposeError::new(
+            key,
+            format!(
+                "{}: there is no such file; a relative path starts at the scenario's folder",
+                shown.display()
+            ),
+        ))
     }
 
     /// Transition, in which a process model declares the places of `Phi` and `Q` that it fills.

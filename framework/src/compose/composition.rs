@@ -37,6 +37,8 @@ pub struct Process {
 pub struct Composition {
     /// Name of the scenario.
     pub name: String,
+    /// Description of the scenario.
+    pub description: Option<String>,
     /// Scenario in TOML with every override applied.
     pub text: String,
     /// The blocks.
@@ -51,6 +53,8 @@ pub struct Composition {
     pub estimator: crate::compose::settings::EstimatorConfig,
     /// Seed of every random number.
     pub seed: u64,
+    /// True where every source simulates its samples, so that another seed gives another run.
+    pub simulated: bool,
     /// Notes of the parts for the user: the part and the text.
     pub notes: Vec<(String, String)>,
 }

@@ -1,27 +1,58 @@
-//! Keys that the tables of all sensors share.
+//! The keys that the framework takes from the tables of a scenario, beside the keys of each type.
 
+use crate::compose::calibration::TimeOffset;
 use crate::model::gate::{Gate, Recovery};
+use crate::model::simulate::Faults;
 use crate::units::{Positive, Time as Duration};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Keys of every sensor's table beside those of its type.
-#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SensorKeys {
-    /// Innovation gate: the probability that a good sample passes, or "off". Default: 0.9999.
-    #[serde(default)]
-    pub gate: Gate,
-    /// Recovery from lock-out, when every sample is gated for too long. Default: after 30 s,
-    /// inflate.
-    #[serde(default)]
-    pub recovery: Recovery,
-    /// Silence after which the sensor counts as lost. Default: three times its usual interval, at
-    /// least 5 s.
-    pub timeout: Option<Positive<Duration>>,
-    /// Lag of the samples: a sample stamped t measures the state at t - time_offset. A calibration
-    /// state, as a scale factor is. Default: zero.
-    pub time_offset: Option<crate::compose::calibration::TimeOffset>,
-    /// Simulation of the sensor, where there is a simulated source.
-    pub simulation: Option<crate::model::simulate::Faults>,
+/// Key of the type, where the table has another name.
+pub const TYPE: &str = "type";
+/// Key that disables a table.
+pub const ENABLED: &str = "enabled";
+/// Keys of the tables of every kind.
+pub const TABLE_KEYS: [&str; 2] = [TYPE, ENABLED];
+
+/// Defines the struct with the common keys of sensors, and the lists of its keys: the struct is the
+/// only place that names a key.
+macro_rules! sensor_keys {
+    ($(#[$about:meta])* pub struct $name:ident {
+        $($(#[$attribute:meta])* pub $key:ident: $type:ty,)*
+    }) => {
+        $(#[$about])*
+        pub struct $name {
+            $($(#[$attribute])* pub $key: $type,)*
+        }
+
+        impl $name {
+            /// Names of these keys.
+            pub const KEYS: &[&str] = &[$(stringify!($key)),*];
+            /// Names of all keys that the framework takes from the table of a sensor.
+            pub const TABLE_KEYS: &[&str] = &[TYPE, ENABLED, $(stringify!($key)),*];
+        }
+    };
+}
+
+sensor_keys! {
+    /// Keys of every sensor's table beside those of its type.
+    #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct SensorKeys {
+        /// Innovation gate: the probability that a good sample passes, or "off". Default: 0.9999.
+        #[serde(default)]
+        pub gate: Gate,
+        /// Recovery from lock-out, when every sample is gated for too long. Default: after 30 s,
+        /// inflate.
+        #[serde(default)]
+        pub recovery: Recovery,
+        /// Silence after which the sensor counts as lost. Default: three times its usual interval,
+        /// at least 5 s.
+        pub timeout: Option<Positive<Duration>>,
+        /// Lag of the samples: a sample stamped t measures the state at t - time_offset. A
+        /// calibration state, as a scale factor is. Default: zero.
+        pub time_offset: Option<TimeOffset>,
+        /// Simulation of the sensor, where there is a simulated source.
+        pub simulation: Option<Faults>,
+    }
 }

@@ -6,6 +6,7 @@ use crate::state::Layout;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
+use std::any::Any;
 
 pub use crate::model::stream_error::{StreamError, StreamErrorKind, StreamPlace};
 
@@ -56,8 +57,14 @@ pub trait Source: Send {
 pub struct RunInfo {
     /// The scenario's name.
     pub name: String,
+    /// Description of the scenario.
+    pub description: Option<String>,
     /// The scenario in TOML, as it was run: with every override in place.
     pub scenario: String,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// True where every source simulates its samples, so that another seed gives another run.
+    pub simulated: bool,
     /// Version of the program.
     pub version: String,
     /// The blocks of the state.
@@ -91,7 +98,7 @@ pub struct RunInfo {
 ///
 /// # Errors
 /// A sink that fails is closed and named in an event; the run and the other sinks go on.
-pub trait Sink: Send {
+pub trait Sink: Any + Send {
     /// The run begins.
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError>;
     /// A sample, in the order in which the estimator took it.

@@ -104,13 +104,18 @@ pub trait ProcessType: DeserializeOwned + JsonSchema + 'static {
 
 /// The context in which a source or sink is opened.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct OpenContext<'a> {
     /// Composition that the source feeds or the sink records.
     pub composition: &'a Composition,
-    /// Folder of the scenario, to which the paths of inputs are relative.
+    /// The folder of the scenario, at which relative paths of inputs start.
     pub base: PathBuf,
-    /// Folder of the outputs.
+    /// The output folder of the run, at which relative paths of outputs start.
     pub output: PathBuf,
+    /// Names of the sensors that the scenario disables.
+    pub disabled_sensors: Vec<String>,
+    /// Number of sources of the scenario.
+    pub sources: usize,
 }
 
 /// A type of source.
@@ -183,7 +188,12 @@ pub trait SinkType: DeserializeOwned + JsonSchema + 'static {
     /// Whether the sink records every run, with its default parameters if the scenario does not
     /// mention it.
     const DEFAULT: bool = true;
-    /// Opens the sink.
+    /// The files that it writes; relative paths start at the output folder of the run. Before any
+    /// sink is opened, the framework rejects a scenario in which two sinks write the same file.
+    fn files(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
+    /// Opens it.
     ///
     /// # Errors
     /// When the file cannot be created, or nobody answers at the address.
@@ -235,6 +245,16 @@ type ForComposer<T> =
 type ForContext<T> =
     Box<dyn for<'a, 'b> Fn(&Node<'a>, &OpenContext<'b>) -> Result<T, BuildError> + Send + Sync>;
 
+type OpenSink =
+    Box<dyn for<'a, 'b> FnOnce(&'a OpenContext<'b>) -> Result<Box<dyn Sink>, StreamError>>;
+type PrepareSink = Box<dyn for<'a> Fn(&Node<'a>) -> Result<PreparedSink, BuildError> + Send + Sync>;
+
+/// A sink that is configured but not open.
+pub(crate) struct PreparedSink {
+    pub files: Vec<PathBuf>,
+    pub open: OpenSink,
+}
+
 pub(crate) struct BuiltSensor {
     pub channels: Vec<Channel>,
     pub role: Role,
@@ -244,7 +264,7 @@ pub(crate) enum Make {
     Process(ForComposer<BuiltProcess>),
     Sensor { make: ForComposer<BuiltSensor>, input: bool },
     Source { make: ForContext<Vec<Box<dyn Source>>>, simulates: bool },
-    Sink { make: ForContext<Box<dyn Sink>>, default: bool },
+    Sink { prepare: PrepareSink, default: bool },
 }
 
 /// A registered type.
@@ -375,10 +395,12 @@ impl Registry {
 
     /// Registers a type of sink.
     pub fn sink<S: SinkType>(&mut self) {
-        let make: ForContext<Box<dyn Sink>> = Box::new(|node, context| {
-            Ok(node.parse::<S>()?.open(context).map_err(|e| node.error(e))?)
+        let prepare: PrepareSink = Box::new(|node| {
+            let config = node.parse::<S>()?;
+            let files = config.files();
+            Ok(PreparedSink { files, open: Box::new(|context| config.open(context)) })
         });
-        self.insert::<S>(Kind::Sink, S::TYPE, Make::Sink { make, default: S::DEFAULT });
+        self.insert::<S>(Kind::Sink, S::TYPE, Make::Sink { prepare, default: S::DEFAULT });
     }
 
     fn insert<T: JsonSchema>(&mut self, kind: Kind, name: &'static str, make: Make) {

@@ -1,6 +1,12 @@
 //! Running a scenario: from a document to its result.
 
+mod building;
+mod merge;
+mod outputs;
+mod parts;
 pub mod runner;
 pub mod scenario;
 pub mod schema;
+mod silence;
+mod sinks;
 pub mod summary;

@@ -1,6 +1,6 @@
 //! The JSON Schema of scenarios, and the parameters of types as rows to print.
 
-use crate::compose::keys::SensorKeys;
+use crate::compose::keys::{ENABLED, SensorKeys, TYPE};
 use crate::compose::settings::EstimatorConfig;
 use crate::plugin::{Entry, Kind, Registry};
 use schemars::{JsonSchema, SchemaGenerator};
@@ -67,16 +67,16 @@ fn entry_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
     let mut own = lift(entry.schema.clone().to_value(), definitions);
     let mut common = Map::new();
     common.insert(
-        "type".into(),
+        TYPE.into(),
         json!({ "const": entry.name, "description": "The type, where the table's name is another" }),
     );
     common.insert(
-        "enabled".into(),
+        ENABLED.into(),
         json!({ "type": "boolean", "description": "false leaves it out. Default: true" }),
     );
     if entry.kind == Kind::Sensor
-        && let Value::Object(own_keys) = inline::<SensorKeys>(definitions)
-        && let Some(Value::Object(keys)) = own_keys.get("properties")
+        && let Value::Object(policy) = inline::<SensorKeys>(definitions)
+        && let Some(Value::Object(keys)) = policy.get("properties")
     {
         common.extend(keys.clone());
     }
@@ -101,8 +101,8 @@ pub struct Parameter {
     pub meaning: String,
 }
 
-/// The parameters of a registered type, own ones first; the keys of an inner table follow it as
-/// `table.key`, the kinds of an array's tables as `array: kind`.
+/// The parameters of a registered type, own ones first; the keys of an inner table follow it as `table.key`, the kinds of
+/// an array's tables as `array: kind`.
 pub fn parameters(entry: &Entry) -> Vec<Parameter> {
     let mut definitions = Map::new();
     let own: Vec<String> = (entry.schema.as_value().get("properties").and_then(Value::as_object))

@@ -216,8 +216,8 @@ impl Statistics {
         }
     }
 
-    /// Sensors that never spoke.
-    pub(crate) fn unheard(&self, ekf: &Ekf) -> Vec<Event> {
+    /// A warning for each sensor that gave no sample.
+    pub(crate) fn silent(&self, ekf: &Ekf) -> Vec<Event> {
         let sensors = self.sensors.iter().zip(&ekf.composition().sensors);
         sensors
             .filter(|((_, _, counts), sensor)| counts.read == 0 && !sensor.constraint)

@@ -29,6 +29,11 @@ use std::fs::File;
 use std::io::Write;
 use std::path::PathBuf;
 
+/// File of the estimates.
+const ESTIMATE: &str = "estimate.csv";
+/// File of the innovations.
+const INNOVATIONS: &str = "innovations.csv";
+
 /// Writes estimate.csv and innovations.csv into the folder of the run, if the scenario has it.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -38,9 +43,13 @@ impl SinkType for CsvSink {
     const TYPE: &'static str = "csv";
     const DEFAULT: bool = false;
 
+    fn files(&self) -> Vec<PathBuf> {
+        vec![ESTIMATE.into(), INNOVATIONS.into()]
+    }
+
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
-        let estimate = Table::create(context.output.join("estimate.csv"))?;
-        let innovations = Table::create(context.output.join("innovations.csv"))?;
+        let estimate = Table::create(context.output.join(ESTIMATE))?;
+        let innovations = Table::create(context.output.join(INNOVATIONS))?;
         Ok(Box::new(Tables {
             estimate,
             innovations,

@@ -5,7 +5,7 @@ use crate::config::{Csv, Disorder, FileConfig, Nan};
 use crate::tail;
 use crate::time::{self, TimeError};
 use csv::{ByteRecord, Reader, ReaderBuilder};
-use navfuse_core::document::{Document, did_you_mean};
+use navfuse_core::document::did_you_mean;
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{Source, StreamError, StreamErrorKind};
 use navfuse_core::plugin::{OpenContext, SourceType};
@@ -24,12 +24,10 @@ impl SourceType for Csv {
 
     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
         let sensors = &context.composition.sensors;
-        let scenario = Document::parse("scenario", context.composition.text.as_str()).ok();
-        let table = |key: &str| scenario.as_ref().and_then(|s| s.root().get(key));
         let names: Vec<&str> = sensors.iter().map(|s| s.info.name.as_str()).collect();
         // a sensor that is in the scenario but not enabled may keep its table
         let known = |name: &&String| {
-            table("sensor").is_some_and(|t| t.get(name).is_some()) || names.contains(&name.as_str())
+            context.disabled_sensors.contains(name) || names.contains(&name.as_str())
         };
         if let Some(name) = self.files.keys().find(|name| !known(name)) {
             let near = did_you_mean(name, names.iter().copied())
@@ -38,8 +36,7 @@ impl SourceType for Csv {
             let message = format!("there is no [sensor.{name}]{near} (sensors: {names})");
             return Err(StreamError::scenario(message).at_key(format!("files.{name}")));
         }
-        let alone =
-            table("source").and_then(|t| t.entries().ok()).is_none_or(|sources| sources.len() < 2);
+        let alone = context.sources < 2;
         let folder = context.base.join(&self.directory);
         let mut streams: Vec<Box<dyn Source>> = Vec::new();
         for (index, sensor) in sensors.iter().enumerate() {

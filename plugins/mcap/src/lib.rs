@@ -26,9 +26,9 @@
 //! number of whole seconds that makes the log time of the first sample positive or zero. A later
 //! sample with a still earlier time has the log time zero.
 //!
-//! **Scenario.** The metadata record `navfuse`, the first record of the file, holds `name`,
-//! `version`, `seed`, `log_time_offset_ns` and `scenario`, the TOML as it was run. The attachment
-//! `scenario.toml` holds the TOML too.
+//! **Scenario.** The metadata record `navfuse`, the first record of the file, has `name`, `version`, `seed`,
+//! `simulated` (`true` where every source simulates its samples), `log_time_offset_ns`, `description` where the scenario
+//! has one, and `scenario`, the TOML as it was run; the attachment `scenario.toml` has that too.
 //!
 //! The channel of the samples of a sensor has the `type` and the `purpose` (`input`, `measurement`
 //! or `reference`) of the sensor in its metadata. [`LogReader`] reads the log for reports.

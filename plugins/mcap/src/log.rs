@@ -55,6 +55,12 @@ pub struct LogInfo {
     pub name: String,
     /// The scenario in TOML, as it was run.
     pub scenario: String,
+    /// Description of the scenario.
+    pub description: Option<String>,
+    /// Seed of the run.
+    pub seed: Option<u64>,
+    /// True for a run whose samples were simulated; false also for a log without this entry.
+    pub simulated: bool,
     /// Version of the program that recorded it.
     pub version: String,
     /// Log time minus run time, ns.
@@ -67,6 +73,9 @@ impl LogInfo {
         Some(Self {
             name: entries.remove("name")?,
             scenario: entries.remove("scenario")?,
+            description: entries.remove("description"),
+            seed: entries.remove("seed").and_then(|seed| seed.parse().ok()),
+            simulated: entries.remove("simulated").is_some_and(|text| text == "true"),
             version: entries.remove("version")?,
             log_time_offset: entries.remove("log_time_offset_ns")?.parse().ok()?,
         })

@@ -55,13 +55,12 @@ pub enum Compression {
 impl SinkType for Mcap {
     const TYPE: &'static str = "mcap";
 
+    fn files(&self) -> Vec<PathBuf> {
+        vec![self.path.clone()]
+    }
+
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
-        let sink = McapSink::create(
-            &context.output.join(&self.path),
-            self.compression,
-            context.composition.seed,
-        )?;
-        Ok(Box::new(sink))
+        Ok(Box::new(McapSink::create(&context.output.join(&self.path), self.compression)?))
     }
 }
 
@@ -72,7 +71,6 @@ impl SinkType for Mcap {
 pub struct McapSink {
     path: PathBuf,
     compression: Compression,
-    seed: u64,
     file: Option<File>,
     run: Option<RunInfo>,
     /// Events before the first sample.
@@ -86,7 +84,7 @@ impl McapSink {
     ///
     /// # Errors
     /// When the file cannot be created.
-    pub fn create(path: &Path, compression: Compression, seed: u64) -> Result<Self, StreamError> {
+    pub fn create(path: &Path, compression: Compression) -> Result<Self, StreamError> {
         if std::fs::symlink_metadata(path).is_ok_and(|m| m.is_file()) {
             std::fs::remove_file(path).map_err(|e| failure(path, e))?;
         }
@@ -95,7 +93,6 @@ impl McapSink {
         Ok(Self {
             path,
             compression,
-            seed,
             file: Some(file),
             run: None,
             held: Vec::new(),
@@ -111,7 +108,7 @@ impl McapSink {
                 let (Some(file), Some(run)) = (self.file.take(), self.run.take()) else {
                     return Err(failure(&self.path, "it is closed"));
                 };
-                let mut recording = Recording::begin(file, self.compression, &run, self.seed, now)
+                let mut recording = Recording::begin(file, self.compression, &run, now)
                     .map_err(|e| failure(&self.path, e))?;
                 for event in std::mem::take(&mut self.held) {
                     recording.event(&event).map_err(|e| failure(&self.path, e))?;
@@ -244,7 +241,6 @@ impl Recording {
         file: File,
         compression: Compression,
         run: &RunInfo,
-        seed: u64,
         first: Time,
     ) -> Result<Self, StreamFailure> {
         // without seeking, each chunk is written at once: a killed run leaves complete chunks
@@ -263,13 +259,15 @@ impl Recording {
         let offset = (-first.nanos()).max(0).unsigned_abs().div_ceil(SECOND) * SECOND;
         let offset = i64::try_from(offset).unwrap_or(0);
         let mut log = LogWriter { writer, buffer: Vec::new(), offset, latest: first };
-        let entries = [
+        let mut entries = vec![
             ("name", run.name.clone()),
             ("version", run.version.clone()),
-            ("seed", seed.to_string()),
+            ("seed", run.seed.to_string()),
+            ("simulated", run.simulated.to_string()),
             ("log_time_offset_ns", offset.to_string()),
             ("scenario", run.scenario.clone()),
         ];
+        entries.extend(run.description.clone().map(|text| ("description", text)));
         let metadata = entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         log.writer.write_metadata(&Metadata { name: METADATA.into(), metadata })?;
         log.writer.attach(&Attachment {

@@ -313,6 +313,7 @@ fn the_scenario_is_in_the_metadata_and_attached() {
         ("name", "dive"),
         ("scenario", fixture::SCENARIO),
         ("seed", "7"),
+        ("simulated", "false"),
         ("version", "1.2.3"),
     ];
     assert_eq!(entries, expected);

@@ -190,7 +190,7 @@ fn a_log_may_be_replaced_while_it_is_read() {
 }
 
 fn error_of_writing(path: &str) -> String {
-    let mut sink = McapSink::create(Path::new(path), Compression::None, 1).unwrap();
+    let mut sink = McapSink::create(Path::new(path), Compression::None).unwrap();
     sink.start(&fixture::info()).unwrap();
     let mut told = fixture::samples(Time::default(), 30_000).into_iter();
     match told.find_map(|s| sink.sample(&s).err()) {
@@ -224,7 +224,7 @@ fn a_closed_pipe_is_told() {
 
 #[test]
 fn a_folder_that_is_not_there_is_told() {
-    let error = McapSink::create(Path::new("/nowhere/run.mcap"), Compression::Zstd, 1)
+    let error = McapSink::create(Path::new("/nowhere/run.mcap"), Compression::Zstd)
         .unwrap_err()
         .to_string();
     assert!(error.starts_with("/nowhere/run.mcap: ") && error.contains("No such file"), "{error}");

@@ -119,6 +119,10 @@ impl Rerun {
 impl SinkType for Rerun {
     const TYPE: &'static str = "rerun";
 
+    fn files(&self) -> Vec<PathBuf> {
+        vec![self.path.clone()]
+    }
+
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
         self.record(&context.output, Vec::new())
     }

@@ -16,7 +16,6 @@ use navfuse_core::units::time::Time;
 use navfuse_ins::earth::earth_rate_ned;
 use navfuse_testing::scenario;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex};
 
 const PAN_WU: &str = include_str!("../../../scenarios/pan-wu-3d.toml");
 
@@ -248,8 +247,7 @@ fn a_filter_that_starts_inside_an_interval_takes_only_its_rest() {
 }
 
 /// Looks at the covariance of every epoch.
-#[derive(Clone)]
-struct Definite(Arc<Mutex<(u64, f64, f64)>>);
+struct Definite(u64, f64, f64);
 
 impl Sink for Definite {
     fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
@@ -265,8 +263,7 @@ impl Sink for Definite {
         });
         let smallest = scaled.symmetric_eigenvalues().min();
         let north = p[(6, 6)].sqrt();
-        let mut seen = self.0.lock().unwrap();
-        *seen = (seen.0 + 1, seen.1.min(smallest), seen.2.max(north));
+        *self = Self(self.0 + 1, self.1.min(smallest), self.2.max(north));
         Ok(())
     }
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
@@ -317,10 +314,9 @@ turn = "60 s"
 "#;
 
 fn day(settings: &[&str]) -> (u64, f64, f64) {
-    let seen = Arc::new(Mutex::new((0, f64::INFINITY, 0.0)));
     let mut assembly = scenario(DAY, settings, |s| s.assemble(None).unwrap());
-    assembly.sinks.push(("definite".into(), Box::new(Definite(Arc::clone(&seen)))));
-    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assembly.sinks.push(("definite".into(), Box::new(Definite(0, f64::INFINITY, 0.0))));
+    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
     assert!(finished.error.is_none(), "{:?}", finished.error);
     assert!(finished.events.iter().all(|e| e.about != "definite"), "{:?}", finished.events);
     let summary = &finished.summary;
@@ -338,7 +334,8 @@ fn day(settings: &[&str]) -> (u64, f64, f64) {
         (error.percent_of_distance.unwrap() - 100.0 * error.last / summary.distance_m).abs()
             < 1e-12
     );
-    *seen.lock().unwrap()
+    let Definite(epochs, smallest, north) = finished.take_sink().unwrap();
+    (epochs, smallest, north)
 }
 
 // the eigenvalues of a correlation matrix of dimension 20 are computed to 20 x 2^-53 = 2e-15: what

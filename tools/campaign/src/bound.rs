@@ -31,8 +31,8 @@ use navfuse_core::state::covariance::{Covariance, Transition, Update};
 use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::units::time::Time;
 use std::io;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex};
 
 /// Computes the bound of an assembly made by
 /// [`navfuse_core::run::scenario::Scenario::assemble_at_truth`], with one row every `every` ns;
@@ -50,10 +50,9 @@ pub fn bound(
     let layout = Arc::clone(&assembly.composition.layout);
     let sensors = assembly.composition.sensors.iter().map(|s| s.info.name.as_str());
     let places = columns.places(&layout, sensors);
-    let kept = Arc::new(Mutex::new(None));
-    let forward = Forward::new(layout.tangent, every, Arc::clone(&kept))?;
+    let forward = Forward::new(layout.tangent, every)?;
     assembly.sinks.push(("bound".into(), Box::new(forward)));
-    let finished = runner::run(assembly, stop, |_| {});
+    let mut finished = runner::run(assembly, stop, |_| {});
     if finished.interrupted {
         return Ok(None);
     }
@@ -63,10 +62,11 @@ pub fn bound(
     if let Some(event) = finished.events.iter().find(|e| e.about == "bound") {
         return Err(CampaignError::Bound(event.text.clone()));
     }
-    let tape = kept.lock().ok().and_then(|mut kept| kept.take());
-    let tape = tape.ok_or_else(|| CampaignError::Bound("the run recorded nothing".into()))?;
-    let rows =
-        backward(tape, &layout, &places, columns.components.len()).map_err(CampaignError::tape)?;
+    let forward = finished
+        .take_sink::<Forward>()
+        .ok_or_else(|| CampaignError::Bound("the run recorded nothing".into()))?;
+    let rows = backward(forward.tape, &layout, &places, columns.components.len())
+        .map_err(CampaignError::tape)?;
     if rows.is_empty() {
         return Err(CampaignError::Bound(
             "the truth was never known while the filter ran: simulate a reference, \
@@ -93,7 +93,7 @@ struct Forward {
     n: usize,
     stride: usize,
     grid: Grid,
-    tape: Option<Tape<Kind>>,
+    tape: Tape<Kind>,
     /// `Phi` since the last record; `moved` is set if it is not the identity.
     phi: Vec<f64>,
     moved: bool,
@@ -102,17 +102,12 @@ struct Forward {
     /// Last epoch with a truth, if it is off the grid and neither a transition nor an update
     /// followed.
     last: Option<(Time, Vec<f64>, Vec<f64>)>,
-    kept: Arc<Mutex<Option<Tape<Kind>>>>,
 }
 
 impl Forward {
-    fn new(
-        n: usize,
-        every: i64,
-        kept: Arc<Mutex<Option<Tape<Kind>>>>,
-    ) -> Result<Self, CampaignError> {
+    fn new(n: usize, every: i64) -> Result<Self, CampaignError> {
         let stride = n.next_multiple_of(4);
-        let tape = Some(Tape::new().map_err(CampaignError::tape)?);
+        let tape = Tape::new().map_err(CampaignError::tape)?;
         let mut forward = Self {
             n,
             stride,
@@ -123,7 +118,6 @@ impl Forward {
             work: Vec::new(),
             h: Vec::new(),
             last: None,
-            kept,
         };
         forward.reset();
         Ok(forward)
@@ -136,8 +130,7 @@ impl Forward {
     }
 
     fn push(&mut self, kind: Kind, parts: &[&[f64]]) -> Result<(), StreamError> {
-        let Some(tape) = &mut self.tape else { return Ok(()) };
-        tape.push(kind, parts.iter().copied()).map_err(|e| {
+        self.tape.push(kind, parts.iter().copied()).map_err(|e| {
             let error = CampaignError::tape(e);
             StreamError::of(StreamErrorKind::Write, error.to_string()).with_source(error)
         })
@@ -203,9 +196,6 @@ impl Sink for Forward {
         if let Some((time, values, p)) = self.last.take() {
             self.step()?;
             self.push(Kind::Epoch(self.grid.end(), time), &[&values, &p])?;
-        }
-        if let Ok(mut kept) = self.kept.lock() {
-            *kept = self.tape.take();
         }
         Ok(None)
     }

@@ -12,8 +12,8 @@ use navfuse_core::run::scenario::Assembly;
 use navfuse_core::state::covariance::Covariance;
 use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::state::{Layout, State};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex};
 
 /// Runs an assembly and records errors, sigmas and innovations every `every` ns; `None` if it was
 /// stopped.
@@ -27,7 +27,6 @@ pub fn run(
     let seed = assembly.composition.seed;
     let sensors = assembly.composition.sensors.iter().map(|s| s.info.name.as_str());
     let places = columns.places(&assembly.composition.layout, sensors);
-    let kept = Arc::new(Mutex::new(Vec::new()));
     assembly.sinks.push((
         "campaign".into(),
         Box::new(Collector {
@@ -38,14 +37,13 @@ pub fn run(
             places,
             rows: Vec::new(),
             last: None,
-            kept: Arc::clone(&kept),
         }),
     ));
-    let finished = runner::run(assembly, stop, |_| {});
+    let mut finished = runner::run(assembly, stop, |_| {});
     if finished.interrupted {
         return None;
     }
-    let rows: Vec<Row> = kept.lock().map(|mut rows| std::mem::take(&mut *rows)).unwrap_or_default();
+    let rows = finished.take_sink::<Collector>().map_or_else(Vec::new, |c| c.rows);
     let unseen =
         || rows.is_empty().then(|| "the truth was never known while the filter ran".to_owned());
     let failure = finished.error.map(|e| e.to_string()).or_else(unseen);
@@ -73,7 +71,6 @@ struct Collector {
     moments: Vec<Vec<Option<(f64, f64)>>>,
     /// Last epoch with a truth, and a flag that is set if it is in the rows.
     last: Option<(Copied, bool)>,
-    kept: Arc<Mutex<Vec<Row>>>,
 }
 
 impl Collector {
@@ -184,9 +181,6 @@ impl Sink for Collector {
                 &Epoch { layout, state, covariance, truth: Some(truth) },
                 &truth,
             );
-        }
-        if let Ok(mut kept) = self.kept.lock() {
-            *kept = std::mem::take(&mut self.rows);
         }
         Ok(None)
     }

@@ -9,7 +9,7 @@ use navfuse_core::run::runner;
 use navfuse_core::state::{Block, Dynamics, Layout};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// Runs, each with its own noise, initial errors and truths.
 const RUNS: usize = 20;
@@ -103,27 +103,18 @@ fn runs(lab: &Lab<'_>) -> Result<Vec<Run>, Failure> {
 
 fn run(types: &Types, text: &str, settings: &[String]) -> Result<Run, Failure> {
     let mut assembly = assemble(types, text, settings)?;
-    let heard = Arc::new(Mutex::new(Run::default()));
-    assembly.sinks.push(("conformance".into(), Box::new(Listener(Arc::clone(&heard)))));
-    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assembly.sinks.push(("conformance".into(), Box::new(Run::default())));
+    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
     if let Some(error) = finished.error {
         return Err(Failure::new(format!("the run ends early: {error}")));
     }
-    Ok(std::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner)))
+    finished.take_sink().ok_or_else(|| Failure::new("the run did not give its sinks back"))
 }
 
-struct Listener(Arc<Mutex<Run>>);
-
-impl Listener {
-    fn run(&self) -> std::sync::MutexGuard<'_, Run> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Sink for Listener {
+impl Sink for Run {
     fn start(&mut self, info: &RunInfo) -> Result<(), StreamError> {
         let (nis, gated) = (vec![Vec::new(); info.sensors.len()], vec![0; info.sensors.len()]);
-        *self.run() = Run { nis, gated, layout: info.layout.clone(), last: None };
+        *self = Self { nis, gated, layout: info.layout.clone(), last: None };
         Ok(())
     }
 
@@ -131,7 +122,7 @@ impl Sink for Listener {
         if let Some(truth) = epoch.truth {
             let mut error = vec![0.0; epoch.layout.tangent];
             epoch.layout.error(truth.state, epoch.state, truth.known, &mut error);
-            self.run().last = Some((error, epoch.covariance.to_dense(), truth.known.to_vec()));
+            self.last = Some((error, epoch.covariance.to_dense(), truth.known.to_vec()));
         }
         Ok(())
     }
@@ -139,9 +130,9 @@ impl Sink for Listener {
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
         match update.outcome {
             Outcome::Accepted => {
-                self.run().nis[update.sensor.0].push((update.nis, update.innovation.len()))
+                self.nis[update.sensor.0].push((update.nis, update.innovation.len()));
             }
-            Outcome::Gated => self.run().gated[update.sensor.0] += 1,
+            Outcome::Gated => self.gated[update.sensor.0] += 1,
             Outcome::Rejected(_) => {}
         }
         Ok(())

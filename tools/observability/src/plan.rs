@@ -336,17 +336,15 @@ fn run(
 ) -> Result<Option<Tracker>, PlanError> {
     let scenario = Scenario::new(registry, document.clone(), settings)?;
     let mut assembly = scenario.assemble_at_truth()?;
-    let (watch, kept) = TrackerSink::new(1.0);
-    assembly.sinks.push(("plan".into(), Box::new(watch)));
-    let finished = runner::run(assembly, stop, |_| {});
+    assembly.sinks.push(("plan".into(), Box::new(TrackerSink::new(1.0))));
+    let mut finished = runner::run(assembly, stop, |_| {});
     if finished.interrupted {
         return Ok(None);
     }
     if let Some(error) = finished.error {
         return Err(error.into());
     }
-    let tracker = kept.lock().ok().and_then(|mut kept| kept.take());
-    tracker.map_or(Err(PlanError::NothingRecorded), |t| Ok(Some(t)))
+    TrackerSink::take(&mut finished).map_or(Err(PlanError::NothingRecorded), |t| Ok(Some(t)))
 }
 
 /// Selects the components to improve.

@@ -8,12 +8,12 @@ use crate::status::{ComponentStatus, DETERMINED};
 use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::run::runner::Finished;
 use navfuse_core::state::Layout;
 use navfuse_core::state::covariance::{Covariance, Transition, Update};
 use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::units::sample::SensorId;
 use navfuse_core::units::time::Time;
-use std::sync::{Arc, Mutex};
 
 /// Squared sensitivity above which a sensor reads a component: one prior sigma changes a sample by
 /// a thousandth of its noise.
@@ -306,14 +306,17 @@ impl Tracker {
 pub struct TrackerSink {
     every: f64,
     tracker: Option<Tracker>,
-    kept: Arc<Mutex<Option<Tracker>>>,
 }
 
 impl TrackerSink {
-    /// The sink, and where its tracker is when the run is over.
-    pub fn new(every: f64) -> (Self, Arc<Mutex<Option<Tracker>>>) {
-        let kept = Arc::new(Mutex::new(None));
-        (Self { every, tracker: None, kept: Arc::clone(&kept) }, kept)
+    /// A sink whose tracker keeps normalised sigmas at this interval, s.
+    pub fn new(every: f64) -> Self {
+        Self { every, tracker: None }
+    }
+
+    /// The tracker that a finished run has filled; none where the run had no such sink.
+    pub fn take(finished: &mut Finished) -> Option<Tracker> {
+        finished.take_sink::<Self>()?.tracker
     }
 }
 
@@ -352,9 +355,6 @@ impl Sink for TrackerSink {
     }
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        if let Ok(mut kept) = self.kept.lock() {
-            *kept = self.tracker.take();
-        }
         Ok(None)
     }
 }

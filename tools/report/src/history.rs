@@ -21,6 +21,10 @@ pub struct History {
     pub version: String,
     /// Scenario in TOML, as it was run.
     pub scenario: String,
+    /// Description of the scenario.
+    pub description: Option<String>,
+    /// Seed of a run whose samples are simulated.
+    pub seed: Option<u64>,
     /// Blocks of the state.
     pub blocks: Vec<BlockHistory>,
     /// Sensors, in the order of their ids.

@@ -17,6 +17,8 @@ pub fn read_log(path: &Path, mut progress: impl FnMut([u64; 2])) -> Result<Histo
         name: info.name.clone(),
         version: info.version.clone(),
         scenario: info.scenario.clone(),
+        description: info.description.clone(),
+        seed: info.seed.filter(|_| info.simulated),
         ..History::default()
     };
     let mut count = 0_u64;

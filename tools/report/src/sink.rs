@@ -7,26 +7,27 @@ use navfuse_core::state::manifold::{MAX_TANGENT, Position};
 use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::time::Time;
 use std::any::TypeId;
-use std::sync::mpsc::{Receiver, Sender, channel};
 
-/// Sink that collects the history of a run and sends it at the end of the run.
+/// Sink that collects the history of a run; see
+/// [`navfuse_core::run::runner::Finished::take_sink`].
 #[derive(Debug)]
 pub struct Recorder {
     history: History,
     columns: Vec<Vec<String>>,
     /// Latest time so far, which events without a time of their own get, as in the log.
     latest: Time,
-    done: Sender<History>,
+}
+
+impl Default for Recorder {
+    fn default() -> Self {
+        Self { history: History::default(), columns: Vec::new(), latest: Time::MIN }
+    }
 }
 
 impl Recorder {
-    /// Creates the sink, and the receiver of its history after the run.
-    pub fn new() -> (Self, Receiver<History>) {
-        let (done, receiver) = channel();
-        (
-            Self { history: History::default(), columns: Vec::new(), latest: Time::MIN, done },
-            receiver,
-        )
+    /// The history of the run so far.
+    pub fn into_history(self) -> History {
+        self.history
     }
 }
 
@@ -41,6 +42,8 @@ impl Sink for Recorder {
         self.history.name.clone_from(&run.name);
         self.history.version.clone_from(&run.version);
         self.history.scenario.clone_from(&run.scenario);
+        self.history.description.clone_from(&run.description);
+        self.history.seed = run.simulated.then_some(run.seed);
         self.history.sensors = sensors.collect();
         self.columns =
             run.sensors.iter().map(|s| s.channels.iter().map(Channel::column).collect()).collect();
@@ -120,8 +123,6 @@ impl Sink for Recorder {
     }
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        // the receiver may no longer exist
-        self.done.send(std::mem::take(&mut self.history)).ok();
         Ok(None)
     }
 }

@@ -70,6 +70,11 @@ bank = "2 deg"
 
 /// A run of the scenario with its history and its log.
 fn run(settings: &[&str], output: &Path) -> (History, Finished) {
+    run_text(SCENARIO, settings, output)
+}
+
+/// A run of another scenario.
+fn run_text(text: &str, settings: &[&str], output: &Path) -> (History, Finished) {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
@@ -77,15 +82,14 @@ fn run(settings: &[&str], output: &Path) -> (History, Finished) {
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_simulation::SimulationPlugin)
         .add(&navfuse_mcap::McapPlugin);
-    let document = Document::parse("short.toml", SCENARIO).unwrap();
+    let document = Document::parse("short.toml", text).unwrap();
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
     let scenario = Scenario::new(&registry, document, &settings).unwrap();
     let mut assembly = scenario.assemble(Some(output)).unwrap_or_else(|e| panic!("{e}"));
-    let (recorder, history) = Recorder::new();
-    assembly.sinks.push(("report".into(), Box::new(recorder)));
-    let finished = runner::run(assembly, &AtomicBool::new(false), |_| ());
+    assembly.sinks.push(("report".into(), Box::new(Recorder::default())));
+    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| ());
     assert!(finished.error.is_none(), "{:?}", finished.error);
-    (history.recv().unwrap(), finished)
+    (finished.take_sink::<Recorder>().unwrap().into_history(), finished)
 }
 
 #[test]
@@ -243,4 +247,24 @@ fn a_run_without_truth_and_without_measurements_has_a_page_too() {
     let page = page::report(&history, None).unwrap();
     assert!(page.contains("No truth is known") && page.contains("No sensor corrected the state"));
     assert!(page.contains("id=\"state-ins.position\"") && !page.contains("NaN"));
+}
+
+#[test]
+fn a_simulation_of_any_name_is_a_simulated_run_and_a_replay_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let renamed = SCENARIO
+        .replace(
+            "[source.simulation.start]",
+            "[source.sea]\ntype = \"simulation\"\n[source.sea.start]",
+        )
+        .replace("source.simulation", "source.sea");
+    let (history, _) = run_text(&renamed, &["estimator.stop=5 s"], folder.path());
+    assert_eq!(history.seed, Some(3));
+    let log = folder.path().join("run.mcap");
+    assert_eq!(read_log(&log, |_| ()).unwrap().seed, Some(3));
+    let source = format!("source={{ mcap = {{ path = {:?} }} }}", log.display().to_string());
+    let again = tempfile::tempdir().unwrap();
+    let (history, _) = run_text(SCENARIO, &[&source], again.path());
+    assert_eq!(history.seed, None);
+    assert_eq!(read_log(&again.path().join("run.mcap"), |_| ()).unwrap().seed, None);
 }

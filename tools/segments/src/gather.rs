@@ -4,12 +4,9 @@ use crate::recording::{BodyVelocity, Imu, Inertial, Mounting, PositionFix, Posit
 use crate::{SegmentError, Series};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use navfuse_core::compose::Composition;
-use navfuse_core::document::Document;
 use navfuse_core::model::measurement::{AnyMeasurement, At, slots};
 use navfuse_core::model::motion::Motion;
 use navfuse_core::model::sensor::{Role, Sensor};
-use navfuse_core::plugin::Kind;
-use navfuse_core::run::scenario::common_keys;
 use navfuse_core::state::geodesy::{Geodetic, radii_of_curvature};
 use navfuse_core::state::manifold::{Manifold, Position, Rotation};
 use navfuse_core::state::{Dynamics, Layout, State};
@@ -146,11 +143,13 @@ impl<'a> Builder<'a> {
             ));
         };
         let name = &self.composition.sensors[index].info.name;
-        let document = Document::parse(name.clone(), self.composition.text.clone())?;
-        let node = document.root().get("sensor").and_then(|s| s.get(name));
-        let node = node
-            .ok_or_else(|| SegmentError::Missing(format!("the scenario has no [sensor.{name}]")))?;
-        let config: navfuse_ins::Imu = node.without(common_keys(Kind::Sensor)).parse()?;
+        let config = match &self.composition.sensors[index].role {
+            Role::Input(config) => config.downcast_ref::<navfuse_ins::Imu>(),
+            _ => None,
+        };
+        let config = config.ok_or_else(|| {
+            SegmentError::Missing(format!("[sensor.{name}] is not of the type imu"))
+        })?;
         let samples = &self.samples[index];
         let mut series = Series::new(name);
         let gap = config.max_gap.value().si();

@@ -12,8 +12,8 @@ use navfuse_core::state::State;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 pub use navfuse_testing::scenario;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex};
 
 pub fn compose(text: &str, settings: &[&str]) -> Composition {
     scenario(text, settings, |s| s.compose().unwrap_or_else(|e| panic!("{e}")))
@@ -72,15 +72,12 @@ pub struct Log {
     pub nis: Vec<(f64, u32, usize)>,
 }
 
-#[derive(Clone, Default)]
-struct Listener(Arc<Mutex<Log>>);
-
-impl Sink for Listener {
+impl Sink for Log {
     fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
         Ok(())
     }
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
-        self.0.lock().unwrap().samples.push(*sample);
+        self.samples.push(*sample);
         Ok(())
     }
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
@@ -95,7 +92,7 @@ impl Sink for Listener {
             block.show_sigma(values, epoch.covariance, &mut current);
         }
         let v = layout.find("ins.velocity").unwrap().tangent.unwrap();
-        self.0.lock().unwrap().epochs.push(Moment {
+        self.epochs.push(Moment {
             time: epoch.state.time.seconds(),
             error: errors[0].hypot(errors[1]),
             sigma: sigma[0].max(sigma[1]),
@@ -107,7 +104,7 @@ impl Sink for Listener {
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
         if !update.innovation.is_empty() {
             let m = update.innovation.len() as u32;
-            self.0.lock().unwrap().nis.push((update.nis, m, update.sensor.0));
+            self.nis.push((update.nis, m, update.sensor.0));
         }
         Ok(())
     }
@@ -117,11 +114,10 @@ impl Sink for Listener {
 }
 
 fn listen(mut assembly: Assembly) -> Log {
-    let listener = Listener::default();
-    assembly.sinks.push(("test".into(), Box::new(listener.clone())));
-    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assembly.sinks.push(("test".into(), Box::new(Log::default())));
+    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
     assert!(finished.error.is_none(), "{:?}", finished.error);
-    std::mem::take(&mut listener.0.lock().unwrap())
+    finished.take_sink().unwrap()
 }
 
 pub fn run(text: &str, settings: &[&str]) -> Log {

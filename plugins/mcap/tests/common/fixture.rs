@@ -90,7 +90,10 @@ pub fn layout() -> Layout {
 pub fn info() -> RunInfo {
     RunInfo {
         name: "dive".into(),
+        description: None,
         scenario: SCENARIO.into(),
+        seed: 7,
+        simulated: false,
         version: "1.2.3".into(),
         layout: layout(),
         sensors: sensors(),
@@ -125,7 +128,7 @@ pub fn covariance() -> Covariance {
 }
 
 pub fn create(path: &Path, compression: Compression) -> McapSink {
-    let mut sink = McapSink::create(path, compression, 7).unwrap();
+    let mut sink = McapSink::create(path, compression).unwrap();
     sink.start(&info()).unwrap();
     sink
 }

@@ -126,7 +126,17 @@ impl Synthetic {
         ];
         let name = "dive and square".to_owned();
         let scenario = "[sensor.dvl]\ntype = \"dvl\"\nnoise = \"1 cm/s\"".to_owned();
-        Self { info: RunInfo { name, scenario, version: "0.1.0".into(), layout, sensors }, epochs }
+        let info = RunInfo {
+            name,
+            description: None,
+            scenario,
+            seed: 1,
+            simulated: true,
+            version: "0.1.0".into(),
+            layout,
+            sensors,
+        };
+        Self { info, epochs }
     }
 
     /// The time of an epoch; the clock does not start at zero.

@@ -5,83 +5,67 @@ use crate::plots;
 use maud::{Markup, html};
 use navfuse_core::model::record::Level;
 
-/// Description and seed of a scenario.
-pub(super) struct Facts {
-    pub(super) description: Option<String>,
-    seed: Option<i64>,
-}
-
-impl Facts {
-    pub(super) fn of(history: &History) -> Self {
-        let table: toml::Table = history.scenario.parse().unwrap_or_default();
-        let description = table.get("description").and_then(|d| d.as_str()).map(str::to_owned);
-        let simulated = table.get("source").and_then(|s| s.get("simulation")).is_some();
-        // the default seed of a scenario is 1
-        let seed = table.get("seed").map_or(Some(1), toml::Value::as_integer).filter(|_| simulated);
-        Self { description, seed }
-    }
-
-    pub(super) fn table(&self, history: &History) -> Markup {
-        html! {
-            dl.facts {
-                @if let Some([from, to]) = history.span() {
-                    div { dt { "time" } dd { (seconds(from)) " to " (seconds(to)) } }
-                    div { dt { "duration" } dd { (seconds(to - from)) } }
-                }
-                @if let Some(metres) = distance(history) {
-                    div { dt { "distance" } dd { (format!("{metres:.0} m")) } }
-                }
-                @if let Some(seed) = self.seed { div { dt { "seed" } dd { (seed) } } }
-                div { dt { "states" } dd { (number_of_states(history)) } }
-                div { dt { "run by" } dd { "navfuse " (history.version) } }
+/// Creates the list of facts of the run.
+pub(super) fn facts(history: &History) -> Markup {
+    html! {
+        dl.facts {
+            @if let Some([from, to]) = history.span() {
+                div { dt { "time" } dd { (seconds(from)) " to " (seconds(to)) } }
+                div { dt { "duration" } dd { (seconds(to - from)) } }
             }
+            @if let Some(metres) = distance(history) {
+                div { dt { "distance" } dd { (format!("{metres:.0} m")) } }
+            }
+            @if let Some(seed) = history.seed { div { dt { "seed" } dd { (seed) } } }
+            div { dt { "states" } dd { (number_of_states(history)) } }
+            div { dt { "run by" } dd { "navfuse " (history.version) } }
         }
     }
+}
 
-    /// Creates the list of results to inspect first.
-    pub(super) fn verdicts(&self, history: &History) -> Markup {
-        let worst = worst(history);
-        let level = history.level();
-        html! {
-            @for warning in &history.warnings { p.bad { "Warning: " (warning) } }
-            ul {
-                @if let Some((last, rms, percent)) = horizontal(history) {
-                    li { "Horizontal error " b { (format!("{last:.2} m")) } " at the end"
-                        @if let Some(percent) = percent {
-                            (format!(", {percent:.3} % of the distance"))
-                        }
-                        (format!("; {rms:.2} m rms.")) }
-                }
-                @if let Some((name, ratio)) = worst {
-                    li class=[(ratio > 4.0).then_some("bad")] {
-                        "Largest error at the end: " b { (format!("{ratio:.1} sigma")) }
-                        ", of " (name)
-                        @if ratio > 4.0 {
-                            ": for a consistent sigma, only one error in 15 000 is that large"
-                        }
-                        "."
+/// Creates the list of results to inspect first.
+pub(super) fn verdicts(history: &History) -> Markup {
+    let worst = worst(history);
+    let level = history.level();
+    html! {
+        @for warning in &history.warnings { p.bad { "Warning: " (warning) } }
+        ul {
+            @if let Some((last, rms, percent)) = horizontal(history) {
+                li { "Horizontal error " b { (format!("{last:.2} m")) } " at the end"
+                    @if let Some(percent) = percent {
+                        (format!(", {percent:.3} % of the distance"))
                     }
-                } @else { li { "No truth is known, so no error can be computed." } }
-                @for sensor in history.sensors.iter().filter(|s| s.updates.nis[1] > 0.0) {
-                    @let [nis, freedom] = sensor.updates.nis;
-                    @let inside = plots::band(freedom)
-                        .is_some_and(|[low, high]| (low..=high).contains(&(nis / freedom)));
-                    li class=[(!inside).then_some("bad")] {
-                        "Innovations of " (sensor.name) ": NIS "
-                        b { (format!("{:.3}", nis / freedom)) } " per channel, "
-                        @if inside { "as the filter expects." }
-                        @else if nis < freedom {
-                            "smaller than the filter expects: the stated noise is too large."
-                        }
-                        @else {
-                            "larger than the filter expects: the stated noise is too small, or an "
-                            "effect is not modelled."
-                        }
+                    (format!("; {rms:.2} m rms.")) }
+            }
+            @if let Some((name, ratio)) = worst {
+                li class=[(ratio > 4.0).then_some("bad")] {
+                    "Largest error at the end: " b { (format!("{ratio:.1} sigma")) }
+                    ", of " (name)
+                    @if ratio > 4.0 {
+                        ": for a consistent sigma, only one error in 15 000 is that large"
+                    }
+                    "."
+                }
+            } @else { li { "No truth is known, so no error can be computed." } }
+            @for sensor in history.sensors.iter().filter(|s| s.updates.nis[1] > 0.0) {
+                @let [nis, freedom] = sensor.updates.nis;
+                @let inside = plots::band(freedom)
+                    .is_some_and(|[low, high]| (low..=high).contains(&(nis / freedom)));
+                li class=[(!inside).then_some("bad")] {
+                    "Innovations of " (sensor.name) ": NIS "
+                    b { (format!("{:.3}", nis / freedom)) } " per channel, "
+                    @if inside { "as the filter expects." }
+                    @else if nis < freedom {
+                        "smaller than the filter expects: the stated noise is too large."
+                    }
+                    @else {
+                        "larger than the filter expects: the stated noise is too small, or an "
+                        "effect is not modelled."
                     }
                 }
-                @if level > Level::Info {
-                    li { a href="#events" { "There are warnings or errors." } }
-                }
+            }
+            @if level > Level::Info {
+                li { a href="#events" { "There are warnings or errors." } }
             }
         }
     }

@@ -6,7 +6,7 @@ mod tables;
 
 use crate::history::{BlockHistory, History};
 use crate::plots;
-use facts::{Facts, seconds};
+use facts::{facts, seconds, verdicts};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use navfuse_figures::{Figure, FigureError, svg};
 use navfuse_observability::ObservabilityReport;
@@ -65,15 +65,14 @@ pub fn report(
     history: &History,
     observed: Option<&ObservabilityReport>,
 ) -> Result<String, FigureError> {
-    let facts = Facts::of(history);
     let (constant, moving): (Vec<&BlockHistory>, Vec<&BlockHistory>) =
         history.blocks.iter().partition(|b| b.constant());
     let measuring = || history.sensors.iter().filter(|s| s.updates.accepted + s.updates.gated > 0);
     let body = html! {
         header {
             h1 { (history.name) }
-            @if let Some(text) = &facts.description { p.lead { (text) } }
-            (facts.table(history))
+            @if let Some(text) = &history.description { p.lead { (text) } }
+            (facts(history))
             nav {
                 @for (id, name) in SECTIONS {
                     a href={ "#" (id) } { (name) }
@@ -83,7 +82,7 @@ pub fn report(
         main {
             section #result {
                 h2 { "Result" }
-                (facts.verdicts(history))
+                (verdicts(history))
                 h3 { "Navigation at the end" }
                 (tables::end(&moving))
             }

@@ -1,6 +1,7 @@
 //! The scenario's filter as one of the methods.
 
-use super::{Outcome, Result};
+use super::outcome::Outcome;
+use crate::error::{CommandError, Result};
 use navfuse_calibration::{CalibrationData, Estimate, IntermediateEstimate};
 use navfuse_core::document::Document;
 use navfuse_core::model::record::Epoch;
@@ -15,9 +16,8 @@ use navfuse_core::state::manifold::{Manifold, Rotation, Scalar};
 use navfuse_core::units::time::Time;
 use navfuse_segments::Mounting;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, PoisonError};
 
-/// The scenario's filter; and where it has other sensors than IMU and DVL, the filter without them too.
+/// Runs the scenario's filter; where it has other sensors than IMU and DVL, also without them.
 pub fn outcomes(
     registry: &Registry,
     document: &Document,
@@ -53,23 +53,22 @@ fn filter(
     progress: &dyn Fn(Progress),
 ) -> Result<Outcome> {
     let dvl = &data.velocity()?.samples.name;
-    let kept = Arc::new(Mutex::new(Kept::default()));
-    assembly.sinks.push((
-        "calibrate".into(),
-        Box::new(Listener { dvl: dvl.clone(), zero: data.recording.zero, kept: Arc::clone(&kept) }),
-    ));
-    let finished = runner::run(assembly, &AtomicBool::new(false), progress);
-    let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
-    let history = std::mem::take(&mut kept.history);
-    let result = match (&finished.error, history.first().zip(history.last())) {
-        (Some(error), _) => Err(error.to_string()),
-        (None, None) => Err(format!("the filter has no {dvl}.scale and {dvl}.misalignment")),
+    let record = MountingRecord::new(dvl, data.recording.zero);
+    assembly.sinks.push(("calibrate".into(), Box::new(record)));
+    let mut finished = runner::run(assembly, &AtomicBool::new(false), progress);
+    let record = finished.take_sink::<MountingRecord>();
+    let record = record.unwrap_or_else(|| MountingRecord::new(dvl, data.recording.zero));
+    let MountingRecord { history, covariance, determined, .. } = record;
+    let result = match (finished.error.take(), history.first().zip(history.last())) {
+        (Some(error), _) => Err(error.into()),
+        (None, None) => Err(CommandError::Request(format!(
+            "the filter has no {dvl}.scale and {dvl}.misalignment"
+        ))),
         (None, Some((first, last))) => {
             let (mounting, used) = (last.mounting, [first.time, last.time]);
-            let determined = kept.told;
             Ok(Estimate {
                 mounting,
-                covariance: Some(kept.covariance),
+                covariance: Some(covariance),
                 determined,
                 history,
                 used,
@@ -80,22 +79,31 @@ fn filter(
     Ok(Outcome { name: name.into(), sensors, result })
 }
 
-/// What a filter's run tells of the DVL.
-#[derive(Default)]
-struct Kept {
-    history: Vec<IntermediateEstimate>,
-    covariance: Matrix4<f64>,
-    told: [bool; 4],
-}
-
-struct Listener {
+/// The estimates of a DVL's mounting over a run of the filter.
+struct MountingRecord {
     dvl: String,
     /// Zero of the recording's clock.
     zero: Time,
-    kept: Arc<Mutex<Kept>>,
+    history: Vec<IntermediateEstimate>,
+    /// Covariance of scale factor and misalignment at the last estimate.
+    covariance: Matrix4<f64>,
+    /// For scale factor, roll, pitch and yaw, true once the 1-sigma is less than half of the prior.
+    determined: [bool; 4],
 }
 
-impl Sink for Listener {
+impl MountingRecord {
+    fn new(dvl: &str, zero: Time) -> Self {
+        Self {
+            dvl: dvl.to_owned(),
+            zero,
+            history: Vec::new(),
+            covariance: Matrix4::zeros(),
+            determined: [false; 4],
+        }
+    }
+}
+
+impl Sink for MountingRecord {
     fn start(&mut self, _: &RunInfo) -> std::result::Result<(), StreamError> {
         Ok(())
     }
@@ -105,11 +113,10 @@ impl Sink for Listener {
         let (Some(scale), Some(misalignment)) = (block("scale"), block("misalignment")) else {
             return Ok(());
         };
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let values = &epoch.state.values;
         let k = Scalar::load::<f64>(&values[scale.range()]);
         let mounting = Mounting { k, c_b_d: Rotation::load::<f64>(&values[misalignment.range()]) };
-        kept.history
+        self.history
             .push(IntermediateEstimate { time: epoch.state.time.since(self.zero), mounting });
         // the error of a rotation is a rotation vector to its left, as an estimate's is
         let places: Vec<Option<usize>> = std::iter::once(scale.tangent)
@@ -118,12 +125,11 @@ impl Sink for Listener {
         let at = |i: usize, j: usize| {
             places[i].zip(places[j]).map_or(0.0, |(a, b)| epoch.covariance.get(a, b))
         };
-        kept.covariance = Matrix4::from_fn(at);
-        // half of the prior says that the samples told something
+        self.covariance = Matrix4::from_fn(at);
         let prior =
             [scale.spec.sigma[0]].into_iter().chain(misalignment.spec.sigma.iter().copied());
-        let told: Vec<bool> = prior.enumerate().map(|(i, s)| at(i, i).sqrt() < 0.5 * s).collect();
-        kept.told = std::array::from_fn(|i| told.get(i).copied().unwrap_or(false));
+        let less: Vec<bool> = prior.enumerate().map(|(i, s)| at(i, i).sqrt() < 0.5 * s).collect();
+        self.determined = std::array::from_fn(|i| less.get(i).copied().unwrap_or(false));
         Ok(())
     }
 

@@ -1,7 +1,7 @@
-//! What a person and a program read of the outcomes on one recording.
+//! The outcomes on one recording, as a table and as JSON.
 
-use super::{Outcome, decimals, unit};
-use crate::print;
+use super::outcome::{Outcome, decimals, unit};
+use crate::output;
 use navfuse_calibration::{CalibrationData, Estimate};
 use navfuse_segments::Kind;
 use serde_json::{Value, json};
@@ -14,9 +14,9 @@ pub const NUMBERS: std::ops::Range<usize> = 1..6;
 
 /// Prints the table, and the notes below it.
 pub fn print(data: &CalibrationData, outcomes: &[Outcome]) {
-    print::line(format_args!("{}: {}", data.recording.name, found(data)));
+    output::line(format_args!("{}: {}", data.recording.name, found(data)));
     let truth = data.velocity().ok().and_then(|v| v.truth);
-    let mut table = print::table(&HEADINGS);
+    let mut table = output::table(&HEADINGS);
     for outcome in outcomes {
         let Ok(e) = &outcome.result else { continue };
         let (values, sigma) = (e.values(), e.sigma());
@@ -51,23 +51,23 @@ pub fn print(data: &CalibrationData, outcomes: &[Outcome]) {
             );
         }
     }
-    print::right(&mut table, NUMBERS);
-    print::line(&table);
+    output::right(&mut table, NUMBERS);
+    output::line(&table);
     if let Some(t) = truth {
         let a = t.angles().map(f64::to_degrees);
-        print::line(format_args!(
+        output::line(format_args!(
             "truth: k {:.5}, roll {:.3}, pitch {:.3}, yaw {:.3} deg",
             t.k, a.x, a.y, a.z
         ));
     }
-    print::line(settles());
+    output::line(settles());
     let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
     for outcome in outcomes {
-        let told = match &outcome.result {
+        let all = match &outcome.result {
             Ok(e) => e.notes.clone(),
             Err(why) => vec![format!("not possible: {why}")],
         };
-        for note in told {
+        for note in all {
             match notes.iter_mut().find(|(text, _)| *text == note) {
                 Some((_, names)) => names.push(&outcome.name),
                 None => notes.push((note, vec![&outcome.name])),
@@ -76,10 +76,10 @@ pub fn print(data: &CalibrationData, outcomes: &[Outcome]) {
     }
     notes
         .iter()
-        .for_each(|(note, names)| print::line(format_args!("{}: {note}", names.join(", "))));
+        .for_each(|(note, names)| output::line(format_args!("{}: {note}", names.join(", "))));
 }
 
-/// What "settles after" is, and what a dash is.
+/// The explanation of "settles after" and of the dash.
 pub fn settles() -> String {
     let (k, yaw) = Estimate::SETTLED;
     let yaw = yaw.to_degrees();
@@ -96,12 +96,12 @@ fn found(data: &CalibrationData) -> String {
     kinds.join(", ")
 }
 
-/// The same for a program.
+/// The outcomes as JSON.
 pub fn in_json(data: &CalibrationData, outcomes: &[Outcome]) -> Value {
     let truth = data.velocity().ok().and_then(|v| v.truth);
     let methods: Vec<Value> = (outcomes.iter())
         .map(|o| match &o.result {
-            Err(why) => json!({ "method": o.name, "sensors": o.sensors, "needs": why }),
+            Err(why) => json!({ "method": o.name, "sensors": o.sensors, "needs": why.to_string() }),
             Ok(e) => json!({
                 "method": o.name,
                 "sensors": o.sensors,

@@ -1,11 +1,11 @@
-//! The scenario with a calibration in it.
+//! Writing a scenario with the calibration that was found.
 
-use super::Result;
+use crate::error::{CommandError, Result};
 use navfuse_calibration::{CalibrationData, Estimate};
 use navfuse_core::document::Document;
 use std::path::Path;
 
-/// Writes the scenario with what was found in it. What is not determined stays as it is.
+/// Writes the scenario with the estimate. A component that is not determined keeps its value.
 pub fn scenario(
     document: &mut Document,
     path: &Path,
@@ -25,9 +25,11 @@ pub fn scenario(
         _ => prior[i],
     };
     if !keep_prior && e.sigma().is_none() {
-        return Err(
-            "this method has no sigma to write: use --method io-dvlc, or --initialise, which keeps the prior's".into(),
-        );
+        return Err(CommandError::Request(
+            "this method has no sigma to write: use --method io-dvlc, or --initialise, which keeps \
+             the prior"
+                .to_owned(),
+        ));
     }
     let degrees = |x: f64| format!("\"{:.6} deg\"", x.to_degrees());
     let angles =
@@ -51,7 +53,5 @@ pub fn scenario(
     if (1..4).all(|i| sigma(i) > 0.0) {
         set("misalignment", angles(&value), angles(&sigma))?;
     }
-    std::fs::write(path, document.to_toml())
-        .map_err(|e| format!("{}: cannot be written: {e}", path.display()))?;
-    Ok(())
+    std::fs::write(path, document.to_toml()).map_err(CommandError::cannot_write(path))
 }

@@ -1,10 +1,9 @@
 //! `navfuse observability`.
 
-use crate::arguments::Format;
-use crate::campaign::seconds;
-use crate::print;
-use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
-use crate::run;
+use crate::error::Result;
+use crate::execution::input::{document_of, seconds};
+use crate::output::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
+use crate::output::{self, Format, write_files};
 use clap::Args;
 use navfuse_campaign::JobCount;
 use navfuse_core::plugin::Registry;
@@ -12,15 +11,12 @@ use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_observability::{ObservabilityReport, TrackerSink, Verdict, plan, words};
 use navfuse_segments::{Kind, Recording};
-use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-type Result<T> = std::result::Result<T, Box<dyn Error>>;
-
-/// How often normalised sigmas are kept, s.
+/// Interval of the normalised sigmas that are kept, s.
 const EVERY: f64 = 1.0;
-/// How many states that a manoeuvre improves are shown.
+/// Number of states that are shown for a manoeuvre.
 const IMPROVED: usize = 3;
 
 /// Arguments of `observability`.
@@ -28,55 +24,56 @@ const IMPROVED: usize = 3;
 #[command(after_help = "\
 Examples:
   navfuse observability scenarios/pan-wu-3d.toml
-  navfuse observability scenarios/pan-wu-2d.toml --out runs/observe     the figure and the numbers
-  navfuse observability runs/pan-wu-3d/run.mcap                         what a recorded dive told
-  navfuse observability scenarios/pan-wu-2d.toml --suggest              which manoeuvre to fly after its end
+  navfuse observability scenarios/pan-wu-2d.toml --out runs/observe   writes figure and numbers
+  navfuse observability runs/pan-wu-3d/run.mcap                       the same for a recorded dive
+  navfuse observability scenarios/pan-wu-2d.toml --suggest            manoeuvres to fly after its end
   navfuse observability scenarios/pan-wu-3d.toml --suggest --at \"720 s\" --for ins.accel_bias
 
-A state is determined when at most a sixteenth of its variance is still that of the prior: a quarter of the sigma. `bits` is how
-many times sigma was halved.")]
+A state is determined when its sigma is at most a quarter of what it would be without measurements:
+at most a sixteenth of the variance is still that of the prior. `bits` counts how often sigma was
+halved.")]
 pub struct Observability {
     /// A scenario (TOML), or a log that navfuse wrote (MCAP)
     pub scenario: PathBuf,
     /// Change a value of the scenario; may be given again
     #[arg(long, value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
-    /// Rank the manoeuvres that could come next by the Cramer-Rao bound that they reach; needs a simulated scenario
+    /// Rank the manoeuvres that could come next by the Cramer-Rao bound that they reach; needs a
+    /// simulated scenario
     #[arg(long)]
     pub suggest: bool,
-    /// When the manoeuvre begins; what the scenario does later is left out [default: its end]
+    /// Begin of the manoeuvre; the later part of the scenario is left out [default: its end]
     #[arg(long, value_name = "TIME", requires = "suggest")]
     pub at: Option<String>,
-    /// A state or component that the manoeuvre is for, such as dvl.misalignment.roll; may be given again [default: what is
-    /// not determined when it begins]
+    /// A state or component that the manoeuvre is to determine, such as dvl.misalignment.roll; may be
+    /// given again [default: the states that are not determined when it begins]
     #[arg(long = "for", value_name = "STATE", requires = "suggest")]
     pub of: Vec<String>,
     /// Folder for the report (JSON) and the figure of normalised sigmas (SVG)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// How the report is printed
+    /// Form of the report
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub format: Format,
 }
 
-/// `navfuse observability`
+/// Reports which states a scenario or a log determines.
 pub fn observability(registry: &Registry, arguments: &Observability) -> Result<ExitCode> {
     if arguments.suggest {
         return suggest(registry, arguments);
     }
-    let (document, mut settings) = run::document_of(&arguments.scenario)?;
+    let (document, mut settings) = document_of(&arguments.scenario)?;
     settings.extend(arguments.set.iter().cloned());
     let scenario = Scenario::new(registry, document, &settings)?;
     let name = scenario.name();
     let mut assembly = scenario.assemble(None)?;
-    let (watch, kept) = TrackerSink::new(EVERY);
-    assembly.sinks.push(("observability".into(), Box::new(watch)));
+    assembly.sinks.push(("observability".into(), Box::new(TrackerSink::new(EVERY))));
     let stop = stop_on_ctrl_c();
     let text = arguments.format == Format::Text;
     let bar = Bar::new(text);
-    let finished = runner::run(assembly, &stop, |progress| bar.run(progress));
+    let mut finished = runner::run(assembly, &stop, |progress| bar.run(progress));
     bar.done();
-    let tracker = kept.lock().ok().and_then(|mut kept| kept.take());
+    let tracker = TrackerSink::take(&mut finished);
     if let (Some(tracker), None) = (tracker.as_ref().filter(|t| t.started()), &finished.error) {
         let mut report = ObservabilityReport::new(&name, tracker);
         report.judge(
@@ -89,13 +86,13 @@ pub fn observability(registry: &Registry, arguments: &Observability) -> Result<E
         if text {
             show(&report);
         } else {
-            print::line(serde_json::to_string(&report)?);
+            output::line(serde_json::to_string(&report)?);
         }
         if let Some(out) = &arguments.out {
             write(&report, out, text)?;
         }
     }
-    print::events(&finished.events);
+    output::run::events(&finished.events);
     Ok(match (finished.error, finished.interrupted) {
         (Some(_), _) => ExitCode::FAILURE,
         (None, true) => ExitCode::from(INTERRUPTED),
@@ -103,16 +100,16 @@ pub fn observability(registry: &Registry, arguments: &Observability) -> Result<E
     })
 }
 
-/// `navfuse observability --suggest`
+/// Suggests the manoeuvres that could come next.
 fn suggest(registry: &Registry, arguments: &Observability) -> Result<ExitCode> {
-    let (mut document, _) = run::document_of(&arguments.scenario)?;
+    let (mut document, _) = document_of(&arguments.scenario)?;
     arguments.set.iter().try_for_each(|s| document.set(s))?;
     let at = arguments.at.as_deref().map(|text| seconds("--at", text)).transpose()?;
     let options = plan::Options { at, of: arguments.of.clone() };
     let text = arguments.format == Format::Text;
     let (bar, stop) = (Bar::new(text), stop_on_ctrl_c());
-    let tell = |done, asked| bar.campaign(JobCount { done, asked });
-    let plan = plan::suggest(registry, &document, &options, &stop, tell);
+    let progress = |done, asked| bar.campaign(JobCount { done, asked });
+    let plan = plan::suggest(registry, &document, &options, &stop, progress);
     bar.done();
     let Some(plan) = plan? else { return Ok(ExitCode::from(INTERRUPTED)) };
     if let Some(out) = &arguments.out {
@@ -120,16 +117,16 @@ fn suggest(registry: &Registry, arguments: &Observability) -> Result<ExitCode> {
         write_files(out, [("suggestions.json".to_owned(), content)], text)?;
     }
     if !text {
-        print::line(serde_json::to_string(&plan)?);
+        output::line(serde_json::to_string(&plan)?);
         return Ok(ExitCode::SUCCESS);
     }
-    print::line(format_args!(
+    output::line(format_args!(
         "after {:.0} s, at {:.1} m/s; what counts: {}",
         plan.at_s,
         plan.speed,
         plan.of.join(", ")
     ));
-    let mut table = print::table(&[
+    let mut table = output::table(&[
         "manoeuvre",
         "time",
         "bits",
@@ -148,11 +145,11 @@ fn suggest(registry: &Registry, arguments: &Observability) -> Result<ExitCode> {
             most.join("\n"),
         ]);
     }
-    print::right(&mut table, 1..4);
-    print::line(table);
+    output::right(&mut table, 1..4);
+    output::line(table);
     if let Some(best) = plan.suggestions.first() {
-        print::line(format_args!("\n{}:", best.name));
-        best.segments.iter().for_each(|s| print::line(format_args!("  {s}")));
+        output::line(format_args!("\n{}:", best.name));
+        best.segments.iter().for_each(|s| output::line(format_args!("  {s}")));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -162,14 +159,14 @@ fn tenths(value: f64) -> String {
     format!("{:.1}", (10.0 * value).round() / 10.0 + 0.0)
 }
 
-/// The report for a person.
+/// Prints the report.
 fn show(report: &ObservabilityReport) {
-    print::line(format_args!(
+    output::line(format_args!(
         "{}, {:.0} s to {:.0} s",
         report.scenario, report.start_s, report.end_s
     ));
     let mut table =
-        print::table(&["state", "", "prior", "now", "unit", "bits", "still prior", "verdict"]);
+        output::table(&["state", "", "prior", "now", "unit", "bits", "still prior", "verdict"]);
     let mut before = "";
     for s in &report.states {
         let verdict = match (s.verdict, s.since_s, s.lost_s) {
@@ -189,38 +186,38 @@ fn show(report: &ObservabilityReport) {
         ]);
         before = &s.state;
     }
-    print::right(&mut table, 2..4);
-    print::right(&mut table, 5..7);
-    print::line(format_args!("{table}"));
+    output::right(&mut table, 2..4);
+    output::right(&mut table, 5..7);
+    output::line(format_args!("{table}"));
     segments(report);
     let missing: Vec<_> =
         report.states.iter().filter(|s| s.verdict != Verdict::Determined).collect();
     if !missing.is_empty() {
-        print::line("\nWhat is missing");
+        output::line("\nWhat is missing");
     }
     for s in missing {
         let why = s.missing.as_deref().unwrap_or_default();
-        print::line(format_args!("  {}: {}: {why}", s.title, s.verdict.text()));
+        output::line(format_args!("  {}: {}: {why}", s.title, s.verdict.text()));
     }
     if !report.undetermined.is_empty() {
-        print::line(
+        output::line(
             "\nDirections that the measurements left open, and how much of their prior variance is left",
         );
     }
     for d in &report.undetermined {
-        print::line(format_args!("  {:>4.0} %  {}", 100.0 * d.left, d.text));
+        output::line(format_args!("  {:>4.0} %  {}", 100.0 * d.left, d.text));
     }
 }
 
-/// The segments, and Theorem 1.
+/// Prints the segments, and the verdicts of Theorem 1.
 fn segments(report: &ObservabilityReport) {
     let Some(view) = &report.segments else {
         if let Some(why) = &report.no_segments {
-            print::line(format_args!("\nno segments: {why}"));
+            output::line(format_args!("\nno segments: {why}"));
         }
         return;
     };
-    let mut table = print::table(&["segment", "from", "to", ""]);
+    let mut table = output::table(&["segment", "from", "to", ""]);
     for s in view.segments.iter().filter(|s| s.kind != Kind::Steady) {
         let what = match (s.force_rate, s.heading_change_deg) {
             (Some((rate, [x, y, z])), _) => {
@@ -239,18 +236,18 @@ fn segments(report: &ObservabilityReport) {
             what,
         ]);
     }
-    print::right(&mut table, 1..3);
-    print::line(format_args!("\n{table}"));
+    output::right(&mut table, 1..3);
+    output::line(format_args!("\n{table}"));
     let d = &view.type_i;
     let [a, b, c] = d.singular_values.map(|s| words::short(1e3 * s));
     let noise = words::short(1e3 * d.noise);
-    print::line(format_args!(
+    output::line(format_args!(
         "type I: {} of the specific-force rate; singular values {a}, {b}, {c} mm/s^3, noise {noise}",
         directions(d.rank)
     ));
     if let Some(s) = &view.type_ii {
         let [a, b, c] = s.singular_values.map(words::short);
-        print::line(format_args!(
+        output::line(format_args!(
             "type II: {} points alpha in {}; singular values {a}, {b}, {c} m/s^2, noise {}; condition of sum(alpha alpha') {:.0}",
             s.points,
             directions(s.rank),
@@ -260,13 +257,14 @@ fn segments(report: &ObservabilityReport) {
     }
     for v in &view.verdicts {
         let disagrees = if v.agrees { "" } else { " [the filter disagrees]" };
-        print::line(format_args!("{}: {}{disagrees}", v.about, v.text));
+        output::line(format_args!("{}: {}{disagrees}", v.about, v.text));
     }
     for warning in &view.warnings {
-        print::warn(format_args!("warning: {warning}"));
+        output::warn(format_args!("warning: {warning}"));
     }
 }
 
+/// A number of directions in words.
 fn directions(rank: usize) -> String {
     match rank {
         0 => "no direction".to_owned(),
@@ -283,21 +281,4 @@ fn write(report: &ObservabilityReport, out: &Path, text: bool) -> Result<()> {
         (format!("{}.svg", figure.name), navfuse_figures::svg(&figure)?),
     ];
     write_files(out, files, text)
-}
-
-fn write_files(
-    out: &Path,
-    files: impl IntoIterator<Item = (String, String)>,
-    text: bool,
-) -> Result<()> {
-    std::fs::create_dir_all(out)
-        .map_err(|e| format!("{}: the folder cannot be made: {e}", out.display()))?;
-    for (name, content) in files {
-        let path = out.join(name);
-        std::fs::write(&path, content).map_err(|e| format!("{}: {e}", path.display()))?;
-        if text {
-            print::line(path.display());
-        }
-    }
-    Ok(())
 }

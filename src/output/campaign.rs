@@ -1,11 +1,12 @@
-//! What a person reads of a campaign.
+//! The result of a campaign as tables.
 
-use crate::print::{line, right, table};
+use super::{line, right, table};
+use crate::error::{CommandError, Result};
 use comfy_table::Table;
 use navfuse_campaign::{Band, Campaign, Component, PointReport, Results, StateReport, WorstRun};
 use std::path::{Path, PathBuf};
 
-/// What is shown.
+/// The tables that are shown.
 #[derive(Clone, Copy, Debug)]
 pub enum Shown<'a> {
     /// Errors against sigma and bound.
@@ -17,8 +18,8 @@ pub enum Shown<'a> {
 }
 
 impl Shown<'_> {
-    /// Whether what is to be shown is there.
-    pub fn check(self, plan: &Campaign) -> Result<(), String> {
+    /// Rejects the name of a state that the campaign does not have.
+    pub fn check(self, plan: &Campaign) -> Result<()> {
         let Self::Grid(names) = self else { return Ok(()) };
         let components = &plan.columns.components;
         match names.iter().find(|name| !components.iter().any(|c| is_of(c, name))) {
@@ -26,12 +27,15 @@ impl Shown<'_> {
             Some(name) => {
                 let mut all: Vec<&str> = components.iter().map(|c| c.state.as_str()).collect();
                 all.dedup();
-                Err(format!("--show {name}: there is no such state; there are {}", all.join(", ")))
+                Err(CommandError::argument(
+                    format!("--show {name}"),
+                    format!("there is no such state; there are {}", all.join(", ")),
+                ))
             }
         }
     }
 
-    /// Whether a component is shown.
+    /// True for a component that is shown.
     pub fn shows(self, component: &Component) -> bool {
         match self {
             Self::Grid(names) if !names.is_empty() => {
@@ -42,13 +46,13 @@ impl Shown<'_> {
     }
 }
 
-/// Whether a component is meant by that name: its owner's, its state's or its own.
+/// True if `name` is the name of the component, of its state, or of the owner of the state.
 fn is_of(component: &Component, name: &str) -> bool {
     let full = component.name();
     full == name || full.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'))
 }
 
-/// The result of a campaign; `scenario` is the file to do a run of it again.
+/// Prints the result of a campaign; `scenario` is the file with which a run can be repeated.
 pub fn results(plan: &Campaign, results: &Results, shown: Shown<'_>, scenario: &str) {
     match (shown, results.report.points.first()) {
         (Shown::Grid(_), _) => grid(plan, results, shown),
@@ -59,8 +63,8 @@ pub fn results(plan: &Campaign, results: &Results, shown: Shown<'_>, scenario: &
     worst(&results.report.points, scenario);
 }
 
-/// How to do the run again that a person looks at first: of the first point with runs that failed, or where none did of the
-/// point with the largest NEES.
+/// Prints how to repeat the run to look at first: a run that failed, or else the run with the
+/// largest NEES.
 fn worst(points: &[PointReport], scenario: &str) {
     let all = points.iter().filter_map(|p| p.worst.as_ref());
     let failed = all.clone().find(|w| w.failure.is_some());
@@ -77,7 +81,7 @@ fn worst(points: &[PointReport], scenario: &str) {
     line(format_args!("run {run} {why}; again: navfuse run {scenario} {again}"));
 }
 
-/// Where it was written.
+/// Prints the names of the files that were written.
 pub fn files(files: &[PathBuf], out: Option<&Path>) {
     let Some(out) = out else { return };
     let names =
@@ -104,7 +108,7 @@ fn percent(share: Option<f64>) -> String {
     share.map_or_else(String::new, |s| format!("{:.1} %", 100.0 * s))
 }
 
-/// The name of a state, once for its components.
+/// The name of a state, on the row of its first component only.
 fn once(states: &[StateReport], k: usize) -> String {
     let state = &states[k].component.state;
     if k > 0 && states[k - 1].component.state == *state { String::new() } else { state.clone() }
@@ -195,7 +199,7 @@ fn bound(plan: &Campaign, results: &Results) {
     line(format_args!("{rows}\n"));
 }
 
-/// One table a state: a row a point, the components beside each other.
+/// Prints one table a state: a row for each point, a column for each component.
 fn grid(plan: &Campaign, results: &Results, shown: Shown<'_>) {
     let runs = plan.runs > 0;
     let what = if runs {

@@ -1,25 +1,26 @@
-//! `navfuse new-plugin`: a crate with a sensor of one's own, which builds, passes its test and runs at once.
+//! `navfuse new-plugin`: a crate with a sensor of one's own, which builds, passes its test and runs
+//! at once.
 
-use crate::arguments::NewPlugin;
-use crate::print::line;
+use crate::error::{CommandError, Result};
+use crate::output::line;
+use clap::Args;
 use navfuse_core::plugin::{Kind, Registry};
-use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// The files of the crate, and their templates.
 const FILES: [(&str, &str); 8] = [
-    ("Cargo.toml", include_str!("templates/plugin/cargo.txt")),
-    ("README.md", include_str!("templates/plugin/readme.txt")),
-    ("scenario.toml", include_str!("templates/plugin/scenario.txt")),
-    ("src/lib.rs", include_str!("templates/plugin/lib.txt")),
-    ("src/main.rs", include_str!("templates/plugin/main.txt")),
-    ("tests/conformance.rs", include_str!("templates/plugin/test.txt")),
-    ("rustfmt.toml", include_str!("templates/plugin/rustfmt.txt")),
-    (".cargo/config.toml", include_str!("templates/plugin/alias.txt")),
+    ("Cargo.toml", include_str!("../templates/plugin/cargo.txt")),
+    ("README.md", include_str!("../templates/plugin/readme.txt")),
+    ("scenario.toml", include_str!("../templates/plugin/scenario.txt")),
+    ("src/lib.rs", include_str!("../templates/plugin/lib.txt")),
+    ("src/main.rs", include_str!("../templates/plugin/main.txt")),
+    ("tests/conformance.rs", include_str!("../templates/plugin/test.txt")),
+    ("rustfmt.toml", include_str!("../templates/plugin/rustfmt.txt")),
+    (".cargo/config.toml", include_str!("../templates/plugin/alias.txt")),
 ];
 
-/// Names that a crate cannot have: words of the language, and what the crate itself uses.
+/// Names that a crate cannot have: keywords, and the crates that it uses itself.
 const TAKEN: [&str; 50] = [
     "as",
     "async",
@@ -73,22 +74,39 @@ const TAKEN: [&str; 50] = [
     "serde",
 ];
 
-/// `navfuse new-plugin`
-pub fn new_plugin(registry: &Registry, arguments: &NewPlugin) -> Result<ExitCode, Box<dyn Error>> {
+/// Arguments of `new-plugin`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  navfuse new-plugin my-sensor
+  navfuse new-plugin my-sensor --path ../sensors/mine --navfuse ~/navfuse")]
+pub struct NewPlugin {
+    /// Name of the crate and of its sensor type: small letters, digits, - and _
+    pub name: String,
+    /// Folder to write it to [default: ./NAME]
+    #[arg(long, value_name = "DIR")]
+    pub path: Option<PathBuf>,
+    /// Folder of navfuse's source [default: the one that this program was built from, or else the
+    /// published version]
+    #[arg(long, value_name = "PATH")]
+    pub navfuse: Option<PathBuf>,
+}
+
+/// Writes the crate.
+pub fn new_plugin(registry: &Registry, arguments: &NewPlugin) -> Result<ExitCode> {
     let name = arguments.name.as_str();
     check_name(name)?;
     if registry.get(Kind::Sensor, name).is_some() {
-        return Err(
-            format!("there is a sensor type {name} already; see `navfuse list {name}`").into()
-        );
+        return Err(CommandError::Request(format!(
+            "there is a sensor type {name} already; see `navfuse list {name}`"
+        )));
     }
     let folder = arguments.path.clone().unwrap_or_else(|| PathBuf::from(name));
     if folder.exists() {
-        return Err(format!(
+        return Err(CommandError::Request(format!(
             "{} is there already; remove it, or give another --path",
             folder.display()
-        )
-        .into());
+        )));
     }
     let checkout = checkout(arguments.navfuse.as_deref())?;
     for (file, template) in FILES {
@@ -97,12 +115,15 @@ pub fn new_plugin(registry: &Registry, arguments: &NewPlugin) -> Result<ExitCode
         let text = filled(template, name, checkout.as_deref())?;
         written
             .and_then(|()| std::fs::write(&path, text))
-            .map_err(|e| format!("{}: {e}", path.display()))?;
+            .map_err(CommandError::cannot_write(&path))?;
     }
-    // the versions that the checkout was built with: they are there, also without a network
+    // the dependencies of the checkout are downloaded already, so that the crate builds offline
     if let Some(lock) = checkout.map(|c| c.join("Cargo.lock")).filter(|l| l.is_file()) {
-        std::fs::copy(&lock, folder.join("Cargo.lock"))
-            .map_err(|e| format!("{}: {e}", lock.display()))?;
+        std::fs::copy(&lock, folder.join("Cargo.lock")).map_err(CommandError::file(
+            &lock,
+            "cannot be copied",
+            "",
+        ))?;
     }
     line(format_args!(
         "{} is a plugin with one sensor, {}. Next:",
@@ -110,15 +131,16 @@ pub fn new_plugin(registry: &Registry, arguments: &NewPlugin) -> Result<ExitCode
         folder.join("src/lib.rs").display()
     ));
     line(format_args!("  cd {}", folder.display()));
-    line("  cargo test                              what every sensor must hold");
-    line("  cargo navfuse run scenario.toml         a run with it, simulated");
-    line(format_args!("  cargo navfuse list {name:<21}its parameters"));
+    line("  cargo test                              tests the sensor for conformance");
+    line("  cargo navfuse run scenario.toml         runs a simulated scenario with it");
+    line(format_args!("  cargo navfuse list {name:<21}lists its parameters"));
     Ok(ExitCode::SUCCESS)
 }
 
-/// Refuses what is no name of a crate.
-fn check_name(name: &str) -> Result<(), String> {
-    let refuse = |why: &str| Err(format!("{name:?} is no name of a crate: {why}"));
+/// Rejects a text that cannot be the name of a crate.
+fn check_name(name: &str) -> Result<()> {
+    let refuse =
+        |why: &str| Err(CommandError::Request(format!("{name:?} is no name of a crate: {why}")));
     if !name.starts_with(|c: char| c.is_ascii_lowercase()) {
         return refuse("start with a small letter");
     }
@@ -134,8 +156,9 @@ fn check_name(name: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// The folder of navfuse's source: the one given, or the one that this program was built from, if it is still there.
-fn checkout(given: Option<&Path>) -> Result<Option<PathBuf>, String> {
+/// The folder of navfuse's source: the one given, or the one that this program was built from, if it
+/// still exists.
+fn checkout(given: Option<&Path>) -> Result<Option<PathBuf>> {
     let is_one = |path: &Path| {
         path.join("framework/Cargo.toml").is_file() && path.join("plugins/ins").is_dir()
     };
@@ -144,18 +167,20 @@ fn checkout(given: Option<&Path>) -> Result<Option<PathBuf>, String> {
             let built = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
             Ok(is_one(&built).then_some(built))
         }
-        Some(path) if is_one(path) => {
-            path.canonicalize().map(Some).map_err(|e| format!("--navfuse {}: {e}", path.display()))
-        }
-        Some(path) => Err(format!(
-            "--navfuse {}: this is no checkout of navfuse (framework/ is not there)",
-            path.display()
+        Some(path) if is_one(path) => path.canonicalize().map(Some).map_err(CommandError::file(
+            path,
+            "--navfuse cannot be read",
+            "",
+        )),
+        Some(path) => Err(CommandError::argument(
+            format!("--navfuse {}", path.display()),
+            "this is no checkout of navfuse (framework/ is not there)",
         )),
     }
 }
 
-/// The template with the names, and where navfuse is.
-fn filled(template: &str, name: &str, checkout: Option<&Path>) -> Result<String, String> {
+/// The template with the names and the place of navfuse filled in.
+fn filled(template: &str, name: &str, checkout: Option<&Path>) -> Result<String> {
     let mut text = String::new();
     for line in template.lines() {
         let line = match line.find("{ NAVFUSE").zip(line.find([',', '}'].as_slice())) {
@@ -177,7 +202,8 @@ fn filled(template: &str, name: &str, checkout: Option<&Path>) -> Result<String,
     let words = name.split(['-', '_']).filter(|w| !w.is_empty());
     let mut camel: String = words.map(|w| w[..1].to_uppercase() + &w[1..]).collect();
     if !camel.ends_with("Sensor") {
-        camel.push_str("Sensor"); // so that it hides nothing that it uses: Speed, Rotation, Sample
+        // so that the type does not hide one that it uses, such as Speed or Rotation
+        camel.push_str("Sensor");
     }
     Ok(text
         .replace("my_sensor", &name.replace('-', "_"))
@@ -186,14 +212,15 @@ fn filled(template: &str, name: &str, checkout: Option<&Path>) -> Result<String,
 }
 
 /// A dependency: a path in the checkout, or the version of this program.
-fn place(checkout: Option<&Path>, folder: &str) -> Result<String, String> {
+fn place(checkout: Option<&Path>, folder: &str) -> Result<String> {
     let Some(checkout) = checkout else {
         return Ok(format!("version = \"{}\"", env!("CARGO_PKG_VERSION")));
     };
     let path = if folder.is_empty() { checkout.to_owned() } else { checkout.join(folder) };
-    let text =
-        path.to_str().ok_or_else(|| format!("{}: a path that is no text", path.display()))?;
-    serde_json::to_string(text).map(|quoted| format!("path = {quoted}")).map_err(|e| e.to_string())
+    let text = path.to_str().ok_or_else(|| {
+        CommandError::Request(format!("{}: this path is not valid UTF-8", path.display()))
+    })?;
+    Ok(format!("path = {}", serde_json::to_string(text)?))
 }
 
 #[cfg(test)]
@@ -204,7 +231,7 @@ mod tests {
     #[test]
     fn a_name_is_that_of_a_crate() {
         for good in ["usbl", "my-sensor", "radar_2"] {
-            assert_eq!(check_name(good), Ok(()));
+            assert!(check_name(good).is_ok(), "{good}");
         }
         let long = "a".repeat(65);
         for bad in [

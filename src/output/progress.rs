@@ -1,4 +1,4 @@
-//! Long work: a progress bar, and Ctrl-C.
+//! The progress bar, and Ctrl-C.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use navfuse_campaign::JobCount;
@@ -6,10 +6,11 @@ use navfuse_core::run::runner::Progress;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Exit code of a run that was interrupted, as a shell gives it.
+/// Exit code of an interrupted command, as a shell defines it.
 pub const INTERRUPTED: u8 = 130;
 
-/// A flag that Ctrl-C sets. Without a handler Ctrl-C still ends the run, only less well.
+/// A flag that Ctrl-C sets, so that a run ends in order. If the handler cannot be installed, Ctrl-C
+/// ends the process at once.
 pub fn stop_on_ctrl_c() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
@@ -21,7 +22,7 @@ pub fn stop_on_ctrl_c() -> Arc<AtomicBool> {
 pub struct Bar(ProgressBar);
 
 impl Bar {
-    /// A bar, or nothing.
+    /// A bar; a hidden one prints nothing.
     pub fn new(shown: bool) -> Self {
         let target =
             if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
@@ -37,7 +38,7 @@ impl Bar {
         self.0.set_position(now as u64);
     }
 
-    /// Shows how many bytes of how many of a log were read.
+    /// Shows the bytes of a log that were read, out of its length.
     pub fn log(&self, [read, length]: [u64; 2]) {
         self.length(length >> 20, "MiB");
         self.0.set_position(read >> 20);
@@ -59,7 +60,7 @@ impl Bar {
         }
     }
 
-    /// Takes it away.
+    /// Removes the bar.
     pub fn done(&self) {
         self.0.finish_and_clear();
     }

@@ -1,11 +1,11 @@
-//! Many runs: what the errors of each method are, and whether its sigma is that of its errors.
+//! Many runs: the errors of each method, compared with its sigma.
 
+use super::apply::{Request, outcomes};
+use super::outcome::{Outcome, decimals, unit};
 use super::table::{HEADINGS, NUMBERS, named, settles};
-use super::{Calibrate, Outcome, Result, decimals, outcomes, unit};
-use crate::arguments::Format;
-use crate::print;
-use crate::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
-use navfuse_calibration::Method;
+use crate::error::{CommandError, Result};
+use crate::output;
+use crate::output::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
 use navfuse_campaign::JobCount;
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
@@ -16,16 +16,16 @@ use serde_json::{Value, json};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The most runs: their table is of no use beyond.
+/// Largest number of runs.
 const MAX_RUNS: u64 = 100_000;
 
-/// What a method did on all runs.
+/// The results of a method on all runs.
 struct Row {
     name: String,
     sensors: String,
-    /// Of the runs in which it was possible.
+    /// The runs in which the method could be applied.
     runs: Vec<Run>,
-    /// Why it was not, where first.
+    /// The first reason why it could not be applied.
     refused: Option<String>,
 }
 
@@ -37,7 +37,7 @@ struct Run {
 }
 
 impl Row {
-    /// Root mean square over the runs of what is asked of a component, where all runs determined it.
+    /// Root mean square of a value over the runs, where all runs determined the component.
     fn rms(&self, i: usize, of: impl Fn(&Run) -> Option<f64>) -> Option<f64> {
         let squares: Option<Vec<f64>> =
             self.runs.iter().map(|r| of(r).filter(|_| r.determined[i]).map(|v| v * v)).collect();
@@ -64,57 +64,28 @@ impl Row {
     }
 }
 
-/// Calibrates with the seeds from the scenario's on, and prints what the errors were.
+/// Calibrates with many seeds and prints the errors.
 pub fn repeat(
     registry: &Registry,
     document: &Document,
-    methods: &[Method],
-    arguments: &Calibrate,
+    request: &Request,
     count: u64,
+    text: bool,
 ) -> Result<ExitCode> {
-    if count < 2 {
-        return Err(format!(
-            "--runs {count}: give at least two; without it there is one, and its table"
-        )
-        .into());
-    }
-    if count > MAX_RUNS {
-        return Err(format!("--runs {count}: at most {MAX_RUNS}").into());
-    }
     let scenario = Scenario::new(registry, document.clone(), &[])?;
-    if !scenario.simulates()? {
-        return Err("--runs: a recording has only the noise that it has: this needs a scenario whose sources are \
-                    simulated, such as [source.simulation]"
-            .into());
-    }
-    let first = scenario.compose()?.seed;
-    let Some(end) = first.checked_add(count).filter(|end| i64::try_from(*end).is_ok()) else {
-        return Err(format!(
-            "seed = {first}: --runs {count} goes on beyond the largest seed; give a smaller one"
-        )
-        .into());
-    };
-    let seeds: Vec<u64> = (first..end).collect();
-    let text = arguments.format == Format::Text;
+    let seeds = seeds(&scenario, count)?;
     let (bar, done) = (Bar::new(text), AtomicUsize::new(0));
     let progress = |done| bar.campaign(JobCount { done, asked: seeds.len() });
     progress(0);
     let stop = stop_on_ctrl_c();
-    let results: std::result::Result<Vec<_>, String> = (seeds.par_iter())
+    let results: Result<Vec<_>> = (seeds.par_iter())
         .map(|seed| {
             if stop.load(Ordering::Relaxed) {
                 return Ok(None);
             }
-            let mut document = document.clone();
-            let result = (document.set(&format!("seed={seed}")).map_err(Into::into))
-                .and_then(|()| outcomes(registry, &document, methods, arguments, &|_| {}));
+            let result = one(registry, document, request, *seed);
             progress(done.fetch_add(1, Ordering::Relaxed) + 1);
-            let (data, outcomes) = result.map_err(|e| format!("with --set seed={seed}: {e}"))?;
-            let velocity = data.velocity().map_err(|e| e.to_string())?;
-            let truth = velocity.truth.ok_or_else(|| {
-                let name = &velocity.samples.name;
-                format!("--runs: no truth to compare with; state sensor.{name}.scale.truth and sensor.{name}.misalignment.truth")
-            })?;
+            let (outcomes, truth) = result?;
             Ok(Some((*seed, outcomes, truth)))
         })
         .collect();
@@ -122,8 +93,8 @@ pub fn repeat(
     let results: Vec<_> = results?.into_iter().flatten().collect();
     let (asked, seeds) = (seeds.len(), results.iter().map(|r| r.0).collect::<Vec<u64>>());
     let interrupted = || {
-        print::warn(format_args!(
-            "interrupted: {} of {asked} runs were done, and are what is told",
+        output::warn(format_args!(
+            "interrupted: {} of {asked} runs were done, and the table above is of these",
             seeds.len()
         ));
         Ok(ExitCode::from(INTERRUPTED))
@@ -135,17 +106,67 @@ pub fn repeat(
     if let [Row { name, refused: Some(why), runs, .. }] = &rows[..]
         && runs.is_empty()
     {
-        return Err(format!("{name}: {why}").into());
+        return Err(CommandError::Request(format!("{name}: {why}")));
     }
     if text {
         table(&scenario.name(), &rows, &seeds);
     } else {
-        print::line(in_json(&scenario.name(), &rows, &seeds));
+        output::line(in_json(&scenario.name(), &rows, &seeds));
     }
     if seeds.len() < asked { interrupted() } else { Ok(ExitCode::SUCCESS) }
 }
 
-/// The rows, from each run's outcomes.
+/// The seeds of the runs: as many as asked for, the scenario's first.
+fn seeds(scenario: &Scenario<'_>, count: u64) -> Result<Vec<u64>> {
+    let rejected = |message: &str| Err(CommandError::argument(format!("--runs {count}"), message));
+    if count < 2 {
+        return rejected("give at least two; without --runs there is one run, and its table");
+    }
+    if count > MAX_RUNS {
+        return rejected(&format!("at most {MAX_RUNS}"));
+    }
+    if !scenario.simulates()? {
+        return Err(CommandError::argument(
+            "--runs",
+            "a recording cannot be repeated with other noise: this needs a scenario whose sources \
+             are simulated, such as [source.simulation]",
+        ));
+    }
+    let first = scenario.compose()?.seed;
+    match first.checked_add(count).filter(|end| i64::try_from(*end).is_ok()) {
+        Some(end) => Ok((first..end).collect()),
+        None => Err(CommandError::Request(format!(
+            "seed = {first}: --runs {count} goes beyond the largest seed; give a smaller one"
+        ))),
+    }
+}
+
+/// The outcomes of one run, and the true mounting.
+fn one(
+    registry: &Registry,
+    document: &Document,
+    request: &Request,
+    seed: u64,
+) -> Result<(Vec<Outcome>, Mounting)> {
+    let failed = |e: CommandError| CommandError::Seed { seed, source: Box::new(e) };
+    let mut document = document.clone();
+    document.set(&format!("seed={seed}")).map_err(|e| failed(e.into()))?;
+    let (data, outcomes) = outcomes(registry, &document, request, &|_| {}).map_err(failed)?;
+    let velocity = data.velocity()?;
+    let truth = velocity.truth.ok_or_else(|| {
+        let name = &velocity.samples.name;
+        CommandError::argument(
+            "--runs",
+            format!(
+                "no truth to compare with; state sensor.{name}.scale.truth and \
+                 sensor.{name}.misalignment.truth"
+            ),
+        )
+    })?;
+    Ok((outcomes, truth))
+}
+
+/// The rows, from the outcomes of each run.
 fn joined(runs: Vec<(u64, Vec<Outcome>, Mounting)>) -> Vec<Row> {
     let mut rows: Vec<Row> = Vec::new();
     for (_, outcomes, truth) in runs {
@@ -159,7 +180,7 @@ fn joined(runs: Vec<(u64, Vec<Outcome>, Mounting)>) -> Vec<Row> {
                 });
             }
             match outcome.result {
-                Err(why) => drop(rows[k].refused.get_or_insert(why)),
+                Err(why) => drop(rows[k].refused.get_or_insert(why.to_string())),
                 Ok(e) => rows[k].runs.push(Run {
                     error: e.error(&truth),
                     sigma: e.sigma(),
@@ -173,8 +194,8 @@ fn joined(runs: Vec<(u64, Vec<Outcome>, Mounting)>) -> Vec<Row> {
 }
 
 fn table(name: &str, rows: &[Row], seeds: &[u64]) {
-    print::line(format_args!("{name}, {} runs: r.m.s. of the errors", seeds.len()));
-    let mut table = print::table(&HEADINGS);
+    output::line(format_args!("{name}, {} runs: r.m.s. of the errors", seeds.len()));
+    let mut table = output::table(&HEADINGS);
     for row in rows.iter().filter(|r| !r.runs.is_empty()) {
         let [errors, sigmas, ratios] = row.figures();
         let line = |name: &str, cells: [String; 4], end: [String; 2]| {
@@ -193,23 +214,25 @@ fn table(name: &str, rows: &[Row], seeds: &[u64]) {
             table.add_row(line("  error/sigma", ratio, Default::default()));
         }
     }
-    print::right(&mut table, NUMBERS);
-    print::line(&table);
+    output::right(&mut table, NUMBERS);
+    output::line(&table);
     // the mean square of n ratios scatters by sqrt(2/n), its root by half of that
     let scatter = (0.5 / seeds.len() as f64).sqrt();
-    // an interrupted list has gaps
+    // the seeds of an interrupted command have gaps
     let whole = seeds
         .last()
         .zip(seeds.first())
         .filter(|(last, first)| *last - *first + 1 == seeds.len() as u64);
-    let list = || seeds.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
-    let told = whole.map_or_else(list, |(last, first)| format!("{first} to {last}"));
-    print::line(format_args!("seeds {told}; error/sigma of an honest sigma is 1 +- {scatter:.2}"));
-    print::line(settles() + "; its median");
+    let all = || seeds.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
+    let list = whole.map_or_else(all, |(last, first)| format!("{first} to {last}"));
+    output::line(format_args!(
+        "seeds {list}; error/sigma of a consistent sigma is 1 +- {scatter:.2}"
+    ));
+    output::line(settles() + "; its median");
     for row in rows {
         if let Some(why) = &row.refused {
             let times = seeds.len() - row.runs.len();
-            print::line(format_args!(
+            output::line(format_args!(
                 "{}: not possible in {times} of {} runs: {why}",
                 row.name,
                 seeds.len()

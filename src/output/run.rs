@@ -1,42 +1,13 @@
-//! What a person reads.
+//! The result of a run as tables.
 
-use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
+use super::{line, right, table, warn};
+use comfy_table::Table;
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::run::summary::{Recorded, StateRow, Summary};
 use navfuse_core::state::Mode;
 use navfuse_core::units::time::Time;
-use std::io::Write;
 
-/// Prints a line on standard output. Whoever reads it may close it early: that is no error of ours.
-pub fn line(text: impl std::fmt::Display) {
-    writeln!(std::io::stdout(), "{text}").ok();
-}
-
-/// Prints a line on standard error, which may be closed too.
-pub fn warn(text: impl std::fmt::Display) {
-    writeln!(std::io::stderr(), "{text}").ok();
-}
-
-/// An empty table with headings.
-pub fn table(headings: &[&str]) -> Table {
-    let mut table = Table::new();
-    let line = LineStyle::none().fill('─').junction('─');
-    table.load_style(presets::NOTHING.top_border(line).header_separator(line).bottom_border(line));
-    table.set_content_arrangement(ContentArrangement::Dynamic);
-    table.set_header(headings.to_vec());
-    table
-}
-
-/// Aligns columns of numbers.
-pub fn right(table: &mut Table, columns: std::ops::Range<usize>) {
-    for column in columns {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-}
-
-/// The result of a run.
+/// Prints the result of a run.
 pub fn summary(summary: &Summary) {
     line(&summary.scenario);
     let mut states = table(&["state", "", "estimate", "1-sigma", "error", "error/sigma", "unit"]);
@@ -111,7 +82,7 @@ fn state(row: &StateRow, table: &mut Table) {
     }
 }
 
-/// A number with the digits that its sigma leaves a meaning, and one more.
+/// A number with the digits that are significant given its sigma, and one more.
 fn number(value: f64, sigma: f64) -> String {
     let decimals = if sigma > 0.0 && sigma.is_finite() {
         (1.0 - sigma.log10().floor()).clamp(0.0, 9.0)
@@ -121,21 +92,21 @@ fn number(value: f64, sigma: f64) -> String {
     fixed(value, decimals as usize)
 }
 
-/// A number with so many decimals; what they show as zero has no sign.
+/// A number with this many decimals; a zero has no sign.
 fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     let zero = value.is_finite() && !text.contains(|c: char| c.is_ascii_digit() && c != '0');
     if zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
-/// Where the sinks wrote.
+/// Prints the places that the sinks wrote to.
 pub fn recorded(recorded: &[Recorded]) {
     for r in recorded {
         line(format_args!("{:<6} {}", r.sink, r.place));
     }
 }
 
-/// Warnings and errors, on standard error: at most a screen of them.
+/// Prints warnings and errors on standard error: at most 20 warnings, and all errors.
 pub fn events(events: &[Event]) {
     const SHOWN: usize = 20;
     let when = |e: &Event| if e.time == Time::MIN { String::new() } else { format!("{} ", e.time) };

@@ -1,0 +1,304 @@
+//! The stages of a composition: driving sensors, processes, the other sensors, constraints, and the
+//! checks of the whole.
+
+use crate::compose::draw::{self, Draw};
+use crate::compose::keys::SensorKeys;
+use crate::compose::settings::{EstimatorConfig, Initial};
+use crate::compose::{self, Composer, Composition, Process, time_offset};
+use crate::document::{DocumentError, Node};
+use crate::model::process::BuiltProcess;
+use crate::model::sensor::{Purpose, Role, Sensor, SensorInfo};
+use crate::plugin::{BuildError, BuiltSensor, Make};
+use crate::run::parts::Part;
+use crate::state::Layout;
+use crate::state::manifold::Scalar;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The values at the top of a scenario.
+pub(crate) struct Header {
+    pub name: String,
+    pub description: Option<String>,
+    pub seed: u64,
+    pub estimator: EstimatorConfig,
+}
+
+impl Header {
+    /// Reads the values; `name` is used where the scenario gives none.
+    pub fn read(root: &Node<'_>, name: String) -> Result<Self, DocumentError> {
+        let estimator = root.get("estimator");
+        let config: EstimatorConfig =
+            estimator.as_ref().map_or_else(|| Ok(EstimatorConfig::default()), Node::parse)?;
+        if let Some(key) = config.beyond_the_clock() {
+            let place = estimator.and_then(|n| n.get(key)).unwrap_or_else(|| root.clone());
+            return Err(place.error("beyond 73 years, the longest time that can be represented"));
+        }
+        Ok(Self {
+            name: root.get("name").map_or(Ok(name), |n| n.parse())?,
+            seed: root.get("seed").map_or(Ok(1), |n| n.parse())?,
+            description: root.get("description").map(|n| n.parse()).transpose()?,
+            estimator: config,
+        })
+    }
+}
+
+/// A composition that is being built.
+pub(crate) struct Building<'a> {
+    root: Node<'a>,
+    composer: Composer,
+    /// The tables of the sensors, and the sensors built so far, one a table.
+    parts: Vec<Part<'a>>,
+    built: Vec<Option<Sensor>>,
+    processes: Vec<Process>,
+    /// All sensors once they are built: those of the tables, then the constraints.
+    sensors: Vec<Sensor>,
+}
+
+impl<'a> Building<'a> {
+    /// Begins with the tables of the sensors. Relative paths in the scenario start at `folder`.
+    pub fn new(root: Node<'a>, folder: &Path, parts: Vec<Part<'a>>) -> Self {
+        let built = parts.iter().map(|_| None).collect();
+        let composer = Composer::new(folder);
+        Self { root, composer, parts, built, processes: Vec::new(), sensors: Vec::new() }
+    }
+
+    /// Builds the sensors that drive a process. Processes ask for the parameters of these sensors,
+    /// so they come first.
+    pub fn driving_sensors(&mut self) -> Result<(), BuildError> {
+        self.build_sensors(true)
+    }
+
+    /// Builds the sensors that correct the state, and the references.
+    pub fn other_sensors(&mut self) -> Result<(), BuildError> {
+        self.build_sensors(false)?;
+        self.sensors = std::mem::take(&mut self.built).into_iter().flatten().collect();
+        Ok(())
+    }
+
+    fn build_sensors(&mut self, driving: bool) -> Result<(), BuildError> {
+        for (part, place) in self.parts.iter().zip(&mut self.built) {
+            let Make::Sensor { make, input } = &part.entry.make else { continue };
+            if *input == driving {
+                self.composer.begin(part.name);
+                let keys = part.node.only(SensorKeys::KEYS).parse()?;
+                let built = make(&part.own_keys(), &mut self.composer)?;
+                *place = Some(place_sensor(part, keys, built, &mut self.composer)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Builds the processes and connects each to its driving sensor.
+    pub fn processes(&mut self, parts: &[Part<'_>]) -> Result<(), BuildError> {
+        for part in parts {
+            let Make::Process(make) = &part.entry.make else { continue };
+            self.composer.begin(part.name);
+            let BuiltProcess { model, input, alignment } =
+                make(&part.own_keys(), &mut self.composer)?;
+            let input = input.and_then(|driving| {
+                let index = self.parts.iter().position(|p| p.name == driving.name);
+                if let Some(sensor) = index.and_then(|k| self.built[k].as_mut()) {
+                    sensor.simulator = Some(driving.simulator);
+                }
+                index
+            });
+            self.processes.push(Process {
+                name: part.name.to_owned(),
+                kind: part.entry.name.to_owned(),
+                searches: alignment.is_some(),
+                alignment,
+                model,
+                input,
+                constraint: None,
+            });
+        }
+        if self.processes.iter().filter(|p| p.input.is_some()).count() > 1 {
+            let message = "two process models are driven by sensors; at most one can be";
+            return Err(self.process_table().error(message).into());
+        }
+        Ok(())
+    }
+
+    /// Hands the sensors to the alignments of the processes.
+    pub fn connect_alignments(&mut self) -> Result<(), BuildError> {
+        for process in &mut self.processes {
+            if let Some(alignment) = &mut process.alignment {
+                let place = process_place(&self.root, &process.name);
+                alignment.connect(&self.sensors).map_err(|e| e.at(&place))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the constraints of the processes as sensors of their own.
+    pub fn constraints(&mut self) -> Result<(), BuildError> {
+        for (owner, (info, role)) in self.composer.take_constraints() {
+            if self.sensors.iter().any(|s| s.info.name == info.name) {
+                let message = format!(
+                    "[sensor.{}] has the name of a constraint of this process; rename the sensor",
+                    info.name
+                );
+                return Err(process_place(&self.root, &owner).error(message).into());
+            }
+            if let Some(process) = self.processes.iter_mut().find(|p| p.name == owner) {
+                process.constraint = Some(self.sensors.len());
+            }
+            self.sensors.push(Sensor::constraint(info, role));
+        }
+        Ok(())
+    }
+
+    /// Checks the whole and returns the composition; `text` is the scenario in TOML.
+    pub fn finish(
+        mut self,
+        mut header: Header,
+        text: String,
+        simulated: bool,
+    ) -> Result<Composition, BuildError> {
+        let notes = self.composer.take_notes();
+        self.restore_inputs();
+        let (mut layout, transition, needing) = std::mem::take(&mut self.composer).finish();
+        self.check_states(&layout)?;
+        self.check_driving_sensors()?;
+        let initial = self.initial(&mut header.estimator);
+        self.check_initial(initial, &needing)?;
+        if header.estimator.draw == Draw::All {
+            let moved = compose::moved(&layout, &self.processes);
+            draw::draw(&mut layout, &moved, header.seed);
+        }
+        Ok(Composition {
+            name: header.name,
+            description: header.description,
+            text,
+            layout: Arc::new(layout),
+            transition,
+            processes: self.processes,
+            sensors: self.sensors,
+            estimator: header.estimator,
+            seed: header.seed,
+            simulated,
+            notes,
+        })
+    }
+
+    /// Gives the driving sensors their parameters back, which the composer held for the processes.
+    fn restore_inputs(&mut self) {
+        for (name, config) in self.composer.take_inputs() {
+            if let Some(sensor) = self.sensors.iter_mut().find(|s| s.info.name == name) {
+                sensor.role = Role::Input(config);
+            }
+        }
+    }
+
+    /// Rejects a scenario without any state.
+    fn check_states(&self, layout: &Layout) -> Result<(), DocumentError> {
+        if layout.tangent > 0 {
+            return Ok(());
+        }
+        let message = "nothing is estimated: add a process model, such as [process.ins]";
+        Err(self.root.error(message))
+    }
+
+    /// Rejects a driving sensor that drives no process.
+    fn check_driving_sensors(&self) -> Result<(), DocumentError> {
+        let idle = |s: &Sensor| matches!(s.role, Role::Input(_)) && s.simulator.is_none();
+        match self.parts.iter().zip(&self.sensors).find(|(_, sensor)| idle(sensor)) {
+            None => Ok(()),
+            Some((part, _)) => Err(part.node.error(format!(
+                "[sensor.{}] drives no process; remove it, or set enabled = false",
+                part.name
+            ))),
+        }
+    }
+
+    fn has_reference(&self) -> bool {
+        self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)))
+    }
+
+    /// The origin of the initial values: by default the reference where there is one.
+    fn initial(&self, estimator: &mut EstimatorConfig) -> Initial {
+        let default = if self.has_reference() { Initial::Reference } else { Initial::Given };
+        *estimator.initial.get_or_insert(default)
+    }
+
+    /// Rejects a scenario that does not provide the initial values.
+    fn check_initial(&self, initial: Initial, needing: &[String]) -> Result<(), DocumentError> {
+        match initial {
+            Initial::Given if !needing.is_empty() => Err(self.process_table().error(format!(
+                "no initial value: give {}, or a reference to start from: [sensor.reference]",
+                needing.join(", ")
+            ))),
+            Initial::Reference if !self.has_reference() => {
+                let place = self.root.get("estimator").unwrap_or_else(|| self.root.clone());
+                let message =
+                    "initial = \"reference\" needs a sensor that is one: [sensor.reference]";
+                Err(place.error(message))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The table `[process]`, or the whole scenario where there is none.
+    fn process_table(&self) -> Node<'a> {
+        self.root.get("process").unwrap_or_else(|| self.root.clone())
+    }
+}
+
+/// The table of a process, or the whole scenario where there is none.
+fn process_place<'a>(root: &Node<'a>, name: &str) -> Node<'a> {
+    root.get("process").and_then(|p| p.get(name)).unwrap_or_else(|| root.clone())
+}
+
+/// Puts a built sensor in its place: purpose, channels and common keys.
+fn place_sensor(
+    part: &Part<'_>,
+    keys: SensorKeys,
+    mut built: BuiltSensor,
+    composer: &mut Composer,
+) -> Result<Sensor, DocumentError> {
+    let purpose = match &mut built.role {
+        Role::Input(config) => {
+            composer.add_input(part.name, std::mem::replace(config, Box::new(())));
+            Purpose::Input
+        }
+        Role::Measurement(_) => Purpose::Measurement,
+        Role::Reference(_) => Purpose::Reference,
+    };
+    if purpose != Purpose::Measurement {
+        reject_corrections(part)?;
+    }
+    let time_offset = time_offset_block(part, &keys, composer)?;
+    let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
+    let info = SensorInfo { name, kind, channels: built.channels, purpose };
+    Composition::check_channels(&info, &built.role).map_err(|m| part.node.error(m))?;
+    Ok(Sensor {
+        gate: keys.gate,
+        recovery: keys.recovery,
+        timeout: keys.timeout.map(|t| t.value().si()),
+        simulation: keys.simulation,
+        time_offset,
+        ..Sensor::new(info, built.role)
+    })
+}
+
+/// Rejects the keys that only a sensor that corrects the state can have.
+fn reject_corrections(part: &Part<'_>) -> Result<(), DocumentError> {
+    let keys = [("gate", "a gate"), ("recovery", "a gate"), ("time_offset", "a time offset")];
+    for (key, what) in keys {
+        if let Some(node) = part.node.get(key) {
+            let message = "only a sensor that corrects the state has";
+            return Err(node.error(format!("{message} {what}; remove it here")));
+        }
+    }
+    Ok(())
+}
+
+/// Adds the state of the sensor's time offset, where the table has one.
+fn time_offset_block(
+    part: &Part<'_>,
+    keys: &SensorKeys,
+    composer: &mut Composer,
+) -> Result<Option<crate::state::Handle<Scalar>>, DocumentError> {
+    let block = keys.time_offset.map(|offset| time_offset::block(&offset, composer));
+    block.transpose().map_err(|e| e.at(&part.node))
+}

@@ -1,0 +1,82 @@
+//! Merging the samples of all sources in order of time.
+
+use crate::model::record::{Event, Level, Observer};
+use crate::model::sensor::{Purpose, SensorInfo};
+use crate::model::stream::{Source, StreamError};
+use crate::run::outputs::Outputs;
+use crate::run::runner::RunError;
+use crate::units::sample::{Sample, SensorId};
+use crate::units::time::Time;
+
+/// The sources of a run and the next sample of each.
+pub(crate) struct Merge {
+    sources: Vec<(String, Box<dyn Source>)>,
+    heads: Vec<Option<Sample>>,
+    /// Events that the sources announced, the last one first.
+    schedule: Vec<Event>,
+    /// For each sensor, true for a reference.
+    references: Vec<bool>,
+}
+
+impl Merge {
+    pub(crate) fn new(sources: Vec<(String, Box<dyn Source>)>, sensors: &[SensorInfo]) -> Self {
+        let mut schedule: Vec<Event> = sources.iter().flat_map(|(_, s)| s.schedule()).collect();
+        schedule.sort_by_key(|e| std::cmp::Reverse(e.time));
+        let references = sensors.iter().map(|s| s.purpose == Purpose::Reference).collect();
+        Self { heads: vec![None; sources.len()], sources, schedule, references }
+    }
+
+    /// Logs the scheduled events up to a time.
+    pub(crate) fn log_schedule(&mut self, now: Time, outputs: &mut Outputs) {
+        while self.schedule.last().is_some_and(|e| e.time <= now) {
+            if let Some(event) = self.schedule.pop() {
+                outputs.event(event);
+            }
+        }
+    }
+
+    /// The time of the last sample, where a source knows it.
+    pub(crate) fn end(&self) -> Option<Time> {
+        self.sources.iter().filter_map(|(_, s)| s.end()).max()
+    }
+
+    /// Reads the first sample of every source.
+    pub(crate) fn fill(&mut self) -> Result<(), RunError> {
+        (0..self.sources.len()).try_for_each(|k| self.advance(k))
+    }
+
+    /// Reads the next sample of a source.
+    pub(crate) fn advance(&mut self, k: usize) -> Result<(), RunError> {
+        let (name, source) = &mut self.sources[k];
+        let mut sample = Sample::empty(Time::MIN, SensorId(0));
+        let failed = |error| RunError::Source { source_name: name.clone(), error };
+        let more = source.next(&mut sample).map_err(failed)?;
+        let (found, count) = (sample.sensor.0, self.references.len());
+        if found >= count {
+            return Err(failed(StreamError::format(format!(
+                "a sample has the sensor number {found}, but the scenario has {count} sensors"
+            ))));
+        }
+        self.heads[k] = more.then_some(sample);
+        Ok(())
+    }
+
+    /// The earliest sample and the index of its source. Among samples of the same time the first
+    /// source wins, except that a running filter takes references last: the truth is compared with
+    /// the estimate that has used every other sample of that time.
+    pub(crate) fn first(&self, running: bool) -> Option<(Sample, usize)> {
+        let heads = self.heads.iter().enumerate().filter_map(|(k, h)| h.as_ref().map(|h| (h, k)));
+        heads
+            .min_by_key(|(h, k)| (h.time, running && self.references[h.sensor.0], *k))
+            .map(|(h, k)| (*h, k))
+    }
+
+    /// Logs the warnings that the sources give after their last sample.
+    pub(crate) fn log_warnings(&mut self, time: Time, outputs: &mut Outputs) {
+        for (name, source) in &mut self.sources {
+            if let Some(text) = source.warning() {
+                outputs.event(Event { time, level: Level::Warning, about: name.clone(), text });
+            }
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! The recipients of a run: its sinks, its statistics and its list of events.
+
+use crate::model::record::{Epoch, Event, Level, Observer, Rejection, UpdateRecord};
+use crate::model::stream::{Sink, StreamError};
+use crate::run::summary::{Recorded, Statistics};
+use crate::state::covariance::{Transition, Update};
+use crate::units::sample::Sample;
+use crate::units::time::Time;
+
+/// Warnings that a run keeps in memory; the sinks receive all of them.
+const WARNINGS: usize = 1000;
+
+/// A sink of the run, open until it fails.
+struct Output {
+    name: String,
+    sink: Box<dyn Sink>,
+    open: bool,
+}
+
+/// Passes everything that happens in a run on to its statistics and its sinks.
+pub(crate) struct Outputs {
+    sinks: Vec<Output>,
+    pub(crate) statistics: Statistics,
+    pub(crate) events: Vec<Event>,
+}
+
+impl Outputs {
+    pub(crate) fn new(sinks: Vec<(String, Box<dyn Sink>)>, statistics: Statistics) -> Self {
+        let sinks = sinks.into_iter().map(|(name, sink)| Output { name, sink, open: true });
+        Self { sinks: sinks.collect(), statistics, events: Vec::new() }
+    }
+
+    /// Calls every open sink. A sink that fails is closed and named in an error event.
+    pub(crate) fn each(
+        &mut self,
+        time: Time,
+        mut call: impl FnMut(&mut dyn Sink) -> Result<(), StreamError>,
+    ) {
+        let mut failed = Vec::new();
+        for output in self.sinks.iter_mut().filter(|o| o.open) {
+            if let Err(error) = call(output.sink.as_mut()) {
+                // the sink may still save what it has; a second failure adds nothing to the first
+                output.sink.finish().ok();
+                output.open = false;
+                failed.push((output.name.clone(), error));
+            }
+        }
+        for (about, error) in failed {
+            let text = format!("{error}; the run goes on without this sink");
+            self.event(Event { time, level: Level::Error, about, text });
+        }
+    }
+
+    /// Closes the open sinks and returns the places that they wrote to.
+    pub(crate) fn close(&mut self, time: Time) -> Vec<Recorded> {
+        let mut recorded = Vec::new();
+        for output in self.sinks.iter_mut().filter(|o| o.open) {
+            output.open = false;
+            let sink = output.name.clone();
+            match output.sink.finish() {
+                Ok(place) => recorded.extend(place.map(|place| Recorded { sink, place })),
+                Err(error) => {
+                    let (level, text) = (Level::Error, error.to_string());
+                    self.events.push(Event { time, level, about: sink, text });
+                }
+            }
+        }
+        recorded
+    }
+
+    /// The events, and the sinks with their names.
+    pub(crate) fn into_parts(self) -> (Vec<Event>, Vec<(String, Box<dyn Sink>)>) {
+        (self.events, self.sinks.into_iter().map(|o| (o.name, o.sink)).collect())
+    }
+}
+
+impl Observer for Outputs {
+    fn epoch(&mut self, epoch: &Epoch<'_>) {
+        self.statistics.epoch(epoch);
+        self.each(epoch.state.time, |sink| sink.epoch(epoch));
+    }
+    fn update(&mut self, update: &UpdateRecord<'_>) {
+        self.statistics.update(update);
+        self.each(update.time, |sink| sink.update(update));
+    }
+    fn transition(&mut self, transition: &Transition) {
+        self.each(Time::MIN, |sink| sink.transition(transition));
+    }
+    fn correction(&mut self, update: &Update) {
+        self.each(Time::MIN, |sink| sink.correction(update));
+    }
+    fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
+        self.statistics.input(sample, rejected);
+    }
+    fn event(&mut self, event: Event) {
+        self.each(event.time, |sink| sink.event(&event));
+        // there may be very many warnings; errors are few and always kept
+        if event.level == Level::Error
+            || (event.level == Level::Warning && self.events.len() < WARNINGS)
+        {
+            self.events.push(event);
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Detecting sensors that fall silent.
+
+use crate::model::record::{Event, Level, Observer};
+use crate::model::sensor::{Purpose, SensorInfo};
+use crate::run::outputs::Outputs;
+use crate::units::sample::Sample;
+use crate::units::time::Time;
+
+/// Warns when a sensor falls silent, and logs when it is back.
+pub(crate) struct SilenceMonitor {
+    /// The driving sensor: its clock is the clock of the other sensors.
+    driver: Option<usize>,
+    sensors: Vec<Activity>,
+    /// The time of the sample before.
+    before: Time,
+    /// The time of the next check.
+    next: Time,
+}
+
+/// The samples of one sensor over time.
+struct Activity {
+    /// The timeout that the scenario gives, s.
+    timeout: Option<f64>,
+    last: Option<Time>,
+    /// The longest of the first intervals, s, and the number of intervals so far.
+    usual: (f64, u32),
+    lost: bool,
+}
+
+impl Activity {
+    /// The longest silence that is accepted, s: by default three times the usual interval and at
+    /// least 5 s. A sensor with one sample has no usual interval and is never lost.
+    fn timeout(&self) -> f64 {
+        match (self.timeout, self.usual) {
+            (Some(given), _) => given,
+            (None, (_, 0)) => f64::INFINITY,
+            (None, (usual, _)) => (3.0 * usual).ceil().max(5.0),
+        }
+    }
+}
+
+impl SilenceMonitor {
+    /// Time between two checks.
+    const PERIOD: Time = Time::from_nanos(100_000_000);
+    /// Number of intervals that define the usual one.
+    const INTERVALS: u32 = 8;
+
+    pub(crate) fn new(timeouts: Vec<Option<f64>>, sensors: &[SensorInfo]) -> Self {
+        Self {
+            driver: sensors.iter().position(|s| s.purpose == Purpose::Input),
+            sensors: timeouts
+                .into_iter()
+                .map(|timeout| Activity { timeout, last: None, usual: (0.0, 0), lost: false })
+                .collect(),
+            before: Time::MIN,
+            next: Time::MIN,
+        }
+    }
+
+    /// Takes the time of a sample, and checks all sensors when a check is due.
+    pub(crate) fn sample(
+        &mut self,
+        sample: &Sample,
+        sensors: &[SensorInfo],
+        outputs: &mut Outputs,
+    ) {
+        let now = sample.time;
+        // the earlier of two successive times: a single wrong time stamp does not move the clock
+        let clock = now.min(std::mem::replace(&mut self.before, now));
+        if clock >= self.next {
+            self.next = clock + Self::PERIOD;
+            self.check(clock, sensors, outputs);
+        }
+        let activity = &mut self.sensors[sample.sensor.0];
+        let Some(last) = activity.last.replace(now) else { return };
+        if activity.usual.1 < Self::INTERVALS {
+            activity.usual = (activity.usual.0.max(now.since(last)), activity.usual.1 + 1);
+        }
+        if std::mem::take(&mut activity.lost) {
+            let name = &sensors[sample.sensor.0].name;
+            let text = format!("{name} is back after {:.1} s", now.since(last));
+            outputs.event(Event { time: now, level: Level::Info, about: name.clone(), text });
+        }
+    }
+
+    fn check(&mut self, clock: Time, sensors: &[SensorInfo], outputs: &mut Outputs) {
+        let driven = self.driver.map(|d| self.sensors[d].last.unwrap_or(Time::MIN));
+        for (k, (activity, sensor)) in self.sensors.iter_mut().zip(sensors).enumerate() {
+            let time = driven.filter(|_| self.driver != Some(k)).unwrap_or(clock);
+            let timeout = activity.timeout();
+            if !activity.lost && activity.last.is_some_and(|last| time.since(last) > timeout) {
+                activity.lost = true;
+                let about = sensor.name.clone();
+                let text = format!("{about} lost: no sample for {timeout} s");
+                outputs.event(Event { time, level: Level::Warning, about, text });
+            }
+        }
+    }
+}

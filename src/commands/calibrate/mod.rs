@@ -1,0 +1,185 @@
+//! `navfuse calibrate`: the methods of the literature, and the filter, on the same samples.
+
+mod apply;
+mod filter;
+mod outcome;
+mod runs;
+mod table;
+mod write;
+
+use crate::error::{CommandError, Result};
+use crate::execution::input::document_of;
+use crate::output::progress::Bar;
+use crate::output::{self, Format};
+use apply::{Request, outcomes};
+use clap::{Args, ValueEnum};
+use navfuse_calibration::{AttitudeSource, CalibrationData, Method, MethodError};
+use navfuse_core::plugin::Registry;
+use outcome::Outcome;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Arguments of `calibrate`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  navfuse calibrate scenarios/pan-wu-3d.toml             IO-DVLC on simulated samples
+  navfuse calibrate runs/dive/run.mcap --method all      all methods and the filter on a log
+  navfuse calibrate scenarios/calibration.toml --method all
+                                                         on one simulated run with GNSS and depth
+  navfuse calibrate scenarios/calibration.toml --method all --runs 20
+                                                         errors against sigma over 20 seeds
+  navfuse calibrate dive.toml --write next.toml          values and sigma, for the next dive
+  navfuse calibrate dive.toml --initialise again.toml    values alone, to filter this dive again
+
+Methods:
+  io-dvlc           Pan & Wu (2016), improved     IMU and DVL: constant attitude, and a force
+                                                  that varies in two directions
+  io-dvlc-printed   eq. (18) as printed           as above; single samples as anchors, no sigma
+  troni             Troni & Whitcomb (2010)       IMU, DVL, attitude, depth where there is one
+  troni-printed     gravity's change left out     as above
+  kinsey-2006       Kinsey & Whitcomb (2006)      DVL, attitude, position fixes; misalignment only
+  kinsey-2007       Kinsey & Whitcomb (2007)      DVL, attitude, position fixes
+  joyce             Joyce (1989)                  DVL, heading, GNSS; scale factor and yaw only
+  tang              Tang et al. (2013)            DVL, attitude, GNSS
+  ekf               the scenario's filter         all sensors of the scenario")]
+pub struct Calibrate {
+    /// The scenario, a TOML file, or a log, an MCAP file that navfuse wrote
+    pub source: PathBuf,
+    /// A method, `ekf`, or `all`
+    #[arg(long, value_name = "NAME", default_value = "io-dvlc")]
+    pub method: String,
+    /// Source of the attitude that the methods use
+    #[arg(long, value_enum, default_value_t = From::Gyros)]
+    pub attitude: From,
+    /// Change a value of the scenario; may be given again
+    #[arg(long, value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+    /// Repeat with N seeds, the scenario's first, and print r.m.s. errors; the samples must be
+    /// simulated
+    #[arg(long, value_name = "N", conflicts_with_all = ["write", "initialise"])]
+    pub runs: Option<u64>,
+    /// Write the scenario with the estimate and its sigma as the DVL's prior, for other data than
+    /// these
+    #[arg(long, value_name = "FILE", conflicts_with = "initialise")]
+    pub write: Option<PathBuf>,
+    /// Write the scenario with the estimate as the DVL's initial value and the prior sigma unchanged,
+    /// for the same data
+    #[arg(long, value_name = "FILE")]
+    pub initialise: Option<PathBuf>,
+    /// Form of the result
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub format: Format,
+}
+
+/// Source of the attitude.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum From {
+    /// The gyros, from the first attitude of the reference or the initial one of the scenario
+    Gyros,
+    /// The reference; in a simulation it is the truth
+    Reference,
+}
+
+/// Calibrates the DVL on the samples of a scenario or a log.
+pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode> {
+    let text = arguments.format == Format::Text;
+    let request = request(arguments)?;
+    let method = request.methods.first().copied();
+    if let (true, Some(method)) = (arguments.write.is_some(), method)
+        && let Some(why) = method.sigma_not_a_prior()
+    {
+        return Err(no_prior(method, why, "use --method io-dvlc"));
+    }
+    let (mut document, settings) = document_of(&arguments.source)?;
+    settings.iter().chain(&arguments.set).try_for_each(|s| document.set(s))?;
+    if let Some(count) = arguments.runs {
+        return runs::repeat(registry, &document, &request, count, text);
+    }
+    let bar = Bar::new(text);
+    let (data, outcomes) = outcomes(registry, &document, &request, &|p| bar.run(p))?;
+    bar.done();
+    print_warnings(&data, &request);
+    check_rest(arguments, method, &data)?;
+    let outcomes = single_failure(outcomes)?;
+    if text {
+        table::print(&data, &outcomes);
+    } else {
+        output::line(table::in_json(&data, &outcomes));
+    }
+    for (path, keep_prior) in [(&arguments.write, false), (&arguments.initialise, true)] {
+        let (Some(path), Some(Outcome { result: Ok(estimate), name, .. })) =
+            (path, outcomes.first())
+        else {
+            continue;
+        };
+        write::scenario(&mut document, path, &data, estimate, keep_prior)?;
+        if text {
+            output::line(format_args!("{name} to {}", path.display()));
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The methods that the arguments name.
+fn request(arguments: &Calibrate) -> Result<Request> {
+    let name = arguments.method.as_str();
+    let methods = match name {
+        "all" => Method::ALL.to_vec(),
+        "ekf" => Vec::new(),
+        name => vec![name.parse().map_err(|e: MethodError| {
+            CommandError::argument("--method", format!("{e}, ekf and all"))
+        })?],
+    };
+    let attitude = match arguments.attitude {
+        From::Gyros => AttitudeSource::Gyros,
+        From::Reference => AttitudeSource::Reference,
+    };
+    Ok(Request { methods, attitude, filter: ["all", "ekf"].contains(&name) })
+}
+
+/// The error of `--write` with a method whose sigma cannot serve as a prior.
+fn no_prior(method: Method, why: &str, remedy: &str) -> CommandError {
+    CommandError::argument(
+        "--write",
+        format!(
+            "the sigma of {} cannot serve as a prior: {why}; {remedy}, or --initialise, which keeps \
+             the prior",
+            method.name()
+        ),
+    )
+}
+
+/// Prints the warnings of the recording, and one where the gyro bias is unknown.
+fn print_warnings(data: &CalibrationData, request: &Request) {
+    data.recording.warnings.iter().for_each(|w| output::warn(format_args!("warning: {w}")));
+    if data.rest() == 0.0 && !request.methods.is_empty() {
+        output::warn(
+            "warning: there is no time at rest: the gyro bias is not known, and the methods' sigma \
+             is optimistic",
+        );
+    }
+}
+
+/// Rejects `--write` for a method that needs the gyro bias where no time at rest gives it.
+fn check_rest(arguments: &Calibrate, method: Option<Method>, data: &CalibrationData) -> Result<()> {
+    let needs_rest = |m: &Method| *m == Method::IoDvlc || arguments.attitude == From::Gyros;
+    match method.filter(needs_rest) {
+        Some(method) if arguments.write.is_some() && data.rest() == 0.0 => Err(no_prior(
+            method,
+            "without rest the gyro bias is not known, and the errors may be several times larger",
+            "use --method ekf, which estimates the bias",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// The outcomes, or the error of the only method.
+fn single_failure(mut outcomes: Vec<Outcome>) -> Result<Vec<Outcome>> {
+    if let [Outcome { result: Err(_), .. }] = &outcomes[..]
+        && let Some(Outcome { name, result: Err(error), .. }) = outcomes.pop()
+    {
+        return Err(CommandError::Method { name, source: Box::new(error) });
+    }
+    Ok(outcomes)
+}

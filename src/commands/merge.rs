@@ -1,0 +1,59 @@
+//! `navfuse merge`.
+
+use crate::error::{CommandError, Result};
+use crate::execution::campaign::{Kind, report};
+use crate::execution::input::runs_folder;
+use crate::output::Format;
+use crate::output::campaign::Shown;
+use clap::Args;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Arguments of `merge`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  for i in 1 2 3; do
+      navfuse monte-carlo scenarios/pan-wu-3d.toml --shard $i/3 --out parts/$i
+  done
+  navfuse merge parts/* --out whole
+
+The parts may run on different machines and in any order. The result equals that of the same campaign
+on one machine.")]
+pub struct Merge {
+    /// The folders of all parts
+    #[arg(required = true)]
+    pub parts: Vec<PathBuf>,
+    /// Folder for the whole campaign [default: runs/NAME-merged]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// A state or component of a sweep to show; may be given again [default: all]
+    #[arg(long, value_name = "STATE")]
+    pub show: Vec<String>,
+    /// Form of the result
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub format: Format,
+}
+
+/// Joins the parts of a campaign, and prints the results as the command of the parts does.
+pub fn merge(arguments: &Merge) -> Result<ExitCode> {
+    let campaign = navfuse_campaign::campaign_of(&arguments.parts[0])?;
+    let (name, shown) = match (campaign.keys.is_empty(), campaign.runs) {
+        (false, _) => ("sweep", Shown::Grid(&arguments.show)),
+        (true, 0) => ("bound", Shown::Bound),
+        (true, _) => ("monte-carlo", Shown::Consistency),
+    };
+    shown.check(&campaign)?;
+    if let (Shown::Consistency | Shown::Bound, Some(state)) = (shown, arguments.show.first()) {
+        return Err(CommandError::argument(
+            format!("--show {state}"),
+            format!("only for a sweep, and these are parts of a `navfuse {name}`"),
+        ));
+    }
+    let folder = || runs_folder(&format!("{}-merged", campaign.scenario));
+    let out = arguments.out.clone().unwrap_or_else(folder);
+    let results = navfuse_campaign::merge(&arguments.parts, &out)?;
+    let kind = Kind { name, shown, scenario: "SCENARIO" };
+    report(&campaign, &results, &kind, Some(&out), arguments.format == Format::Text)?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,16 @@
+//! The subcommands, each with its arguments.
+
+pub mod bound;
+pub mod calibrate;
+pub mod check;
+pub mod figures;
+pub mod list;
+pub mod merge;
+pub mod monte_carlo;
+pub mod new_plugin;
+pub mod observability;
+pub mod replay;
+pub mod report;
+pub mod run;
+pub mod schema;
+pub mod sweep;

@@ -1,0 +1,141 @@
+//! `navfuse report`.
+
+use crate::error::{CommandError, Result};
+use crate::execution::history::{End, run};
+use crate::execution::input::{document_of, has_extension, runs_folder};
+use crate::output;
+use crate::output::progress::{Bar, stop_on_ctrl_c};
+use clap::Args;
+use navfuse_core::document::Document;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner::{self, Finished};
+use navfuse_core::run::scenario::Scenario;
+use navfuse_observability::{ObservabilityReport, Tracker, TrackerSink};
+use navfuse_report::History;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
+
+/// Interval at which the observability is examined, s.
+const EVERY: f64 = 1.0;
+
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  navfuse report runs/pan-wu-3d/run.mcap                     writes runs/pan-wu-3d/report.html
+  navfuse report scenarios/pan-wu-3d.toml --set seed=7       runs it first; writes the same file
+  navfuse report dive.mcap --out dive.html
+
+The page has the track, every state with its bounds of 3 sigma and the truth where it is known, the
+innovations with their gates, the accepted and rejected samples of each sensor, the calibration before
+and after, the events and the scenario. It is one file that needs neither network nor script; print it
+to have it on paper.")]
+pub struct Report {
+    /// A log, which is an MCAP file that navfuse wrote, or a scenario, a TOML file
+    pub of: PathBuf,
+    /// The page [default: report.html beside the log, or in runs/NAME of the scenario]
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Change a value of the scenario; may be given again
+    #[arg(long, value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// The content of a page, and the folder that it is written to by default.
+struct Content {
+    history: History,
+    observed: Option<ObservabilityReport>,
+    folder: PathBuf,
+    end: End,
+}
+
+/// Writes a page about a run.
+pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
+    let (stop, bar) = (stop_on_ctrl_c(), Bar::new(true));
+    let Content { history, observed, folder, end } = if has_extension(&arguments.of, "toml") {
+        of_scenario(registry, arguments, &stop, &bar)?
+    } else {
+        of_log(registry, arguments, &stop, &bar)?
+    };
+    bar.done();
+    let page = navfuse_report::page::report(&history, observed.as_ref())?;
+    let out = arguments.out.clone().unwrap_or_else(|| folder.join("report.html"));
+    output::write(&out, &page)?;
+    for warning in &history.warnings {
+        output::warn(format_args!("warning: {warning}"));
+    }
+    output::line(out.display());
+    Ok(end.code())
+}
+
+/// Runs a scenario for its page.
+fn of_scenario(
+    registry: &Registry,
+    arguments: &Report,
+    stop: &AtomicBool,
+    bar: &Bar,
+) -> Result<Content> {
+    let document = Document::from_file(&arguments.of)?;
+    let tracker = Box::new(TrackerSink::new(EVERY));
+    let sinks = vec![("observability".to_owned(), tracker as _)];
+    let (history, end, mut finished) = run(registry, document, &arguments.set, sinks, stop, bar)?;
+    let whole = end != End::Interrupted;
+    let observed = whole.then(|| observability(&history.name, &mut finished)).flatten();
+    let folder = runs_folder(&history.name);
+    Ok(Content { history, observed, folder, end })
+}
+
+/// Reads a log for its page.
+fn of_log(
+    registry: &Registry,
+    arguments: &Report,
+    stop: &AtomicBool,
+    bar: &Bar,
+) -> Result<Content> {
+    if !arguments.set.is_empty() {
+        let message = "the page shows a log as it was recorded; `navfuse replay` runs the filter \
+                       again";
+        return Err(CommandError::argument("--set", message));
+    }
+    let log = &arguments.of;
+    let history = navfuse_report::read_log(log, |read| bar.log(read))?;
+    let observed = observability_of_log(registry, log, stop, bar)?;
+    let folder = log.parent().map_or_else(PathBuf::new, Path::to_path_buf);
+    Ok(Content { history, observed, folder, end: End::Whole })
+}
+
+/// The observability of the run in a log, for which the filter runs again on the samples. None where
+/// it cannot run, as for a log of another program with more types.
+fn observability_of_log(
+    registry: &Registry,
+    log: &Path,
+    stop: &AtomicBool,
+    bar: &Bar,
+) -> Result<Option<ObservabilityReport>> {
+    let (document, settings) = match document_of(log) {
+        Ok(found) => found,
+        Err(error) => return Ok(without_observability(&error)),
+    };
+    let scenario = Scenario::new(registry, document, &settings)?;
+    let mut assembly = match scenario.assemble(None) {
+        Ok(assembly) => assembly,
+        Err(error) => return Ok(without_observability(&error)),
+    };
+    assembly.sinks.push(("observability".to_owned(), Box::new(TrackerSink::new(EVERY))));
+    let mut finished = runner::run(assembly, stop, |progress| bar.run(progress));
+    bar.done();
+    Ok(observability(&scenario.name(), &mut finished))
+}
+
+/// The observability of a run with a tracker; none where the filter did not start.
+fn observability(name: &str, finished: &mut Finished) -> Option<ObservabilityReport> {
+    let tracker = TrackerSink::take(finished).filter(Tracker::started);
+    tracker.map(|tracker| ObservabilityReport::new(name, &tracker))
+}
+
+/// Warns that the page has no verdicts of observability.
+fn without_observability(reason: &dyn std::fmt::Display) -> Option<ObservabilityReport> {
+    output::warn(format_args!("warning: the page is without verdicts of observability: {reason}"));
+    None
+}

@@ -1,0 +1,30 @@
+//! `navfuse run`.
+
+use crate::error::Result;
+use crate::execution::run::{RunOptions, execute};
+use clap::Args;
+use navfuse_core::document::Document;
+use navfuse_core::plugin::Registry;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  navfuse run scenarios/pan-wu-3d.toml
+  navfuse run scenarios/pan-wu-3d.toml --set seed=7 --set \"sensor.dvl.noise=5 mm/s\"
+  navfuse run scenarios/snapir.toml --set source.csv.directory=/data/snapir/T10 --out runs/T10
+  navfuse run scenarios/quickstart.toml --format json | jq .states")]
+pub struct Run {
+    /// The scenario, a TOML file
+    pub scenario: PathBuf,
+    #[command(flatten)]
+    pub options: RunOptions,
+}
+
+/// Runs a scenario.
+pub fn run(registry: &Registry, arguments: &Run) -> Result<ExitCode> {
+    let document = Document::from_file(&arguments.scenario)?;
+    execute(registry, document, &[], &arguments.options)
+}

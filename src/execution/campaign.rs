@@ -1,0 +1,211 @@
+//! Campaigns of runs, as `monte-carlo`, `bound`, `sweep` and `merge` do them.
+
+use crate::error::{CommandError, Result};
+use crate::execution::input::{runs_folder, seconds};
+use crate::output::campaign::{self as show, Shown};
+use crate::output::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
+use crate::output::{self, Format};
+use clap::{Args, ValueEnum};
+use navfuse_campaign::{Campaign, Folder, JobCount, Options, Results, Shard, execute, variation};
+use navfuse_core::document::Document;
+use navfuse_core::plugin::Registry;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Random draws of each run.
+#[derive(Clone, Debug, Args)]
+pub struct Draws {
+    /// Seed of the campaign; run r has the seed 1000000 times that, plus r [default: that of the
+    /// scenario]
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Values that are drawn beside the noise
+    #[arg(long, value_enum, default_value_t = Start::Drawn)]
+    pub start: Start,
+    /// Judge errors and sigmas from this time on; earlier ones are recorded, but have no part in the
+    /// verdict
+    #[arg(long, value_name = "TIME")]
+    pub from: Option<String>,
+}
+
+/// Values that are drawn beside the noise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Start {
+    /// Initial errors from the priors, and the truths that the scenario does not state
+    Drawn,
+    /// Only the values that the scenario draws by its own `estimator.draw`
+    Given,
+}
+
+/// Options of a campaign.
+#[derive(Clone, Debug, Args)]
+pub struct CampaignOptions {
+    /// Change a value of the scenario; may be given again
+    #[arg(long, value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+    /// Number of threads [default: one a core]
+    #[arg(long)]
+    pub jobs: Option<usize>,
+    /// Time between two epochs of a run [default: such that there are about 300 epochs]
+    #[arg(long, value_name = "TIME")]
+    pub every: Option<String>,
+    /// Do only this part, such as 3/7, for `merge`
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<Shard>,
+    /// Folder for the tables and plots [default: runs/NAME-COMMAND]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Form of the result
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub format: Format,
+    /// Write nothing
+    #[arg(long, conflicts_with_all = ["out", "shard"])]
+    pub no_output: bool,
+}
+
+/// The command that runs a campaign, and the tables that it shows.
+pub struct Kind<'a> {
+    /// The command.
+    pub name: &'a str,
+    /// The tables.
+    pub shown: Shown<'a>,
+    /// The scenario's file, as it was given.
+    pub scenario: &'a str,
+}
+
+/// The options of a campaign of `runs` runs for all combinations of values of `vary`.
+pub fn drawn(runs: usize, draws: &Draws, vary: &[String]) -> Result<Options> {
+    let initial_errors = match draws.start {
+        Start::Drawn => navfuse_campaign::InitialErrors::Drawn,
+        Start::Given => navfuse_campaign::InitialErrors::Given,
+    };
+    let vary = vary.iter().map(|v| variation(v)).collect::<std::result::Result<_, _>>()?;
+    let from = draws.from.as_deref().map(|text| seconds("--from", text)).transpose()?;
+    Ok(Options { runs, seed: draws.seed, initial_errors, vary, every: None, from })
+}
+
+/// Runs a campaign and prints its results.
+pub fn run(
+    registry: &Registry,
+    path: &Path,
+    settings: &CampaignOptions,
+    mut options: Options,
+    kind: &Kind<'_>,
+) -> Result<ExitCode> {
+    if settings.jobs == Some(0) {
+        let message = "give at least one thread; without --jobs there is one a core";
+        return Err(CommandError::argument("--jobs 0", message));
+    }
+    let mut document = Document::from_file(path)?;
+    settings.set.iter().try_for_each(|s| document.set(s))?;
+    options.every = settings.every.as_deref().map(|text| seconds("--every", text)).transpose()?;
+    let campaign = Campaign::new(registry, &document, &options)?;
+    kind.shown.check(&campaign)?;
+    let out = (!settings.no_output).then(|| {
+        let part =
+            settings.shard.map_or_else(String::new, |s| format!("-{}-of-{}", s.index, s.count));
+        let name = format!("{}-{}{part}", campaign.scenario, kind.name);
+        settings.out.clone().unwrap_or_else(|| runs_folder(&name))
+    });
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = settings.jobs.unwrap_or(cores);
+    let clock = Instant::now();
+    let stop = stop_on_ctrl_c();
+    let mut folder = Folder::create(out.as_deref(), &campaign, settings.shard)?;
+    let text = settings.format == Format::Text;
+    let bar = Bar::new(text);
+    let how = (settings.shard, threads);
+    let done = execute(
+        &campaign,
+        registry,
+        &document,
+        how,
+        &stop,
+        |jobs| bar.campaign(jobs),
+        |record| folder.add(record),
+    );
+    bar.done();
+    let done = done?;
+    let results = folder.finish(done)?;
+    match (&results, &out) {
+        (Some(results), _) => report(&campaign, results, kind, out.as_deref(), text)?,
+        (None, Some(out)) => part(settings.shard, done, out, text),
+        (None, None) => {}
+    }
+    if text {
+        let (jobs, threads) = (counted(done.done, "job"), counted(threads, "thread"));
+        output::line(format_args!("{jobs} on {threads} in {:.1} s", clock.elapsed().as_secs_f64()));
+    }
+    if done.interrupted() {
+        let JobCount { done, asked } = done;
+        let what = match settings.shard {
+            None => "and the tables above are of these",
+            Some(_) => {
+                "and these were written; `navfuse merge` needs the whole part, so run it again"
+            }
+        };
+        output::warn(format_args!("interrupted: {done} of {asked} jobs were done, {what}"));
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the place of a part.
+fn part(shard: Option<Shard>, done: JobCount, out: &Path, text: bool) {
+    let shard = shard.map_or_else(String::new, |s| s.to_string());
+    let JobCount { done, asked } = done;
+    if text {
+        let next = if done == asked { "; `navfuse merge` joins the parts" } else { "" };
+        output::line(format_args!(
+            "part {shard}: {done} of {asked} jobs are in {}{next}",
+            out.display()
+        ));
+    } else {
+        output::line(
+            serde_json::json!({ "shard": shard, "done": done, "asked": asked, "out": out.display().to_string() }),
+        );
+    }
+}
+
+/// A number with its noun: `1 job`, `2 jobs`.
+fn counted(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}
+
+/// Prints the results and draws them.
+pub fn report(
+    campaign: &Campaign,
+    results: &Results,
+    kind: &Kind<'_>,
+    out: Option<&Path>,
+    text: bool,
+) -> Result<()> {
+    let mut files = results.files.clone();
+    if let Some(out) = out {
+        let figures = navfuse_campaign::figures(campaign, results, |c| kind.shown.shows(c));
+        for figure in &figures {
+            let path = out.join(format!("{}.svg", figure.name));
+            std::fs::write(&path, navfuse_figures::svg(figure)?)
+                .map_err(CommandError::cannot_write(&path))?;
+            files.push(path);
+        }
+        #[cfg(feature = "rerun")]
+        if campaign.keys.is_empty() {
+            let path = out.join("campaign.rrd");
+            navfuse_viewer::figures::record(
+                &path,
+                &format!("{} {}", campaign.scenario, kind.name),
+                &figures,
+            )?;
+            files.push(path);
+        }
+    }
+    if text {
+        show::results(campaign, results, kind.shown, kind.scenario);
+        show::files(&files, out);
+    } else {
+        output::line(serde_json::to_string(&results.report)?);
+    }
+    Ok(())
+}

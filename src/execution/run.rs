@@ -1,0 +1,169 @@
+//! One run of a scenario, as `run` and `replay` do it.
+
+use crate::error::{CommandError, Result};
+use crate::execution::input::runs_folder;
+use crate::output::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
+use crate::output::{self, Format};
+use clap::Args;
+use navfuse_core::document::Document;
+use navfuse_core::model::record::Level;
+use navfuse_core::plugin::{Kind, Registry};
+use navfuse_core::run::runner;
+use navfuse_core::run::runner::Finished;
+use navfuse_core::run::scenario::Scenario;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Type of the sink for the rerun viewer.
+const VIEWER: &str = "rerun";
+
+/// Options of a run.
+#[derive(Clone, Debug, Args)]
+pub struct RunOptions {
+    /// Change a value of the scenario; may be given again
+    #[arg(long, value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+    /// Folder for the log and the recording [default: runs/NAME of the scenario]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Form of the result
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub format: Format,
+    /// Write nothing: no log, no recording
+    #[arg(long, conflicts_with_all = ["out", "rerun", "connect", "serve"])]
+    pub no_output: bool,
+    #[command(flatten)]
+    pub live: Live,
+}
+
+/// The viewer that shows a run while it goes on.
+#[derive(Clone, Debug, Args)]
+#[group(multiple = false)]
+pub struct Live {
+    /// Start the rerun viewer and show the run in it while it goes on
+    #[arg(long)]
+    pub rerun: bool,
+    /// Show the run in a rerun viewer that already runs at this address
+    #[arg(long, value_name = "ADDR")]
+    pub connect: Option<String>,
+    /// Serve the run to web browsers until Ctrl-C
+    #[arg(long)]
+    pub serve: bool,
+}
+
+impl Live {
+    /// The option, and the assignment that it makes in the table of the sink.
+    fn assignment(&self) -> Option<(&'static str, String)> {
+        match (self.rerun, &self.connect, self.serve) {
+            (true, _, _) => Some(("--rerun", "spawn=true".to_owned())),
+            (_, Some(address), _) => Some(("--connect", format!("connect={address:?}"))),
+            (_, _, true) => Some(("--serve", "serve=true".to_owned())),
+            _ => None,
+        }
+    }
+}
+
+/// Runs the scenario of a document; `first` are settings that come before those of the options.
+pub fn execute(
+    registry: &Registry,
+    document: Document,
+    first: &[String],
+    options: &RunOptions,
+) -> Result<ExitCode> {
+    let settings = [first, &options.set].concat();
+    let mut scenario = Scenario::new(registry, document, &settings)?;
+    if let Some((option, assignment)) = options.live.assignment() {
+        let sink = viewer(registry, &scenario, option)?;
+        scenario.set(&format!("sink.{sink}.{assignment}"))?;
+    }
+    let folder = output_folder(&scenario, options)?;
+    let assembly = scenario.assemble(folder.as_deref())?;
+    let stop = stop_on_ctrl_c();
+    let text = options.format == Format::Text;
+    let bar = Bar::new(text);
+    let finished = runner::run(assembly, &stop, |progress| bar.run(progress));
+    bar.done();
+    print(&finished, text)?;
+    if options.live.serve && !finished.interrupted {
+        wait(&stop);
+    }
+    Ok(exit_code(&finished))
+}
+
+/// The name of the one sink of the viewer's type, as a key in TOML.
+fn viewer(registry: &Registry, scenario: &Scenario<'_>, option: &str) -> Result<String> {
+    if registry.get(Kind::Sink, VIEWER).is_none() {
+        return Err(CommandError::argument(
+            option,
+            "this navfuse was built without the rerun viewer; build it with `--features rerun`",
+        ));
+    }
+    let sinks = scenario.sinks_of_type(VIEWER)?;
+    match &sinks[..] {
+        [sink] => Ok(key(sink)),
+        [] => Err(CommandError::argument(
+            option,
+            "the scenario disables its sink of type rerun; set `enabled` of that sink to true",
+        )),
+        [one, ..] => Err(CommandError::argument(
+            option,
+            format!(
+                "there are {} sinks of type rerun: [sink.{}]; disable all but one, such as with \
+                 --set sink.{one}.enabled=false",
+                sinks.len(),
+                sinks.join("], [sink.")
+            ),
+        )),
+    }
+}
+
+/// A name as a key of TOML, in quotes where it needs them.
+fn key(name: &str) -> String {
+    let bare = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if name.chars().all(bare) { name.to_owned() } else { format!("{name:?}") }
+}
+
+/// Makes the folder that the sinks write into.
+fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Result<Option<PathBuf>> {
+    if options.no_output {
+        return Ok(None);
+    }
+    let folder = options.out.clone().unwrap_or_else(|| runs_folder(&scenario.name()));
+    std::fs::create_dir_all(&folder).map_err(CommandError::file(
+        &folder,
+        "the output folder cannot be made",
+        "; give another with --out, or --no-output",
+    ))?;
+    Ok(Some(folder))
+}
+
+fn print(finished: &Finished, text: bool) -> Result<()> {
+    if text {
+        output::run::summary(&finished.summary);
+        output::run::recorded(&finished.recorded);
+    } else {
+        output::line(serde_json::to_string(&finished.summary)?);
+    }
+    output::run::events(&finished.events);
+    Ok(())
+}
+
+/// Keeps the process alive until Ctrl-C, so that browsers can still load the run.
+fn wait(stop: &AtomicBool) {
+    output::warn("serving until Ctrl-C");
+    while !stop.load(Ordering::Relaxed) {
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+}
+
+fn exit_code(finished: &Finished) -> ExitCode {
+    match (&finished.error, finished.interrupted) {
+        (Some(_), _) => ExitCode::FAILURE,
+        (None, true) => ExitCode::from(INTERRUPTED),
+        (None, false) if finished.events.iter().any(|e| e.level == Level::Error) => {
+            ExitCode::FAILURE
+        }
+        (None, false) => ExitCode::SUCCESS,
+    }
+}

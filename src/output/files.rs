@@ -1,0 +1,30 @@
+//! Writing files.
+
+use super::line;
+use crate::error::{CommandError, Result};
+use std::path::Path;
+
+/// Writes a file and makes the folder around it.
+pub fn write(path: &Path, text: &str) -> Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    folder
+        .map_or(Ok(()), std::fs::create_dir_all)
+        .and_then(|()| std::fs::write(path, text))
+        .map_err(CommandError::file(path, "cannot be written", "; give another place with --out"))
+}
+
+/// Writes files, each with its name and text, into a folder; with `shown` their paths are printed.
+pub fn write_files(
+    folder: &Path,
+    files: impl IntoIterator<Item = (String, String)>,
+    shown: bool,
+) -> Result<()> {
+    for (name, text) in files {
+        let path = folder.join(name);
+        write(&path, &text)?;
+        if shown {
+            line(path.display());
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,21 @@
+//! Printing results for people and programs, and writing files.
+
+pub mod campaign;
+mod files;
+pub mod progress;
+pub mod run;
+mod tables;
+
+pub use files::{write, write_files};
+pub use tables::{line, right, table, warn};
+
+use clap::ValueEnum;
+
+/// Form of a result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Tables for people
+    Text,
+    /// One JSON object on standard output, and nothing else there
+    Json,
+}
