@@ -19,8 +19,8 @@ Examples:
   navfuse check scenarios/pan-wu-3d.toml
   navfuse check my-scenario.toml --set sensor.dvl.enabled=false
 
-It prints every state with its prior, every sensor with its channels, gate and simulated rate, and the
-sources and sinks. Nothing is run and nothing is written.")]
+It prints every state with its prior, every sensor with its channels, gate and simulated rate, and
+the sources and sinks. It runs nothing and writes nothing.")]
 pub struct Check {
     /// The scenario, a TOML file
     pub scenario: PathBuf,

@@ -17,8 +17,8 @@ use navfuse_segments::Recording;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// The 3D scenario of the paper. It is part of the program, so that an installed program can make the
-/// figures too.
+/// The 3D scenario of the paper. It is part of the program, so that an installed program can make
+/// the figures too.
 const PAN_WU_3D: &str = include_str!("../../scenarios/pan-wu-3d.toml");
 /// The 2D scenario of the paper.
 const PAN_WU_2D: &str = include_str!("../../scenarios/pan-wu-2d.toml");

@@ -19,8 +19,8 @@ Examples:
   navfuse monte-carlo scenarios/pan-wu-3d.toml --shard 3/7 --out parts/3
                                             one job of an array; then `navfuse merge`
 
-Each run draws the initial errors from the priors, fresh noise, and the truth of every state for which
-the scenario states none. The command writes:
+Each run draws the initial errors from the priors, fresh noise, and the truth of every state for
+which the scenario states none. The command writes:
   report.json      the tables that it prints
   epochs.parquet   RMSE, sigma, bound, ANEES and NIS over time
   runs.parquet     one row for each run and epoch: errors, sigmas, NEES, NIS

@@ -156,8 +156,8 @@ fn check_name(name: &str) -> Result<()> {
     Ok(())
 }
 
-/// The folder of navfuse's source: the one given, or the one that this program was built from, if it
-/// still exists.
+/// The folder of navfuse's source: the one given, or the one that this program was built from, if
+/// it still exists.
 fn checkout(given: Option<&Path>) -> Result<Option<PathBuf>> {
     let is_one = |path: &Path| {
         path.join("framework/Cargo.toml").is_file() && path.join("plugins/ins").is_dir()

@@ -26,7 +26,7 @@ Examples:
   navfuse observability scenarios/pan-wu-3d.toml
   navfuse observability scenarios/pan-wu-2d.toml --out runs/observe   writes figure and numbers
   navfuse observability runs/pan-wu-3d/run.mcap                       the same for a recorded dive
-  navfuse observability scenarios/pan-wu-2d.toml --suggest            manoeuvres to fly after its end
+  navfuse observability scenarios/pan-wu-2d.toml --suggest            ranks the next manoeuvres
   navfuse observability scenarios/pan-wu-3d.toml --suggest --at \"720 s\" --for ins.accel_bias
 
 A state is determined when its sigma is at most a quarter of what it would be without measurements:
@@ -45,8 +45,8 @@ pub struct Observability {
     /// Begin of the manoeuvre; the later part of the scenario is left out [default: its end]
     #[arg(long, value_name = "TIME", requires = "suggest")]
     pub at: Option<String>,
-    /// A state or component that the manoeuvre is to determine, such as dvl.misalignment.roll; may be
-    /// given again [default: the states that are not determined when it begins]
+    /// A state or component that the manoeuvre is to determine, such as dvl.misalignment.roll; may
+    /// be given again [default: the states that are not determined when it begins]
     #[arg(long = "for", value_name = "STATE", requires = "suggest")]
     pub of: Vec<String>,
     /// Folder for the report (JSON) and the figure of normalised sigmas (SVG)
@@ -201,7 +201,7 @@ fn show(report: &ObservabilityReport) {
     }
     if !report.undetermined.is_empty() {
         output::line(
-            "\nDirections that the measurements left open, and how much of their prior variance is left",
+            "\nDirections that the measurements left open, and the share of their prior variance",
         );
     }
     for d in &report.undetermined {
@@ -242,13 +242,15 @@ fn segments(report: &ObservabilityReport) {
     let [a, b, c] = d.singular_values.map(|s| words::short(1e3 * s));
     let noise = words::short(1e3 * d.noise);
     output::line(format_args!(
-        "type I: {} of the specific-force rate; singular values {a}, {b}, {c} mm/s^3, noise {noise}",
+        "type I: {} of the specific-force rate; singular values {a}, {b}, {c} mm/s^3, \
+         noise {noise}",
         directions(d.rank)
     ));
     if let Some(s) = &view.type_ii {
         let [a, b, c] = s.singular_values.map(words::short);
         output::line(format_args!(
-            "type II: {} points alpha in {}; singular values {a}, {b}, {c} m/s^2, noise {}; condition of sum(alpha alpha') {:.0}",
+            "type II: {} points alpha in {}; singular values {a}, {b}, {c} m/s^2, noise {}; \
+             condition of sum(alpha alpha') {:.0}",
             s.points,
             directions(s.rank),
             words::short(s.noise),

@@ -27,10 +27,10 @@ Examples:
   navfuse report scenarios/pan-wu-3d.toml --set seed=7       runs it first; writes the same file
   navfuse report dive.mcap --out dive.html
 
-The page has the track, every state with its bounds of 3 sigma and the truth where it is known, the
-innovations with their gates, the accepted and rejected samples of each sensor, the calibration before
-and after, the events and the scenario. It is one file that needs neither network nor script; print it
-to have it on paper.")]
+The page has the track, every state with its bounds of 3 sigma and the truth where it is known,
+the innovations with their gates, the accepted and rejected samples of each sensor, the calibration
+before and after, the events and the scenario. It is one file that needs neither network nor
+script.")]
 pub struct Report {
     /// A log, which is an MCAP file that navfuse wrote, or a scenario, a TOML file
     pub of: PathBuf,
@@ -105,8 +105,8 @@ fn of_log(
     Ok(Content { history, observed, folder, end: End::Whole })
 }
 
-/// The observability of the run in a log, for which the filter runs again on the samples. None where
-/// it cannot run, as for a log of another program with more types.
+/// The observability of the run in a log, for which the filter runs again on the samples. None
+/// where it cannot run, as for a log of another program with more types.
 fn observability_of_log(
     registry: &Registry,
     log: &Path,

@@ -23,8 +23,8 @@ pub struct Draws {
     /// Values that are drawn beside the noise
     #[arg(long, value_enum, default_value_t = Start::Drawn)]
     pub start: Start,
-    /// Judge errors and sigmas from this time on; earlier ones are recorded, but have no part in the
-    /// verdict
+    /// Judge errors and sigmas from this time on; earlier ones are recorded, but have no part in
+    /// the verdict
     #[arg(long, value_name = "TIME")]
     pub from: Option<String>,
 }
@@ -162,9 +162,12 @@ fn part(shard: Option<Shard>, done: JobCount, out: &Path, text: bool) {
             out.display()
         ));
     } else {
-        output::line(
-            serde_json::json!({ "shard": shard, "done": done, "asked": asked, "out": out.display().to_string() }),
-        );
+        output::line(serde_json::json!({
+            "shard": shard,
+            "done": done,
+            "asked": asked,
+            "out": out.display().to_string(),
+        }));
     }
 }
 

@@ -14,7 +14,7 @@ pub use crate::model::stream_error::{StreamError, StreamErrorKind, StreamPlace};
 ///
 /// ```
 /// use navfuse_core::prelude::*;
-/// /// Samples that are there already.
+/// /// Samples in memory.
 /// struct Recorded(std::vec::IntoIter<Sample>);
 /// impl Source for Recorded {
 ///     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
@@ -30,29 +30,28 @@ pub trait Source: Send {
     /// Writes the next sample; `false` at the end.
     ///
     /// # Errors
-    /// When what it reads is not what it should be. The run then ends, and what was recorded is
+    /// When the source cannot read on. The run then ends, and everything recorded until then is
     /// kept.
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError>;
 
-    /// The time of its last sample, if it can tell: the end of the progress bar.
+    /// The time of the last sample, where the source knows it: the end of the progress bar.
     fn end(&self) -> Option<Time> {
         None
     }
 
-    /// What it knows will happen, such as the segments of a simulated trajectory; asked once, at
-    /// the start.
+    /// Events that the source knows in advance, such as the segments of a simulated trajectory. The
+    /// runner asks for them once, at the start.
     fn schedule(&self) -> Vec<Event> {
         Vec::new()
     }
 
-    /// What a person should know after the last sample: a log that was cut off, rows that were
-    /// skipped.
+    /// A warning after the last sample: a log that was cut off, rows that were skipped.
     fn warning(&mut self) -> Option<String> {
         None
     }
 }
 
-/// What is known of a run when it begins.
+/// The facts about a run that are known when it begins.
 #[derive(Clone, Debug)]
 pub struct RunInfo {
     /// The scenario's name.
@@ -73,7 +72,8 @@ pub struct RunInfo {
     pub sensors: Vec<SensorInfo>,
 }
 
-/// Takes what a run tells. Every method but [`Sink::finish`] may do nothing.
+/// Receives the results of a run. Only [`Sink::start`] and [`Sink::finish`] have to be written.
+/// After the run, [`crate::run::runner::Finished::take_sink`] returns the sink.
 ///
 /// ```
 /// use navfuse_core::prelude::*;
@@ -101,7 +101,7 @@ pub struct RunInfo {
 pub trait Sink: Any + Send {
     /// The run begins.
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError>;
-    /// A sample, in the order in which the estimator took it.
+    /// A sample, in the order in which the estimator processes it.
     fn sample(&mut self, _sample: &Sample) -> Result<(), StreamError> {
         Ok(())
     }
@@ -109,7 +109,7 @@ pub trait Sink: Any + Send {
     fn epoch(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
         Ok(())
     }
-    /// A measurement was used, or not.
+    /// A measurement was accepted, gated or rejected.
     fn update(&mut self, _update: &UpdateRecord<'_>) -> Result<(), StreamError> {
         Ok(())
     }
@@ -121,10 +121,10 @@ pub trait Sink: Any + Send {
     fn correction(&mut self, _update: &Update) -> Result<(), StreamError> {
         Ok(())
     }
-    /// Something to read.
+    /// An event for the log.
     fn event(&mut self, _event: &Event) -> Result<(), StreamError> {
         Ok(())
     }
-    /// The run is over: write what is left, and say where it went (a path or an address).
+    /// The run is over: writes the rest, and returns the place of the result, a path or an address.
     fn finish(&mut self) -> Result<Option<String>, StreamError>;
 }

@@ -13,7 +13,11 @@ pub fn scenario_schema(registry: &Registry) -> Value {
     let mut properties = json!({
         "name": { "type": "string", "description": "Name of the scenario. Default: the file's" },
         "description": { "type": "string", "description": "What the scenario shows" },
-        "seed": { "type": "integer", "minimum": 0, "description": "Seed of every random number. Default: 1" },
+        "seed": {
+            "type": "integer",
+            "minimum": 0,
+            "description": "Seed of every random number. Default: 1",
+        },
         "estimator": estimator,
     });
     for kind in Kind::ALL {
@@ -26,14 +30,19 @@ pub fn scenario_schema(registry: &Registry) -> Value {
             tables.insert(entry.name.to_owned(), json!({ "$ref": format!("#/$defs/{key}") }));
             names.push(entry.name);
         }
-        // a table of another name says its type
+        // a table with another name has the key `type`
         let choices: Vec<Value> = (names.iter())
             .map(|n| {
                 json!({ "if": { "properties": { "type": { "const": n } }, "required": ["type"] },
                         "then": { "$ref": format!("#/$defs/{}.{n}", kind.table()) } })
             })
             .collect();
-        let other = json!({ "type": "object", "required": ["type"], "properties": { "type": { "enum": names } }, "allOf": choices });
+        let other = json!({
+            "type": "object",
+            "required": ["type"],
+            "properties": { "type": { "enum": names } },
+            "allOf": choices,
+        });
         properties[kind.table()] =
             json!({ "type": "object", "properties": tables, "additionalProperties": other });
     }
@@ -47,7 +56,7 @@ pub fn scenario_schema(registry: &Registry) -> Value {
     })
 }
 
-/// Moves a root schema's definitions to `definitions` and gives the rest.
+/// Moves the definitions of a root schema to `definitions` and returns the rest.
 fn lift(mut schema: Value, definitions: &mut Map<String, Value>) -> Value {
     if let Some(object) = schema.as_object_mut() {
         object.remove("$schema");
@@ -68,7 +77,10 @@ fn entry_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
     let mut common = Map::new();
     common.insert(
         TYPE.into(),
-        json!({ "const": entry.name, "description": "The type, where the table's name is another" }),
+        json!({
+            "const": entry.name,
+            "description": "The type, where the table's name is another",
+        }),
     );
     common.insert(
         ENABLED.into(),
@@ -93,16 +105,16 @@ fn entry_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
 pub struct Parameter {
     /// Its key in TOML.
     pub key: String,
-    /// What it takes: a quantity with example units, a choice, a number.
+    /// Values that it accepts: a quantity with example units, a choice, a number.
     pub takes: String,
-    /// Its default; empty where it must be given.
+    /// Its default; empty for a key that is required.
     pub default: String,
-    /// What it means.
+    /// Its meaning.
     pub meaning: String,
 }
 
-/// The parameters of a registered type, own ones first; the keys of an inner table follow it as `table.key`, the kinds of
-/// an array's tables as `array: kind`.
+/// The parameters of a registered type, its own first. The keys of an inner table follow it as
+/// `table.key`, the kinds of the tables of an array as `array: kind`.
 pub fn parameters(entry: &Entry) -> Vec<Parameter> {
     let mut definitions = Map::new();
     let own: Vec<String> = (entry.schema.as_value().get("properties").and_then(Value::as_object))
@@ -170,7 +182,7 @@ fn meaning(schema: &Value) -> String {
     schema.get("description").and_then(Value::as_str).unwrap_or_default().replace('\n', " ")
 }
 
-/// What a reference, or the part of a choice that is not null, stands for.
+/// The schema behind a reference, or the part of a choice that is not null.
 fn resolve<'a>(schema: &'a Value, definitions: &'a Map<String, Value>) -> &'a Value {
     if let Some(name) =
         schema.get("$ref").and_then(Value::as_str).and_then(|r| r.rsplit('/').next())
@@ -186,13 +198,13 @@ fn resolve<'a>(schema: &'a Value, definitions: &'a Map<String, Value>) -> &'a Va
     }
 }
 
-/// The name of the calibration's schema, if it is one.
+/// The name of the schema of a calibration; none for another schema.
 fn calibration(schema: &Value) -> Option<&str> {
     let name = schema.get("$ref").and_then(Value::as_str)?.rsplit('/').next()?;
     name.starts_with("Calibration_").then_some(name)
 }
 
-/// What a schema takes, in words.
+/// The values that a schema accepts, in words.
 fn takes(schema: &Value, definitions: &Map<String, Value>, depth: usize) -> String {
     if depth > 4 {
         return String::new();

@@ -1,4 +1,4 @@
-//! What a run tells in numbers.
+//! The results of a run in numbers.
 
 use crate::ekf::Ekf;
 use crate::model::record::{Epoch, Event, Level, Outcome, Rejection, UpdateRecord};
@@ -13,7 +13,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::any::TypeId;
 
-/// Where a sink wrote.
+/// The place that a sink wrote to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recorded {
     /// The sink's name in the scenario.
@@ -29,19 +29,19 @@ pub struct Summary {
     pub scenario: String,
     /// From the filter's start to its end, s.
     pub duration_s: f64,
-    /// Horizontal path length of the reference, or of the estimate where none goes on to the end,
-    /// m.
+    /// Horizontal path length, m: of the reference, or of the estimate where no reference reaches
+    /// the end.
     pub distance_m: f64,
-    /// Time that the run took, s.
+    /// Computing time of the run, s.
     pub wall_s: f64,
-    /// What became of each sensor's samples.
+    /// Numbers of each sensor's samples: read, accepted, gated, rejected.
     pub samples: Map<String, Value>,
-    /// How each process that finds its own start did so, by name; not there without one.
+    /// Initial alignments by the name of their process; left out where there is none.
     #[serde(skip_serializing_if = "Map::is_empty")]
     pub starts: Map<String, Value>,
-    /// Every block's final estimate, by name.
+    /// The final estimate of every block, by name.
     pub states: Map<String, Value>,
-    /// Estimated against true position, at the references; null without one.
+    /// Estimated against true position at the times of the reference; null without a reference.
     pub horizontal_error_m: Option<HorizontalError>,
     /// The same states as rows to print.
     #[serde(skip)]
@@ -56,7 +56,7 @@ pub struct HorizontalError {
     pub last: f64,
     /// Root mean square over all references, m.
     pub rms: f64,
-    /// The last one in per cent of the reference's path length until then; null below 1 m of it.
+    /// The last error in per cent of the path length of the reference; null for a path below 1 m.
     pub percent_of_distance: Option<f64>,
 }
 
@@ -69,14 +69,14 @@ pub struct StateRow {
     pub unit: &'static str,
     /// Names of the components.
     pub components: &'static [&'static str],
-    /// Estimated, fixed or considered.
+    /// Mode: estimated, fixed or considered.
     pub mode: Mode,
     /// The estimate at the end.
     pub estimate: Vec<f64>,
     /// Its 1-sigma.
     pub sigma: Vec<f64>,
-    /// Estimate minus reference, both of the last reference's time; none where that is more than 2
-    /// s, and twice the reference's last interval, before the end.
+    /// Estimate minus reference at the last time of the reference; none if that time is before the
+    /// end by more than 2 s and by more than twice the last interval of the reference.
     pub error: Option<Vec<f64>>,
     /// 1-sigma at the time of the error, or at the end where there is no error.
     pub error_sigma: Vec<f64>,
@@ -86,15 +86,15 @@ pub struct StateRow {
 #[derive(Clone, Debug)]
 struct Compared {
     time: Time,
-    /// Since the comparison before, s.
+    /// Time since the comparison before, s.
     interval: f64,
     error: Vec<f64>,
     sigma: Vec<f64>,
 }
 
 impl Compared {
-    /// Whether it still tells of a later time.
-    fn tells(&self, end: Time) -> bool {
+    /// True if the comparison is recent enough to hold at the end.
+    fn holds_at(&self, end: Time) -> bool {
         end.since(self.time) <= (2.0 * self.interval).max(2.0)
     }
 }
@@ -108,7 +108,7 @@ struct Counts {
     nis: f64,
 }
 
-/// Collects the numbers while a run goes on.
+/// Collects the numbers of a run while it goes on.
 #[derive(Debug)]
 pub(crate) struct Statistics {
     pub(crate) last_epoch: Option<Time>,
@@ -223,7 +223,8 @@ impl Statistics {
             .filter(|((_, _, counts), sensor)| counts.read == 0 && !sensor.constraint)
             .map(|((name, _, _), _)| {
                 let text = format!(
-                    "no sample of [sensor.{name}] in any source: check the source's files and columns, or remove the sensor"
+                    "no sample of [sensor.{name}] in any source: check the source's files and \
+                     columns, or remove the sensor"
                 );
                 Event { time: ekf.state().time, level: Level::Warning, about: name.clone(), text }
             })
@@ -241,10 +242,10 @@ impl Statistics {
                 ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
             block.show(&ekf.state().values, &mut estimate);
             block.show_sigma(&ekf.state().values, ekf.covariance(), &mut sigma);
-            // what the scenario states as true is so at the end too; a reference counts at its last
+            // a truth that the scenario states also holds at the end; a reference holds at its last
             // time
             let holds = (block.spec.truth.is_some() && !block.wanders) || truth.state.time == end;
-            let before = self.compared[slot].as_ref().filter(|c| c.tells(end));
+            let before = self.compared[slot].as_ref().filter(|c| c.holds_at(end));
             let (error, error_sigma) = match before {
                 _ if holds && truth.known[slot] => {
                     block.show_error(&ekf.state().values, &truth.state.values, &mut error);
@@ -263,7 +264,12 @@ impl Statistics {
                 error,
                 error_sigma,
             };
-            let mut value = json!({ "unit": row.unit, "estimate": row.estimate, "sigma": row.sigma, "error": row.error });
+            let mut value = json!({
+                "unit": row.unit,
+                "estimate": row.estimate,
+                "sigma": row.sigma,
+                "error": row.error,
+            });
             if block.operations.kind == TypeId::of::<Position>() {
                 value["estimate_unit"] = json!(["deg", "deg", "m"]);
             }
@@ -276,7 +282,7 @@ impl Statistics {
         let mut samples = Map::new();
         for ((name, _, c), sensor) in self.sensors.iter().zip(&ekf.composition().sensors) {
             let mean_nis = if c.used > 0 { json!(c.nis / c.used as f64) } else { Value::Null };
-            // a constraint is read nowhere
+            // no source gives the samples of a constraint
             let read = if sensor.constraint { c.used + c.gated + c.rejected } else { c.read };
             let value = match sensor.role {
                 Role::Input(_) => json!({ "read": c.read, "used": c.used, "rejected": c.rejected }),
@@ -294,7 +300,7 @@ impl Statistics {
         let starts = starts.collect();
         let (count, squares, last) = self.errors;
         let position = self.position.and_then(|slot| self.compared[slot].as_ref());
-        let to_the_end = count > 1 && position.is_some_and(|c| c.tells(end));
+        let to_the_end = count > 1 && position.is_some_and(|c| c.holds_at(end));
         Summary {
             scenario: self.name.clone(),
             duration_s: self.first.zip(self.last_epoch).map_or(0.0, |(a, b)| b.since(a)),

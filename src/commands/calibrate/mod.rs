@@ -63,8 +63,8 @@ pub struct Calibrate {
     /// these
     #[arg(long, value_name = "FILE", conflicts_with = "initialise")]
     pub write: Option<PathBuf>,
-    /// Write the scenario with the estimate as the DVL's initial value and the prior sigma unchanged,
-    /// for the same data
+    /// Write the scenario with the estimate as the DVL's initial value and the prior sigma
+    /// unchanged, for the same data
     #[arg(long, value_name = "FILE")]
     pub initialise: Option<PathBuf>,
     /// Form of the result
@@ -143,8 +143,8 @@ fn no_prior(method: Method, why: &str, remedy: &str) -> CommandError {
     CommandError::argument(
         "--write",
         format!(
-            "the sigma of {} cannot serve as a prior: {why}; {remedy}, or --initialise, which keeps \
-             the prior",
+            "the sigma of {} cannot serve as a prior: {why}; {remedy}, or --initialise, which \
+             keeps the prior",
             method.name()
         ),
     )

@@ -252,7 +252,12 @@ fn in_json(name: &str, rows: &[Row], seeds: &[u64]) -> Value {
                 "needs": row.refused,
                 "rms_error": named(error),
                 "rms_sigma": named(sigma),
-                "rms_error_over_sigma": { "k": ratio[0], "roll": ratio[1], "pitch": ratio[2], "yaw": ratio[3] },
+                "rms_error_over_sigma": {
+                    "k": ratio[0],
+                    "roll": ratio[1],
+                    "pitch": ratio[2],
+                    "yaw": ratio[3],
+                },
                 "settled_after_s": row.settled_after(),
             })
         })

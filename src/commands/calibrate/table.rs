@@ -84,7 +84,8 @@ pub fn settles() -> String {
     let (k, yaw) = Estimate::SETTLED;
     let yaw = yaw.to_degrees();
     format!(
-        "settles: k within {k} and yaw within {yaw:.1} deg of the end from then on; -: not determined"
+        "settles: k within {k} and yaw within {yaw:.1} deg of the end from then on; \
+         -: not determined"
     )
 }
 
@@ -115,7 +116,12 @@ pub fn in_json(data: &CalibrationData, outcomes: &[Outcome]) -> Value {
             }),
         })
         .collect();
-    json!({ "scenario": data.recording.name, "segments": data.segments, "attitude": data.attitude_source(), "methods": methods })
+    json!({
+        "scenario": data.recording.name,
+        "segments": data.segments,
+        "attitude": data.attitude_source(),
+        "methods": methods,
+    })
 }
 
 /// `k` and angles, rad, by their names, in deg.
