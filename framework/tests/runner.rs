@@ -277,7 +277,13 @@ fn a_source_that_fails_ends_the_run_with_its_name_and_keeps_what_there_is() {
     assert_eq!(told.samples.lock().unwrap().len(), 50);
     assert!(told.finished.load(Ordering::Relaxed));
     let finished = go(&[], vec![Box::new(clockwork(9, 10, 5))], vec![]);
-    assert!(finished.error.unwrap().to_string().contains("sensor number 9, but there are 2"));
+    assert!(
+        finished
+            .error
+            .unwrap()
+            .to_string()
+            .contains("sensor number 9, but the scenario has 2 sensors")
+    );
 }
 
 #[test]
