@@ -62,13 +62,13 @@ impl<'a> Node<'a> {
         Ok(entries)
     }
 
-    /// The same table, of which [`Self::parse`] reads these keys only.
+    /// Restricts the table: [`Self::parse`] reads only these keys.
     pub fn only(&self, keys: &'static [&'static str]) -> Self {
         Self { seen: Seen::Only(keys), ..self.clone() }
     }
 
-    /// The same table, of which [`Self::parse`] skips these keys. They are allowed, so errors list
-    /// them.
+    /// Excludes keys from the table: [`Self::parse`] skips them. They are allowed in the document,
+    /// so errors list them among the allowed keys.
     pub fn without(&self, keys: &'static [&'static str]) -> Self {
         Self { seen: Seen::Without(keys), ..self.clone() }
     }

@@ -198,9 +198,9 @@ mod tests {
         assert_eq!(find(&mapped("vx_cmps", None), "t,vx_cmps"), Ok((1, 0.01)));
         assert_eq!(find(&mapped("speed_x_m_s", None), "t,speed_x_m_s"), Ok((1, 1.0)));
         assert_eq!(find(&mapped("vx", Some("cm/s")), "t,vx"), Ok((1, 0.01)));
-        // what is said is worth more than what a heading happens to end with
+        // a unit in the scenario takes precedence over the end of the heading
         assert_eq!(find(&mapped("x_m", Some("m/s")), "t,x_m"), Ok((1, 1.0)));
-        // a unit alone: the column is still the channel's
+        // a unit alone: the column is still found by the name of the channel
         assert_eq!(
             find(&Wanted { unit: parse_unit("cm/s").ok(), ..SPEED }, "t,vel_x"),
             Ok((1, 0.01))

@@ -25,7 +25,7 @@ struct Row {
     sensors: String,
     /// The runs in which the method could be applied.
     runs: Vec<Run>,
-    /// The first reason why it could not be applied.
+    /// The first reason why the method could not be applied.
     refused: Option<String>,
 }
 
@@ -56,7 +56,7 @@ impl Row {
         ]
     }
 
-    /// The median over the runs, s.
+    /// Median over the runs of the time at which the method settled, s.
     fn settled_after(&self) -> Option<f64> {
         let mut times: Vec<f64> = self.runs.iter().filter_map(|r| r.settled_after).collect();
         times.sort_by(f64::total_cmp);
@@ -94,7 +94,7 @@ pub fn repeat(
     let (asked, seeds) = (seeds.len(), results.iter().map(|r| r.0).collect::<Vec<u64>>());
     let interrupted = || {
         output::warn(format_args!(
-            "interrupted: {} of {asked} runs were done, and the table above is of these",
+            "interrupted: {} of {asked} runs were completed; the results cover these runs",
             seeds.len()
         ));
         Ok(ExitCode::from(INTERRUPTED))
@@ -116,11 +116,11 @@ pub fn repeat(
     if seeds.len() < asked { interrupted() } else { Ok(ExitCode::SUCCESS) }
 }
 
-/// The seeds of the runs: as many as asked for, the scenario's first.
+/// Returns `count` consecutive seeds, beginning with the scenario's.
 fn seeds(scenario: &Scenario<'_>, count: u64) -> Result<Vec<u64>> {
     let rejected = |message: &str| Err(CommandError::argument(format!("--runs {count}"), message));
     if count < 2 {
-        return rejected("give at least two; without --runs there is one run, and its table");
+        return rejected("give at least two; to calibrate with a single run, leave out --runs");
     }
     if count > MAX_RUNS {
         return rejected(&format!("at most {MAX_RUNS}"));
@@ -128,8 +128,8 @@ fn seeds(scenario: &Scenario<'_>, count: u64) -> Result<Vec<u64>> {
     if !scenario.simulates()? {
         return Err(CommandError::argument(
             "--runs",
-            "a recording cannot be repeated with other noise: this needs a scenario whose sources \
-             are simulated, such as [source.simulation]",
+            "a recording cannot be repeated with other noise; give a scenario whose sources are \
+             simulated, such as [source.simulation]",
         ));
     }
     let first = scenario.compose()?.seed;

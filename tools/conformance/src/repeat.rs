@@ -1,5 +1,6 @@
-//! What must be the same again: the samples of a seed, the filter that reads them, a filter that
-//! goes on from a snapshot, and a filter after a sample that it rejects.
+//! Checks of repeatability. Four things must be the same to the bit: the samples of a seed, the
+//! filter that reads these samples, a filter restored from a snapshot, and a filter after it has
+//! rejected a sample.
 
 use crate::lab::{Heard, Lab, assemble_to, merged};
 use crate::{Failure, Report};
@@ -57,7 +58,7 @@ fn difference(a: &Ekf, b: &Ekf) -> Option<String> {
     Some(block.map_or_else(|| "the covariance".to_owned(), |b| b.name.clone()))
 }
 
-/// Whether two samples are the same to the bit; NaN is NaN.
+/// Returns `true` if two samples are the same to the bit, where NaN equals NaN.
 fn same(a: &Sample, b: &Sample) -> bool {
     let bits =
         |s: &Sample| (0..MAX_CHANNELS).map(|i| s.get(i).map(f64::to_bits)).collect::<Vec<_>>();
@@ -70,15 +71,17 @@ fn determinism(lab: &Lab<'_>) -> Result<String, Failure> {
     let name = |s: &Sample| lab.composition.sensors[s.sensor.0].info.name.as_str();
     if lab.samples.len() != samples.len() {
         return Err(Failure::new(format!(
-            "the same scenario with the same seed gives {} samples, and then {}; draw from the random numbers of the scene alone",
+            "the same scenario with the same seed gives {} samples, and then {}; take random \
+             numbers from scene.random alone",
             lab.samples.len(),
             samples.len()
         )));
     }
     if let Some((first, _)) = lab.samples.iter().zip(&samples).find(|(a, b)| !same(a, b)) {
         return Err(Failure::new(format!(
-            "the sample of [sensor.{}] at {} is another one when the same scenario is simulated again with the same seed; draw from \
-             scene.random alone, and keep nothing between samples",
+            "the sample of [sensor.{}] at {} differs when the same scenario is simulated again \
+             with the same seed; take random numbers from scene.random alone, and keep nothing \
+             between samples",
             name(first),
             first.time
         )));
@@ -89,8 +92,9 @@ fn determinism(lab: &Lab<'_>) -> Result<String, Failure> {
     match difference(&a, &b) {
         None => Ok(format!("{} samples and the filter are the same to the bit", samples.len())),
         Some(block) => Err(Failure::new(format!(
-            "two filters of the same samples differ in {block}; let predict, noise, jacobian and propagate depend on their \
-             arguments and the model's own memory alone: no statics, clocks or hash order"
+            "two filters that read the same samples differ in {block}; let predict, noise, \
+             jacobian and propagate depend on their arguments and the model's own memory alone: \
+             no statics, clocks or hash order"
         ))),
     }
 }
@@ -112,22 +116,23 @@ fn snapshot(lab: &Lab<'_>) -> Result<String, Failure> {
     for (ekf, place) in [(&ekf, "the same filter"), (&other, "another filter")] {
         if let Some(block) = difference(ekf, &straight) {
             return Err(Failure::new(format!(
-                "restored to a snapshot from the middle of the run, {place} does not go on as the one that ran straight through: \
-                 {block} differs; let boxed_clone of a process model copy all of its memory (no Arc, no reset), and keep \
-                 nothing in a measurement model"
+                "{place}, restored from a snapshot in the middle of the run, differs in {block} \
+                 from the filter that ran without a break; let boxed_clone of a process model \
+                 copy all of its memory (no Arc, no reset), and keep nothing in a measurement model"
             )));
         }
     }
-    Ok(format!("the run goes on the same from sample {middle} of {}", lab.samples.len()))
+    Ok(format!(
+        "a run restored at sample {middle} of {} continues to the same bits",
+        lab.samples.len()
+    ))
 }
 
 fn rejection(lab: &Lab<'_>, sensor: usize) -> Result<String, Failure> {
     let Some(at) =
         lab.samples.iter().skip(lab.samples.len() / 2).position(|s| s.sensor.0 == sensor)
     else {
-        return Err(
-            "no sample of it comes in the second half of the run; simulate it to the end".into()
-        );
+        return Err("the second half of the run has no sample of it; simulate it to the end".into());
     };
     let at = at + lab.samples.len() / 2;
     let (sensors, sample) = (&lab.composition.sensors, lab.samples[at]);
@@ -150,8 +155,8 @@ fn rejection(lab: &Lab<'_>, sensor: usize) -> Result<String, Failure> {
         match heard.rejection {
             Some(rejection) if expected(rejection) && unchanged => Ok(()),
             found => Err(Failure::new(format!(
-                "a sample with {what} is not rejected ({found:?}), or changes the state; declare all its channels, and leave it to \
-                 the filter to reject samples"
+                "a sample with {what} is not rejected ({found:?}), or changes the state; declare \
+                 all channels of the sensor, and leave the rejection of samples to the filter"
             ))),
         }
     };
@@ -193,7 +198,7 @@ fn ekf_at(snapshot: &navfuse_core::ekf::Snapshot, lab: &Lab<'_>) -> Result<Ekf, 
     Ok(ekf)
 }
 
-/// A sample without one of its channels is used with the others.
+/// Checks that the filter uses the other channels of a sample from which one is missing.
 fn partial(lab: &Lab<'_>, mut ekf: Ekf, samples: &[Sample], channel: usize) -> Result<(), Failure> {
     let Some((&sample, later)) = samples.split_first() else { return Ok(()) };
     let Role::Measurement(model) = &lab.composition.sensors[sample.sensor.0].role else {
@@ -211,7 +216,7 @@ fn partial(lab: &Lab<'_>, mut ekf: Ekf, samples: &[Sample], channel: usize) -> R
     let mut heard = Only { sensor: sample, found: None };
     ekf.process(&part, &mut heard)
         .map_err(|e| Failure::during(format_args!("without channel {name} the run ends"), e))?;
-    // it waits for the driving sensor
+    // the sample waits for the next one of the driving sensor
     let soon = later.iter().take_while(|s| {
         s.time < Time::from_nanos(sample.time.nanos().saturating_add(1_000_000_000))
     });
@@ -225,15 +230,17 @@ fn partial(lab: &Lab<'_>, mut ekf: Ekf, samples: &[Sample], channel: usize) -> R
     match heard.found {
         Some(n) if n == left => Ok(()),
         Some(n) => Err(Failure::new(format!(
-            "a sample without channel {name} is used with {n} channels, {left} are there; leave out the rows of what is missing"
+            "a sample without channel {name} is used with {n} channels, {left} are there; leave \
+             out the rows of missing channels"
         ))),
         None => Err(Failure::new(format!(
-            "a sample without channel {name} is not used at all; the other channels must still be"
+            "a sample without channel {name} is not used at all; the filter must use its other \
+             channels"
         ))),
     }
 }
 
-/// Listens for the use of one sample.
+/// Observer of the update with one sample.
 struct Only {
     sensor: Sample,
     found: Option<usize>,

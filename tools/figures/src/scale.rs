@@ -54,8 +54,8 @@ impl Ruler {
     }
 }
 
-/// Widens one of two axes so that their units have the same length in a plot of a size in page
-/// pixels, with about `ticks` ticks.
+/// Widens one of two axes so that their units have the same length in a plot of the given size, in
+/// page pixels. `counts` are the approximate numbers of ticks.
 pub fn same_unit(rulers: [&mut Ruler; 2], size: [f64; 2], counts: [f64; 2]) {
     let per_pixel = |k: usize| (rulers[k].high - rulers[k].low) / size[k];
     let unit = per_pixel(0).max(per_pixel(1));
@@ -178,8 +178,8 @@ fn decades(low: f64, high: f64, count: f64) -> (Vec<(f64, String)>, Vec<f64>) {
     )
 }
 
-/// Formats a number with the digits that distinguish it from its neighbours one step away; with an
-/// exponent if there are many.
+/// Formats a number with the digits that distinguish it from its neighbours one step away. A number
+/// that would need many digits gets an exponent.
 fn number(value: f64, step: f64, largest: f64) -> String {
     let digit = (step.log10() + 1e-9).floor() as i32;
     // less than half a step from zero is zero
@@ -195,7 +195,7 @@ fn number(value: f64, step: f64, largest: f64) -> String {
     format!("{:.digits$}e{exponent}", value / 10f64.powi(exponent))
 }
 
-/// Returns 1, 2 or 5 times a power of ten.
+/// Formats 1, 2 or 5 times a power of ten.
 fn decimal(value: f64) -> String {
     let exponent = (value.log10() + 1e-9).floor() as i32;
     match exponent {

@@ -3,8 +3,7 @@
 //! The theorem makes attitude, velocity, the inertial sensors' biases and the DVL's scale factor
 //! and misalignment observable under two conditions:
 //! - on the Type-I segments (constant attitude), the specific-force rates `fdot^b` have at least
-//!   two
-//!   linearly independent directions;
+//!   two linearly independent directions;
 //! - on the Type-II segments (turns), the points `alpha` of eq. (13) are not coplanar.
 //!
 //! Both conditions are ranks of scatter matrices. A singular value counts only if it exceeds the
@@ -22,10 +21,10 @@ use serde::Serialize;
 /// Window of a point `alpha`, s. The noise of the DVL's acceleration falls with the cube of the
 /// window.
 const WINDOW: f64 = 3.0;
-/// Length of a gap of a body velocity, in sample intervals.
+/// Shortest interval between samples that counts as a gap in a body velocity, in sample intervals.
 const GAP: f64 = 3.0;
-/// Shortest varying specific force that a warning reports although it is too short for a segment,
-/// s.
+/// Shortest span of varying specific force of which a warning reports that it is too short for a
+/// segment, s.
 const SHORTEST: f64 = 3.0;
 
 /// Evaluation of the segments.
@@ -96,7 +95,7 @@ pub struct SphereReport {
     pub condition_about_zero: f64,
 }
 
-/// Statement of the theorem or a remark about this run.
+/// Statement about this run that follows from the theorem or from a remark.
 #[derive(Clone, Debug, Serialize)]
 pub struct RemarkReport {
     /// `theorem-1`, `remark-1` ... `remark-4`, or `not-necessary` where the conditions of Theorem 1
@@ -198,8 +197,8 @@ fn row(recording: &Recording, attitude: &Attitude, s: &Segment) -> SegmentRow {
     }
 }
 
-/// Returns, to a second, the earliest end of a segment at which a condition holds, given that it
-/// holds at the segment's end (bisection).
+/// Finds by bisection, to a second, the earliest end of a segment at which a condition holds. The
+/// condition must hold at the segment's actual end.
 fn earliest(segment: &Segment, holds: impl Fn(f64) -> bool) -> f64 {
     let (mut no, mut yes) = (segment.from, segment.to);
     while yes - no > 1.0 {

@@ -49,13 +49,13 @@ struct Own {
 struct Compiled {
     /// Rows of `Phi` that differ from the identity, ascending.
     rows: Vec<usize>,
-    /// Their number, padded to a multiple of four.
+    /// Number of these rows, rounded up to a multiple of four.
     width: usize,
     /// End of each row's entries.
     ends: Vec<usize>,
     /// Column of each entry, and the index of its value in `Transition::phi`.
     entries: Vec<(usize, usize)>,
-    /// Index of each column of the error state among the active rows, if it is one.
+    /// Index in `rows` of each element of the error state; `None` if its row is not there.
     position: Vec<Option<usize>>,
     terms: Terms,
     x: Vec<f64>,
@@ -163,7 +163,8 @@ impl Transition {
         first
     }
 
-    /// Sets decay and process noise variance of axis `k` after `first`.
+    /// Sets the decay and the process noise variance of axis `k` of the block that begins at
+    /// `first`.
     pub(crate) fn set_own(&mut self, first: usize, k: usize, decay: Option<f64>, q: f64) {
         let own = &mut self.own[first + k];
         own.q = q;
@@ -209,15 +210,15 @@ impl Transition {
             &mut self.compiled;
         let width = *width;
         terms.gather(ends, entries, &self.phi);
-        // X = A P, the changed rows
+        // X = A P, with A the changed rows of Phi
         terms.product(p, stride, x, false);
         for (k, row) in x.chunks_exact(stride).enumerate() {
             for (v, column) in row.iter().zip(xt.chunks_exact_mut(width)) {
                 column[k] = *v;
             }
         }
-        // Y = A X', where changed rows and columns meet; it is symmetric, and its upper half is
-        // enough
+        // Y = A X', the elements of P where changed rows and columns meet; Y is symmetric, so its
+        // upper half is enough
         terms.product(xt, width, y, true);
         for (row, x) in rows.iter().zip(x.chunks_exact(stride)) {
             p[row * stride..][..n].copy_from_slice(&x[..n]);
@@ -260,7 +261,7 @@ impl Transition {
         }
     }
 
-    /// [`Self::carry`] of a sensor's reach.
+    /// Carries a sensor's reach over the last step, as [`Self::carry`] does.
     pub(crate) fn carry_reach(&mut self, reach: &mut Reach) {
         let mut work = std::mem::take(&mut self.compiled.carried);
         self.carry(&mut reach.g, reach.stride, &mut work);
@@ -272,19 +273,19 @@ impl Transition {
         &self.places
     }
 
-    /// Whether a process fills rows of that range.
+    /// Returns `true` if a process fills a row in this range.
     pub(crate) fn moves(&self, rows: &std::ops::Range<usize>) -> bool {
         self.places.iter().any(|p| rows.contains(&p.0))
             || self.noise.iter().any(|n| rows.contains(&n.1))
     }
 
-    /// Adds the values of the first places in `Phi` of the last step to `sum`.
+    /// Adds the elements of the last step's `Phi` to `sum`, as far as `sum` goes.
     pub(crate) fn add_to(&self, sum: &mut [f64]) {
         sum.iter_mut().zip(&self.phi).for_each(|(sum, phi)| *sum += phi);
     }
 
-    /// The density of the models' process noise in a step of `dt` seconds: its variance of each
-    /// error, over `dt`.
+    /// Computes the density of the models' process noise in a step of `dt` seconds: for each error
+    /// state, the variance divided by `dt`.
     pub(crate) fn noise_density(&self, dt: f64, density: &mut [f64]) {
         for &(at, row, size) in &self.noise {
             for i in 0..size {
@@ -293,13 +294,13 @@ impl Transition {
         }
     }
 
-    /// Multiplies the process noise of the models by that factor, in standard deviation.
+    /// Multiplies the standard deviation of the models' process noise by `factor`.
     pub fn scale_noise(&mut self, factor: f64) {
         self.excess = factor * factor - 1.0;
     }
 
-    /// The declared elements of `Phi`, as row, column and value; a row that has none is that of the
-    /// identity.
+    /// Declared elements of `Phi`, as row, column and value. A row without declared elements is
+    /// that of the identity.
     pub fn elements(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
         self.places.iter().zip(&self.phi).map(|(&(i, j), &value)| (i, j, value))
     }
@@ -313,7 +314,7 @@ impl Transition {
         blocks.chain(self.own.iter().map(|own| (own.row, own.row, own.q)))
     }
 
-    /// `Phi` as a dense matrix: the identity but for the declared places.
+    /// `Phi` as a dense matrix: the identity, except in the rows with declared elements.
     pub fn phi_dense(&self, n: usize) -> nalgebra::DMatrix<f64> {
         let mut phi = nalgebra::DMatrix::identity(n, n);
         for &row in &self.compiled.rows {
@@ -353,7 +354,7 @@ impl Terms {
         for (k, (&end, row)) in self.ends.iter().zip(out.chunks_exact_mut(stride)).enumerate() {
             let terms = &self.columns[start..end];
             let mut at = if half { k / 4 * 4 } else { 0 };
-            // as many columns at once as there are registers
+            // as many columns at once as fit into the registers
             while at < stride {
                 at += match stride - at {
                     4 => accumulate::<4>(terms, x, stride, at, row),

@@ -13,8 +13,9 @@
 //! inertial navigation system: comparison and extension*, IEEE Trans. Aerosp. Electron. Syst.
 //! 49(3), 2013, which write the third term as `int C_b^b0 (w_ie^b x v^b) dt`; `w_ie` is constant in
 //! inertial axes). `C_b^b0` is integrated from the gyros and `C_n^n0` from Earth and transport
-//! rate, so `C_b0^n0` is a constant, which many times `t` determine. Sway has little effect: its
-//! rotation is in `C_b^b0`, and its velocity stays small compared with `a`, which grows with time.
+//! rate. What remains is the constant `C_b0^n0`, which is fitted to many times `t`. Sway has little
+//! effect: its rotation is in `C_b^b0`, and its velocity stays small compared with `a`, which grows
+//! with time.
 
 use super::optimisation::{Fit, Pairs};
 use crate::earth::LocalEarth;
@@ -32,7 +33,7 @@ pub struct Integral {
 }
 
 impl Integral {
-    /// Adds an inertial sample, biases removed.
+    /// Adds an inertial sample whose biases are removed.
     pub fn advance(&mut self, sample: &Increments) {
         let (rotation, dvel) = self.mechanisation.compensate(sample);
         // the velocity increment in the axes of the interval's beginning, `int C(t) f dt`, to third
@@ -63,16 +64,17 @@ pub struct Instant {
 pub struct AttitudeFit {
     /// `C_b0^n0`.
     pub c_b_n: UnitQuaternion<f64>,
-    /// `|C b - a|` of every instant after the first, m/s: its error of velocity.
+    /// Residual `|C b - a|` of every instant after the first, a velocity, m/s.
     pub residuals: Vec<f64>,
 }
 
-/// Number of iterations: Earth and transport rate need the attitude, which is found with them. Each
-/// iteration reduces the error to `v t W / (g t)` of it, at most a hundredth.
+/// Number of iterations. The attitude needs Earth and transport rate, and these need the attitude.
+/// Each iteration multiplies the error by `v t W / (g t)`, at most a hundredth.
 const ROUNDS: usize = 8;
 
 /// Computes the attitude at the beginning from instants in order of time, relative to the first of
-/// them. `None` with fewer than three, or where gravity does not rotate: at a pole, or in no time.
+/// them. `None` with fewer than three instants, or where gravity does not rotate: at a pole, or in
+/// a span of zero length.
 pub fn align(instants: &[Instant], earth: &LocalEarth) -> Option<AttitudeFit> {
     let mut c_b_n = None;
     for _ in 0..ROUNDS {
@@ -168,7 +170,7 @@ mod tests {
             let slow = Vector3::new(0.0, 0.0, turn)
                 + Vector3::new(sway * (1.1 * t).cos(), sway * (0.8 * t).sin(), 0.0);
             let w = slow + nav.c_b_n.inverse() * (e.earth_rate() + e.transport_rate(&nav.velocity));
-            // what holds the velocity to the body as it turns
+            // with this specific force the velocity stays constant in body axes while they turn
             let coriolis =
                 (e.earth_rate() * 2.0 + e.transport_rate(&nav.velocity)).cross(&nav.velocity);
             let v_b = nav.c_b_n.inverse() * nav.velocity;
@@ -193,8 +195,8 @@ mod tests {
         for seed in 0..20 {
             let (instants, start, earth) =
                 run(seed, 60, 0.0, 0.0, if seed % 2 == 0 { 0.0 } else { 0.05 });
-            // what sculling of the sway leaves in 60 s is 1e-6 of g, over an Earth rate of 1e-4 to
-            // 7e-5
+            // uncompensated sculling of the sway is 1e-6 of g in 60 s, to be divided by an Earth
+            // rate of 1e-4 to 7e-5
             let error = error_deg(&instants, &start, &earth);
             assert!(error < 0.01, "seed {seed}: {error} deg");
         }
@@ -205,14 +207,14 @@ mod tests {
         for seed in 20..40 {
             let (instants, start, earth) = run(seed, 120, 5.0, 0.03, 0.02);
             let error = error_deg(&instants, &start, &earth);
-            // the latitude is held at that of the beginning: 600 m north are 1e-4 rad of it, and
-            // 0.01 deg of the direction of a
+            // `align` keeps the initial latitude: 600 m to the north change the latitude by
+            // 1e-4 rad, and the direction of `a` by 0.01 deg
             assert!(error < 0.02, "seed {seed}: {error} deg");
         }
     }
 
-    /// Left out, Earth rate and transport rate cost a speed of 5 m/s more than half a degree of
-    /// heading.
+    /// At a speed of 5 m/s, neglecting Earth rate and transport rate costs more than half a degree
+    /// of heading.
     #[test]
     fn earth_and_transport_rate_matter() {
         let mut worst = 0.0_f64;
@@ -230,8 +232,8 @@ mod tests {
     fn a_motion_that_is_not_the_one_told_shows_in_the_residuals() {
         let (mut instants, _, earth) = run(60, 60, 5.0, 0.05, 0.0);
         let told = align(&instants, &earth).unwrap();
-        // a gravity that is held while 300 m of height change it by 1e-3 m/s^2 is 0.03 m/s off
-        // after a minute
+        // `align` keeps the initial gravity, but 300 m of height change gravity by 1e-3 m/s^2;
+        // after a minute the velocity is 0.03 m/s off
         assert!(told.residuals.iter().all(|r| *r < 0.05), "{:?}", told.residuals);
         instants.iter_mut().for_each(|i| i.velocity = Vector3::zeros());
         let at_rest = align(&instants, &earth).unwrap();
