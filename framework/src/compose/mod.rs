@@ -1,4 +1,4 @@
-//! Composition: the composer that types build their models with, and its result.
+//! Composition: the composer, with which types build their models, and its result.
 
 pub mod calibration;
 mod composer;

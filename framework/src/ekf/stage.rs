@@ -6,21 +6,21 @@ use crate::units::time::Time;
 /// Stage of a filter.
 #[derive(Clone)]
 pub(super) enum Stage {
-    /// Waits for the first driving sample from this time on, or the first measurement where no
+    /// Waits for the first driving sample from this time on, or for the first measurement if no
     /// sensor drives.
     At(Time),
     /// Waits for the first reference from this time on.
     FromReference(Time),
-    /// Searches for the initial values from the state's time on. The buffer holds the samples
-    /// since.
+    /// Searches for the initial values from the time of the state on. The buffer holds the samples
+    /// since that time.
     Searching(Vec<Sample>),
     /// Runs.
     Running,
 }
 
 impl Stage {
-    /// Whether a driving sample of that time, or a measurement where no sensor drives, starts the
-    /// filter.
+    /// Returns `true` if a driving sample of this time starts the filter, or a measurement if no
+    /// sensor drives.
     pub(super) fn is_due(&self, time: Time) -> bool {
         matches!(self, Self::At(start) if time >= *start)
     }

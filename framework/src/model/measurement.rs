@@ -101,7 +101,7 @@ impl<const N: usize> Jacobian<'_, N> {
 /// ```
 /// use navfuse_core::model::measurement::{AnyMeasurement, At};
 /// use navfuse_core::prelude::*;
-/// /// What a sensor of any type would read at a state, and with which 1-sigma.
+/// /// Returns the reading of each channel at a state and its 1-sigma, for a sensor of any type.
 /// fn reading(model: &dyn AnyMeasurement, layout: &Layout, state: &State) -> Vec<(f64, f64)> {
 ///     let (n, at) = (model.channels(), At::state(layout, state));
 ///     let (mut h, mut r) = (vec![0.0; n], vec![0.0; n * n]);
@@ -244,8 +244,8 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
 }
 
 /// Largest error of a model's Jacobian at a state, relative to the largest derivative of the
-/// channel. The reference is central differences along the tangents of the blocks, less their
-/// rounding error. For tests of sensors; 1e-6 is a good bound.
+/// channel. The reference is central differences along the tangents of the blocks; their rounding
+/// error is subtracted. For tests of sensors; 1e-6 is a good bound.
 pub fn jacobian_error(model: &dyn AnyMeasurement, at: &At<'_>) -> f64 {
     let &At { layout, state, sample } = at;
     let (n, read) = (model.channels(), model.blocks(at));
@@ -260,8 +260,8 @@ pub fn jacobian_error(model: &dyn AnyMeasurement, at: &At<'_>) -> f64 {
     let mut column = 0;
     for block in slots(read).map(|slot| &layout.blocks[slot]) {
         for k in 0..block.tangent_range().len() {
-            // cube root of the rounding error times the magnitude of the value; the tangent of a
-            // position is in metres
+            // the step is the cube root of the rounding error times the magnitude of the value; the
+            // tangent of a position is in metres
             let size = if block.operations.kind == std::any::TypeId::of::<Position>() {
                 1e3
             } else {

@@ -1,22 +1,23 @@
-//! Reasons why plugins do not fit together.
+//! Conflicts between plugins.
 
 use crate::plugin::need::Need;
 use std::fmt;
 
-/// Plugins that do not fit together: every conflict, each with its remedy, on a line of its own.
+/// All conflicts between the plugins of a registry. The message has one line for each, with its
+/// remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PluginError {
     conflicts: Vec<PluginConflict>,
 }
 
-/// One reason why plugins do not fit together.
+/// Conflict between plugins.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PluginConflict {
     /// A plugin was to be replaced or disabled but was never added.
     #[error(
         "{plugin} is to be replaced or disabled, but is no plugin here; \
-         add it first, or leave that out"
+         add it first, or neither replace nor disable it"
     )]
     Absent {
         /// Type of the plugin.
@@ -88,7 +89,7 @@ pub enum PluginConflict {
     },
     /// The version of a needed plugin cannot be parsed.
     #[error(
-        "the plugin {plugin} {version} needs the plugin {}, whose version {found:?} is none: \
+        "the plugin {plugin} {version} needs the plugin {}, whose version {found:?} is malformed: \
          {reason}", .need.plugin
     )]
     MalformedVersion {

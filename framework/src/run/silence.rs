@@ -11,7 +11,7 @@ pub(crate) struct SilenceMonitor {
     /// The driving sensor: its clock is the clock of the other sensors.
     driver: Option<usize>,
     sensors: Vec<Activity>,
-    /// The time of the sample before.
+    /// The time of the previous sample.
     before: Time,
     /// The time of the next check.
     next: Time,

@@ -86,7 +86,7 @@ pub struct Block {
     pub offset: usize,
     /// Offset of the error in the error state; `None` when fixed.
     pub tangent: Option<usize>,
-    /// Whether the truth moves by the dynamics.
+    /// Set if the truth moves by the dynamics of the block.
     pub wanders: bool,
 }
 
@@ -101,7 +101,7 @@ impl Block {
         self.tangent.map_or(0..0, |t| t..t + self.operations.tangent)
     }
 
-    /// Whether updates correct it.
+    /// Returns `true` if updates correct the block.
     pub fn estimated(&self) -> bool {
         self.tangent.is_some() && self.spec.mode == Mode::Estimate
     }

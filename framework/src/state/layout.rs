@@ -53,7 +53,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The block of that full name.
+    /// Finds the block with a full name.
     pub fn find(&self, name: &str) -> Option<&Block> {
         self.blocks.iter().find(|b| b.name == name)
     }
@@ -76,7 +76,8 @@ impl Layout {
         state
     }
 
-    /// State with every block at its `truth` where it has one, and which blocks have one.
+    /// Returns the state with every block that has a `truth` at this truth, and for each block
+    /// whether it has one.
     pub fn true_state(&self) -> (State, Vec<bool>) {
         let mut state = self.initial_state();
         let mut known = vec![false; self.blocks.len()];

@@ -79,12 +79,12 @@ const MAX_POWER: i8 = 6;
 impl Unit {
     const ONE: Self = Self { numerator: 1.0, denominator: 1.0, exponents: NONE };
 
-    /// The SI value of one of this unit.
+    /// The SI value of the unit.
     pub fn factor(&self) -> f64 {
         self.numerator / self.denominator
     }
 
-    /// A number of this unit in SI, with less rounding than by [`Self::factor`].
+    /// Converts a number of this unit to SI, with less rounding than [`Self::factor`] gives.
     pub fn to_si(&self, value: f64) -> f64 {
         value * self.numerator / self.denominator
     }

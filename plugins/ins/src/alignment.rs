@@ -1,11 +1,11 @@
 //! Initial alignment: attitude and velocity at the start, found from samples.
 //!
 //! The alignment has two stages, coarse and fine. The coarse one ([`inertial`], [`optimisation`])
-//! finds an attitude without a prior. The fine one is the filter itself: it starts at the beginning
-//! of the coarse one, at the attitude found, with a prior sigma about ten times the expected error,
-//! and processes the same samples again. The information of the filter therefore comes from the
-//! samples, used once, and its covariance has the correlations of heading with gyro bias and of
-//! tilt with accelerometer bias. The coarse attitude is only the point of linearisation.
+//! finds an attitude without a prior. The fine one is the filter itself. It starts at the same time
+//! as the coarse stage, at the attitude which that stage found, with a prior sigma of about ten
+//! times the expected error, and processes the same samples again. The coarse attitude is only the
+//! point of linearisation: the information in the filter comes from the samples, used once, and its
+//! covariance has the correlations of heading with gyro bias and of tilt with accelerometer bias.
 
 mod aligner;
 mod coarse;

@@ -40,15 +40,14 @@ pub struct Increments {
 }
 
 impl Increments {
-    /// The share of this sample that falls to a fraction of its interval, at the sample's mean
-    /// rates.
+    /// Returns the part of this sample for a fraction of its interval, at the sample's mean rates.
     #[must_use]
     pub fn part(&self, fraction: f64) -> Self {
         Self { dtheta: self.dtheta * fraction, dvel: self.dvel * fraction, dt: self.dt * fraction }
     }
 }
 
-/// What a step met, at its midpoint or as a mean over it: all that the error model needs.
+/// Quantities of a step that the error model needs, at the midpoint or as a mean over the step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepRates {
     /// Length of the interval, s.
@@ -68,7 +67,7 @@ pub struct StepRates {
     pub earth: LocalEarth,
 }
 
-/// Reason for which a step has no result.
+/// Error of a step.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum MechanisationError {
@@ -96,7 +95,8 @@ pub enum MechanisationError {
          state"
     )]
     NonFinite {
-        /// Part of the given state or increments that is not finite, or else the result.
+        /// Name of the part of the state or increments that is not finite; `result` if all of these
+        /// are finite.
         what: &'static str,
     },
 }
@@ -106,8 +106,8 @@ pub enum MechanisationError {
 /// snapshot.
 ///
 /// A sample may be taken in parts, where an update falls inside its interval: see
-/// [`Self::step_part`]. After a gap in the samples, begin with the default again: it has no
-/// previous sample and applies no coning or sculling to its first.
+/// [`Self::step_part`]. After a gap in the samples, begin with a default integrator again: without
+/// a previous sample, it applies no coning or sculling to the first one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mechanisation {
     /// The last complete sample.
@@ -135,8 +135,8 @@ impl Mechanisation {
     ///
     /// For a given previous sample and length, the coning and sculling of a sample are linear in
     /// its increments, so each part takes its share, and the parts add up to the whole. The parts
-    /// become the previous sample when together they last `sample_dt` (to one part in a million); a
-    /// sample that was left unfinished is merged with the next, as one sample at their mean rates.
+    /// become the previous sample when together they last `sample_dt` (to one part in a million).
+    /// An unfinished sample is merged with the next one into a single sample at their mean rates.
     ///
     /// # Errors
     /// See [`MechanisationError`]. A step that failed leaves the integrator unchanged.
@@ -354,7 +354,7 @@ fn advance(
     (NavState { c_b_n, velocity: new_velocity, position }, rates)
 }
 
-/// The first of a step's inputs that is not finite, or else its result.
+/// Returns the error for the first of a step's inputs that is not finite, or else for its result.
 #[cold]
 fn not_finite(state: &NavState, inc: &Increments) -> MechanisationError {
     let p = &state.position;

@@ -11,7 +11,7 @@
 //! | `/innovation/NAME` | `navfuse_msgs/Innovation` | the use of a sample of a measuring sensor: outcome, NIS, innovation and its 1-sigma |
 //! | `/state/OWNER/BLOCK` | `navfuse_msgs/BlockState` | every block at every epoch in its display unit: estimate, 1-sigma, and error where the truth is known |
 //! | `/estimate/odometry` | `nav_msgs/Odometry` | pose of `base_link_frd` in `ned`, velocity in body axes, covariances |
-//! | `/estimate/fix` | `sensor_msgs/NavSatFix` | geodetic position and its covariance (east, north, up, as that message has it) |
+//! | `/estimate/fix` | `sensor_msgs/NavSatFix` | geodetic position and its covariance (east, north, up, as that message requires) |
 //! | `/tf` | `tf2_msgs/TFMessage` | `ned` to `base_link_frd` |
 //! | `/log` | `rcl_interfaces/Log` | events |
 //!
@@ -26,9 +26,10 @@
 //! number of whole seconds that makes the log time of the first sample positive or zero. A later
 //! sample with a still earlier time has the log time zero.
 //!
-//! **Scenario.** The metadata record `navfuse`, the first record of the file, has `name`, `version`, `seed`,
-//! `simulated` (`true` where every source simulates its samples), `log_time_offset_ns`, `description` where the scenario
-//! has one, and `scenario`, the TOML as it was run; the attachment `scenario.toml` has that too.
+//! **Scenario.** The metadata record `navfuse`, the first record of the file, has `name`,
+//! `version`, `seed`, `simulated` (`true` if every source simulates its samples),
+//! `log_time_offset_ns`, `description` if the scenario has one, and `scenario`, the TOML as it was
+//! run. The attachment `scenario.toml` holds the same TOML.
 //!
 //! The channel of the samples of a sensor has the `type` and the `purpose` (`input`, `measurement`
 //! or `reference`) of the sensor in its metadata. [`LogReader`] reads the log for reports.

@@ -95,8 +95,9 @@ pub struct Pair {
 /// Length of a displacement, s.
 const WINDOW: f64 = 10.0;
 
-/// Returns pairs of velocities. The flag is `true` for velocities of the fixes' sensor; without
-/// them, the velocities are displacements in instrument axes ([`instrument`]) over their duration.
+/// Returns pairs of velocities. The flag is `true` if the sensor of the fixes measures the
+/// velocity. If it does not, the velocities are displacements in instrument axes ([`instrument`])
+/// over their duration.
 ///
 /// # Errors
 /// Returns an error as [`blocks`] does, and if the vehicle does not move.
@@ -108,7 +109,7 @@ pub fn pairs(data: &CalibrationData) -> Result<(Vec<Pair>, bool), CalibrationErr
     if own {
         for fix in blocks.iter().flatten() {
             let Some(v) = fix.velocity else { continue };
-            // the mean of the samples around the fix: the value of a straight line in the middle
+            // the mean of the samples around the fix: exact if the velocity changes linearly
             let reach = (0.6 * velocity.samples.period()).max(0.5);
             let mean = velocity.samples.mean(fix.time - reach, fix.time + reach);
             let Some((y, _)) = mean else { continue };
@@ -135,7 +136,8 @@ pub fn pairs(data: &CalibrationData) -> Result<(Vec<Pair>, bool), CalibrationErr
         .sqrt();
     if speed < 0.2 {
         return Err(CalibrationError::Motion(format!(
-            "the vehicle moves at only {speed:.2} m/s while there are fixes: be under way"
+            "the vehicle moves at only {speed:.2} m/s while there are fixes: give fixes of \
+             a vehicle under way"
         )));
     }
     Ok((pairs, own))

@@ -45,7 +45,7 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     );
     if !(0.5..2.0).contains(&ratio) || fit < 0.5 {
         return Err(CalibrationError::Inconsistent(format!(
-            "β and γ do not belong together (k = {:.3}, correlation {fit:.2}): the anchors are \
+            "β and γ contradict each other (k = {:.3}, correlation {fit:.2}): the anchors are \
              single samples, and where a segment does not begin in steady motion they are wrong; \
              use io-dvlc",
             mounting.k
@@ -55,7 +55,7 @@ pub fn estimate(data: &CalibrationData) -> Result<Estimate, CalibrationError> {
     let used = [segments[0].from, segments[segments.len() - 1].to];
     let mut determined = [true; 4];
     if directions.rank < 2 {
-        // the undetermined angle is that about the body axis nearest to the single direction
+        // undetermined: the angle about the body axis nearest to the single direction
         determined[1 + directions.axes.column(0).iamax()] = false;
     }
     Ok(Estimate { mounting, covariance: None, determined, history, used, notes })

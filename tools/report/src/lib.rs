@@ -1,10 +1,10 @@
 //! Reports of runs: collected during a run or from its log, plotted, and written as one page that
 //! opens offline.
 //!
-//! A [`History`] holds all content of a report: series of a bounded length for any run, and counts
-//! of everything. [`Recorder`] collects it from a run and [`read_log`] from a log, with the same
-//! result. [`plots`] plots it, [`page`] writes the report, and [`pan_wu`] makes the figures of Pan
-//! & Wu (2016) from the histories of their two runs.
+//! A [`History`] holds all content of a report: series of a bounded length, however long the run,
+//! and counts over all samples. [`Recorder`] collects it from a run and [`read_log`] from a log,
+//! with the same result. [`plots`] plots it, [`page`] writes the report, and [`pan_wu`] makes the
+//! figures of Pan & Wu (2016) from the histories of their two runs.
 
 mod history;
 mod log;

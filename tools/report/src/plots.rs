@@ -37,8 +37,8 @@ pub(crate) fn label(what: &str, unit: &str) -> String {
 /// Times and positions north, east, down (m) from the first position.
 pub(crate) type Track = Vec<(f64, [f64; 3])>;
 
-/// Returns the tracks of the estimate and of the truth, from the first position, the true one if it
-/// is known.
+/// Returns the tracks of the estimate and of the truth, relative to the first true position, or to
+/// the first estimate if no truth is known.
 pub(crate) fn tracks(position: &BlockHistory) -> (Track, Track) {
     let origin = &position.first.estimate;
     let off = position.first.error.first_chunk::<3>().copied().unwrap_or_default();
@@ -185,8 +185,8 @@ pub(crate) fn convergence(block: &BlockHistory, k: usize) -> Panel {
     over_time("", y, curves, Vec::new())
 }
 
-/// Plots every component's sigma relative to its first value, one panel per block. A falling curve
-/// shows from when on a state was observed.
+/// Plots every component's sigma relative to its first value, one panel per block. A curve falls
+/// from the time on at which the run begins to determine the state.
 pub fn normalised(history: &History) -> Figure {
     let blocks = history.blocks.iter().filter(|b| b.uncertain());
     let panels = blocks.map(|b| normalised_panel(b, &(0..b.components.len()).collect::<Vec<_>>()));
