@@ -40,7 +40,8 @@ fn a_considered_block_is_schmidts_the_optimal_filter_with_its_gain_zeroed() {
         x += &gain * (z - x[0] - x[2]);
         let a = DMatrix::identity(3, 3) - &gain * &h;
         p = &a * p * a.transpose() + &gain * gain.transpose() * 0.01;
-        // rounding of 200 steps of 2^-53 on numbers of at most 100 (place) and 1 (covariance), tenfold
+        // 10 times the rounding of 200 steps of 2^-53 with numbers of at most 100 (place) and 1
+        // (covariance)
         assert!((b.value("cart.place") - x[0]).abs() < 2e-11);
         let found = b.ekf.covariance().to_dense();
         assert!((&found - &p).amax() < 1e-12, "{found}{p}");
@@ -53,7 +54,8 @@ fn a_considered_block_is_schmidts_the_optimal_filter_with_its_gain_zeroed() {
 
 #[test]
 fn a_gauss_markov_block_returns_to_its_initial_value_and_its_variance_to_the_stationary_one() {
-    let drift = "process.cart.drift={ initial = \"2 m/s\", sigma = \"0.5 m/s\", correlation_time = \"10 s\" }";
+    let drift = "process.cart.drift={ initial = \"2 m/s\", sigma = \"0.5 m/s\", \
+                 correlation_time = \"10 s\" }";
     let mut b = Bench::new(&[drift]);
     b.give("speed", 0.0, &[2.0]);
     assert!((b.variance("cart.drift") - 0.25).abs() < 1e-15);
@@ -64,14 +66,16 @@ fn a_gauss_markov_block_returns_to_its_initial_value_and_its_variance_to_the_sta
     for k in 1..=300 {
         b.give("speed", 1.0 + f64::from(k) * 0.1, &[2.0]);
     }
-    // over 30 s: x = mu + (x0 - mu) e^-3, P = sigma^2 + (P0 - sigma^2) e^-6 (Groves eq. 3.3), to 300 roundings
+    // over 30 s: x = mu + (x0 - mu) e^-3, P = sigma^2 + (P0 - sigma^2) e^-6 (Groves eq. 3.3),
+    // within the rounding of 300 steps
     assert!((b.value("cart.drift") - 2.0 - away * (-3.0_f64).exp()).abs() < 1e-13);
     assert!((b.variance("cart.drift") - 0.25 - (variance - 0.25) * (-6.0_f64).exp()).abs() < 1e-13);
 }
 
 #[test]
 fn the_steps_of_a_gauss_markov_block_add_up_whatever_their_length() {
-    let drift = "process.cart.drift={ initial = \"2 m/s\", sigma = \"0.5 m/s\", correlation_time = \"10 s\" }";
+    let drift = "process.cart.drift={ initial = \"2 m/s\", sigma = \"0.5 m/s\", \
+                 correlation_time = \"10 s\" }";
     let run = |steps: u32| {
         let mut b = Bench::new(&[drift]);
         b.give("speed", 0.0, &[2.0]).give("fix", 0.0, &[0.3]);

@@ -1,5 +1,5 @@
-//! A manifold written by an outsider: a direction, on the unit sphere, of two degrees of freedom in three numbers; seen by
-//! an angle that wraps.
+//! A manifold outside of the framework: a direction on the unit sphere, with two degrees of freedom
+//! in three numbers, observed by an angle that wraps.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::Real;
@@ -25,7 +25,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
 
-/// A direction; the tangent is along two axes at right angles to it, rad. Coordinates are azimuth and elevation.
+/// A direction. The tangent (rad) is along two axes at right angles to the direction; the
+/// coordinates are azimuth and elevation.
 struct Direction;
 
 /// Two axes at right angles to a direction and to each other.
@@ -69,7 +70,9 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn it_obeys_what_the_framework_asks_of_a_manifold(azimuth in -PI..PI, elevation in -1.5..1.5_f64, d in [-1.0..1.0_f64, -1.0..1.0]) {
+    fn it_obeys_what_the_framework_asks_of_a_manifold(
+        azimuth in -PI..PI, elevation in -1.5..1.5_f64, d in [-1.0..1.0_f64, -1.0..1.0],
+    ) {
         let operations = Operations::of::<Direction>();
         let mut x = [0.0; 3];
         (operations.from_coordinates)(&[azimuth, elevation], &mut x);
@@ -167,7 +170,7 @@ fn a_direction_is_estimated_across_the_azimuth_where_angles_wrap() {
     let document = Document::parse("star.toml", scenario).unwrap();
     let mut ekf = Ekf::new(Scenario::new(&registry, document, &[]).unwrap().compose().unwrap());
     let mut outcomes = Outcomes::default();
-    // the estimate starts at an azimuth of 3.1; the truth is on the other side of half a turn, at -3.1
+    // the estimate starts at an azimuth of 3.1; the truth is beyond half a turn, at -3.1
     for k in 0..50 {
         let t = Time::from_seconds(f64::from(k)).unwrap();
         ekf.process(&Sample::new(t, SensorId(0), &[-3.1, 0.38]), &mut outcomes).unwrap();
@@ -177,7 +180,8 @@ fn a_direction_is_estimated_across_the_azimuth_where_angles_wrap() {
     let (mut shown, mut sigma) = ([0.0; 2], [0.0; 2]);
     block.show(&ekf.state().values, &mut shown);
     block.show_sigma(&ekf.state().values, ekf.covariance(), &mut sigma);
-    // what is left of the 0.083 rad: R / (P n) = (0.1/5)^2 / 50 of it, and the bending of the first, far step
+    // the remaining share of the 0.083 rad: R / (P n) = (0.1/5)^2 / 50, and the nonlinearity of the
+    // first, large step
     assert!((shown[0] - (-3.1_f64).to_degrees()).abs() < 0.05, "{shown:?}");
     assert!((shown[1] - 0.38_f64.to_degrees()).abs() < 0.05, "{shown:?}");
     // noise over the root of the number: along the tangent the azimuth counts cos(elevation)

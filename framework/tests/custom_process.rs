@@ -1,5 +1,5 @@
-//! A process model written by an outsider: a vehicle without an IMU, at nearly constant velocity in the plane, seen by
-//! the distances to two beacons.
+//! A process model outside of the framework: a vehicle without an IMU, at nearly constant velocity
+//! in the plane, observed by the distances to two beacons.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::Real;
@@ -57,7 +57,7 @@ impl ProcessType for Cruise {
             density: self.acceleration.value().si().powi(2),
             p_p: t.phi_diagonal(p, p),
             p_v: t.phi_diagonal(p, v),
-            // place and velocity stand next to each other, so that their noise, which is coupled, is one block
+            // place and velocity are adjacent, so one noise block holds their coupled noise
             q: t.noise(p),
         };
         Ok(BuiltProcess::new(model))
@@ -204,7 +204,8 @@ fn a_vehicle_without_an_imu_is_filtered_as_the_textbook_does() {
         x += gain * (Vector2::from(z) - Vector2::from(ranges(x.xy())));
         let a = Matrix4::identity() - gain * h;
         p = a * p * a.transpose() + gain * gain.transpose() * 0.25;
-        // 400 steps of a stable filter on numbers of at most 250: rounding of 250 x 2^-53 = 3e-14, thirtyfold
+        // 400 steps of a stable filter with numbers of at most 250: 30 times the rounding of
+        // 250 x 2^-53 = 3e-14
         for i in 0..4 {
             assert!(
                 (ekf.state().values[i] - x[i]).abs() < 1e-12,

@@ -1,5 +1,5 @@
-//! A sensor written by an outsider, in one file: a towed log that gives the speed through water with a scale factor,
-//! from parameters in TOML to an estimate.
+//! A sensor outside of the framework, in one file: a towed log that measures the speed through
+//! water with a scale factor, from parameters in TOML to an estimate.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::Real;

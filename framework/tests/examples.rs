@@ -1,4 +1,4 @@
-//! The documentation of every trait shows how it is used; the examples are compiled and run with the documentation.
+//! Examples in the documentation of every trait, which the documentation tests compile and run.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Gates, what is told of them, and the way out when everything is gated.
+//! Gates, their warnings, and the recovery when every sample is gated.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::Real;
@@ -20,7 +20,8 @@ use navfuse_testing::lab::{self, Bench, Lab, SCENARIO};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// A log: it sees the drift of the cart, which is its speed backwards when the speedometer says nothing.
+/// A log that measures the drift of the cart, which is its backward speed while the speedometer
+/// reads zero.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct DriftLog {
@@ -52,7 +53,7 @@ impl MeasurementModel<1> for DriftModel {
     }
 }
 
-/// The laboratory with a log of 1 cm/s that has told the filter for 10 s that it stands still, at 1 Hz.
+/// The laboratory with a log of 1 cm/s that has measured a cart at rest for 10 s, at 1 Hz.
 fn logged() -> Bench {
     let mut registry = Registry::new();
     registry.add(&Lab);
@@ -69,7 +70,8 @@ fn logged() -> Bench {
 
 #[test]
 fn the_thresholds_are_those_of_the_chi_square_table() {
-    // Abramowitz & Stegun table 26.8, five or six digits; 0.9999 from its asymptotic expansion to two decimals
+    // Abramowitz & Stegun table 26.8, five or six digits; 0.9999 from the asymptotic expansion, to
+    // two decimals
     for (p, thresholds) in [
         ("0.95", [3.84146, 5.99147, 7.81473]),
         ("0.99", [6.63490, 9.21034, 11.3449]),
@@ -168,7 +170,8 @@ fn inflation_lets_the_filter_believe_the_sensor_with_a_covariance_that_says_so()
     // the recorded NIS is that of the inflated covariance: 2 channels, at most 1.5 each
     let nis = b.log.updates.last().unwrap().2;
     assert!(nis <= 3.0 && nis > 1.0, "{nis}");
-    // the prior sigma became about the size of the innovation, so that the gain is nearly one: R / P = 0.002 / 60^2
+    // the prior sigma is now about as large as the innovation, so the gain is nearly one:
+    // R / P = 0.002 / 60^2
     assert!((b.value("cart.place") - 60.0).abs() < 0.5, "{}", b.value("cart.place"));
     for k in 16..30 {
         b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[60.0, 120.0]);
@@ -237,7 +240,8 @@ fn an_absurd_number_is_gated_whatever_the_gate_and_never_used() {
 #[test]
 fn a_wrong_speed_that_was_believed_leaves_a_place_as_uncertain_as_it_is_wrong() {
     let mut b = logged();
-    // stuck at 22 m/s for 41 s while the cart stands still, then right again: locked out twice, 30 s each
+    // stuck at 22 m/s for 41 s while the cart stands still, then correct again: locked out twice,
+    // for 30 s each
     for k in 10..130 {
         let wrong = if k < 51 { 22.0 } else { 0.0 };
         b.give("speed", f64::from(k), &[0.0]).give("log", f64::from(k), &[wrong]);
@@ -245,7 +249,7 @@ fn a_wrong_speed_that_was_believed_leaves_a_place_as_uncertain_as_it_is_wrong() 
         assert!(error.abs() <= 3.5 * sigma, "{k} s: {error} m from the truth, sigma {sigma} m");
     }
     assert_eq!(b.log.says("locked out"), 2, "{:?}", b.log.events);
-    // it went 41 s at 22 m/s; each time, 30 s of what the innovation showed is at most 30 * 22 m, so together 933 m
+    // 41 s at 22 m/s; each time, the innovations of 30 s show at most 30 * 22 m, so together 933 m
     let (error, sigma) = (b.value("cart.place").abs(), b.variance("cart.place").sqrt());
     assert!((error - 902.0).abs() < 30.0 && sigma < 940.0, "{error} {sigma}");
 }
@@ -260,9 +264,10 @@ fn a_place_that_another_sensor_holds_stays_as_certain_as_that_makes_it() {
     }
     b.give("speed", 40.0, &[0.0]).give("log", 40.0, &[22.0]);
     assert_eq!(b.log.says("locked out"), 1);
-    // 22 m/s make 22 m in the second since the last fix. The fix has the gain 0.85 (R = 0.01 / 5 of its two channels,
-    // P = 0.0117 from P^2 - 0.01 P = 0.01 R), which leaves 0.15 of what was before it: 22 / 0.85 = 25.8 m at most, and
-    // 22 / 0.85 / sqrt(1.5) = 21.1 m where the inflation ends at NIS = 1.5
+    // 22 m/s make 22 m in the second since the last fix. The fix has the gain 0.85 (R = 0.01 / 5 of
+    // its two channels, P = 0.0117 from P^2 - 0.01 P = 0.01 R), which leaves 0.15 of what was
+    // before it: 22 / 0.85 = 25.8 m at most, and 22 / 0.85 / sqrt(1.5) = 21.1 m where the inflation
+    // ends at NIS = 1.5
     let sigma = b.variance("cart.place").sqrt();
     assert!(sigma > 21.0 && sigma < 26.0, "{sigma}");
 }

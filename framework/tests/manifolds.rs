@@ -66,7 +66,10 @@ fn covariance(p: &DMatrix<f64>) -> Covariance {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1000) })]
+    #![proptest_config(ProptestConfig {
+        failure_persistence: None,
+        ..ProptestConfig::with_cases(1000)
+    })]
 
     #[test]
     fn on_rotations_local_undoes_retract_and_retract_undoes_local(
@@ -76,10 +79,12 @@ proptest! {
         prop_assume!(norm > 1e-3);
         let d = Vector3::from(axis) / norm * angle;
         let x = rotation(a);
-        // a rotation matrix rounds at 2^-53; near pi its axis is the square root of a diagonal, read to 1e-15 / sin
+        // a rotation matrix rounds at 2^-53; near pi its axis is the square root of a diagonal,
+        // with an error of 1e-15 / sin
         let back = local::<Rotation>(&retract::<Rotation>(&x, d.as_slice()), &x);
         let near_pi = PI - angle < 1e-7; // there the opposite axis is the same rotation
-        let error = distance(&back, d.as_slice()).min(if near_pi { distance(&back, (-d).as_slice()) } else { f64::MAX });
+        let opposite = if near_pi { distance(&back, (-d).as_slice()) } else { f64::MAX };
+        let error = distance(&back, d.as_slice()).min(opposite);
         prop_assert!(error < 1e-13 + if near_pi { 4e-7 } else { 0.0 }, "{:e} at {}", error, angle);
         let y = rotation(b);
         let there = retract::<Rotation>(&x, &local::<Rotation>(&y, &x));
@@ -87,7 +92,9 @@ proptest! {
     }
 
     #[test]
-    fn on_rotations_retractions_compose_as_the_group_does(a in vector(3.2), d in vector(1.5), e in vector(1.5)) {
+    fn on_rotations_retractions_compose_as_the_group_does(
+        a in vector(3.2), d in vector(1.5), e in vector(1.5),
+    ) {
         // (x [+] d) [+] e = exp(e) exp(d) x
         let x = rotation(a);
         let two = retract::<Rotation>(&retract::<Rotation>(&x, &d), &e);
@@ -109,7 +116,8 @@ proptest! {
         let bound = 3e-15 / pitch.cos();
         prop_assert!(distance(&c, &[roll, pitch, yaw]) < bound, "{c:?}, {:e}", bound);
         // Groves eq. 2.22, transposed: C_b^n
-        let (sr, cr, sp, cp, sy, cy) = (roll.sin(), roll.cos(), pitch.sin(), pitch.cos(), yaw.sin(), yaw.cos());
+        let (sr, cr, sp, cp) = (roll.sin(), roll.cos(), pitch.sin(), pitch.cos());
+        let (sy, cy) = (yaw.sin(), yaw.cos());
         let groves = Matrix3::new(
             cp * cy, -cr * sy + sr * sp * cy, sr * sy + cr * sp * cy,
             cp * sy, cr * cy + sr * sp * sy, -sr * cy + cr * sp * sy,
@@ -120,10 +128,11 @@ proptest! {
 
     #[test]
     fn on_positions_local_undoes_retract_and_longitude_stays_within_half_a_turn(
-        latitude in -1.5..1.5_f64, from_antimeridian in -1e-3..1e-3_f64, turn in prop::bool::ANY, h in -11_000.0..9_000.0_f64,
-        d in vector(20_000.0),
+        latitude in -1.5..1.5_f64, from_antimeridian in -1e-3..1e-3_f64, turn in prop::bool::ANY,
+        h in -11_000.0..9_000.0_f64, d in vector(20_000.0),
     ) {
-        let longitude = from_antimeridian + if turn { if from_antimeridian > 0.0 { -PI } else { PI } } else { 0.0 };
+        let half_turn = if from_antimeridian > 0.0 { -PI } else { PI };
+        let longitude = from_antimeridian + if turn { half_turn } else { 0.0 };
         let x = values::<Position>(&[latitude, longitude, h]);
         let y = retract::<Position>(&x, &d);
         prop_assert!(y[1].abs() <= PI, "{}", y[1]);
@@ -142,8 +151,9 @@ proptest! {
 
     #[test]
     fn the_reset_is_the_derivative_of_the_error_about_the_corrected_rotation(d in vector(1.6)) {
-        // error' = log(exp(error) exp(-d)) at error = d (Sola 2017, section 6.3, for an error on the left); central
-        // differences of 1e-5 leave 1e-10 of truncation and 1e-16/1e-5 of rounding
+        // error' = log(exp(error) exp(-d)) at error = d (Sola 2017, section 6.3, for an error on
+        // the left); central differences of 1e-5 leave 1e-10 of truncation and 1e-16/1e-5 of
+        // rounding
         let mut found = [0.0; 9];
         prop_assert!((Operations::of::<Rotation>().reset)(&d, &mut found));
         let d = Vector3::from(d);
@@ -153,7 +163,8 @@ proptest! {
             let step = Vector3::ith(k, 1e-5);
             let slope = (error(d + step) - error(d - step)) / 2e-5;
             for i in 0..3 {
-                prop_assert!((found[3 * i + k] - slope[i]).abs() < 1e-9, "{} {}", found[3 * i + k], slope[i]);
+                let (found, slope) = (found[3 * i + k], slope[i]);
+                prop_assert!((found - slope).abs() < 1e-9, "{} {}", found, slope);
             }
         }
     }
@@ -262,9 +273,10 @@ impl Normal {
 
 #[test]
 fn the_covariance_after_a_large_correction_is_that_of_the_sampled_errors() {
-    // truth = exp(e) C with e ~ N(d, P), as after an update that found the correction d; about exp(d) C the error is
-    // log(exp(e) exp(-d)) ~ N(0, G P G'). Sampled 200 000 times: an entry of the covariance is known to
-    // sqrt(2/200000) = 0.3 % of the product of the sigmas, of which four are allowed; the second order of P, 3e-4, is less
+    // truth = exp(e) C with e ~ N(d, P), as after an update that found the correction d; about
+    // exp(d) C the error is log(exp(e) exp(-d)) ~ N(0, G P G'). Sampled 200 000 times: an entry of
+    // the covariance is known to sqrt(2/200000) = 0.3 % of the product of the sigmas, of which four
+    // are allowed; the second order of P, 3e-4, is less
     let d = Vector3::new(0.9, -0.6, 1.1);
     let p = Matrix3::new(4.0, 1.0, -0.5, 1.0, 1.0, 0.2, -0.5, 0.2, 0.5) * 1e-4;
     let factor = p.cholesky().unwrap().l();
@@ -298,7 +310,8 @@ fn the_covariance_after_a_large_correction_is_that_of_the_sampled_errors() {
 
 #[test]
 fn the_shown_sigma_of_angles_is_that_of_sampled_angles() {
-    // as above: four times 0.2 % of the sigma for 100 000 samples, and the bending of the angles, (0.01 tan 1.2)^2
+    // as above: four times 0.2 % of the sigma for 100 000 samples, and the bending of the angles,
+    // (0.01 tan 1.2)^2
     let (block, x) = block::<Rotation>(&[0.4, 1.2, -2.0], &[0.01; 3], display::ANGLES);
     let p = Matrix3::new(4.0, 1.0, -0.5, 1.0, 1.0, 0.2, -0.5, 0.2, 0.5) * 1e-5;
     let factor = p.cholesky().unwrap().l();

@@ -1,5 +1,5 @@
-//! Plugins as the author of a program puts them together: groups, members replaced, disabled and configured, and what is
-//! told where they do not fit.
+//! Plugins as the author of a program combines them: groups, members that are replaced, disabled
+//! and configured, and the errors of combinations that do not fit.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::plugin::{Kind, Need};
@@ -188,8 +188,9 @@ fn a_type_that_two_plugins_register_is_told_with_both_and_mended_by_disabling_ei
         registry.add(&SonarPlugin).add(&BetterSonarPlugin);
         registry
     };
-    let told = "better-sonar registers the sensor type \"sonar\", which sonar has registered; rename it, or `replace` the plugin";
-    assert_eq!(wrong(&both()), told);
+    let error = "better-sonar registers the sensor type \"sonar\", which sonar has registered; \
+                 rename it, or `replace` the plugin";
+    assert_eq!(wrong(&both()), error);
     for keep_the_better in [true, false] {
         let mut registry = both();
         if keep_the_better {

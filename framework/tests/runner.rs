@@ -142,7 +142,7 @@ fn go(settings: &[&str], sources: Vec<Box<dyn Source>>, sinks: Vec<(&str, Told)>
 fn any_number_of_sources_is_merged_in_order_of_time() {
     for count in [1, 2, 7, 40] {
         let told = Told::default();
-        // the speed is spread over `count` sources that take turns; the fix comes from one of its own
+        // `count` sources take turns with the speed; the fix has its own source
         let mut sources: Vec<Box<dyn Source>> = vec![Box::new(clockwork(FIX, 300, 20))];
         for k in 0..count {
             struct Turns(Clockwork, i64, i64);
@@ -171,7 +171,8 @@ fn any_number_of_sources_is_merged_in_order_of_time() {
 
 #[test]
 fn memory_does_not_grow_with_the_log() {
-    // ten million samples of 152 bytes would be 1.5 GB; what is held is the work space, mostly the queue of 1024 samples
+    // ten million samples of 152 bytes would be 1.5 GB; the run holds only its work space, mostly
+    // the queue of 1024 samples
     let peak = |count: i64| {
         let sources: Vec<Box<dyn Source>> =
             vec![Box::new(clockwork(SPEED, 1, count)), Box::new(clockwork(FIX, 100, count / 100))];
@@ -196,7 +197,7 @@ fn memory_does_not_grow_with_the_log() {
 fn a_sink_that_fails_is_closed_and_named_and_the_run_goes_on() {
     let good = Told::default();
     let bad = Told { breaks_at: Some(100), ..Told::default() };
-    // one that fails while the failure of the first is told, and stands before it in the list
+    // a sink that fails while it receives the failure of the other, and precedes it in the list
     let touchy = Told { hates_events: true, breaks_at: None, ..Told::default() };
     let sinks = vec![("touchy", touchy.clone()), ("bad", bad.clone()), ("good", good.clone())];
     let finished = go(
@@ -270,9 +271,10 @@ fn a_source_that_fails_ends_the_run_with_its_name_and_keeps_what_there_is() {
     let told = Told::default();
     let speed = Clockwork { fails_at: Some(50), ..clockwork(SPEED, 10, 100) };
     let finished = go(&[], vec![Box::new(speed)], vec![("told", told.clone())]);
-    assert!(
-        matches!(&finished.error, Some(RunError::Source { source_name, .. }) if source_name == "source0")
-    );
+    assert!(matches!(
+        &finished.error,
+        Some(RunError::Source { source_name, .. }) if source_name == "source0"
+    ));
     assert_eq!(told.says("source source0: log.csv:7: not a number"), 1);
     assert_eq!(told.samples.lock().unwrap().len(), 50);
     assert!(told.finished.load(Ordering::Relaxed));
@@ -359,7 +361,8 @@ fn a_stamp_far_in_the_future_makes_no_other_sensor_lost() {
     samples.insert(50, Sample::new(seconds(9e5), SensorId(FIX), &[1.0]));
     samples.insert(20, Sample::new(seconds(1.95), SensorId(FIX), &[2.0]));
     let told = Told::default();
-    // two in a row and a short time-out: the driving sensor's clock holds; it is itself judged by what others say twice
+    // two wrong times in a row and a short time-out: the driving sensor's clock holds, and the
+    // other sensors check that clock only if they agree twice
     go(
         &["sensor.fix.timeout=\"9 s\"", "sensor.speed.timeout=\"1e7 s\""],
         vec![list(samples.clone())],
@@ -399,7 +402,8 @@ fn no_error_is_dropped_after_however_many_warnings() {
     assert_eq!((of(Level::Warning), of(Level::Error)), (1000, 2));
 }
 
-/// A run with a reference every second up to a time, and the fix of 1 s and 10 s; the place is true at the reference.
+/// A run with a reference every second up to a time, which gives the true place, and fixes at 1 s
+/// and 10 s.
 fn surveyed(until: i32) -> Finished {
     let survey = |k: i32| Sample::new(seconds(f64::from(k)), SensorId(0), &[f64::from(k)]);
     let fix = |t: f64, p: f64| Sample::new(seconds(t), SensorId(2), &[p, 2.0 * p, 0.1 * p * p]);
@@ -424,7 +428,7 @@ fn surveyed(until: i32) -> Finished {
 
 #[test]
 fn the_error_is_of_the_time_of_its_sigma_and_null_where_the_reference_ended_long_before() {
-    // the fix of 10 s is in the estimate, the sigma, and the error, though the reference stands first
+    // estimate, sigma and error include the fix of 10 s, although the reference precedes it
     let finished = surveyed(10);
     let place = &finished.summary.rows[0];
     assert_eq!(place.error.as_ref().unwrap()[0], place.estimate[0] - 10.0);

@@ -1,4 +1,4 @@
-//! The plugin of the book's tutorial: an altimeter in one file, with its test.
+//! Plugin of the tutorial: an altimeter in one file, with its tests.
 //!
 //! `z = (h - h_bottom) / (e_D . C_b^n e_z)`: the range along the body's down axis to a flat bottom.
 
@@ -28,10 +28,10 @@ pub struct Altimeter {
     pub noise: Sigma<Length>,
     /// Height of the bottom above the ellipsoid, negative below it.
     pub bottom: LengthBias,
-    /// Where the transducer is, from the IMU, in body axes. Without it at the IMU.
+    /// Position of the transducer relative to the IMU, in body axes. Default: at the IMU.
     #[serde(default)]
     pub lever_arm: LeverArm,
-    /// The process whose motion it measures.
+    /// Process whose motion the altimeter measures.
     #[serde(default = "navfuse_ins::default_name")]
     pub navigation: String,
 }
@@ -169,28 +169,30 @@ mod tests {
     }
 
     #[test]
-    fn its_innovations_have_the_size_that_the_filter_says() {
+    fn its_innovations_are_consistent_with_their_covariance() {
         let summary = run(&[]).summary;
         let altimeter = &summary.samples["altimeter"];
         let n = altimeter["accepted"].as_f64().unwrap();
         assert!(n > 590.0, "{altimeter}"); // 300 s at 2 Hz
-        // The NIS of one channel is chi-square with one degree of freedom: mean 1, variance 2. Five sigma.
+        // NIS of one channel: chi-square with one degree of freedom, so mean 1 and variance 2. The
+        // bound is five sigma of the mean.
         let mean = altimeter["mean_nis"].as_f64().unwrap();
         assert!((mean - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "mean NIS {mean} of {n}");
     }
 
     #[test]
-    fn the_height_of_the_bottom_is_found_as_well_as_its_sigma_says() {
+    fn the_error_of_the_bottom_height_is_consistent_with_its_sigma() {
         let mut squares = 0.0;
         for seed in 1..=20 {
             let summary = run(&[&format!("seed={seed}")]).summary;
             let bottom = summary.rows.iter().find(|r| r.name == "altimeter.bottom").unwrap();
             let (error, sigma) = (bottom.error.as_ref().unwrap()[0], bottom.sigma[0]);
-            // Height and bottom are only seen as a difference: the bottom stays as uncertain as the first height, 0.1 m.
+            // Only the difference of height and bottom is observable: the uncertainty of the bottom
+            // stays at that of the initial height, 0.1 m.
             assert!((0.1..0.11).contains(&sigma), "{sigma}");
             squares += (error / sigma).powi(2);
         }
-        // Chi-square with 20 degrees of freedom: between 7 and 40 with a probability of 0.99.
+        // Chi-square with 20 degrees of freedom lies between 7 and 40 with a probability of 0.99.
         assert!((7.0..40.0).contains(&squares), "{squares}");
     }
 
@@ -221,7 +223,8 @@ mod tests {
         };
         let mut range = [0.0];
         model.predict(&At::state(layout, &state), &mut range);
-        // 83 m to the bottom, seen at 20 deg from the vertical: 83 / cos(20 deg), less 0.2 m of lever arm along the beam.
+        // 83 m above the bottom, 20 deg from the vertical: 83 / cos(20 deg), minus the lever arm of
+        // 0.2 m along the beam
         assert!((range[0] - (83.0 / 20_f64.to_radians().cos() - 0.2)).abs() < 1e-9, "{}", range[0]);
     }
     // ANCHOR_END: test

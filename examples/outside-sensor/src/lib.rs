@@ -1,4 +1,4 @@
-//! Magnetometer: the direction of the Earth's field in body axes, `z = C_n^b (cos I cos D, cos I sin D, sin I)`.
+//! Magnetometer: field direction in body axes, `z = C_n^b (cos I cos D, cos I sin D, sin I)`.
 use navfuse_core::prelude::*;
 use navfuse_ins::Navigation;
 
@@ -14,7 +14,7 @@ pub struct Magnetometer {
     pub declination: Calibration<Angle, AngularRateNoise>,
 }
 
-struct Model(Magnetometer, Navigation, Handle<Scalar>); // the parameters, and the states that it reads
+struct Model(Magnetometer, Navigation, Handle<Scalar>); // parameters, and the states it reads
 
 impl SensorType for Magnetometer {
     const TYPE: &'static str = "magnetometer";

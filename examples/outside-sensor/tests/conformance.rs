@@ -1,4 +1,4 @@
-//! What every sensor must hold.
+//! Conformance of the sensor.
 
 #[test]
 fn the_magnetometer_conforms() -> Result<(), navfuse_conformance::Failed> {

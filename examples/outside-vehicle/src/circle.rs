@@ -4,7 +4,7 @@ use navfuse_core::prelude::*;
 use std::f64::consts::PI;
 
 // ANCHOR: circle
-/// An angle in (-pi, pi]; the error is the way round the circle.
+/// An angle in (-pi, pi]; the error is the shorter arc of the circle.
 pub struct Circle;
 
 impl Manifold for Circle {

@@ -1,11 +1,11 @@
-//! A trajectory: a lying eight, up and down.
+//! A trajectory: a horizontal figure of eight with a dive.
 
 use navfuse_core::prelude::*;
 use navfuse_core::units::Time as Duration;
 use navfuse_simulation::TrajectoryType;
 use std::f64::consts::TAU;
 
-/// Round an eight at constant speed, diving to twice the amplitude and coming up once a round.
+/// A figure of eight at constant horizontal speed, with one dive to twice the amplitude per round.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Eight {
@@ -17,14 +17,14 @@ pub struct Eight {
     pub speed: Speed,
     /// Time of one round.
     pub round: Positive<Duration>,
-    /// How many rounds.
+    /// Number of rounds.
     pub rounds: u32,
-    /// Amplitude of the depth.
+    /// Amplitude of the depth's oscillation.
     pub amplitude: Length,
 }
 
 // ANCHOR: eight
-/// The first zero of the Bessel function J_0: with a heading that swings by this the eight closes.
+/// Amplitude of the heading, rad: at the first zero of the Bessel function J_0 the eight closes.
 const SWING: f64 = 2.404_825_557_695_773;
 
 impl TrajectoryType for Eight {

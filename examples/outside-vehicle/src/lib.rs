@@ -1,5 +1,5 @@
-//! A vehicle without an IMU, found by ranges to transponders: every kind of part that a plugin can bring, written by an
-//! outsider.
+//! A vehicle without an IMU, located by ranges to transponders: every kind of type that a plugin
+//! can register, in a crate outside of the workspace.
 
 mod circle;
 mod eight;
@@ -48,7 +48,7 @@ impl Plugin for LinesPlugin {
     }
 }
 
-/// Both plugins: a group is a plugin that adds others.
+/// Group of both plugins: a group is a plugin that adds others.
 pub struct OutsideVehicle;
 
 impl Plugin for OutsideVehicle {

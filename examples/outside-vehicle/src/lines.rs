@@ -1,4 +1,5 @@
-//! A source and a sink: samples as lines of text, `TIME_NS SENSOR VALUE VALUE ...`, with `-` for a channel that is missing.
+//! A source and a sink: samples as lines of text, `TIME_NS SENSOR VALUE VALUE ...`, with `-` for a
+//! missing channel.
 
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::prelude::*;
@@ -10,7 +11,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinesSource {
-    /// The file; relative to the scenario's folder.
+    /// Path of the file, relative to the scenario's folder.
     pub path: PathBuf,
 }
 
@@ -101,7 +102,7 @@ impl Writing {
         write!(self.file, "{} {}", sample.time.nanos(), sensor.name)?;
         for channel in 0..sensor.channels.len() {
             match sample.get(channel) {
-                Some(value) => write!(self.file, " {value}")?, // as many digits as it takes
+                Some(value) => write!(self.file, " {value}")?, // the shortest exact text
                 None => write!(self.file, " -")?,
             }
         }

@@ -1,4 +1,4 @@
-//! A sensor with its own state: a pressure gauge, whose depth is off by the tide.
+//! A sensor with its own state: a pressure gauge, whose depth contains the tide.
 use navfuse_core::prelude::*;
 
 // ANCHOR: sensor
@@ -8,9 +8,10 @@ use navfuse_core::prelude::*;
 pub struct PressureGauge {
     /// 1-sigma noise of one reading.
     pub noise: Sigma<Length>,
-    /// Height of the surface above the ellipsoid: a state that wanders, with `correlation_time` or `random_walk`.
+    /// Height of the surface above the ellipsoid: a state that varies, with `correlation_time` or
+    /// `random_walk`.
     pub tide: LengthBias,
-    /// The process whose position it is told from.
+    /// Process that gives the vehicle's position.
     #[serde(default = "ins")]
     pub vehicle: String,
 }
@@ -19,7 +20,7 @@ fn ins() -> String {
     "ins".into()
 }
 
-/// Sigma of the noise (m), and the states that it reads.
+/// Sigma of the noise (m), and the states that the model reads.
 struct Model {
     noise: f64,
     position: Handle<Position>,

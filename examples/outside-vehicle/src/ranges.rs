@@ -1,4 +1,4 @@
-//! A sensor with missing channels: ranges to four transponders, of which some do not reply.
+//! A sensor with missing channels: ranges to up to four transponders, some of which do not reply.
 use navfuse_core::prelude::*;
 
 /// Acoustic ranges to up to four transponders on the bottom.
@@ -7,11 +7,11 @@ use navfuse_core::prelude::*;
 pub struct Ranges {
     /// 1-sigma noise of a range.
     pub noise: Sigma<Length>,
-    /// Where the transponders are: latitude, longitude and height of each.
+    /// Latitude, longitude and height of each transponder.
     pub transponders: Vec<(Angle, Angle, Length)>,
-    /// The longest range at which one replies.
+    /// Longest range at which a transponder replies.
     pub reach: Positive<Length>,
-    /// The process whose position it is told from.
+    /// Process that gives the vehicle's position.
     #[serde(default = "ins")]
     pub vehicle: String,
 }
@@ -61,7 +61,7 @@ impl MeasurementModel<4> for Model {
         SMatrix::identity() * self.ranges.noise.value().si().powi(2)
     }
 
-    /// Those that are not there or too far away do not reply.
+    /// Clears the channels of transponders that do not exist or are beyond `reach`.
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
         scene.measure(self, sample);
         for (k, place) in self.transponders.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! A process model: a vehicle without an IMU, which keeps its course and speed but for white noise on their rates.
+//! A process model: a vehicle without an IMU. Course, speed and rate of descent are constant,
+//! except for white noise on their rates.
 //!
 //! `p' = (s cos c, s sin c, d)`, `c' = w_c`, `s' = w_s`, `d' = w_d`.
 
@@ -7,7 +8,7 @@ use navfuse_core::nalgebra::{SMatrix, Vector1};
 use navfuse_core::prelude::*;
 use navfuse_core::units::AccelerationNoise;
 
-/// A vehicle that keeps its course, speed and rate of descent, more or less.
+/// A vehicle with nearly constant course, speed and rate of descent.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Steady {
@@ -19,17 +20,18 @@ pub struct Steady {
     pub height: Length,
     /// 1-sigma of the position at the start, north, east, down.
     pub position_sigma: Sigma<Triple<Length>>,
-    /// Speed at the start, above zero: backwards on the opposite course would be the same.
+    /// Speed at the start, above zero, because a negative speed on the opposite course is the same
+    /// motion.
     pub speed: Speed,
-    /// Its 1-sigma, and that of the rate of descent, which starts at zero.
+    /// 1-sigma of the speed, and of the rate of descent, which starts at zero.
     pub speed_sigma: Sigma<Speed>,
     /// Course at the start.
     pub course: Angle,
-    /// Its 1-sigma.
+    /// 1-sigma of the course.
     pub course_sigma: Sigma<Angle>,
-    /// How much the course wanders.
+    /// White noise on the rate of the course.
     pub turning: Sigma<AngularRateNoise>,
-    /// How much the speed and the rate of descent wander.
+    /// White noise on the rates of the speed and of the rate of descent.
     pub thrust: Sigma<AccelerationNoise>,
 }
 
@@ -70,7 +72,7 @@ impl ProcessType for Steady {
             p_p: t.phi_diagonal(p, p),
             p_x: [t.phi(p, c), t.phi(p, s), t.phi(p, d)],
             x_x: [t.phi(c, c), t.phi(s, s), t.phi(d, d)],
-            // the four blocks stand next to each other, so that their noise, which is coupled, is one
+            // the four blocks are adjacent, so one noise block holds their coupled noise
             q: t.noise(p),
         };
         Ok(BuiltProcess::new(model))
@@ -85,7 +87,7 @@ struct Model {
     course: Handle<Circle>,
     speed: Handle<Scalar>,
     descent: Handle<Scalar>,
-    /// Of course, speed and descent: power spectral density of the rate.
+    /// Power spectral density of the rates of course, speed and descent.
     density: [f64; 3],
     p_p: PhiDiagonal<3>,
     p_x: [PhiSlot<3, 1>; 3],
@@ -107,7 +109,7 @@ impl ProcessModel for Model {
         let velocity = Vector3::new(speed * cos, speed * sin, state.get(layout, self.descent));
         let place = state.get(layout, self.position).displaced(&(velocity * dt));
         state.set(layout, self.position, &place);
-        // what a change of course, speed and descent does to the velocity
+        // derivatives of the velocity with respect to course, speed and descent
         let moves = [
             Vector3::new(-speed * sin, speed * cos, 0.0),
             Vector3::new(cos, sin, 0.0),
@@ -131,7 +133,7 @@ impl ProcessModel for Model {
         Ok(())
     }
 
-    /// What is true of these states on a simulated or recorded motion.
+    /// Sets the true values of these states for a simulated or recorded motion.
     fn follow(&self, layout: &Layout, motion: &Motion, state: &mut State, known: &mut [bool]) {
         let v = motion.velocity;
         state.set(layout, self.position, &motion.position);

@@ -1,4 +1,4 @@
-//! What every type must hold. That the source reads what the sink wrote is shown by a run of the command.
+//! Conformance of every type. A run of the command tests that the source reads the sink's file.
 
 use navfuse_conformance::{Failed, check};
 use outside_vehicle::OutsideVehicle;

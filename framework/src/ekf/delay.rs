@@ -6,7 +6,7 @@
 //! ```text
 //! z = h(x(t - tau)),   x(t - tau) between two entries of the history, along the manifold
 //! dz/dtau = -d/ds h(x(s)) at s = t - tau,   along the history
-//! H = dh/dx (I - A),   A = sum over the delay of (Phi_k - I): leads the past error back to the present one
+//! H = dh/dx (I - A),   A = sum over the delay of (Phi_k - I): maps the present error to the past
 //! ```
 //! A correction of the state corrects its past as well: entries are read with all later corrections
 //! applied. Differences along the history are therefore motion, never corrections.
@@ -105,9 +105,9 @@ impl History {
         let span = spans.reduce(f64::max)?.min(LONGEST);
         // the slope reaches beyond the span, and two more entries allow interpolation
         let capacity = ((span.max(HALF) + HALF) / SPACING.seconds()).ceil() as usize + 3;
-        let told = moved(layout, &composition.processes);
+        let moved = moved(layout, &composition.processes);
         let moves = |slot: &usize| {
-            told[*slot] || composition.transition.moves(&layout.blocks[*slot].tangent_range())
+            moved[*slot] || composition.transition.moves(&layout.blocks[*slot].tangent_range())
         };
         let slots = (0..layout.blocks.len()).filter(moves);
         let declared = composition.transition.places();
@@ -281,7 +281,7 @@ impl History {
             self.recall(layout, state, near, &mut around[1], &mut scratch);
             let [from, to] = [&around[0], &around[1]].map(|state| At { layout, state, sample });
             model.change(&from, &to, &mut slopes[..model.channels()]);
-            let share = self.told(&slopes, far - near, sample, update);
+            let share = self.informative_share(&slopes, far - near, sample, update);
             slopes.iter_mut().for_each(|slope| *slope *= -share / (far - near));
         }
         (self.at, self.around, self.scratch) = (at, around, scratch);
@@ -290,7 +290,7 @@ impl History {
     }
 
     /// Share of a change over `span` seconds that process noise does not explain.
-    fn told(
+    fn informative_share(
         &self,
         change: &[f64; MAX_CHANNELS],
         span: f64,

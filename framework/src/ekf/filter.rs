@@ -42,8 +42,9 @@ pub enum EstimatorError {
     },
     /// The covariance is not positive any more.
     #[error(
-        "at {time}: the variance of {block} is not positive: its prior sigma and the noise of the sensors that see it \
-         differ by too many orders of magnitude, or a model gives a wrong Jacobian"
+        "at {time}: the variance of {block} is not positive: its prior sigma and the noise of \
+         the sensors that see it differ by too many orders of magnitude, or a model gives a wrong \
+         Jacobian"
     )]
     Covariance {
         /// Time of the failure.
@@ -187,9 +188,9 @@ impl Ekf {
     /// Estimate at the current time, with the truth where the scenario states it and no reference
     /// gives it.
     pub(crate) fn epoch(&mut self) -> Epoch<'_> {
-        let told = self.has_reference();
+        let referenced = self.has_reference();
         let m = &mut self.memory;
-        let stated = !told && m.constants.known.contains(&true);
+        let stated = !referenced && m.constants.known.contains(&true);
         if stated {
             m.constants.advance(&self.layout, m.state.time);
             m.truth.values.copy_from_slice(&m.constants.state.values);

@@ -232,13 +232,13 @@ impl Sink for Tables {
         }
         table.number(update.nis)?;
         table.number(update.threshold)?;
-        let mut told = [(f64::NAN, f64::NAN); MAX_CHANNELS];
+        let mut values = [(f64::NAN, f64::NAN); MAX_CHANNELS];
         for (channel, innovation, sigma) in update.channels() {
-            told[channel] = (innovation, sigma);
+            values[channel] = (innovation, sigma);
         }
         for column in 0..self.width {
             let channel = column.checked_sub(*first).filter(|k| *k < info.channels.len());
-            let (innovation, sigma) = channel.map_or((f64::NAN, f64::NAN), |k| told[k]);
+            let (innovation, sigma) = channel.map_or((f64::NAN, f64::NAN), |k| values[k]);
             table.number(innovation)?;
             table.number(sigma)?;
         }

@@ -1,4 +1,4 @@
-//! What the source says of files that are not as they should be: file, line, column, value and what to do.
+//! Errors of the source for faulty files: file, line, column, value and remedy.
 #![allow(clippy::unwrap_used, clippy::panic)] // a failed test may panic
 
 mod common;
@@ -6,7 +6,7 @@ mod common;
 use common::{DVL, DVL_HEADER, IMU, IMU_HEADER, assemble, folder, read_dvl};
 use proptest::prelude::*;
 
-/// The error of reading dvl.csv with these rows; the sample before it is read.
+/// Reads dvl.csv with these rows and returns the error, which follows one good sample.
 fn row_error(rows: &str) -> String {
     let read = read_dvl(format!("{DVL_HEADER}1,1,2,3\n{rows}"), "").unwrap();
     assert_eq!((read.samples.len(), read.warning), (1, None));
@@ -17,7 +17,7 @@ fn open_error(file: impl AsRef<[u8]>, keys: &str) -> String {
     read_dvl(file, keys).unwrap_err()
 }
 
-/// What a source refuses, behind the place of its table in the scenario.
+/// Text of a source's error after the place of its table in the scenario.
 fn refused(error: &str) -> &str {
     let (place, why) = error.split_once(": source.").unwrap_or_else(|| panic!("{error}"));
     assert!(
@@ -47,19 +47,23 @@ fn a_bad_row_is_named_with_line_column_value_and_remedy() {
         ),
         (
             "2,4,5,nan\n",
-            "dvl.csv:3: vel_z_mps = \"nan\" is not finite; leave such cells empty, or set files.dvl.nan = \"missing\"",
+            "dvl.csv:3: vel_z_mps = \"nan\" is not finite; leave such cells empty, or set \
+             files.dvl.nan = \"missing\"",
         ),
         (
             "2,4,-inf,6\n",
-            "dvl.csv:3: vel_y_mps = \"-inf\" is not finite; leave such cells empty, or set files.dvl.nan = \"missing\"",
+            "dvl.csv:3: vel_y_mps = \"-inf\" is not finite; leave such cells empty, or set \
+             files.dvl.nan = \"missing\"",
         ),
         (
             "2,NA,5,6\n",
-            "dvl.csv:3: vel_x_mps = \"NA\" is not finite; leave such cells empty, or set files.dvl.nan = \"missing\"",
+            "dvl.csv:3: vel_x_mps = \"NA\" is not finite; leave such cells empty, or set \
+             files.dvl.nan = \"missing\"",
         ),
         (
             "2,1e999,5,6\n",
-            "dvl.csv:3: vel_x_mps = \"1e999\" is not finite; leave such cells empty, or set files.dvl.nan = \"missing\"",
+            "dvl.csv:3: vel_x_mps = \"1e999\" is not finite; leave such cells empty, or set \
+             files.dvl.nan = \"missing\"",
         ),
         (",4,5,6\n", "dvl.csv:3: time_s = \"\" is no time: a decimal number is needed"),
         ("nan,4,5,6\n", "dvl.csv:3: time_s = \"nan\" is no time: a decimal number is needed"),
@@ -69,17 +73,18 @@ fn a_bad_row_is_named_with_line_column_value_and_remedy() {
         ),
         (
             "1654321000123,4,5,6\n",
-            "dvl.csv:3: time_s = \"1654321000123\" is more than 73 years from zero; is its unit another? Set files.dvl.time.unit",
+            "dvl.csv:3: time_s = \"1654321000123\" is more than 73 years from zero; is its unit \
+             another? Set files.dvl.time.unit",
         ),
         (
             "0.99,4,5,6\n",
-            "dvl.csv:3: time_s = \"0.99\" goes back by 0.01 s; sort the file, or set files.dvl.disorder = \"skip\" to leave such \
-             rows out",
+            "dvl.csv:3: time_s = \"0.99\" goes back by 0.01 s; sort the file, or set \
+             files.dvl.disorder = \"skip\" to leave such rows out",
         ),
         (
             "1.0,4,5,6\n",
-            "dvl.csv:3: time_s = \"1.0\" is the time of a row before, too; sort the file, or set files.dvl.disorder = \"skip\" to \
-             leave such rows out",
+            "dvl.csv:3: time_s = \"1.0\" is the time of a row before, too; sort the file, or set \
+             files.dvl.disorder = \"skip\" to leave such rows out",
         ),
     ] {
         assert_eq!(row_error(rows), error);
@@ -90,7 +95,8 @@ fn a_bad_row_is_named_with_line_column_value_and_remedy() {
 fn bytes_that_are_not_text_are_named() {
     let file = [format!("{DVL_HEADER}1,1,2,3\n2,").as_bytes(), b"\xb5\xff,5,6\n"].concat();
     let read = read_dvl(file, "").unwrap();
-    let text = "dvl.csv:3: vel_x_mps = \"\u{fffd}\u{fffd}\" is not UTF-8 text: the file is damaged or not text";
+    let text = "dvl.csv:3: vel_x_mps = \"\u{fffd}\u{fffd}\" is not UTF-8 text: the file is damaged \
+                or not text";
     assert_eq!(read.error.unwrap(), text);
     let utf16: Vec<u8> = DVL_HEADER.encode_utf16().flat_map(u16::to_le_bytes).collect();
     assert_eq!(
@@ -130,52 +136,66 @@ fn the_line_is_that_of_an_editor() {
 #[test]
 fn a_bad_header_is_named_with_its_remedy() {
     let usual = "time_s,vel_x_mps,vel_y_mps,vel_z_mps";
+    let empty =
+        format!("dvl.csv: the file is empty; its first line must name the columns: {usual}");
     for (file, keys, error) in [
-        ("", "", format!("dvl.csv: the file is empty; its first line must name the columns: {usual}")),
-        ("# only\n\n", "", format!("dvl.csv: the file is empty; its first line must name the columns: {usual}")),
-        ("1,2,3,4\n", "", format!("dvl.csv: the first line must name the columns, such as {usual}; it starts with \"1\"")),
+        ("", "", empty.clone()),
+        ("# only\n\n", "", empty),
+        (
+            "1,2,3,4\n",
+            "",
+            format!(
+                "dvl.csv: the first line must name the columns, such as {usual}; it starts with \
+                 \"1\""
+            ),
+        ),
         (
             "time_s;vel_x_mps;vel_y_mps;vel_z_mps\n",
             "",
-            "dvl.csv: the columns seem to be separated by ';': set files.dvl.delimiter = \";\"".to_owned(),
+            "dvl.csv: the columns seem to be separated by ';': \
+             set files.dvl.delimiter = \";\""
+                .to_owned(),
         ),
         (
             "time_s\tvel_x_mps\n",
             "",
-            "dvl.csv: the columns seem to be separated by '\\t': set files.dvl.delimiter = \"\\t\"".to_owned(),
+            "dvl.csv: the columns seem to be separated by '\\t': \
+             set files.dvl.delimiter = \"\\t\""
+                .to_owned(),
         ),
         (
             "time,vel_x_mps,vel_y_mps,vel_z_mps\n",
             "",
-            "dvl.csv: column \"time\" does not end with a unit, time is a time; rename it to \"time_s\", or set \
-             files.dvl.time.unit"
+            "dvl.csv: column \"time\" does not end with a unit, time is a time; rename it \
+             to \"time_s\", or set files.dvl.time.unit"
                 .to_owned(),
         ),
         (
             "t,vel_x_mps,vel_y_mps,vel_z_mps\n",
             "",
-            "dvl.csv: no column \"time_s\" (columns: t, vel_x_mps, vel_y_mps, vel_z_mps); rename the column, or set \
-             files.dvl.time"
+            "dvl.csv: no column \"time_s\" (columns: t, vel_x_mps, vel_y_mps, vel_z_mps); rename \
+             the column, or set files.dvl.time"
                 .to_owned(),
         ),
         (
             "time_s,vel_x_mps,velz_mps,vel_y_mps\n",
             "",
-            "dvl.csv: no column \"vel_z_mps\"; did you mean \"velz_mps\"? (columns: time_s, vel_x_mps, velz_mps, vel_y_mps); \
-             rename the column, or set files.dvl.columns.vel_z"
+            "dvl.csv: no column \"vel_z_mps\"; did you mean \"velz_mps\"? (columns: time_s, \
+             vel_x_mps, velz_mps, vel_y_mps); rename the column, or set files.dvl.columns.vel_z"
                 .to_owned(),
         ),
         (
             "time_s,vel_x_deg,vel_y_mps,vel_z_mps\n",
             "",
-            "dvl.csv: column \"vel_x_deg\" ends with \"deg\", which is an angle, vel_x is a speed; rename it to \"vel_x_mps\", \
-             or set files.dvl.columns.vel_x.unit"
+            "dvl.csv: column \"vel_x_deg\" ends with \"deg\", which is an angle, vel_x is a speed; \
+             rename it to \"vel_x_mps\", or set files.dvl.columns.vel_x.unit"
                 .to_owned(),
         ),
         (
             DVL_HEADER,
             "columns.vel_w = \"vel_x_mps\"",
-            "dvl.csv: files.dvl.columns: [sensor.dvl] has no channel \"vel_w\"; did you mean \"vel_x\"? (channels: vel_x, vel_y, vel_z)"
+            "dvl.csv: files.dvl.columns: [sensor.dvl] has no channel \"vel_w\"; did you \
+             mean \"vel_x\"? (channels: vel_x, vel_y, vel_z)"
                 .to_owned(),
         ),
         (
@@ -183,7 +203,8 @@ fn a_bad_header_is_named_with_its_remedy() {
             "columns.vel_x = { column = \"vel_x_mps\", unit = \"deg\" }",
             "dvl.csv: files.dvl.columns.vel_x.unit is of an angle, vel_x is a speed".to_owned(),
         ),
-        (DVL_HEADER, "time.offset = \"100000 day\"", "dvl.csv: files.dvl.time.offset: beyond 73 years".to_owned()),
+        (DVL_HEADER, "time.offset = \"100000 day\"", "dvl.csv: files.dvl.time.offset: beyond 73 \
+                                                      years".to_owned()),
     ] {
         assert_eq!(refused(&open_error(file, keys)), error);
     }
@@ -194,7 +215,8 @@ fn a_bad_parameter_is_named_with_its_line_in_the_scenario() {
     for (keys, error) in [
         (
             "delimiter = \"ab\"",
-            "delimiter = \"ab\": a comma, semicolon, tab, bar or space is needed, such as \";\" or \"\\t\"",
+            "delimiter = \"ab\": a comma, semicolon, tab, bar or space is needed, such as \";\" \
+             or \"\\t\"",
         ),
         (
             "columns.vel_x = { column = \"vx\", unit = \"cms\" }",
@@ -202,7 +224,8 @@ fn a_bad_parameter_is_named_with_its_line_in_the_scenario() {
         ),
         (
             "columns.vel_x = { colunm = \"vx\" }",
-            "columns.vel_x.colunm: unknown key \"colunm\"; did you mean \"column\"? (allowed: column, unit, scale)",
+            "columns.vel_x.colunm: unknown key \"colunm\"; did you mean \"column\"? (allowed: \
+             column, unit, scale)",
         ),
         (
             "disorder = \"ignore\"",
@@ -210,8 +233,8 @@ fn a_bad_parameter_is_named_with_its_line_in_the_scenario() {
         ),
         (
             "time = 5",
-            "time = 5: found a whole number, expected the heading of a column, or a table such as { column = \"vx\", unit = \
-             \"cm/s\" }",
+            "time = 5: found a whole number, expected the heading of a column, or a table such as \
+             { column = \"vx\", unit = \"cm/s\" }",
         ),
     ] {
         // after the six lines of the filter, five of the sensors and the table's own
@@ -253,16 +276,21 @@ fn a_missing_file_is_named_as_it_was_looked_for() {
     );
 }
 
+/// Keys with which the source skips faulty rows.
+const TOLERANT: &str = "nan = \"missing\"\ndisorder = \"skip\"";
+
 proptest! {
     #[test]
-    fn any_bytes_end_in_samples_an_error_or_a_warning(file in proptest::collection::vec(any::<u8>(), 0..200)) {
+    fn any_bytes_end_in_samples_an_error_or_a_warning(
+        file in proptest::collection::vec(any::<u8>(), 0..200),
+    ) {
         let _ = read_dvl(&file, "");
-        let _ = read_dvl([DVL_HEADER.as_bytes(), &file].concat(), "nan = \"missing\"\ndisorder = \"skip\"");
+        let _ = read_dvl([DVL_HEADER.as_bytes(), &file].concat(), TOLERANT);
     }
 
     #[test]
     fn anything_like_a_table_gives_increasing_times(rows in "([-+0-9.e\"# ]{0,6}[,;\r\n]){0,60}") {
-        if let Ok(read) = read_dvl(format!("{DVL_HEADER}{rows}"), "nan = \"missing\"\ndisorder = \"skip\"") {
+        if let Ok(read) = read_dvl(format!("{DVL_HEADER}{rows}"), TOLERANT) {
             prop_assert!(read.samples.is_sorted_by(|a, b| a.time < b.time));
             prop_assert!(read.samples.iter().all(|s| s.not_finite().is_none() && s.present() != 0));
         }

@@ -14,13 +14,21 @@ fn one(values: &[f64]) -> Vec<Option<f64>> {
 #[test]
 fn recordings_with_si_headings_need_no_mapping() {
     let folder = folder(&[
-        ("imu.csv", format!("{IMU_HEADER}0.00,-0.0098,0.0002,-0.0712,-0.0495,-0.0754,-9.7542\n0.01,1,2,3,4,5,6\n")),
+        (
+            "imu.csv",
+            format!(
+                "{IMU_HEADER}0.00,-0.0098,0.0002,-0.0712,-0.0495,-0.0754,-9.7542\n\
+             0.01,1,2,3,4,5,6\n"
+            ),
+        ),
         ("dvl.csv", format!("{DVL_HEADER}1.04,2.063532,0.309276,-0.012977\n")),
         ("depth.csv", "time_s,depth_m\n0.59,19.8670\n".to_owned()),
         (
             "reference.csv",
-            "time_s,lat_deg,lon_deg,height_m,vel_n_mps,vel_e_mps,vel_d_mps,roll_deg,pitch_deg,yaw_deg\n\
-             -0.41,32.8497944300,34.8922378300,-19.8599,-1.929191,-0.641182,0.006672,-0.284000,-0.342000,-168.389999\n"
+            "time_s,lat_deg,lon_deg,height_m,vel_n_mps,vel_e_mps,vel_d_mps,\
+             roll_deg,pitch_deg,yaw_deg\n\
+             -0.41,32.8497944300,34.8922378300,-19.8599,-1.929191,-0.641182,0.006672,\
+             -0.284000,-0.342000,-168.389999\n"
                 .to_owned(),
         ),
     ]);
@@ -60,7 +68,8 @@ fn recordings_with_si_headings_need_no_mapping() {
 #[test]
 fn recordings_of_increments_need_no_mapping() {
     let file = "time_s,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dvel_x_mps,dvel_y_mps,dvel_z_mps\n\
-                0.01,0.000000000e+00,0.000000000e+00,-9.696273622e-07,0.000000e+00,0.000000e+00,-9.780327e-02\n";
+                0.01,0.000000000e+00,0.000000000e+00,-9.696273622e-07,\
+                0.000000e+00,0.000000e+00,-9.780327e-02\n";
     let read =
         read_as("imu", &format!("{IMU}output = \"increments\"\n"), file.as_bytes(), "").unwrap();
     assert_eq!(read.nanos(), [10_000_000]);
@@ -71,8 +80,8 @@ fn recordings_of_increments_need_no_mapping() {
 fn columns_can_be_mapped_in_any_order_unit_and_sign() {
     let file = "vz;stamp_ms;note;vx_cmps;vy\n3;1500;calm;100;200\n4;1700;\"a;b\";150;-50\n";
     let keys = "delimiter = \";\"\ntime = { column = \"stamp_ms\", offset = \"-50 ms\" }\n\
-                columns = { vel_x = \"vx_cmps\", vel_y = { column = \"vy\", unit = \"cm/s\", scale = -1 }, \
-                vel_z = { column = \"vz\", unit = \"m/s\", scale = 0.5 } }";
+                columns = { vel_x = \"vx_cmps\", vel_y = { column = \"vy\", unit = \"cm/s\", scale \
+                = -1 }, vel_z = { column = \"vz\", unit = \"m/s\", scale = 0.5 } }";
     let read = read_dvl(file, keys).unwrap();
     assert_eq!(read.nanos(), [1_450_000_000, 1_650_000_000]);
     assert_eq!((read.values(0), read.values(1)), (one(&[1.0, -2.0, 1.5]), one(&[1.5, 0.5, 2.0])));
@@ -119,7 +128,8 @@ fn spelling_of_the_file_does_not_matter() {
         ("spaces", " time_s, vel_x_mps ,vel_y_mps,\tvel_z_mps\n1 , 1.5,-2, 3e-1 \n2,4,5,6\n"),
         (
             "quotes",
-            "\"time_s\",\"vel_x_mps\",\"vel_y_mps\",\"vel_z_mps\"\n\"1\",1.5,\"-2\",3e-1\n2,4,5,6\n",
+            "\"time_s\",\"vel_x_mps\",\"vel_y_mps\",\"vel_z_mps\"\n\
+             \"1\",1.5,\"-2\",3e-1\n2,4,5,6\n",
         ),
         ("signs", "time_s,vel_x_mps,vel_y_mps,vel_z_mps\n+1.,+1.5,-2.0,.3\n2e0,4E0,5.,6\n"),
         (

@@ -98,7 +98,8 @@ fn without_truth_there_are_no_columns_of_errors() {
 fn innovations_have_a_row_a_measurement() {
     let folder = at_rest(&[IMU, DVL].concat(), "[sink.csv]\n");
     let (header, rows) = table(&folder.path().join("innovations.csv"));
-    let expected = "time_s,sensor,outcome,nis,threshold,dvl.vel_x_mps,dvl.vel_x_sigma_mps,dvl.vel_y_mps,dvl.vel_y_sigma_mps,\
+    let expected = "time_s,sensor,outcome,nis,threshold,dvl.vel_x_mps,dvl.vel_x_sigma_mps,\
+                    dvl.vel_y_mps,dvl.vel_y_sigma_mps,\
                     dvl.vel_z_mps,dvl.vel_z_sigma_mps";
     assert_eq!(header.join(","), expected);
     let start: Vec<_> = rows.iter().map(|r| r[..3].join(" ")).collect();

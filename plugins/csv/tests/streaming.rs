@@ -1,4 +1,4 @@
-//! How fast and in how much memory files are read.
+//! Speed and memory of reading files.
 #![allow(clippy::unwrap_used)] // a failed test may panic
 
 mod common;
@@ -39,7 +39,8 @@ fn no_row_allocates_after_the_first() {
     let mut sources = assemble(folder.path(), IMU, "[source.csv]\n", false).unwrap().sources;
     let source = sources[0].1.as_mut();
     let mut sample = Sample::empty(Time::MIN, SensorId(0));
-    // rows grow by at most 4 digits of time from here on; the record's buffer doubles, so that it is there already
+    // later rows are at most 4 digits of time longer, and the doubled record buffer already holds
+    // them
     (0..100).for_each(|_| assert!(source.next(&mut sample).unwrap()));
     let mut rows = 0;
     let allocations = allocation_counter::measure(|| rows = count(source));
@@ -47,7 +48,7 @@ fn no_row_allocates_after_the_first() {
 }
 
 #[test]
-#[ignore = "a measurement, for the release profile: cargo test --release -p navfuse-csv -- --ignored --nocapture"]
+#[ignore = "a measurement: cargo test --release -p navfuse-csv -- --ignored --nocapture"]
 fn a_million_rows_of_seven_columns_take_about_a_second() {
     let folder = folder(&[("imu.csv", imu(1_000_000))]);
     let mut sources = assemble(folder.path(), IMU, "[source.csv]\n", false).unwrap().sources;
@@ -55,6 +56,6 @@ fn a_million_rows_of_seven_columns_take_about_a_second() {
     assert_eq!(count(sources[0].1.as_mut()), 1_000_000);
     let seconds = clock.elapsed().as_secs_f64();
     println!("{seconds:.2} s for a million rows");
-    // twice what is wanted, for a machine that does something else too
+    // twice the target, for a machine under load
     assert!(seconds < 2.0, "{seconds} s");
 }

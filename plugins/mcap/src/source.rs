@@ -52,8 +52,8 @@ impl McapSource {
     /// Opens a log for the sensors of a composition, in the order of their ids.
     ///
     /// # Errors
-    /// When the file is missing or is not an MCAP file. If the log has a summary, also when it holds
-    /// none of the sensors, or a sensor with other channels.
+    /// When the file is missing or is not an MCAP file. If the log has a summary, also when it
+    /// holds none of the sensors, or a sensor with other channels.
     pub fn open(
         path: &Path,
         sensors: Vec<SensorInfo>,

@@ -47,7 +47,8 @@ fn writing_and_reading_take_as_much_memory_at_the_end_as_at_the_start() {
     }
     assert_eq!(read, count);
     let replayed = memory() - early;
-    // the log is 150 MB before and 32 MB after compression; a buffer more or less of a chunk of 1 MiB is no growth
+    // the log is 150 MB before and 32 MB after compression; one more buffer of a chunk of 1 MiB is
+    // no growth
     let bound = 3 << 20;
     assert!(written < bound && replayed < bound, "grew by {written} and {replayed} bytes");
 }

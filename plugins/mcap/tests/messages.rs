@@ -87,7 +87,8 @@ fn a_depth_is_also_a_pressure_of_sea_water_under_the_atmosphere() {
     assert_eq!(topics, ["/sensor/depth", "/sensor/depth/pressure", "/sensor/depth"]);
     assert_eq!(log[1].schema, "sensor_msgs/msg/FluidPressure");
     assert_eq!(log[1].fields["header"], header("base_link_frd"));
-    // 101325 Pa + 1025 kg/m^3 9.80665 m/s^2 10 m = 201843.1625 Pa; half an ulp of a double there is 1.5e-11
+    // 101325 Pa + 1025 kg/m^3 9.80665 m/s^2 10 m = 201843.1625 Pa; half an ulp of a double is
+    // 1.5e-11 there
     assert!((number(&log[1].fields["fluid_pressure"]) - 201_843.162_5).abs() < 1e-9);
 }
 
@@ -139,8 +140,8 @@ fn an_epoch_tells_pose_velocity_and_every_block() {
     assert_eq!(topics, expected);
 
     let pose = &log[0].fields["pose"]["pose"];
-    // displaced() and ned_from() are each other's inverse up to rounding: 100 m in an angle of 0.6 rad, ulp 1.1e-16 rad,
-    // times 6.4e6 m
+    // displaced() and ned_from() are inverse to each other up to rounding: an angle of 0.6 rad has
+    // an ulp of 1.1e-16 rad, times 6.4e6 m
     assert!((number(&pose["position"]["x"]) - 100.0).abs() < 3e-9);
     assert_eq!((number(&pose["position"]["y"]), number(&pose["position"]["z"])), (0.0, 0.0));
     let q = UnitQuaternion::from_euler_angles(ATTITUDE[0], ATTITUDE[1], ATTITUDE[2]);
@@ -162,7 +163,8 @@ fn an_epoch_tells_pose_velocity_and_every_block() {
     let v = q.inverse() * Vector3::from(VELOCITY);
     let linear = ["x", "y", "z"].map(|k| number(&twist["twist"]["linear"][k]));
     assert!((Vector3::from(linear) - v).norm() < 1e-15);
-    // by differences of v_b = (exp(phi) C)' (v + dv) with a step of 1e-6: error of second order 1e-12, of rounding 1e-10
+    // differences of v_b = (exp(phi) C)' (v + dv) with a step of 1e-6: truncation 1e-12, rounding
+    // 1e-10
     let mut jacobian = SMatrix::<f64, 3, 6>::zeros();
     for k in 0..6 {
         let mut d = [0.0; 6];
@@ -205,15 +207,18 @@ fn an_epoch_tells_pose_velocity_and_every_block() {
     assert_eq!((&position["unit"], &position["mode"]), (&json!("s:m"), &json!("s:estimate")));
     assert_eq!(number(&position["estimate"][2]), ORIGIN.height);
     assert_eq!(number(&position["sigma"][0]), p.get(6, 6).sqrt());
-    // the meridian radius changes by (3/2) e^2 sin(2 lat) = 0.94 % a radian: over 95 m by 1.4e-7, of 5 m that is 7e-7 m
+    // the meridian radius changes by (3/2) e^2 sin(2 lat) = 0.94 % per radian: over 95 m by 1.4e-7,
+    // of 5 m that is 7e-7 m
     assert!((number(&position["error"][0]) - 5.0).abs() < 1e-6);
     let scale = json!({
-        "header": header(""), "name": "s:dvl.scale", "mode": "s:consider", "components": ["s:k"], "units": ["s:"],
-        "estimate": floats(&[1.01]), "unit": "s:", "sigma": floats(&[p.get(9, 9).sqrt()]), "error": floats(&[0.0]),
+        "header": header(""), "name": "s:dvl.scale", "mode": "s:consider",
+        "components": ["s:k"], "units": ["s:"], "estimate": floats(&[1.01]), "unit": "s:",
+        "sigma": floats(&[p.get(9, 9).sqrt()]), "error": floats(&[0.0]),
     });
     assert_eq!(log[6].fields, scale);
     let lever = json!({
-        "header": header(""), "name": "s:dvl.lever_arm", "mode": "s:fixed", "components": ["s:x", "s:y", "s:z"],
+        "header": header(""), "name": "s:dvl.lever_arm", "mode": "s:fixed",
+        "components": ["s:x", "s:y", "s:z"],
         "units": ["s:m", "s:m", "s:m"], "estimate": floats(&[0.5, 0.0, -0.25]), "unit": "s:m",
         "sigma": floats(&[0.0; 3]), "error": [],
     });
@@ -244,8 +249,9 @@ fn an_update_is_an_innovation_of_the_channels_that_were_there() {
         sink.update(&none).unwrap();
     });
     let expected = json!({
-        "header": header("dvl"), "outcome": "s:gated", "nis": float(1.5), "threshold": float(7.8), "dof": 2,
-        "channels": ["s:vel_y_mps", "s:vel_z_mps"], "innovation": floats(&[0.5, -0.25]), "sigma": floats(&[2.0, 3.0]),
+        "header": header("dvl"), "outcome": "s:gated", "nis": float(1.5), "threshold": float(7.8),
+        "dof": 2, "channels": ["s:vel_y_mps", "s:vel_z_mps"], "innovation": floats(&[0.5, -0.25]),
+        "sigma": floats(&[2.0, 3.0]),
     });
     assert_eq!((log[0].topic.as_str(), &log[0].fields), ("/innovation/dvl", &expected));
     assert_eq!(log[1].fields["outcome"], "s:rejected: vel_z_mps is not finite");

@@ -26,7 +26,7 @@ fn texts(all: &[&str]) -> Value {
 /// Name, type and purpose of a sensor.
 type Known = (String, String, Purpose);
 
-/// What the reader tells of the log's messages, in the form of [`common::Logged`] as far as both have it.
+/// Messages that the reader returns, in the form of [`common::Logged`] as far as both have it.
 fn told(path: &Path) -> (Vec<Value>, Vec<Known>, Option<String>) {
     let mut log = LogReader::open(path).unwrap();
     let (mut messages, mut sensors) = (Vec::new(), Vec::new());

@@ -1,7 +1,7 @@
-//! Two readers of ROS 2 logs that others wrote read the log as it is: every value of every message.
+//! Two independent readers of ROS 2 logs read every value of every message of a log.
 //!
-//! They come from the Python package index into a virtual environment under the target folder. Where there is no Python
-//! or no index, the test says so and passes.
+//! The test installs the readers from the Python package index into a virtual environment under the
+//! target folder. Without Python or the index, the test prints the reason and passes.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may stop")]
 
@@ -17,18 +17,19 @@ use std::process::Command;
 
 const READERS: [&str; 2] = ["mcap-ros2-support==0.6.0", "rosbags==0.11.9"];
 
-/// Runs a command: what it printed, or why it failed.
+/// Runs a command and returns its output, or the text of its error.
 fn run(command: &mut Command) -> Result<String, String> {
     let output = command.output().map_err(|e| e.to_string())?;
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     if output.status.success() { Ok(text(&output.stdout)) } else { Err(text(&output.stderr)) }
 }
 
-/// A Python that has the readers.
+/// Path of a Python with the readers.
 fn python() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("readers");
     let python = folder.join("bin/python");
-    let check = "import importlib.metadata as m; print(*sorted(m.version(p) for p in ('mcap-ros2-support', 'rosbags')))";
+    let check = "import importlib.metadata as m; \
+                 print(*sorted(m.version(p) for p in ('mcap-ros2-support', 'rosbags')))";
     if run(Command::new(&python).args(["-c", check]))
         .is_ok_and(|versions| versions.trim() == "0.11.9 0.6.0")
     {
@@ -59,7 +60,12 @@ fn independent_readers_read_every_value() {
         fixture::run(&mut sink, Time::from_nanos(first), 600);
         sink.finish().unwrap();
         let messages: Vec<Value> = (read(&log).iter())
-            .map(|m| json!({ "topic": m.topic, "schema": m.schema, "log_time": m.log_time, "fields": m.fields }))
+            .map(|m| {
+                let (topic, schema) = (&m.topic, &m.schema);
+                json!({
+                    "topic": topic, "schema": schema, "log_time": m.log_time, "fields": m.fields
+                })
+            })
             .collect();
         let expected = folder.path().join("expected.json");
         std::fs::write(&expected, serde_json::to_string(&messages).unwrap()).unwrap();

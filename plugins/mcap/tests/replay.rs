@@ -1,4 +1,5 @@
-//! What is read back from a log: the samples to the bit, from whole logs, cut ones and those of others.
+//! Replay of a log: the samples to the bit, from complete logs, cut logs and logs of other
+//! programs.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may stop")]
 
@@ -65,8 +66,11 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
     fn any_sample_comes_back_to_the_bit(
-        told in prop::collection::vec((-2_000_000_000_i64 * 1_000_000_000..2_000_000_000 * 1_000_000_000, 0_usize..4,
-            prop::array::uniform6(prop::option::of(any::<u64>()))), 1..20)
+        told in prop::collection::vec((
+            -2_000_000_000_i64 * 1_000_000_000..2_000_000_000 * 1_000_000_000,
+            0_usize..4,
+            prop::array::uniform6(prop::option::of(any::<u64>())),
+        ), 1..20)
     ) {
         let channels = [6, 3, 1, 4];
         let samples: Vec<Sample> = told.iter().map(|(time, sensor, values)| {
@@ -122,7 +126,8 @@ fn a_log_cut_off_at_any_byte_gives_what_is_before_the_cut_and_says_so() {
                 cut < length - 1 || read.len() == samples.len(),
                 "{compression:?}: all samples are before the end"
             );
-            // uncompressed, a byte less is at most a sample less: every sample before the cut is read
+            // without compression, one byte less costs at most one sample: the reader returns every
+            // sample before the cut
             assert!(compression != Compression::None || before - read.len() <= 1, "{cut}");
             assert_eq!(bits(&read), whole[..read.len()], "{compression:?} {cut}");
             before = read.len();
@@ -301,8 +306,8 @@ fn channels_that_do_not_fit_are_named() {
     sensors[1].channels[2] = Channel::new("vel_z", "radps");
     let mut source = McapSource::open(&path, sensors, BTreeMap::new()).unwrap();
     let error = drain(&mut source).unwrap_err();
-    let wanted = "dvl is recorded with the channels vel_x_mps vel_y_mps vel_z_mps; [sensor.dvl] of the scenario has \
-                  vel_x_mps vel_y_mps vel_z_radps";
+    let wanted = "dvl is recorded with the channels vel_x_mps vel_y_mps vel_z_mps; [sensor.dvl] of \
+                  the scenario has vel_x_mps vel_y_mps vel_z_radps";
     assert!(error.contains(wanted), "{error}");
     let mut sensors = fixture::sensors();
     sensors[0].channels[0] = Channel::new("dtheta_x", "rad");

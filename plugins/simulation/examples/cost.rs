@@ -146,7 +146,10 @@ fn composed(states: usize, calibration: &str) -> String {
         simulation = { rate = '10 Hz' }
         [source.simulation]
         start = { latitude = '43 deg', heading = '30 deg' }
-        segments = [{ type = 'surge', duration = '10 s', speed = '2 m/s' }, { type = 'square', duration = '80 s', turn = '10 s' }]
+        segments = [
+            { type = 'surge', duration = '10 s', speed = '2 m/s' },
+            { type = 'square', duration = '80 s', turn = '10 s' },
+        ]
     ";
     let more = (0..(states - 15) / 3).map(|k| format!("[sensor.s{k}]\n{calibration}\n"));
     std::iter::once(base.to_owned()).chain(more).collect()

@@ -1,4 +1,4 @@
-//! Trajectories of your own: velocity and attitude as one function of time.
+//! Trajectory types of plugins: velocity and attitude as one function of time.
 
 use crate::phase::{Motion, Piece, rate_of};
 use crate::segment::MAX_SPEED;
@@ -16,7 +16,8 @@ use serde::de::DeserializeOwned;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// A type of trajectory. Its fields are the parameters in TOML; [`On`] makes a source of it:
+/// A type of trajectory, whose fields are the parameters in TOML. [`On`] turns the type into a
+/// source:
 ///
 /// ```
 /// use navfuse_core::prelude::*;
@@ -24,7 +25,7 @@ use std::sync::Arc;
 /// use navfuse_core::units::{Angle, Speed, Time};
 /// use navfuse_simulation::{On, TrajectoryType};
 ///
-/// /// Round a circle at constant speed.
+/// /// A circle at constant speed.
 /// #[derive(Clone, Debug, Deserialize, JsonSchema)]
 /// #[serde(deny_unknown_fields)]
 /// struct Circle {
@@ -45,7 +46,8 @@ use std::sync::Arc;
 ///         3.0 * self.round.si()
 ///     }
 ///     fn motion<T: Real>(&self, time: T) -> (Vector3<T>, Vector3<T>) {
-///         let (speed, heading) = (convert::<_, T>(self.speed.si()), time * convert(std::f64::consts::TAU / self.round.si()));
+///         let speed = convert::<_, T>(self.speed.si());
+///         let heading = time * convert(std::f64::consts::TAU / self.round.si());
 ///         let velocity = Vector3::new(heading.cos() * speed, heading.sin() * speed, T::zero());
 ///         (velocity, Vector3::new(T::zero(), T::zero(), heading))
 ///     }
@@ -53,7 +55,7 @@ use std::sync::Arc;
 ///
 /// let mut registry = Registry::new();
 /// registry.source::<On<Circle>>(); // [source.circle]
-/// # // what `navfuse list circle` prints, and the conformance kit checks
+/// # // the parameters that `navfuse list circle` prints and the conformance kit checks
 /// # let entry = registry.get(navfuse_core::plugin::Kind::Source, "circle").unwrap();
 /// # assert!(navfuse_core::run::schema::parameters(entry).iter().any(|p| p.key == "round"));
 /// ```
@@ -61,38 +63,38 @@ pub trait TrajectoryType: DeserializeOwned + JsonSchema + Send + Sync + 'static 
     /// The name in TOML.
     const TYPE: &'static str;
 
-    /// Where it starts.
+    /// Position of the start.
     fn start(&self) -> Geodetic;
 
-    /// How long it takes, s.
+    /// Duration, s.
     fn duration(&self) -> f64;
 
     /// Earth-referenced velocity in north, east, down (m/s), and roll, pitch and heading (rad, the
-    /// heading not wrapped), at a time since the start (s). Acceleration and angular rate are their
-    /// derivatives, by dual numbers; the position is the integral of the velocity.
+    /// heading not wrapped), at a time since the start (s). Dual numbers give their derivatives,
+    /// acceleration and angular rate; the position is the integral of the velocity.
     fn motion<T: Real>(&self, time: T) -> (Vector3<T>, Vector3<T>);
 
-    /// Times in increasing order, s, at which acceleration or angular rate jumps: nothing is
-    /// interpolated over them.
+    /// Times in increasing order, s, at which acceleration or angular rate jumps. The simulation
+    /// does not interpolate across them.
     fn breaks(&self) -> Vec<f64> {
         Vec::new()
     }
 
-    /// Whether its parameters fit together.
+    /// Checks that the parameters are consistent.
     ///
     /// # Errors
-    /// The key, its value, and what to do.
+    /// The key, its value, and the remedy.
     fn check(&self) -> Result<(), StreamError> {
         Ok(())
     }
 }
 
-/// The source that simulates every sensor on a trajectory of type `C`.
+/// Source that simulates every sensor on a trajectory of type `C`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(transparent)]
 pub struct On<C>(pub C);
 
-// its parameters are those of the trajectory, not a reference to them
+// the schema contains the trajectory's parameters, not a reference to them
 impl<C: JsonSchema> JsonSchema for On<C> {
     fn schema_name() -> Cow<'static, str> {
         C::schema_name()
@@ -115,7 +117,7 @@ impl<C: TrajectoryType> SourceType for On<C> {
     }
 }
 
-/// A piece of a trajectory of your own, between two of its breaks.
+/// Piece of a [`TrajectoryType`] between two of its breaks.
 #[derive(Debug)]
 pub struct Stretch<C> {
     course: Arc<C>,
@@ -166,15 +168,15 @@ impl<C: TrajectoryType> Piece for Stretch<C> {
     }
 }
 
-/// Times at which a trajectory is looked at before it is used.
+/// Number of intervals at whose ends a trajectory is checked before its use.
 const LOOKS: u32 = 1000;
 
 impl<C: TrajectoryType> Trajectory<Stretch<C>> {
-    /// The trajectory that a type describes.
+    /// Builds the trajectory that a type describes.
     ///
     /// # Errors
-    /// When its duration, breaks, velocity or attitude are not such that the equations hold on its
-    /// way.
+    /// When the duration, the breaks, the velocity or the attitude are outside of the range in
+    /// which the equations hold.
     pub fn of(course: C) -> Result<Self, StreamError> {
         let refuse = |what| Err(StreamError::scenario(format!("trajectory {}: {what}", C::TYPE)));
         let (origin, duration) = (course.start(), course.duration());
@@ -202,8 +204,8 @@ impl<C: TrajectoryType> Trajectory<Stretch<C>> {
             if speed.is_nan() || speed > MAX_SPEED || euler.iter().any(|e| !e.is_finite()) {
                 let (v, e) = (velocity.as_slice(), euler.as_slice());
                 return refuse(format!(
-                    "at {time} s its velocity is {v:?} m/s and its attitude {e:?} rad: both must be finite, and no speed above \
-                     {MAX_SPEED} m/s"
+                    "at {time} s its velocity is {v:?} m/s and its attitude {e:?} rad: both must \
+                     be finite, and no speed above {MAX_SPEED} m/s"
                 ));
             }
             way += speed * step;
@@ -213,8 +215,8 @@ impl<C: TrajectoryType> Trajectory<Stretch<C>> {
         // not `>`, which lets a NaN through
         if !(latitude <= MAX_LATITUDE && height <= MAX_HEIGHT) {
             return refuse(format!(
-                "from {:.1} deg of latitude and {:.0} m of height its way of {way:.0} m may lead beyond {MAX_LATITUDE} deg or \
-                 {MAX_HEIGHT} m: shorten it or start elsewhere",
+                "from {:.1} deg of latitude and {:.0} m of height its way of {way:.0} m may lead \
+                 beyond {MAX_LATITUDE} deg or {MAX_HEIGHT} m: shorten it or start elsewhere",
                 origin.latitude.to_degrees(),
                 origin.height
             ));

@@ -6,48 +6,49 @@ use nalgebra::{UnitQuaternion, Vector3, Vector4};
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_ins::earth::LocalEarth;
 
-/// The grid of the position's integration, s. A power of two, so that its nodes are exact.
+/// Step of the grid on which the position is integrated, s. A power of two, so that its nodes are
+/// exact.
 const GRID: f64 = 0.125;
-/// The longest interval of one quadrature of the inertial measurements, s.
+/// Longest interval of one quadrature of the inertial measurements, s.
 const QUADRATURE: f64 = 0.125;
-/// Gauss-Legendre quadrature with three points on [-1/2, 1/2]: places and weights.
+/// Nodes and weights of Gauss-Legendre quadrature with three points on [-1/2, 1/2].
 const GAUSS: [(f64, f64); 3] = [
     (-0.387_298_334_620_741_7, 5.0 / 18.0),
     (0.0, 8.0 / 18.0),
     (0.387_298_334_620_741_7, 5.0 / 18.0),
 ];
-/// The same of a constant.
+/// Node and weight of the quadrature of a constant.
 const CONSTANT: [(f64, f64); 1] = [(0.0, 1.0)];
 
-/// The whole truth at one instant.
+/// True motion at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kinematics {
-    /// Since the start, s.
+    /// Time since the start, s.
     pub time: f64,
-    /// Where.
+    /// Geodetic position.
     pub position: Geodetic,
-    /// Relative to the Earth, NED, m/s.
+    /// Velocity relative to the Earth, NED, m/s.
     pub velocity: Vector3<f64>,
     /// Derivative of the velocity's components, m/s^2.
     pub acceleration: Vector3<f64>,
-    /// From body to NED.
+    /// Rotation from body to NED.
     pub c_b_n: UnitQuaternion<f64>,
     /// Roll, pitch and heading, rad; the heading counts whole turns.
     pub euler: Vector3<f64>,
-    /// Their derivatives, rad/s.
+    /// Derivatives of roll, pitch and heading, rad/s.
     pub euler_rates: Vector3<f64>,
     /// Angular rate of the body relative to NED, in the body, rad/s.
     pub w_nb_b: Vector3<f64>,
-    /// Angular rate of the body relative to inertial space, in the body, rad/s: what a perfect
-    /// gyroscope measures.
+    /// Angular rate of the body relative to inertial space, in the body, rad/s: the output of a
+    /// perfect gyroscope.
     pub w_ib_b: Vector3<f64>,
-    /// Specific force, in the body, m/s^2: what a perfect accelerometer measures.
+    /// Specific force, in the body, m/s^2: the output of a perfect accelerometer.
     pub specific_force: Vector3<f64>,
-    /// The way from the start, m.
+    /// Distance travelled since the start, m.
     pub distance: f64,
 }
 
-/// Latitude (rad), longitude (rad), height (m) and way (m).
+/// Latitude (rad), longitude (rad), height (m) and distance travelled (m).
 type Path = Vector4<f64>;
 
 /// The path and its derivative at one node of the grid.
@@ -60,15 +61,15 @@ struct Node {
 /// Reads a trajectory forwards, in constant memory and without allocating.
 ///
 /// Velocity, attitude and their derivatives are closed forms of time. The position is their
-/// integral by the classical Runge-Kutta method on a fixed grid, by cubic Hermite interpolation
-/// between its nodes: it depends on the time alone, so that all cursors agree to the bit. A time
-/// before the present cell of the grid starts the integration again. Times before the start or
-/// after the end are taken as those.
+/// integral by the classical Runge-Kutta method on a fixed grid, with cubic Hermite interpolation
+/// between the nodes. The position depends on the time alone, so all cursors agree to the bit. A
+/// time before the present cell of the grid restarts the integration. Times before the start or
+/// after the end are limited to the start or the end.
 #[derive(Debug)]
 pub struct Cursor<P: Piece = Phase> {
     trajectory: Trajectory<P>,
     piece: usize,
-    /// The present cell is from this node of the grid to the next.
+    /// Number of the present cell, which lies between this node of the grid and the next.
     cell: u64,
     from: Node,
     to: Node,
@@ -91,12 +92,12 @@ impl<P: Piece> Cursor<P> {
         cursor
     }
 
-    /// The trajectory that it reads.
+    /// Trajectory that the cursor reads.
     pub fn trajectory(&self) -> &Trajectory<P> {
         &self.trajectory
     }
 
-    /// The truth at a time, s.
+    /// True motion at a time, s.
     pub fn at(&mut self, time: f64) -> Kinematics {
         let time = self.clamp(time);
         let path = self.path(time);
@@ -119,17 +120,17 @@ impl<P: Piece> Cursor<P> {
         }
     }
 
-    /// The integrals from one time to another (s) of angular rate `w_ib^b` (rad) and specific force
-    /// `f^b` (m/s): what a perfect integrating inertial sensor gives out.
+    /// Integrals from one time to another (s) of angular rate `w_ib^b` (rad) and specific force
+    /// `f^b` (m/s): the output of a perfect integrating inertial sensor.
     pub fn increments(&mut self, from: f64, to: f64) -> (Vector3<f64>, Vector3<f64>) {
         let (mut t, to) = (self.clamp(from), self.clamp(to));
         let (mut angle, mut velocity) = (Vector3::zeros(), Vector3::zeros());
         while t < to {
-            // A piece is smooth: no quadrature reaches over its end.
+            // Only a piece is smooth, so no quadrature crosses its end.
             let end = to.min(t + QUADRATURE).min(self.seek(t).span().1);
             let (length, middle) = (end - t, t + 0.5 * (end - t));
-            // Latitude and height change by 1e-7 rad and 1 m at most: their effect is linear, and
-            // that of the middle.
+            // Latitude and height change by at most 1e-7 rad and 1 m, so their effect is linear,
+            // and its mean is the effect at the middle.
             let path = self.path(middle);
             let earth = LocalEarth::at(path.x, path.z);
             let phase = self.seek(t);
@@ -150,7 +151,7 @@ impl<P: Piece> Cursor<P> {
         time.max(0.0).min(self.trajectory.duration())
     }
 
-    /// The piece of a time; from the piece before it takes a step or none.
+    /// Finds the piece of a time, starting from the present piece.
     #[inline]
     fn seek(&mut self, time: f64) -> &P {
         let pieces = &self.trajectory.pieces;
@@ -163,7 +164,7 @@ impl<P: Piece> Cursor<P> {
         &pieces[self.piece]
     }
 
-    /// The path at a time within the trajectory.
+    /// Path at a time within the trajectory.
     #[inline]
     fn path(&mut self, time: f64) -> Path {
         let cell = (time / GRID) as u64;
@@ -181,7 +182,7 @@ impl<P: Piece> Cursor<P> {
         self.from.path + (a + ((d * 3.0 - a * 2.0 - b) + (a + b - d * 2.0) * x) * x) * x
     }
 
-    /// The node after `from`.
+    /// Integrates from `from` to the next node.
     fn step(&mut self) -> Node {
         let Node { path, rate: k1 } = self.from;
         let (t, h) = (self.cell as f64 * GRID, GRID);
@@ -192,7 +193,7 @@ impl<P: Piece> Cursor<P> {
         Node { path, rate: self.rate(t + h, &path) }
     }
 
-    /// The derivative of the path (Groves eq. 2.111).
+    /// Derivative of the path (Groves eq. 2.111).
     fn rate(&mut self, time: f64, path: &Path) -> Path {
         let v = self.seek(time).velocity(time);
         let earth = LocalEarth::at(path.x, path.z);

@@ -3,50 +3,50 @@
 use crate::profile::{BUMP_MEAN, Profile, Shape};
 use nalgebra::{Matrix3, Vector3};
 
-/// What one phase hands to the next.
+/// Final values of a phase, with which the next phase starts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pose {
     /// Horizontal speed along the heading, m/s.
     pub speed: f64,
-    /// Rad.
+    /// Roll, rad.
     pub roll: f64,
-    /// Rad.
+    /// Pitch, rad.
     pub pitch: f64,
-    /// Rad, not wrapped.
+    /// Heading, rad, not wrapped.
     pub heading: f64,
 }
 
 /// Velocity and attitude, and their rates, at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// NED, m/s.
+    /// Velocity, NED, m/s.
     pub velocity: Vector3<f64>,
     /// Derivative of the velocity's components, m/s^2.
     pub acceleration: Vector3<f64>,
-    /// From body to NED.
+    /// Rotation matrix from body to NED.
     pub c_b_n: Matrix3<f64>,
-    /// Rad/s.
+    /// Angular rate of the body relative to NED, in the body, rad/s.
     pub w_nb_b: Vector3<f64>,
 }
 
-/// One smooth piece of a trajectory. All times are since the trajectory's start, s.
+/// One smooth piece of a trajectory. All times are counted from the trajectory's start, s.
 ///
 /// ```
 /// use navfuse_simulation::Piece;
-/// /// How far a piece leads at the speed of its middle, m.
+/// /// Length of a piece at the speed of its middle, m.
 /// fn length(piece: &impl Piece) -> f64 {
 ///     let (start, end) = piece.span();
 ///     piece.velocity(0.5 * (start + end)).norm() * (end - start)
 /// }
 /// ```
 pub trait Piece: Send + Sync + 'static {
-    /// Row of the table that it comes from, from 1.
+    /// Number of the piece's row in the table of segments, from 1.
     fn number(&self) -> usize;
-    /// What a log calls it.
+    /// Name of the piece in a log.
     fn label(&self) -> &str;
-    /// Where it starts and ends, s.
+    /// Start and end, s.
     fn span(&self) -> (f64, f64);
-    /// Whether velocity and attitude are constant.
+    /// Tests whether velocity and attitude are constant.
     fn is_steady(&self) -> bool;
     /// Velocity, NED, m/s.
     fn velocity(&self, time: f64) -> Vector3<f64>;
@@ -56,8 +56,8 @@ pub trait Piece: Send + Sync + 'static {
     fn motion(&self, time: f64) -> Motion;
 }
 
-/// The rate of the body relative to NED from the derivatives of roll, pitch and heading: Groves eq.
-/// 2.58 read backwards, as the third row of `c_b_n` is the down axis in the body.
+/// Rate of the body relative to NED from the derivatives of roll, pitch and heading: the inverse of
+/// Groves eq. 2.58. The third row of `c_b_n` is the down axis in the body.
 #[inline]
 pub(crate) fn rate_of(
     c_b_n: &Matrix3<f64>,
@@ -78,7 +78,7 @@ struct Attitude {
     c_b_n: Matrix3<f64>,
 }
 
-/// The piece that a segment of the table makes.
+/// Piece of a segment of the table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Phase {
     number: usize,
@@ -88,19 +88,19 @@ pub struct Phase {
     x_rate: f64,
     pub(crate) speed: Profile,
     pub(crate) down: Profile,
-    /// To starboard of the heading, horizontal, m/s.
+    /// Horizontal speed to starboard of the heading, m/s.
     pub(crate) side: Profile,
     roll: Profile,
     pitch: Profile,
     heading: Profile,
-    /// Of the path, upwards, rad.
+    /// Slope of the path, upwards, rad.
     slope: Profile,
-    /// The attitude, where it is constant.
+    /// Attitude of a phase in which it is constant.
     fixed: Option<Attitude>,
 }
 
 impl Phase {
-    /// A phase in which nothing changes.
+    /// Builds a phase in which nothing changes.
     pub(crate) fn new(
         number: usize,
         label: String,
@@ -125,8 +125,8 @@ impl Phase {
         }
     }
 
-    /// With a change of heading, and a bank (positive into the turn) and a pitch that come and go,
-    /// rad.
+    /// Adds a change of heading, and a bank (positive into the turn) and a pitch that rise and fall
+    /// back to zero, rad.
     pub(crate) fn turning(mut self, angle: f64, bank: f64, pitch: f64) -> Self {
         self.heading.step = angle;
         self.roll.bump = bank * angle.signum();
@@ -135,7 +135,8 @@ impl Phase {
         self
     }
 
-    /// With a slope of the path that comes and goes, rad, which body and velocity follow.
+    /// Adds a slope of the path that rises and falls back to zero, rad; body and velocity follow
+    /// it.
     pub(crate) fn sloping(mut self, angle: f64) -> Self {
         self.slope.bump = angle;
         self.pitch.bump = angle;
@@ -152,7 +153,7 @@ impl Phase {
         }
     }
 
-    /// Bounds on the horizontal and the vertical way, m.
+    /// Bounds on the horizontal and the vertical distance, m.
     pub(crate) fn reach(&self) -> (f64, f64) {
         let duration = self.end - self.start;
         let speed = self.speed.start.abs() + self.speed.step.abs() + self.speed.bump.abs();
@@ -161,7 +162,7 @@ impl Phase {
         ((speed + side) * duration, (self.down.bump.abs() * BUMP_MEAN + climb) * duration)
     }
 
-    /// Speed downwards and its derivative, by ballast and on a slope.
+    /// Downward speed and its derivative, by ballast and on a slope.
     #[inline]
     fn vertical(&self, shape: &Shape, speed: f64, speed_rate: f64) -> (f64, f64) {
         let (down, rate) = (self.down.value(shape), self.down.rate(shape));
@@ -240,7 +241,8 @@ impl Piece for Phase {
         let Attitude { sin, cos, c_b_n, .. } = attitude;
         let (speed, speed_rate) = (self.speed.value(&shape), self.speed.rate(&shape));
         let side = self.side.value(&shape);
-        let across = speed * turn + self.side.rate(&shape); // a phase that goes sideways does not turn
+        // a phase that moves sideways does not turn
+        let across = speed * turn + self.side.rate(&shape);
         let (down, down_rate) = self.vertical(&shape, speed, speed_rate);
         Motion {
             velocity: Vector3::new(speed * cos - side * sin, speed * sin + side * cos, down),
@@ -256,7 +258,7 @@ impl Piece for Phase {
 }
 
 impl Attitude {
-    /// From roll, pitch and heading, rad (Groves eq. 2.24).
+    /// Attitude from roll, pitch and heading, rad (Groves eq. 2.24).
     #[inline]
     fn new(euler: &Vector3<f64>) -> Self {
         let (sr, cr) = euler.x.sin_cos();

@@ -68,7 +68,8 @@ pub fn simulate<P: Piece>(
     }
     if streams.is_empty() {
         return Err(StreamError::scenario(
-            "no sensor is simulated: give one a rate, such as [sensor.imu.simulation] rate = \"100 Hz\"",
+            "no sensor is simulated: give one a rate, such as [sensor.imu.simulation] rate = \"100 \
+             Hz\"",
         ));
     }
     Ok(streams)

@@ -18,7 +18,10 @@ fn trajectory(start: Value, segments: Value) -> Result<Trajectory, TrajectoryErr
 }
 
 fn square(duration: &str, direction: &str) -> Value {
-    json!({ "type": "square", "duration": duration, "turn": "30 s", "bank": "8 deg", "pitch": "2 deg", "direction": direction })
+    json!({
+        "type": "square", "duration": duration, "turn": "30 s", "bank": "8 deg", "pitch": "2 deg",
+        "direction": direction
+    })
 }
 
 /// The 3-D run of Pan & Wu 2016, Table 1.
@@ -353,7 +356,10 @@ fn errors_name_the_segment_the_key_the_value_and_the_remedy() {
         (
             of(
                 json!({}),
-                json!([{ "type": "static", "duration": "60 s" }, { "type": "cruise", "duration": "0 s" }]),
+                json!([
+                    { "type": "static", "duration": "60 s" },
+                    { "type": "cruise", "duration": "0 s" }
+                ]),
             ),
             "segment 2 (`cruise`): duration = \"0 s\": give a duration from 1 s",
         ),

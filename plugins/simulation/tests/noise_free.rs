@@ -13,11 +13,16 @@ fn hour() -> Trajectory {
         let direction = if lap % 2 == 0 { "starboard" } else { "port" };
         segments.extend([
             json!({ "type": "descend", "duration": "60 s", "rate": "1 m/s" }),
-            json!({ "type": "square", "duration": "400 s", "turn": "20 s", "bank": "15 deg", "pitch": "5 deg",
-                    "direction": direction }),
+            json!({
+                "type": "square", "duration": "400 s", "turn": "20 s", "bank": "15 deg",
+                "pitch": "5 deg", "direction": direction
+            }),
             json!({ "type": "pulse", "duration": "30 s", "speed_change": "-1 m/s" }),
             json!({ "type": "ascend", "duration": "60 s", "rate": "1 m/s" }),
-            json!({ "type": "turn", "duration": "40 s", "angle": "200 deg", "bank": "-10 deg", "pitch": "-3 deg" }),
+            json!({
+                "type": "turn", "duration": "40 s", "angle": "200 deg", "bank": "-10 deg",
+                "pitch": "-3 deg"
+            }),
         ]);
     }
     let start = json!({ "latitude": "30 deg", "heading": "10 deg", "roll": "3 deg" });

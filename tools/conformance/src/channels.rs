@@ -1,4 +1,4 @@
-//! Channels: named as CSV headings need it, all filled by the simulator with finite numbers.
+//! Channels: names that can be headings of CSV columns, and finite simulated values for each.
 
 use crate::lab::Lab;
 use crate::{Failure, Report};
@@ -26,7 +26,7 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
 
 fn names_fit(channels: &[(&str, &str)]) -> Result<(), Failure> {
     if channels.is_empty() {
-        return Err("it has no channels; name what a sample holds in `channels`".into());
+        return Err("it has no channels; list the values of a sample in `channels`".into());
     }
     let plain = |text: &str, more: &str| {
         text.starts_with(|c: char| c.is_ascii_lowercase() || more.contains(c))
@@ -37,8 +37,8 @@ fn names_fit(channels: &[(&str, &str)]) -> Result<(), Failure> {
     for (k, (name, unit)) in channels.iter().enumerate() {
         if !plain(name, "_") || !plain(unit, "1") {
             return Err(Failure::new(format!(
-                "channel {name:?} with unit {unit:?} makes no heading of a column; use small letters, digits and _, and an SI unit \
-                 as in vel_x_mps"
+                "channel {name:?} with unit {unit:?} cannot be the heading of a column; use \
+                 lower-case letters, digits and _, and an SI unit, as in vel_x_mps"
             )));
         }
         if channels[..k].iter().any(|(other, _)| other == name) {
@@ -57,22 +57,22 @@ fn filled(
 ) -> Result<String, Failure> {
     if samples.is_empty() {
         return Err(
-            "it is not simulated; give it `simulation = { rate = \"1 Hz\" }` in the scenario"
+            "the scenario does not simulate it; add `simulation = { rate = \"1 Hz\" }` to its table"
                 .into(),
         );
     }
     if measured == 0 {
-        return Err(
-            "its model predicts no channel, so that no sample is ever used; give MeasurementModel<N> with N above 0"
-                .into(),
-        );
+        return Err("its model predicts no channel, so the filter never uses a sample; implement \
+             MeasurementModel<N> with N above 0"
+            .into());
     }
     let mut seen = 0_u16;
     for sample in samples {
         if let Some(i) = sample.not_finite() {
             let name = channels.get(i).map_or("beyond those declared", |c| c.0);
             return Err(Failure::new(format!(
-                "its simulated channel {name} is {} at {}; clear a channel that is lost (Sample::clear), and keep predict finite",
+                "its simulated channel {name} is {} at {}; clear a missing channel with \
+                 Sample::clear, and return finite values from predict",
                 sample.get(i).unwrap_or(f64::NAN),
                 sample.time
             )));
@@ -88,7 +88,7 @@ fn filled(
     }
     if let Some(i) = (0..measured).find(|i| seen >> i & 1 == 0) {
         return Err(Failure::new(format!(
-            "channel {} is in no simulated sample; let `simulate` set it, or do not declare it",
+            "channel {} is in no simulated sample; set it in `simulate`, or remove its declaration",
             channels[i].0
         )));
     }

@@ -1,4 +1,4 @@
-//! Simulate, then estimate: innovations and errors are as large as the filter says.
+//! Consistency of innovations (NIS) and errors (NEES) with the filter's covariance, in simulation.
 
 use crate::lab::{Lab, Types, assemble};
 use crate::{Failure, Report};
@@ -11,12 +11,13 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Runs, each with its own noise, initial errors and truths.
+/// Number of runs. Noise, initial errors and true parameters differ from run to run.
 const RUNS: usize = 20;
-/// Innovations of a sensor that count in a run, evenly over it: enough to see a sigma that is 10 %
-/// wrong.
+/// Number of innovations of a sensor that count in a run, evenly spaced: enough to detect a sigma
+/// that is 10 % wrong.
 const INNOVATIONS: usize = 50;
-/// Probability that a band does not hold what is right: one test in some 10 000 fails by chance.
+/// Probability that a correct value lies outside its band: with some ten bands, about one test in
+/// 10 000 fails by chance.
 const ALPHA: f64 = 1e-5;
 
 pub fn check(lab: &Lab<'_>, report: &mut Report) {
@@ -45,24 +46,24 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
     }
 }
 
-/// Whether the truth of a block is as random as the filter takes it: a stated truth stays where it
-/// is.
+/// Tests whether the true value of a block is as random as the filter assumes: a stated truth is
+/// constant.
 fn random(block: &Block) -> bool {
     block.spec.truth.is_none() || block.spec.dynamics == Dynamics::Constant
 }
 
-/// What one run tells.
+/// Innovations and final errors of one run.
 #[derive(Clone, Debug, Default)]
 struct Run {
-    /// Each sensor's innovations: squared and normalised, and how many channels.
+    /// NIS of each sensor's innovations, with the number of channels.
     nis: Vec<Vec<(f64, usize)>>,
     gated: Vec<usize>,
     layout: Layout,
-    /// Errors and covariance at the last epoch whose truth is known, and what is known.
+    /// Errors and covariance at the last epoch with a truth, and the blocks whose truth is known.
     last: Option<(Vec<f64>, DMatrix<f64>, Vec<bool>)>,
 }
 
-/// All runs, in the order of their seeds, on all cores.
+/// Runs the scenario with every seed, on all cores; the results are in the order of the seeds.
 fn runs(lab: &Lab<'_>) -> Result<Vec<Run>, Failure> {
     let mut settings = vec!["estimator.draw=all".to_owned()];
     for sensor in &lab.composition.sensors {
@@ -143,8 +144,9 @@ impl Sink for Run {
     }
 }
 
-/// Whether a sum of squares is in the band of the chi-square distribution, and the band of its mean
-/// per degree of freedom; from zero on, where it `may_be_less`.
+/// Tests whether a sum of squares lies in the band of the chi-square distribution. Returns the
+/// result, and the band of the mean per degree of freedom, which starts at zero if it
+/// `may_be_less`.
 fn judge(sum: f64, freedom: usize, may_be_less: bool) -> Option<(bool, [f64; 2])> {
     let chi = ChiSquared::new(freedom as f64).ok()?;
     let mut band = [0.5 * ALPHA, 1.0 - 0.5 * ALPHA].map(|p| chi.inverse_cdf(p) / freedom as f64);
@@ -159,7 +161,8 @@ fn nis(runs: &[Run], sensor: usize, channels: usize, may_be_less: bool) -> Resul
     let gated: usize = runs.iter().map(|r| r.gated[sensor]).sum();
     if gated > 0 {
         return Err(Failure::new(format!(
-            "{gated} of its innovations are not finite; let predict be finite wherever the simulated vehicle goes"
+            "{gated} of its innovations are not finite; return finite values from predict wherever \
+             the simulated vehicle goes"
         )));
     }
     let thin = |r: &Run| {
@@ -170,14 +173,11 @@ fn nis(runs: &[Run], sensor: usize, channels: usize, may_be_less: bool) -> Resul
     let counted: Vec<(f64, usize)> = runs.iter().flat_map(thin).collect();
     let (sum, freedom) = counted.iter().fold((0.0, 0), |(s, f), (nis, m)| (s + nis, f + m));
     let Some((holds, [low, high])) = judge(sum, freedom, may_be_less) else {
-        return Err(
-            "none of its samples corrects the state; simulate it, at a time when the filter runs"
-                .into(),
-        );
+        return Err("the filter uses none of its samples; simulate it while the filter runs".into());
     };
     let mean = sum / freedom as f64;
     let numbers = format!(
-        "mean {mean:.3} a channel in {} innovations of {} runs, band {low:.3} to {high:.3}",
+        "mean {mean:.3} per channel over {} innovations in {} runs, band {low:.3} to {high:.3}",
         counted.len(),
         runs.len()
     );
@@ -185,17 +185,18 @@ fn nis(runs: &[Run], sensor: usize, channels: usize, may_be_less: bool) -> Resul
         return Ok(numbers);
     }
     Err(Failure::new(format!(
-        "NIS {numbers}: {}; compare what `simulate` adds with `noise` (sigma squared, of {channels} channels), and `predict` \
-         with it; where all this is right, start the scenario nearer to the truth",
+        "NIS {numbers}: {}; compare the noise that `simulate` adds with `noise` (sigma squared, \
+         of {channels} channels), and the simulated values with `predict`; if both agree, start \
+         the scenario closer to the truth",
         if mean > high {
-            "innovations are larger than the filter says"
+            "innovations are larger than their covariance predicts"
         } else {
-            "they are smaller than the filter says"
+            "innovations are smaller than their covariance predicts"
         }
     )))
 }
 
-/// The errors of blocks at the end of all runs.
+/// Tests the NEES of blocks at the end of all runs.
 fn nees(runs: &[Run], blocks: &[&Block], may_be_less: bool) -> Result<String, Failure> {
     let (mut sum, mut freedom) = (0.0, 0);
     let mut alone: Vec<(String, f64, usize)> =
@@ -203,7 +204,7 @@ fn nees(runs: &[Run], blocks: &[&Block], may_be_less: bool) -> Result<String, Fa
     for run in runs {
         let Some((error, covariance, known)) = &run.last else {
             return Err(
-                "no truth is known in its runs; add [sensor.reference] with a simulation".into()
+                "its runs have no known truth; add [sensor.reference] with a simulation".into()
             );
         };
         let mut all = Vec::new();
@@ -223,11 +224,12 @@ fn nees(runs: &[Run], blocks: &[&Block], may_be_less: bool) -> Result<String, Fa
     }
     let Some((holds, [low, high])) = judge(sum, freedom, may_be_less) else {
         return Err(
-            "no true value of its states is known; add [sensor.reference] with a simulation".into(),
+            "the true values of its states are unknown; add [sensor.reference] with a simulation"
+                .into(),
         );
     };
     let numbers = format!(
-        "mean {:.3} an axis at the end of {} runs, band {low:.3} to {high:.3}",
+        "mean {:.3} per axis at the end of {} runs, band {low:.3} to {high:.3}",
         sum / freedom as f64,
         runs.len()
     );
@@ -241,18 +243,20 @@ fn nees(runs: &[Run], blocks: &[&Block], may_be_less: bool) -> Result<String, Fa
         format!(" ({name}: {:.3} of {freedom})", sum / *freedom as f64)
     });
     Err(Failure::new(format!(
-        "NEES {numbers}{of}: the errors of its states are not as large as the filter's covariance says; look at `predict` and \
-         `noise`, at Phi and Q of a process, and whether the simulator gives what the state stands for"
+        "NEES {numbers}{of}: the errors of its states are not consistent with the filter's \
+         covariance; check `predict` and `noise`, Phi and Q of a process, and that the simulator \
+         applies the states as the model does"
     )))
 }
 
 fn singular(name: &str) -> String {
     format!(
-        "the covariance of {name} is singular at the end; give its noise, and the prior, a sigma above zero"
+        "the covariance of {name} is singular at the end; set its noise and its prior sigma above \
+         zero"
     )
 }
 
-/// `e' P^-1 e` of some axes.
+/// Normalised squared error `e' P^-1 e` of the given axes.
 fn normalised(error: &[f64], covariance: &DMatrix<f64>, columns: &[usize]) -> Option<f64> {
     let e = DVector::from_iterator(columns.len(), columns.iter().map(|&i| error[i]));
     let p =

@@ -1,4 +1,4 @@
-//! `H` against central differences of `h` on the manifold, also of samples that lack channels.
+//! `H` against central differences of `h` on the manifold, also for samples with missing channels.
 
 use crate::lab::{Lab, Moment, all_estimated};
 use crate::{Failure, Report, lab};
@@ -8,9 +8,9 @@ use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::state::{Block, Layout};
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
 
-/// The largest error of a derivative, relative to the largest of its channel and block: central
-/// differences at the best of several steps are good to about 1e-9, and a wrong term is an error of
-/// more than its own size.
+/// Largest accepted error of a derivative, relative to the largest derivative of its channel and
+/// block. Central differences at the best of several steps are accurate to about 1e-9, far below
+/// the error that a wrong term causes.
 const BOUND: f64 = 1e-6;
 
 pub fn check(lab: &Lab<'_>, report: &mut Report) {
@@ -18,8 +18,9 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
     for (part, model) in lab.models() {
         let moments = lab.moments_of(part.index, &layout);
         if moments.is_empty() {
-            let message = "no sample of it reaches the running filter: give it `simulation = { rate = \"1 Hz\" }`, and \
-                           a trajectory on which it measures";
+            let message = "none of its samples reaches the running filter; add \
+                           `simulation = { rate = \"1 Hz\" }` to its table, and choose a \
+                           trajectory on which it measures";
             report.add("jacobian", part.about, Err(Failure::new(message)));
             continue;
         }
@@ -39,7 +40,7 @@ fn of_model(
     let mut reads: Option<u128> = None;
     let mut update = Update::with_capacity(layout.tangent, MAX_CHANNELS);
     for Moment { state, sample: all } in moments {
-        let mut whole = false; // whether the sample itself is predicted
+        let mut whole = false; // true once the prediction of the whole sample is finite
         for sample in subsets(all, names.len()) {
             let at = At { layout, state, sample: &sample };
             let (mut z, present) =
@@ -49,15 +50,16 @@ fn of_model(
             if present.iter().any(|&i| !z[i].is_finite()) {
                 let lacking =
                     |i: &usize| whole && all.get(*i).is_some() && sample.get(*i).is_none();
-                // a sample without what is told beside may be useless; one without another measured
-                // channel may not
+                // a sample without an auxiliary channel may be useless; one without another
+                // measured channel may not
                 if let Some(lacking) = (0..n)
                     .find(lacking)
                     .filter(|_| (n..names.len()).all(|i| sample.get(i) == all.get(i)))
                 {
                     return Err(Failure::new(format!(
-                        "without channel {} the prediction of another one is not finite; let the prediction of one channel not \
-                         depend on another that may be missing",
+                        "without channel {} the prediction of another channel is not finite; \
+                         make the prediction of each channel independent of channels that may be \
+                         missing",
                         names[lacking]
                     )));
                 }
@@ -70,8 +72,9 @@ fn of_model(
                 let other =
                     slots(reads.unwrap_or(0) ^ read).map(|s| layout.blocks[s].name.as_str());
                 return Err(Failure::new(format!(
-                    "predict reads {} at some states and not at others, so its derivative is lost there; read every state \
-                     with x.get(...) before the first branch",
+                    "predict reads {} at some states and not at others, so its \
+                     derivative is lost there; read every state with x.get(...) before the first \
+                     branch",
                     other.collect::<Vec<_>>().join(", ")
                 )));
             }
@@ -81,8 +84,9 @@ fn of_model(
                 let lacking: Vec<&str> =
                     (0..n).filter(|i| !present.contains(i)).map(|i| names[i]).collect();
                 return Err(Failure::new(format!(
-                    "a sample without {} is linearised with {} rows, {} are needed; leave out the rows of `H` and `R` of \
-                     channels that are missing, or let MeasurementModel do it",
+                    "a sample without {} is linearised with {} rows instead of {}; leave out the \
+                     rows of missing channels in `H` and `R`, or implement MeasurementModel, which \
+                     does so",
                     lacking.join(", "),
                     update.m,
                     present.len()
@@ -98,20 +102,23 @@ fn of_model(
                     let start = row * update.columns.len() + column;
                     let given = &update.h[start..start + block.operations.tangent];
                     let sigma = noise[channel * n + channel].max(0.0).sqrt();
-                    let error = of_row(model, &at, block, channel, sigma, given).map_err(|wrong| {
-                        format!(
-                            "the derivative of channel {} with respect to {}, axis {}, is {:.6e}; central differences of \
-                             predict give {:.6e} (off by {:.1e} of the block's largest, the bound is {BOUND:.0e}); mend \
-                             `jacobian`, or remove it and let the dual numbers do it; where there is none, predict \
-                             computes with plain numbers instead of its T, or has a jump",
-                            names[channel],
-                            block.name,
-                            wrong.axis + 1,
-                            given[wrong.axis],
-                            wrong.numeric,
-                            wrong.relative
-                        )
-                    })?;
+                    let error =
+                        of_row(model, &at, block, channel, sigma, given).map_err(|wrong| {
+                            format!(
+                                "the derivative of channel {} with respect to {}, axis {}, is \
+                                 {:.6e}; central differences of predict give {:.6e} (error {:.1e} \
+                                 relative to the largest of the block, bound {BOUND:.0e}); correct \
+                                 `jacobian`, or remove it so that dual numbers give the \
+                                 derivative; if the model has no `jacobian`, predict computes with \
+                                 f64 instead of its T, or is discontinuous",
+                                names[channel],
+                                block.name,
+                                wrong.axis + 1,
+                                given[wrong.axis],
+                                wrong.numeric,
+                                wrong.relative
+                            )
+                        })?;
                     worst = worst.max(error);
                 }
                 column += block.operations.tangent;
@@ -120,15 +127,16 @@ fn of_model(
     }
     if 2 * finite < moments.len() {
         return Err(Failure::new(format!(
-            "predict is not finite at {} of {} states about the run; let it be finite wherever the vehicle may be",
+            "predict is not finite at {} of {} states around the run; return finite values \
+             wherever the vehicle may be",
             moments.len() - finite,
             moments.len()
         )));
     }
-    Ok(format!("largest error {worst:.1e} of {used} samples and states"))
+    Ok(format!("largest error {worst:.1e} over {used} samples and states"))
 }
 
-/// The sample itself, and with each of its channels missing, and with that channel alone.
+/// The sample itself; then, for each channel, the sample without it and the sample with it alone.
 fn subsets(sample: &Sample, channels: usize) -> Vec<Sample> {
     let present: Vec<usize> = (0..channels).filter(|&i| sample.get(i).is_some()).collect();
     let mut all = vec![*sample];
@@ -144,8 +152,8 @@ fn subsets(sample: &Sample, channels: usize) -> Vec<Sample> {
     all
 }
 
-/// A step for central differences: the cube root of the rounding, times the size of what is
-/// displaced.
+/// Step of central differences: the cube root of the machine epsilon, times the size of the
+/// displaced value.
 fn step(block: &Block, values: &[f64], axis: usize) -> f64 {
     let size = values.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
     let position =

@@ -1,5 +1,5 @@
-//! What the checks work on: the scenario composed, its samples, and states at which models are
-//! asked.
+//! Data of the checks: the composed scenario, its samples, and the states at which models are
+//! evaluated.
 
 use crate::Failure;
 use navfuse_core::compose::Composition;
@@ -23,18 +23,18 @@ use std::any::TypeId;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Random states at which a model is asked.
+/// Number of random states at which a model is evaluated.
 pub const STATES: usize = 24;
 
-/// The types of the plugins, and what a scenario needs beside them.
+/// Types of the plugins, and types that a scenario needs in addition.
 pub struct Types {
     pub registry: Registry,
-    /// The kinds and names that are checked.
+    /// Kinds and names of the checked types.
     pub checked: Vec<(Kind, &'static str)>,
 }
 
-/// Registers the plugins, and the IMU, the strapdown process and the simulation where they are not
-/// among them.
+/// Registers the plugins, and also the IMU, the strapdown process and the simulation if the plugins
+/// do not.
 pub fn registry(plugins: &[&dyn Plugin]) -> Types {
     let mut registry = Registry::new();
     plugins.iter().for_each(|plugin| _ = registry.add(*plugin));
@@ -48,7 +48,7 @@ pub fn registry(plugins: &[&dyn Plugin]) -> Types {
     Types { registry, checked }
 }
 
-/// A state on the way, and the sample of some sensor that came then.
+/// A state of the run, and the sample of the same time.
 pub struct Moment {
     pub state: State,
     pub sample: Sample,
@@ -59,11 +59,11 @@ pub struct Lab<'a> {
     pub types: &'a Types,
     pub text: &'a str,
     pub composition: Composition,
-    /// Every sample of the run, in the order in which a filter takes them.
+    /// Every sample of the run, in the order in which a filter processes them.
     pub samples: Vec<Sample>,
-    /// The filter's state at each of them, with the sample.
+    /// State of the filter at each sample, with the sample.
     pub moments: Vec<Moment>,
-    /// Why the run ended early, if it did.
+    /// Reason why the run ended early.
     pub ended: Option<String>,
 }
 
@@ -91,18 +91,19 @@ impl<'a> Lab<'a> {
         let samples = merged(&mut sources, &composition)?;
         let mut lab = Self { types, text, composition, samples, moments: Vec::new(), ended: None };
         if lab.has_models() {
-            assemble(types, text, &[])?; // what is drawn again and again must be simulated
+            assemble(types, text, &[])?; // repeated runs need simulated samples
         } else if lab.streams(Kind::Source).is_empty() && lab.streams(Kind::Sink).is_empty() {
             let names: Vec<&str> = types.checked.iter().map(|(_, name)| *name).collect();
             return Err(Failure::new(format!(
-                "no type of the plugins is in the scenario, so nothing is checked; add a table for one of: {}",
+                "the scenario uses no type of the plugins, so there is nothing to check; add a \
+                 table for one of: {}",
                 names.join(", ")
             )));
         }
         let mut ekf = Ekf::new(lab.compose(&[])?);
         for sample in &lab.samples {
             if let Err(e) = ekf.process(sample, &mut Heard::default()) {
-                // what it was asked at until then may show why
+                // the moments before the end may show the cause
                 lab.ended = Some(format!("the run ends early: {e}"));
                 break;
             }
@@ -111,12 +112,14 @@ impl<'a> Lab<'a> {
             }
         }
         if lab.moments.is_empty() {
-            return Err("the filter never starts; see `navfuse run` on the scenario".into());
+            return Err(
+                "the filter never starts; `navfuse run` on the scenario prints the reason".into()
+            );
         }
         Ok(lab)
     }
 
-    /// The scenario composed anew, with `key.path=value` overrides.
+    /// Composes the scenario again, with `key.path=value` overrides.
     pub fn compose(&self, settings: &[String]) -> Result<Composition, Failure> {
         let document = Document::parse("scenario", self.text).map_err(Failure::caused_by)?;
         let scenario =
@@ -128,12 +131,12 @@ impl<'a> Lab<'a> {
         self.types.checked.iter().any(|(k, n)| *k == kind && *n == name)
     }
 
-    /// Whether a sensor or process is checked, not sources and sinks alone.
+    /// Tests whether a sensor or process is checked, and not only sources and sinks.
     pub fn has_models(&self) -> bool {
         !self.sensors().is_empty() || !self.processes().is_empty()
     }
 
-    /// The sources, or the sinks, of the scenario that are checked.
+    /// Checked sources or sinks of the scenario.
     pub fn streams(&self, kind: Kind) -> Vec<Stream> {
         let Ok(document) = Document::parse("scenario", self.text) else { return Vec::new() };
         let root = document.root();
@@ -151,7 +154,7 @@ impl<'a> Lab<'a> {
         tables.into_iter().filter_map(stream).collect()
     }
 
-    /// The sensors that are checked.
+    /// Checked sensors.
     pub fn sensors(&self) -> Vec<Part> {
         let sensors = self.composition.sensors.iter().enumerate();
         let checked = sensors.filter(|(_, s)| self.is_checked(Kind::Sensor, &s.info.kind));
@@ -162,7 +165,7 @@ impl<'a> Lab<'a> {
         checked.map(part).collect()
     }
 
-    /// The measuring sensors that are checked, with their models.
+    /// Checked measuring sensors, with their models.
     pub fn models(&self) -> Vec<(Part, &Arc<dyn AnyMeasurement + Sync>)> {
         let model = |part: Part| match &self.composition.sensors[part.index].role {
             Role::Measurement(model) => Some((part, model)),
@@ -171,7 +174,7 @@ impl<'a> Lab<'a> {
         self.sensors().into_iter().filter_map(model).collect()
     }
 
-    /// The processes that are checked.
+    /// Checked processes.
     pub fn processes(&self) -> Vec<Part> {
         let processes = self.composition.processes.iter().enumerate();
         let checked = processes.filter(|(_, p)| self.is_checked(Kind::Process, &p.kind));
@@ -182,9 +185,9 @@ impl<'a> Lab<'a> {
         checked.map(part).collect()
     }
 
-    /// Whether a process moves states with the vehicle and no sensor drives it. Then its `Q` stands
-    /// for manoeuvres, of which the simulated ones are no draw: errors and innovations may be
-    /// smaller than the filter says.
+    /// Tests whether a process moves states with the vehicle although no sensor drives it. The `Q`
+    /// of such a process represents manoeuvres, and the simulated manoeuvres are not a random draw
+    /// of it: errors and innovations may be smaller than their covariance predicts.
     pub fn assumes(&self) -> bool {
         let (layout, mut state) = (&self.composition.layout, self.moments[0].state.clone());
         let motion = Motion {
@@ -202,8 +205,7 @@ impl<'a> Lab<'a> {
         moved.contains(&true)
     }
 
-    /// Moments of the run at a sensor's samples, evenly over the run, each state displaced at
-    /// random.
+    /// Moments at a sensor's samples, evenly spaced over the run, each state displaced at random.
     pub fn moments_of(&self, sensor: usize, layout: &Layout) -> Vec<Moment> {
         let own: Vec<&Moment> =
             self.moments.iter().filter(|m| m.sample.sensor.0 == sensor).collect();
@@ -220,7 +222,7 @@ impl<'a> Lab<'a> {
     }
 }
 
-/// The layout with a place in the error state for fixed blocks too, so that derivatives with
+/// Layout in which fixed blocks also have a place in the error state, so that the derivatives with
 /// respect to them are checked.
 pub fn all_estimated(layout: &Layout) -> Layout {
     let mut layout = layout.clone();
@@ -233,8 +235,7 @@ pub fn all_estimated(layout: &Layout) -> Layout {
     layout
 }
 
-/// How large a displacement of a block is: its prior sigma, and not so little that a function is
-/// straight.
+/// Size of a displacement of a block: its prior sigma, but large enough to show nonlinearity.
 pub fn reach(block: &Block, values: &[f64], axis: usize) -> f64 {
     let floor = if block.operations.kind == TypeId::of::<Position>() {
         10.0
@@ -259,26 +260,28 @@ fn displace(layout: &Layout, state: &mut State, random: &mut Random) {
     }
 }
 
+/// Assembles the scenario without sinks; every source must simulate its samples.
 pub fn assemble(types: &Types, text: &str, settings: &[String]) -> Result<Assembly, Failure> {
     let document = Document::parse("scenario", text).map_err(Failure::caused_by)?;
     let scenario =
         Scenario::new(&types.registry, document, settings).map_err(Failure::caused_by)?;
     if !scenario.simulates().map_err(Failure::caused_by)? {
-        return Err("its samples are not all simulated; use [source.simulation] alone".into());
+        return Err(
+            "not all samples are simulated; use [source.simulation] as the only source".into()
+        );
     }
     scenario.assemble(None).map_err(Failure::caused_by)
 }
 
-/// The scenario as it is, also where its samples are recorded; with the sinks that it names, where
-/// there is a folder for them.
+/// Assembles the scenario unchanged, also with recorded samples; opens its sinks if they have an
+/// output folder.
 pub fn assemble_to(types: &Types, text: &str, output: Option<&Path>) -> Result<Assembly, Failure> {
     let document = Document::parse("scenario", text).map_err(Failure::caused_by)?;
     let scenario = Scenario::new(&types.registry, document, &[]).map_err(Failure::caused_by)?;
     scenario.assemble(output).map_err(Failure::caused_by)
 }
 
-/// All samples in order of time; a reference's after what else comes then, but not before the first
-/// driving sample.
+/// Merges all samples in order of time; at equal times the samples of a reference come last.
 pub fn merged(
     sources: &mut [(String, Box<dyn Source>)],
     composition: &Composition,
@@ -306,21 +309,21 @@ pub fn merged(
     Ok(samples)
 }
 
-/// What to say of a sample of a sensor that is not there.
+/// Message about a sample of a sensor that the scenario does not have.
 pub fn stranger(sample: &Sample, known: usize) -> String {
     let (time, index) = (sample.time, sample.sensor.0);
     format!(
-        "a sample at {time} is of sensor number {index}, and the scenario has {known}; give the sensor's place in \
-         context.composition.sensors"
+        "a sample at {time} belongs to sensor number {index}, but the scenario has {known}; use \
+         the sensor's index in context.composition.sensors"
     )
 }
 
-/// An observer that keeps what became of the last sample.
+/// Observer that records the outcome of the last sample.
 #[derive(Default)]
 pub struct Heard {
-    /// Why it was rejected.
+    /// Reason of the rejection.
     pub rejection: Option<Rejection>,
-    /// The number of channels that it was used with.
+    /// Number of channels in the update.
     pub used: Option<usize>,
 }
 

@@ -23,8 +23,8 @@
 //! # it_conforms().unwrap();
 //! ```
 //!
-//! The scenario is one that `navfuse run` runs, of one minute or a few, on simulated samples. For
-//! sources and sinks alone, recorded samples serve too. The call checks those types of the scenario
+//! The scenario is the TOML of a run of one or a few minutes on simulated samples. If only sources
+//! and sinks are checked, the samples may be recorded. The call checks the types in the scenario
 //! that the given plugins register. The IMU, the strapdown process and the simulation are always
 //! available.
 
@@ -47,14 +47,14 @@ use std::marker::PhantomData;
 /// (TOML) uses.
 ///
 /// # Errors
-/// All checks that failed, each with what is wrong, the numbers, and the remedy.
+/// All failed checks, each with the problem, the numbers, and the remedy.
 pub fn check(plugins: &[&dyn Plugin], scenario: &str) -> Result<(), Failed> {
     let report = report(plugins, scenario);
     println!("{report}"); // shown by `cargo test -- --nocapture`
     if report.findings.iter().any(|f| f.outcome.is_err()) { Err(Failed(report)) } else { Ok(()) }
 }
 
-/// [`check`] of one sensor type that no plugin registers, but a program itself.
+/// Checks one sensor type that a program registers without a plugin.
 ///
 /// # Errors
 /// As [`check`].
@@ -68,7 +68,7 @@ pub fn check_sensor<S: SensorType>(scenario: &str) -> Result<(), Failed> {
     check(&[&Only::<S>(PhantomData)], scenario)
 }
 
-/// As [`check`], with the checks that passed.
+/// Runs the checks of [`check`], and returns all findings, also of checks that passed.
 pub fn report(plugins: &[&dyn Plugin], scenario: &str) -> Report {
     let registry = lab::registry(plugins);
     let mut report = Report::default();
@@ -95,11 +95,11 @@ pub fn report(plugins: &[&dyn Plugin], scenario: &str) -> Report {
     report
 }
 
-/// The reason why a check fails: what is wrong, the numbers, and the remedy.
+/// Reason why a check fails.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Failure {
-    /// What is wrong, the numbers, and the remedy.
+    /// The problem, the numbers, and the remedy.
     pub message: String,
     source: Option<Box<dyn std::error::Error + Send + Sync>>,
 }
@@ -109,12 +109,12 @@ impl Failure {
         Self { message: message.into(), source: None }
     }
 
-    /// The failure of a part of the framework, as it is.
+    /// Wraps an error of the framework.
     fn caused_by(error: impl std::error::Error + Send + Sync + 'static) -> Self {
         Self { message: error.to_string(), source: Some(Box::new(error)) }
     }
 
-    /// The failure of a part that a check calls, with what the check was doing.
+    /// Wraps an error, and names the step of the check that failed.
     fn during(
         what: impl fmt::Display,
         error: impl std::error::Error + Send + Sync + 'static,
@@ -161,7 +161,7 @@ pub struct Finding {
 /// The findings of all checks.
 #[derive(Debug, Default)]
 pub struct Report {
-    /// In the order of the checks.
+    /// Findings in the order of the checks.
     pub findings: Vec<Finding>,
 }
 
@@ -209,7 +209,7 @@ impl fmt::Display for Failed {
     }
 }
 
-// a test that returns an error prints its `Debug`
+// a test that returns an error prints it with `Debug`
 impl fmt::Debug for Failed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Display::fmt(self, f)

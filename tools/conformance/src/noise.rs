@@ -1,4 +1,4 @@
-//! `R`: finite, symmetric and positive semi-definite wherever the model is asked.
+//! `R`: finite, symmetric and positive semi-definite at every state.
 
 use crate::lab::{Lab, Moment};
 use crate::{Failure, Report};
@@ -15,15 +15,16 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
             model.noise(&At { layout, state, sample }, &mut values);
             fault(&DMatrix::from_row_slice(n, n, &values)).map_or(Ok(()), |fault| {
                 Err(Failure::new(format!(
-                    "R is {fault}; give variances (sigma squared) on the diagonal, and a covariance as L L' if channels correlate"
+                    "R is {fault}; put variances (sigma squared) on the diagonal, and compute R as \
+                     L L' if channels are correlated"
                 )))
             })
         });
-        report.add("noise", part.about, outcome.map(|()| format!("R of {} states", moments.len())));
+        report.add("noise", part.about, outcome.map(|()| format!("R at {} states", moments.len())));
     }
 }
 
-/// What is wrong with a covariance, if anything.
+/// Fault of a covariance, if there is one.
 pub fn fault(covariance: &DMatrix<f64>) -> Option<String> {
     if let Some(bad) = covariance.iter().find(|v| !v.is_finite()) {
         return Some(format!("not finite: an element is {bad}"));
@@ -32,7 +33,7 @@ pub fn fault(covariance: &DMatrix<f64>) -> Option<String> {
     if n == 0 {
         return None;
     }
-    // each axis in its own unit: rows and columns divided by the root of the diagonal
+    // correlation matrix, which does not depend on units: rows and columns divided by the sigmas
     let scale: Vec<f64> =
         (0..n).map(|i| covariance[(i, i)].abs().sqrt().max(f64::MIN_POSITIVE)).collect();
     for i in 0..n {
@@ -57,7 +58,10 @@ pub fn fault(covariance: &DMatrix<f64>) -> Option<String> {
     let scaled = DMatrix::from_fn(n, n, |i, j| covariance[(i, j)] / (scale[i] * scale[j]));
     let least = scaled.symmetric_eigenvalues().iter().fold(f64::INFINITY, |a, x| a.min(*x));
     (least < -1e-12 * n as f64).then(|| {
-        format!("not positive semi-definite: an eigenvalue of its correlation is {least:e}, so that some correlation is above 1")
+        format!(
+            "not positive semi-definite: its correlation matrix has the eigenvalue {least:e}, so \
+             a correlation exceeds 1"
+        )
     })
 }
 
@@ -66,16 +70,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_covariance_is_one_in_any_unit_or_is_told_why_not() {
+    fn a_fault_of_a_covariance_is_named_in_any_unit() {
         let of = |v: &[f64]| fault(&DMatrix::from_row_slice(2, 2, v));
         assert_eq!(of(&[1.0, 0.5, 0.5, 1.0]), None);
         assert_eq!(of(&[1e-12, 0.9e-6, 0.9e-6, 1.0]), None);
         assert_eq!(of(&[0.0, 0.0, 0.0, 0.0]), None);
-        let told =
+        let fault_has =
             |v: &[f64], word: &str| assert!(of(v).is_some_and(|m| m.contains(word)), "{v:?}");
-        told(&[1.0, 0.5, 0.4, 1.0], "not symmetric");
-        told(&[1.0, 0.0, 0.0, -1.0], "not positive: the variance of axis 2");
-        told(&[1.0, 2.0, 2.0, 1.0], "semi-definite");
-        told(&[f64::NAN, 0.0, 0.0, 1.0], "not finite");
+        fault_has(&[1.0, 0.5, 0.4, 1.0], "not symmetric");
+        fault_has(&[1.0, 0.0, 0.0, -1.0], "not positive: the variance of axis 2");
+        fault_has(&[1.0, 2.0, 2.0, 1.0], "semi-definite");
+        fault_has(&[f64::NAN, 0.0, 0.0, 1.0], "not finite");
     }
 }

@@ -43,7 +43,7 @@ fn of_type(entry: &Entry) -> Result<String, Failure> {
     });
     let mut count = 0;
     for row in rows {
-        // what a quantity's type says of itself is no documentation of the parameter
+        // the description of a quantity's type does not document the parameter
         let of_type = [
             " with its unit: ",
             " as a number or text: ",
@@ -58,8 +58,8 @@ fn of_type(entry: &Entry) -> Result<String, Failure> {
         let bare = row.takes.split([' ', '|', '[', ']', ',']).any(|word| word == "number");
         if bare {
             return Err(Failure::new(format!(
-                "parameter {} takes a bare number; give it a dimension from navfuse_core::units, such as Sigma<Length>, or \
-                 Ratio where it has none",
+                "parameter {} takes a bare number; give it a dimension from navfuse_core::units, \
+                 such as Sigma<Length>, or Ratio if it is dimensionless",
                 row.key
             )));
         }

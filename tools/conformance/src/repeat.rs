@@ -230,7 +230,7 @@ fn partial(lab: &Lab<'_>, mut ekf: Ekf, samples: &[Sample], channel: usize) -> R
     match heard.found {
         Some(n) if n == left => Ok(()),
         Some(n) => Err(Failure::new(format!(
-            "a sample without channel {name} is used with {n} channels, {left} are there; leave \
+            "a sample without channel {name} is used with {n} channels instead of {left}; leave \
              out the rows of missing channels"
         ))),
         None => Err(Failure::new(format!(

@@ -1,5 +1,5 @@
-//! Sources: samples that a filter can take. Sinks: they write what a run tells, the same for the
-//! same run, and leave a file when it is interrupted.
+//! Sources: samples that a filter can process. Sinks: identical files for identical runs, and files
+//! also of an interrupted run.
 
 use crate::lab::{Lab, Stream, assemble_to, stranger};
 use crate::{Failure, Report};
@@ -33,20 +33,23 @@ fn source(lab: &Lab<'_>, name: &str) -> Result<String, Failure> {
         count += one_stream(lab, &mut **stream)?;
     }
     match count {
-        0 => {
-            Err("it gives no sample; give those of the scenario's sensors, or an error that says why there are none"
-                .into())
-        }
-        _ => Ok(format!("{count} samples are in order of time, finite, and of sensors of the scenario")),
+        0 => Err(
+            "it returns no sample; return samples of the scenario's sensors, or an error with the \
+             reason"
+                .into(),
+        ),
+        _ => Ok(format!(
+            "{count} samples are finite, in order of time, and belong to sensors of the scenario"
+        )),
     }
 }
 
-/// Reads a stream to its end; the number of its samples.
+/// Reads a stream to its end and returns the number of samples.
 fn one_stream(lab: &Lab<'_>, stream: &mut dyn Source) -> Result<usize, Failure> {
     let sensors = &lab.composition.sensors;
     let (mut last, mut count, end) = (vec![None::<Time>; sensors.len()], 0, stream.end());
     let mut sample = Sample::empty(Time::MIN, SensorId(0));
-    // a source without an end is cut by the filter's
+    // the stop time of the filter ends an endless source
     let until = lab.composition.estimator.stop().unwrap_or(Time::MAX);
     while stream.next(&mut sample).map_err(|e| Failure::during("it fails", e))? {
         let (time, index) = (sample.time, sample.sensor.0);
@@ -61,36 +64,36 @@ fn one_stream(lab: &Lab<'_>, stream: &mut dyn Source) -> Result<usize, Failure> 
         let before = last[index].replace(time);
         if let Some(before) = before.filter(|before| *before >= time) {
             return Err(Failure::new(format!(
-                "the samples of [sensor.{name}] go from {before} to {time}; give each sensor's in increasing order of time, or an \
-                 error that names the place and the remedy"
+                "the samples of [sensor.{name}] go from {before} to {time}; return the samples \
+                 of each sensor in increasing order of time, or an error with place and remedy"
             )));
         }
         for channel in (0..MAX_CHANNELS).filter(|i| sample.get(*i).is_some()) {
             if channel >= sensor.info.channels.len() {
                 let declared = sensor.info.channels.len();
                 return Err(Failure::new(format!(
-                    "a sample of [sensor.{name}] at {time} has channel number {channel}, and {declared} are declared; begin each \
-                     with Sample::empty"
+                    "a sample of [sensor.{name}] at {time} has channel number {channel}, but \
+                     {declared} are declared; start each sample with Sample::empty"
                 )));
             }
             if sample.get(channel).is_some_and(|v| !v.is_finite()) {
                 return Err(Failure::new(format!(
-                    "channel {} of [sensor.{name}] at {time} is not finite; leave a channel out where there is no value, or give \
-                     an error",
+                    "channel {} of [sensor.{name}] at {time} is not finite; leave out a channel \
+                     without a value, or return an error",
                     sensor.info.channels[channel].name
                 )));
             }
         }
         if let Some(end) = end.filter(|end| time > *end) {
             return Err(Failure::new(format!(
-                "a sample is at {time}, after the end that it tells, {end}; tell the last one's time, or None"
+                "a sample at {time} is after the end that the source reports, {end}; return the \
+                 time of the last sample from end, or None"
             )));
         }
     }
     if stream.next(&mut sample).is_ok_and(|more| more) {
         return Err(
-            "it gives a sample after it said that there is none; once at the end, stay there"
-                .into(),
+            "it returns a sample after it reported the end; return false from then on".into()
         );
     }
     Ok(count)
@@ -100,48 +103,51 @@ fn sink(lab: &Lab<'_>, part: &Stream) -> Result<String, Failure> {
     let once = |half: bool| -> Result<(String, Files), Failure> {
         let failed = |e: std::io::Error| format!("the folder for its output: {e}");
         let folder = tempfile::tempdir().map_err(failed)?;
-        let told = place(part, &run(lab, folder.path(), half)?)?;
-        Ok((told, files(folder.path()).map_err(failed)?))
+        let written = place(part, &run(lab, folder.path(), half)?)?;
+        Ok((written, files(folder.path()).map_err(failed)?))
     };
-    let ((told, first), (_, second)) = (once(false)?, once(false)?);
-    let (_, cut) = once(true).map_err(|e| Failure::during("of a run that is interrupted", e))?;
+    let ((written, first), (_, second)) = (once(false)?, once(false)?);
+    let (_, cut) = once(true).map_err(|e| Failure::during("in an interrupted run", e))?;
     if first.is_empty() {
-        return if told.is_empty() || told.contains("://") || Path::new(&told).exists() {
-            Ok("it takes whole runs and one that is interrupted; it writes nothing into the folder of the run".into())
+        return if written.is_empty() || written.contains("://") || Path::new(&written).exists() {
+            Ok("it accepts complete runs and an interrupted run; it writes nothing into the folder \
+                of the run".into())
         } else {
             Err(Failure::new(format!(
-                "it tells that it wrote to {told}, and there is no such file; return the place of what was written, or None"
+                "it reports that it wrote {written}, but there is no such file; return the path of \
+                 the written file, or None"
             )))
         };
     }
     for (name, bytes) in &first {
         if bytes.is_empty() {
             return Err(Failure::new(format!(
-                "the file {name} that it wrote is empty; write what is left in finish"
+                "its file {name} is empty; write the remaining data in finish"
             )));
         }
         if !cut.contains_key(name) {
             return Err(Failure::new(format!(
-                "of a run that is interrupted it leaves no {name}; create it when it is opened, and write what is left in finish"
+                "an interrupted run leaves no {name}; create the file in open, and write the \
+                 remaining data in finish"
             )));
         }
         let again = second.get(name).map_or(&[][..], Vec::as_slice);
         if bytes != again {
             let at = bytes.iter().zip(again).take_while(|(a, b)| a == b).count();
             return Err(Failure::new(format!(
-                "two runs with the same seed write {name} differently from byte {at} on; write no clock, path, random id or \
-                 hash order, so that a run can be compared with another"
+                "two runs with the same seed write {name} differently from byte {at} on; write no \
+                 clock, path, random id or hash order, so that runs can be compared"
             )));
         }
     }
     let bytes: usize = first.values().map(Vec::len).sum();
     Ok(format!(
-        "{bytes} bytes in {}, the same again; a run that is interrupted leaves them too",
+        "{bytes} bytes in {}, identical in two runs; an interrupted run leaves the files too",
         names(&first)
     ))
 }
 
-/// The files of a folder and what is in them.
+/// Name and content of the files in a folder.
 type Files = BTreeMap<String, Vec<u8>>;
 
 fn files(folder: &Path) -> std::io::Result<Files> {
@@ -161,7 +167,7 @@ fn names(files: &Files) -> String {
     files.keys().map(String::as_str).collect::<Vec<_>>().join(", ")
 }
 
-/// Runs the scenario with its sinks; or until its middle, as Ctrl-C ends it.
+/// Runs the scenario with its sinks, or its first half, as if Ctrl-C ended the run.
 fn run(lab: &Lab<'_>, output: &Path, half: bool) -> Result<Finished, Failure> {
     let mut assembly = assemble_to(lab.types, lab.text, Some(output))?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -175,7 +181,7 @@ fn run(lab: &Lab<'_>, output: &Path, half: bool) -> Result<Finished, Failure> {
     Ok(runner::run(assembly, &stop, |_| {}))
 }
 
-/// Interrupts a run.
+/// Sink that interrupts a run.
 struct Interruption {
     middle: Time,
     stop: Arc<AtomicBool>,
@@ -196,7 +202,7 @@ impl Sink for Interruption {
     }
 }
 
-/// Where a sink says that it wrote.
+/// Path that a sink reports.
 fn place(part: &Stream, finished: &Finished) -> Result<String, Failure> {
     let own = finished.events.iter().find(|e| e.level == Level::Error && e.about == part.name);
     if let Some(error) = &finished.error {

@@ -1,7 +1,7 @@
 //! `Phi` against central differences of `propagate`, and `Q`.
 //!
-//! What is compared is the rate `(Phi - I) / dt` of both, extrapolated from a whole step and half
-//! of it to none: a model may leave out terms of the second order in the step.
+//! The check compares the rates `(Phi - I) / dt`, extrapolated from a whole step and a half step to
+//! zero, because a model may leave out terms of the second order in the step.
 
 use crate::lab::{Lab, reach};
 use crate::noise::fault;
@@ -13,11 +13,11 @@ use navfuse_core::state::{Layout, State};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 
-/// An element of `Phi` may be off by that much of the largest of its block ...
+/// Largest accepted error of an element of `Phi`, relative to the largest element of its block.
 const BOUND: f64 = 0.02;
-/// ... or by what moves its state by less than that share of what all prior sigmas together do.
+/// Negligible effect of an error on a state, relative to the largest effect of a prior sigma.
 const NEGLIGIBLE: f64 = 1e-4;
-/// How many steps of the run are looked at.
+/// Number of checked steps of the run.
 const STEPS: usize = 12;
 
 pub fn check(lab: &Lab<'_>, report: &mut Report) {
@@ -27,7 +27,7 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
     }
 }
 
-/// One step of the composition's process models, which share `Phi`: where it goes from a state.
+/// One step of the composition's process models, which share `Phi`.
 struct Step<'a> {
     lab: &'a Lab<'a>,
     interval: Interval<'a>,
@@ -60,7 +60,8 @@ impl Step<'_> {
         let (after, phi, q) = self.from(state)?;
         if let Some(fault) = fault(&q) {
             return Err(Failure::new(format!(
-                "Q over {dt} s is {fault}; fill each declared place of Q in every step, with G S G' dt or the like"
+                "Q over {dt} s is {fault}; set every declared block of Q in every step, for \
+                 example to G S G' dt"
             )));
         }
         let identity = DMatrix::identity(layout.tangent, layout.tangent);
@@ -79,7 +80,7 @@ fn of_process(lab: &Lab<'_>) -> Result<String, Failure> {
         .collect();
     if steps.is_empty() {
         return Err(
-            "no step of it is in the run; lengthen the run, or give its driving sensor a rate"
+            "the run has no step of it; lengthen the run, or set the rate of its driving sensor"
                 .into(),
         );
     }
@@ -115,7 +116,7 @@ fn numeric(
             let mut size =
                 block.spec.sigma[axis].max(1e-2 * reach(block, &state.values[block.range()], axis));
             if block.operations.reading == Reading::Angles {
-                size = size.min(0.05); // a sine is straight that far, to 0.05^2 / 6
+                size = size.min(0.05); // a sine is linear up to there, to 0.05^2 / 6
             }
             for size in [size, -size] {
                 let (mut moved, mut delta) = (state.clone(), [0.0; MAX_TANGENT]);
@@ -143,7 +144,7 @@ fn numeric(
     Ok(phi)
 }
 
-/// The largest error that counts, relative to its block.
+/// Largest error that is not negligible, relative to its block.
 fn compare(
     layout: &Layout,
     given: &DMatrix<f64>,
@@ -164,7 +165,7 @@ fn compare(
                     row.tangent_range().flat_map(of_block).fold(f64::MIN_POSITIVE, f64::max);
                 for (axis, j) in column.tangent_range().enumerate() {
                     let error = (given[(i, j)] - numeric[(i, j)]).abs();
-                    // what differences can tell of a row that stays as it is
+                    // rounding of the differences of a row that does not change
                     let rounding = 1e-9 / dt * sigma[i] / sigma[j].max(f64::MIN_POSITIVE);
                     if error <= rounding || error * sigma[j] <= NEGLIGIBLE * effect {
                         continue;
@@ -172,9 +173,10 @@ fn compare(
                     let relative = error / largest;
                     if relative > BOUND || relative.is_nan() {
                         return Err(Failure::new(format!(
-                            "the rate (Phi - I) / dt of {}, axis {}, with respect to {}, axis {}, is {:.6e}; central differences of \
-                             propagate give {:.6e}; mend the term in `propagate`, and declare its place with Composer::transition where there \
-                             is none",
+                            "the rate (Phi - I) / dt of {}, axis {}, with respect to {}, axis {}, \
+                             is {:.6e}; central differences of propagate give {:.6e}; correct the \
+                             term in `propagate`, and declare its place with Composer::transition \
+                             if it has none",
                             row.name,
                             i - row.tangent_range().start + 1,
                             column.name,

@@ -10,7 +10,7 @@ use navfuse_core::run::scenario::Scenario;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// A minute and a half of a vehicle that surges, descends and turns, and the sensor that is given.
+/// Scenario of 90 s of a vehicle that surges, descends and turns, with the given sensor.
 fn scenario(sensor: &str) -> String {
     format!(
         r#"
@@ -167,7 +167,7 @@ fn the_simulation_conforms() -> Result<(), Failed> {
     conforms(&navfuse_simulation::SimulationPlugin, "")
 }
 
-/// What a sink wrote of a run, its source reads.
+/// Checks a sink, and its source on the files that the sink wrote.
 fn streams_conform(
     plugin: &dyn Plugin,
     sink: &str,

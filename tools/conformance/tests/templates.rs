@@ -1,5 +1,5 @@
-//! The sensor that `navfuse new-plugin` writes and the one in `examples/` conform; their own tests, in crates of their own, are
-//! run by `tests/outside.rs` of the root package.
+//! Conformance of the sensor that `navfuse new-plugin` writes, and of the one in `examples/`.
+//! `tests/outside.rs` of the root package runs the tests of their own crates.
 
 #[path = "../../../src/templates/plugin/lib.txt"]
 mod my_sensor;

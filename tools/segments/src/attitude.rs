@@ -39,7 +39,8 @@ impl AttitudeStart {
             SegmentError::Missing(
                 "no initial attitude: the reference has no sample after estimator.start, or an \
                  alignment finds the attitude during the run; give process.ins.attitude.initial, \
-                 process.ins.alignment = \"given\" and estimator.initial = \"given\", or a reference"
+                 process.ins.alignment = \"given\" and estimator.initial = \"given\", or a \
+                 reference"
                     .into(),
             )
         })

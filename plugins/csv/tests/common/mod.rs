@@ -1,5 +1,6 @@
 //! A folder with CSV files and a scenario that reads them.
-#![allow(dead_code, clippy::unwrap_used, clippy::panic)] // each test file uses a part; a failed test may panic
+// each test file uses a part; a failed test may panic
+#![allow(dead_code, clippy::unwrap_used, clippy::panic)]
 
 use navfuse_core::document::Document;
 use navfuse_core::model::stream::Source;
@@ -37,7 +38,8 @@ pub fn folder<T: AsRef<[u8]>>(files: &[(&str, T)]) -> TempDir {
     folder
 }
 
-/// Assembles a scenario of these sensors and this source table in a folder; an error with the folder's path left out.
+/// Assembles a scenario of these sensors and this source table in a folder. Errors omit the path of
+/// the folder.
 pub fn assemble(
     folder: &Path,
     sensors: &str,

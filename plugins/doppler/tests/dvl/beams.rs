@@ -26,7 +26,8 @@ noise = "1 cm/s"
 gate = "off"
 scale = { sigma = "1 %", truth = 1.004 }
 misalignment = { sigma = "1 deg", truth = ["0.3 deg", "-0.4 deg", "0.8 deg"] }
-lever_arm = { sigma = "10 cm", truth = ["-0.5 m", "0 m", "0.2 m"], initial = ["-0.5 m", "0 m", "0.2 m"] }
+lever_arm = { sigma = "10 cm", truth = ["-0.5 m", "0 m", "0.2 m"], initial = [
+    "-0.5 m", "0 m", "0.2 m"] }
 simulation = { rate = "5 Hz" }
 [sensor.depth]
 noise = "5 cm"
@@ -314,11 +315,13 @@ fn what_does_not_fit_is_told() {
         ("sensor.dvl.track=\"water\"", "water-current"),
         ("sensor.dvl.current=\"water\"", "track = \"water\""),
         (
-            "sensor.dvl={ type = \"dvl-beams\", noise = \"1 cm/s\", track = \"water\", current = \"sea\" }",
+            "sensor.dvl={ type = \"dvl-beams\", noise = \"1 cm/s\", track = \"water\", \
+             current = \"sea\" }",
             "sea.current",
         ),
         (
-            "sensor.dvl={ type = \"dvl-beams\", noise = \"1 cm/s\", slant = \"20 deg\", beams = [[0,0,1]] }",
+            "sensor.dvl={ type = \"dvl-beams\", noise = \"1 cm/s\", slant = \"20 deg\", \
+             beams = [[0,0,1]] }",
             "slant",
         ),
     ];

@@ -10,7 +10,8 @@ const NO_WATER: &str = "sensor.water-track.enabled=false";
 
 #[test]
 fn the_current_is_taken_off_in_north_east_down() {
-    let body = "sensor.water-track={ type = \"dvl\", noise = \"1 cm/s\", track = \"water\", current = \"water\" }";
+    let body = "sensor.water-track={ type = \"dvl\", noise = \"1 cm/s\", track = \"water\", \
+                current = \"water\" }";
     let composition = compose(SCENARIO, &[body]);
     let mut state = composition.layout.initial_state();
     // heading east at 2 m/s in a current of 0.3 m/s to the north and 0.5 m/s to the east, sinking
@@ -23,8 +24,9 @@ fn the_current_is_taken_off_in_north_east_down() {
     assert!((z - Vector3::new(1.5, 0.3, -0.1)).amax() < 1e-15, "{z}");
 }
 
-const SAME: &str = "sensor.water-track={ type = \"dvl-beams\", noise = \"3 cm/s\", scale = { sigma = 0.01 }, track = \"water\", \
-                    current = \"water\", transducer = \"bottom-track\"";
+const SAME: &str = "sensor.water-track={ type = \"dvl-beams\", noise = \"3 cm/s\", \
+                    scale = { sigma = 0.01 }, track = \"water\", current = \"water\", \
+                    transducer = \"bottom-track\"";
 
 #[test]
 fn one_transducer_has_one_misalignment_and_one_lever_arm_whatever_it_tracks() {
@@ -118,7 +120,8 @@ fn a_run_without_the_bottom_is_metres_off_with_the_water_and_hundreds_without() 
 /// Water that is taken for the bottom: the current, 10 cm/s, is then an error of the velocity.
 #[test]
 fn the_same_samples_without_a_current_are_tens_of_metres_off_and_the_sigma_does_not_say_so() {
-    let known = "process.water.current={ initial = \"0 m/s\", truth = [\"10 cm/s\", \"-10 cm/s\", \"0 m/s\"] }";
+    let known = "process.water.current={ initial = \"0 m/s\", truth = [\"10 cm/s\", \"-10 \
+                 cm/s\", \"0 m/s\"] }";
     let log = run(SCENARIO, &[known, "sensor.water-track.gate=\"off\""]);
     let back = log.at(1499.9);
     // 14 cm/s for 600 s are 85 m

@@ -26,11 +26,15 @@ const BEAMS: [(&str, &[[f64; 3]]); 5] = [
 ];
 
 /// The first 90 s of each motion: up to 10 m/s along a straight line.
-const STRAIGHT: &str = r#"{ type = "surge", duration = "15 s", speed = "10 m/s" }, { type = "cruise", duration = "45 s" },
+const STRAIGHT: &str = r#"{ type = "surge", duration = "15 s", speed = "10 m/s" },
+    { type = "cruise", duration = "45 s" },
     { type = "pulse", duration = "30 s", speed_change = "4 m/s" }"#;
-const TURNS: &str = r#"{ type = "turn", duration = "20 s", angle = "90 deg" }, { type = "cruise", duration = "20 s" },
-    { type = "turn", duration = "40 s", angle = "-180 deg" }, { type = "cruise", duration = "20 s" }"#;
-const CLIMB: &str = r#"{ type = "ascend", duration = "40 s", rate = "3 m/s" }, { type = "descend", duration = "40 s", rate = "3 m/s" }"#;
+const TURNS: &str = r#"{ type = "turn", duration = "20 s", angle = "90 deg" },
+    { type = "cruise", duration = "20 s" },
+    { type = "turn", duration = "40 s", angle = "-180 deg" },
+    { type = "cruise", duration = "20 s" }"#;
+const CLIMB: &str = r#"{ type = "ascend", duration = "40 s", rate = "3 m/s" },
+    { type = "descend", duration = "40 s", rate = "3 m/s" }"#;
 
 /// Its name, its segments, its lever arm forward in m, and the directions of the velocity at the
 /// instrument.

@@ -60,7 +60,8 @@ fn a_beam_reads_the_velocity_towards_its_ground_spot_as_positive() {
 /// Azimuth from forward to right, elevation up: `[cos e cos a, cos e sin a, -sin e]`.
 #[test]
 fn a_beam_is_given_as_a_vector_or_as_azimuth_and_elevation() {
-    let angles = r#"sensor.laser.beams=[{ azimuth = "90 deg", elevation = "-30 deg" }, { azimuth = "0 deg", elevation = "-90 deg" }]"#;
+    let angles = "sensor.laser.beams=[{ azimuth = \"90 deg\", elevation = \"-30 deg\" }, \
+                  { azimuth = \"0 deg\", elevation = \"-90 deg\" }]";
     let (angles, vectors) = (
         compose(&[angles]),
         compose(&["sensor.laser.beams=[[0, 7.5e199, 4.330127018922193e199], [0, 0, 1e-200]]"]),

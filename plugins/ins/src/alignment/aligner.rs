@@ -285,8 +285,8 @@ impl InitialAlignment for Aligner {
                 .into());
             }
             let text = format!(
-                "the vehicle moved at {since}, {:.1} s into a static alignment of {} s, which ends so: \
-                 1-sigma of the heading {}, gate {}",
+                "the vehicle moved at {since}, {:.1} s into a static alignment of {} s, which ends \
+                 so: 1-sigma of the heading {}, gate {}",
                 since.since(begin),
                 settings.duration,
                 deg(sigma),
@@ -297,25 +297,22 @@ impl InitialAlignment for Aligner {
         }
         if elapsed >= settings.duration && good {
             self.finish(now, elapsed);
-            let said = self.report.as_ref().map(|r| (Level::Info, r.text.clone()));
-            return Ok(Supervision { constrain: false, message: said });
+            let message = self.report.as_ref().map(|r| (Level::Info, r.text.clone()));
+            return Ok(Supervision { constrain: false, message });
         }
-        let mut said = None;
+        let mut message = None;
         if elapsed >= settings.duration && !reported {
             let (duration, gate) = (settings.duration, deg(settings.gate));
             let text = format!(
                 "after {duration} s the heading has a 1-sigma of {}, gate {gate}: it goes on",
                 deg(sigma)
             );
-            said = Some((Level::Warning, text));
+            message = Some((Level::Warning, text));
             if let Phase::Fine { late, .. } = &mut self.phase {
                 *late = true;
             }
         }
-        Ok(Supervision {
-            constrain: self.settings.method == AlignmentMethod::Static,
-            message: said,
-        })
+        Ok(Supervision { constrain: self.settings.method == AlignmentMethod::Static, message })
     }
 
     fn unfinished(&self, now: &FilterView<'_>) -> Option<(Level, String)> {

@@ -133,8 +133,8 @@ pub fn create(path: &Path, compression: Compression) -> McapSink {
     sink
 }
 
-/// Samples of every sensor from a time on, now and then without a channel, several at equal times and not sorted by
-/// sensor.
+/// Samples of every sensor from a time on. Some lack a channel, and several have equal times and
+/// are not sorted by sensor.
 pub fn samples(first: Time, count: usize) -> Vec<Sample> {
     let mut draw = Draw(9);
     (0..count)

@@ -1,4 +1,4 @@
-//! Reads a log by the message definitions that it brings itself, so that what is written is checked against them.
+//! Reads a log by its own message definitions, and so checks its messages against them.
 
 #![allow(dead_code, reason = "each test file uses a part")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may stop")]
@@ -17,7 +17,7 @@ pub struct Logged {
     pub schema: String,
     pub log_time: u64,
     pub publish_time: u64,
-    /// Fields in order. A number with a point is the text `f:` and its bits, so that every value is told exactly.
+    /// Fields in order. A float is the text `f:` and its bits, so that every value is exact.
     pub fields: Value,
 }
 

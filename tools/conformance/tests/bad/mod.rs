@@ -43,7 +43,7 @@ pub struct Bad {
     pub noise: Sigma<Length>,
     /// Bias.
     pub bias: LengthBias,
-    /// What is wrong.
+    /// Name of the fault.
     pub fault: String,
 }
 
@@ -136,7 +136,7 @@ impl MeasurementModel<2> for BadModel {
     }
 }
 
-/// A model that does not look which channels are there, or says that it has none.
+/// A model that ignores which channels are missing, or declares no channels.
 struct Stubborn(BadModel);
 
 impl AnyMeasurement for Stubborn {
@@ -181,7 +181,7 @@ impl AnyMeasurement for Stubborn {
 /// A cart on a line at a steady speed, without any driving sensor.
 #[derive(Deserialize, JsonSchema)]
 pub struct Cart {
-    /// What is wrong.
+    /// Name of the fault.
     pub fault: String,
 }
 

@@ -16,7 +16,7 @@ impl Plugin for BadStreams {
 /// An IMU at rest for 20 s.
 #[derive(Deserialize, JsonSchema)]
 pub struct Rest {
-    /// What is wrong.
+    /// Name of the fault.
     fault: String,
 }
 
@@ -60,7 +60,7 @@ impl Source for AtRest {
 /// The time of the last estimate.
 #[derive(Deserialize, JsonSchema)]
 pub struct Last {
-    /// What is wrong.
+    /// Name of the fault.
     fault: String,
 }
 
