@@ -1,9 +1,9 @@
-//! The framework of navfuse: state blocks, process models and measurement models, provided by plugins,
-//! compose into an error-state EKF as a TOML scenario describes it.
+//! The framework of navfuse. Plugins provide state blocks, process models and measurement models; a
+//! TOML scenario describes how the framework composes them into an error-state EKF.
 //!
-//! The framework contains no sensor, no file format and no viewer. A sensor is one generic function of
-//! typed state blocks; dual numbers differentiate the function, and the framework gates, records and
-//! simulates the sensor. This program estimates the level of a lake from a gauge:
+//! The framework contains no sensor, no file format and no viewer. A sensor is one generic function
+//! of typed state blocks; dual numbers differentiate the function, and the framework gates, records
+//! and simulates the sensor. This program estimates the level of a lake from a gauge:
 //!
 //! ```
 //! use navfuse_core::document::Document;

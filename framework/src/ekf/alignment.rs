@@ -100,7 +100,7 @@ impl Ekf {
             let ended = buffer.iter().try_for_each(|sample| self.process(sample, &mut ()));
             let after = self.snapshot();
             self.restore(&before);
-            // a trial that fails before its end teaches nothing
+            // a trial that fails before its end gives no estimate
             if ended.is_ok() {
                 self.adopt(&after);
             }
@@ -114,8 +114,8 @@ impl Ekf {
         Ok(())
     }
 
-    /// Adopts a trial's estimates of the blocks that no process moves, as far as the trial knows
-    /// them much better than the prior.
+    /// Adopts a trial's estimates of the blocks that no process moves, as far as they are much more
+    /// certain than the prior.
     ///
     /// The comparison goes by directions, not by components: along the axes in which the trial's
     /// covariance is diagonal and the prior is the identity. A DVL on a vehicle that moves straight

@@ -1,4 +1,4 @@
-//! What the tests of this crate share.
+//! Random numbers for the tests of this crate.
 
 use nalgebra::Vector3;
 

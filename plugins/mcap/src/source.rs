@@ -98,7 +98,7 @@ impl Source for McapSource {
             Step::End => {}
             Step::Cut => self.cut = true,
         }
-        // a log that was cut off before the first topic is no reason for an error
+        // a log that was cut off before its first topic is not an error
         if !self.cut || !self.router.others.is_empty() {
             self.router.check_matched().map_err(|e| e.in_file(self.records.path()))?;
         }
@@ -152,7 +152,7 @@ struct Router {
     routes: BTreeMap<u16, Route>,
     /// Recorded sensors that are not in the scenario.
     others: Vec<String>,
-    /// Whether a channel has a sensor.
+    /// Set once a channel belongs to a sensor.
     matched: bool,
 }
 

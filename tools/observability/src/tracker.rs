@@ -314,7 +314,7 @@ impl TrackerSink {
         Self { every, tracker: None }
     }
 
-    /// The tracker that a finished run has filled; none where the run had no such sink.
+    /// Returns the tracker that a finished run has filled; `None` if the run had no such sink.
     pub fn take(finished: &mut Finished) -> Option<Tracker> {
         finished.take_sink::<Self>()?.tracker
     }

@@ -13,8 +13,8 @@ use navfuse_rerun::style::{BOUND, Colour, path as entity};
 use navfuse_rerun::{Layout, Live, Range, Recording, Series};
 use std::path::Path;
 
-/// The room on a bar of tabs, letters. Where the titles need more, the tabs have the figures'
-/// names.
+/// Space on the bar of tabs, in letters. If the titles need more, the tabs show the names of the
+/// figures.
 const TABS: usize = 160;
 
 /// Writes figures as a recording for the viewer, with its layout. The viewer lists the recording as

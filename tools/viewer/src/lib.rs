@@ -29,8 +29,8 @@ pub struct Viewer {
     pub path: PathBuf,
     /// Address of a running viewer that shows the run while it goes on: "127.0.0.1:9876".
     pub connect: Option<String>,
-    /// Start the viewer and show the run in it while it goes on. Its program is `rerun`, or what
-    /// RERUN_BIN names.
+    /// Start the viewer and show the run in it while it goes on. Its program is `rerun`, or the one
+    /// that RERUN_BIN names.
     pub spawn: bool,
     /// Show the run in a browser: `true` for http://127.0.0.1:9090, or an address and port. It needs a
     /// program built with the feature `serve`.

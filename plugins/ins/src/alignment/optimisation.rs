@@ -9,8 +9,8 @@ const COLLINEAR: f64 = 1e-6;
 /// Computes `C_b^n` of a vehicle at rest from the means of its specific force (m/s^2) and angular
 /// rate (rad/s), biases removed: gravity determines down, the Earth rate north (Groves, 2nd ed.,
 /// section 5.6.2). The method is TRIAD (Black, AIAA J. 2(7), 1964) with gravity as the vector that
-/// is fitted exactly, because it is known better. `None` where both are parallel, at a pole, or one
-/// is zero.
+/// is fitted exactly, because it is known better. `None` if the two vectors are parallel, as at a
+/// pole, or if one of them is zero.
 ///
 /// Errors: tilt `db_a / g`, heading `db_E / (W cos L)`.
 pub fn analytic(
@@ -30,9 +30,9 @@ fn triad(first: &Vector3<f64>, second: &Vector3<f64>) -> Option<Matrix3<f64>> {
     Some(Matrix3::from_columns(&[x, y, x.cross(&y)]))
 }
 
-/// The rotation `C` that minimises `sum |C b - a|^2` over pairs of vectors, which their length
-/// weights: Wahba's problem in quaternions (Davenport's q method; Wu, Wang & Hu, IEEE Trans.
-/// Aerosp. Electron. Syst. 49(2), 2013).
+/// The rotation `C` that minimises `sum |C b - a|^2` over pairs of vectors, in which long vectors
+/// have more weight: Wahba's problem in quaternions (Davenport's q method; Wu, Wang & Hu, IEEE
+/// Trans. Aerosp. Electron. Syst. 49(2), 2013).
 ///
 /// `C b = a` is `q b = a q` in quaternions, linear in `q`. With `[b]+` the matrix of multiplication
 /// by `b` on the right and `[a]-` that of `a` on the left, `q` is the eigenvector of the least
@@ -101,7 +101,7 @@ mod tests {
                 pairs.add(&(c * b), &b);
             }
             let fit = pairs.solve().unwrap();
-            // an eigenvector is good to the rounding over the gap of the eigenvalues
+            // the error of an eigenvector is about rounding divided by the gap of the eigenvalues
             assert!(fit.rotation.angle_to(&c) < 1e-6, "{}", fit.rotation.angle_to(&c));
             assert!(fit.residual < 1e-10);
         }
@@ -165,7 +165,7 @@ mod tests {
         let force = Vector3::new(0.0, 0.0, -earth.gravity);
         let found = analytic(&force, &(earth.earth_rate() + Vector3::y() * bias), &earth).unwrap();
         let expected = -bias / earth.earth_rate().x;
-        // to first order: the square of 1e-3
+        // the closed form is of first order; the second order is the square of 1e-3
         assert!(
             (found.euler_angles().2 / expected - 1.0).abs() < 1e-5,
             "{}",
