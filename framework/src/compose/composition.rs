@@ -2,6 +2,7 @@
 
 use crate::compose::draw::Draw;
 use crate::compose::settings::Initial;
+use crate::model::error::ComposeError;
 use crate::model::motion::Motion;
 use crate::model::process::ProcessModel;
 use crate::model::sensor::Role;
@@ -128,18 +129,18 @@ impl Composition {
     }
 
     /// Checks that a sensor's channels fit a sample and its model.
-    pub(crate) fn check_channels(info: &SensorInfo, role: &Role) -> Result<(), String> {
+    pub(crate) fn check_channels(info: &SensorInfo, role: &Role) -> Result<(), ComposeError> {
         let count = info.channels.len();
-        match role {
+        let message = match role {
             _ if count > MAX_CHANNELS => {
-                Err(format!("{count} channels; at most {MAX_CHANNELS} fit a sample"))
+                format!("{count} channels; at most {MAX_CHANNELS} fit a sample")
             }
-            Role::Measurement(model) if model.channels() > count => Err(format!(
-                "{count} channels are declared, the model predicts {}",
-                model.channels()
-            )),
-            _ => Ok(()),
-        }
+            Role::Measurement(model) if model.channels() > count => {
+                format!("{count} channels are declared, the model predicts {}", model.channels())
+            }
+            _ => return Ok(()),
+        };
+        Err(ComposeError::new("", message))
     }
 
     /// Start of the filter.

@@ -270,7 +270,7 @@ fn place_sensor(
     let time_offset = time_offset_block(part, &keys, composer)?;
     let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
     let info = SensorInfo { name, kind, channels: built.channels, purpose };
-    Composition::check_channels(&info, &built.role).map_err(|m| part.node.error(m))?;
+    Composition::check_channels(&info, &built.role).map_err(|e| e.at(&part.node))?;
     Ok(Sensor {
         gate: keys.gate,
         recovery: keys.recovery,
