@@ -51,6 +51,12 @@ pub trait Source: Send {
     }
 }
 
+/// A source with its name in the scenario.
+pub type NamedSource = (String, Box<dyn Source>);
+
+/// A sink with its name in the scenario.
+pub type NamedSink = (String, Box<dyn Sink>);
+
 /// The facts about a run that are known when it begins.
 #[derive(Clone, Debug)]
 pub struct RunInfo {

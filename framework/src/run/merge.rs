@@ -2,7 +2,7 @@
 
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::{Purpose, SensorInfo};
-use crate::model::stream::{Source, StreamError};
+use crate::model::stream::{NamedSource, StreamError};
 use crate::run::outputs::Outputs;
 use crate::run::runner::RunError;
 use crate::units::sample::{Sample, SensorId};
@@ -10,7 +10,7 @@ use crate::units::time::Time;
 
 /// The sources of a run and the next sample of each.
 pub(crate) struct Merge {
-    sources: Vec<(String, Box<dyn Source>)>,
+    sources: Vec<NamedSource>,
     heads: Vec<Option<Sample>>,
     /// Events that the sources announced, the last one first.
     schedule: Vec<Event>,
@@ -19,7 +19,7 @@ pub(crate) struct Merge {
 }
 
 impl Merge {
-    pub(crate) fn new(sources: Vec<(String, Box<dyn Source>)>, sensors: &[SensorInfo]) -> Self {
+    pub(crate) fn new(sources: Vec<NamedSource>, sensors: &[SensorInfo]) -> Self {
         let mut schedule: Vec<Event> = sources.iter().flat_map(|(_, s)| s.schedule()).collect();
         schedule.sort_by_key(|e| std::cmp::Reverse(e.time));
         let references = sensors.iter().map(|s| s.purpose == Purpose::Reference).collect();

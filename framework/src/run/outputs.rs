@@ -1,7 +1,7 @@
 //! The recipients of a run: its sinks, its statistics and its list of events.
 
 use crate::model::record::{Epoch, Event, Level, Observer, Rejection, UpdateRecord};
-use crate::model::stream::{Sink, StreamError};
+use crate::model::stream::{NamedSink, Sink, StreamError};
 use crate::run::summary::{Recorded, Statistics};
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
@@ -25,7 +25,7 @@ pub(crate) struct Outputs {
 }
 
 impl Outputs {
-    pub(crate) fn new(sinks: Vec<(String, Box<dyn Sink>)>, statistics: Statistics) -> Self {
+    pub(crate) fn new(sinks: Vec<NamedSink>, statistics: Statistics) -> Self {
         let sinks = sinks.into_iter().map(|(name, sink)| Output { name, sink, open: true });
         Self { sinks: sinks.collect(), statistics, events: Vec::new() }
     }
@@ -69,7 +69,7 @@ impl Outputs {
     }
 
     /// The events, and the sinks with their names.
-    pub(crate) fn into_parts(self) -> (Vec<Event>, Vec<(String, Box<dyn Sink>)>) {
+    pub(crate) fn into_parts(self) -> (Vec<Event>, Vec<NamedSink>) {
         (self.events, self.sinks.into_iter().map(|o| (o.name, o.sink)).collect())
     }
 }

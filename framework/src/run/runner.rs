@@ -5,7 +5,7 @@ use crate::compose::Composition;
 use crate::ekf::{Ekf, EstimatorError};
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::{Role, SensorInfo};
-use crate::model::stream::{RunInfo, Sink, StreamError};
+use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};
 use crate::run::merge::Merge;
 use crate::run::outputs::Outputs;
 use crate::run::scenario::Assembly;
@@ -54,7 +54,7 @@ pub struct Finished {
     /// True for a run that was interrupted.
     pub interrupted: bool,
     /// The sinks that the assembly had, each with its name; a sink that failed is among them.
-    pub sinks: Vec<(String, Box<dyn Sink>)>,
+    pub sinks: Vec<NamedSink>,
 }
 
 impl Finished {

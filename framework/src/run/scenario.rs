@@ -2,7 +2,7 @@
 
 use crate::compose::Composition;
 use crate::document::{Document, DocumentError};
-use crate::model::stream::{Sink, Source};
+use crate::model::stream::{NamedSink, NamedSource};
 use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry};
 use crate::run::building::{Building, Header};
 pub use crate::run::parts::common_keys;
@@ -15,9 +15,9 @@ pub struct Assembly {
     /// The filter's parts.
     pub composition: Composition,
     /// The sources of samples, each with its name.
-    pub sources: Vec<(String, Box<dyn Source>)>,
+    pub sources: Vec<NamedSource>,
     /// The sinks of results, each with its name.
-    pub sinks: Vec<(String, Box<dyn Sink>)>,
+    pub sinks: Vec<NamedSink>,
 }
 
 /// Keys at the top of a scenario.
@@ -205,7 +205,7 @@ impl<'a> Scenario<'a> {
 fn open_sources(
     parts: &[Part<'_>],
     context: &OpenContext<'_>,
-) -> Result<Vec<(String, Box<dyn Source>)>, BuildError> {
+) -> Result<Vec<NamedSource>, BuildError> {
     let mut sources = Vec::new();
     for part in parts {
         let Make::Source { make, .. } = &part.entry.make else { continue };

@@ -1,7 +1,7 @@
 //! Opening the sinks of a scenario, once none of their files collides with another.
 
 use crate::document::{Document, DocumentError, Node};
-use crate::model::stream::Sink;
+use crate::model::stream::NamedSink;
 use crate::plugin::{BuildError, Entry, Make, OpenContext, PreparedSink};
 use crate::run::parts::Part;
 use std::path::{Path, PathBuf};
@@ -73,7 +73,7 @@ fn resolved(path: &Path) -> PathBuf {
 pub(crate) fn open(
     sinks: Vec<Prepared<'_>>,
     context: &OpenContext<'_>,
-) -> Result<Vec<(String, Box<dyn Sink>)>, BuildError> {
+) -> Result<Vec<NamedSink>, BuildError> {
     let mut open = Vec::new();
     for Prepared { name, node, sink } in sinks {
         let sink = (sink.open)(context).map_err(|e| node.error(e))?;
