@@ -75,7 +75,7 @@ impl Source {
         for entry in std::fs::read_dir(folder).expect("the folder is there") {
             let path = entry.expect("it can be read").path();
             let stem = path.file_stem().and_then(|s| s.to_str()).expect("a name").to_owned();
-            let inner = [module.as_slice(), &[stem.clone()]].concat();
+            let inner = [module.as_slice(), std::slice::from_ref(&stem)].concat();
             if path.is_dir() {
                 self.add(&path, &inner);
             } else if path.extension().is_some_and(|e| e == "rs") && stem != "tests" {
@@ -104,7 +104,7 @@ impl Source {
                 at.pop();
                 continue;
             }
-            let inner = [at.as_slice(), &[name.clone()]].concat();
+            let inner = [at.as_slice(), std::slice::from_ref(name)].concat();
             if self.files.contains_key(&inner) {
                 at = inner;
                 continue;
