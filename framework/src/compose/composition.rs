@@ -30,7 +30,7 @@ pub struct Process {
     pub constraint: Option<usize>,
     /// Alignment that finds its initial values.
     pub alignment: Option<Box<dyn InitialAlignment>>,
-    /// Whether the alignment searches for the initial values; otherwise it only supervises.
+    /// Set if the alignment searches for the initial values; otherwise it only supervises.
     pub searches: bool,
 }
 
@@ -60,7 +60,7 @@ pub struct Composition {
     pub notes: Vec<(String, String)>,
 }
 
-/// Whether a process moves each block, one entry per slot.
+/// Marks the blocks that a process moves, one entry per slot.
 pub(crate) fn moved(layout: &Layout, processes: &[Process]) -> Vec<bool> {
     let (mut state, mut moved) = (layout.initial_state(), vec![false; layout.blocks.len()]);
     processes
@@ -84,8 +84,8 @@ impl Composition {
         self.sensors.iter().position(|s| s.info.name == name)
     }
 
-    /// Whether a run can know the truth of each block, one entry per slot: from the scenario, from
-    /// a draw, or from a reference through a process.
+    /// Marks the blocks whose truth a run can know, one entry per slot: from the scenario, from a
+    /// draw, or from a reference through a process.
     pub fn known(&self) -> Vec<bool> {
         let referenced = self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)));
         let moved = moved(&self.layout, &self.processes);

@@ -78,7 +78,7 @@ const STEP: Time = Time::from_nanos(100_000_000);
 pub struct TrueState {
     /// The state; blocks without a known truth at their initial value.
     pub state: State,
-    /// Which blocks are known, one entry per slot.
+    /// Set for each block whose truth is known, one entry per slot.
     pub known: Vec<bool>,
     wandering: Vec<Wandering>,
     /// Time of the next draw.

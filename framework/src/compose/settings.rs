@@ -77,7 +77,7 @@ impl EstimatorConfig {
         ((1e9 / self.output_rate.value().si()).round() as i64).max(1)
     }
 
-    /// Whether the filter starts from a reference.
+    /// Returns `true` if the filter starts from a reference.
     pub fn from_reference(&self) -> bool {
         self.initial == Some(Initial::Reference)
     }

@@ -90,7 +90,7 @@ fn an_error_names_file_line_key_what_was_found_and_what_is_allowed() {
         "scenarios/a.toml:5: process.ins.gyro_noise = \"0.1 deg\": found 'deg' which is an angle, \
          an angular rate noise is needed, e.g. deg/h/sqrt(Hz), deg/sqrt(h), rad/s/sqrt(Hz)"
     );
-    // keys are read in the order of the file: of two mistakes the first is told
+    // keys are read in the order of the file: of two mistakes the first is reported
     let dvl = at(&d, &["sensor", "dvl"]);
     assert_eq!(
         error::<Dvl>(&dvl),

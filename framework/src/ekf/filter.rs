@@ -157,7 +157,7 @@ impl Ekf {
         &self.composition
     }
 
-    /// Whether the filter has started.
+    /// Returns `true` once the filter has started.
     pub fn running(&self) -> bool {
         matches!(self.memory.stage, Stage::Running)
     }

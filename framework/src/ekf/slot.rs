@@ -37,7 +37,7 @@ pub(super) struct SensorSlot {
 pub(super) struct Streak {
     pub(super) since: Time,
     pub(super) count: u64,
-    /// Whether the lock-out has been reported.
+    /// Set once the lock-out has been reported.
     reported: bool,
 }
 

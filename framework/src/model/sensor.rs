@@ -107,7 +107,7 @@ pub struct Sensor {
     pub noise: f64,
     /// Time offset: a sample stamped t measures the state at t minus this.
     pub time_offset: Option<Handle<Scalar>>,
-    /// Whether the sensor is a constraint of a process, which no source gives.
+    /// Set if the sensor is a constraint of a process, for which no source has samples.
     pub constraint: bool,
 }
 

@@ -79,7 +79,7 @@ pub struct StreamPlace {
 }
 
 impl StreamPlace {
-    /// Whether no part is given.
+    /// Returns `true` if no part is given.
     fn is_empty(&self) -> bool {
         *self == Self::default()
     }

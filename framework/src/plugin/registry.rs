@@ -57,7 +57,7 @@ pub use crate::plugin::{Plugin, PluginError};
 pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
-    /// Whether the sensor drives a process model. Such sensors are composed before the processes.
+    /// Set if the sensor drives a process model. Such sensors are composed before the processes.
     const INPUT: bool = false;
     /// Channels of its samples.
     fn channels(&self) -> Vec<Channel>;
@@ -143,7 +143,7 @@ pub struct OpenContext<'a> {
 pub trait SourceType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
-    /// Whether its samples are simulated, so that another seed gives another run.
+    /// Set if the samples are simulated, so that another seed gives another run.
     const SIMULATES: bool = false;
     /// Opens the source: one or several streams, which the runner merges.
     ///
@@ -185,7 +185,7 @@ pub trait SourceType: DeserializeOwned + JsonSchema + 'static {
 pub trait SinkType: DeserializeOwned + JsonSchema + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
-    /// Whether the sink records every run, with its default parameters if the scenario does not
+    /// Set if the sink records every run, with its default parameters if the scenario does not
     /// mention it.
     const DEFAULT: bool = true;
     /// The files that it writes; relative paths start at the output folder of the run. Before any

@@ -103,7 +103,7 @@ impl Layout {
         }
     }
 
-    /// Error of an estimate to which its covariance refers, `truth [-] estimate`: one number per
+    /// Error of an estimate as its covariance describes it, `truth [-] estimate`: one number per
     /// tangent component. Blocks that are not `known` have none; a velocity then turns with no
     /// heading.
     pub fn error(&self, truth: &State, estimate: &State, known: &[bool], out: &mut [f64]) {
@@ -141,7 +141,7 @@ mod tests {
     use crate::units::time::Time;
     use nalgebra::{DMatrix, Rotation3, Vector6};
 
-    /// Attitude, velocity and position, of which the second turns with the first or does not.
+    /// Attitude, velocity and position; the velocity turns with the attitude or does not.
     fn layout(turns: bool) -> Layout {
         let mut composer = Composer::default();
         composer.begin("ins");
@@ -286,9 +286,9 @@ mod tests {
     #[test]
     fn a_velocity_in_body_axes_never_tells_the_heading() {
         let kept = after_body_velocities(true);
-        // what a tilt of 1e-6 rad leaves is second order in it
+        // the effect of a tilt of 1e-6 rad is of second order
         assert!((kept - 1.0).abs() < 1e-6, "{kept}");
-        // without it the same updates pretend to know more
+        // without the turning error the same updates make the filter overconfident
         let pretended = after_body_velocities(false);
         assert!(pretended < 0.5, "{pretended}");
     }

@@ -22,7 +22,7 @@ pub fn last_lines(path: &Path) -> Option<Vec<Vec<u8>>> {
     )
 }
 
-/// Whether a file ends at a byte, and not with a line end.
+/// Returns `true` if a file ends at a byte without a line end.
 pub fn ends_within_line(path: &Path, byte: u64) -> bool {
     let last = || -> std::io::Result<bool> {
         let mut file = File::open(path)?;

@@ -145,7 +145,7 @@ pub struct Records {
     reader: LinearReader,
     /// Number of bytes that were read.
     pub position: u64,
-    /// Whether a record was found, so that the file is an MCAP file.
+    /// Set once a record was found, so that the file is an MCAP file.
     begun: bool,
 }
 

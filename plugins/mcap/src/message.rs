@@ -264,7 +264,7 @@ pub struct BlockValues<'a> {
     pub mode: Mode,
     pub components: &'a [&'a str],
     pub unit: &'a str,
-    /// Whether the estimate is latitude, longitude (deg) and height (m).
+    /// Set if the estimate is latitude, longitude (deg) and height (m).
     pub geodetic: bool,
     pub estimate: &'a [f64],
     pub sigma: &'a [f64],

@@ -53,7 +53,7 @@ pub struct BlockEntry<'a> {
     pub mode: Mode,
     /// Names of the components.
     pub components: Vec<&'a str>,
-    /// Whether the estimate is latitude and longitude (deg) and height (m).
+    /// Set if the estimate is latitude and longitude (deg) and height (m).
     pub geodetic: bool,
     /// Unit of sigma and error, and of the estimate unless geodetic; empty for a ratio.
     pub unit: &'a str,

@@ -39,7 +39,7 @@ fn run_mcap() -> PathBuf {
 
 const SECOND: u64 = 1_000_000_000;
 
-/// How the chunks of the file are compressed.
+/// Compression of the chunks of the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Compression {

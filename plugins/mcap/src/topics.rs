@@ -85,7 +85,7 @@ pub const RATES: [Channel; 6] = [
 pub struct SensorTopics {
     name: String,
     columns: Vec<String>,
-    /// Whether the samples are written as `sensor_msgs/Imu`.
+    /// Set if the samples are written as `sensor_msgs/Imu`.
     imu: bool,
     samples: Topic,
     also: Also,

@@ -8,7 +8,7 @@ use re_sdk::{AsComponents, EntityPath};
 use re_sdk_types::archetypes::{Scalars, SeriesLines, SeriesPoints};
 use re_sdk_types::components::MarkerShape;
 
-/// The size of one block, rows: that to which the viewer compacts its own blocks.
+/// Number of rows of one block: the size to which the viewer compacts its own blocks.
 pub const ROWS: usize = 4096;
 
 /// The scalars of one entity over time, one column per instance.
@@ -118,7 +118,7 @@ pub struct Thinned<T> {
 }
 
 impl<T: Copy> Thinned<T> {
-    /// A sequence that keeps at most that many items.
+    /// Creates a sequence that keeps at most `capacity` items.
     pub fn new(capacity: usize) -> Self {
         Self { items: Vec::new(), capacity, stride: 1, count: 0, last: None }
     }

@@ -101,7 +101,7 @@ fn start(program: &str, port: u16) -> Result<ProxyUri, StreamError> {
             let message = format!("the viewer `{program}` did not listen at {address} within 30 s");
             return Err(StreamError::network(message)
                 .at_key("spawn")
-                .with_remedy("does it start by itself?"));
+                .with_remedy("check that it starts by itself"));
         }
         std::thread::sleep(Duration::from_millis(100));
     }

@@ -1,4 +1,4 @@
-//! How a quantity moves through a phase: a smooth step to a new value, a smooth bump and back, or
+//! Profile of a quantity over a phase: a smooth step to a new value, a smooth bump and back, or
 //! both.
 
 /// The two shapes and their derivatives at one place `x` of a phase, `0 <= x <= 1`.
@@ -71,7 +71,7 @@ impl Profile {
         self.start + self.step
     }
 
-    /// Whether it stays.
+    /// Returns `true` if the quantity is constant.
     pub(crate) fn is_constant(&self) -> bool {
         self.step == 0.0 && self.bump == 0.0
     }

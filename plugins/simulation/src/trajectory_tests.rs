@@ -1,4 +1,4 @@
-//! What a trajectory must hold, on the paper's own.
+//! Properties of every trajectory, tested on that of the paper.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // A test fails by panicking.
 
 use crate::cursor::Kinematics;
@@ -246,10 +246,11 @@ fn specific_force_and_rate_have_a_continuous_derivative_at_every_boundary() {
 #[test]
 fn increments_are_the_integrals_at_any_rate() {
     let t = paper();
-    // What is left is the Earth taken in the middle of an interval T (0.125 s at most, then
-    // summed): the height's curvature w' = 0.057 m/s^2 in the dive, in the gradient of gravity
-    // 3.1e-6 1/s^2, times T^3 / 24. It is 7.4e-15, 7.4e-12 and 1.2e-10 m/s, and rounding 1e-14: the
-    // noise of a good accelerometer is 1e-6 m/s in 100 s of 100 Hz increments.
+    // The increments use the Earth's parameters in the middle of an interval T (0.125 s at most,
+    // then summed). The error is the curvature of the height, w' = 0.057 m/s^2 in the dive, times
+    // the gradient of gravity, 3.1e-6 1/s^2, times T^3 / 24. It is 7.4e-15, 7.4e-12 and 1.2e-10 m/s,
+    // and rounding is 1e-14. The noise of a good accelerometer is 1e-6 m/s in 100 s of 100 Hz
+    // increments.
     for (rate, bound) in [(100.0, 2e-14), (10.0, 8e-12), (1.0, 1.3e-10)] {
         let (mut cursor, mut truth) = (t.cursor(), t.cursor());
         let mut worst: f64 = 0.0;

@@ -207,8 +207,8 @@ struct Fit {
     history: Vec<IntermediateEstimate>,
 }
 
-/// Computes one Gauss-Newton step. The noise of the depth rate weighs its rows relative to the
-/// accelerations, which their residuals weigh.
+/// Computes one Gauss-Newton step. The rows of the depth rate are weighted by its noise, those of
+/// the accelerations by their residuals.
 fn fit_at(windows: &[Window], m: &Mounting, velocity: &navfuse_segments::BodyVelocity) -> Fit {
     let rows: Vec<(Matrix3x4<f64>, Vector3<f64>)> = (windows.iter())
         .map(|w| {

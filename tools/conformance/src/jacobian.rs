@@ -192,8 +192,8 @@ struct Wrong {
 }
 
 /// The largest error of a channel's derivatives with respect to a block, relative to the largest of
-/// them. Steps of several sizes are tried: a good one is not the same for every function, a wrong
-/// derivative is wrong at all of them. An error that moves the prediction by less than a millionth
+/// them. Several step sizes are tried: the best one depends on the function, while a wrong
+/// derivative is wrong at every size. An error that moves the prediction by less than a millionth
 /// of its noise is rounding.
 fn of_row(
     model: &dyn AnyMeasurement,

@@ -182,7 +182,7 @@ impl Update {
     }
 
     /// Begins to follow the propagation of a measured error; follows none where there is no
-    /// direction. Call after [`Self::innovate`], and before another.
+    /// direction. Call after [`Self::innovate`], and before the next call of it.
     pub(crate) fn begin(
         &mut self,
         covariance: &Covariance,
