@@ -248,8 +248,8 @@ fn increments_are_the_integrals_at_any_rate() {
     let t = paper();
     // The increments use the Earth's parameters in the middle of an interval T (0.125 s at most,
     // then summed). The error is the curvature of the height, w' = 0.057 m/s^2 in the dive, times
-    // the gradient of gravity, 3.1e-6 1/s^2, times T^3 / 24. It is 7.4e-15, 7.4e-12 and 1.2e-10 m/s,
-    // and rounding is 1e-14. The noise of a good accelerometer is 1e-6 m/s in 100 s of 100 Hz
+    // the gradient of gravity, 3.1e-6 1/s^2, times T^3 / 24. It is 7.4e-15, 7.4e-12 and 1.2e-10
+    // m/s, and rounding is 1e-14. The noise of a good accelerometer is 1e-6 m/s in 100 s of 100 Hz
     // increments.
     for (rate, bound) in [(100.0, 2e-14), (10.0, 8e-12), (1.0, 1.3e-10)] {
         let (mut cursor, mut truth) = (t.cursor(), t.cursor());
