@@ -228,7 +228,7 @@ impl Campaign {
         Ok(Scenario::new(registry, document.clone(), &settings).map_err(BuildError::from)?)
     }
 
-    /// Returns the seed of a run: the campaign's seed times [`MAX_RUNS`], plus the number of the
+    /// Returns the seed of a run: the campaign's seed times `MAX_RUNS`, plus the number of the
     /// run.
     pub fn seed_of(&self, run: usize) -> u64 {
         self.seed * MAX_RUNS as u64 + run as u64

@@ -52,7 +52,7 @@ pub struct Row {
     /// Time, s.
     pub time: f64,
     /// Error and sigma of each component in turn, NEES of the whole state, NEES of each block, and
-    /// the sums of each sensor since the previous row (see [`SENSOR`]).
+    /// the sums of each sensor since the previous row (see `SENSOR`).
     pub values: Vec<f64>,
 }
 
