@@ -120,7 +120,7 @@
 //! | [`ekf`] | the error-state EKF |
 //! | [`plugin`] | plugins, and the registry of the types that they provide |
 //! | [`compose`] | composer, calibration states, draws from priors, settings of the estimator |
-//! | [`model`] | process and measurement models, initial alignment, sensors, sources, sinks, records |
+//! | [`model`] | process and measurement models, initial alignment, sensors, sources, sinks |
 //! | [`state`] | blocks on manifolds, layout, view, error injection and reset, covariance |
 //! | [`units`] | quantities with dimensions, time, samples |
 //! | [`document`] | TOML with places, for errors that name file, line and key |

@@ -3,7 +3,7 @@
 //! ```toml
 //! scale = { initial = 0.8, sigma = 0.2, truth = 0.9998 }               # estimated
 //! lever_arm = ["-0.06 m", "0 m", "0.21 m"]                             # fixed
-//! misalignment = { mode = "consider", sigma = "0.5 deg" }              # its uncertainty is carried, not reduced
+//! misalignment = { mode = "consider", sigma = "0.5 deg" }  # uncertainty carried, not reduced
 //! bias = { sigma = "5 cm", correlation_time = "1 h" }                  # first-order Gauss-Markov
 //! ```
 
@@ -183,7 +183,8 @@ impl<V: Components, W: Components> Calibration<V, W> {
                 Some(s) if s.iter().any(|s| *s <= 0.0) => {
                     return Err(ComposeError::new(
                         format!("{name}.sigma"),
-                        "a prior sigma of zero makes the covariance singular; give a positive sigma, or mode = \"fixed\" \
+                        "a prior sigma of zero makes the covariance singular; give a positive sigma, or \
+                         mode = \"fixed\" \
                          to hold the value",
                     ));
                 }

@@ -92,7 +92,8 @@ impl Composer {
             return Err(ComposeError::new(
                 name,
                 format!(
-                    "more than {MAX_BLOCKS} state blocks: a sensor with calibration keys takes 2 to 4, fixed ones too; remove \
+                    "more than {MAX_BLOCKS} state blocks: a sensor with calibration keys takes 2 to 4, \
+                     fixed ones too; remove \
                  or disable some"
                 ),
             ));

@@ -135,15 +135,23 @@ impl Ekf {
         let text = match rejection {
             Rejection::NotFinite(channel) => {
                 let name = sensor.channels.get(channel).map_or("?", |c| c.name);
-                format!("sample rejected: channel {name} is {}", sample.get(channel).unwrap_or(f64::NAN))
+                let value = sample.get(channel).unwrap_or(f64::NAN);
+                format!("sample rejected: channel {name} is {value}")
             }
             Rejection::Missing => "sample rejected: channels are missing".to_owned(),
-            Rejection::OutOfOrder if sample.time == last => "sample rejected: its time is there already".to_owned(),
-            Rejection::OutOfOrder => format!("sample rejected: time goes back from {last} to {}", sample.time),
-            Rejection::Late => format!("sample rejected: {} is before the state's {}", sample.time, self.state().time),
-            Rejection::Singular => {
-                "sample rejected: the innovation covariance is singular; is the sensor's noise zero?".to_owned()
+            Rejection::OutOfOrder if sample.time == last => {
+                "sample rejected: its time is there already".to_owned()
             }
+            Rejection::OutOfOrder => {
+                format!("sample rejected: time goes back from {last} to {}", sample.time)
+            }
+            Rejection::Late => {
+                let now = self.state().time;
+                format!("sample rejected: {} is before the state's {now}", sample.time)
+            }
+            Rejection::Singular => "sample rejected: the innovation covariance is singular; is \
+                                    the sensor's noise zero?"
+                .to_owned(),
             Rejection::NoInput => "sample unused: no driving sample covers its time".to_owned(),
         };
         observer.event(Event {

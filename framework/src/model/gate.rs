@@ -73,7 +73,10 @@ impl JsonSchema for Gate {
     fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
         schemars::json_schema!({
             "description": "Probability that a good sample passes, or \"off\"",
-            "anyOf": [{ "type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1 }, { "const": "off" }]
+            "anyOf": [
+                { "type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1 },
+                { "const": "off" }
+            ]
         })
     }
 }

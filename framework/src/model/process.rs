@@ -62,7 +62,8 @@ impl Interval<'_> {
 ///     fn new(composer: &mut Composer, place: Handle<Scalar>, speed: Handle<Scalar>) -> Self {
 ///         let (p, v) = (composer.tangent(place), composer.tangent(speed));
 ///         let t = composer.transition();
-///         Self { place, speed, phi: [t.phi(p, p), t.phi(p, v)] } // the row of the place; that of the speed is the framework's
+///         // the row of the place; the row of the speed follows the block's own dynamics
+///         Self { place, speed, phi: [t.phi(p, p), t.phi(p, v)] }
 ///     }
 /// }
 ///

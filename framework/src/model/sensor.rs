@@ -76,7 +76,9 @@ impl Role {
 ///     }
 ///     fn sample(&self, motion: &Motion, sample: &mut Sample) {
 ///         let p = motion.position;
-///         [p.latitude, p.longitude, p.height].into_iter().enumerate().for_each(|(k, x)| sample.set(k, x));
+///         for (k, x) in [p.latitude, p.longitude, p.height].into_iter().enumerate() {
+///             sample.set(k, x);
+///         }
 ///     }
 /// }
 /// ```

@@ -1,5 +1,6 @@
-//! A small laboratory, written with the public interface alone: a cart on a line, driven by a speedometer whose drift is
-//! a state, and a sensor of three channels that measures its place.
+//! A small laboratory, written with the public interface alone: a cart on a line, driven by a
+//! speedometer whose drift is a state, and a sensor of three channels that measures its place.
+
 use navfuse_core::Real;
 use navfuse_core::compose::calibration::{Calibration, LengthBias};
 use navfuse_core::compose::{Composer, Composition};
