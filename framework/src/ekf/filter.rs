@@ -28,6 +28,7 @@ pub(super) const MAX_PENDING: usize = 1024;
 
 /// Reason why the filter cannot continue.
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
+#[non_exhaustive]
 pub enum EstimatorError {
     /// A process model failed.
     #[error("at {time}: {process}: {error}")]

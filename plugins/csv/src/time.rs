@@ -4,6 +4,7 @@ use navfuse_core::units::time::Time;
 
 /// The reason why a cell is not a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum TimeError {
     /// The cell is not a decimal number.
     NotANumber,

@@ -170,6 +170,7 @@ pub enum Look {
 
 /// Error of drawing.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FigureError {
     /// The drawing library failed.
     #[error("cannot draw the figure {name}: {reason}")]

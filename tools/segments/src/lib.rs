@@ -31,6 +31,7 @@ use navfuse_core::document::DocumentError;
 
 /// Error of the segments.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SegmentError {
     /// The scenario, or one of its sources, does not fit.
     #[error(transparent)]
