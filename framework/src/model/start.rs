@@ -62,6 +62,39 @@ pub struct AlignmentReport {
 /// starts in three stages: [`search`](Self::search) sees every sample and sets the initial values;
 /// the filter starts at the beginning of the search and processes the same samples; and
 /// [`supervise`](Self::supervise) follows it until the alignment is complete.
+///
+/// The mean of ten samples as the initial level of a lake:
+/// ```
+/// use navfuse_core::model::start::{InitialAlignment, Progress};
+/// use navfuse_core::prelude::*;
+///
+/// #[derive(Clone)]
+/// struct MeanLevel {
+///     level: Handle<Scalar>,
+///     gauge: SensorId,
+///     samples: Vec<f64>,
+/// }
+///
+/// impl InitialAlignment for MeanLevel {
+///     fn search(
+///         &mut self,
+///         layout: &Layout,
+///         state: &mut State,
+///         sample: &Sample,
+///     ) -> Result<Progress, ProcessError> {
+///         self.samples.extend(sample.get(0).filter(|_| sample.sensor == self.gauge));
+///         if self.samples.len() < 10 {
+///             return Ok(Progress::Searching);
+///         }
+///         let mean = self.samples.iter().sum::<f64>() / self.samples.len() as f64;
+///         state.set(layout, self.level, &mean);
+///         Ok(Progress::Found)
+///     }
+///     fn boxed_clone(&self) -> Box<dyn InitialAlignment> {
+///         Box::new(self.clone())
+///     }
+/// }
+/// ```
 pub trait InitialAlignment: Send {
     /// Looks up the sensors that the alignment needs. Called once, after all sensors are composed.
     ///
