@@ -374,3 +374,15 @@ fn two_sinks_of_one_file_are_rejected_before_either_opens_it() {
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(recording.path("out/copy.mcap").is_file());
 }
+
+#[cfg(feature = "rerun")]
+#[test]
+fn two_recordings_for_the_viewer_in_one_file_are_rejected_before_either_opens_it() {
+    let recording = Recording::new();
+    std::fs::create_dir(recording.path("out")).expect("the test can write");
+    recording.write("out/run.rrd", "an earlier run");
+    let sinks = "sink={ a = { type = \"rerun\" }, b = { type = \"rerun\" } }";
+    fails_with(&run(&recording, &["--set", sinks]), &["[sink.a]", "[sink.b]", "run.rrd", "`path`"]);
+    let kept = std::fs::read_to_string(recording.path("out/run.rrd"));
+    assert_eq!(kept.expect("it is there"), "an earlier run");
+}

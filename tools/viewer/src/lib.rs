@@ -67,6 +67,10 @@ impl Viewer {
 impl SinkType for Viewer {
     const TYPE: &'static str = Rerun::TYPE;
 
+    fn files(&self) -> Vec<PathBuf> {
+        vec![self.path.clone()]
+    }
+
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
         self.record(&context.output)
     }
