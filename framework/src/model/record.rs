@@ -1,5 +1,6 @@
 //! Records of a run: epochs, updates and events.
 
+use crate::model::finding::Finding;
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Layout, State};
 use crate::units::sample::{Sample, SensorId};
@@ -140,6 +141,8 @@ pub trait Observer {
     fn input(&mut self, _sample: &Sample, _rejected: Option<Rejection>) {}
     /// Receives an event.
     fn event(&mut self, _event: Event) {}
+    /// Receives a fault that the filter found.
+    fn finding(&mut self, _finding: Finding) {}
 }
 
 impl Observer for () {}

@@ -1,5 +1,6 @@
 //! The recipients of a run: its sinks, its statistics and its list of events.
 
+use crate::model::finding::Finding;
 use crate::model::record::{Epoch, Event, Level, Observer, Rejection, UpdateRecord};
 use crate::model::stream::{NamedSink, Sink, StreamError};
 use crate::run::summary::{Recorded, Statistics};
@@ -9,6 +10,9 @@ use crate::units::time::Time;
 
 /// Warnings that a run keeps in memory; the sinks receive all of them.
 const WARNINGS: usize = 1000;
+
+/// Findings that a run keeps in memory.
+const FINDINGS: usize = 1000;
 
 /// A sink of the run, open until it fails.
 struct Output {
@@ -22,12 +26,14 @@ pub(crate) struct Outputs {
     sinks: Vec<Output>,
     pub(crate) statistics: Statistics,
     pub(crate) events: Vec<Event>,
+    /// Faults that the filter found, at most [`FINDINGS`].
+    pub(crate) findings: Vec<Finding>,
 }
 
 impl Outputs {
     pub(crate) fn new(sinks: Vec<NamedSink>, statistics: Statistics) -> Self {
         let sinks = sinks.into_iter().map(|(name, sink)| Output { name, sink, open: true });
-        Self { sinks: sinks.collect(), statistics, events: Vec::new() }
+        Self { sinks: sinks.collect(), statistics, events: Vec::new(), findings: Vec::new() }
     }
 
     /// Calls every open sink. A sink that fails is closed and named in an error event.
@@ -99,6 +105,13 @@ impl Observer for Outputs {
             || (event.level == Level::Warning && self.events.len() < WARNINGS)
         {
             self.events.push(event);
+        }
+    }
+    fn finding(&mut self, finding: Finding) {
+        let Finding { time, about, text, remedy, .. } = finding.clone();
+        self.event(Event { time, level: Level::Warning, about, text: format!("{text}; {remedy}") });
+        if self.findings.len() < FINDINGS {
+            self.findings.push(finding);
         }
     }
 }

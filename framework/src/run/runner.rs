@@ -3,6 +3,7 @@
 
 use crate::compose::Composition;
 use crate::ekf::{Ekf, EstimatorError};
+use crate::model::finding::Finding;
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::{Role, SensorInfo};
 use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};
@@ -49,6 +50,8 @@ pub struct Finished {
     pub recorded: Vec<Recorded>,
     /// Warnings and errors in order of time.
     pub events: Vec<Event>,
+    /// Faults that the filter found, in order of time.
+    pub findings: Vec<Finding>,
     /// The error that ended the run early.
     pub error: Option<RunError>,
     /// True for a run that was interrupted.
@@ -101,6 +104,7 @@ impl std::fmt::Debug for Finished {
             .field("summary", &self.summary)
             .field("recorded", &self.recorded)
             .field("events", &self.events)
+            .field("findings", &self.findings)
             .field("error", &self.error)
             .field("interrupted", &self.interrupted)
             .finish_non_exhaustive()
@@ -279,9 +283,10 @@ impl Run {
         let recorded = self.outputs.close(self.ekf.state().time);
         let mut summary = self.outputs.statistics.summary(&self.ekf);
         summary.wall_s = clock.elapsed().as_secs_f64();
+        let findings = std::mem::take(&mut self.outputs.findings);
         let (events, sinks) = self.outputs.into_parts();
         let Self { error, interrupted, .. } = self;
-        Finished { summary, recorded, events, error, interrupted, sinks }
+        Finished { summary, recorded, events, findings, error, interrupted, sinks }
     }
 }
 

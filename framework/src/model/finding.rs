@@ -1,0 +1,28 @@
+//! Findings: faults that the filter or a monitor found in a run.
+
+use crate::units::time::Time;
+
+/// Consequence of a finding for the use of the run's result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// The result may be used with care: an engineer should look at the finding first.
+    Doubtful,
+    /// The result must not be used.
+    DoNotUse,
+}
+
+/// A fault that the filter or a monitor found, with its remedy. The verdict of a run lists its
+/// findings.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// Time at which the fault was found, on the run's clock.
+    pub time: Time,
+    /// Sensor or process at fault.
+    pub about: String,
+    /// Consequence for the result.
+    pub severity: Severity,
+    /// Evidence: what was measured, and what was expected.
+    pub text: String,
+    /// Remedy: the key or the part of the vehicle to look at.
+    pub remedy: String,
+}
