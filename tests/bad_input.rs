@@ -314,6 +314,24 @@ fn a_fault_that_cannot_be_simulated_is_named_with_the_remedy() {
 }
 
 #[test]
+fn a_fault_that_does_not_fit_its_sensor_is_named_with_line_and_remedy() {
+    let recording = Recording::new();
+    let simulation = "noise = \"2 cm/s\"\nsimulation = { rate = \"5 Hz\", faults = [FAULT] }";
+    let cases = [
+        (r#"{ type = "stuk" }"#, "faults.0.type", "did you mean \"stuck\"?"),
+        (r#"{ type = "sign", channels = ["vel_w"] }"#, "faults.0.channels.0", "vel_x, vel_y"),
+        (r#"{ type = "bias", size = "2 cm" }"#, "faults.0.size", "m/s, cm/s, kn"),
+        (r#"{ type = "bias", size = "2 cm/s", form = "1 s" }"#, "faults.0.form", "\"from\""),
+        (r#"{ type = "bias", size = "2 cm/s", from = 3 }"#, "faults.0.from = 3", "unit"),
+    ];
+    for (fault, key, remedy) in cases {
+        recording.change("noise = \"2 cm/s\"", &simulation.replace("FAULT", fault));
+        let key = format!("sensor.dvl.simulation.{key}");
+        fails_with(&run(&recording, &[]), &["rest.toml:14", &key, remedy]);
+    }
+}
+
+#[test]
 fn a_standard_error_that_is_closed_is_no_panic() {
     let script = format!("{} run no-such.toml 2>&-; exit $?", env!("CARGO_BIN_EXE_navfuse"));
     let output =

@@ -155,6 +155,28 @@ fn examples(page: &str) -> Vec<toml::Table> {
     blocks.map(|block| block.split("```").next().unwrap().parse().unwrap()).collect()
 }
 
+/// Adds a fault that every sensor can have to each simulated sensor of a scenario.
+fn add_fault(scenario: &mut toml::Table) {
+    let fault: toml::Table = r#"faults = [{ type = "frozen", from = "1 s" }]"#.parse().unwrap();
+    for (_, sensor) in scenario["sensor"].as_table_mut().unwrap() {
+        if let Some(simulation) = sensor.get_mut("simulation") {
+            simulation.as_table_mut().unwrap().extend(fault.clone());
+        }
+    }
+}
+
+#[test]
+fn every_sensor_takes_simulated_faults() {
+    let registry = navfuse::standard_plugins();
+    for entry in registry.entries().filter(|e| e.kind == Kind::Sensor) {
+        let keys: Vec<String> = parameters(entry).into_iter().map(|p| p.key).collect();
+        for key in ["type", "from", "to", "channels", "size", "unit"] {
+            let key = format!("simulation.faults.N.{key}");
+            assert!(keys.contains(&key), "{entry:?} has no key {key}");
+        }
+    }
+}
+
 #[test]
 fn the_example_of_every_plugin_composes() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -171,6 +193,7 @@ fn the_example_of_every_plugin_composes() {
                 let table = scenario.entry(&kind).or_insert_with(|| toml::Table::new().into());
                 table.as_table_mut().unwrap().extend(named.as_table().unwrap().clone());
             }
+            add_fault(&mut scenario);
             let text = toml::to_string(&scenario).unwrap();
             let document = Document::parse(page.display().to_string(), text).unwrap();
             let scenario = Scenario::new(&registry, document, &[]).unwrap();

@@ -3,6 +3,7 @@
 use crate::compose::draw::Draw;
 use crate::compose::settings::Initial;
 use crate::model::error::ComposeError;
+use crate::model::fault::Fault;
 use crate::model::motion::Motion;
 use crate::model::process::ProcessModel;
 use crate::model::sensor::Role;
@@ -94,8 +95,8 @@ impl Composition {
     }
 
     /// Prepares the composition for the Cramer-Rao bound. Every block starts at its truth, and
-    /// sensors are simulated without noise and outliers while the filter assumes their noise. The
-    /// filter thus stays at the truth, and its covariance is that of the best estimate. Considered
+    /// sensors are simulated without noise, outliers and faults while the filter assumes their noise;
+    /// samples that a fault loses stay lost. The filter thus stays at the truth, and its covariance is that of the best estimate. Considered
     /// states are estimated.
     pub fn at_truth(&mut self) {
         let mut layout = (*self.layout).clone();
@@ -122,6 +123,7 @@ impl Composition {
             sensor.noise = faults.noise.value().si();
             faults.noise = Sigma::from_si(0.0);
             faults.outliers = Sigma::from_si(0.0);
+            faults.faults.retain(Fault::only_loses);
             if self.processes.iter().any(|p| p.input == Some(index)) {
                 self.transition.scale_noise(sensor.noise);
             }

@@ -13,6 +13,6 @@ mod tests;
 
 pub use document::Document;
 pub use error::{DocumentError, OverrideError};
-pub use explain::did_you_mean;
+pub use explain::{did_you_mean, unknown};
 pub use location::Location;
 pub use node::Node;

@@ -1,6 +1,7 @@
 //! Models: motion of blocks, measurements by sensors, and the inputs and outputs of a run.
 
 pub mod error;
+pub mod fault;
 pub mod finding;
 pub mod gate;
 pub mod measurement;

@@ -1,5 +1,6 @@
 //! Simulation of sensors: the scene, simulators of driving sensors, and faults of all sensors.
 
+use crate::model::fault::Fault;
 use crate::model::measurement::MeasurementModel;
 use crate::model::motion::Trajectory;
 use crate::state::{Layout, State, View};
@@ -141,6 +142,10 @@ pub struct Faults {
     /// Size of an outlier as a multiple of the model's sigma.
     #[serde(default = "twenty")]
     pub outlier_size: Sigma<Ratio>,
+    /// Faults of the instrument, each with its type and span of time, such as
+    /// `{ type = "stuck", from = "250 s", to = "310 s" }`; applied in their order.
+    #[serde(default)]
+    pub faults: Vec<Fault>,
 }
 
 fn zero_time() -> Duration {

@@ -6,6 +6,7 @@ use crate::compose::keys::SensorKeys;
 use crate::compose::settings::{EstimatorConfig, Initial};
 use crate::compose::{self, Composer, Composition, Process, time_offset};
 use crate::document::{DocumentError, Node};
+use crate::model::fault::Injector;
 use crate::model::process::BuiltProcess;
 use crate::model::sensor::{Purpose, Role, Sensor, SensorInfo};
 use crate::plugin::{BuildError, BuiltSensor, Make};
@@ -271,6 +272,10 @@ fn place_sensor(
     let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
     let info = SensorInfo { name, kind, channels: built.channels, purpose };
     Composition::check_channels(&info, &built.role).map_err(|e| e.at(&part.node))?;
+    if let Some(simulation) = &keys.simulation {
+        // a fault that does not fit the sensor is rejected here, with its place in the file
+        Injector::new(&simulation.faults, &info, 0).map_err(|e| e.at(&part.node))?;
+    }
     Ok(Sensor {
         gate: keys.gate,
         recovery: keys.recovery,

@@ -114,7 +114,8 @@ pub struct Parameter {
 }
 
 /// The parameters of a registered type, its own first. The keys of an inner table follow it as
-/// `table.key`, the kinds of the tables of an array as `array: kind`.
+/// `table.key`, the keys of the tables of an array as `array.N.key`, and the kinds of these tables as
+/// `array: kind`.
 pub fn parameters(entry: &Entry) -> Vec<Parameter> {
     let mut definitions = Map::new();
     let own: Vec<String> = (entry.schema.as_value().get("properties").and_then(Value::as_object))
@@ -160,8 +161,11 @@ fn inner_parameters(
         if calibration(value).is_none() {
             inner_parameters(&format!("{key}."), resolved, definitions, rows);
         }
-        let kinds =
-            resolved.get("items").map(|i| resolve(i, definitions)).and_then(|i| i.get("oneOf"));
+        let items = resolved.get("items").map(|i| resolve(i, definitions));
+        if let Some(items) = items.filter(|i| i.get("properties").is_some()) {
+            inner_parameters(&format!("{key}.N."), items, definitions, rows);
+        }
+        let kinds = items.and_then(|i| i.get("oneOf"));
         for kind in kinds.and_then(Value::as_array).into_iter().flatten() {
             let name =
                 kind.pointer("/properties/type/const").and_then(Value::as_str).unwrap_or_default();

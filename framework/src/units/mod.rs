@@ -5,6 +5,7 @@
 //! where an angular rate is needed is therefore rejected where it is read. A quantity prints in the
 //! notation of the scenario, and the printed text reads back to the same bits.
 
+mod any;
 mod config;
 mod dimension;
 mod error;
@@ -17,8 +18,10 @@ mod tests;
 pub mod time;
 mod unit;
 
+pub use any::AnyQuantity;
 pub use config::{Components, Positive, Sigma, Triple};
 pub use dimension::Exponents;
+pub(crate) use dimension::{example, name as dimension_name, usual_units};
 pub use error::UnitError;
 pub use quantities::*;
 pub use quantity::Quantity;

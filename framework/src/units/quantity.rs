@@ -18,7 +18,7 @@ use std::str::FromStr;
 pub struct Quantity<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>(f64);
 
 /// Splits `NUMBER UNIT`; `None` where the text does not start with a decimal number.
-fn split_number(text: &str) -> Option<(f64, &str)> {
+pub(super) fn split_number(text: &str) -> Option<(f64, &str)> {
     let digits = |s: &str| s.len() - s.trim_start_matches(|c: char| c.is_ascii_digit()).len();
     let mut end = usize::from(text.starts_with(['+', '-']));
     end += digits(&text[end..]);

@@ -5,6 +5,7 @@ use crate::{Cursor, Trajectory, TrajectoryConfig};
 use nalgebra::Vector3;
 use navfuse_core::compose::Composition;
 use navfuse_core::compose::draw::TrueState;
+use navfuse_core::model::fault::Injector;
 use navfuse_core::model::measurement::AnyMeasurement;
 use navfuse_core::model::motion::Motion;
 use navfuse_core::model::process::ProcessModel;
@@ -64,7 +65,10 @@ pub fn simulate<P: Piece>(
             (Role::Reference(reference), None) => Simulated::Reference(Arc::clone(reference)),
             (Role::Input(_), None) => continue,
         };
-        streams.push(Box::new(SensorStream::new(composition, index, faults, kind, trajectory)));
+        let injector = Injector::new(&faults.faults, &sensor.info, composition.seed)
+            .map_err(|e| StreamError::scenario(e.to_string()).of_sensor(&sensor.info.name))?;
+        let stream = SensorStream::new(composition, index, (faults, injector), kind, trajectory);
+        streams.push(Box::new(stream));
     }
     if streams.is_empty() {
         return Err(StreamError::scenario(
@@ -163,6 +167,7 @@ struct SensorStream<P: Piece> {
     path: Path<P>,
     random: Random,
     faults: Faults,
+    injector: Injector,
     sensor: SensorId,
     /// Lag of the samples, and the truth at the time of a sample, which contains the lag.
     lag: Option<(Handle<Scalar>, TrueState)>,
@@ -177,7 +182,7 @@ impl<P: Piece> SensorStream<P> {
     fn new(
         composition: &Composition,
         index: usize,
-        faults: &Faults,
+        (faults, injector): (&Faults, Injector),
         kind: Simulated,
         trajectory: &Trajectory<P>,
     ) -> Self {
@@ -191,6 +196,7 @@ impl<P: Piece> SensorStream<P> {
             path: Path(trajectory.cursor()),
             random: Random::new(composition.seed, name),
             faults: faults.clone(),
+            injector,
             sensor: SensorId(index),
             // an integrating sensor's first sample covers the first interval
             count: i64::from(matches!(kind, Simulated::Driving(_))),
@@ -267,7 +273,7 @@ impl<P: Piece> Source for SensorStream<P> {
                     },
                     sample,
                 );
-                if !self.lost(to) {
+                if !self.lost(to) && self.injector.apply(sample) {
                     return Ok(true);
                 }
                 continue;
@@ -296,7 +302,7 @@ impl<P: Piece> Source for SensorStream<P> {
                 Simulated::Driving(_) => {}
             }
             // a sensor that has lost all channels gives no sample
-            if sample.present() != 0 {
+            if sample.present() != 0 && self.injector.apply(sample) {
                 return Ok(true);
             }
         }

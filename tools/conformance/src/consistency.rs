@@ -74,6 +74,9 @@ fn runs(lab: &Lab<'_>) -> Result<Vec<Run>, Failure> {
                 settings.push(format!("sensor.{name}.simulation.outliers=0"));
             }
         }
+        if sensor.simulation.is_some() {
+            settings.push(format!("sensor.{name}.simulation.faults=[]"));
+        }
         let reference = matches!(sensor.role, navfuse_core::model::sensor::Role::Reference(_));
         if sensor.simulation.is_some() && !reference {
             settings.push(format!("sensor.{name}.simulation.noise=1"));
