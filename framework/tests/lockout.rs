@@ -6,8 +6,9 @@ use navfuse_core::compose::Composer;
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::finding::Severity;
 use navfuse_core::model::measurement::MeasurementModel;
-use navfuse_core::model::record::Outcome;
+use navfuse_core::model::record::{Outcome, Rejection};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector};
 use navfuse_core::plugin::{Registry, SensorType};
@@ -121,7 +122,8 @@ fn a_gated_sample_is_logged_with_its_nis_and_changes_nothing() {
     assert_eq!(b.log.says("the last 1 samples were gated, since 4.000 s"), 1);
 }
 
-/// A sensor that is off by 60 m for as long as it takes, at 1 Hz.
+/// A sensor that is off by 60 m for as long as it takes, at 1 Hz. It begins with 0.6 m, a NIS of 26
+/// where the gate is at 18: an error that comes gradually may be the filter's.
 fn locked_out(action: &str, seconds: i32) -> Bench {
     let mut b =
         Bench::new(&[&format!("sensor.fix.recovery={{ after = \"5 s\", action = \"{action}\" }}")]);
@@ -131,7 +133,8 @@ fn locked_out(action: &str, seconds: i32) -> Bench {
     }
     b.log = lab::Log::default();
     for k in 10..10 + seconds {
-        b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[60.0, 120.0]);
+        let off = if k == 10 { 0.6 } else { 60.0 };
+        b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[off, 2.0 * off]);
     }
     b
 }
@@ -240,10 +243,10 @@ fn an_absurd_number_is_gated_whatever_the_gate_and_never_used() {
 #[test]
 fn a_wrong_speed_that_was_believed_leaves_a_place_as_uncertain_as_it_is_wrong() {
     let mut b = logged();
-    // stuck at 22 m/s for 41 s while the cart stands still, then correct again: locked out twice,
-    // for 30 s each
+    // 22 m/s for 41 s while the cart stands still, then correct again: locked out twice, for 30 s
+    // each. It begins with 5 cm/s, which is no jump
     for k in 10..130 {
-        let wrong = if k < 51 { 22.0 } else { 0.0 };
+        let wrong = [0.05, 22.0, 0.0][usize::from(k > 10) + usize::from(k > 50)];
         b.give("speed", f64::from(k), &[0.0]).give("log", f64::from(k), &[wrong]);
         let (error, sigma) = (b.value("cart.place"), b.variance("cart.place").sqrt());
         assert!(error.abs() <= 3.5 * sigma, "{k} s: {error} m from the truth, sigma {sigma} m");
@@ -258,8 +261,9 @@ fn a_wrong_speed_that_was_believed_leaves_a_place_as_uncertain_as_it_is_wrong() 
 fn a_place_that_another_sensor_holds_stays_as_certain_as_that_makes_it() {
     let mut b = logged();
     for k in 10..40 {
+        let wrong = if k == 10 { 0.05 } else { 22.0 };
         b.give("speed", f64::from(k), &[0.0])
-            .give("log", f64::from(k), &[22.0])
+            .give("log", f64::from(k), &[wrong])
             .fix(f64::from(k), 0.0);
     }
     b.give("speed", 40.0, &[0.0]).give("log", 40.0, &[22.0]);
@@ -293,4 +297,145 @@ fn a_sensor_slower_than_the_time_to_recovery_leaves_lock_out_all_the_same() {
         "{:?}",
         b.log.events
     );
+}
+
+/// Gives the two channels of the fix that are linear.
+trait Place {
+    fn place(&mut self, t: f64, p: f64) -> &mut Self;
+}
+
+impl Place for Bench {
+    fn place(&mut self, t: f64, p: f64) -> &mut Self {
+        self.give("fix", t, &[p, 2.0 * p])
+    }
+}
+
+#[test]
+fn after_silence_the_covariance_is_inflated_at_once() {
+    let mut b = Bench::new(&[]);
+    for k in 0..10 {
+        b.give("speed", f64::from(k), &[0.0]).place(f64::from(k), 0.0);
+    }
+    b.log = lab::Log::default();
+    // 20 s without a fix, four times the 5 s after which a sensor at 1 Hz counts as lost
+    for k in 29..36 {
+        b.give("speed", f64::from(k), &[0.0]).place(f64::from(k), 60.0);
+    }
+    let mut expected = [Outcome::Accepted; 7];
+    expected[..2].fill(Outcome::Gated); // two may be outliers
+    assert_eq!(b.log.outcomes(), expected);
+    assert_eq!(
+        b.log
+            .says("since 29.000 s, after 20.0 s without a used sample; the covariance is inflated"),
+        1,
+        "{:?}",
+        b.log.events
+    );
+    assert_eq!(b.log.findings[0].severity, Severity::Doubtful);
+    assert!((b.value("cart.place") - 60.0).abs() < 0.5, "{}", b.value("cart.place"));
+}
+
+/// A filter that was sure of its place, and fixes that jump by 60 m for the given time and come
+/// back.
+fn jumped(seconds: i32, settings: &[&str]) -> Bench {
+    let mut b = Bench::new(settings);
+    for k in 0..20 {
+        b.give("speed", f64::from(k), &[0.0]).place(f64::from(k), 0.0);
+    }
+    b.log = lab::Log::default();
+    for k in 20..20 + seconds + 20 {
+        let place = if k < 20 + seconds { 60.0 } else { 0.0 };
+        b.give("speed", f64::from(k), &[0.0]).place(f64::from(k), place);
+    }
+    b
+}
+
+#[test]
+fn a_sensor_that_jumps_is_isolated_and_taken_back_when_it_agrees_again() {
+    let b = jumped(60, &[]);
+    let outcomes = b.log.outcomes();
+    let isolated = Outcome::Rejected(Rejection::Isolated);
+    assert_eq!(outcomes[..30], [Outcome::Gated; 30]);
+    // 30 s of the jump, then four samples that agree; the fifth is used
+    assert_eq!(outcomes[30..64], [isolated; 34]);
+    assert_eq!(outcomes[64..], [Outcome::Accepted; 16]);
+    let finding = &b.log.findings[0];
+    assert_eq!((finding.about.as_str(), finding.severity), ("fix", Severity::Doubtful));
+    assert!(finding.text.contains("its innovation jumped"), "{}", finding.text);
+    assert_eq!(b.log.findings.len(), 1);
+    assert_eq!(b.log.says("taken back, isolated since 50.000 s"), 1, "{:?}", b.log.events);
+    assert!(b.log.updates[40].2 > 1000.0, "judged while it is isolated: {:?}", b.log.updates[40]);
+    assert!(b.value("cart.place").abs() < 0.2, "{}", b.value("cart.place"));
+}
+
+#[test]
+fn an_isolation_that_nothing_decides_ends_and_the_run_must_not_be_used() {
+    let b = jumped(60, &["sensor.fix.recovery.isolate=\"10 s\""]);
+    assert_eq!(b.log.outcomes()[40], Outcome::Accepted, "30 s gated and 10 s isolated");
+    let severities: Vec<Severity> = b.log.findings.iter().map(|f| f.severity).collect();
+    // the way back is a jump as well; after the fix was used nothing decides it
+    assert_eq!(severities[..2], [Severity::Doubtful, Severity::DoNotUse]);
+    assert!(b.log.findings[1].text.contains("isolated for 10 s"), "{}", b.log.findings[1].text);
+}
+
+#[test]
+fn a_sensor_that_is_isolated_at_the_end_is_reported() {
+    let mut b = Bench::new(&[]);
+    for k in 0..60 {
+        let place = if k < 20 { 0.0 } else { 60.0 };
+        b.give("speed", f64::from(k), &[0.0]).place(f64::from(k), place);
+    }
+    b.ekf.finish(&mut b.log);
+    let last = b.log.findings.last().unwrap();
+    assert_eq!(last.severity, Severity::DoNotUse);
+    assert!(last.text.contains("isolated at the end"), "{}", last.text);
+}
+
+#[test]
+fn a_growing_covariance_does_not_take_an_isolated_sensor_back() {
+    // 1.5 m off from 20 s on: the sigma of the place is sqrt(0.01 * 600) = 2.4 m in the end, so that
+    // the error would pass the gate
+    let mut b = Bench::new(&["sensor.fix.recovery.isolate=\"1 h\""]);
+    for k in 0..620 {
+        let place = if k < 20 { 0.0 } else { 1.5 };
+        b.give("speed", f64::from(k), &[0.0]).place(f64::from(k), place);
+    }
+    assert!(b.variance("cart.place").sqrt() > 2.4, "{:?}", b.log.events);
+    let passes = b.log.updates.last().unwrap().2 < b.log.threshold;
+    let isolated = Outcome::Rejected(Rejection::Isolated);
+    assert!(passes && b.log.outcomes().last() == Some(&isolated), "{:?}", b.log.events);
+}
+
+#[test]
+fn a_sensor_that_others_contradict_is_isolated_even_if_its_error_came_gradually() {
+    // the second sensor measures the same place ten times a second
+    let scenario = format!("{SCENARIO}[sensor.other]\ntype = \"fix\"\nnoise = \"10 cm\"\n");
+    let mut b = Bench::of(&scenario, &[]);
+    for k in 0..600 {
+        let t = 0.1 * f64::from(k);
+        b.give("speed", t, &[0.0]).give("other", t, &[0.0, 0.0]);
+        if k % 10 == 0 {
+            let off = if k < 200 { 0.0 } else { 0.03 * f64::from(k - 200) };
+            b.give("fix", t, &[off, 2.0 * off]);
+        }
+    }
+    let finding = &b.log.findings[0];
+    assert!(finding.text.contains("other sensors contradict it"), "{}", finding.text);
+    assert_eq!((finding.about.as_str(), finding.severity), ("fix", Severity::Doubtful));
+    let (error, sigma) = (b.value("cart.place"), b.variance("cart.place").sqrt());
+    assert!(error.abs() < 3.5 * sigma, "{error} {sigma}");
+}
+
+#[test]
+fn two_sensors_that_are_gated_at_the_same_time_are_believed_against_the_filter() {
+    let scenario = format!("{SCENARIO}[sensor.other]\ntype = \"fix\"\nnoise = \"10 cm\"\n");
+    let mut b = Bench::of(&scenario, &[]);
+    for k in 0..80 {
+        // the speedometer loses 60 m at once, which both fixes see as a jump
+        let (t, place) = (f64::from(k), if k < 20 { 0.0 } else { 60.0 });
+        b.give("speed", t, &[0.0]).place(t, place).give("other", t, &[place, 2.0 * place]);
+    }
+    assert_eq!(b.log.says("isolated"), 0, "{:?}", b.log.events);
+    assert!(b.log.says("another sensor is gated too") >= 1, "{:?}", b.log.events);
+    assert!((b.value("cart.place") - 60.0).abs() < 0.5);
 }

@@ -170,7 +170,7 @@ impl Ekf {
             let constraint = self.composition.processes[k].constraint;
             let m = &mut self.memory;
             let Some(alignment) = &mut m.alignments[k] else { continue };
-            let streak = constraint.and_then(|c| m.sensors[c].gated);
+            let streak = constraint.and_then(|c| m.sensors[c].lockout.streak);
             let view = FilterView {
                 layout: &self.layout,
                 state: &m.state,

@@ -1,13 +1,16 @@
 //! The measurement update: gate, recovery from lock-out, injection and reset.
 
 use super::filter::{Ekf, EstimatorError, rejected};
-use super::slot::Verdict;
+use super::lockout::{Evidence, GONE, Judged, Verdict};
+use super::slot::SensorSlot;
+use crate::compose::Composition;
 use crate::model::gate::Action;
 use crate::model::measurement::{AnyMeasurement, At};
 use crate::model::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::Sensor;
 use crate::state::covariance::{Covariance, Update};
 use crate::units::sample::Sample;
+use crate::units::time::Time;
 use std::mem::discriminant;
 
 /// Inflates the covariance until the innovation is about as large as its mean, `NIS = m`, and
@@ -30,12 +33,24 @@ fn inflate(
             break;
         }
         update.inflate_unseen(covariance, unseen, c);
-        match update.innovate(covariance) {
-            Some(now) => nis = now,
-            None => break,
+        let Some(now) = update.innovate(covariance) else { break };
+        // no error of the states explains the rest
+        let stays = now > 0.95 * nis;
+        nis = now;
+        if stays {
+            break;
         }
     }
     nis
+}
+
+/// Returns `true` if another sensor than that of the index is in a lock-out at the same time.
+fn shared(composition: &Composition, slots: &[SensorSlot], index: usize) -> bool {
+    let since = slots[index].lockout.streak.map_or(Time::MIN, |streak| streak.since);
+    let others = slots.iter().zip(&composition.sensors).enumerate().filter(|(k, _)| *k != index);
+    others
+        .map(|(_, other)| other)
+        .any(|(slot, sensor)| !sensor.constraint && slot.last >= since && slot.lockout.suspects())
 }
 
 impl Ekf {
@@ -64,17 +79,33 @@ impl Ekf {
             self.reject(sample, Rejection::Singular, observer);
             return Ok(());
         };
-        let slot = &mut m.sensors[sample.sensor.0];
-        slot.refused = None;
-        let threshold = slot.thresholds[update.m];
-        let verdict = slot.judge(sample.time, nis, update.m, observer);
-        let present = sample.present() & slot.channels;
-        if matches!(verdict, Verdict::Inflate) {
+        let index = sample.sensor.0;
+        m.sensors[index].refused = None;
+        let threshold = m.sensors[index].thresholds[update.m];
+        let present = sample.present() & m.sensors[index].channels;
+        let passes = nis <= threshold && nis.is_finite();
+        let slot = &m.sensors[index];
+        // evidence on the cause matters for a gated sample, and until the sensor agrees again
+        let (share, evidence) = if passes && !slot.lockout.disagrees() {
+            (0.0, Evidence { passes, ..Evidence::default() })
+        } else {
+            let shared = shared(&self.composition, &m.sensors, index);
+            let contradicted = update.remaining(present, &slot.reach).map(|left| left <= GONE);
+            (update.share(present, &slot.reach), Evidence { passes, shared, contradicted })
+        };
+        let slot = &mut m.sensors[index];
+        let judged =
+            Judged { sensor: &slot.name, time: sample.time, nis, threshold, m: update.m, share };
+        let verdict = slot.lockout.judge(&judged, evidence, &slot.recovery, observer);
+        if verdict == Verdict::Inflate {
             let unseen = update.unseen(&self.considered, present, &slot.reach);
             nis = inflate(update, &mut m.covariance, &self.considered, &unseen, nis);
         }
-        let outcome =
-            if matches!(verdict, Verdict::Gate) { Outcome::Gated } else { Outcome::Accepted };
+        let outcome = match verdict {
+            Verdict::Gate => Outcome::Gated,
+            Verdict::Isolate => Outcome::Rejected(Rejection::Isolated),
+            Verdict::Pass | Verdict::Inflate => Outcome::Accepted,
+        };
         observer.update(&UpdateRecord {
             time: sample.time,
             sensor: sample.sensor,
@@ -85,10 +116,13 @@ impl Ekf {
             innovation: &update.innovation,
             covariance: &update.s,
         });
-        if outcome == Outcome::Gated {
-            let first = slot.gated.is_some_and(|streak| streak.count == 1);
+        if outcome != Outcome::Accepted {
+            let first = slot.lockout.streak.is_some_and(|streak| streak.count == 1);
             if first && slot.recovery.action == Action::Inflate {
                 update.begin(&m.covariance, &self.considered, present, &mut slot.reach);
+            }
+            if slot.isolation().is_some() {
+                slot.reach.end();
             }
             return Ok(());
         }
@@ -152,6 +186,20 @@ impl Ekf {
             Rejection::Singular => "sample rejected: the innovation covariance is singular; is \
                                     the sensor's noise zero?"
                 .to_owned(),
+            Rejection::OutOfRange(channel) | Rejection::TooFast(channel) => {
+                let name = sensor.channels.get(channel).map_or("?", |c| c.name);
+                let value = sample.get(channel).unwrap_or(f64::NAN);
+                let why = if matches!(rejection, Rejection::TooFast(_)) {
+                    "changes faster than"
+                } else {
+                    "is outside"
+                };
+                format!("sample rejected: channel {name} = {value} {why} its limits")
+            }
+            Rejection::Repeated => {
+                "sample rejected: it repeats the samples before, and the vehicle moves".to_owned()
+            }
+            Rejection::Isolated => "sample judged and not used: the sensor is isolated".to_owned(),
             Rejection::NoInput => "sample unused: no driving sample covers its time".to_owned(),
         };
         observer.event(Event {

@@ -5,6 +5,7 @@ mod cadence;
 mod correct;
 mod delay;
 mod filter;
+mod lockout;
 mod slot;
 mod stage;
 mod start;

@@ -90,15 +90,8 @@ impl Ekf {
         }
         for (slot, sensor) in self.memory.sensors.iter().zip(&self.composition.sensors) {
             // the alignment has already reported the samples of its own constraint
-            if let Some(streak) = slot.gated.filter(|_| !sensor.constraint) {
-                let text =
-                    format!("the last {} samples were gated, since {}", streak.count, streak.since);
-                observer.event(Event {
-                    time: slot.last,
-                    level: Level::Warning,
-                    about: slot.name.clone(),
-                    text,
-                });
+            if !sensor.constraint {
+                slot.lockout.finish(&slot.name, slot.last, observer);
             }
         }
     }

@@ -86,7 +86,7 @@ impl JsonSchema for Gate {
 #[serde(rename_all = "lowercase")]
 pub enum Action {
     /// Inflate the covariance of the states that the sensor measures until the innovation is
-    /// plausible, and use the sample.
+    /// plausible, and use the sample; isolate the sensor where the evidence is against it.
     #[default]
     Inflate,
     /// Use the next sample whatever its innovation.
@@ -105,12 +105,20 @@ pub struct Recovery {
     /// Action: `inflate`, `accept` or `report`.
     #[serde(default)]
     pub action: Action,
+    /// Longest isolation of a sensor that no other sensor contradicts, before the covariance is
+    /// inflated and the sensor used.
+    #[serde(default = "five_minutes")]
+    pub isolate: Positive<Duration>,
 }
 
 impl Default for Recovery {
     fn default() -> Self {
-        Self { after: half_a_minute(), action: Action::default() }
+        Self { after: half_a_minute(), action: Action::default(), isolate: five_minutes() }
     }
+}
+
+fn five_minutes() -> Positive<Duration> {
+    Positive::from_si(300.0)
 }
 
 fn half_a_minute() -> Positive<Duration> {

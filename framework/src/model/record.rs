@@ -32,6 +32,14 @@ pub enum Rejection {
     Singular,
     /// The driving sensor fell silent before this time was reached.
     NoInput,
+    /// The sensor is isolated: it contradicts the filter, and the evidence is against it.
+    Isolated,
+    /// The sample repeats the previous ones exactly, while the prediction has moved.
+    Repeated,
+    /// The channel is outside its plausible range.
+    OutOfRange(usize),
+    /// The channel changed faster than is plausible.
+    TooFast(usize),
 }
 
 /// Record of a measuring sensor's sample.
@@ -43,7 +51,8 @@ pub struct UpdateRecord<'a> {
     pub sensor: SensorId,
     /// Outcome.
     pub outcome: Outcome,
-    /// Normalised innovation squared; NaN where none was computed.
+    /// Normalised innovation squared; NaN where none was computed. An isolated sensor's samples
+    /// have one too.
     pub nis: f64,
     /// The gate's threshold on it; infinite where the gate is off.
     pub threshold: f64,

@@ -258,5 +258,9 @@ fn rejection(why: Rejection) -> &'static str {
         Rejection::Late => "rejected_late",
         Rejection::Singular => "rejected_singular",
         Rejection::NoInput => "rejected_no_input",
+        Rejection::Isolated => "rejected_isolated",
+        Rejection::Repeated => "rejected_repeated",
+        Rejection::OutOfRange(_) => "rejected_out_of_range",
+        Rejection::TooFast(_) => "rejected_too_fast",
     }
 }

@@ -7,6 +7,7 @@ use navfuse_core::compose::{Composer, Composition};
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::finding::Finding;
 use navfuse_core::model::measurement::MeasurementModel;
 use navfuse_core::model::motion::Motion;
 use navfuse_core::model::process::BuiltProcess;
@@ -257,6 +258,7 @@ pub struct Log {
     pub updates: Vec<(f64, Outcome, f64)>,
     pub inputs: Vec<(f64, Option<Rejection>)>,
     pub events: Vec<String>,
+    pub findings: Vec<Finding>,
     /// Innovations of the last update.
     pub innovation: Vec<f64>,
     pub present: u16,
@@ -288,6 +290,10 @@ impl Observer for Log {
     }
     fn event(&mut self, event: Event) {
         self.events.push(format!("{} {}", event.about, event.text));
+    }
+    fn finding(&mut self, finding: Finding) {
+        self.events.push(format!("{} {}", finding.about, finding.text));
+        self.findings.push(finding);
     }
 }
 

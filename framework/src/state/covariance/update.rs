@@ -35,6 +35,10 @@ pub(crate) struct Reach {
     /// Length of a row: the number of channels, padded to a multiple of four.
     pub(super) stride: usize,
     pub(super) g: Vec<f64>,
+    /// Innovation `y0` that showed the error, by channel, and the part of it that an error of the
+    /// states explains.
+    first: [f64; MAX_CHANNELS],
+    explained: [f64; MAX_CHANNELS],
 }
 
 impl Reach {
@@ -47,9 +51,21 @@ impl Reach {
         self.g.is_empty()
     }
 
-    pub(crate) fn clear(&mut self) {
+    /// Ends the propagation, and keeps the innovation.
+    pub(crate) fn end(&mut self) {
         self.g.clear();
     }
+
+    /// Forgets the error.
+    pub(crate) fn clear(&mut self) {
+        self.g.clear();
+        self.channels = 0;
+    }
+}
+
+/// Channels of a mask, ascending.
+fn channels(mask: u16) -> impl Iterator<Item = usize> {
+    (0..MAX_CHANNELS).filter(move |channel| mask >> channel & 1 == 1)
 }
 
 impl Update {
@@ -187,18 +203,56 @@ impl Update {
         &mut self,
         covariance: &Covariance,
         considered: &[bool],
-        channels: u16,
+        present: u16,
         reach: &mut Reach,
     ) {
         reach.clear();
         if !self.direction(covariance, considered) {
             return;
         }
-        (reach.channels, reach.stride) = (channels, self.m.next_multiple_of(4));
+        (reach.channels, reach.stride) = (present, self.m.next_multiple_of(4));
+        channels(present).zip(&self.innovation).for_each(|(c, y)| reach.first[c] = *y);
         reach.g.resize(covariance.n * reach.stride, 0.0);
         for (c, row) in self.columns.iter().zip(self.l.chunks_exact(self.m)) {
             reach.g[c * reach.stride..][..self.m].copy_from_slice(row);
         }
+        let mut explained = [0.0; MAX_CHANNELS];
+        self.left(reach, present, &reach.first, &mut explained[..self.m]);
+        channels(present).zip(explained).for_each(|(c, y)| reach.explained[c] = y);
+    }
+
+    /// `sum y^2 / sum y0^2` over the channels that the first innovation `y0` has too, each in units
+    /// of its sigma: the share of the error that is still there. Zero without a common channel.
+    /// Call after [`Self::innovate`].
+    pub(crate) fn share(&self, present: u16, reach: &Reach) -> f64 {
+        let (mut now, mut first) = (0.0, 0.0);
+        for (a, channel) in channels(present).enumerate().take(self.m) {
+            if reach.channels >> channel & 1 == 1 {
+                let variance = self.s[a * self.m + a];
+                now += self.innovation[a] * self.innovation[a] / variance;
+                first += reach.first[channel] * reach.first[channel] / variance;
+            }
+        }
+        if first > 0.0 { now / first } else { 0.0 }
+    }
+
+    /// Square of `H G y0` relative to its value at the beginning, in the metric of `S`. `H G y0` is
+    /// the innovation that would be left of the first one if the filter had been wrong: motion and
+    /// updates by other sensors have changed that error. `None` if other channels are present now.
+    /// Call after [`Self::innovate`].
+    pub(crate) fn remaining(&self, present: u16, reach: &Reach) -> Option<f64> {
+        if reach.g.is_empty() || reach.channels != present {
+            return None;
+        }
+        let m = self.m;
+        let (mut first, mut left) = ([0.0; MAX_CHANNELS], [0.0; MAX_CHANNELS]);
+        channels(present).zip(&mut first).for_each(|(c, y)| *y = reach.explained[c]);
+        self.left(reach, present, &reach.first, &mut left[..m]);
+        let nis = |y: &mut [f64]| {
+            forward(&self.lower, m, y);
+            y.iter().map(|y| y * y).sum::<f64>()
+        };
+        Some(nis(&mut left[..m]) / nis(&mut first[..m]))
     }
 
     /// `N`, row-major `n` x `m`: the rows of `K = G (H G)^-1`, so that `H K = 1`, of the states
@@ -243,6 +297,14 @@ impl Update {
             {
                 *g -= gain.iter().zip(&seen).map(|(k, s)| k * s).sum::<f64>();
             }
+        }
+    }
+
+    /// Computes `H G y0` into `out`, with `y0` by channel.
+    fn left(&self, reach: &Reach, present: u16, first: &[f64; MAX_CHANNELS], out: &mut [f64]) {
+        for (a, out) in out.iter_mut().enumerate() {
+            let parts = channels(present).enumerate();
+            *out = parts.map(|(b, c)| self.seen(reach, a, b) * first[c]).sum();
         }
     }
 
