@@ -221,7 +221,7 @@ fn every_scenario_fits_the_schema_and_a_misspelt_key_does_not() {
     let schema: Value =
         serde_json::from_str(&stdout(&navfuse(&["schema"]))).expect("the schema is JSON");
     let validator = jsonschema::validator_for(&schema).expect("the schema is one");
-    let folders = ["scenarios", "scenarios/observability"]
+    let folders = ["scenarios", "scenarios/observability", "scenarios/faults"]
         .map(|f| std::fs::read_dir(root().join(f)).expect("a folder"));
     let paths = folders.into_iter().flatten().map(|entry| entry.expect("a file").path());
     for path in paths.filter(|path| path.extension().is_some_and(|e| e == "toml")) {

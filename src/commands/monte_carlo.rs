@@ -18,6 +18,8 @@ Examples:
                                             twice the noise that the filter assumes: is it detected?
   navfuse monte-carlo scenarios/pan-wu-3d.toml --shard 3/7 --out parts/3
                                             one job of an array; then `navfuse merge`
+  navfuse monte-carlo scenarios/faults/*.toml --runs 30 --no-output
+                                            one table of many scenarios: does a run report its fault?
 
 Each run draws the initial errors from the priors, fresh noise, and the truth of every state for
 which the scenario states none. The command writes:
@@ -27,8 +29,10 @@ which the scenario states none. The command writes:
   bounds.parquet   the Cramer-Rao bound over time, filtered and smoothed
   *.svg, *.rrd     plots of them, and the same for the rerun viewer")]
 pub struct MonteCarlo {
-    /// The scenario, a TOML file; its samples are simulated
-    pub scenario: PathBuf,
+    /// The scenario, a TOML file; its samples are simulated. Several give one table with a row for
+    /// each
+    #[arg(required = true)]
+    pub scenario: Vec<PathBuf>,
     /// Number of runs
     #[arg(long, default_value_t = 100)]
     pub runs: usize,
@@ -45,7 +49,10 @@ pub fn monte_carlo(registry: &Registry, arguments: &MonteCarlo) -> Result<ExitCo
         return Err(CommandError::argument("--runs 0", message));
     }
     let options = campaign::drawn(arguments.runs, &arguments.draws, &[])?;
-    let scenario = &arguments.scenario.display().to_string();
+    let [path] = &arguments.scenario[..] else {
+        return campaign::run_several(registry, &arguments.scenario, &arguments.options, &options);
+    };
+    let scenario = &path.display().to_string();
     let kind = Kind { name: "monte-carlo", shown: Shown::Consistency, scenario };
-    campaign::run(registry, &arguments.scenario, &arguments.options, options, &kind)
+    campaign::run(registry, path, &arguments.options, options, &kind)
 }

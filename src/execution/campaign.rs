@@ -4,6 +4,7 @@ use crate::error::{CommandError, Result};
 use crate::execution::input::{runs_folder, seconds};
 use crate::output::campaign::{self as show, Shown};
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
+use crate::output::scenarios;
 use crate::output::{self, Format};
 use clap::{Args, ValueEnum};
 use navfuse_campaign::{Campaign, Folder, JobCount, Options, Results, Shard, execute, variation};
@@ -11,6 +12,7 @@ use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// Random draws of each run.
@@ -85,18 +87,40 @@ pub fn drawn(runs: usize, draws: &Draws, vary: &[String]) -> Result<Options> {
     Ok(Options { runs, seed: draws.seed, initial_errors, vary, every: None, from })
 }
 
-/// Runs a campaign and prints its results.
-pub fn run(
+/// A campaign that was run.
+pub struct Conducted {
+    /// The campaign.
+    pub campaign: Campaign,
+    /// Its results; none for a part of a campaign.
+    pub results: Option<Results>,
+    /// The folder of its files.
+    pub out: Option<PathBuf>,
+    /// Jobs that were done.
+    pub done: JobCount,
+}
+
+/// Number of threads of a campaign.
+fn threads(settings: &CampaignOptions) -> Result<usize> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    match settings.jobs {
+        Some(0) => {
+            let message = "give at least one thread; without --jobs there is one a core";
+            Err(CommandError::argument("--jobs 0", message))
+        }
+        jobs => Ok(jobs.unwrap_or(cores)),
+    }
+}
+
+/// Runs a campaign and writes its files; `stop` interrupts it.
+pub fn conduct(
     registry: &Registry,
     path: &Path,
     settings: &CampaignOptions,
     mut options: Options,
     kind: &Kind<'_>,
-) -> Result<ExitCode> {
-    if settings.jobs == Some(0) {
-        let message = "give at least one thread; without --jobs there is one a core";
-        return Err(CommandError::argument("--jobs 0", message));
-    }
+    stop: &AtomicBool,
+) -> Result<Conducted> {
+    let threads = threads(settings)?;
     let mut document = Document::from_file(path)?;
     settings.set.iter().try_for_each(|s| document.set(s))?;
     options.every = settings.every.as_deref().map(|text| seconds("--every", text)).transpose()?;
@@ -108,34 +132,43 @@ pub fn run(
         let name = format!("{}-{}{part}", campaign.scenario, kind.name);
         settings.out.clone().unwrap_or_else(|| runs_folder(&name))
     });
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = settings.jobs.unwrap_or(cores);
-    let clock = Instant::now();
-    let stop = stop_on_ctrl_c();
     let mut folder = Folder::create(out.as_deref(), &campaign, settings.shard)?;
-    let text = settings.format == Format::Text;
-    let bar = Bar::new(text);
-    let how = (settings.shard, threads);
+    let bar = Bar::new(settings.format == Format::Text);
     let done = execute(
         &campaign,
         registry,
         &document,
-        how,
-        &stop,
+        (settings.shard, threads),
+        stop,
         |jobs| bar.campaign(jobs),
         |record| folder.add(record),
     );
     bar.done();
     let done = done?;
     let results = folder.finish(done)?;
+    Ok(Conducted { campaign, results, out, done })
+}
+
+/// Runs a campaign and prints its results.
+pub fn run(
+    registry: &Registry,
+    path: &Path,
+    settings: &CampaignOptions,
+    options: Options,
+    kind: &Kind<'_>,
+) -> Result<ExitCode> {
+    let clock = Instant::now();
+    let stop = stop_on_ctrl_c();
+    let text = settings.format == Format::Text;
+    let Conducted { campaign, results, out, done } =
+        conduct(registry, path, settings, options, kind, &stop)?;
     match (&results, &out) {
         (Some(results), _) => report(&campaign, results, kind, out.as_deref(), text)?,
         (None, Some(out)) => part(settings.shard, done, out, text),
         (None, None) => {}
     }
     if text {
-        let (jobs, threads) = (counted(done.done, "job"), counted(threads, "thread"));
-        output::line(format_args!("{jobs} on {threads} in {:.1} s", clock.elapsed().as_secs_f64()));
+        took(done, threads(settings)?, clock);
     }
     if done.interrupted() {
         let JobCount { done, asked } = done;
@@ -149,6 +182,60 @@ pub fn run(
         return Ok(ExitCode::from(INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Runs a campaign of each scenario, and prints one table with a row for each.
+pub fn run_several(
+    registry: &Registry,
+    paths: &[PathBuf],
+    settings: &CampaignOptions,
+    options: &Options,
+) -> Result<ExitCode> {
+    if let Some(shard) = settings.shard {
+        let message = "a part belongs to one scenario; give one, or leave --shard out";
+        return Err(CommandError::argument(format!("--shard {shard}"), message));
+    }
+    let clock = Instant::now();
+    let stop = stop_on_ctrl_c();
+    let text = settings.format == Format::Text;
+    let mut all: Vec<Conducted> = Vec::with_capacity(paths.len());
+    let mut total = JobCount { done: 0, asked: 0 };
+    for path in paths {
+        let scenario = &path.display().to_string();
+        let kind = Kind { name: "monte-carlo", shown: Shown::Consistency, scenario };
+        let mut own = settings.clone();
+        let stem = path.file_stem().unwrap_or_default();
+        own.out = settings.out.as_ref().map(|out| out.join(stem));
+        let one = conduct(registry, path, &own, options.clone(), &kind, &stop)?;
+        if let (Some(results), Some(out)) = (&one.results, &one.out) {
+            draw(&one.campaign, results, &kind, out)?;
+        }
+        total.done += one.done.done;
+        total.asked += one.done.asked;
+        all.push(one);
+        if total.done < total.asked {
+            break;
+        }
+    }
+    let rows = all.iter().filter_map(|one| Some((&one.campaign, one.results.as_ref()?)));
+    if text {
+        scenarios::table(rows);
+        took(total, threads(settings)?, clock);
+    } else {
+        output::line(serde_json::to_string(&scenarios::rows(rows))?);
+    }
+    if total.done < total.asked {
+        let (done, asked) = (all.len(), paths.len());
+        output::warn(format_args!("interrupted at scenario {done} of {asked}"));
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the number of jobs and their time.
+fn took(done: JobCount, threads: usize, clock: Instant) {
+    let (jobs, threads) = (counted(done.done, "job"), counted(threads, "thread"));
+    output::line(format_args!("{jobs} on {threads} in {:.1} s", clock.elapsed().as_secs_f64()));
 }
 
 /// Prints the place of a part.
@@ -176,6 +263,34 @@ fn counted(count: usize, what: &str) -> String {
     if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }
 
+/// Draws the results into the folder; returns the files.
+fn draw(
+    campaign: &Campaign,
+    results: &Results,
+    kind: &Kind<'_>,
+    out: &Path,
+) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    let figures = navfuse_campaign::figures(campaign, results, |c| kind.shown.shows(c));
+    for figure in &figures {
+        let path = out.join(format!("{}.svg", figure.name));
+        std::fs::write(&path, navfuse_figures::svg(figure)?)
+            .map_err(CommandError::cannot_write(&path))?;
+        files.push(path);
+    }
+    #[cfg(feature = "rerun")]
+    if campaign.keys.is_empty() {
+        let path = out.join("campaign.rrd");
+        navfuse_viewer::figures::record(
+            &path,
+            &format!("{} {}", campaign.scenario, kind.name),
+            &figures,
+        )?;
+        files.push(path);
+    }
+    Ok(files)
+}
+
 /// Prints the results and draws them.
 pub fn report(
     campaign: &Campaign,
@@ -186,23 +301,7 @@ pub fn report(
 ) -> Result<()> {
     let mut files = results.files.clone();
     if let Some(out) = out {
-        let figures = navfuse_campaign::figures(campaign, results, |c| kind.shown.shows(c));
-        for figure in &figures {
-            let path = out.join(format!("{}.svg", figure.name));
-            std::fs::write(&path, navfuse_figures::svg(figure)?)
-                .map_err(CommandError::cannot_write(&path))?;
-            files.push(path);
-        }
-        #[cfg(feature = "rerun")]
-        if campaign.keys.is_empty() {
-            let path = out.join("campaign.rrd");
-            navfuse_viewer::figures::record(
-                &path,
-                &format!("{} {}", campaign.scenario, kind.name),
-                &figures,
-            )?;
-            files.push(path);
-        }
+        files.extend(draw(campaign, results, kind, out)?);
     }
     if text {
         show::results(campaign, results, kind.shown, kind.scenario);

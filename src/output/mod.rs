@@ -4,6 +4,7 @@ pub mod campaign;
 mod files;
 pub mod progress;
 pub mod run;
+pub mod scenarios;
 mod tables;
 
 pub use files::{write, write_files};

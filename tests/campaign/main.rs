@@ -11,6 +11,7 @@ mod interrupted;
 mod json;
 mod readers;
 mod same;
+mod several;
 
 use common::{navfuse, scenario, stderr, stdout};
 use parquet::file::reader::{FileReader, SerializedFileReader};

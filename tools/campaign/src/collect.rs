@@ -5,13 +5,15 @@ use crate::columns::{Columns, Places};
 use crate::grid::Grid;
 use crate::record::{Row, RunRecord, SENSOR};
 use nalgebra::{DMatrix, DVector};
-use navfuse_core::model::record::{Epoch, Outcome, Truth, UpdateRecord};
+use navfuse_core::model::finding::Severity;
+use navfuse_core::model::record::{Epoch, Level, Outcome, Truth, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Assembly;
 use navfuse_core::state::covariance::Covariance;
 use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::state::{Layout, State};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -47,7 +49,11 @@ pub fn run(
     let unseen =
         || rows.is_empty().then(|| "the truth was never known while the filter ran".to_owned());
     let failure = finished.error.map(|e| e.to_string()).or_else(unseen);
-    Some(RunRecord { point, run, seed, rows, failure })
+    let unusable = finished.findings.iter().any(|f| f.severity == Severity::DoNotUse);
+    let warnings = finished.events.into_iter().filter(|e| e.level >= Level::Warning);
+    let warned: BTreeSet<String> = warnings.map(|event| event.about).collect();
+    let warned = warned.into_iter().collect();
+    Some(RunRecord { point, run, seed, rows, failure, unusable, warned })
 }
 
 /// Copy of an epoch, recorded if it turns out to be the last one.

@@ -148,7 +148,7 @@ impl<'a> Part<'a> {
                 let [point, run, seed, epoch] = [0, 1, 2, 3].map(|c| rows.whole[c][k]);
                 let (point, run, seed) = (point as usize, run as usize, seed as u64);
                 if current.as_ref().is_none_or(|c| (c.point, c.run) != (point, run)) {
-                    let next = RunRecord { point, run, seed, rows: Vec::new(), failure: None };
+                    let next = RunRecord { point, run, seed, ..RunRecord::default() };
                     if let Some(before) = current.replace(next) {
                         give(before, folder)?;
                     }
@@ -175,6 +175,8 @@ impl<'a> Part<'a> {
                 seed,
                 rows: Vec::new(),
                 failure: Some(reason),
+                unusable: false,
+                warned: Vec::new(),
             }))?;
         }
         Ok(())

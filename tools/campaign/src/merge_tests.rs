@@ -49,7 +49,8 @@ fn record(campaign: &Campaign, job: Job) -> Record {
     };
     let failure = (epochs < 3).then(|| format!("made up to fail after {epochs} epochs"));
     let (point, run, seed) = (job.point, job.run, campaign.seed_of(job.run));
-    Record::Run(RunRecord { point, run, seed, rows: (0..epochs).map(row).collect(), failure })
+    let rows = (0..epochs).map(row).collect();
+    Record::Run(RunRecord { point, run, seed, rows, failure, ..RunRecord::default() })
 }
 
 /// Writes a shard, or the whole campaign.

@@ -30,7 +30,7 @@ impl BoundRecord {
 }
 
 /// One run.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunRecord {
     /// Index of the point in the grid.
     pub point: usize,
@@ -42,6 +42,11 @@ pub struct RunRecord {
     pub rows: Vec<Row>,
     /// Reason why the run ended early, if it did.
     pub failure: Option<String>,
+    /// Set if the run reports that its result must not be used.
+    pub unusable: bool,
+    /// Sensors and processes that the run's warnings name, in order of their names. The files of a
+    /// campaign do not contain them.
+    pub warned: Vec<String>,
 }
 
 /// State of a run at one epoch; [`Row::width`] gives the order of the numbers.

@@ -1,6 +1,7 @@
 //! Statistics over the runs of a point, as functions of time.
 
 use crate::columns::Columns;
+use crate::outcome::Outcomes;
 use crate::record::{BoundRecord, Row, RunRecord, SENSOR};
 use std::collections::BTreeMap;
 
@@ -16,6 +17,8 @@ pub struct PointStatistics {
     /// Among the runs that reached their end, the run with the largest NEES of the whole state
     /// there, and that NEES.
     pub worst: Option<(usize, f64)>,
+    /// Runs by what a user learns from them alone.
+    pub outcomes: Outcomes,
     /// Cramer-Rao bound.
     pub bound: Option<BoundRecord>,
     epochs: BTreeMap<i64, EpochStatistics>,
@@ -39,6 +42,9 @@ struct Moments {
     error_squared: f64,
     known: usize,
     variance: f64,
+    /// Sum of squares of error over sigma, and its number of terms.
+    normalised_squared: f64,
+    normalised: usize,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -76,6 +82,7 @@ impl PointStatistics {
             runs: 0,
             failures: Vec::new(),
             worst: None,
+            outcomes: Outcomes::default(),
             bound: None,
             epochs: BTreeMap::new(),
         }
@@ -83,6 +90,7 @@ impl PointStatistics {
 
     /// Adds a run. A run that failed counts up to its failure.
     pub fn add(&mut self, columns: &Columns, run: &RunRecord) {
+        self.outcomes.add(columns, run);
         match &run.failure {
             None => {
                 self.runs += 1;
@@ -147,6 +155,11 @@ impl EpochStatistics {
                 m.known += 1;
                 m.variance += sigma * sigma;
             }
+            let ratio = error / sigma;
+            if ratio.is_finite() {
+                m.normalised += 1;
+                m.normalised_squared += ratio * ratio;
+            }
         }
         let nees = &row.values[Row::nees_at(columns)..];
         for (mean, value) in self.nees.iter_mut().zip(nees).filter(|(_, v)| !v.is_nan()) {
@@ -176,6 +189,12 @@ impl EpochStatistics {
     pub fn sigma(&self, component: usize) -> Option<f64> {
         let m = &self.components[component];
         (m.known > 0).then(|| (m.variance / m.known as f64).sqrt())
+    }
+
+    /// Returns the root mean square of the error over its sigma, which is 1 for a consistent filter.
+    pub fn normalised(&self, component: usize) -> Option<f64> {
+        let m = &self.components[component];
+        (m.normalised > 0).then(|| (m.normalised_squared / m.normalised as f64).sqrt())
     }
 
     /// Returns the mean NEES of the whole state (0) or of a block (from 1), and the number of runs

@@ -55,7 +55,7 @@ fn campaign(number: u64, runs: usize, epochs: i64, wrong: (usize, f64)) -> Verdi
             Row { epoch, time: epoch as f64, values }
         };
         let rows = (0..epochs).map(row).collect();
-        point.add(&columns, &RunRecord { point: 0, run, seed: 0, rows, failure: None });
+        point.add(&columns, &RunRecord { run, rows, ..RunRecord::default() });
     }
     verdict(&columns, &point)
 }
@@ -114,7 +114,7 @@ fn a_run_that_ended_early_is_the_first_finding() {
     let columns = columns();
     let mut point = PointStatistics::new(None);
     let failure = Some("at 3 s: the covariance lost its sense".to_owned());
-    point.add(&columns, &RunRecord { point: 0, run: 7, seed: 7, rows: Vec::new(), failure });
+    point.add(&columns, &RunRecord { run: 7, seed: 7, failure, ..RunRecord::default() });
     let v = verdict(&columns, &point);
     assert!(!v.consistent);
     assert_eq!(v.text, "1 of 1 runs ended early; run 7: at 3 s: the covariance lost its sense");

@@ -74,7 +74,7 @@ impl Check<'_> {
             FaultType::ClockOffset | FaultType::ClockStep => TIME,
             FaultType::ClockDrift => RATIO,
             kind => {
-                let first = self.channels.first().and_then(|c| unit_of(c)).map(|u| u.exponents());
+                let first = self.channels.first().and_then(unit_of).map(|u| u.exponents());
                 sized(kind, first.unwrap_or(RATIO))
             }
         };

@@ -41,7 +41,7 @@ fn good() -> Vec<Sample> {
         let t = f64::from(k) / 10.0;
         let values = [t.sin(), 2.0 + t.cos(), 1.0 + t];
         let mut sample = Sample::new(seconds(t), SensorId(0), &values);
-        if k % 3 == 0 {
+        if k.is_multiple_of(3) {
             sample.clear(1);
         }
         sample
