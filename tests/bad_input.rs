@@ -6,6 +6,7 @@ mod common;
 
 use common::recording::Recording;
 use common::{command, navfuse, stderr, stdout};
+use serde_json::json;
 use std::process::Output;
 
 /// Runs the recording's scenario with the output in its folder.
@@ -135,10 +136,60 @@ fn a_missing_file_is_named_with_the_key_to_set() {
 }
 
 #[test]
-fn a_missing_column_is_named_with_those_that_are_there() {
+fn a_missing_column_is_named_with_those_that_may_be_meant() {
     let recording = Recording::new();
     recording.replace_line("dvl.csv", 1, "time_s,vel_x_mps,vel_y_mps,speed_z_mps");
     fails_with(&run(&recording, &[]), &["dvl.csv", "vel_z", "speed_z_mps"]);
+    recording.replace_line("dvl.csv", 1, "time_s,vel_x_mps,vel_y_mps,downward_mps");
+    let output = run(&recording, &[]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    reports(&output, &["warning", "dvl.csv", "no column for vel_z", "downward_mps"]);
+    let imu =
+        "time_s,gyro_x_radps,gyro_y_radps,yaw_rate_radps,accel_x_mps2,accel_y_mps2,accel_z_mps2";
+    recording.replace_line("imu.csv", 1, imu);
+    fails_with(&run(&recording, &[]), &["imu.csv", "gyro_z", "yaw_rate_radps"]);
+}
+
+#[test]
+fn a_reference_of_positions_alone_is_compared_in_its_positions() {
+    let recording = Recording::new();
+    let fixes = (1..=20).map(|k| format!("{k}.0,30.0,5.0,0.5\n")).collect::<String>();
+    recording.write("reference.csv", &format!("time_s,lat_deg,lon_deg,height_m\n{fixes}"));
+    fails_with(
+        &run(&recording, &[]),
+        &["never started", "no sample of [sensor.reference] gives ins.attitude"],
+    );
+    let given = [
+        "--set",
+        "process.ins.attitude.initial=0 deg",
+        "--set",
+        "process.ins.velocity.initial=0 m/s",
+        "--format=json",
+    ];
+    let output = run(&recording, &given);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let result: serde_json::Value = serde_json::from_str(&stdout(&output)).expect("JSON");
+    let error = |state: &str| result["states"][state]["error"].clone();
+    assert_eq!((error("ins.attitude"), error("ins.velocity")), (json!(null), json!(null)));
+    // the filter starts at the height of the reference and rests, with a DVL, for 20 s
+    let height = error("ins.position")[2].as_f64().expect("a number");
+    assert!(height.abs() < 0.2, "{height}");
+    assert!(result["horizontal_error_m"]["rms"].as_f64().expect("a number") < 0.2);
+}
+
+#[test]
+fn an_excluded_span_is_counted_and_one_that_ends_before_it_begins_is_refused() {
+    let recording = Recording::new();
+    recording.change("gate = 0.999", "exclude = [[\"5 s\", \"8 s\"], [\"15 s\", \"16 s\"]]");
+    let output = run(&recording, &["--format=json"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let result: serde_json::Value = serde_json::from_str(&stdout(&output)).expect("JSON");
+    // the filter starts with the reference of 1 s and uses the 19 later samples but 5, 6, 7, 15 s
+    let dvl = &result["samples"]["dvl"];
+    assert_eq!((&dvl["read"], &dvl["excluded"]), (&json!(20), &json!(4)), "{dvl}");
+    assert_eq!((&dvl["accepted"], &dvl["rejected"]), (&json!(15), &json!(0)), "{dvl}");
+    recording.change("gate = 0.999", "exclude = [[\"8 s\", \"5 s\"]]");
+    fails_with(&run(&recording, &[]), &["rest.toml:15", "[8 s, 5 s]", "ends after it begins"]);
 }
 
 #[test]

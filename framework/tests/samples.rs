@@ -78,6 +78,21 @@ fn sensors_that_wait_are_used_in_order_of_time_whatever_order_they_came_in() {
 }
 
 #[test]
+fn excluded_samples_change_nothing_and_the_span_is_half_open() {
+    let excluding = ["sensor.fix.exclude=[[\"0.4 s\", \"0.8 s\"]]"];
+    let mut b = Bench::new(&excluding);
+    b.give("speed", 0.0, &[1.0]);
+    b.fix(0.3, 0.4).fix(0.4, 99.0).fix(0.6, 99.0).fix(0.8, 0.7).give("speed", 1.0, &[1.0]);
+    let mut without = Bench::new(&[]);
+    without.give("speed", 0.0, &[1.0]).fix(0.3, 0.4).fix(0.8, 0.7).give("speed", 1.0, &[1.0]);
+    assert_eq!(b.ekf.state(), without.ekf.state());
+    assert_eq!(b.ekf.covariance(), without.ekf.covariance());
+    let excluded = b.log.outcomes().iter().filter(|o| **o == rejected(Rejection::Excluded)).count();
+    assert_eq!((excluded, b.log.outcomes().len()), (2, 4));
+    assert_eq!(b.log.says("the scenario excludes this time"), 1);
+}
+
+#[test]
 fn late_repeated_and_backward_samples_are_rejected_counted_and_said_once_in_a_row() {
     let mut b = Bench::new(&[]);
     b.give("speed", 0.0, &[1.0]).give("speed", 1.0, &[1.0]);

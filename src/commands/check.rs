@@ -9,6 +9,7 @@ use navfuse_core::model::sensor::{Purpose, Sensor};
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::state::{Block, Dynamics, Mode};
+use navfuse_core::units::time::Time;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -48,6 +49,10 @@ pub fn check(registry: &Registry, arguments: &Check) -> Result<ExitCode> {
     line(format_args!("sinks: {}", scenario.sinks()?.join(", ")));
     for (about, text) in &composition.notes {
         line(format_args!("note: {about}: {text}"));
+    }
+    let scheduled = assembly.sources.iter().flat_map(|(_, source)| source.schedule());
+    for event in scheduled.filter(|event| event.time == Time::MIN) {
+        line(format_args!("note: {}: {}", event.about, event.text));
     }
     Ok(ExitCode::SUCCESS)
 }

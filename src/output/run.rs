@@ -27,7 +27,12 @@ pub fn summary(summary: &Summary) {
             .get("mean_nis")
             .and_then(serde_json::Value::as_f64)
             .map_or_else(String::new, |n| format!("{n:.2}"));
-        sensors.add_row([name.clone(), text("read"), used, text("gated"), text("rejected"), nis]);
+        let mut rejected = text("rejected");
+        if let Some(excluded) = value.get("excluded") {
+            let and = if rejected.is_empty() { "" } else { ", " };
+            rejected += &format!("{and}{excluded} excluded");
+        }
+        sensors.add_row([name.clone(), text("read"), used, text("gated"), rejected, nis]);
     }
     right(&mut sensors, 1..6);
     line(format_args!("{sensors}\n"));

@@ -108,6 +108,10 @@ impl Sink for Run {
         Ok(())
     }
 
+    fn compares(&self) -> bool {
+        true
+    }
+
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         let Some(truth) = epoch.truth else { return Ok(()) };
         let (mut sigmas, mut errors) = (Vec::new(), Vec::new());

@@ -57,6 +57,8 @@ pub struct Composition {
     pub seed: u64,
     /// True where every source simulates its samples, so that another seed gives another run.
     pub simulated: bool,
+    /// Slots of the blocks whose initial value a reference must give.
+    pub referenced: Vec<usize>,
     /// Notes of the parts for the user: the part and the text.
     pub notes: Vec<(String, String)>,
 }

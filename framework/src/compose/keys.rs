@@ -52,6 +52,10 @@ sensor_keys! {
         /// Lag of the samples: a sample stamped t measures the state at t - time_offset. A
         /// calibration state, as a scale factor is. Default: zero.
         pub time_offset: Option<TimeOffset>,
+        /// Spans of time whose samples the filter does not use, each `["110 s", "125 s"]`: from the
+        /// first time on, and before the second. The samples stay in the log.
+        #[serde(default)]
+        pub exclude: Vec<[Duration; 2]>,
         /// Simulation of the sensor, where there is a simulated source.
         pub simulation: Option<Faults>,
     }

@@ -201,10 +201,12 @@ impl Ekf {
             }
             Rejection::Isolated => "sample judged and not used: the sensor is isolated".to_owned(),
             Rejection::NoInput => "sample unused: no driving sample covers its time".to_owned(),
+            Rejection::Excluded => "samples unused: the scenario excludes this time".to_owned(),
         };
+        let asked = rejection == Rejection::Excluded;
         observer.event(Event {
             time: sample.time,
-            level: Level::Warning,
+            level: if asked { Level::Info } else { Level::Warning },
             about: sensor.name.clone(),
             text,
         });

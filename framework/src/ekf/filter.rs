@@ -17,7 +17,7 @@ use crate::model::simulate::Random;
 use crate::model::start::InitialAlignment;
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::dynamics::BlockDynamics;
-use crate::state::{Layout, Mode, State};
+use crate::state::{Block, Layout, Mode, State};
 use crate::units::sample::{MAX_CHANNELS, Sample};
 use crate::units::time::Time;
 use std::collections::VecDeque;
@@ -90,6 +90,8 @@ pub(super) struct Memory {
     pub(super) constants: TrueState,
     pub(super) truth: State,
     pub(super) known: Vec<bool>,
+    /// Slot of a block without an initial value, which the latest reference did not give either.
+    pub(super) lacking: Option<usize>,
 }
 
 /// A complete filter at one time, to return to.
@@ -132,6 +134,7 @@ impl Ekf {
                 truth: constants.state.clone(),
                 known: constants.known.clone(),
                 constants,
+                lacking: None,
             },
             layout,
             composition,
@@ -161,6 +164,11 @@ impl Ekf {
     /// Returns `true` once the filter has started.
     pub fn running(&self) -> bool {
         matches!(self.memory.stage, Stage::Running)
+    }
+
+    /// Block without an initial value for which the filter waits, although there were references.
+    pub(crate) fn lacking(&self) -> Option<&Block> {
+        self.memory.lacking.map(|slot| &self.layout.blocks[slot])
     }
 
     pub(super) fn searching(&self) -> bool {
@@ -211,7 +219,11 @@ impl Ekf {
         }
         let present = sample.present() & slot.channels;
         let missing = if is_input { present != slot.channels } else { present == 0 };
-        missing.then_some(Rejection::Missing)
+        if missing {
+            return Some(Rejection::Missing);
+        }
+        let excluded = self.composition.sensors[sample.sensor.0].excludes(sample.time);
+        excluded.then_some(Rejection::Excluded)
     }
 }
 

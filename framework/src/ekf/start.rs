@@ -92,7 +92,21 @@ impl Ekf {
         for process in &m.processes {
             process.follow(&self.layout, &motion, &mut m.truth, &mut m.known);
         }
+        // a part that the reference does not give is NaN
+        for (slot, block) in self.layout.blocks.iter().enumerate() {
+            let range = block.range();
+            if m.known[slot] && m.truth.values[range.clone()].iter().any(|v| !v.is_finite()) {
+                m.known[slot] = m.constants.known[slot];
+                let constant = &m.constants.state.values[range.clone()];
+                m.truth.values[range].copy_from_slice(constant);
+            }
+        }
         if starts {
+            let referenced = &self.composition.referenced;
+            m.lacking = referenced.iter().copied().find(|slot| !m.known[*slot]);
+            if m.lacking.is_some() {
+                return; // a later sample may give it
+            }
             self.initialise(sample.time, true, observer);
         }
         if !self.running() {

@@ -2,7 +2,7 @@
 
 use crate::state::geodesy::Geodetic;
 use crate::units::time::Time;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// The motion of the body at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +22,19 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// A motion of which nothing is known: every number is NaN.
+    pub fn unknown(time: Time) -> Self {
+        let (nan, unknown) = (f64::NAN, Vector3::repeat(f64::NAN));
+        Self {
+            time,
+            position: Geodetic { latitude: nan, longitude: nan, height: nan },
+            velocity: unknown,
+            c_b_n: UnitQuaternion::new_unchecked(Quaternion::new(nan, nan, nan, nan)),
+            w_ib_b: unknown,
+            f_ib_b: unknown,
+        }
+    }
+
     /// At rest on the equator, level and heading north, for uses in which the motion is irrelevant.
     pub(crate) fn at_rest() -> Self {
         Self {

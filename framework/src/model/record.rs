@@ -40,6 +40,8 @@ pub enum Rejection {
     OutOfRange(usize),
     /// The channel changed faster than is plausible.
     TooFast(usize),
+    /// The scenario excludes samples of this time.
+    Excluded,
 }
 
 /// Record of a measuring sensor's sample.

@@ -7,6 +7,7 @@ use crate::model::simulate::{Faults, Simulate};
 use crate::state::manifold::Scalar;
 use crate::state::{Handle, Layout, State};
 use crate::units::sample::{Channel, Sample};
+use crate::units::time::Time;
 use std::any::Any;
 use std::sync::Arc;
 
@@ -58,21 +59,14 @@ impl Role {
 ///
 /// ```
 /// use navfuse_core::model::sensor::Reference;
-/// use navfuse_core::nalgebra::{UnitQuaternion, Vector3};
 /// use navfuse_core::prelude::*;
 /// /// Fixes of a tracking station: position alone.
 /// struct Fixes;
 /// impl Reference for Fixes {
 ///     fn motion(&self, _: &Layout, _: &State, sample: &Sample) -> Option<Motion> {
 ///         let [latitude, longitude, height] = sample.array(0)?;
-///         Some(Motion {
-///             time: sample.time,
-///             position: Geodetic { latitude, longitude, height },
-///             velocity: Vector3::zeros(),
-///             c_b_n: UnitQuaternion::identity(),
-///             w_ib_b: Vector3::zeros(),
-///             f_ib_b: Vector3::zeros(),
-///         })
+///         let position = Geodetic { latitude, longitude, height };
+///         Some(Motion { position, ..Motion::unknown(sample.time) })
 ///     }
 ///     fn sample(&self, motion: &Motion, sample: &mut Sample) {
 ///         let p = motion.position;
@@ -83,7 +77,9 @@ impl Role {
 /// }
 /// ```
 pub trait Reference: Send + Sync {
-    /// Motion of the body's origin; may use the state's signals. `None` if channels are missing.
+    /// Motion of the body's origin; may use the state, such as its signals. A part of the motion
+    /// that the sample lacks is NaN ([`Motion::unknown`]): the filter does not compare the blocks
+    /// that this makes NaN. `None` if the sample gives no part.
     fn motion(&self, layout: &Layout, state: &State, sample: &Sample) -> Option<Motion>;
     /// The reverse: the sample of a reference on a known motion.
     fn sample(&self, motion: &Motion, sample: &mut Sample);
@@ -101,6 +97,9 @@ pub struct Sensor {
     pub recovery: Recovery,
     /// Silence after which the sensor counts as lost, s; by default from its usual interval.
     pub timeout: Option<f64>,
+    /// Spans of time whose samples the filter does not use: from the first time on, and before the
+    /// second.
+    pub exclude: Vec<[Time; 2]>,
     /// Rate and faults of the simulated sensor; `None` if it is not simulated.
     pub simulation: Option<Faults>,
     /// Simulator of a driving sensor; a measuring sensor is simulated by its model.
@@ -122,12 +121,18 @@ impl Sensor {
             gate: Gate::default(),
             recovery: Recovery::default(),
             timeout: None,
+            exclude: Vec::new(),
             simulation: None,
             simulator: None,
             noise: 1.0,
             time_offset: None,
             constraint: false,
         }
+    }
+
+    /// Returns `true` if the scenario excludes the sensor's samples of this time.
+    pub fn excludes(&self, time: Time) -> bool {
+        self.exclude.iter().any(|[from, to]| *from <= time && time < *to)
     }
 
     /// Creates the constraint of a process. A lock-out is only reported, since the process handles

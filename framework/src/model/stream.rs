@@ -40,7 +40,8 @@ pub trait Source: Send {
     }
 
     /// Events that the source knows in advance, such as the segments of a simulated trajectory. The
-    /// runner asks for them once, at the start.
+    /// runner asks for them once, at the start. An event at [`Time::MIN`] concerns the whole source
+    /// and is logged with the first sample; `navfuse check` prints it as a note.
     fn schedule(&self) -> Vec<Event> {
         Vec::new()
     }
@@ -111,9 +112,14 @@ pub trait Sink: Any + Send {
     fn sample(&mut self, _sample: &Sample) -> Result<(), StreamError> {
         Ok(())
     }
-    /// An estimate.
+    /// An estimate, at the output rate.
     fn epoch(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
         Ok(())
+    }
+    /// Set if the sink judges the estimates. It then receives an estimate at every sample of a
+    /// reference, also where these come faster than the output rate.
+    fn compares(&self) -> bool {
+        false
     }
     /// A measurement was accepted, gated or rejected.
     fn update(&mut self, _update: &UpdateRecord<'_>) -> Result<(), StreamError> {

@@ -13,6 +13,8 @@ use crate::plugin::{BuildError, BuiltSensor, Make};
 use crate::run::parts::Part;
 use crate::state::Layout;
 use crate::state::manifold::Scalar;
+use crate::units::Time as Duration;
+use crate::units::time::Time;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -167,7 +169,9 @@ impl<'a> Building<'a> {
             let moved = compose::moved(&layout, &self.processes);
             draw::draw(&mut layout, &moved, header.seed);
         }
+        let referenced = |name: &String| layout.blocks.iter().position(|b| b.name == *name);
         Ok(Composition {
+            referenced: needing.iter().filter_map(referenced).collect(),
             name: header.name,
             description: header.description,
             text,
@@ -269,6 +273,7 @@ fn place_sensor(
         reject_corrections(part)?;
     }
     let time_offset = time_offset_block(part, &keys, composer)?;
+    let exclude = excluded(part, &keys)?;
     let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
     let info = SensorInfo { name, kind, channels: built.channels, purpose };
     Composition::check_channels(&info, &built.role).map_err(|e| e.at(&part.node))?;
@@ -280,10 +285,29 @@ fn place_sensor(
         gate: keys.gate,
         recovery: keys.recovery,
         timeout: keys.timeout.map(|t| t.value().si()),
+        exclude,
         simulation: keys.simulation,
         time_offset,
         ..Sensor::new(info, built.role)
     })
+}
+
+/// The spans of time whose samples the filter does not use.
+fn excluded(part: &Part<'_>, keys: &SensorKeys) -> Result<Vec<[Time; 2]>, DocumentError> {
+    let span = |[from, to]: &[Duration; 2]| {
+        let times = Time::from_seconds(from.si()).zip(Time::from_seconds(to.si()));
+        let place = || part.node.get("exclude").unwrap_or_else(|| part.node.clone());
+        match times {
+            Some((a, b)) if a < b => Ok([a, b]),
+            Some(_) => Err(place().error(format!(
+                "[{from}, {to}]: a span ends after it begins, as [\"110 s\", \"125 s\"] does"
+            ))),
+            None => Err(place().error(format!(
+                "[{from}, {to}] is beyond 73 years, the longest time that can be represented"
+            ))),
+        }
+    };
+    keys.exclude.iter().map(span).collect()
 }
 
 /// Rejects the keys that only a sensor that corrects the state can have.

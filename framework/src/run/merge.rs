@@ -29,7 +29,11 @@ impl Merge {
     /// Logs the scheduled events up to a time.
     pub(crate) fn log_schedule(&mut self, now: Time, outputs: &mut Outputs) {
         while self.schedule.last().is_some_and(|e| e.time <= now) {
-            if let Some(event) = self.schedule.pop() {
+            if let Some(mut event) = self.schedule.pop() {
+                // an event without a time belongs to the beginning
+                if event.time == Time::MIN {
+                    event.time = now;
+                }
                 outputs.event(event);
             }
         }

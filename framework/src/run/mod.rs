@@ -2,6 +2,7 @@
 
 mod building;
 mod merge;
+mod output_rate;
 mod outputs;
 mod parts;
 pub mod runner;

@@ -3,6 +3,7 @@
 use crate::model::finding::Finding;
 use crate::model::record::{Epoch, Event, Level, Observer, Rejection, UpdateRecord};
 use crate::model::stream::{NamedSink, Sink, StreamError};
+use crate::run::output_rate::OutputRate;
 use crate::run::summary::{Recorded, Statistics};
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
@@ -25,15 +26,41 @@ struct Output {
 pub(crate) struct Outputs {
     sinks: Vec<Output>,
     pub(crate) statistics: Statistics,
+    pub(crate) rate: OutputRate,
+    /// Time of the last estimate that all sinks received.
+    recorded: Option<Time>,
     pub(crate) events: Vec<Event>,
     /// Faults that the filter found, at most [`FINDINGS`].
     pub(crate) findings: Vec<Finding>,
 }
 
 impl Outputs {
-    pub(crate) fn new(sinks: Vec<NamedSink>, statistics: Statistics) -> Self {
+    pub(crate) fn new(sinks: Vec<NamedSink>, statistics: Statistics, rate: OutputRate) -> Self {
         let sinks = sinks.into_iter().map(|(name, sink)| Output { name, sink, open: true });
-        Self { sinks: sinks.collect(), statistics, events: Vec::new(), findings: Vec::new() }
+        Self {
+            sinks: sinks.collect(),
+            statistics,
+            rate,
+            recorded: None,
+            events: Vec::new(),
+            findings: Vec::new(),
+        }
+    }
+
+    /// Passes an estimate on that the output rate asks for, unless the sinks have received it.
+    pub(crate) fn record(&mut self, epoch: &Epoch<'_>) {
+        let time = epoch.state.time;
+        if self.recorded == Some(time) {
+            return;
+        }
+        if self.statistics.last_epoch == Some(time) {
+            // the statistics and the sinks that compare have received it with its truth
+            self.each(time, |sink| if sink.compares() { Ok(()) } else { sink.epoch(epoch) });
+        } else {
+            self.statistics.epoch(epoch);
+            self.each(time, |sink| sink.epoch(epoch));
+        }
+        self.recorded = Some(time);
     }
 
     /// Calls every open sink. A sink that fails is closed and named in an error event.
@@ -82,8 +109,13 @@ impl Outputs {
 
 impl Observer for Outputs {
     fn epoch(&mut self, epoch: &Epoch<'_>) {
+        let time = epoch.state.time;
         self.statistics.epoch(epoch);
-        self.each(epoch.state.time, |sink| sink.epoch(epoch));
+        let all = self.rate.records_comparison(time);
+        self.each(time, |sink| if all || sink.compares() { sink.epoch(epoch) } else { Ok(()) });
+        if all {
+            self.recorded = Some(time);
+        }
     }
     fn update(&mut self, update: &UpdateRecord<'_>) {
         self.statistics.update(update);

@@ -8,6 +8,7 @@ use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::{Role, SensorInfo};
 use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};
 use crate::run::merge::Merge;
+use crate::run::output_rate::OutputRate;
 use crate::run::outputs::Outputs;
 use crate::run::scenario::Assembly;
 use crate::run::silence::SilenceMonitor;
@@ -147,10 +148,6 @@ struct Run {
     sensors: Vec<SensorInfo>,
     /// `estimator.stop`.
     until: Option<Time>,
-    /// Time between recorded estimates, ns.
-    period: i64,
-    /// The time from which the next estimate is recorded.
-    next_epoch: Time,
     error: Option<RunError>,
     interrupted: bool,
 }
@@ -160,20 +157,19 @@ impl Run {
     fn begin(assembly: Assembly) -> Self {
         let Assembly { composition, sources, sinks } = assembly;
         let info = run_info(&composition);
-        let mut outputs = Outputs::new(sinks, Statistics::new(&info));
+        let rate = OutputRate::new(composition.estimator.output_period());
+        let mut outputs = Outputs::new(sinks, Statistics::new(&info), rate);
         outputs.each(Time::MIN, |sink| sink.start(&info));
         let sensors = info.sensors;
         let timeouts = composition.sensors.iter().map(|s| s.timeout).collect();
         let notes = composition.notes.clone();
         let mut run = Self {
             until: composition.estimator.stop(),
-            period: composition.estimator.output_period(),
             ekf: Ekf::new(composition),
             merge: Merge::new(sources, &sensors),
             silence: SilenceMonitor::new(timeouts, &sensors),
             outputs,
             sensors,
-            next_epoch: Time::MIN,
             error: None,
             interrupted: false,
         };
@@ -225,17 +221,16 @@ impl Run {
     /// unless a reference has caused the estimate to be recorded already.
     fn record_epoch(&mut self, next_sample: Time) {
         let now = self.ekf.state().time;
-        if self.ekf.running() && now >= self.next_epoch && next_sample > now {
-            self.next_epoch =
-                Time::from_nanos((now.nanos().div_euclid(self.period) + 1) * self.period);
+        if self.ekf.running() && self.outputs.rate.is_due(now) && next_sample > now {
+            self.outputs.rate.begin_period(now);
             self.record_last_epoch();
         }
     }
 
     /// Records the current estimate unless it is recorded already.
     fn record_last_epoch(&mut self) {
-        if self.ekf.running() && self.outputs.statistics.last_epoch != Some(self.ekf.state().time) {
-            self.outputs.epoch(&self.ekf.epoch());
+        if self.ekf.running() {
+            self.outputs.record(&self.ekf.epoch());
         }
     }
 
@@ -315,6 +310,11 @@ fn never_started(ekf: &Ekf) -> String {
         );
     }
     match reference {
+        Some(r) if let Some(block) = ekf.lacking() => format!(
+            "the filter never started: no sample of [sensor.{}] gives {}; give its initial value, \
+             or let an alignment find it",
+            r.info.name, block.name
+        ),
         Some(r) if ekf.composition().estimator.from_reference() => format!(
             "the filter never started: no sample of [sensor.{}] at or after \
              estimator.start = {start}; check the time stamps, or give the initial values and \

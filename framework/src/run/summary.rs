@@ -34,7 +34,8 @@ pub struct Summary {
     pub distance_m: f64,
     /// Computing time of the run, s.
     pub wall_s: f64,
-    /// Numbers of each sensor's samples: read, accepted, gated, rejected.
+    /// Numbers of each sensor's samples: read, accepted, gated, rejected; excluded, where the
+    /// scenario excludes any.
     pub samples: Map<String, Value>,
     /// Initial alignments by the name of their process; left out where there is none.
     #[serde(skip_serializing_if = "Map::is_empty")]
@@ -105,7 +106,18 @@ struct Counts {
     used: u64,
     gated: u64,
     rejected: u64,
+    excluded: u64,
     nis: f64,
+}
+
+impl Counts {
+    /// Counts a sample that the filter did not use.
+    fn unused(&mut self, why: Rejection) {
+        match why {
+            Rejection::Excluded => self.excluded += 1,
+            _ => self.rejected += 1,
+        }
+    }
 }
 
 /// Collects the numbers of a run while it goes on.
@@ -153,7 +165,7 @@ impl Statistics {
     pub(crate) fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
         let counts = &mut self.sensors[sample.sensor.0].2;
         match rejected {
-            Some(_) => counts.rejected += 1,
+            Some(why) => counts.unused(why),
             None if self.first.is_some_and(|f| sample.time > f) => counts.used += 1,
             None => {}
         }
@@ -167,7 +179,7 @@ impl Statistics {
                 counts.nis += update.nis;
             }
             Outcome::Gated => counts.gated += 1,
-            Outcome::Rejected(_) => counts.rejected += 1,
+            Outcome::Rejected(why) => counts.unused(why),
         }
     }
 
@@ -284,12 +296,15 @@ impl Statistics {
             let mean_nis = if c.used > 0 { json!(c.nis / c.used as f64) } else { Value::Null };
             // no source gives the samples of a constraint
             let read = if sensor.constraint { c.used + c.gated + c.rejected } else { c.read };
-            let value = match sensor.role {
+            let mut value = match sensor.role {
                 Role::Input(_) => json!({ "read": c.read, "used": c.used, "rejected": c.rejected }),
                 Role::Reference(_) => json!({ "read": c.read }),
                 Role::Measurement(_) => json!({ "read": read, "accepted": c.used, "gated": c.gated,
                     "rejected": c.rejected, "mean_nis": mean_nis }),
             };
+            if !sensor.exclude.is_empty() {
+                value["excluded"] = json!(c.excluded);
+            }
             samples.insert(name.clone(), value);
         }
         let starts = ekf.alignments().map(|(name, report)| {

@@ -4,10 +4,12 @@ use crate::config::FileConfig;
 use crate::headings::Wanted;
 use crate::time;
 use navfuse_core::document::did_you_mean;
-use navfuse_core::model::sensor::SensorInfo;
+use navfuse_core::model::record::Level;
+use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
-use navfuse_core::units::Unit;
+use navfuse_core::units::sample::Channel;
 use navfuse_core::units::time::Time;
+use navfuse_core::units::{Unit, column_suffix};
 
 /// The column of the time.
 pub struct TimeCell {
@@ -21,6 +23,8 @@ pub struct TimeCell {
 
 /// The column of a channel.
 pub struct ChannelCell {
+    /// Index of the channel.
+    pub channel: usize,
     /// Index of the column.
     pub column: usize,
     unit: Option<Unit>,
@@ -66,10 +70,12 @@ pub fn time_cell(
     Ok(TimeCell { column: found.index, unit: nanos.round() as u64, offset })
 }
 
-/// Finds the columns of the channels.
+/// Finds the columns of the channels. A sensor that drives a process needs all of them; the file of
+/// another sensor may lack some.
 ///
 /// # Errors
-/// When the column is missing, is ambiguous, or has an unsuitable unit.
+/// When a column that is needed is missing, no channel has a column, or a column is ambiguous or
+/// has an unsuitable unit.
 pub fn channel_cells(
     info: &SensorInfo,
     config: &FileConfig,
@@ -85,17 +91,64 @@ pub fn channel_cells(
              (channels: {list})"
         )));
     }
-    let cell = |c: &navfuse_core::units::sample::Channel| {
+    let mut cells = Vec::with_capacity(info.channels.len());
+    for (channel, c) in info.channels.iter().enumerate() {
         let given = config.columns.get(c.name).map(|g| &g.0);
         let (column, unit) =
             (given.and_then(|g| g.column.as_deref()), given.and_then(|g| g.unit).map(|u| u.0));
         let key = format!("files.{sensor}.columns.{}", c.name);
         let others: Vec<&str> =
             std::iter::once("time").chain(names().filter(|n| *n != c.name)).collect();
-        let found = Wanted { name: c.name, si: c.unit, column, unit, key: &key, others: &others }
-            .find(headings)?;
+        let wanted = Wanted { name: c.name, si: c.unit, column, unit, key: &key, others: &others };
+        let last = channel + 1 == info.channels.len();
+        let needed =
+            info.purpose == Purpose::Input || given.is_some() || (last && cells.is_empty());
+        let found =
+            if needed { Some(wanted.find(headings)?) } else { wanted.find_optional(headings)? };
+        let Some(found) = found else { continue };
         let scale = given.and_then(|g| g.scale).map_or(1.0, |s| s.si());
-        Ok(ChannelCell { column: found.index, unit: found.unit, scale })
+        cells.push(ChannelCell { channel, column: found.index, unit: found.unit, scale });
+    }
+    Ok(cells)
+}
+
+/// Reports the channels of a sensor that have no column, where there are any: as a warning if an
+/// unused column has the unit of one of them, since that column may be meant.
+pub fn without_column(
+    info: &SensorInfo,
+    time: &TimeCell,
+    cells: &[ChannelCell],
+    headings: &[String],
+) -> Option<(Level, String)> {
+    let has_column = |channel: usize| cells.iter().any(|cell| cell.channel == channel);
+    let missing: Vec<&Channel> = (info.channels.iter().enumerate())
+        .filter(|(channel, _)| !has_column(*channel))
+        .map(|(_, c)| c)
+        .collect();
+    let unused = |column: usize| column != time.column && cells.iter().all(|c| c.column != column);
+    let of_unit = |heading: &str, unit: &str| {
+        let units =
+            heading.match_indices('_').filter_map(|(at, _)| column_suffix(&heading[at + 1..]));
+        let (mut units, wanted) = (units, column_suffix(unit));
+        wanted.is_some_and(|w| units.any(|u| u.exponents() == w.exponents()))
     };
-    info.channels.iter().map(cell).collect()
+    let meant: Vec<&str> = (headings.iter().enumerate())
+        .filter(|(column, h)| unused(*column) && missing.iter().any(|c| of_unit(h, c.unit)))
+        .map(|(_, h)| h.as_str())
+        .collect();
+    let names: Vec<&str> = missing.iter().map(|c| c.name).collect();
+    let names = names.join(", ");
+    match (missing.is_empty(), meant.is_empty()) {
+        (true, _) => None,
+        (_, true) => Some((Level::Info, format!("no column for {names}: used without"))),
+        (_, false) => Some((
+            Level::Warning,
+            format!(
+                "no column for {names}: used without; if one of the unused columns {} is meant, \
+                 set files.{}.columns",
+                meant.join(", "),
+                info.name
+            ),
+        )),
+    }
 }

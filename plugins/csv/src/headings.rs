@@ -38,6 +38,17 @@ impl Wanted<'_> {
     /// # Errors
     /// When the column is missing, is ambiguous, or has an unsuitable unit.
     pub fn find(&self, headings: &[String]) -> Result<Found, StreamError> {
+        let found = self.find_optional(headings)?;
+        found.ok_or_else(|| self.missing(&self.usual(), headings))
+    }
+
+    /// Finds the column among the headings; `None` if the scenario does not name it and no heading
+    /// is like that of the channel.
+    ///
+    /// # Errors
+    /// When the column that the scenario names is missing, when a heading seems to be misspelt, or
+    /// when the column is ambiguous or has an unsuitable unit.
+    pub fn find_optional(&self, headings: &[String]) -> Result<Option<Found>, StreamError> {
         let needed = column_suffix(self.si);
         let heading = match self.column {
             Some(column) => column.to_owned(),
@@ -49,6 +60,9 @@ impl Wanted<'_> {
             (Some(_), Some(_)) => {
                 let message = format!("two columns are {heading:?}: rename one of them");
                 return Err(StreamError::format(message));
+            }
+            (None, _) if self.column.is_none() && self.near(&heading, headings).is_none() => {
+                return Ok(None);
             }
             (None, _) => return Err(self.missing(&heading, headings)),
         };
@@ -66,7 +80,7 @@ impl Wanted<'_> {
             }
             (Some(needed), None) => Some(self.suffix(&heading, needed)?),
         };
-        Ok(Found { index, unit })
+        Ok(Some(Found { index, unit }))
     }
 
     /// The heading of the channel where the scenario gives none.
@@ -125,11 +139,16 @@ impl Wanted<'_> {
         format!("{} is {dimension}", self.name)
     }
 
-    fn missing(&self, heading: &str, headings: &[String]) -> StreamError {
+    /// The heading that is most like a missing one, unless it belongs to another channel.
+    fn near<'a>(&self, heading: &str, headings: &'a [String]) -> Option<&'a str> {
         let named =
             |h: &str, name: &str| h.strip_prefix(name).is_some_and(|rest| rest.starts_with('_'));
         let free = |h: &&str| !self.others.iter().any(|other| named(h, other));
-        let near = did_you_mean(heading, headings.iter().map(String::as_str).filter(free));
+        did_you_mean(heading, headings.iter().map(String::as_str).filter(free))
+    }
+
+    fn missing(&self, heading: &str, headings: &[String]) -> StreamError {
+        let near = self.near(heading, headings);
         let near = near.map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
         let mut list = headings.iter().take(LISTED).cloned().collect::<Vec<_>>().join(", ");
         if headings.len() > LISTED {
@@ -205,6 +224,19 @@ mod tests {
             find(&Wanted { unit: parse_unit("cm/s").ok(), ..SPEED }, "t,vel_x"),
             Ok((1, 0.01))
         );
+    }
+
+    #[test]
+    fn a_channel_may_lack_a_column_unless_a_heading_is_almost_its_own() {
+        let found = |header: &str| {
+            let headings: Vec<String> = header.split(',').map(str::to_owned).collect();
+            SPEED.find_optional(&headings).map(|found| found.map(|f| f.index))
+        };
+        assert_eq!(found("time_s,depth_m").unwrap(), None);
+        assert_eq!(found("time_s,vel_x_kn").unwrap(), Some(1));
+        for misspelt in ["velx_mps", "vel_x", "vel_x_m"] {
+            assert!(found(misspelt).is_err(), "{misspelt}");
+        }
     }
 
     #[test]

@@ -262,5 +262,6 @@ fn rejection(why: Rejection) -> &'static str {
         Rejection::Repeated => "rejected_repeated",
         Rejection::OutOfRange(_) => "rejected_out_of_range",
         Rejection::TooFast(_) => "rejected_too_fast",
+        Rejection::Excluded => "excluded",
     }
 }

@@ -1,11 +1,12 @@
 //! The source: one stream for each file.
 
-use crate::cells::{ChannelCell, TimeCell, channel_cells, time_cell, usual_header};
+use crate::cells::{ChannelCell, TimeCell, channel_cells, time_cell, usual_header, without_column};
 use crate::config::{Csv, Disorder, FileConfig, Nan};
 use crate::tail;
 use crate::time::{self, TimeError};
 use csv::{ByteRecord, Reader, ReaderBuilder};
 use navfuse_core::document::did_you_mean;
+use navfuse_core::model::record::{Event, Level};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{Source, StreamError, StreamErrorKind};
 use navfuse_core::plugin::{OpenContext, SourceType};
@@ -96,6 +97,8 @@ struct Stream {
     sensor: SensorId,
     time: TimeCell,
     channels: Vec<ChannelCell>,
+    /// A note on the channels without a column.
+    note: Option<(Level, String)>,
     disorder: Disorder,
     nan: Nan,
     before: Option<Time>,
@@ -161,6 +164,8 @@ impl Stream {
         }
         let time = time_cell(info, config, &headings).map_err(|e| e.in_file(path))?;
         let channels = channel_cells(info, config, &headings).map_err(|e| e.in_file(path))?;
+        let note = without_column(info, &time, &channels, &headings)
+            .map(|(level, text)| (level, format!("{}: {text}", path.display())));
         let mut stream = Self {
             path: path.to_owned(),
             name: name.clone(),
@@ -170,6 +175,7 @@ impl Stream {
             sensor,
             time,
             channels,
+            note,
             disorder: config.disorder,
             nan: config.nan,
             before: None,
@@ -214,7 +220,7 @@ impl Stream {
         }
         let time = self.time_of(&self.record).map_err(|e| self.no_time(e))?;
         *sample = Sample::empty(time, self.sensor);
-        for (k, channel) in self.channels.iter().enumerate() {
+        for channel in &self.channels {
             let cell = self.record.get(channel.column).unwrap_or_default().trim_ascii();
             if cell.is_empty() {
                 continue;
@@ -222,7 +228,7 @@ impl Stream {
             let text = std::str::from_utf8(cell).ok();
             let number: Option<f64> = text.and_then(|t| t.parse().ok());
             match number.map(|n| channel.to_si(n)) {
-                Some(value) if value.is_finite() => sample.set(k, value),
+                Some(value) if value.is_finite() => sample.set(channel.channel, value),
                 _ => self.no_number(channel.column, text, number)?,
             }
         }
@@ -345,6 +351,13 @@ impl Source for Stream {
 
     fn end(&self) -> Option<Time> {
         self.end
+    }
+
+    fn schedule(&self) -> Vec<Event> {
+        let (time, about) = (Time::MIN, &self.name);
+        let note = self.note.clone();
+        let event = |(level, text)| Event { time, level, about: about.clone(), text };
+        note.map(event).into_iter().collect()
     }
 
     fn warning(&mut self) -> Option<String> {

@@ -178,6 +178,20 @@ fn a_bad_header_is_named_with_its_remedy() {
                 .to_owned(),
         ),
         (
+            "time_s,speed\n",
+            "",
+            "dvl.csv: no column \"vel_z_mps\" (columns: time_s, speed); rename the column, or set \
+             files.dvl.columns.vel_z"
+                .to_owned(),
+        ),
+        (
+            "time_s,vel_x_mps,vel_y_mps\n",
+            "columns.vel_z = \"down_mps\"",
+            "dvl.csv: no column \"down_mps\" (columns: time_s, vel_x_mps, vel_y_mps); rename the \
+             column, or set files.dvl.columns.vel_z"
+                .to_owned(),
+        ),
+        (
             "time_s,vel_x_mps,velz_mps,vel_y_mps\n",
             "",
             "dvl.csv: no column \"vel_z_mps\"; did you mean \"velz_mps\"? (columns: time_s, \

@@ -7,6 +7,8 @@ use common::{
     DEPTH, DVL, DVL_HEADER, IMU, IMU_HEADER, REFERENCE, assemble, drain, folder, read_as, read_dvl,
 };
 
+use navfuse_core::model::record::Level;
+
 fn one(values: &[f64]) -> Vec<Option<f64>> {
     values.iter().copied().map(Some).collect()
 }
@@ -163,6 +165,29 @@ fn an_empty_cell_is_a_missing_channel_and_a_row_without_any_no_sample() {
     assert_eq!((read.nanos(), read.error.as_ref()), (vec![1_000_000_000, 3_000_000_000], None));
     assert_eq!(read.values(0), [None, Some(2.0)]);
     assert_eq!(read.values(1), [Some(1.0), Some(2.0)]);
+}
+
+#[test]
+fn channels_without_a_column_are_named_and_the_others_are_read() {
+    let fixes = "time_s,lat_deg,lon_deg,height_m,vel_n_mps,vel_e_mps,vel_d_mps\n1,0,0,5,1,2,3\n";
+    let dvl = "time_s,vel_x_mps,downward_mps\n1,2,3\n";
+    let folder = folder(&[("imu.csv", IMU_HEADER), ("dvl.csv", dvl), ("reference.csv", fixes)]);
+    let toml = [IMU, DVL, REFERENCE].concat();
+    let mut sources = assemble(folder.path(), &toml, "[source.csv]\n", false).unwrap().sources;
+    assert!(sources[0].1.schedule().is_empty(), "every channel of the IMU has a column");
+    let note = |k: usize| {
+        let [event] = &sources[k].1.schedule()[..] else { panic!("one note") };
+        (event.level, event.text.replace(&format!("{}/", folder.path().display()), ""))
+    };
+    // downward may be meant for vel_z, so it is worth a warning
+    let text = "dvl.csv: no column for vel_y, vel_z: used without; if one of the unused columns \
+                downward_mps is meant, set files.dvl.columns";
+    assert_eq!(note(1), (Level::Warning, text.to_owned()));
+    let text = "reference.csv: no column for roll, pitch, yaw: used without";
+    assert_eq!(note(2), (Level::Info, text.to_owned()));
+    assert_eq!(drain(folder.path(), sources[1].1.as_mut()).values(0), [Some(2.0)]);
+    let reference = drain(folder.path(), sources[2].1.as_mut());
+    assert_eq!(reference.values(0), [0.0, 0.0, 5.0, 1.0, 2.0, 3.0].map(Some));
 }
 
 #[test]

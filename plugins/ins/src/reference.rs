@@ -17,8 +17,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::sync::Arc;
 
-/// Reference solution: position, velocity and attitude. The filter can start from it, and the run
-/// compares the estimates with it; it never corrects the filter.
+/// Reference solution: position, velocity and attitude, or some of them. The filter can start from
+/// it, and the run compares the estimates with it; it never corrects the filter.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReferenceSolution {
@@ -71,25 +71,41 @@ struct ReferenceModel {
 }
 
 impl Reference for ReferenceModel {
+    /// Any of position, velocity and attitude may be missing. The lever arm turns with the
+    /// attitude, and with that of the estimate where the sample has none.
     fn motion(&self, layout: &Layout, state: &State, sample: &Sample) -> Option<Motion> {
-        let c: [f64; 9] = sample.array(0)?;
-        let c_b_n = UnitQuaternion::from_euler_angles(c[6], c[7], c[8]);
-        let point = Geodetic { latitude: c[0], longitude: c[1], height: c[2] };
-        let w_ie_b = c_b_n.inverse_transform_vector(&earth_rate_ned(c[0]));
-        let w_ib_b = self.navigation.map_or(w_ie_b, |navigation| {
-            let signal =
-                navfuse_core::state::View::new(layout, state).signal(navigation.angular_rate);
-            Vector3::from(signal) - state.get(layout, navigation.gyro_bias)
+        let array = |first| sample.array::<3>(first);
+        let (position, velocity) = (array(0), array(3));
+        let attitude = array(6).map(|c| UnitQuaternion::from_euler_angles(c[0], c[1], c[2]));
+        if position.is_none() && velocity.is_none() && attitude.is_none() {
+            return None;
+        }
+        let mut motion = Motion::unknown(sample.time);
+        if let Some([latitude, longitude, height]) = position {
+            motion.position = Geodetic { latitude, longitude, height };
+        }
+        motion.velocity = velocity.map_or(motion.velocity, Vector3::from);
+        motion.c_b_n = attitude.unwrap_or(motion.c_b_n);
+        let Some(navigation) = self.navigation else {
+            let earth = earth_rate_ned(motion.position.latitude);
+            motion.w_ib_b = motion.c_b_n.inverse_transform_vector(&earth);
+            motion.f_ib_b = Vector3::zeros();
+            return Some(motion);
+        };
+        let c_b_n = attitude.unwrap_or_else(|| {
+            UnitQuaternion::from_rotation_matrix(&state.get(layout, navigation.attitude))
         });
-        let w_eb_b = w_ib_b - w_ie_b;
-        Some(Motion {
-            time: sample.time,
-            position: point.displaced(&-(c_b_n * self.lever_arm)),
-            velocity: Vector3::new(c[3], c[4], c[5]) - c_b_n * w_eb_b.cross(&self.lever_arm),
-            c_b_n,
-            w_ib_b,
-            f_ib_b: Vector3::zeros(),
-        })
+        let latitude = position.map_or_else(
+            || state.get(layout, navigation.position).latitude,
+            |[latitude, ..]| latitude,
+        );
+        let signal = navfuse_core::state::View::new(layout, state).signal(navigation.angular_rate);
+        motion.w_ib_b = Vector3::from(signal) - state.get(layout, navigation.gyro_bias);
+        motion.f_ib_b = Vector3::zeros();
+        let w_eb_b = motion.w_ib_b - c_b_n.inverse_transform_vector(&earth_rate_ned(latitude));
+        motion.position = motion.position.displaced(&-(c_b_n * self.lever_arm));
+        motion.velocity -= c_b_n * w_eb_b.cross(&self.lever_arm);
+        Some(motion)
     }
 
     fn sample(&self, motion: &Motion, sample: &mut Sample) {

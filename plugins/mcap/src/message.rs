@@ -237,6 +237,7 @@ pub fn reason(why: Rejection, columns: &[String]) -> String {
         Rejection::Repeated => "repeats the samples before".into(),
         Rejection::OutOfRange(i) => format!("{} is out of range", column(i)),
         Rejection::TooFast(i) => format!("{} changes too fast", column(i)),
+        Rejection::Excluded => "the scenario excludes this time".into(),
     }
 }
 

@@ -177,6 +177,10 @@ impl Sink for Forward {
         Ok(())
     }
 
+    fn compares(&self) -> bool {
+        true
+    }
+
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         if epoch.truth.is_none() {
             return Ok(());

@@ -129,6 +129,10 @@ impl Sink for Collector {
         Ok(())
     }
 
+    fn compares(&self) -> bool {
+        true
+    }
+
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         let Some(truth) = epoch.truth else { return Ok(()) };
         let number = self.grid.due(epoch.state.time);

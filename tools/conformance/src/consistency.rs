@@ -122,6 +122,10 @@ impl Sink for Run {
         Ok(())
     }
 
+    fn compares(&self) -> bool {
+        true
+    }
+
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         if let Some(truth) = epoch.truth {
             let mut error = vec![0.0; epoch.layout.tangent];

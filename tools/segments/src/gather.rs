@@ -127,7 +127,13 @@ impl<'a> Builder<'a> {
         let (sensor, reference, samples) = found?;
         let mut series = Series::new(&sensor.info.name);
         for sample in samples {
-            if let Some(motion) = reference.motion(self.layout, &self.state, sample) {
+            let complete = |m: &Motion| {
+                let position = m.position.latitude + m.position.longitude + m.position.height;
+                (position + m.velocity.sum() + m.c_b_n.coords.sum()).is_finite()
+            };
+            if let Some(motion) =
+                reference.motion(self.layout, &self.state, sample).filter(complete)
+            {
                 series.push(sample.time.since(self.zero), motion);
             }
         }
