@@ -30,6 +30,8 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_gnss::GnssPlugin)
         .add(&navfuse_odometer::OdometerPlugin)
+        .add(&navfuse_constraints::ConstraintsPlugin)
+        .add(&navfuse_heading::HeadingPlugin)
         .add(&navfuse_simulation::SimulationPlugin)
         .add(&navfuse_csv::CsvPlugin)
         .add(&navfuse_mcap::McapPlugin);

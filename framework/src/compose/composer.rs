@@ -1,5 +1,6 @@
 //! The composer, with which process and sensor types build their models.
 
+use crate::model::detector::Detector;
 use crate::model::error::ComposeError;
 use crate::model::sensor::Role;
 use crate::model::sensor::{Purpose, SensorInfo};
@@ -26,6 +27,7 @@ pub struct Composer {
     needs_reference: Vec<String>,
     notes: Vec<(String, String)>,
     constraints: Vec<(String, Constraint)>,
+    detector: Option<Box<dyn Detector>>,
     folder: PathBuf,
 }
 
@@ -53,6 +55,10 @@ impl Composer {
 
     pub(crate) fn take_constraints(&mut self) -> Vec<(String, Constraint)> {
         std::mem::take(&mut self.constraints)
+    }
+
+    pub(crate) fn take_detector(&mut self) -> Option<Box<dyn Detector>> {
+        self.detector.take()
     }
 
     pub(crate) fn finish(self) -> (Layout, Transition, Vec<String>) {
@@ -171,6 +177,13 @@ impl Composer {
             purpose: Purpose::Measurement,
         };
         self.constraints.push((self.owner.clone(), (info, Role::measurement(model))));
+    }
+
+    /// Makes the sensor that is being composed a pseudo-measurement: no instrument gives its
+    /// samples, and the filter applies it where the detector finds that it holds. A scenario that
+    /// simulates the sensor has samples of it, with noise; the detector is not used then.
+    pub fn detected_by(&mut self, detector: impl Detector + 'static) {
+        self.detector = Some(Box::new(detector));
     }
 
     /// Adds a signal `owner.name` of `N` numbers.

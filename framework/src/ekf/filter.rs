@@ -10,6 +10,7 @@ use super::slot::SensorSlot;
 use super::stage::Stage;
 use crate::compose::Composition;
 use crate::compose::draw::{Draw, TrueState};
+use crate::model::detector::Detector;
 use crate::model::process::{ProcessError, ProcessModel};
 use crate::model::record::{Epoch, Outcome, Rejection, Truth, UpdateRecord};
 use crate::model::sensor::Role;
@@ -79,6 +80,8 @@ pub(super) struct Memory {
     /// Initial alignments, one place per process.
     pub(super) alignments: Vec<Option<Box<dyn InitialAlignment>>>,
     pub(super) sensors: Vec<SensorSlot>,
+    /// Detectors of the pseudo-measurements, each with the index of its sensor.
+    pub(super) detectors: Vec<(usize, Box<dyn Detector>)>,
     /// Recent states, kept where some sensor has a time offset.
     pub(super) history: Option<History>,
     /// Time of the last driving sample.
@@ -111,6 +114,8 @@ impl Ekf {
         let from_reference = composition.estimator.from_reference();
         let constants = TrueState::new(&layout, composition.seed, start);
         let mut transition = composition.transition.clone();
+        let detectors = composition.sensors.iter().enumerate();
+        let detectors = detectors.filter_map(|(k, s)| Some((k, s.detector.clone()?))).collect();
         let dynamics = BlockDynamics::new(&layout, &mut transition);
         Self {
             driver: composition.processes.iter().find_map(|p| p.input),
@@ -128,6 +133,7 @@ impl Ekf {
                 processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
                 alignments: composition.processes.iter().map(|p| p.alignment.clone()).collect(),
                 sensors: composition.sensors.iter().map(|s| SensorSlot::new(s, n)).collect(),
+                detectors,
                 input: None,
                 cadence: Cadence::default(),
                 pending: VecDeque::with_capacity(MAX_PENDING),

@@ -6,7 +6,7 @@ use super::filter::{Ekf, EstimatorError, MAX_PENDING, rejected};
 use crate::model::process::{Input, Interval};
 use crate::model::record::{Event, Level, Observer, Rejection};
 use crate::model::sensor::Role;
-use crate::units::sample::Sample;
+use crate::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use crate::units::time::Time;
 use std::sync::Arc;
 
@@ -90,7 +90,7 @@ impl Ekf {
         }
         for (slot, sensor) in self.memory.sensors.iter().zip(&self.composition.sensors) {
             // the alignment has already reported the samples of its own constraint
-            if !sensor.constraint {
+            if !sensor.constraint || sensor.detector.is_some() {
                 slot.lockout.finish(&slot.name, slot.last, observer);
             }
         }
@@ -157,7 +157,42 @@ impl Ekf {
         self.memory.input = Some(sample.time);
         self.advance(sample.time, Some(input), observer)?;
         observer.input(sample, None);
-        if self.running() { self.supervise(observer) } else { Ok(()) }
+        if self.running() {
+            self.supervise(observer)?;
+            self.detect(sample, observer)?;
+        }
+        Ok(())
+    }
+
+    /// Shows a sample to the detectors, and applies the pseudo-measurements that hold at the
+    /// state's time: `0 = h(x) + v`.
+    fn detect(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        for k in 0..self.memory.detectors.len() {
+            let (index, detector) = &mut self.memory.detectors[k];
+            let (index, holds) = (*index, detector.detects(sample));
+            let sensor = &self.composition.sensors[index];
+            let slot = &mut self.memory.sensors[index];
+            // samples of two sensors may have one time
+            if holds
+                && slot.last < sample.time
+                && let Role::Measurement(model) = &sensor.role
+            {
+                slot.last = sample.time;
+                let model = Arc::clone(model);
+                let zeros = &[0.0; MAX_CHANNELS][..model.channels()];
+                let zero = Sample::new(sample.time, SensorId(index), zeros);
+                if sensor.excludes(sample.time) {
+                    self.reject(&zero, Rejection::Excluded, observer);
+                } else {
+                    self.correct(&zero, model.as_ref(), observer)?;
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Propagates state and covariance to a later time.
@@ -215,9 +250,10 @@ impl Ekf {
                 Ok(())
             }
             Role::Measurement(model) => {
-                let (model, mut sample) = (Arc::clone(model), *sample);
-                model.complete(&mut sample);
-                self.correct(&sample, model.as_ref(), observer)
+                let (model, mut completed) = (Arc::clone(model), *sample);
+                model.complete(&mut completed);
+                self.correct(&completed, model.as_ref(), observer)?;
+                self.detect(sample, observer)
             }
         }
     }

@@ -1,5 +1,6 @@
 //! Models: motion of blocks, measurements by sensors, and the inputs and outputs of a run.
 
+pub mod detector;
 pub mod error;
 pub mod fault;
 pub mod finding;

@@ -1,5 +1,6 @@
 //! Sensors and their roles in the estimator.
 
+use crate::model::detector::Detector;
 use crate::model::gate::{Action, Gate, Recovery};
 use crate::model::measurement::AnyMeasurement;
 use crate::model::motion::Motion;
@@ -108,8 +109,11 @@ pub struct Sensor {
     pub noise: f64,
     /// Time offset: a sample stamped t measures the state at t minus this.
     pub time_offset: Option<Handle<Scalar>>,
-    /// Set if the sensor is a constraint of a process, for which no source has samples.
+    /// Set if no source has samples of the sensor: it is a constraint of a process, or a
+    /// pseudo-measurement.
     pub constraint: bool,
+    /// Detector of a pseudo-measurement.
+    pub detector: Option<Box<dyn Detector>>,
 }
 
 impl Sensor {
@@ -127,6 +131,7 @@ impl Sensor {
             noise: 1.0,
             time_offset: None,
             constraint: false,
+            detector: None,
         }
     }
 

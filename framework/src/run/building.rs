@@ -133,6 +133,18 @@ impl<'a> Building<'a> {
         Ok(())
     }
 
+    /// Hands the sensors to the detectors of the pseudo-measurements.
+    pub fn connect_detectors(&mut self) -> Result<(), BuildError> {
+        for index in 0..self.sensors.len() {
+            if let Some(mut detector) = self.sensors[index].detector.take() {
+                let place = self.parts.get(index).map_or(&self.root, |part| &part.node);
+                detector.connect(&self.sensors).map_err(|e| e.at(place))?;
+                self.sensors[index].detector = Some(detector);
+            }
+        }
+        Ok(())
+    }
+
     /// Adds the constraints of the processes as sensors of their own.
     pub fn constraints(&mut self) -> Result<(), BuildError> {
         for (owner, (info, role)) in self.composer.take_constraints() {
@@ -274,6 +286,8 @@ fn place_sensor(
     }
     let time_offset = time_offset_block(part, &keys, composer)?;
     let exclude = excluded(part, &keys)?;
+    // a simulated pseudo-measurement has samples
+    let detector = composer.take_detector().filter(|_| keys.simulation.is_none());
     let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
     let info = SensorInfo { name, kind, channels: built.channels, purpose };
     Composition::check_channels(&info, &built.role).map_err(|e| e.at(&part.node))?;
@@ -288,6 +302,8 @@ fn place_sensor(
         exclude,
         simulation: keys.simulation,
         time_offset,
+        constraint: detector.is_some(),
+        detector,
         ..Sensor::new(info, built.role)
     })
 }

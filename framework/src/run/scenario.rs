@@ -87,6 +87,7 @@ impl<'a> Scenario<'a> {
         building.processes(&self.parts(Kind::Process)?)?;
         building.other_sensors()?;
         building.connect_alignments()?;
+        building.connect_detectors()?;
         building.constraints()?;
         building.finish(header, self.document.to_toml(), self.simulates()?)
     }

@@ -295,7 +295,8 @@ impl Statistics {
         for ((name, _, c), sensor) in self.sensors.iter().zip(&ekf.composition().sensors) {
             let mean_nis = if c.used > 0 { json!(c.nis / c.used as f64) } else { Value::Null };
             // no source gives the samples of a constraint
-            let read = if sensor.constraint { c.used + c.gated + c.rejected } else { c.read };
+            let applied = c.used + c.gated + c.rejected + c.excluded;
+            let read = if sensor.constraint { applied } else { c.read };
             let mut value = match sensor.role {
                 Role::Input(_) => json!({ "read": c.read, "used": c.used, "rejected": c.rejected }),
                 Role::Reference(_) => json!({ "read": c.read }),

@@ -15,6 +15,8 @@ pub fn registry() -> Registry {
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_gnss::GnssPlugin)
         .add(&navfuse_odometer::OdometerPlugin)
+        .add(&navfuse_constraints::ConstraintsPlugin)
+        .add(&navfuse_heading::HeadingPlugin)
         .add(&navfuse_simulation::SimulationPlugin);
     registry
 }

@@ -135,6 +135,46 @@ fn the_odometer_conforms() -> Result<(), Failed> {
 }
 
 #[test]
+fn the_constraints_of_land_vehicles_conform() -> Result<(), Failed> {
+    conforms(
+        &navfuse_constraints::ConstraintsPlugin,
+        r#"
+        [sensor.non-holonomic]
+        lateral_noise = "5 cm/s"
+        vertical_noise = "10 cm/s"
+        side_slip = { sigma = "0.5 deg", correlation_time = "2 s" }
+        suspension = { sigma = "0.3 deg", correlation_time = "2 s" }
+        pitch = { sigma = "0.5 deg" }
+        yaw = { sigma = "0.5 deg" }
+        lever_arm = { initial = ["-1 m", "0.5 m", "0.5 m"], sigma = "10 cm" }
+        simulation = { rate = "2 Hz" }
+        [sensor.zero-velocity]
+        rotation_noise = "0.1 deg/s"
+        simulation = { rate = "1 Hz" }
+        "#,
+    )
+}
+
+#[test]
+fn the_heading_sensors_conform() -> Result<(), Failed> {
+    conforms(
+        &navfuse_heading::HeadingPlugin,
+        r#"
+        [sensor.magnetic-heading]
+        noise = "0.5 deg"
+        declination = { initial = "4 deg", sigma = "0.5 deg" }
+        deviation = { sigma = "1 deg", correlation_time = "10 min" }
+        simulation = { rate = "2 Hz" }
+        [sensor.dual-antenna]
+        noise = "0.2 deg"
+        azimuth = { initial = "30 deg", sigma = "0.5 deg" }
+        elevation = { sigma = "0.5 deg" }
+        simulation = { rate = "1 Hz" }
+        "#,
+    )
+}
+
+#[test]
 fn the_depth_sensor_conforms() -> Result<(), Failed> {
     conforms(
         &navfuse_depth::DepthPlugin,

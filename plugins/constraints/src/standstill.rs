@@ -1,0 +1,177 @@
+//! Detection of a standstill from the samples of the IMU, and from those of an odometer.
+
+use navfuse_core::model::detector::Detector;
+use navfuse_core::model::sensor::{Purpose, Sensor};
+use navfuse_core::prelude::*;
+use std::collections::VecDeque;
+
+/// Longest window, s: at 1 kHz it holds 10 000 samples.
+pub(crate) const LONGEST: f64 = 10.0;
+/// Interval between two tests of the window, s.
+const TEST: f64 = 0.1;
+/// Least number of samples in a window with a standard deviation.
+const FEWEST: usize = 5;
+
+/// Settings of the detector, in SI.
+#[derive(Clone, Debug)]
+pub(crate) struct Settings {
+    /// Length of the window, s.
+    pub window: f64,
+    /// Largest standard deviation of the specific force, m/s^2.
+    pub force: Vector3<f64>,
+    /// Largest mean of the angular rate, rad/s.
+    pub rotation: Vector3<f64>,
+    /// Name of the odometer.
+    pub odometer: Option<String>,
+    /// Largest speed that the odometer reports at a standstill, m/s.
+    pub speed: f64,
+    /// Time between two detections, s.
+    pub period: f64,
+}
+
+/// Angular rate and specific force of a sample of the IMU.
+#[derive(Clone, Copy, Debug)]
+struct Inertial {
+    time: Time,
+    rate: Vector3<f64>,
+    force: Vector3<f64>,
+}
+
+/// Sensors that the detector reads.
+#[derive(Clone, Copy, Debug)]
+struct Sensed {
+    imu: usize,
+    /// Set if the IMU gives the integrals over the interval since its previous sample.
+    increments: bool,
+    /// The odometer, and its channel of the speed.
+    odometer: Option<(usize, usize)>,
+}
+
+/// The standard deviation of the specific force over a window tells standing from rolling: the road
+/// shakes a vehicle that rolls. Its mean does not, since it depends on the slope.
+#[derive(Clone, Debug)]
+pub(crate) struct Standstill {
+    settings: Settings,
+    sensed: Option<Sensed>,
+    window: VecDeque<Inertial>,
+    /// Time of the last sample of the IMU.
+    before: Option<Time>,
+    /// Time of the last speed beyond the limit, and of the last speed.
+    speeds: (Time, Time),
+    /// Time of the next test.
+    next: Time,
+}
+
+impl Standstill {
+    pub fn new(settings: Settings) -> Self {
+        Self {
+            settings,
+            sensed: None,
+            window: VecDeque::new(),
+            before: None,
+            speeds: (Time::MIN, Time::MIN),
+            next: Time::MIN,
+        }
+    }
+
+    /// Keeps a sample of the IMU, and drops those before the window.
+    fn keep(&mut self, sample: &Sample, increments: bool) {
+        let interval = self.before.replace(sample.time).map(|before| sample.time.since(before));
+        let share = match (increments, interval) {
+            (false, _) => 1.0,
+            (true, Some(interval)) if interval > 0.0 => 1.0 / interval,
+            (true, _) => return, // the interval of the first sample is unknown
+        };
+        let Some(c) = sample.array::<6>(0) else { return };
+        let (rate, force) = (Vector3::new(c[0], c[1], c[2]), Vector3::new(c[3], c[4], c[5]));
+        self.window.push_back(Inertial {
+            time: sample.time,
+            rate: rate * share,
+            force: force * share,
+        });
+        let length = self.settings.window;
+        while self.window.front().is_some_and(|first| sample.time.since(first.time) > length) {
+            self.window.pop_front();
+        }
+    }
+
+    /// Tests whether the IMU is quiet over a whole window.
+    fn quiet(&self, now: Time) -> bool {
+        let Some(first) = self.window.front() else { return false };
+        // the window is whole if it lacks less than a tenth of its length
+        if self.window.len() < FEWEST || now.since(first.time) < 0.9 * self.settings.window {
+            return false;
+        }
+        let n = self.window.len() as f64;
+        let mean = |of: fn(&Inertial) -> Vector3<f64>| {
+            self.window.iter().map(of).sum::<Vector3<f64>>() / n
+        };
+        let (rate, force) = (mean(|s| s.rate), mean(|s| s.force));
+        let squares = self.window.iter().map(|s| (s.force - force).map(|d| d * d));
+        let deviation = (squares.sum::<Vector3<f64>>() / (n - 1.0)).map(f64::sqrt);
+        let below = |value: &Vector3<f64>, limit: &Vector3<f64>| {
+            value.iter().zip(limit).all(|(value, limit)| value.abs() <= *limit)
+        };
+        below(&deviation, &self.settings.force) && below(&rate, &self.settings.rotation)
+    }
+
+    /// Tests whether the odometer shows no speed over a whole window.
+    fn no_speed(&self, now: Time) -> bool {
+        let (moved, last) = self.speeds;
+        let within = |time: Time| time > Time::MIN && now.since(time) <= self.settings.window;
+        within(last) && !within(moved)
+    }
+}
+
+impl Detector for Standstill {
+    fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
+        let driving = |s: &Sensor| s.info.purpose == Purpose::Input && s.info.channels.len() == 6;
+        let Some(imu) = sensors.iter().position(driving) else {
+            let text = "a standstill is found from the samples of an IMU: add [sensor.imu]";
+            return Err(ComposeError::new("", text));
+        };
+        let increments = sensors[imu].info.channels.iter().any(|c| c.unit == "rad");
+        let odometer = match &self.settings.odometer {
+            None => None,
+            Some(name) => {
+                let index = sensors.iter().position(|s| s.info.name == *name);
+                let speed = |index: usize| {
+                    let channels = &sensors[index].info.channels;
+                    channels.iter().position(|c| c.name == "speed").map(|channel| (index, channel))
+                };
+                let text = format!("there is no [sensor.{name}] with a channel speed");
+                let found = index.and_then(speed);
+                Some(found.ok_or_else(|| ComposeError::new("odometer", text))?)
+            }
+        };
+        self.sensed = Some(Sensed { imu, increments, odometer });
+        Ok(())
+    }
+
+    fn detects(&mut self, sample: &Sample) -> bool {
+        let Some(sensed) = self.sensed else { return false };
+        if let Some((odometer, channel)) = sensed.odometer
+            && sample.sensor.0 == odometer
+            && let Some(speed) = sample.get(channel)
+        {
+            let moves = speed.abs() > self.settings.speed;
+            self.speeds = (if moves { sample.time } else { self.speeds.0 }, sample.time);
+        }
+        if sample.sensor.0 != sensed.imu {
+            return false;
+        }
+        self.keep(sample, sensed.increments);
+        if sample.time < self.next {
+            return false;
+        }
+        let rests =
+            self.quiet(sample.time) && (sensed.odometer.is_none() || self.no_speed(sample.time));
+        let pause = if rests { self.settings.period } else { TEST };
+        self.next = sample.time + Time::from_seconds(pause).unwrap_or_default();
+        rests
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Detector> {
+        Box::new(self.clone())
+    }
+}

@@ -1,0 +1,37 @@
+//! Heading sensors.
+//!
+//! - [`MagneticHeading`]: a compass, with the declination of the place and its own deviation.
+//! - [`DualAntenna`]: heading and elevation of the baseline between two GNSS antennas, with the
+//!   mounting of the baseline.
+
+mod dual_antenna;
+mod magnetic;
+
+pub use dual_antenna::DualAntenna;
+pub use magnetic::MagneticHeading;
+
+use navfuse_core::plugin::{Need, Plugin, Registry};
+use std::f64::consts::TAU;
+
+/// Registers the sensor types `magnetic-heading` and `dual-antenna`.
+#[derive(Clone, Copy, Debug)]
+pub struct HeadingPlugin;
+
+impl Plugin for HeadingPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.sensor::<MagneticHeading>();
+        registry.sensor::<DualAntenna>();
+    }
+
+    navfuse_core::named_after_crate!();
+
+    fn needs(&self) -> &[Need] {
+        &[Need { plugin: "navfuse-ins", version: "0.1" }]
+    }
+}
+
+/// Difference of two angles within +-pi: 359 deg and 1 deg differ by 2 deg.
+fn short_way(measured: f64, predicted: f64) -> f64 {
+    let difference = measured - predicted;
+    difference - TAU * (difference / TAU).round()
+}
