@@ -76,6 +76,13 @@ pub fn snapir() -> Option<PathBuf> {
     data("snapir", origin)
 }
 
+/// The folder of the recorded drive; `None` where it is not at hand.
+pub fn drive() -> Option<PathBuf> {
+    let origin = "The recording is data/drive_0708 of the public repository \
+                  rtklibexplorer/GNSS_IMU, prepared as in docs/src/explanation/validation.md";
+    data("drive", origin)
+}
+
 /// Runs `job` for every item on all cores, in order.
 pub fn parallel<T: Send, I: Send + Sync + Copy>(
     items: &[I],

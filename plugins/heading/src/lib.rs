@@ -35,3 +35,19 @@ fn short_way(measured: f64, predicted: f64) -> f64 {
     let difference = measured - predicted;
     difference - TAU * (difference / TAU).round()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_innovation_across_north_or_south_is_small() {
+        for (measured, predicted, expected) in
+            [(359.0, 1.0, -2.0), (1.0, 359.0, 2.0), (179.0, -179.0, -2.0), (10.0, 370.0, 0.0_f64)]
+        {
+            let found = short_way(f64::to_radians(measured), f64::to_radians(predicted));
+            // the rounding of a few operations on angles of at most 7 rad
+            assert!((found - expected.to_radians()).abs() < 1e-14, "{measured} {predicted}");
+        }
+    }
+}

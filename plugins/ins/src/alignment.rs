@@ -9,6 +9,7 @@
 
 mod aligner;
 mod coarse;
+mod course;
 mod error;
 pub mod inertial;
 pub mod optimisation;
@@ -16,6 +17,7 @@ mod settings;
 mod zero_velocity;
 
 pub(crate) use aligner::Aligner;
+pub(crate) use course::{CourseAlignment, CourseSettings};
 pub(crate) use settings::AlignmentSettings;
 pub(crate) use zero_velocity::ZeroVelocity;
 
@@ -38,6 +40,9 @@ pub enum AlignmentMethod {
     Static,
     /// In motion: from gravity, Earth rate and a sensor that measures the velocity.
     InMotion,
+    /// In motion, for gyros that cannot find north: from the velocity of GNSS and the
+    /// accelerometers, and from the course of a vehicle that moves forwards.
+    Course,
 }
 
 /// Method of the coarse attitude at rest.
@@ -58,10 +63,10 @@ pub enum CoarseMethod {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AlignmentConfig {
-    /// Method: `given` (default), `static` or `in-motion`.
+    /// Method: `given` (default), `static`, `in-motion` or `course`.
     #[serde(default)]
     pub method: AlignmentMethod,
-    /// Shortest duration. Default: 600 s at rest, 240 s in motion.
+    /// Shortest duration. Default: 600 s at rest, 240 s in motion, 10 s by the course.
     pub duration: Option<Positive<Duration>>,
     /// 1-sigma of the heading at which the alignment may end. It continues until then, and a run
     /// that never reaches the gate fails. Default: 1 deg.
@@ -74,7 +79,10 @@ pub struct AlignmentConfig {
     /// applies a zero-velocity update with this sigma once a second. Default: 5 mm/s.
     pub rest_velocity: Option<Positive<Speed>>,
     /// In motion: sensor that measures the velocity, such as a DVL. Default: the only one that can.
+    /// By the course: GNSS receiver with velocity. Default: the first one.
     pub velocity: Option<String>,
+    /// By the course: speed from which the direction of the velocity is used. Default: 2 m/s.
+    pub min_speed: Option<Positive<Speed>>,
     /// In motion: longest time without a velocity. Default: 5 s.
     pub max_gap: Option<Positive<Duration>>,
 }
@@ -96,7 +104,7 @@ impl<'de> Visitor<'de> for MethodOrTable {
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(
-            "\"given\", \"static\", \"in-motion\", or a table such as \
+            "\"given\", \"static\", \"in-motion\", \"course\", or a table such as \
              { method = \"static\", duration = \"600 s\" }",
         )
     }

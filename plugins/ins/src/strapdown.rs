@@ -1,6 +1,9 @@
 //! The strapdown process: mechanisation and error model as a process model of the framework.
 
-use crate::alignment::{Aligner, Alignment, AlignmentSettings, ZeroVelocity};
+use crate::alignment::{
+    Aligner, Alignment, AlignmentMethod, AlignmentSettings, CourseAlignment, CourseSettings,
+    ZeroVelocity,
+};
 use crate::error_model::transition;
 use crate::imu::{Imu, SimulatedImu};
 use crate::mechanisation::{Increments, Mechanisation, NavState};
@@ -32,8 +35,8 @@ pub struct Strapdown {
     /// IMU that drives the process: the name of its `[sensor.NAME]` table.
     #[serde(default = "imu")]
     pub imu: String,
-    /// Source of attitude and velocity at the start: `given` (default), `static` or `in-motion`, or
-    /// a table with that `method` and its keys.
+    /// Source of attitude and velocity at the start: `given` (default), `static`, `in-motion` or
+    /// `course`, or a table with that `method` and its keys.
     #[serde(default)]
     pub alignment: Alignment,
     /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it. Not
@@ -148,6 +151,8 @@ impl ProcessType for Strapdown {
             self.accel_bias.sigma.map_or(0.0, |s| s.value().si().amax()),
         );
         let settings = AlignmentSettings::new(&self.alignment, bias)?;
+        let course = (self.alignment.0.method == AlignmentMethod::Course)
+            .then(|| CourseSettings::new(&self.alignment.0, bias));
         let p = &self.position;
         let position = match (p.latitude, p.longitude, p.height) {
             (Some(latitude), Some(longitude), Some(height)) => {
@@ -162,11 +167,17 @@ impl ProcessType for Strapdown {
             }
         };
         let found = settings.as_ref().map(|s| s.attitude_prior(&imu));
+        let found = found.or(course.as_ref().map(|_| CourseSettings::attitude_prior()));
         let attitude = start(composer, "attitude", self.attitude, found, display::ANGLES)?;
         let attitude = composer.block("attitude", attitude)?;
-        let found = settings.as_ref().map(|s| Vector3::repeat(s.velocity_prior()));
+        let found = settings.as_ref().map(AlignmentSettings::velocity_prior);
+        let found = found.or(course.as_ref().map(|_| CourseSettings::velocity_prior()));
+        let found = found.map(Vector3::repeat);
         let velocity = start(composer, "velocity", self.velocity, found, display::VELOCITY)?;
         let velocity = composer.block("velocity", velocity)?;
+        // the first fix gives it where the scenario does not
+        let finds_position = course.is_some() && position.is_none();
+        let position = if finds_position { Some([0.0; 3]) } else { position };
         let position =
             spec(composer, "position", p.sigma.value().si(), position, display::POSITION)?;
         let position = composer.block("position", position)?;
@@ -185,6 +196,9 @@ impl ProcessType for Strapdown {
         let aligner = settings.map(|settings| {
             Aligner::new(&self.alignment, settings, (self.imu.clone(), imu.clone()), navigation)
         });
+        let driving = || (self.imu.clone(), imu.clone());
+        let course = course
+            .map(|settings| CourseAlignment::new(settings, driving(), navigation, finds_position));
         let simulator = SimulatedImu { imu: imu.clone(), gyro_bias, accel_bias };
         let gyro = imu.gyro_noise.value().si();
         let accel = imu.accel_noise.value().si();
@@ -194,9 +208,10 @@ impl ProcessType for Strapdown {
         let rates = LastRates::default();
         let model = StrapdownModel { imu, navigation, places, mechanisation, isotropic, rates };
         let built = BuiltProcess::new(model).driven_by(self.imu, simulator);
-        Ok(match aligner {
-            Some(aligner) => built.aligned_by(aligner),
-            None => built,
+        Ok(match (aligner, course) {
+            (Some(aligner), _) => built.aligned_by(aligner),
+            (None, Some(course)) => built.aligned_by(course),
+            (None, None) => built,
         })
     }
 }

@@ -182,7 +182,7 @@ impl InitialAlignment for Aligner {
         let driver = sensors.iter().position(|s| s.info.name == self.imu.0).unwrap_or_default();
         let velocity = match self.settings.method {
             AlignmentMethod::InMotion => Some(self.velocity_sensor(sensors)?),
-            AlignmentMethod::Given | AlignmentMethod::Static => None,
+            AlignmentMethod::Given | AlignmentMethod::Static | AlignmentMethod::Course => None,
         };
         self.sensed = Some(Sensed { imu: self.imu.1.clone(), driver, velocity });
         Ok(())
@@ -319,7 +319,7 @@ impl InitialAlignment for Aligner {
         let settings = &self.settings;
         let need = match settings.method {
             AlignmentMethod::Static => format!("an alignment at rest of {} s", settings.duration),
-            AlignmentMethod::Given | AlignmentMethod::InMotion => {
+            AlignmentMethod::Given | AlignmentMethod::InMotion | AlignmentMethod::Course => {
                 format!("an alignment in motion of {} s", settings.duration)
             }
         };

@@ -143,7 +143,9 @@ impl CoarseAlignment {
     ) -> Result<CoarseSolution, AlignmentError> {
         match settings.method {
             AlignmentMethod::InMotion => self.in_motion(settings),
-            AlignmentMethod::Given | AlignmentMethod::Static => self.at_rest(sensed, settings),
+            AlignmentMethod::Given | AlignmentMethod::Static | AlignmentMethod::Course => {
+                self.at_rest(sensed, settings)
+            }
         }
     }
 

@@ -53,6 +53,22 @@ pub(crate) enum AlignmentError {
          samples are zero; give the attitude (alignment = \"given\"), or check the samples"
     )]
     NoDirection,
+    /// The fixes do not determine the attitude.
+    #[error(
+        "{count} fixes faster than {speed} m/s in an alignment by the course of at least {duration} \
+         s, {least} are needed: begin later (estimator.start), check the samples of GNSS, or give \
+         the attitude (alignment = \"given\")"
+    )]
+    NoCourse {
+        /// Number of fixes in motion.
+        count: usize,
+        /// Least number of fixes in motion.
+        least: usize,
+        /// Speed from which a fix counts, m/s.
+        speed: f64,
+        /// Shortest duration, s.
+        duration: f64,
+    },
     /// The vehicle moved during an alignment at rest.
     #[error(
         "the vehicle does not rest: its velocity is {error:.2} m/s off zero about {at}, and an \

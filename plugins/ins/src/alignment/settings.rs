@@ -36,7 +36,8 @@ pub(crate) struct AlignmentSettings {
 }
 
 impl AlignmentSettings {
-    /// The settings that a scenario asks for; `None` where attitude and velocity are given.
+    /// The settings of an alignment that finds north by the Earth's rotation; `None` where attitude
+    /// and velocity are given, or found by the course.
     ///
     /// # Errors
     /// When keys contradict one another.
@@ -50,19 +51,23 @@ impl AlignmentSettings {
             ("rest_velocity", c.rest_velocity.is_some()),
         ];
         let moving = [("velocity", c.velocity.is_some()), ("max_gap", c.max_gap.is_some())];
+        let course = [("min_speed", c.min_speed.is_some())];
         let any = [("duration", c.duration.is_some()), ("heading_gate", c.heading_gate.is_some())];
         let (unused, why): (Vec<_>, _) = match c.method {
             AlignmentMethod::Given => (
-                [&at_rest[..], &moving, &any].concat(),
+                [&at_rest[..], &moving, &course, &any].concat(),
                 "of no use where attitude and velocity are given",
             ),
-            AlignmentMethod::Static => (moving.to_vec(), "of no use at rest"),
-            AlignmentMethod::InMotion => (at_rest.to_vec(), "of no use in motion"),
+            AlignmentMethod::Static => ([&moving[..], &course].concat(), "of no use at rest"),
+            AlignmentMethod::InMotion => ([&at_rest[..], &course].concat(), "of no use in motion"),
+            AlignmentMethod::Course => {
+                ([&at_rest[..], &moving[1..], &any[1..]].concat(), "of no use by the course")
+            }
         };
         if let Some((key, _)) = unused.iter().find(|k| k.1) {
             return error(key, format!("{why}: remove it, or set another alignment.method"));
         }
-        if c.method == AlignmentMethod::Given {
+        if matches!(c.method, AlignmentMethod::Given | AlignmentMethod::Course) {
             return Ok(None);
         }
         let moving = c.method == AlignmentMethod::InMotion;
@@ -129,7 +134,7 @@ impl AlignmentSettings {
         let (tilt, least) = match self.method {
             // an error of the velocity's scale factor is one of the coarse attitude
             AlignmentMethod::InMotion => (1_f64.to_radians(), 10_f64.to_radians()),
-            AlignmentMethod::Given | AlignmentMethod::Static => {
+            AlignmentMethod::Given | AlignmentMethod::Static | AlignmentMethod::Course => {
                 (0.05_f64.to_radians(), 1_f64.to_radians())
             }
         };

@@ -1,0 +1,93 @@
+//! Standstills of a simulated car: zero velocity is applied at all of them, and never in motion.
+#![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
+
+use navfuse_core::model::record::{Outcome, UpdateRecord};
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
+use navfuse_testing::{document, registry};
+use std::sync::atomic::AtomicBool;
+
+/// Times of the updates of `zero-velocity`, s, and whether each was accepted.
+#[derive(Default)]
+struct Updates {
+    sensor: Option<usize>,
+    found: Vec<(f64, bool)>,
+}
+
+impl Sink for Updates {
+    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
+        self.sensor = run.sensors.iter().position(|s| s.name == "zero-velocity");
+        Ok(())
+    }
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        if self.sensor == Some(update.sensor.0) {
+            self.found.push((update.time.seconds(), update.outcome == Outcome::Accepted));
+        }
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(None)
+    }
+}
+
+/// Updates of the car of `land-odometer`, which stands up to 60 s and from 247 to 277 s. The errors
+/// of the velocity at the end are checked against their sigma.
+fn updates(settings: &[&str]) -> Vec<(f64, bool)> {
+    let common = ["estimator.start=40 s", "estimator.stop=276.9 s"];
+    let settings: Vec<String> = common.iter().chain(settings).map(|s| (*s).to_owned()).collect();
+    let registry = registry();
+    let scenario = Scenario::new(&registry, document("land-odometer.toml"), &settings)
+        .unwrap_or_else(|e| panic!("{e}"));
+    let mut assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
+    assembly.sinks.push(("updates".into(), Box::new(Updates::default())));
+    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let velocity = finished.summary.rows.iter().find(|r| r.name == "ins.velocity");
+    let velocity = velocity.expect("it is estimated");
+    let error = velocity.error.as_ref().expect("there is a reference");
+    for (error, sigma) in error.iter().zip(&velocity.error_sigma) {
+        assert!((error / sigma).abs() < 4.0 && *sigma < 0.01, "{error} of sigma {sigma}");
+    }
+    finished.take_sink::<Updates>().expect("the sink is there").found
+}
+
+/// Checks that the updates cover both standstills, once a second, and nothing else. The window of
+/// 1 s delays the first one after the car has stopped.
+fn at_the_standstills_alone(updates: &[(f64, bool)]) {
+    assert!(updates.iter().all(|(_, accepted)| *accepted), "{updates:?}");
+    let (first, second): (Vec<f64>, Vec<f64>) =
+        updates.iter().map(|(time, _)| *time).partition(|time| *time < 150.0);
+    assert!(first.iter().all(|t| (40.0..60.3).contains(t)), "{first:?}");
+    assert!(second.iter().all(|t| (247.7..277.0).contains(t)), "{second:?}");
+    assert!((18..=21).contains(&first.len()), "{first:?}");
+    assert!((27..=30).contains(&second.len()), "{second:?}");
+}
+
+#[test]
+fn the_vibration_of_the_road_tells_rolling_from_standing() {
+    // 1 m/s^2 of the road; the car is simulated without any at rest
+    let road = "sensor.imu.simulation.faults=[{ type = 'vibration', size = '1 m/s^2', \
+                frequency = '13 Hz', channels = ['accel_x', 'accel_y', 'accel_z'], \
+                from = '60 s', to = '247 s' }]";
+    let settings = [
+        "sensor.odometer.enabled=false",
+        // with the vibration: 1 m/s^2 at 13 Hz moves the velocity by 1.2 cm/s
+        "sensor.imu.accel_noise=3 mg/sqrt(Hz)",
+        "sensor.non-holonomic.lateral_noise=5 cm/s",
+        "sensor.non-holonomic.vertical_noise=5 cm/s",
+        "sensor.zero-velocity.window=1 s",
+        road,
+    ];
+    at_the_standstills_alone(&updates(&settings));
+}
+
+#[test]
+fn an_odometer_tells_a_smooth_ride_from_standing() {
+    let settings = [
+        "sensor.zero-velocity.odometer=odometer",
+        // four sigma of the odometer
+        "sensor.zero-velocity.quiet_speed=20 cm/s",
+    ];
+    at_the_standstills_alone(&updates(&settings));
+}
