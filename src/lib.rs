@@ -34,6 +34,7 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_heading::HeadingPlugin)
         .add(&navfuse_simulation::SimulationPlugin)
         .add(&navfuse_csv::CsvPlugin)
+        .add(&navfuse_dvl_files::DvlFilesPlugin)
         .add(&navfuse_mcap::McapPlugin);
     #[cfg(feature = "rerun")]
     registry.add(&navfuse_viewer::ViewerPlugin);

@@ -33,12 +33,13 @@ pub struct Types {
     pub checked: Vec<(Kind, &'static str)>,
 }
 
-/// Registers the plugins, and also the IMU, the strapdown process and the simulation if the plugins
-/// do not.
-pub fn registry(plugins: &[&dyn Plugin]) -> Types {
+/// Registers the plugins that are checked and the others that the scenario needs, and also the IMU,
+/// the strapdown process and the simulation if the plugins do not.
+pub fn registry(plugins: &[&dyn Plugin], others: &[&dyn Plugin]) -> Types {
     let mut registry = Registry::new();
     plugins.iter().for_each(|plugin| _ = registry.add(*plugin));
     let checked = registry.entries().map(|e| (e.kind, e.name)).collect();
+    others.iter().for_each(|plugin| _ = registry.add(*plugin));
     if registry.get(Kind::Process, "ins").is_none() {
         registry.add(&navfuse_ins::InsPlugin);
     }

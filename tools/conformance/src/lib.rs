@@ -49,7 +49,20 @@ use std::marker::PhantomData;
 /// # Errors
 /// All failed checks, each with the problem, the numbers, and the remedy.
 pub fn check(plugins: &[&dyn Plugin], scenario: &str) -> Result<(), Failed> {
-    let report = report(plugins, scenario);
+    check_with(plugins, &[], scenario)
+}
+
+/// Checks the types of `plugins` as [`check`] does, in a scenario that also uses types of `others`,
+/// such as the sensors whose samples a source reads.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_with(
+    plugins: &[&dyn Plugin],
+    others: &[&dyn Plugin],
+    scenario: &str,
+) -> Result<(), Failed> {
+    let report = report_with(plugins, others, scenario);
     println!("{report}"); // shown by `cargo test -- --nocapture`
     if report.findings.iter().any(|f| f.outcome.is_err()) { Err(Failed(report)) } else { Ok(()) }
 }
@@ -70,7 +83,11 @@ pub fn check_sensor<S: SensorType>(scenario: &str) -> Result<(), Failed> {
 
 /// Runs the checks of [`check`], and returns all findings, also of checks that passed.
 pub fn report(plugins: &[&dyn Plugin], scenario: &str) -> Report {
-    let registry = lab::registry(plugins);
+    report_with(plugins, &[], scenario)
+}
+
+fn report_with(plugins: &[&dyn Plugin], others: &[&dyn Plugin], scenario: &str) -> Report {
+    let registry = lab::registry(plugins, others);
     let mut report = Report::default();
     match Lab::new(&registry, scenario) {
         Err(message) => report.add("scenario", "the scenario", Err(message)),

@@ -1,0 +1,295 @@
+//! The clock of an instrument: its stamps on the clock of the run, in order.
+
+use crate::calendar::{DAY, SECOND};
+use crate::ping::{Ping, Stamp};
+use std::collections::VecDeque;
+use std::fmt::Write;
+
+/// Change of time, in nanoseconds, beyond which the clock may have been set, or a stamp damaged.
+const STEP: i64 = 600 * SECOND;
+
+/// The zero of the run's clock on the clock of the instrument.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Zero {
+    /// Nanoseconds since 1970 at which the run's clock is zero.
+    pub origin: i64,
+    /// Midnight before the first ping, for stamps without a date, in nanoseconds since 1970.
+    pub first_day: Option<i64>,
+    /// Offset that is added to every stamp.
+    pub offset: i64,
+}
+
+/// Converts stamps and puts pings in order.
+#[derive(Debug)]
+pub struct Clock {
+    zero: Zero,
+    /// Time of the day of the ping before, and the days since the first.
+    day: Option<(i64, i64)>,
+    elapsed: Option<i64>,
+    last: Option<i64>,
+    /// A ping whose time no other ping has confirmed yet.
+    held: Option<(i64, Ping)>,
+    ready: VecDeque<(i64, Ping)>,
+    missing: Count,
+    late: Count,
+    late_by: i64,
+    stray: Count,
+    forward: Count,
+    forward_by: i64,
+}
+
+/// A number of events and the offset of the first one in the file.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Count {
+    number: u64,
+    first: u64,
+}
+
+impl Count {
+    /// Counts an event.
+    pub fn add(&mut self, offset: u64) {
+        if self.number == 0 {
+            self.first = offset;
+        }
+        self.number += 1;
+    }
+
+    /// Describes the events, if there are any: "3 pings WHAT, the first at byte 17".
+    pub fn describe(&self, what: &str) -> Option<String> {
+        let (n, first) = (self.number, self.first);
+        match n {
+            0 => None,
+            1 => Some(format!("1 ping {what} at byte {first}")),
+            _ => Some(format!("{n} pings {what}, the first at byte {first}")),
+        }
+    }
+}
+
+impl Clock {
+    /// The clock with this zero.
+    pub fn new(zero: Zero) -> Self {
+        Self {
+            zero,
+            day: None,
+            elapsed: None,
+            last: None,
+            held: None,
+            ready: VecDeque::with_capacity(4),
+            missing: Count::default(),
+            late: Count::default(),
+            late_by: 0,
+            stray: Count::default(),
+            forward: Count::default(),
+            forward_by: 0,
+        }
+    }
+
+    /// Takes the next ping of the file.
+    pub fn push(&mut self, ping: Ping) {
+        match self.time(ping.stamp) {
+            Some(time) => self.order(time, ping),
+            None => self.missing.add(ping.offset),
+        }
+    }
+
+    /// Takes the end of the file.
+    pub fn finish(&mut self) {
+        if let Some((time, ping)) = self.held.take() {
+            // a single ping far from all others is a damaged stamp, unless there is no other
+            if self.last.is_none() { self.release(time, ping) } else { self.stray.add(ping.offset) }
+        }
+    }
+
+    /// The next ping in order, with its time on the run's clock in nanoseconds.
+    pub fn pop(&mut self) -> Option<(i64, Ping)> {
+        self.ready.pop_front()
+    }
+
+    /// Describes what was wrong with the stamps.
+    pub fn describe(&self) -> Option<String> {
+        let mut parts = Vec::new();
+        parts.extend(self.missing.describe("left out without a valid time"));
+        if let Some(mut text) = self.late.describe("left out, not later than the one before") {
+            let _ = write!(text, " (by up to {:.2} s)", self.late_by as f64 * 1e-9);
+            parts.push(text);
+        }
+        parts.extend(self.stray.describe("left out whose time agrees with no other"));
+        if let Some(mut text) = self.forward.describe("after a gap or a step of the clock") {
+            let _ = write!(text, " (by up to {:.0} s)", self.forward_by as f64 * 1e-9);
+            parts.push(text);
+        }
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
+
+    /// The time of a stamp on the run's clock.
+    fn time(&mut self, stamp: Stamp) -> Option<i64> {
+        let instrument = match stamp {
+            Stamp::Missing => return None,
+            Stamp::Date(nanos) => nanos.checked_sub(self.zero.origin)?,
+            Stamp::TimeOfDay(now) => {
+                // midnight is passed, or passed back, where the time changes by more than half a day
+                let days = self.day.map_or(0, |(before, days)| match now - before {
+                    change if change < -DAY / 2 => days + 1,
+                    change if change > DAY / 2 => days - 1,
+                    _ => days,
+                });
+                self.day = Some((now, days));
+                let midnight = self.zero.first_day.map_or(0, |day| day - self.zero.origin);
+                midnight.checked_add(days * DAY)?.checked_add(now)?
+            }
+            Stamp::Elapsed(nanos) => {
+                let total = self.elapsed.map_or(0, |before| before.saturating_add(nanos));
+                self.elapsed = Some(total);
+                total
+            }
+        };
+        instrument.checked_add(self.zero.offset)
+    }
+
+    fn order(&mut self, time: i64, ping: Ping) {
+        let follows = |from: i64| time > from && time - from <= STEP;
+        if let Some(last) = self.last
+            && time <= last
+        {
+            self.late.add(ping.offset);
+            self.late_by = self.late_by.max(last - time);
+            return;
+        }
+        match (self.held.take(), self.last) {
+            (None, Some(last)) if follows(last) => self.release(time, ping),
+            // the first ping, or one after a gap
+            (None, _) => self.held = Some((time, ping)),
+            (Some((held, first)), _) if follows(held) => {
+                self.release(held, first);
+                self.release(time, ping);
+            }
+            (Some((_, stray)), Some(last)) if follows(last) => {
+                self.stray.add(stray.offset);
+                self.release(time, ping);
+            }
+            (Some((held, first)), _) if time > held => {
+                self.release(held, first);
+                self.held = Some((time, ping));
+            }
+            (Some((held, first)), None) if held - time <= STEP => {
+                self.release(held, first);
+                self.order(time, ping);
+            }
+            (Some((_, stray)), _) => {
+                self.stray.add(stray.offset);
+                self.held = Some((time, ping));
+            }
+        }
+    }
+
+    fn release(&mut self, time: i64, ping: Ping) {
+        if let Some(last) = self.last
+            && time - last > STEP
+        {
+            self.forward.add(ping.offset);
+            self.forward_by = self.forward_by.max(time - last);
+        }
+        self.last = Some(time);
+        self.ready.push_back((time, ping));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The seconds of the pings that a clock gives for stamps in seconds, and its description.
+    fn read(stamps: &[Stamp]) -> (Vec<i64>, Option<String>) {
+        let mut clock = Clock::new(Zero::default());
+        let mut times = Vec::new();
+        for (k, stamp) in stamps.iter().enumerate() {
+            clock.push(Ping { offset: k as u64 * 100, stamp: *stamp, ..Ping::default() });
+            times.extend(std::iter::from_fn(|| clock.pop()));
+        }
+        clock.finish();
+        times.extend(std::iter::from_fn(|| clock.pop()));
+        (times.iter().map(|(t, _)| t / SECOND).collect(), clock.describe())
+    }
+
+    fn dates(seconds: &[i64]) -> (Vec<i64>, Option<String>) {
+        read(&seconds.iter().map(|s| Stamp::Date(s * SECOND)).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn one_damaged_stamp_costs_one_ping() {
+        let intact = [1000, 1001, 1002, 1003, 1004, 1005];
+        assert_eq!(dates(&intact), (intact.to_vec(), None));
+        for k in 0..intact.len() {
+            // with one ping before it, a stamp in the past could as well be the true one
+            let wrong: &[i64] = if k < 2 { &[900_000_000] } else { &[5, 900_000_000] };
+            for wrong in wrong {
+                let mut stamps = intact;
+                stamps[k] = *wrong;
+                let expected: Vec<i64> =
+                    intact.iter().copied().filter(|t| *t != intact[k]).collect();
+                let (times, text) = dates(&stamps);
+                assert_eq!((times, text.is_some()), (expected, true), "{k} {wrong}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_clock_that_steps_is_reported_with_offset_and_count() {
+        let (times, text) = dates(&[10, 11, 12, 5000, 5001]);
+        assert_eq!(times, [10, 11, 12, 5000, 5001]);
+        let text = text.unwrap_or_default();
+        assert_eq!(text, "1 ping after a gap or a step of the clock at byte 300 (by up to 4988 s)");
+        let (times, text) = dates(&[10, 11, 12, 8, 9, 10, 11, 12, 13, 14]);
+        assert_eq!(times, [10, 11, 12, 13, 14]);
+        assert_eq!(
+            text.unwrap_or_default(),
+            "5 pings left out, not later than the one before, the first at byte 300 (by up to \
+             4.00 s)"
+        );
+    }
+
+    #[test]
+    fn stamps_of_zero_are_counted() {
+        let date = |s| Stamp::Date(s * SECOND);
+        let (times, text) =
+            read(&[Stamp::Missing, Stamp::Missing, date(10), date(11), Stamp::Missing, date(12)]);
+        assert_eq!(times, [10, 11, 12]);
+        assert_eq!(
+            text.unwrap_or_default(),
+            "3 pings left out without a valid time, the first at byte 0"
+        );
+    }
+
+    #[test]
+    fn a_time_of_the_day_goes_on_after_midnight() {
+        let at = |s| Stamp::TimeOfDay(s * SECOND);
+        let (times, text) = read(&[at(86_398), at(86_399), at(0), at(1)]);
+        assert_eq!((times, text), (vec![86_398, 86_399, 86_400, 86_401], None));
+    }
+
+    #[test]
+    fn elapsed_times_add_up_from_the_first_record() {
+        let (times, _) = read(&[Stamp::Elapsed(7 * SECOND); 4]);
+        assert_eq!(times, [0, 7, 14, 21]);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn any_stamps_give_times_in_order(
+            stamps in proptest::collection::vec(prop_oneof![
+                Just(Stamp::Missing),
+                any::<i64>().prop_map(Stamp::Date),
+                (0..3000_i64).prop_map(|s| Stamp::Date(s * SECOND)),
+                (0..DAY).prop_map(Stamp::TimeOfDay),
+                (0..DAY).prop_map(Stamp::Elapsed),
+            ], 0..40)
+        ) {
+            let (times, _) = read(&stamps);
+            prop_assert!(times.len() <= stamps.len());
+            prop_assert!(times.is_sorted());
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! A ping: the content of one record of an instrument, whatever its format.
+
+/// One record of an instrument.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ping {
+    /// Offset of the record in the file, in bytes.
+    pub offset: u64,
+    /// Time at which the instrument stamped the record.
+    pub stamp: Stamp,
+    /// Velocity relative to the bottom.
+    pub bottom: Option<Track>,
+    /// Velocity relative to a layer of water.
+    pub water: Option<Track>,
+    /// Depth of the transducer, m.
+    pub depth: Option<f64>,
+    /// Heading, pitch and roll, as the instrument reports them.
+    pub attitude: Option<Attitude>,
+    /// Speed of sound that the instrument assumed, m/s.
+    pub sound_speed: Option<f64>,
+}
+
+/// The time stamp of a record, on the clock that its format has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Stamp {
+    /// The record has no stamp, or one that is no time, such as month zero.
+    #[default]
+    Missing,
+    /// Date and time: nanoseconds since 1970, without leap seconds.
+    Date(i64),
+    /// Time of the day without a date: nanoseconds since midnight.
+    TimeOfDay(i64),
+    /// Nanoseconds since the record before.
+    Elapsed(i64),
+}
+
+/// Axes along which an instrument gives its velocities.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Coordinates {
+    /// Along the beams.
+    #[default]
+    Beam,
+    /// Along the axes of the instrument.
+    Instrument,
+    /// Along the axes of the ship, level where the instrument uses its tilts.
+    Ship,
+    /// East, north, up.
+    Earth,
+}
+
+impl Coordinates {
+    /// The name in a message.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Beam => "beam",
+            Self::Instrument => "instrument",
+            Self::Ship => "ship",
+            Self::Earth => "Earth",
+        }
+    }
+}
+
+/// The velocity relative to the bottom or to a layer of water, with its quality.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Track {
+    /// Axes along which the file has the velocities.
+    pub coordinates: Coordinates,
+    /// The velocities as in the file, with its axes and its sign, m/s. The fourth is the error
+    /// velocity or a second vertical velocity, unless `coordinates` are those of the beams.
+    pub recorded: [Option<f64>; 4],
+    /// Velocity of the vehicle along the instrument's axes forward, right, down, m/s. For ship and
+    /// Earth coordinates it is turned back with the attitude in the record.
+    pub axes: Option<[f64; 3]>,
+    /// Velocity of the vehicle in the direction in which each beam leaves, m/s.
+    pub beams: Option<[Option<f64>; 4]>,
+    /// Error velocity, m/s: the contradiction between the two pairs of beams.
+    pub error_velocity: Option<f64>,
+    /// Distance to the bottom as the format gives it for each beam, m.
+    pub range: [Option<f64>; 4],
+    /// Correlation of each beam as a share of full scale.
+    pub correlation: [Option<f64>; 4],
+    /// Share of good pings of each beam.
+    pub percent_good: [Option<f64>; 4],
+    /// Figure of merit, m/s: the accuracy that the instrument claims.
+    pub figure_of_merit: Option<f64>,
+}
+
+/// Heading, pitch and roll in an instrument's own convention, rad.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Attitude {
+    /// Heading.
+    pub heading: f64,
+    /// Pitch.
+    pub pitch: f64,
+    /// Roll.
+    pub roll: f64,
+}

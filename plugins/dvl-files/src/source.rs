@@ -1,0 +1,261 @@
+//! The source: one stream of samples from one file.
+
+use crate::clock::{Clock, Count, Zero};
+use crate::config::{AttitudeUse, DvlFile, Screen, TimeConfig};
+use crate::format::{Decoder, Format};
+use crate::ping::{Coordinates, Ping, Stamp};
+use crate::target::{Given, Target, targets};
+use navfuse_core::model::stream::{Source, StreamError, StreamErrorKind};
+use navfuse_core::plugin::{OpenContext, SourceType};
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Size in bytes of the beginning of a file by which its format is recognised.
+const BEGINNING: u64 = 256 * 1024;
+
+impl SourceType for DvlFile {
+    const TYPE: &'static str = "dvl-file";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
+        let targets = targets(&self, context)?;
+        let path = context.base.join(&self.file);
+        let format = match self.format {
+            Some(format) => format,
+            None => recognise(&path)?,
+        };
+        let file = open(&path)?;
+        let mut stream = Stream {
+            format,
+            decoder: format.decoder(file),
+            clock: Clock::new(zero(&self.time)?),
+            config: self.time,
+            attitude: self.attitude,
+            screen: self.screen,
+            targets,
+            ready: VecDeque::with_capacity(4),
+            pings: 0,
+            started: false,
+            ended: false,
+            screened: Count::default(),
+            refused: None,
+            path,
+        };
+        if !stream.targets.is_empty() {
+            stream.start()?;
+        }
+        Ok(vec![Box::new(stream)])
+    }
+}
+
+fn open(path: &Path) -> Result<File, StreamError> {
+    File::open(path).map_err(|e| {
+        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        StreamError::open(absolute, e).at_key("file")
+    })
+}
+
+/// Recognises the format of a file.
+fn recognise(path: &Path) -> Result<Format, StreamError> {
+    let mut beginning = Vec::new();
+    let read = open(path)?.take(BEGINNING).read_to_end(&mut beginning);
+    read.map_err(|e| StreamError::read(path, e))?;
+    Format::recognise(&beginning).ok_or_else(|| {
+        let names = Format::ALL.map(Format::name).join(", ");
+        let text = match beginning.len() {
+            0 => "the file is empty".to_owned(),
+            n => format!("no intact record of a known format in its first {n} bytes"),
+        };
+        StreamError::format(text)
+            .in_file(path)
+            .with_remedy(format!("name the format with `format`: {names}"))
+    })
+}
+
+/// The zero of the run's clock.
+fn zero(config: &TimeConfig) -> Result<Zero, StreamError> {
+    let offset = config.offset.map_or(0.0, |o| o.si());
+    let offset = Time::from_seconds(offset)
+        .ok_or_else(|| StreamError::scenario("beyond 73 years").at_key("time.offset"))?;
+    if config.first_day.is_some_and(|day| day.has_time) {
+        let message = "it is a date without a time of the day, such as \"2022-06-01\"";
+        return Err(StreamError::scenario(message).at_key("time.first_day"));
+    }
+    Ok(Zero {
+        origin: config.origin.map_or(0, |date| date.nanos),
+        first_day: config.first_day.map(|day| day.nanos),
+        offset: offset.nanos(),
+    })
+}
+
+/// The samples of one file.
+struct Stream {
+    path: PathBuf,
+    format: Format,
+    decoder: Box<dyn Decoder>,
+    clock: Clock,
+    config: TimeConfig,
+    attitude: AttitudeUse,
+    screen: Screen,
+    targets: Vec<Target>,
+    /// Samples of the ping that was read last.
+    ready: VecDeque<Sample>,
+    pings: u64,
+    /// Set once there was a sample: later pings that do not fit are counted.
+    started: bool,
+    ended: bool,
+    screened: Count,
+    /// Pings along other axes than the sensor's, and these axes.
+    refused: Option<(Count, Coordinates)>,
+}
+
+impl Stream {
+    /// Reads up to the first sample, so that a file that does not fit is rejected at once.
+    fn start(&mut self) -> Result<(), StreamError> {
+        while self.ready.is_empty() && self.advance()? {}
+        if !self.ready.is_empty() {
+            self.started = true;
+            return Ok(());
+        }
+        let parts: Vec<&str> = self.targets.iter().map(|t| t.part.name()).collect();
+        let damage = self.warnings().map_or_else(String::new, |text| format!(" ({text})"));
+        let text = match self.pings {
+            0 => format!("no intact {} of the format {}", self.format.record(), self.format.name()),
+            n => format!("{n} pings, and none with a valid {}", parts.join(" or ")),
+        };
+        let remedy = "check that the instrument tracked the bottom or the water, and recorded it";
+        Err(StreamError::format(format!("{text}{damage}")).in_file(&self.path).with_remedy(remedy))
+    }
+
+    /// Reads one ping; `false` at the end.
+    fn advance(&mut self) -> Result<bool, StreamError> {
+        if let Some((nanos, ping)) = self.clock.pop() {
+            self.take(nanos, &ping)?;
+            return Ok(true);
+        }
+        if self.ended {
+            return Ok(false);
+        }
+        match self.decoder.next().map_err(|e| StreamError::read(&self.path, e))? {
+            Some(ping) => {
+                self.pings += 1;
+                if self.pings == 1 {
+                    self.check_clock(ping.stamp)?;
+                }
+                self.clock.push(ping);
+            }
+            None => {
+                self.ended = true;
+                self.clock.finish();
+            }
+        }
+        Ok(true)
+    }
+
+    /// Checks that the clock of the format has the keys that the scenario sets.
+    fn check_clock(&self, stamp: Stamp) -> Result<(), StreamError> {
+        let (origin, day) = (self.config.origin.is_some(), self.config.first_day.is_some());
+        let (key, message, remedy) = match stamp {
+            Stamp::TimeOfDay(_) if origin && !day => (
+                "time.origin",
+                "the format has the time of the day, but no date",
+                "set time.first_day too",
+            ),
+            Stamp::Elapsed(_) if origin || day => (
+                if origin { "time.origin" } else { "time.first_day" },
+                "the format has no date: its times count from the first report",
+                "set time.offset instead, to the time of the first report on the run's clock",
+            ),
+            Stamp::Date(_) if day => (
+                "time.first_day",
+                "the format has dates of its own",
+                "remove it, or set time.origin",
+            ),
+            _ => return Ok(()),
+        };
+        Err(StreamError::scenario(message).at_key(key).in_file(&self.path).with_remedy(remedy))
+    }
+
+    /// Makes the samples of a ping.
+    fn take(&mut self, nanos: i64, ping: &Ping) -> Result<(), StreamError> {
+        let time = Time::from_nanos(nanos);
+        if time <= Time::MIN || time >= Time::MAX {
+            let text = format!(
+                "the time at byte {} is more than 73 years from the run's zero",
+                ping.offset
+            );
+            return Err(StreamError::of(StreamErrorKind::Format, text)
+                .in_file(&self.path)
+                .with_remedy("set time.origin"));
+        }
+        let mut screened = false;
+        for target in &mut self.targets {
+            match target.give(ping, time, self.attitude, &self.screen) {
+                Given::Sample(sample) => {
+                    target.samples += 1;
+                    self.ready.push_back(sample);
+                }
+                Given::Nothing => {}
+                Given::Screened => screened = true,
+                Given::Refused(coordinates) if self.started => {
+                    let (count, _) = self.refused.get_or_insert((Count::default(), coordinates));
+                    count.add(ping.offset);
+                }
+                Given::Refused(coordinates) => {
+                    let turnable = matches!(self.format, Format::Pd0) || ping_turns(ping);
+                    return Err(target.refusal(coordinates, turnable).in_file(&self.path));
+                }
+            }
+        }
+        if screened {
+            self.screened.add(ping.offset);
+        }
+        Ok(())
+    }
+
+    /// All that was wrong with the file so far.
+    fn warnings(&self) -> Option<String> {
+        let mut parts = Vec::new();
+        parts.extend(self.decoder.damage().describe(self.format.record()));
+        parts.extend(self.clock.describe());
+        parts.extend(self.screened.describe("beyond the limits of `screen`"));
+        if let Some((count, coordinates)) = &self.refused {
+            let name = coordinates.name();
+            parts.extend(count.describe(&format!("not used, in {name} coordinates")));
+        }
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
+}
+
+/// Tests whether the record could turn its velocities back to the instrument's axes.
+fn ping_turns(ping: &Ping) -> bool {
+    [&ping.bottom, &ping.water].into_iter().flatten().any(|track| track.axes.is_some())
+}
+
+impl Source for Stream {
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+        if self.targets.is_empty() {
+            return Ok(false);
+        }
+        loop {
+            if let Some(next) = self.ready.pop_front() {
+                *sample = next;
+                return Ok(true);
+            }
+            if !self.advance()? {
+                return Ok(false);
+            }
+        }
+    }
+
+    fn warning(&mut self) -> Option<String> {
+        let mut parts: Vec<String> = self.warnings().into_iter().collect();
+        for target in self.targets.iter().filter(|t| t.samples == 0) {
+            parts.push(format!("no valid {}", target.part.name()));
+        }
+        (!parts.is_empty()).then(|| format!("{}: {}", self.path.display(), parts.join("; ")))
+    }
+}
