@@ -1,6 +1,7 @@
 //! Throughput of the readers, on files in memory as the instruments write them.
 //!
-//! `cargo bench --package navfuse-dvl-files`
+//! `cargo bench -p navfuse-dvl-files`
+#![allow(missing_docs, reason = "criterion's macros define the functions")]
 
 #[path = "../tests/dvl_files/generate.rs"]
 mod generate;
@@ -25,7 +26,7 @@ fn read(c: &mut Criterion) {
     let mut group = c.benchmark_group("read");
     // PD0 with a profile of 30 cells and, as a velocity log sends it, without
     let pd0 = |cells: u8| {
-        let ensemble = |k| Ensemble { cells, ..Ensemble::default() }.at(10 * k).bytes();
+        let ensemble = |k: u32| Ensemble { cells, ..Ensemble::default() }.at(10 * k).bytes();
         (0..10_000).flat_map(ensemble).collect::<Vec<u8>>()
     };
     let mut files = vec![("pd0 with 30 cells", Format::Pd0, pd0(30)), ("pd0", Format::Pd0, pd0(0))];

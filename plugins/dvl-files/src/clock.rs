@@ -2,6 +2,7 @@
 
 use crate::calendar::{DAY, SECOND};
 use crate::ping::{Ping, Stamp};
+use navfuse_core::units::time::Time;
 use std::collections::VecDeque;
 use std::fmt::Write;
 
@@ -108,7 +109,10 @@ impl Clock {
     /// Describes what was wrong with the stamps.
     pub fn describe(&self) -> Option<String> {
         let mut parts = Vec::new();
-        parts.extend(self.missing.describe("left out without a valid time"));
+        parts.extend(
+            self.missing
+                .describe("left out without a valid time within 73 years of the run's zero"),
+        );
         if let Some(mut text) = self.late.describe("left out, not later than the one before") {
             let _ = write!(text, " (by up to {:.2} s)", self.late_by as f64 * 1e-9);
             parts.push(text);
@@ -143,7 +147,8 @@ impl Clock {
                 total
             }
         };
-        instrument.checked_add(self.zero.offset)
+        let time = instrument.checked_add(self.zero.offset)?;
+        (Time::MIN.nanos() < time && time < Time::MAX.nanos()).then_some(time)
     }
 
     fn order(&mut self, time: i64, ping: Ping) {
@@ -257,7 +262,8 @@ mod tests {
         assert_eq!(times, [10, 11, 12]);
         assert_eq!(
             text.unwrap_or_default(),
-            "3 pings left out without a valid time, the first at byte 0"
+            "3 pings left out without a valid time within 73 years of the run's zero, the first at \
+             byte 0"
         );
     }
 

@@ -5,7 +5,7 @@ use crate::config::{AttitudeUse, DvlFile, Screen, TimeConfig};
 use crate::format::{Decoder, Format};
 use crate::ping::{Coordinates, Ping, Stamp};
 use crate::target::{Given, Target, targets};
-use navfuse_core::model::stream::{Source, StreamError, StreamErrorKind};
+use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
@@ -182,15 +182,6 @@ impl Stream {
     /// Makes the samples of a ping.
     fn take(&mut self, nanos: i64, ping: &Ping) -> Result<(), StreamError> {
         let time = Time::from_nanos(nanos);
-        if time <= Time::MIN || time >= Time::MAX {
-            let text = format!(
-                "the time at byte {} is more than 73 years from the run's zero",
-                ping.offset
-            );
-            return Err(StreamError::of(StreamErrorKind::Format, text)
-                .in_file(&self.path)
-                .with_remedy("set time.origin"));
-        }
         let mut screened = false;
         for target in &mut self.targets {
             match target.give(ping, time, self.attitude, &self.screen) {

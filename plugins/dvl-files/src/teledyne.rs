@@ -80,7 +80,7 @@ impl Mounting {
     /// Turns ship or Earth coordinates back to X, Y, Z of the instrument.
     ///
     /// Teledyne's matrix, `(E, N, U) = M(heading, pitch, roll) (X, Y, Z)`, transposed.
-    pub fn to_instrument(&self, heading: f64, attitude: &Attitude, v: [f64; 3]) -> [f64; 3] {
+    pub fn turn_back(self, heading: f64, attitude: &Attitude, v: [f64; 3]) -> [f64; 3] {
         let (pitch, roll) = if self.tilts {
             // the pitch of gimbals from that of the tilt sensor
             let pitch = (attitude.pitch.tan() * attitude.roll.cos()).atan();
@@ -132,12 +132,12 @@ impl Convention {
             Coordinates::Instrument => (whole(), e, None),
             Coordinates::Ship => {
                 let turned = whole().filter(|_| self.attitude.is_some() || !self.mounting.tilts);
-                (turned.map(|v| self.mounting.to_instrument(0.0, &level, v)), e, None)
+                (turned.map(|v| self.mounting.turn_back(0.0, &level, v)), e, None)
             }
             Coordinates::Earth => {
                 let turned = self
                     .attitude
-                    .and_then(|a| Some(self.mounting.to_instrument(a.heading, &a, whole()?)));
+                    .and_then(|a| Some(self.mounting.turn_back(a.heading, &a, whole()?)));
                 (turned, e, None)
             }
         };

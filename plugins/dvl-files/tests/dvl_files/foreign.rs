@@ -66,9 +66,10 @@ struct Row {
     merit: [f64; 4],
 }
 
-fn dolfyn(python: &Path, file: &Path) -> Vec<Row> {
+/// Reads files with dolfyn, in one process.
+fn dolfyn(python: &Path, files: &[PathBuf]) -> Vec<Vec<Row>> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dvl_files/dolfyn.py");
-    let output = Command::new(python).arg(script).arg(file).output().unwrap();
+    let output = Command::new(python).arg(script).args(files).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let text = String::from_utf8(output.stdout).unwrap();
     let row = |line: &str| {
@@ -78,25 +79,30 @@ fn dolfyn(python: &Path, file: &Path) -> Vec<Row> {
         Row {
             nanos: time.parse().unwrap(),
             velocity: four(0),
-            turned: four(4),
-            range: four(8),
-            correlation: four(12),
-            percent_good: four(16),
-            attitude: [v[20], v[21], v[22]],
-            sound_speed: v[23],
-            depth: v[24],
-            merit: four(25),
+            range: four(4),
+            correlation: four(8),
+            percent_good: four(12),
+            merit: four(16),
+            turned: four(20),
+            attitude: [v[24], v[25], v[26]],
+            sound_speed: v[27],
+            depth: v[28],
         }
     };
-    text.lines().map(row).collect()
+    let files = text.strip_suffix("end\n").unwrap().split("end\n");
+    files.map(|file| file.lines().map(row).collect()).collect()
 }
 
-/// Writes bytes to a file that only this process uses, and removes what dolfyn leaves beside it.
-fn with_file<T>(bytes: &[u8], name: &str, then: impl FnOnce(&Path) -> T) -> T {
+/// Reads files with dolfyn that it did not see yet; dolfyn writes an index beside a file.
+fn dolfyn_of_bytes(python: &Path, files: &[Vec<u8>], extension: &str) -> Vec<Vec<Row>> {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join(name);
-    std::fs::write(&path, bytes).unwrap();
-    then(&path)
+    let write = |(k, bytes): (usize, &Vec<u8>)| {
+        let path = folder.path().join(format!("{k}.{extension}"));
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let paths: Vec<PathBuf> = files.iter().enumerate().map(write).collect();
+    dolfyn(python, &paths)
 }
 
 /// Compares a number that may be missing. dolfyn computes in single precision.
@@ -178,16 +184,18 @@ fn samples(folder: &str) -> Option<PathBuf> {
 fn pd0_samples_equal_dolfyn() {
     let Some((folder, python)) = samples("pd0").zip(python()) else { return };
     // the numbers of velocities are those that dolfyn gives
-    for (name, count, velocities) in [
+    let expected = [
         ("winriver01.PD0", 261, (261, 0)),
-        ("RDI_withBT.000", 1721, (890, 890)),
+        ("RDI_withBT.000", 1721, (901, 901)),
         ("vmdas01_wh.ENX", 3713, (0, 0)),
         ("RDI_test01.000", 22, (0, 0)),
         ("RDI_7f79_2.000", 2, (0, 0)),
-    ] {
-        let path = folder.join(name);
-        let (pings, _) = read(Format::Pd0, &std::fs::read(&path).unwrap());
-        let rows = dolfyn(&python, &path);
+    ];
+    let paths = expected.map(|(name, ..)| folder.join(name));
+    for ((name, count, velocities), (path, rows)) in
+        expected.into_iter().zip(paths.iter().zip(dolfyn(&python, &paths)))
+    {
+        let (pings, _) = read(Format::Pd0, &std::fs::read(path).unwrap());
         assert_eq!(rows.len(), count, "{name}");
         assert_eq!(same_teledyne(&pings, &rows), velocities, "{name}");
     }
@@ -196,25 +204,26 @@ fn pd0_samples_equal_dolfyn() {
 #[test]
 fn generated_pd0_equals_dolfyn_in_every_coordinate_system() {
     let Some(python) = python() else { return };
-    for coordinates in 0..4 {
-        for (beam_angle, up) in [(20, false), (30, true)] {
-            let ensemble = |k: u32| {
-                let v = |f: f64| (f * f64::from(k + 1)) as i16;
-                let bad = k % 5 == 4;
-                let attitude = [v(700.0), v(-90.0), v(130.0)];
-                let bottom = if bad { [i16::MIN; 4] } else { [v(31.0), v(-57.0), v(13.0), v(2.0)] };
-                let percent_good = [100 - k as u8, 3, k as u8, 99];
-                let base =
-                    Ensemble { coordinates, beam_angle, up, attitude, ..Ensemble::default() };
-                Ensemble { bottom, percent_good, ..base }.at(70 * k).bytes()
-            };
-            let bytes: Vec<u8> = (0..30).flat_map(ensemble).collect();
-            let (pings, damage) = read(Format::Pd0, &bytes);
-            assert_eq!(damage.gaps(), 0);
-            let rows = with_file(&bytes, "generated.PD0", |path| dolfyn(&python, path));
-            let turned = if coordinates == 2 { 0 } else { 24 };
-            assert_eq!(same_teledyne(&pings, &rows), (24, turned), "{coordinates} {beam_angle}");
-        }
+    let cases = (0..4).flat_map(|c| [(c, 20, false), (c, 30, true)]);
+    let file = |(coordinates, beam_angle, up)| {
+        let ensemble = |k: u32| {
+            let v = |f: f64| (f * f64::from(k + 1)) as i16;
+            let bad = k % 5 == 4;
+            let attitude = [v(700.0), v(-90.0), v(130.0)];
+            let bottom = if bad { [i16::MIN; 4] } else { [v(31.0), v(-57.0), v(13.0), v(2.0)] };
+            let percent_good = [100 - k as u8, 3, k as u8, 99];
+            let base = Ensemble { coordinates, beam_angle, up, attitude, ..Ensemble::default() };
+            Ensemble { bottom, percent_good, ..base }.at(70 * k).bytes()
+        };
+        (0..30).flat_map(ensemble).collect::<Vec<u8>>()
+    };
+    let files: Vec<Vec<u8>> = cases.clone().map(file).collect();
+    let read_by_dolfyn = dolfyn_of_bytes(&python, &files, "PD0");
+    for ((case, bytes), rows) in cases.zip(&files).zip(read_by_dolfyn) {
+        let (pings, damage) = read(Format::Pd0, bytes);
+        assert_eq!(damage.gaps(), 0);
+        let turned = if case.0 == 2 { 0 } else { 24 };
+        assert_eq!(same_teledyne(&pings, &rows), (24, turned), "{case:?}");
     }
 }
 
@@ -251,9 +260,10 @@ fn with_bottom(bytes: &[u8]) -> Vec<u8> {
 fn ad2cp_samples_equal_dolfyn_as_recorded_and_with_a_bottom() {
     let Some((folder, python)) = samples("ad2cp").zip(python()) else { return };
     let recorded = std::fs::read(folder.join("VelEchoBT01.ad2cp")).unwrap();
-    for (bytes, seen) in [(with_bottom(&recorded), true), (recorded, false)] {
-        let (pings, _) = read(Format::Ad2cp, &bytes);
-        let rows = with_file(&bytes, "sample.ad2cp", |path| dolfyn(&python, path));
+    let files = [with_bottom(&recorded), recorded];
+    let read_by_dolfyn = dolfyn_of_bytes(&python, &files, "ad2cp");
+    for ((bytes, seen), rows) in files.iter().zip([true, false]).zip(read_by_dolfyn) {
+        let (pings, _) = read(Format::Ad2cp, bytes);
         assert_eq!(rows.len(), 159);
         // dolfyn leaves out the ensemble that the end of the file cuts off
         assert!((rows.len()..rows.len() + 2).contains(&pings.len()), "{}", pings.len());
@@ -291,6 +301,10 @@ fn the_log_of_an_a50_is_read_around_its_flaws() {
     // an independent count with Python's json: 412 objects, 13 of them equal to the one before, and
     // one at 30813 with a line break within a string
     assert!(pings.len() > 200, "{}", pings.len());
-    assert!(damage.first().any(|g| (30_800..30_814).contains(&g.offset)), "{:?}", damage.describe("report"));
+    assert!(
+        damage.first().any(|g| (30_800..30_814).contains(&g.offset)),
+        "{:?}",
+        damage.describe("report")
+    );
     assert!(pings.iter().all(|p| matches!(p.stamp, Stamp::Elapsed(_))));
 }
