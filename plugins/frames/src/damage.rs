@@ -73,9 +73,10 @@ impl Damage {
         };
         let (gaps, bytes) = (self.gaps(), self.bytes());
         let mut text = format!(
-            "skipped {} in {} that hold no intact {frame}",
+            "skipped {} in {} that {} no intact {frame}",
             plural(bytes, "byte"),
-            plural(gaps, "place")
+            plural(gaps, "place"),
+            if gaps == 1 { "holds" } else { "hold" }
         );
         let mut separator = " (";
         for gap in self.first() {

@@ -7,31 +7,6 @@
 //! constant memory.
 //!
 //! A format implements [`Framing`]. Text formats use [`Sentences`].
-//!
-//! ```
-//! use navfuse_frames::{Frames, Framing, Judgement, Fault};
-//! /// A frame is `#`, its length, and that many bytes.
-//! struct Counted;
-//! impl Framing for Counted {
-//!     const MAX: usize = 257;
-//!     fn find(&self, bytes: &[u8]) -> Option<usize> {
-//!         bytes.iter().position(|b| *b == b'#')
-//!     }
-//!     fn judge(&self, bytes: &[u8]) -> Judgement {
-//!         match bytes {
-//!             [_, n, rest @ ..] if rest.len() >= usize::from(*n) => Judgement::Frame(2 + usize::from(*n)),
-//!             [_, 200.., ..] => Judgement::Rejected(Fault::Form),
-//!             _ => Judgement::Incomplete,
-//!         }
-//!     }
-//! }
-//! let mut frames = Frames::new(&b"?!#\x02ab#\x01c#\x09cut"[..], Counted);
-//! assert_eq!(frames.next()?.map(|f| (f.offset, f.bytes.to_vec())), Some((2, b"#\x02ab".to_vec())));
-//! assert_eq!(frames.next()?.map(|f| f.offset), Some(6));
-//! assert!(frames.next()?.is_none());
-//! assert_eq!((frames.damage().bytes(), frames.damage().cut()), (2 + 5, Some(9)));
-//! # Ok::<(), std::io::Error>(())
-//! ```
 
 mod damage;
 mod sentences;
@@ -45,6 +20,31 @@ use std::io::{ErrorKind, Read, Result};
 const CHUNK: usize = 128 * 1024;
 
 /// Rules by which a format marks, measures and checks its frames.
+///
+/// ```
+/// use navfuse_frames::{Frames, Framing, Judgement, Fault};
+/// /// A frame is `#`, its length, and that many bytes.
+/// struct Counted;
+/// impl Framing for Counted {
+///     const MAX: usize = 257;
+///     fn find(&self, bytes: &[u8]) -> Option<usize> {
+///         bytes.iter().position(|b| *b == b'#')
+///     }
+///     fn judge(&self, bytes: &[u8]) -> Judgement {
+///         match bytes {
+///             [_, n, rest @ ..] if rest.len() >= usize::from(*n) => Judgement::Frame(2 + usize::from(*n)),
+///             [_, 200.., ..] => Judgement::Rejected(Fault::Form),
+///             _ => Judgement::Incomplete,
+///         }
+///     }
+/// }
+/// let mut frames = Frames::new(&b"?!#\x02ab#\x01c#\x09cut"[..], Counted);
+/// assert_eq!(frames.next()?.map(|f| (f.offset, f.bytes.to_vec())), Some((2, b"#\x02ab".to_vec())));
+/// assert_eq!(frames.next()?.map(|f| f.offset), Some(6));
+/// assert!(frames.next()?.is_none());
+/// assert_eq!((frames.damage().bytes(), frames.damage().cut()), (2 + 5, Some(9)));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub trait Framing {
     /// Size in bytes of the largest frame.
     const MAX: usize;
