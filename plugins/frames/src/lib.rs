@@ -26,14 +26,16 @@ const CHUNK: usize = 128 * 1024;
 /// /// A frame is `#`, its length, and that many bytes.
 /// struct Counted;
 /// impl Framing for Counted {
-///     const MAX: usize = 257;
+///     const MAX: usize = 201;
 ///     fn find(&self, bytes: &[u8]) -> Option<usize> {
 ///         bytes.iter().position(|b| *b == b'#')
 ///     }
 ///     fn judge(&self, bytes: &[u8]) -> Judgement {
 ///         match bytes {
-///             [_, n, rest @ ..] if rest.len() >= usize::from(*n) => Judgement::Frame(2 + usize::from(*n)),
-///             [_, 200.., ..] => Judgement::Rejected(Fault::Form),
+///             [_, n, ..] if *n >= 200 => Judgement::Rejected(Fault::Form),
+///             [_, n, rest @ ..] if rest.len() >= usize::from(*n) => {
+///                 Judgement::Frame(2 + usize::from(*n))
+///             }
 ///             _ => Judgement::Incomplete,
 ///         }
 ///     }
