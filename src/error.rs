@@ -3,6 +3,7 @@
 use navfuse_calibration::CalibrationError;
 use navfuse_campaign::CampaignError;
 use navfuse_core::document::DocumentError;
+use navfuse_core::files::FolderError;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::{BuildError, PluginError};
 use navfuse_core::run::runner::RunError;
@@ -65,6 +66,12 @@ pub enum CommandError {
     /// The scenario cannot be composed or opened.
     #[error(transparent)]
     Build(#[from] BuildError),
+    /// The folder of the results cannot be used.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// Standard output cannot be written.
+    #[error("standard output cannot be written: {0}; the result was not printed whole")]
+    StandardOutput(String),
     /// The plugins do not fit together.
     #[error(transparent)]
     Plugin(#[from] PluginError),

@@ -96,12 +96,13 @@ enum Commands {
 /// Parses the arguments of the process and runs the subcommand.
 pub fn command(registry: &Registry) -> ExitCode {
     let command = Arguments::parse().command;
-    registry.check().map_err(Into::into).and_then(|()| run(registry, command)).unwrap_or_else(
-        |error: error::CommandError| {
-            output::warn(format_args!("error: {error}"));
-            ExitCode::FAILURE
-        },
-    )
+    let failed = |error: error::CommandError| {
+        output::warn(format_args!("error: {error}"));
+        ExitCode::FAILURE
+    };
+    let result = registry.check().map_err(Into::into).and_then(|()| run(registry, command));
+    let code = result.unwrap_or_else(failed);
+    output::check_standard_output().map_or_else(failed, |()| code)
 }
 
 fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {

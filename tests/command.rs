@@ -131,7 +131,7 @@ fn replay_reproduces_every_estimate_to_the_bit() {
     let output = command()
         .arg("replay")
         .arg(run.join("run.mcap"))
-        .args(["--format=json", "--out"])
+        .args(["--format=json", csv[0], csv[1], "--out"])
         .arg(&replay)
         .output()
         .expect("the command starts");
@@ -160,9 +160,9 @@ fn an_interrupted_run_reports_it_and_leaves_a_log_that_opens() {
         .stderr(std::process::Stdio::piped())
         .spawn()
         .expect("the command starts");
-    let log = folder.path().join("run.mcap");
+    let [log, part] = ["run.mcap", "run.mcap.part"].map(|name| folder.path().join(name));
     let begun = Instant::now();
-    while std::fs::metadata(&log).map_or(0, |m| m.len()) < 1_000_000
+    while std::fs::metadata(&part).map_or(0, |m| m.len()) < 1_000_000
         && begun.elapsed() < Duration::from_secs(60)
     {
         std::thread::sleep(Duration::from_millis(2));

@@ -124,6 +124,7 @@
 //! | [`state`] | blocks on manifolds, layout, view, error injection and reset, covariance |
 //! | [`units`] | quantities with dimensions, time, samples |
 //! | [`document`] | TOML with places, for errors that name file, line and key |
+//! | [`files`] | files that appear once they are whole, folders that keep earlier results |
 //!
 //! A plugin's author starts with [`prelude`]. The
 //! [book](https://github.com/navfuse/navfuse/tree/main/docs/src) has tutorials and the equations.
@@ -131,6 +132,7 @@
 pub mod compose;
 pub mod document;
 pub mod ekf;
+pub mod files;
 pub mod model;
 pub mod plugin;
 pub mod prelude;

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::execution::history::{End, run};
 use crate::output;
-use crate::output::progress::{Bar, stop_on_ctrl_c};
+use crate::output::progress::{Bar, stop_on_signal};
 use crate::output::write;
 use clap::{Args, ValueEnum};
 use navfuse_calibration::{AttitudeSource, CalibrationData, Method};
@@ -57,7 +57,7 @@ pub enum Paper {
 pub fn figures(registry: &Registry, arguments: &Figures) -> Result<ExitCode> {
     let Paper::PanWu = arguments.paper;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("runs").join("figures-pan-wu"));
-    let (stop, bar) = (stop_on_ctrl_c(), Bar::new(true));
+    let (stop, bar) = (stop_on_signal(), Bar::new(true));
     let history = |file: &str, text: &str| -> Result<(History, End)> {
         let document = Document::parse(file, text)?;
         let (history, end, _) = run(registry, document, &arguments.set, Vec::new(), &stop, &bar)?;

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::execution::input::{document_of, seconds};
-use crate::output::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
+use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::{self, Format, write_files};
 use clap::Args;
 use navfuse_campaign::JobCount;
@@ -68,7 +68,7 @@ pub fn observability(registry: &Registry, arguments: &Observability) -> Result<E
     let name = scenario.name();
     let mut assembly = scenario.assemble(None)?;
     assembly.sinks.push(("observability".into(), Box::new(TrackerSink::new(EVERY))));
-    let stop = stop_on_ctrl_c();
+    let stop = stop_on_signal();
     let text = arguments.format == Format::Text;
     let bar = Bar::new(text);
     let mut finished = runner::run(assembly, &stop, |progress| bar.run(progress));
@@ -107,7 +107,7 @@ fn suggest(registry: &Registry, arguments: &Observability) -> Result<ExitCode> {
     let at = arguments.at.as_deref().map(|text| seconds("--at", text)).transpose()?;
     let options = plan::Options { at, of: arguments.of.clone() };
     let text = arguments.format == Format::Text;
-    let (bar, stop) = (Bar::new(text), stop_on_ctrl_c());
+    let (bar, stop) = (Bar::new(text), stop_on_signal());
     let progress = |done, asked| bar.campaign(JobCount { done, asked });
     let plan = plan::suggest(registry, &document, &options, &stop, progress);
     bar.done();

@@ -4,7 +4,7 @@ use crate::error::{CommandError, Result};
 use crate::execution::history::{End, run};
 use crate::execution::input::{document_of, has_extension, runs_folder};
 use crate::output;
-use crate::output::progress::{Bar, stop_on_ctrl_c};
+use crate::output::progress::{Bar, stop_on_signal};
 use clap::Args;
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
@@ -52,7 +52,7 @@ struct Content {
 
 /// Writes a page about a run.
 pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
-    let (stop, bar) = (stop_on_ctrl_c(), Bar::new(true));
+    let (stop, bar) = (stop_on_signal(), Bar::new(true));
     let Content { history, observed, folder, end } = if has_extension(&arguments.of, "toml") {
         of_scenario(registry, arguments, &stop, &bar)?
     } else {

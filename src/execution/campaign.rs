@@ -3,11 +3,13 @@
 use crate::error::{CommandError, Result};
 use crate::execution::input::{runs_folder, seconds};
 use crate::output::campaign::{self as show, Shown};
-use crate::output::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
+use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::scenarios;
 use crate::output::{self, Format};
 use clap::{Args, ValueEnum};
-use navfuse_campaign::{Campaign, Folder, JobCount, Options, Results, Shard, execute, variation};
+use navfuse_campaign::{
+    Campaign, Folder, JobCount, Options, Results, Shard, execute_rest, variation,
+};
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use std::path::{Path, PathBuf};
@@ -55,6 +57,9 @@ pub struct CampaignOptions {
     /// Do only this part, such as 3/7, for `merge`
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Shard>,
+    /// Continue the campaign that was killed or interrupted in this folder, or begin it
+    #[arg(long)]
+    pub resume: bool,
     /// Folder for the tables and plots [default: runs/NAME-COMMAND]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -62,7 +67,7 @@ pub struct CampaignOptions {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub format: Format,
     /// Write nothing
-    #[arg(long, conflicts_with_all = ["out", "shard"])]
+    #[arg(long, conflicts_with_all = ["out", "shard", "resume"])]
     pub no_output: bool,
 }
 
@@ -111,7 +116,8 @@ fn threads(settings: &CampaignOptions) -> Result<usize> {
     }
 }
 
-/// Runs a campaign and writes its files; `stop` interrupts it.
+/// Runs a campaign and writes its files; `stop` interrupts it. None for a campaign that is to be
+/// resumed and is complete.
 pub fn conduct(
     registry: &Registry,
     path: &Path,
@@ -119,7 +125,7 @@ pub fn conduct(
     mut options: Options,
     kind: &Kind<'_>,
     stop: &AtomicBool,
-) -> Result<Conducted> {
+) -> Result<Option<Conducted>> {
     let threads = threads(settings)?;
     let mut document = Document::from_file(path)?;
     settings.set.iter().try_for_each(|s| document.set(s))?;
@@ -132,13 +138,24 @@ pub fn conduct(
         let name = format!("{}-{}{part}", campaign.scenario, kind.name);
         settings.out.clone().unwrap_or_else(|| runs_folder(&name))
     });
-    let mut folder = Folder::create(out.as_deref(), &campaign, settings.shard)?;
+    let (mut folder, before) = match out.as_deref().filter(|_| settings.resume) {
+        Some(out) if navfuse_campaign::is_complete(out, &campaign, settings.shard) => {
+            output::warn(format_args!("{}: this campaign is complete", out.display()));
+            return Ok(None);
+        }
+        Some(out) => Folder::resume(out, &campaign, settings.shard)?,
+        None => (Folder::with_journal(out.as_deref(), &campaign, settings.shard)?, 0),
+    };
+    if before > 0 {
+        output::warn(format_args!("resumed after {}", counted(before, "job")));
+    }
     let bar = Bar::new(settings.format == Format::Text);
-    let done = execute(
+    let done = execute_rest(
         &campaign,
         registry,
         &document,
         (settings.shard, threads),
+        before,
         stop,
         |jobs| bar.campaign(jobs),
         |record| folder.add(record),
@@ -146,7 +163,7 @@ pub fn conduct(
     bar.done();
     let done = done?;
     let results = folder.finish(done)?;
-    Ok(Conducted { campaign, results, out, done })
+    Ok(Some(Conducted { campaign, results, out, done }))
 }
 
 /// Runs a campaign and prints its results.
@@ -158,10 +175,12 @@ pub fn run(
     kind: &Kind<'_>,
 ) -> Result<ExitCode> {
     let clock = Instant::now();
-    let stop = stop_on_ctrl_c();
+    let stop = stop_on_signal();
     let text = settings.format == Format::Text;
-    let Conducted { campaign, results, out, done } =
-        conduct(registry, path, settings, options, kind, &stop)?;
+    let conducted = conduct(registry, path, settings, options, kind, &stop)?;
+    let Some(Conducted { campaign, results, out, done }) = conducted else {
+        return Ok(ExitCode::SUCCESS);
+    };
     match (&results, &out) {
         (Some(results), _) => report(&campaign, results, kind, out.as_deref(), text)?,
         (None, Some(out)) => part(settings.shard, done, out, text),
@@ -178,7 +197,8 @@ pub fn run(
                 "and these were written; `navfuse merge` needs the whole part, so run it again"
             }
         };
-        output::warn(format_args!("interrupted: {done} of {asked} jobs were done, {what}"));
+        let how = if out.is_some() { "; --resume continues after them" } else { "" };
+        output::warn(format_args!("interrupted: {done} of {asked} jobs were done, {what}{how}"));
         return Ok(ExitCode::from(INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
@@ -195,8 +215,12 @@ pub fn run_several(
         let message = "a part belongs to one scenario; give one, or leave --shard out";
         return Err(CommandError::argument(format!("--shard {shard}"), message));
     }
+    if settings.resume {
+        let message = "a campaign of one scenario resumes; give one, or leave --resume out";
+        return Err(CommandError::argument("--resume", message));
+    }
     let clock = Instant::now();
-    let stop = stop_on_ctrl_c();
+    let stop = stop_on_signal();
     let text = settings.format == Format::Text;
     let mut all: Vec<Conducted> = Vec::with_capacity(paths.len());
     let mut total = JobCount { done: 0, asked: 0 };
@@ -206,9 +230,11 @@ pub fn run_several(
         let mut own = settings.clone();
         let stem = path.file_stem().unwrap_or_default();
         own.out = settings.out.as_ref().map(|out| out.join(stem));
-        let one = conduct(registry, path, &own, options.clone(), &kind, &stop)?;
+        let Some(one) = conduct(registry, path, &own, options.clone(), &kind, &stop)? else {
+            continue;
+        };
         if let (Some(results), Some(out)) = (&one.results, &one.out) {
-            draw(&one.campaign, results, &kind, out)?;
+            draw(&one.campaign, results, &kind, Some(out), &mut Vec::new())?;
         }
         total.done += one.done.done;
         total.asked += one.done.asked;
@@ -263,35 +289,8 @@ fn counted(count: usize, what: &str) -> String {
     if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }
 
-/// Draws the results into the folder; returns the files.
-fn draw(
-    campaign: &Campaign,
-    results: &Results,
-    kind: &Kind<'_>,
-    out: &Path,
-) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    let figures = navfuse_campaign::figures(campaign, results, |c| kind.shown.shows(c));
-    for figure in &figures {
-        let path = out.join(format!("{}.svg", figure.name));
-        std::fs::write(&path, navfuse_figures::svg(figure)?)
-            .map_err(CommandError::cannot_write(&path))?;
-        files.push(path);
-    }
-    #[cfg(feature = "rerun")]
-    if campaign.keys.is_empty() {
-        let path = out.join("campaign.rrd");
-        navfuse_viewer::figures::record(
-            &path,
-            &format!("{} {}", campaign.scenario, kind.name),
-            &figures,
-        )?;
-        files.push(path);
-    }
-    Ok(files)
-}
-
-/// Prints the results and draws them.
+/// Prints the results and draws them. A figure that cannot be written is an error after the tables
+/// have been printed.
 pub fn report(
     campaign: &Campaign,
     results: &Results,
@@ -300,14 +299,41 @@ pub fn report(
     text: bool,
 ) -> Result<()> {
     let mut files = results.files.clone();
-    if let Some(out) = out {
-        files.extend(draw(campaign, results, kind, out)?);
-    }
+    let drawn = draw(campaign, results, kind, out, &mut files);
     if text {
         show::results(campaign, results, kind.shown, kind.scenario);
         show::files(&files, out);
     } else {
         output::line(serde_json::to_string(&results.report)?);
+    }
+    drawn
+}
+
+/// Draws the results, and adds the paths of the figures to `files`.
+fn draw(
+    campaign: &Campaign,
+    results: &Results,
+    kind: &Kind<'_>,
+    out: Option<&Path>,
+    files: &mut Vec<PathBuf>,
+) -> Result<()> {
+    if let Some(out) = out {
+        let figures = navfuse_campaign::figures(campaign, results, |c| kind.shown.shows(c));
+        for figure in &figures {
+            let path = out.join(format!("{}.svg", figure.name));
+            output::write(&path, &navfuse_figures::svg(figure)?)?;
+            files.push(path);
+        }
+        #[cfg(feature = "rerun")]
+        if campaign.keys.is_empty() {
+            let path = out.join("campaign.rrd");
+            navfuse_viewer::figures::record(
+                &path,
+                &format!("{} {}", campaign.scenario, kind.name),
+                &figures,
+            )?;
+            files.push(path);
+        }
     }
     Ok(())
 }

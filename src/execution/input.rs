@@ -2,6 +2,8 @@
 
 use crate::error::{CommandError, Result};
 use navfuse_core::document::Document;
+use navfuse_core::files::part_of;
+use navfuse_core::plugin::Kind;
 use navfuse_core::units::Time as Duration;
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
@@ -11,25 +13,49 @@ use std::path::{Path, PathBuf};
 /// The scenario at a path, and the settings that it needs: for a log, the setting that makes the
 /// log the source of samples.
 pub fn document_of(path: &Path) -> Result<(Document, Vec<String>)> {
-    if !has_extension(path, "mcap") {
+    if !is_log(path) {
         return Ok((Document::from_file(path)?, Vec::new()));
     }
     let (document, source) = of_log(path, None)?;
     Ok((document, vec![source]))
 }
 
+/// The error of a log that cannot be opened. A run that was killed leaves a part of its log.
+pub fn missing_log(log: &Path) -> impl FnOnce(std::io::Error) -> CommandError {
+    let remedy = if part_of(log).is_file() {
+        "; the run was killed before the log was whole: name the file that ends in .part, which has \
+         everything until then"
+    } else {
+        ""
+    };
+    CommandError::file(log, "cannot be read", remedy)
+}
+
 /// The scenario of a log, or another one, and the setting that makes the log its source.
 pub fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)> {
-    let path = std::fs::canonicalize(log).map_err(CommandError::file(log, "cannot be read", ""))?;
+    let path = std::fs::canonicalize(log).map_err(missing_log(log))?;
     let document = match scenario {
         Some(path) => Document::from_file(path)?,
         None => {
             let info = navfuse_mcap::read_scenario(log)?;
             let name = path.with_file_name(format!("{}.toml", folder_name(&info.name)));
-            Document::parse(name.display().to_string(), info.scenario)?
+            let name = name.display().to_string();
+            let mut document = Document::parse(name.clone(), info.scenario)?;
+            // a sink writes files, opens connections and starts a viewer: whoever replays a log,
+            // perhaps of a stranger, decides about that, not the log
+            if document.remove(Kind::Sink.table()) {
+                document = Document::parse(name, document.to_toml())?;
+            }
+            document
         }
     };
     Ok((document, format!("source={{ mcap = {{ path = {:?} }} }}", path.display().to_string())))
+}
+
+/// True for the path of a log, which may be the part of one that a killed run left.
+fn is_log(path: &Path) -> bool {
+    let whole = if has_extension(path, "part") { path.with_extension("") } else { path.to_owned() };
+    has_extension(&whole, "mcap")
 }
 
 /// True for a path with this extension, in capital or small letters.

@@ -2,10 +2,11 @@
 
 use crate::error::{CommandError, Result};
 use crate::execution::input::runs_folder;
-use crate::output::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
+use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::{self, Format};
 use clap::Args;
 use navfuse_core::document::Document;
+use navfuse_core::files::FolderLock;
 use navfuse_core::model::record::Level;
 use navfuse_core::plugin::{Kind, Registry};
 use navfuse_core::run::runner;
@@ -77,9 +78,10 @@ pub fn execute(
         let sink = viewer(registry, &scenario, option)?;
         scenario.set(&format!("sink.{sink}.{assignment}"))?;
     }
-    let folder = output_folder(&scenario, options)?;
+    let folder = output_folder(&scenario, options);
+    let _lock = folder.as_deref().map(FolderLock::take).transpose()?;
     let assembly = scenario.assemble(folder.as_deref())?;
-    let stop = stop_on_ctrl_c();
+    let stop = stop_on_signal();
     let text = options.format == Format::Text;
     let bar = Bar::new(text);
     let finished = runner::run(assembly, &stop, |progress| bar.run(progress));
@@ -124,18 +126,10 @@ fn key(name: &str) -> String {
     if name.chars().all(bare) { name.to_owned() } else { format!("{name:?}") }
 }
 
-/// Makes the folder that the sinks write into.
-fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Result<Option<PathBuf>> {
-    if options.no_output {
-        return Ok(None);
-    }
-    let folder = options.out.clone().unwrap_or_else(|| runs_folder(&scenario.name()));
-    std::fs::create_dir_all(&folder).map_err(CommandError::file(
-        &folder,
-        "the output folder cannot be made",
-        "; give another with --out, or --no-output",
-    ))?;
-    Ok(Some(folder))
+/// The folder that the sinks write into.
+fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Option<PathBuf> {
+    let default = || runs_folder(&scenario.name());
+    (!options.no_output).then(|| options.out.clone().unwrap_or_else(default))
 }
 
 fn print(finished: &Finished, text: bool) -> Result<()> {

@@ -2,14 +2,15 @@
 
 use super::line;
 use crate::error::{CommandError, Result};
+use navfuse_core::files::write_whole;
 use std::path::Path;
 
-/// Writes a file and makes the folder around it.
+/// Writes a file whole or not at all, and makes the folder around it.
 pub fn write(path: &Path, text: &str) -> Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
     folder
         .map_or(Ok(()), std::fs::create_dir_all)
-        .and_then(|()| std::fs::write(path, text))
+        .and_then(|()| write_whole(path, text.as_bytes()))
         .map_err(CommandError::file(path, "cannot be written", "; give another place with --out"))
 }
 

@@ -8,7 +8,7 @@ pub mod scenarios;
 mod tables;
 
 pub use files::{write, write_files};
-pub use tables::{line, right, table, warn};
+pub use tables::{check_standard_output, line, right, table, warn};
 
 use clap::ValueEnum;
 

@@ -1,21 +1,45 @@
-//! The progress bar, and Ctrl-C.
+//! The progress bar, and the signals that end a command.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use navfuse_campaign::JobCount;
 use navfuse_core::run::runner::Progress;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-/// Exit code of an interrupted command, as a shell defines it.
+/// Exit code of an interrupted command, as a shell defines it for Ctrl-C.
 pub const INTERRUPTED: u8 = 130;
 
-/// A flag that Ctrl-C sets, so that a run ends in order. If the handler cannot be installed, Ctrl-C
-/// ends the process at once.
-pub fn stop_on_ctrl_c() -> Arc<AtomicBool> {
+/// A flag that Ctrl-C and the signals SIGTERM and SIGHUP set, so that a run ends in order. Where a
+/// handler cannot be installed, the signal ends the process at once.
+pub fn stop_on_signal() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).ok();
+    install(&stop);
     stop
+}
+
+#[cfg(unix)]
+fn install(stop: &Arc<AtomicBool>) {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    // `nohup` starts a program that is not to end with its terminal
+    let hangs_up = ignored_signals() & (1 << (SIGHUP - 1)) == 0;
+    for signal in [SIGINT, SIGTERM].into_iter().chain(hangs_up.then_some(SIGHUP)) {
+        signal_hook::flag::register(signal, Arc::clone(stop)).ok();
+    }
+}
+
+/// The signals that the process was started to ignore, bit n - 1 for signal n, where the system
+/// lists them.
+#[cfg(unix)]
+fn ignored_signals() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+}
+
+#[cfg(not(unix))]
+fn install(stop: &Arc<AtomicBool>) {
+    let flag = Arc::clone(stop);
+    ctrlc::set_handler(move || flag.store(true, std::sync::atomic::Ordering::Relaxed)).ok();
 }
 
 /// The progress bar, on standard error.

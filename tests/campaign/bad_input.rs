@@ -75,7 +75,7 @@ fn an_output_folder_that_is_a_file_is_named() {
     let out = file.display().to_string();
     fails_with(
         &["monte-carlo", &path("quickstart"), "--runs=1", "--out", &out],
-        &[&out, "--out", "cannot be created"],
+        &[&out, "--out", "cannot be made"],
     );
     assert_eq!(std::fs::read_to_string(&file).expect("it is there"), "mine");
 }
@@ -231,6 +231,18 @@ fn damaged_parts_are_named_with_the_remedy() {
         |_| Some(other.clone()),
         &[&parts.at("2"), "bounds.parquet", "part 2/3"],
     );
+    // one bit: in the middle of the numbers, which are compressed, and near the end
+    for file in [runs, bounds] {
+        for place in [3, 9] {
+            let flip = |bytes: &[u8]| {
+                let mut bytes = bytes.to_vec();
+                let at = bytes.len() * place / 10;
+                bytes[at] ^= 0x10;
+                Some(bytes)
+            };
+            parts.damaged(file, flip, &[&parts.at(file), "again"]);
+        }
+    }
     // undamaged, they are one campaign
     let [one, two, three] = ["1", "2", "3"].map(|name| parts.at(name));
     output(&["merge", &one, &two, &three, "--out", &parts.at("merged")]);

@@ -1,8 +1,9 @@
-//! Ctrl-C in the middle of a campaign.
+//! Ctrl-C in the middle of a campaign, and worse.
 #![cfg(unix)]
 
 use crate::common::{command, navfuse, stderr};
-use crate::{json, path, table};
+use crate::same::files;
+use crate::{SHORT, json, output, path, table};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -23,7 +24,7 @@ fn interrupt(folder: &Path, more: &[&str]) -> Output {
     let child =
         campaign.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the command starts");
     let begun = Instant::now();
-    while std::fs::metadata(folder.join("runs.parquet")).map_or(0, |m| m.len()) < 100_000 {
+    while std::fs::metadata(folder.join("runs.parquet.part")).map_or(0, |m| m.len()) < 100_000 {
         assert!(begun.elapsed() < Duration::from_secs(60), "no runs are written");
         std::thread::sleep(Duration::from_millis(5));
     }
@@ -81,4 +82,40 @@ fn an_interrupted_part_names_the_remedy_and_is_not_merged() {
         format!("part 1/2 was interrupted after {} of 50000 jobs; run it again", log["done"]);
     assert!(!output.status.success() && message.contains(&expected), "{message}");
     assert!(!merged.exists());
+}
+
+#[test]
+fn a_killed_campaign_resumes_to_the_same_bytes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(name));
+    let quickstart = path("quickstart");
+    let campaign = [&["monte-carlo", &quickstart, "--runs=40", "--jobs=2"], &SHORT[..]].concat();
+    let into = |out: &Path, more: &[&str]| {
+        let out = out.display().to_string();
+        output(&[&campaign, more, &["--out", &out]].concat())
+    };
+    into(&whole, &[]);
+    let mut started = command();
+    let child = started.args(&campaign).arg("--out").arg(&killed).stdout(Stdio::null()).spawn();
+    let mut child = child.expect("the command starts");
+    let journal = killed.join("campaign.journal");
+    let begun = Instant::now();
+    while std::fs::metadata(&journal).map_or(0, |m| m.len()) < 100_000 {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no journal is written");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().expect("it can be killed"); // SIGKILL
+    child.wait().expect("it ends");
+    assert!(!killed.join("campaign.json").exists(), "it was killed before its end");
+    let other = ["--seed=9", "--resume", "--out", &killed.display().to_string()];
+    let refused = stderr(&navfuse(&[&campaign, &other[..]].concat()));
+    assert!(refused.contains("campaign.journal") && refused.contains("--seed"), "{refused}");
+    into(&killed, &["--resume"]);
+    std::fs::remove_dir_all(killed.join("earlier")).expect("the table of runs was cut off");
+    assert!(files(&killed) == files(&whole));
+    // once it is complete, nothing is left to do
+    let report = std::fs::metadata(killed.join("report.json")).and_then(|m| m.modified());
+    into(&killed, &["--resume"]);
+    let again = std::fs::metadata(killed.join("report.json")).and_then(|m| m.modified());
+    assert_eq!(report.ok(), again.ok());
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 ///
 /// `campaign.rrd` is left out: the viewer's library gives every recording a random id, so that even
 /// the same command never writes the same bytes twice. Its figures are those of the SVG files.
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries =
         std::fs::read_dir(folder).expect("the folder is there").map(|e| e.expect("a file").path());
     let named = entries

@@ -96,6 +96,12 @@ impl Document {
         Ok(())
     }
 
+    /// Removes a table or value at the top of the document; returns `true` if there was one.
+    pub fn remove(&mut self, key: &str) -> bool {
+        let table = self.value.as_table_mut();
+        table.is_some_and(|table| table.remove(key).is_some())
+    }
+
     /// The document as a node.
     pub fn root(&self) -> Node<'_> {
         Node::root(&self.places, &self.value)

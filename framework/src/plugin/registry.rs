@@ -2,6 +2,7 @@
 
 use crate::compose::{Composer, Composition};
 use crate::document::{DocumentError, Node};
+use crate::files::FolderError;
 use crate::model::error::ComposeError;
 use crate::model::process::BuiltProcess;
 use crate::model::sensor::Role;
@@ -238,6 +239,9 @@ pub enum BuildError {
     /// The plugins do not fit together.
     #[error(transparent)]
     Plugin(#[from] PluginError),
+    /// The folder of the results cannot be written into.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
 }
 
 type ForComposer<T> =

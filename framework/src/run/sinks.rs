@@ -1,6 +1,7 @@
 //! Opening the sinks of a scenario, once none of their files collides with another.
 
 use crate::document::{Document, DocumentError, Node};
+use crate::files::{FolderError, keep_earlier};
 use crate::model::stream::NamedSink;
 use crate::plugin::{BuildError, Entry, Make, OpenContext, PreparedSink};
 use crate::run::parts::Part;
@@ -69,11 +70,14 @@ fn resolved(path: &Path) -> PathBuf {
     }
 }
 
-/// Opens the sinks, each with its name.
+/// Opens the sinks, each with its name. Files of an earlier run are kept beside.
 pub(crate) fn open(
     sinks: Vec<Prepared<'_>>,
     context: &OpenContext<'_>,
 ) -> Result<Vec<NamedSink>, BuildError> {
+    let files = sinks.iter().flat_map(|s| &s.sink.files);
+    keep_earlier(&context.output, files)
+        .map_err(|source| FolderError::Keep { path: context.output.clone(), source })?;
     let mut open = Vec::new();
     for Prepared { name, node, sink } in sinks {
         let sink = (sink.open)(context).map_err(|e| node.error(e))?;

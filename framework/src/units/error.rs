@@ -62,4 +62,12 @@ pub enum UnitError {
         /// The text as found.
         text: String,
     },
+    /// A value in a scenario that is too large to be meant.
+    #[error("found \"{text}\", which is beyond {limit}; check the number and its unit")]
+    TooLarge {
+        /// The value as printed.
+        text: String,
+        /// The largest value, in SI.
+        limit: String,
+    },
 }

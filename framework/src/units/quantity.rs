@@ -11,6 +11,10 @@ use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
 
+/// Largest magnitude of a quantity in a scenario, in SI. The square of a prior of this size, 1e24, is
+/// 1e8 times what 16 digits hold beside a variance of 1.
+pub(super) const LARGEST: f64 = 1e12;
+
 /// A physical quantity in SI. The parameters are the exponents of length, mass, time, angle and
 /// temperature, counted in halves: a speed is `Quantity<2, 0, -2, 0, 0>`, and a quantity in
 /// m/sqrt(s) is `Quantity<2, 0, -1, 0, 0>`.
@@ -58,6 +62,18 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Quantity<L
             Ok(Self(si))
         } else {
             Err(UnitError::NotFinite { text: text.to_string() })
+        }
+    }
+
+    /// The quantity, unless it is too large to be meant: its square, and sums of such squares, have
+    /// to be numbers.
+    fn plausible(self) -> Result<Self, UnitError> {
+        if self.0.abs() <= LARGEST {
+            Ok(self)
+        } else {
+            let unit = dimension::si_unit(Self::EXPONENTS);
+            let limit = if Self::RATIO { "1e12".to_owned() } else { format!("1e12 {unit}") };
+            Err(UnitError::TooLarge { text: self.to_string(), limit })
         }
     }
 
@@ -155,11 +171,12 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Visitor<'_
         write!(f, "{}, e.g. \"{}\"", dimension::name(exponents), dimension::example(exponents))
     }
     fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
-        text.parse().map_err(E::custom)
+        text.parse().and_then(Self::Value::plausible).map_err(E::custom)
     }
     fn visit_f64<E: Error>(self, number: f64) -> Result<Self::Value, E> {
         if Self::Value::RATIO {
-            Self::Value::finite(number, number).map_err(E::custom)
+            let ratio = Self::Value::finite(number, number);
+            ratio.and_then(Self::Value::plausible).map_err(E::custom)
         } else {
             Err(E::custom(Self::Value::missing_unit()))
         }

@@ -1,5 +1,6 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test fails by panicking
 
+use super::quantity::LARGEST;
 use super::*;
 use proptest::prelude::*;
 use schemars::JsonSchema;
@@ -183,6 +184,9 @@ fn survives<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8>(si:
     let q = Quantity::<L, M, T, A, K>::from_si(si);
     let text = q.to_string();
     assert_eq!(read::<Quantity<L, M, T, A, K>>(&text).si().to_bits(), si.to_bits(), "{text}");
+    if si.abs() > LARGEST {
+        return; // a scenario cannot have it
+    }
     let table = toml::to_string(&BTreeMap::from([("q", q)])).unwrap();
     let back: BTreeMap<String, Quantity<L, M, T, A, K>> = toml::from_str(&table).unwrap();
     assert_eq!(back["q"].si().to_bits(), si.to_bits(), "{table}");

@@ -10,6 +10,7 @@
 //! **Sink.** `estimate.csv` has one row for each epoch, `innovations.csv` one for each measurement;
 //! see [`sink`].
 
+mod bounded;
 mod cells;
 pub mod config;
 mod headings;

@@ -15,6 +15,7 @@
 
 use crate::time::write_seconds;
 use csv::Writer;
+use navfuse_core::files::WholeFile;
 use navfuse_core::model::record::{Epoch, Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -25,7 +26,6 @@ use navfuse_core::units::sample::MAX_CHANNELS;
 use navfuse_core::units::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::fs::File;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -63,19 +63,35 @@ impl SinkType for CsvSink {
 /// A file, written cell by cell.
 struct Table {
     path: PathBuf,
-    writer: Writer<File>,
+    /// Until the file is whole.
+    writer: Option<Writer<WholeFile>>,
     /// The text of one cell.
     cell: Vec<u8>,
 }
 
 impl Table {
     fn create(path: PathBuf) -> Result<Self, StreamError> {
-        let writer = Writer::from_path(&path).map_err(|e| StreamError::write(&path, e))?;
-        Ok(Self { path, writer, cell: Vec::new() })
+        let file = WholeFile::create(&path).map_err(|e| StreamError::write(&path, e))?;
+        Ok(Self { path, writer: Some(Writer::from_writer(file)), cell: Vec::new() })
+    }
+
+    fn write(
+        &mut self,
+        write: impl FnOnce(&mut Writer<WholeFile>) -> csv::Result<()>,
+    ) -> Result<(), StreamError> {
+        let Some(writer) = &mut self.writer else {
+            return Err(StreamError::write(&self.path, "it is closed"));
+        };
+        let written = write(writer);
+        if written.is_err() {
+            // a table with a hole never takes its name
+            self.writer = None;
+        }
+        written.map_err(|e| StreamError::write(&self.path, e))
     }
 
     fn bytes(&mut self, cell: &[u8]) -> Result<(), StreamError> {
-        self.writer.write_field(cell).map_err(|e| StreamError::write(&self.path, e))
+        self.write(|writer| writer.write_field(cell))
     }
 
     /// Writes a number that reads back to the same bits; a number that is not finite is an empty
@@ -102,15 +118,19 @@ impl Table {
     }
 
     fn end_row(&mut self) -> Result<(), StreamError> {
-        self.writer.write_record(None::<&[u8]>).map_err(|e| StreamError::write(&self.path, e))
+        self.write(|writer| writer.write_record(None::<&[u8]>))
     }
 
     fn row<'a>(&mut self, cells: impl IntoIterator<Item = &'a str>) -> Result<(), StreamError> {
-        self.writer.write_record(cells).map_err(|e| StreamError::write(&self.path, e))
+        self.write(|writer| writer.write_record(cells))
     }
 
     fn finish(&mut self) -> Result<String, StreamError> {
-        self.writer.flush().map_err(|e| StreamError::write(&self.path, e))?;
+        let failed = |e: std::io::Error| StreamError::write(&self.path, e);
+        if let Some(writer) = self.writer.take() {
+            let file = writer.into_inner().map_err(|e| failed(e.into_error()))?;
+            file.finish().map_err(failed)?;
+        }
         Ok(self.path.display().to_string())
     }
 }

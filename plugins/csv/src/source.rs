@@ -1,5 +1,6 @@
 //! The source: one stream for each file.
 
+use crate::bounded::Bounded;
 use crate::cells::{ChannelCell, TimeCell, channel_cells, time_cell, usual_header, without_column};
 use crate::config::{Csv, Disorder, FileConfig, Nan};
 use crate::tail;
@@ -91,7 +92,7 @@ struct Problem {
 struct Stream {
     path: PathBuf,
     name: String,
-    reader: Reader<File>,
+    reader: Reader<Bounded>,
     record: ByteRecord,
     headings: Vec<String>,
     sensor: SensorId,
@@ -130,7 +131,7 @@ impl Stream {
                 .with_remedy(format!("set files.{name}.path, or the source's directory"))
         })?;
         let fail = |text: String| StreamError::format(text).in_file(path);
-        let mut reader = builder(config.delimiter).from_reader(file);
+        let mut reader = builder(config.delimiter).from_reader(Bounded::new(file, BUFFER));
         let mut record = ByteRecord::new();
         if !reader.read_byte_record(&mut record).map_err(|e| StreamError::read(path, e))? {
             return Err(fail(format!(
@@ -318,8 +319,10 @@ impl Stream {
 impl Source for Stream {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
         loop {
+            self.reader.get_mut().begin_row();
             let more = self.reader.read_byte_record(&mut self.record);
-            if !more.map_err(|e| StreamError::read(&self.path, e))? {
+            let row = |e| StreamError::read(&self.path, e).on_line(self.reader.position().line());
+            if !more.map_err(row)? {
                 return Ok(false);
             }
             match self.row(sample) {

@@ -6,7 +6,7 @@ use crate::alignment::{
 };
 use crate::error_model::transition;
 use crate::imu::{Imu, SimulatedImu};
-use crate::mechanisation::{Increments, Mechanisation, NavState};
+use crate::mechanisation::{Increments, MAX_LATITUDE_DEG, Mechanisation, NavState};
 use crate::navigation::Navigation;
 use crate::rates::{LastRates, Rates};
 use nalgebra::{Matrix3, Vector3};
@@ -141,6 +141,14 @@ fn start<V: Components>(
     }
 }
 
+/// Rejects an angle beyond a limit in degrees, north or south, east or west.
+fn within(key: &str, angle: Angle, limit: f64) -> Result<(), ComposeError> {
+    if angle.si().abs().to_degrees() <= limit {
+        return Ok(());
+    }
+    Err(ComposeError::new(key, format!("found \"{angle}\"; give a value within {limit} deg")))
+}
+
 impl ProcessType for Strapdown {
     const TYPE: &'static str = "ins";
 
@@ -156,6 +164,8 @@ impl ProcessType for Strapdown {
         let p = &self.position;
         let position = match (p.latitude, p.longitude, p.height) {
             (Some(latitude), Some(longitude), Some(height)) => {
+                within("position.latitude", latitude, MAX_LATITUDE_DEG)?;
+                within("position.longitude", longitude, 360.0)?;
                 Some([latitude.si(), longitude.si(), height.si()])
             }
             (None, None, None) => None,

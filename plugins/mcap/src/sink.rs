@@ -6,6 +6,7 @@ use crate::topics::{Estimate, SensorTopics, Topic, Topics};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{Attachment, WriteOptions, Writer};
+use navfuse_core::files::{WholeFile, part_of};
 use navfuse_core::model::record::{Epoch, Event, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
@@ -16,7 +17,6 @@ use serde::Deserialize;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
@@ -71,7 +71,7 @@ impl SinkType for Mcap {
 pub struct McapSink {
     path: PathBuf,
     compression: Compression,
-    file: Option<File>,
+    file: Option<WholeFile>,
     run: Option<RunInfo>,
     /// Events before the first sample.
     held: Vec<Event>,
@@ -79,16 +79,13 @@ pub struct McapSink {
 }
 
 impl McapSink {
-    /// Creates the file and unlinks an older one of the same name; a program that is reading the
-    /// older log still reads it to the end.
+    /// Creates the part of the file; the file takes its name when the log is whole. A program that
+    /// is reading an older log of the same name still reads it to the end.
     ///
     /// # Errors
     /// When the file cannot be created.
     pub fn create(path: &Path, compression: Compression) -> Result<Self, StreamError> {
-        if std::fs::symlink_metadata(path).is_ok_and(|m| m.is_file()) {
-            std::fs::remove_file(path).map_err(|e| failure(path, e))?;
-        }
-        let file = File::create(path).map_err(|e| failure(path, e))?;
+        let file = WholeFile::create(path).map_err(|e| failure(path, e))?;
         let path = path.to_path_buf();
         Ok(Self {
             path,
@@ -125,15 +122,25 @@ impl McapSink {
         write: impl FnOnce(&mut Recording) -> Result<(), StreamFailure>,
     ) -> Result<(), StreamError> {
         let written = write(self.recording(now)?);
+        if written.is_err() {
+            // a log with a hole never takes its name
+            self.recording = None;
+        }
         written.map_err(|e| failure(&self.path, e))
     }
 }
 
 /// An error of writing the log, with its remedy.
 fn failure(path: &Path, cause: impl Into<Box<dyn Error + Send + Sync>>) -> StreamError {
-    StreamError::write(path, cause).with_remedy(
+    let error = StreamError::write(path, cause).with_remedy(
         "free space there, give another folder with --out, or set sink.mcap.enabled=false",
-    )
+    );
+    let part = part_of(path);
+    if part.is_file() {
+        error.with_remedy(format!("`navfuse replay {}` reads what was written", part.display()))
+    } else {
+        error
+    }
 }
 
 impl Sink for McapSink {
@@ -163,15 +170,17 @@ impl Sink for McapSink {
     }
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        let finished = self.recording(Time::default())?.log.writer.finish();
-        finished.map_err(|e| failure(&self.path, StreamFailure::from(e)))?;
+        self.recording(Time::default())?;
+        if let Some(recording) = self.recording.take() {
+            recording.finish().map_err(|e| failure(&self.path, e))?;
+        }
         Ok(Some(self.path.display().to_string()))
     }
 }
 
 /// The file, and the state of its writer.
 pub(crate) struct LogWriter {
-    writer: Writer<NoSeek<BufWriter<File>>>,
+    writer: Writer<NoSeek<BufWriter<WholeFile>>>,
     buffer: Vec<u8>,
     /// Log time minus run time, ns.
     offset: i64,
@@ -238,7 +247,7 @@ struct Recording {
 
 impl Recording {
     fn begin(
-        file: File,
+        file: WholeFile,
         compression: Compression,
         run: &RunInfo,
         first: Time,
@@ -279,6 +288,15 @@ impl Recording {
         })?;
         let Topics { sensors, estimate, events } = Topics::open(&mut log, run)?;
         Ok(Self { log, sensors, estimate, events })
+    }
+
+    /// Completes the file, which then takes its name.
+    fn finish(self) -> Result<(), StreamFailure> {
+        let mut writer = self.log.writer;
+        writer.finish()?;
+        let file = writer.into_inner().into_inner().into_inner();
+        let file = file.map_err(|e| StreamFailure::Io(e.into_error()))?;
+        file.finish().map_err(StreamFailure::Io)
     }
 
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamFailure> {

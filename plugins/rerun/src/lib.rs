@@ -23,6 +23,7 @@
 
 mod blueprint;
 mod columns;
+mod file;
 mod innovation;
 mod live;
 mod recording;

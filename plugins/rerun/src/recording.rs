@@ -1,11 +1,12 @@
 //! The recording of a run: always a file, and streams to the viewers that watch it.
 
+use crate::file::RecordingFile;
 use crate::live::Live;
 use crate::serve::{self, Served};
 use navfuse_core::model::stream::{StreamError, StreamErrorKind};
 use re_sdk::external::re_log_types::BlueprintActivationCommand;
 use re_sdk::log::{LogMsg, TimeColumn};
-use re_sdk::sink::{FileSink, GrpcSink, IntoMultiSink};
+use re_sdk::sink::{GrpcSink, LogSink};
 use re_sdk::{
     AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, RecordingStreamResult,
     SerializedComponentColumn, StoreId, TimeCell,
@@ -26,6 +27,8 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// file.
 pub struct Recording {
     path: PathBuf,
+    file: RecordingFile,
+    /// The streams to the file and to the viewers.
     streams: Vec<RecordingStream>,
     served: Option<Served>,
 }
@@ -43,10 +46,10 @@ impl Recording {
             })?;
         }
         let id = StoreId::random(re_sdk::StoreKind::Recording, APPLICATION);
-        let sink = FileSink::new(&path).map_err(|e| StreamError::write(&path, e))?;
-        let mut recording = Self { streams: Vec::new(), path, served: None };
-        let file = stream(&id, sink).map_err(|e| recording.error(e))?;
-        recording.streams.push(file);
+        let file = RecordingFile::create(&path).map_err(|e| StreamError::write(&path, e))?;
+        let mut recording = Self { streams: Vec::new(), path, file, served: None };
+        let to_file = stream(&id, recording.file.clone()).map_err(|e| recording.error(e))?;
+        recording.streams.push(to_file);
         for viewer in live.viewers()? {
             let viewer = stream(&id, GrpcSink::new(viewer)).map_err(|e| recording.error(e))?;
             recording.streams.push(viewer);
@@ -66,7 +69,9 @@ impl Recording {
 
     /// An error that names the file.
     pub fn error(&self, cause: impl Into<Box<dyn Error + Send + Sync>>) -> StreamError {
-        StreamError::write(&self.path, cause)
+        StreamError::write(&self.path, cause).with_remedy(
+            "free space there, give another folder with --out, or set sink.rerun.enabled=false",
+        )
     }
 
     /// Sets the name that the viewer shows.
@@ -148,7 +153,9 @@ impl Recording {
     /// When the file cannot be written.
     pub fn flush(&mut self) -> Result<(), StreamError> {
         let Some(file) = self.streams.first() else { return Ok(()) };
-        file.flush_blocking().map_err(|e| self.error(e).with_remedy("is the disk full?"))?;
+        let flushed = file.flush_blocking();
+        self.file.check().map_err(|e| self.error(e))?;
+        flushed.map_err(|e| self.error(e))?;
         let mut k = 0;
         self.streams.retain(|s| {
             k += 1;
@@ -159,28 +166,31 @@ impl Recording {
 
     /// Completes the file, and keeps a server until the process ends; returns the path, with the
     /// address of the page where one is served.
-    pub fn close(&mut self) -> String {
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn close(&mut self) -> Result<String, StreamError> {
         let live = self.streams.split_off(self.streams.len().min(1));
-        self.streams.clear(); // ends the writer, which completes the file
+        self.streams.clear(); // ends the thread that writes
+        let finished = self.file.finish().map_err(|e| self.error(e));
         let path = self.path.display().to_string();
-        match self.served.take() {
+        let place = match self.served.take() {
             None => path,
             Some(served) => {
                 let place = format!("{path}, shown at {}", served.url);
                 serve::keep(live, served);
                 place
             }
-        }
+        };
+        finished.map(|()| place)
     }
 }
 
 /// A stream to one sink. The stream is enabled whatever the environment variable RERUN holds: the
 /// scenario asks for it.
-pub fn stream<S>(id: &StoreId, sink: S) -> RecordingStreamResult<RecordingStream>
-where
-    (S,): IntoMultiSink,
-{
-    let stream = RecordingStreamBuilder::from_store_id(id).enabled(true).set_sinks((sink,))?;
+pub fn stream(id: &StoreId, sink: impl LogSink) -> RecordingStreamResult<RecordingStream> {
+    let sinks: Vec<Box<dyn LogSink>> = vec![Box::new(sink)];
+    let stream = RecordingStreamBuilder::from_store_id(id).enabled(true).set_sinks(sinks)?;
     stream.set_log_time_enabled(false);
     Ok(stream)
 }

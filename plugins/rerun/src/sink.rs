@@ -109,8 +109,7 @@ impl RerunSink {
                 blueprint::messages(run, &self.tabs, true).map_err(|e| self.recording.error(e))?;
             self.recording.layout(&layout, true);
         }
-        self.recording.flush()?;
-        Ok(self.recording.close())
+        self.recording.close()
     }
 }
 

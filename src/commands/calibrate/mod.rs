@@ -1,6 +1,7 @@
 //! `navfuse calibrate`: the methods of the literature, and the filter, on the same samples.
 
 mod apply;
+mod edit;
 mod filter;
 mod outcome;
 mod runs;

@@ -5,7 +5,7 @@ use super::outcome::{Outcome, decimals, unit};
 use super::table::{HEADINGS, NUMBERS, named, settles};
 use crate::error::{CommandError, Result};
 use crate::output;
-use crate::output::progress::{Bar, INTERRUPTED, stop_on_ctrl_c};
+use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use navfuse_campaign::JobCount;
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
@@ -77,7 +77,7 @@ pub fn repeat(
     let (bar, done) = (Bar::new(text), AtomicUsize::new(0));
     let progress = |done| bar.campaign(JobCount { done, asked: seeds.len() });
     progress(0);
-    let stop = stop_on_ctrl_c();
+    let stop = stop_on_signal();
     let results: Result<Vec<_>> = (seeds.par_iter())
         .map(|seed| {
             if stop.load(Ordering::Relaxed) {

@@ -1,8 +1,10 @@
 //! Writing a scenario with the calibration that was found.
 
+use super::edit;
 use crate::error::{CommandError, Result};
 use navfuse_calibration::{CalibrationData, Estimate};
 use navfuse_core::document::Document;
+use navfuse_core::files::write_whole;
 use std::path::Path;
 
 /// Writes the scenario with the estimate. A component that is not determined keeps its value.
@@ -53,5 +55,5 @@ pub fn scenario(
     if (1..4).all(|i| sigma(i) > 0.0) {
         set("misalignment", angles(&value), angles(&sigma))?;
     }
-    std::fs::write(path, document.to_toml()).map_err(CommandError::cannot_write(path))
+    write_whole(path, edit::text(document)?.as_bytes()).map_err(CommandError::cannot_write(path))
 }

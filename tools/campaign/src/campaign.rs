@@ -255,6 +255,13 @@ impl Campaign {
         settings.iter().map(word).collect::<Vec<_>>().join(" ")
     }
 
+    /// The campaign as it is read back from a file: a number with a fraction may differ in its last
+    /// bit.
+    pub(crate) fn read_back(&self) -> Self {
+        let text = serde_json::to_string(self).ok();
+        text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_else(|| self.clone())
+    }
+
     /// Describes the first difference between two campaigns; `None` if their parts belong together.
     pub fn difference(&self, other: &Self) -> Option<String> {
         let properties = |campaign: &Self| {

@@ -1,5 +1,6 @@
 //! Errors of campaigns.
 
+use navfuse_core::files::FolderError;
 use navfuse_core::plugin::BuildError;
 use navfuse_core::run::runner::RunError;
 use std::fmt::Display;
@@ -49,6 +50,9 @@ pub enum CampaignError {
         /// The error of the operating system or of the format.
         source: Option<Source>,
     },
+    /// The folder of the results cannot be used.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
     /// The parts that are to be merged are not a whole campaign.
     #[error("{0}")]
     Parts(String),

@@ -38,18 +38,37 @@ pub fn execute(
     campaign: &Campaign,
     registry: &Registry,
     document: &Document,
+    how: (Option<Shard>, usize),
+    stop: &AtomicBool,
+    progress: impl FnMut(JobCount),
+    each: impl FnMut(Record) -> Result<(), CampaignError>,
+) -> Result<JobCount, CampaignError> {
+    execute_rest(campaign, registry, document, how, 0, stop, progress, each)
+}
+
+/// Executes the jobs after the first `done`, as [`execute`] does.
+///
+/// # Errors
+/// As [`execute`].
+#[expect(clippy::too_many_arguments, reason = "those of `execute` and one more")]
+pub fn execute_rest(
+    campaign: &Campaign,
+    registry: &Registry,
+    document: &Document,
     (shard, threads): (Option<Shard>, usize),
+    done: usize,
     stop: &AtomicBool,
     mut progress: impl FnMut(JobCount),
     mut each: impl FnMut(Record) -> Result<(), CampaignError>,
 ) -> Result<JobCount, CampaignError> {
-    let jobs = campaign.jobs(shard);
+    let mut jobs = campaign.jobs(shard);
+    let mut count = JobCount { done, asked: jobs.len() };
+    let jobs = jobs.split_off(done.min(count.asked));
     let threads = threads.clamp(1, jobs.len().max(1));
     let columns = Arc::new(campaign.columns.clone());
     let failed = AtomicBool::new(false);
     let over = || stop.load(Ordering::Relaxed) || failed.load(Ordering::Relaxed);
     let next = AtomicUsize::new(0);
-    let mut count = JobCount { done: 0, asked: jobs.len() };
     progress(count);
     std::thread::scope(|scope| {
         // the channel is bounded: a slow reader makes the workers wait, and memory stays small

@@ -4,12 +4,15 @@ use crate::CampaignError;
 use crate::campaign::{Campaign, Shard};
 use crate::columns::Columns;
 use crate::execute::JobCount;
+use crate::journal::{JOURNAL, Journal};
 use crate::record::{Record, Row};
 use crate::report::CampaignReport;
 use crate::statistics::PointStatistics;
 use crate::sweep;
 use crate::tables::{Names, TableWriter};
+use navfuse_core::files::{FolderError, FolderLock, keep_earlier, write_whole};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub const CAMPAIGN: &str = "campaign.json";
@@ -43,6 +46,8 @@ pub struct Log {
     /// Requested jobs.
     pub asked: usize,
     pub failures: Vec<Failure>,
+    /// CRC-32 of the tables from which a campaign is merged.
+    pub checksums: BTreeMap<String, String>,
     #[serde(rename = "plan")]
     pub campaign: Campaign,
 }
@@ -64,6 +69,8 @@ pub struct Results {
     pub points: Vec<PointStatistics>,
     /// Written files.
     pub files: Vec<PathBuf>,
+    /// Keeps other programs out of the folder as long as files are added to it.
+    _lock: Option<FolderLock>,
 }
 
 /// Writes the records of a campaign, which arrive in order.
@@ -72,13 +79,16 @@ pub struct Folder {
     campaign: Campaign,
     shard: Option<Shard>,
     runs: Option<TableWriter>,
+    journal: Option<Journal>,
+    lock: Option<FolderLock>,
     pub(crate) points: Vec<PointStatistics>,
     failures: Vec<Failure>,
 }
 
 impl Folder {
     /// Creates a folder to write into; without a path, the records are only summed up. The records
-    /// of a shard are written, but not summed up.
+    /// of a shard are written, but not summed up. The files of an earlier campaign are moved into
+    /// the folder `earlier`.
     ///
     /// # Errors
     /// Returns an error if the folder or a file cannot be written.
@@ -87,20 +97,66 @@ impl Folder {
         campaign: &Campaign,
         shard: Option<Shard>,
     ) -> Result<Self, CampaignError> {
+        let lock = path.map(FolderLock::take).transpose()?;
+        Self::begin(path, campaign, shard, lock, &[JOURNAL])
+    }
+
+    /// Creates a folder as [`Folder::create`] does, with a journal of the records, from which
+    /// [`Folder::resume`] continues.
+    ///
+    /// # Errors
+    /// As [`Folder::create`].
+    pub fn with_journal(
+        path: Option<&Path>,
+        campaign: &Campaign,
+        shard: Option<Shard>,
+    ) -> Result<Self, CampaignError> {
+        let mut folder = Self::create(path, campaign, shard)?;
+        folder.journal = path.map(|path| Journal::create(path, campaign, shard)).transpose()?;
+        Ok(folder)
+    }
+
+    /// Resumes the campaign in a folder after its last complete record, and returns the number of
+    /// its records. Without a journal it begins the campaign.
+    ///
+    /// # Errors
+    /// As [`Folder::create`], and if the journal is of another campaign.
+    pub fn resume(
+        path: &Path,
+        campaign: &Campaign,
+        shard: Option<Shard>,
+    ) -> Result<(Self, usize), CampaignError> {
+        if !path.join(JOURNAL).exists() {
+            return Ok((Self::with_journal(Some(path), campaign, shard)?, 0));
+        }
+        let lock = FolderLock::take(path)?;
+        let mut folder = Self::begin(Some(path), campaign, shard, Some(lock), &[])?;
+        match Journal::resume(path, campaign, shard, |record| folder.add(record))? {
+            Some((journal, count)) => {
+                folder.journal = Some(journal);
+                Ok((folder, count))
+            }
+            // it was killed before the first record
+            None => {
+                folder.journal = Some(Journal::create(path, campaign, shard)?);
+                Ok((folder, 0))
+            }
+        }
+    }
+
+    /// Moves the files of an earlier campaign, and `more`, away, so that no old result stays beside
+    /// the new ones, and begins the table of runs.
+    fn begin(
+        path: Option<&Path>,
+        campaign: &Campaign,
+        shard: Option<Shard>,
+        lock: Option<FolderLock>,
+        more: &[&str],
+    ) -> Result<Self, CampaignError> {
         let mut runs = None;
         if let Some(path) = path {
-            std::fs::create_dir_all(path).map_err(|e| {
-                CampaignError::file_with(
-                    path,
-                    e,
-                    "the output folder cannot be created; give another with --out",
-                )
-            })?;
-            // remove the files of an earlier campaign, so that no old result stays beside the new
-            // ones
-            for name in ALL {
-                std::fs::remove_file(path.join(name)).ok();
-            }
+            keep_earlier(path, ALL.iter().chain(more))
+                .map_err(|source| FolderError::Keep { path: path.to_owned(), source })?;
             if campaign.runs > 0 {
                 runs = Some(TableWriter::create(&path.join(RUNS), &run_names(&campaign.columns))?);
             }
@@ -111,6 +167,8 @@ impl Folder {
             campaign: campaign.clone(),
             shard,
             runs,
+            journal: None,
+            lock,
             points,
             failures: Vec::new(),
         })
@@ -121,6 +179,9 @@ impl Folder {
     /// # Errors
     /// Returns an error if the record cannot be written.
     pub fn add(&mut self, record: Record) -> Result<(), CampaignError> {
+        if let Some(journal) = &mut self.journal {
+            journal.add(&record)?;
+        }
         match record {
             Record::Bound(bound) => {
                 let point = bound.point;
@@ -153,22 +214,24 @@ impl Folder {
     /// Returns an error if a file cannot be written.
     pub fn finish(mut self, done: JobCount) -> Result<Option<Results>, CampaignError> {
         let mut files = Vec::new();
+        let mut checksums = BTreeMap::new();
         if let (Some(table), Some(path)) = (self.runs.take(), &self.path) {
-            table.finish()?;
+            checksums.insert(RUNS.to_owned(), table.finish()?);
             files.push(path.join(RUNS));
         }
         self.failures.sort_by_key(|f| (f.point, f.run));
         if let Some(path) = &self.path {
-            self.write_bounds(&path.join(BOUNDS))?;
+            checksums.insert(BOUNDS.to_owned(), self.write_bounds(&path.join(BOUNDS))?);
             let (campaign, failures) = (self.campaign.clone(), self.failures.clone());
             let shard = self.shard.map(|s| s.to_string());
-            write_json(
-                &path.join(CAMPAIGN),
-                &Log { shard, done: done.done, asked: done.asked, failures, campaign },
-            )?;
+            let JobCount { done, asked } = done;
+            let log = Log { shard, done, asked, failures, checksums, campaign };
+            write_json(&path.join(CAMPAIGN), &log)?;
             files.extend([BOUNDS, CAMPAIGN].map(|name| path.join(name)));
         }
+        let journal = self.journal.take().filter(|_| !done.interrupted());
         if self.shard.is_some() {
+            journal.map_or(Ok(()), Journal::remove)?;
             return Ok(None);
         }
         let report = CampaignReport::new(&self.campaign, &self.points);
@@ -183,10 +246,11 @@ impl Folder {
                 files.extend(sweep::write(path, &report)?);
             }
         }
-        Ok(Some(Results { report, points: self.points, files }))
+        journal.map_or(Ok(()), Journal::remove)?;
+        Ok(Some(Results { report, points: self.points, files, _lock: self.lock }))
     }
 
-    fn write_bounds(&self, path: &Path) -> Result<(), CampaignError> {
+    fn write_bounds(&self, path: &Path) -> Result<String, CampaignError> {
         let mut table = TableWriter::create(path, &bound_names(&self.campaign.columns))?;
         for bound in self.points.iter().filter_map(|p| p.bound.as_ref()) {
             for (epoch, time, filtered, smoothed) in &bound.rows {
@@ -243,8 +307,19 @@ impl Folder {
                 table.push(&[], &[number as i64, epoch, runs], &row)?;
             }
         }
-        table.finish()
+        table.finish().map(drop)
     }
+}
+
+/// True if a folder holds this campaign, or this part of it, with all its jobs.
+pub fn is_complete(folder: &Path, campaign: &Campaign, shard: Option<Shard>) -> bool {
+    let text = std::fs::read_to_string(folder.join(CAMPAIGN)).ok();
+    let log: Option<Log> = text.and_then(|text| serde_json::from_str(&text).ok());
+    log.is_some_and(|log| {
+        log.done == log.asked
+            && log.shard == shard.map(|s| s.to_string())
+            && log.campaign.difference(&campaign.read_back()).is_none()
+    })
 }
 
 pub fn run_names(columns: &Columns) -> Names {
@@ -267,5 +342,5 @@ pub fn bound_names(columns: &Columns) -> Names {
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), CampaignError> {
     let text = serde_json::to_string_pretty(value).map_err(|e| CampaignError::file(path, e))?;
-    std::fs::write(path, text + "\n").map_err(|e| CampaignError::file(path, e))
+    write_whole(path, (text + "\n").as_bytes()).map_err(|e| CampaignError::file(path, e))
 }

@@ -7,7 +7,7 @@ use crate::folder::{
     BOUNDS, CAMPAIGN, Failure, Folder, Log, RUNS, Results, bound_names, run_names,
 };
 use crate::record::{BoundRecord, Record, Row, RunRecord};
-use crate::tables::TableReader;
+use crate::tables::{Names, TableReader, checksum};
 use std::path::{Path, PathBuf};
 
 fn read_log(folder: &Path) -> Result<Log, CampaignError> {
@@ -71,10 +71,30 @@ impl<'a> Part<'a> {
         if done < asked {
             let shard = self.shard;
             return Err(self.error(format!(
-                "part {shard} was interrupted after {done} of {asked} jobs; run it again"
+                "part {shard} was interrupted after {done} of {asked} jobs; run it again \
+                 with --resume"
             )));
         }
         Ok(())
+    }
+
+    /// Opens a table, whose bytes have to be those that the campaign wrote.
+    fn table(&self, name: &str, names: &Names) -> Result<TableReader, CampaignError> {
+        let path = self.path.join(name);
+        let table = TableReader::open(&path, names)?;
+        let found = checksum(&path).map_err(|e| CampaignError::file(&path, e))?;
+        match self.log.checksums.get(name) {
+            Some(written) if *written == found => Ok(table),
+            written => Err(CampaignError::content(
+                &path,
+                format!(
+                    "its bytes are not those that part {} wrote: its checksum is {found}, and \
+                     {CAMPAIGN} has {}; copy the part again, or run it again",
+                    self.shard,
+                    written.map_or("none", String::as_str)
+                ),
+            )),
+        }
     }
 
     /// Checks that a file holds the jobs of the part.
@@ -93,8 +113,7 @@ impl<'a> Part<'a> {
     }
 
     fn read_bounds(&self, folder: &mut Folder) -> Result<(), CampaignError> {
-        let reader =
-            TableReader::open(&self.path.join(BOUNDS), &bound_names(&self.log.campaign.columns))?;
+        let reader = self.table(BOUNDS, &bound_names(&self.log.campaign.columns))?;
         let mut found: Vec<Job> = Vec::new();
         reader.groups(|rows| {
             for k in 0..rows.count() {
@@ -125,7 +144,7 @@ impl<'a> Part<'a> {
 
     fn read_runs(&self, folder: &mut Folder) -> Result<(), CampaignError> {
         let campaign = &self.log.campaign;
-        let reader = TableReader::open(&self.path.join(RUNS), &run_names(&campaign.columns))?;
+        let reader = self.table(RUNS, &run_names(&campaign.columns))?;
         let mut failures = self.log.failures.clone();
         let mut found: Vec<Job> = Vec::new();
         let mut current: Option<RunRecord> = None;

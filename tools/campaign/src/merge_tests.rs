@@ -3,6 +3,7 @@
 use super::*;
 use crate::campaign::{InitialErrors, Point};
 use crate::columns::{BlockColumns, Columns, Component};
+use crate::journal::JOURNAL;
 use std::collections::BTreeMap;
 
 const RUNS_ASKED: usize = 6;
@@ -101,5 +102,62 @@ fn failed_runs_are_reported_and_their_shards_merge_to_the_same_bytes() -> Result
         merge(&parts, &out)?;
         assert!(files(&out) == files(&whole), "{count} shards");
     }
+    Ok(())
+}
+
+#[test]
+fn a_campaign_resumes_after_any_cut_of_its_journal_to_the_same_bytes() -> Result<(), CampaignError>
+{
+    let failed = |e| CampaignError::file(Path::new("."), e);
+    let folder = tempfile::tempdir().map_err(failed)?;
+    let (campaign, whole) = (campaign(), folder.path().join("whole"));
+    write(&campaign, None, &whole)?;
+    let jobs = campaign.jobs(None);
+    let killed = folder.path().join("killed");
+    let mut begun = Folder::with_journal(Some(&killed), &campaign, None)?;
+    let mut ends = Vec::new();
+    let journal = killed.join(JOURNAL);
+    let length = || std::fs::metadata(&journal).map(|m| m.len()).map_err(failed);
+    for job in &jobs {
+        ends.push(length()?);
+        begun.add(record(&campaign, *job))?;
+    }
+    drop(begun);
+    let bytes = std::fs::read(&journal).map_err(failed)?;
+    // the end of the definition, one byte before and behind it, and so on for every record
+    let cuts = ends.iter().flat_map(|end| [end - 1, *end, end + 1]).chain([bytes.len() as u64]);
+    for (k, cut) in cuts.enumerate() {
+        for flips in [false, true] {
+            let mut damaged = bytes[..cut as usize].to_vec();
+            damaged.iter_mut().rev().take(usize::from(flips)).for_each(|byte| *byte ^= 1);
+            let path = folder.path().join(format!("{k}-{flips}"));
+            std::fs::create_dir(&path).map_err(failed)?;
+            std::fs::write(path.join(JOURNAL), &damaged).map_err(failed)?;
+            let (mut resumed, done) = Folder::resume(&path, &campaign, None)?;
+            let intact = cut - u64::from(flips);
+            let expected = ends.iter().skip(1).filter(|end| **end <= intact).count()
+                + usize::from(intact >= bytes.len() as u64);
+            assert_eq!(done, expected, "cut at {cut}");
+            for job in &jobs[done..] {
+                resumed.add(record(&campaign, *job))?;
+            }
+            resumed.finish(JobCount { done: jobs.len(), asked: jobs.len() })?;
+            assert!(files(&path) == files(&whole), "cut at {cut}");
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn a_journal_of_another_campaign_is_refused() -> Result<(), CampaignError> {
+    let folder = tempfile::tempdir().map_err(|e| CampaignError::file(Path::new("."), e))?;
+    drop(Folder::with_journal(Some(folder.path()), &campaign(), None)?);
+    let other = Campaign { seed: 3, ..campaign() };
+    let refused = Folder::resume(folder.path(), &other, None).err().map(|e| e.to_string());
+    let refused = refused.unwrap_or_default();
+    assert!(refused.contains("--seed is 2 instead of 3"), "{refused}");
+    let part = Some(Shard { index: 1, count: 2 });
+    let refused = Folder::resume(folder.path(), &campaign(), part).err().map(|e| e.to_string());
+    assert!(refused.unwrap_or_default().contains("the whole instead of part 1/2"));
     Ok(())
 }

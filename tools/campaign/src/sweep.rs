@@ -3,6 +3,7 @@
 use crate::CampaignError;
 use crate::report::{CampaignReport, PointReport};
 use crate::tables::{Names, TableWriter};
+use navfuse_core::files::write_whole;
 use std::path::{Path, PathBuf};
 
 pub const CSV: &str = "sweep.csv";
@@ -39,7 +40,7 @@ pub fn write(folder: &Path, report: &CampaignReport) -> Result<[PathBuf; 2], Cam
     let mut text = report.keys.clone();
     text.push("verdict".into());
     let fail = |e: csv::Error| CampaignError::file(&paths[0], e);
-    let mut csv = csv::Writer::from_path(&paths[0]).map_err(fail)?;
+    let mut csv = csv::Writer::from_writer(Vec::new());
     csv.write_record(text.iter().chain(&real)).map_err(fail)?;
     let mut parquet =
         TableWriter::create(&paths[1], &Names { text, whole: Vec::new(), real: real.clone() })?;
@@ -54,7 +55,8 @@ pub fn write(folder: &Path, report: &CampaignReport) -> Result<[PathBuf; 2], Cam
         let cells = values.iter().map(|v| if v.is_nan() { String::new() } else { v.to_string() });
         csv.write_record(words.iter().map(|w| (*w).to_owned()).chain(cells)).map_err(fail)?;
     }
-    csv.flush().map_err(|e| CampaignError::file(&paths[0], e))?;
+    let table = csv.into_inner().map_err(|e| CampaignError::file(&paths[0], e.into_error()))?;
+    write_whole(&paths[0], &table).map_err(|e| CampaignError::file(&paths[0], e))?;
     parquet.finish()?;
     Ok(paths)
 }

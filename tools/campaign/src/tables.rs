@@ -2,6 +2,7 @@
 //! missing value.
 
 use crate::CampaignError;
+use navfuse_core::files::WholeFile;
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::column::reader::ColumnReader;
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
@@ -12,6 +13,7 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 use parquet::{basic::LogicalType, basic::Repetition, basic::Type as Physical};
 use std::fs::File;
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -57,15 +59,46 @@ impl Rows {
     }
 }
 
+/// A file that is summed up as it is written.
+struct Summed {
+    file: WholeFile,
+    sum: crc32fast::Hasher,
+}
+
+impl Write for Summed {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = self.file.write(bytes)?;
+        self.sum.update(&bytes[..count]);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+/// The CRC-32 of a file, in hexadecimal digits.
+pub fn checksum(path: &Path) -> io::Result<String> {
+    let mut file = File::open(path)?;
+    let mut sum = crc32fast::Hasher::new();
+    let mut block = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut block)? {
+            0 => return Ok(format!("{:08x}", sum.finalize())),
+            count => sum.update(&block[..count]),
+        }
+    }
+}
+
 /// Writes a table.
 pub struct TableWriter {
     path: PathBuf,
-    file: SerializedFileWriter<File>,
+    file: SerializedFileWriter<Summed>,
     rows: Rows,
 }
 
 impl TableWriter {
-    /// Creates an empty table in a new file.
+    /// Creates an empty table in a new file, which takes its name when the table is complete.
     ///
     /// # Errors
     /// Returns an error if the file cannot be created.
@@ -91,7 +124,8 @@ impl TableWriter {
             .set_dictionary_enabled(false)
             .set_statistics_enabled(EnabledStatistics::None)
             .build();
-        let file = File::create(path).map_err(|e| CampaignError::file(path, e))?;
+        let file = WholeFile::create(path).map_err(|e| CampaignError::file(path, e))?;
+        let file = Summed { file, sum: crc32fast::Hasher::new() };
         let file = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))
             .map_err(fail)?;
         Ok(Self { path: path.to_path_buf(), file, rows: Rows::like(names) })
@@ -144,14 +178,17 @@ impl TableWriter {
         Ok(())
     }
 
-    /// Completes the file.
+    /// Completes the file, and returns its [`checksum`].
     ///
     /// # Errors
     /// Returns an error if the file cannot be written.
-    pub fn finish(mut self) -> Result<(), CampaignError> {
+    pub fn finish(mut self) -> Result<String, CampaignError> {
         self.flush()?;
-        self.file.close().map_err(|e| CampaignError::file(&self.path, e))?;
-        Ok(())
+        let path = self.path;
+        let Summed { file, sum } =
+            self.file.into_inner().map_err(|e| CampaignError::file(&path, e))?;
+        file.finish().map_err(|e| CampaignError::file(&path, e))?;
+        Ok(format!("{:08x}", sum.finalize()))
     }
 }
 

@@ -59,9 +59,7 @@ pub fn record(path: &Path, name: &str, figures: &[Figure]) -> Result<(), StreamE
     }
     let messages = layout.messages(Tabs::new(tabs).into()).map_err(|e| recording.error(e))?;
     recording.layout(&messages, false);
-    recording.flush()?;
-    recording.close();
-    Ok(())
+    recording.close().map(drop)
 }
 
 /// Names that differ from each other.

@@ -1,0 +1,9 @@
+//! Results on disk: files that appear once they are whole, and folders that keep earlier results.
+
+mod earlier;
+mod lock;
+mod whole;
+
+pub use earlier::{EARLIER, keep_earlier};
+pub use lock::{FolderError, FolderLock};
+pub use whole::{WholeFile, part_of, write_whole};

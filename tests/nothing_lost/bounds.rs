@@ -1,0 +1,147 @@
+//! Bounds on input: absurd numbers, rows without an end, and few bytes that unpack to many.
+
+use crate::common::recording::Recording;
+use crate::common::{command, scenario, stderr};
+use crate::run;
+use std::io::Write;
+use std::process::{Child, Output, Stdio};
+
+/// Memory that reading a file may take at most, in bytes.
+#[cfg(target_os = "linux")]
+const MEMORY: u64 = 256 << 20;
+
+#[test]
+fn an_absurd_magnitude_is_an_error_that_names_the_key() {
+    let recording = Recording::new();
+    let position = "process.ins.position={ sigma = \"1 m\", latitude = \"1000 rad\", \
+                    longitude = \"5 deg\", height = \"0 m\" }";
+    for (setting, parts) in [
+        (position, ["position.latitude", "89.9 deg"]),
+        ("sensor.dvl.noise=1e300 m/s", ["sensor.dvl.noise", "1e12 m/s"]),
+        ("sensor.dvl.scale.sigma=1e300", ["sensor.dvl.scale.sigma", "1e12"]),
+        ("sensor.dvl.lever_arm=['1e308 m', '0 m', '0 m']", ["sensor.dvl.lever_arm", "1e12 m"]),
+        ("process.ins.attitude.sigma=1e300 deg", ["process.ins.attitude.sigma", "1e12 rad"]),
+    ] {
+        let output = run(&recording, &["--set", setting]);
+        assert_eq!(output.status.code(), Some(1), "{setting}");
+        for part in parts {
+            assert!(stderr(&output).contains(part), "no {part:?} in:\n{}", stderr(&output));
+        }
+    }
+}
+
+/// Waits for a program, and returns with its output the most memory that it had at any time, in
+/// bytes.
+#[cfg(target_os = "linux")]
+fn measured(mut child: Child) -> (Output, u64) {
+    let mut peak = 0;
+    while child.try_wait().expect("it can be waited for").is_none() {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id()));
+        let line = status.unwrap_or_default();
+        let line = line.lines().find_map(|l| l.strip_prefix("VmHWM:"));
+        let kib = line.and_then(|l| l.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+        peak = peak.max(kib.unwrap_or(0) << 10);
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    (child.wait_with_output().expect("it has ended"), peak)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_row_without_an_end_is_an_error_in_little_memory() {
+    let recording = Recording::new();
+    let imu = std::fs::read_to_string(recording.path("imu.csv")).expect("the recording has it");
+    for start in ["1", "\"1\n2\n"] {
+        let path = recording.path("imu.csv");
+        let mut file = std::fs::File::create(&path).expect("the test can write");
+        file.write_all(imu.as_bytes()).expect("the test can write");
+        file.write_all(format!("21.00,{start}").as_bytes()).expect("the test can write");
+        // zeros without a byte on the disk
+        file.set_len(600 << 20).expect("the test can write");
+        let mut command = command();
+        command.arg("run").arg(recording.path("rest.toml")).arg("--no-output");
+        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+        let (output, peak) = measured(child.expect("the command starts"));
+        assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+        for part in ["imu.csv:2002", "1048576 bytes", "quotation marks"] {
+            assert!(stderr(&output).contains(part), "no {part:?} in:\n{}", stderr(&output));
+        }
+        assert!(peak < MEMORY, "{peak} bytes");
+    }
+}
+
+/// A text with its length before it, as MCAP writes it.
+fn text(text: &str) -> Vec<u8> {
+    [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat()
+}
+
+/// A record of MCAP.
+fn record(opcode: u8, content: &[u8]) -> Vec<u8> {
+    [&[opcode][..], &(content.len() as u64).to_le_bytes(), content].concat()
+}
+
+/// A message of `length` zeros, which Zstandard packs into 4 bytes for every 128 KiB.
+fn packed_message(length: u64) -> Vec<u8> {
+    const BLOCK: u32 = 1 << 17;
+    let block = |last: bool, kind: u32, size: u32| {
+        (u32::from(last) | kind << 1 | size << 3).to_le_bytes()[..3].to_vec()
+    };
+    // magic number, no options, a window of 128 KiB (RFC 8878, 3.1.1)
+    let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0x00, 7 << 3];
+    frame.extend(block(false, 0, 9)); // raw: the opcode of a message and its length
+    frame.push(5);
+    frame.extend(length.to_le_bytes());
+    let blocks = length / u64::from(BLOCK);
+    for k in 0..blocks {
+        frame.extend(block(k + 1 == blocks, 1, BLOCK)); // a run of one byte
+        frame.push(0);
+    }
+    frame
+}
+
+/// A log with a chunk that unpacks to one message of a GiB.
+fn bomb() -> Vec<u8> {
+    const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', b'0', b'\r', b'\n'];
+    const LENGTH: u64 = 1 << 30;
+    let scenario = std::fs::read_to_string(scenario("quickstart")).expect("the scenario");
+    let entries = [
+        ("name", "bomb"),
+        ("version", "0.1.0"),
+        ("seed", "1"),
+        ("simulated", "true"),
+        ("log_time_offset_ns", "0"),
+        ("scenario", &scenario),
+    ];
+    let entries: Vec<u8> = entries.iter().flat_map(|(k, v)| [text(k), text(v)].concat()).collect();
+    let metadata =
+        [text("navfuse"), (entries.len() as u32).to_le_bytes().to_vec(), entries].concat();
+    let packed = packed_message(LENGTH);
+    let mut chunk = [0_u64, 0, LENGTH + 9].map(u64::to_le_bytes).concat();
+    chunk.extend(0_u32.to_le_bytes()); // no checksum
+    chunk.extend(text("zstd"));
+    chunk.extend((packed.len() as u64).to_le_bytes());
+    chunk.extend(packed);
+    let header = [text("ros2"), text("")].concat();
+    [&MAGIC[..], &record(1, &header), &record(12, &metadata), &record(6, &chunk)].concat()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_decompression_bomb_is_refused_in_little_memory() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = folder.path().join("bomb.mcap");
+    let bytes = bomb();
+    assert!(bytes.len() < 1 << 17, "{} bytes", bytes.len());
+    std::fs::write(&log, bytes).expect("the test can write");
+    for name in ["replay", "report", "calibrate", "observability"] {
+        let mut command = command();
+        command.arg(name).arg(&log).stdout(Stdio::piped()).stderr(Stdio::piped());
+        if name == "replay" {
+            command.arg("--no-output");
+        }
+        let (output, peak) = measured(command.spawn().expect("the command starts"));
+        assert_eq!(output.status.code(), Some(1), "{name}: {}", stderr(&output));
+        assert!(stderr(&output).contains("bomb.mcap"), "{name}: {}", stderr(&output));
+        assert!(peak < MEMORY, "{name}: {peak} bytes");
+    }
+}
