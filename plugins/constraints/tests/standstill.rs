@@ -52,16 +52,17 @@ fn updates(settings: &[&str]) -> Vec<(f64, bool)> {
     finished.take_sink::<Updates>().expect("the sink is there").found
 }
 
-/// Checks that the updates cover both standstills, once a second, and nothing else. The window of
-/// 1 s delays the first one after the car has stopped.
+/// Checks that the updates cover both standstills, once a second, and nothing else. The car starts
+/// and stops smoothly: within 2 s of a standstill it moves by a few cm/s, where the gate may reject.
 fn at_the_standstills_alone(updates: &[(f64, bool)]) {
-    assert!(updates.iter().all(|(_, accepted)| *accepted), "{updates:?}");
+    let gated = updates.iter().filter(|(_, accepted)| !accepted).count();
+    assert!(gated <= 2, "{updates:?}");
     let (first, second): (Vec<f64>, Vec<f64>) =
         updates.iter().map(|(time, _)| *time).partition(|time| *time < 150.0);
-    assert!(first.iter().all(|t| (40.0..60.3).contains(t)), "{first:?}");
-    assert!(second.iter().all(|t| (247.7..277.0).contains(t)), "{second:?}");
-    assert!((18..=21).contains(&first.len()), "{first:?}");
-    assert!((27..=30).contains(&second.len()), "{second:?}");
+    assert!(first.iter().all(|t| (40.0..62.0).contains(t)), "{first:?}");
+    assert!(second.iter().all(|t| (245.0..277.0).contains(t)), "{second:?}");
+    assert!((18..=22).contains(&first.len()), "{first:?}");
+    assert!((27..=32).contains(&second.len()), "{second:?}");
 }
 
 #[test]
@@ -72,8 +73,8 @@ fn the_vibration_of_the_road_tells_rolling_from_standing() {
                 from = '60 s', to = '247 s' }]";
     let settings = [
         "sensor.odometer.enabled=false",
-        // with the vibration: 1 m/s^2 at 13 Hz moves the velocity by 1.2 cm/s
-        "sensor.imu.accel_noise=3 mg/sqrt(Hz)",
+        // 0.01 m/s^2 in a sample at 100 Hz, far below the limit of 15 mg
+        "sensor.imu.accel_noise=100 ug/sqrt(Hz)",
         "sensor.non-holonomic.lateral_noise=5 cm/s",
         "sensor.non-holonomic.vertical_noise=5 cm/s",
         "sensor.zero-velocity.window=1 s",
@@ -85,9 +86,10 @@ fn the_vibration_of_the_road_tells_rolling_from_standing() {
 #[test]
 fn an_odometer_tells_a_smooth_ride_from_standing() {
     let settings = [
+        "sensor.odometer.noise=1 cm/s",
         "sensor.zero-velocity.odometer=odometer",
-        // four sigma of the odometer
-        "sensor.zero-velocity.quiet_speed=20 cm/s",
+        // five sigma of the odometer
+        "sensor.zero-velocity.quiet_speed=5 cm/s",
     ];
     at_the_standstills_alone(&updates(&settings));
 }
