@@ -119,7 +119,7 @@ fn ends_of_outages(length: f64, begins: &[f64]) -> Option<Vec<[f64; 3]>> {
         format!("sensor.gnss.exclude=[{}]", spans.join(", ")),
     ];
     let registry = navfuse::standard_plugins();
-    let document = navfuse_core::document::Document::from_file(&scenario("drive"));
+    let document = navfuse_core::document::Document::from_file(scenario("drive"));
     let document = document.unwrap_or_else(|e| panic!("{e}"));
     let drive = Scenario::new(&registry, document, &settings).unwrap_or_else(|e| panic!("{e}"));
     let mut assembly = drive.assemble(None).unwrap_or_else(|e| panic!("{e}"));
