@@ -320,8 +320,9 @@ impl Source for Stream {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
         loop {
             self.reader.get_mut().begin_row();
+            let line = self.reader.position().line();
             let more = self.reader.read_byte_record(&mut self.record);
-            let row = |e| StreamError::read(&self.path, e).on_line(self.reader.position().line());
+            let row = |e| StreamError::read(&self.path, e).on_line(line);
             if !more.map_err(row)? {
                 return Ok(false);
             }
