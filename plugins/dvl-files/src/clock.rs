@@ -131,7 +131,7 @@ impl Clock {
             Stamp::Missing => return None,
             Stamp::Date(nanos) => nanos.checked_sub(self.zero.origin)?,
             Stamp::TimeOfDay(now) => {
-                // midnight is passed, or passed back, where the time changes by more than half a day
+                // midnight was passed, or passed back, if the time changes by over half a day
                 let days = self.day.map_or(0, |(before, days)| match now - before {
                     change if change < -DAY / 2 => days + 1,
                     change if change > DAY / 2 => days - 1,

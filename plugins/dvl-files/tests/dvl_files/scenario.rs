@@ -273,7 +273,8 @@ fn damage_and_stamps_are_reported_with_offset_and_count() {
         "dive.bin: skipped {} bytes in 3 places that hold no intact ensemble (at byte 0: 5 bytes; \
          at byte {}: {size} bytes, wrong checksum; at byte {}: 100 bytes); wrong checksums in 1 \
          place; the file ends within the ensemble at byte {}; 1 ping left out without a valid \
-         time within 73 years of the run's zero at byte {}; 1 ping left out, not later than the one before at byte {} (by up to 0.80 \
+         time within 73 years of the run's zero at byte {}; 1 ping left out, not later than the \
+         one before at byte {} (by up to 0.80 \
          s)",
         5 + size + 100,
         at(5),
