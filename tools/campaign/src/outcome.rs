@@ -86,7 +86,7 @@ mod tests {
     /// Campaign of one scalar state without sensors.
     fn columns() -> Columns {
         let text = |text: &str| text.to_owned();
-        let (state, component, unit) = (text("depth.bias"), String::new(), text("m"));
+        let (state, component, unit) = (text("depth"), text("bias"), text("m"));
         let block = BlockColumns { name: state.clone(), dimension: 1, known: true };
         let components = vec![Component { state, component, unit }];
         Columns { components, blocks: vec![block], sensors: Vec::new() }
