@@ -4,8 +4,10 @@ use crate::compose::draw::Draw;
 use crate::compose::settings::Initial;
 use crate::model::error::ComposeError;
 use crate::model::fault::Fault;
+use crate::model::monitor::Monitor;
 use crate::model::motion::Motion;
 use crate::model::process::ProcessModel;
+use crate::model::screening::Screening;
 use crate::model::sensor::Role;
 use crate::model::sensor::Sensor;
 use crate::model::sensor::{Purpose, SensorInfo};
@@ -31,6 +33,10 @@ pub struct Process {
     pub constraint: Option<usize>,
     /// Alignment that finds its initial values.
     pub alignment: Option<Box<dyn InitialAlignment>>,
+    /// Limits by which the filter screens the driving sensor.
+    pub screening: Option<Screening>,
+    /// Monitor that notices faults of the driving sensor.
+    pub monitor: Option<Box<dyn Monitor>>,
     /// Set if the alignment searches for the initial values; otherwise it only supervises.
     pub searches: bool,
 }
@@ -113,7 +119,12 @@ impl Composition {
         }
         self.layout = Arc::new(layout);
         self.estimator.draw = Draw::Nothing;
-        self.processes.iter_mut().for_each(|p| p.searches = false);
+        // samples without noise repeat themselves at rest
+        for process in &mut self.processes {
+            process.searches = false;
+            process.screening = None;
+            process.monitor = None;
+        }
         if self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_))) {
             self.estimator.initial = Some(Initial::Reference);
         }

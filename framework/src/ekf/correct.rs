@@ -138,7 +138,16 @@ impl Ekf {
             history.corrected(&update.delta);
         }
         match m.covariance.first_invalid() {
-            None => Ok(()),
+            None => {
+                // while a sensor contradicts the estimate, a correction by another proves nothing
+                if m.sensors.iter().all(|slot| !slot.lockout.disagrees()) {
+                    self.watch(|monitor, filter| -> Option<()> {
+                        monitor.corrected(filter);
+                        None
+                    });
+                }
+                Ok(())
+            }
             Some(i) => {
                 let block = self.layout.blocks.iter().find(|b| b.tangent_range().contains(&i));
                 let block = block.map_or_else(String::new, |b| b.name.clone());

@@ -6,11 +6,13 @@
 
 use super::cadence::Cadence;
 use super::delay::History;
+use super::screen::Screen;
 use super::slot::SensorSlot;
 use super::stage::Stage;
 use crate::compose::Composition;
 use crate::compose::draw::{Draw, TrueState};
 use crate::model::detector::Detector;
+use crate::model::monitor::Monitor;
 use crate::model::process::{ProcessError, ProcessModel};
 use crate::model::record::{Epoch, Outcome, Rejection, Truth, UpdateRecord};
 use crate::model::sensor::Role;
@@ -87,6 +89,10 @@ pub(super) struct Memory {
     /// Time of the last driving sample.
     pub(super) input: Option<Time>,
     pub(super) cadence: Cadence,
+    /// Screening of the driving sensor.
+    pub(super) screen: Option<Screen>,
+    /// Monitor of the driven process.
+    pub(super) monitor: Option<Box<dyn Monitor>>,
     /// Measurements ahead of the driving sensor, in order of time.
     pub(super) pending: VecDeque<Sample>,
     /// Truth of the blocks that no reference gives.
@@ -136,6 +142,10 @@ impl Ekf {
                 detectors,
                 input: None,
                 cadence: Cadence::default(),
+                screen: (composition.processes.iter().filter(|p| p.input.is_some()))
+                    .find_map(|p| p.screening.as_ref())
+                    .map(Screen::new),
+                monitor: composition.processes.iter().find_map(|p| p.monitor.clone()),
                 pending: VecDeque::with_capacity(MAX_PENDING),
                 truth: constants.state.clone(),
                 known: constants.known.clone(),

@@ -2,10 +2,13 @@
 //! times.
 
 use super::cadence::Cadence;
-use super::filter::{Ekf, EstimatorError, MAX_PENDING, rejected};
+use super::filter::{Ekf, EstimatorError, MAX_PENDING, Memory, rejected};
+use crate::model::monitor::Monitor;
 use crate::model::process::{Input, Interval};
 use crate::model::record::{Event, Level, Observer, Rejection};
+use crate::model::screening::Spread;
 use crate::model::sensor::Role;
+use crate::model::start::FilterView;
 use crate::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use crate::units::time::Time;
 use std::sync::Arc;
@@ -35,7 +38,7 @@ impl Ekf {
         self.memory.sensors[index].last = sample.time;
         if is_input {
             self.memory.sensors[index].refused = None;
-            return self.drive(sample, observer);
+            return self.screen(sample, observer);
         }
         if self.driver.is_none() {
             if self.memory.stage.is_due(sample.time) {
@@ -71,6 +74,7 @@ impl Ekf {
 
     /// Reports unused samples and sensors that are still gated after the last sample.
     pub fn finish(&mut self, observer: &mut dyn Observer) {
+        self.finish_screening(observer);
         let Cadence { missing, longest, .. } = self.memory.cadence;
         if let Some(driver) = self.driver
             && missing > 1
@@ -116,9 +120,10 @@ impl Ekf {
     }
 
     /// Takes a driving sample, and uses the queued samples within its interval on the way.
-    fn drive(
+    pub(super) fn drive(
         &mut self,
         sample: &Sample,
+        spread: Option<&Spread>,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
         let duration = self.memory.input.map_or(0.0, |before| sample.time.since(before));
@@ -126,7 +131,7 @@ impl Ekf {
         if usual < duration {
             self.tell_of_missing(sample, duration, usual, observer);
         }
-        let input = Input { sample, duration, usual };
+        let input = Input { sample, duration, usual, spread };
         if !self.running() {
             for process in &mut self.memory.processes {
                 process.prepare(&self.layout, &mut self.memory.state, &input);
@@ -157,6 +162,11 @@ impl Ekf {
         self.memory.input = Some(sample.time);
         self.advance(sample.time, Some(input), observer)?;
         observer.input(sample, None);
+        if self.running()
+            && let Some(finding) = self.watch(|monitor, filter| monitor.input(filter, &input))
+        {
+            observer.finding(finding);
+        }
         if self.running() {
             self.supervise(observer)?;
             self.detect(sample, observer)?;
@@ -193,6 +203,16 @@ impl Ekf {
             }
         }
         Ok(())
+    }
+
+    /// Lets the monitor of the driven process see the estimate.
+    pub(super) fn watch<T>(
+        &mut self,
+        look: impl FnOnce(&mut dyn Monitor, &FilterView<'_>) -> Option<T>,
+    ) -> Option<T> {
+        let Memory { monitor, state, covariance, .. } = &mut self.memory;
+        let filter = FilterView { layout: &self.layout, state, covariance, gated: None };
+        look(monitor.as_mut()?.as_mut(), &filter)
     }
 
     /// Propagates state and covariance to a later time.

@@ -1,6 +1,8 @@
 //! Process models, which propagate blocks.
 
+use crate::model::monitor::Monitor;
 use crate::model::motion::Motion;
+use crate::model::screening::{Screening, Spread};
 use crate::model::simulate::{DrivingSensor, Simulate};
 use crate::model::start::InitialAlignment;
 use crate::state::covariance::Transition;
@@ -31,6 +33,9 @@ pub struct Input<'a> {
     /// Usual interval of the sensor, s: less than `duration` where samples are missing before this
     /// one.
     pub usual: f64,
+    /// Uncertainty of the sample beyond the noise of the sensor, 1-sigma of each channel over the
+    /// whole interval, where the filter replaced a faulty sample.
+    pub spread: Option<&'a Spread>,
 }
 
 impl Interval<'_> {
@@ -148,12 +153,20 @@ pub struct BuiltProcess {
     pub(crate) model: Box<dyn ProcessModel>,
     pub(crate) input: Option<DrivingSensor>,
     pub(crate) alignment: Option<Box<dyn InitialAlignment>>,
+    pub(crate) screening: Option<Screening>,
+    pub(crate) monitor: Option<Box<dyn Monitor>>,
 }
 
 impl BuiltProcess {
     /// A process model without a driving sensor.
     pub fn new(model: impl ProcessModel + 'static) -> Self {
-        Self { model: Box::new(model), input: None, alignment: None }
+        Self {
+            model: Box::new(model),
+            input: None,
+            alignment: None,
+            screening: None,
+            monitor: None,
+        }
     }
 
     /// Names the sensor that drives the process, and its simulator.
@@ -167,6 +180,18 @@ impl BuiltProcess {
     #[must_use]
     pub fn aligned_by(self, alignment: impl InitialAlignment + 'static) -> Self {
         Self { alignment: Some(Box::new(alignment)), ..self }
+    }
+
+    /// Hands over the monitor that notices faults of the driving sensor.
+    #[must_use]
+    pub fn watched_by(self, monitor: impl Monitor + 'static) -> Self {
+        Self { monitor: Some(Box::new(monitor)), ..self }
+    }
+
+    /// Hands over the limits by which the filter screens the driving sensor.
+    #[must_use]
+    pub fn screened_by(self, screening: Screening) -> Self {
+        Self { screening: Some(screening), ..self }
     }
 }
 

@@ -96,7 +96,7 @@ impl<'a> Building<'a> {
         for part in parts {
             let Make::Process(make) = &part.entry.make else { continue };
             self.composer.begin(part.name);
-            let BuiltProcess { model, input, alignment } =
+            let BuiltProcess { model, input, alignment, screening, monitor } =
                 make(&part.own_keys(), &mut self.composer)?;
             let input = input.and_then(|driving| {
                 let index = self.parts.iter().position(|p| p.name == driving.name);
@@ -110,6 +110,8 @@ impl<'a> Building<'a> {
                 kind: part.entry.name.to_owned(),
                 searches: alignment.is_some(),
                 alignment,
+                screening,
+                monitor,
                 model,
                 input,
                 constraint: None,

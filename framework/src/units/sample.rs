@@ -88,6 +88,11 @@ impl Sample {
         self.present
     }
 
+    /// All channels; those that are missing hold any value.
+    pub(crate) fn values(&self) -> &[f64; MAX_CHANNELS] {
+        &self.values
+    }
+
     /// The first channel that is not finite.
     pub fn not_finite(&self) -> Option<usize> {
         if self.values.iter().sum::<f64>().is_finite() {

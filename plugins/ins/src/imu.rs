@@ -1,5 +1,6 @@
 //! The inertial measurement unit: a driving sensor, with its noise and its simulator.
 
+use crate::screening::ImuScreening;
 use nalgebra::Vector3;
 use navfuse_core::compose::Composer;
 use navfuse_core::model::error::ComposeError;
@@ -66,6 +67,10 @@ pub struct Imu {
     /// run. Default: 0.1 s.
     #[serde(default = "tenth_second")]
     pub max_gap: Positive<Duration>,
+    /// Faults of single samples and short spans that the filter notices and bridges: `"off"`, or a
+    /// table of limits. By default, the limits are learnt from the samples.
+    #[serde(default)]
+    pub screening: ImuScreening,
 }
 
 fn tenth_second() -> Positive<Duration> {
@@ -98,11 +103,16 @@ impl Imu {
         interval: f64,
     ) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let c: [f64; 6] = sample.array(0)?;
-        let share = match self.output {
+        let share = self.share(interval);
+        Some((Vector3::new(c[0], c[1], c[2]) * share, Vector3::new(c[3], c[4], c[5]) * share))
+    }
+
+    /// Factor from the channels of a sample that covers `interval` seconds to rates.
+    pub(crate) fn share(&self, interval: f64) -> f64 {
+        match self.output {
             Output::Rates => 1.0,
             Output::Increments => 1.0 / interval,
-        };
-        Some((Vector3::new(c[0], c[1], c[2]) * share, Vector3::new(c[3], c[4], c[5]) * share))
+        }
     }
 
     /// Variance of the noise of one axis, integrated over `dt` of a sample's `duration`:

@@ -9,9 +9,11 @@ pub mod earth;
 pub mod error_model;
 mod imu;
 pub mod mechanisation;
+mod monitor;
 mod navigation;
 mod rates;
 mod reference;
+mod screening;
 mod strapdown;
 #[cfg(test)]
 mod testing;

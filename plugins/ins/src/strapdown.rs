@@ -7,6 +7,7 @@ use crate::alignment::{
 use crate::error_model::transition;
 use crate::imu::{Imu, SimulatedImu};
 use crate::mechanisation::{Increments, MAX_LATITUDE_DEG, Mechanisation, NavState};
+use crate::monitor::ImuMonitor;
 use crate::navigation::Navigation;
 use crate::rates::{LastRates, Rates};
 use nalgebra::{Matrix3, Vector3};
@@ -176,6 +177,12 @@ impl ProcessType for Strapdown {
                 ));
             }
         };
+        // an alignment finds roll and pitch from the IMU itself, which cannot contradict them
+        let tilt_prior =
+            self.attitude.filter(|_| settings.is_none() && course.is_none()).map(|a| {
+                let sigma = a.sigma.value().si();
+                sigma.x.max(sigma.y)
+            });
         let found = settings.as_ref().map(|s| s.attitude_prior(&imu));
         let found = found.or(course.as_ref().map(|_| CourseSettings::attitude_prior()));
         let attitude = start(composer, "attitude", self.attitude, found, display::ANGLES)?;
@@ -215,9 +222,15 @@ impl ProcessType for Strapdown {
         let isotropic =
             gyro.x == gyro.y && gyro.y == gyro.z && accel.x == accel.y && accel.y == accel.z;
         let mechanisation = Mechanisation::default();
+        let screening = imu.screening();
+        let monitor = ImuMonitor::new(&self.imu, &imu, navigation, tilt_prior);
         let rates = LastRates::default();
         let model = StrapdownModel { imu, navigation, places, mechanisation, isotropic, rates };
         let built = BuiltProcess::new(model).driven_by(self.imu, simulator);
+        let built = match screening {
+            Some(screening) => built.screened_by(screening).watched_by(monitor),
+            None => built,
+        };
         Ok(match (aligner, course) {
             (Some(aligner), _) => built.aligned_by(aligner),
             (None, Some(course)) => built.aligned_by(course),
@@ -304,6 +317,15 @@ impl StrapdownModel {
     /// taken as one sigma on each axis.
     fn bridged(change: &Vector3<f64>, hole: f64, dt: f64, duration: f64) -> Matrix3<f64> {
         Matrix3::identity() * (change.norm_squared() * hole * hole * dt / duration)
+    }
+
+    /// Variance, in navigation axes, of the integral of a rate with a 1-sigma of `spread` times
+    /// `share` in body axes: the filter replaced a faulty sample. A part `dt` of an interval
+    /// `duration` has the share `time` = `dt duration` of the square of the whole.
+    fn unknown(c_b_n: &Matrix3<f64>, spread: &[f64], share: f64, time: f64) -> Matrix3<f64> {
+        let variance =
+            Vector3::from_column_slice(spread).map(|sigma| (sigma * share).powi(2) * time);
+        c_b_n * Matrix3::from_diagonal(&variance) * c_b_n.transpose()
     }
 
     /// Publishes the angular rate at a time, for the sensors that read it then.
@@ -397,6 +419,11 @@ impl ProcessModel for StrapdownModel {
                 self.rates.before().map_or_else(Default::default, |before| (before.w, before.f));
             q_phi += Self::bridged(&(w - w_before), duration - usual, dt, duration);
             q_v += Self::bridged(&(f - f_before), duration - usual, dt, duration);
+        }
+        if let Some(spread) = input.spread {
+            let share = self.imu.share(usual);
+            q_phi += Self::unknown(&rates.c_b_n, &spread[0..3], share, dt * duration);
+            q_v += Self::unknown(&rates.c_b_n, &spread[3..6], share, dt * duration);
         }
         out.set_noise(s.q_phi, &q_phi);
         out.set_noise(s.q_v, &q_v);

@@ -104,7 +104,7 @@ fn step(c: &mut Criterion) {
     let interval = Interval {
         from,
         to: inputs[1].time,
-        input: Some(Input { sample: &inputs[1], duration: 0.01, usual: 0.01 }),
+        input: Some(Input { sample: &inputs[1], duration: 0.01, usual: 0.01, spread: None }),
     };
     group.bench_function("mechanisation and Phi", |b| {
         let start = state.clone();

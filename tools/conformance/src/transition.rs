@@ -89,7 +89,7 @@ fn of_process(lab: &Lab<'_>) -> Result<String, Failure> {
         let (state, sample) = steps[k * steps.len() / count];
         let duration = sample.time.since(state.time);
         let half = Time::from_nanos(i64::midpoint(state.time.nanos(), sample.time.nanos()));
-        let input = driver.map(|_| Input { sample, duration, usual: duration });
+        let input = driver.map(|_| Input { sample, duration, usual: duration, spread: None });
         let rates = |to: Time| {
             let interval = Interval { from: state.time, to, input };
             Step { lab, interval }.rates(state)

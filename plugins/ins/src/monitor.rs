@@ -1,0 +1,90 @@
+//! Monitor of the IMU: faults that its samples contradict physics with.
+//!
+//! Four rules, each in a file of its own: the specific force is about as large as gravity and points
+//! up, gravity turns as the gyros turn, white noise is as strong as stated, and constant biases stay
+//! constant.
+
+mod drift;
+mod gravity;
+mod turning;
+mod whiteness;
+
+use crate::imu::Imu;
+use crate::navigation::Navigation;
+use drift::Drift;
+use gravity::Gravity;
+use nalgebra::Vector3;
+use navfuse_core::model::finding::{Finding, Severity};
+use navfuse_core::model::monitor::Monitor;
+use navfuse_core::model::process::Input;
+use navfuse_core::model::start::FilterView;
+use navfuse_core::units::time::Time;
+use turning::Turning;
+use whiteness::Whiteness;
+
+/// A contradiction: its severity, the evidence and the remedy.
+struct Fault {
+    severity: Severity,
+    text: String,
+    remedy: &'static str,
+}
+
+/// Monitor of one IMU.
+#[derive(Clone)]
+pub(crate) struct ImuMonitor {
+    name: String,
+    imu: Imu,
+    navigation: Navigation,
+    gravity: Gravity,
+    turning: Turning,
+    whiteness: Whiteness,
+    drift: Drift,
+}
+
+impl ImuMonitor {
+    /// A monitor of the IMU of that name; `tilt` is the prior sigma of roll and pitch, where they
+    /// are known without the IMU.
+    pub(crate) fn new(name: &str, imu: &Imu, navigation: Navigation, tilt: Option<f64>) -> Self {
+        Self {
+            name: name.to_owned(),
+            imu: imu.clone(),
+            navigation,
+            gravity: Gravity::new(tilt),
+            turning: Turning::default(),
+            whiteness: Whiteness::new(imu),
+            drift: Drift::new(navigation),
+        }
+    }
+
+    fn finding(&self, time: Time, fault: Fault) -> Finding {
+        let Fault { severity, text, remedy } = fault;
+        Finding { time, about: self.name.clone(), severity, text, remedy: remedy.to_owned() }
+    }
+}
+
+impl Monitor for ImuMonitor {
+    fn input(&mut self, filter: &FilterView<'_>, input: &Input<'_>) -> Option<Finding> {
+        // a sample that the filter replaced is no evidence
+        if input.spread.is_some() || input.usual <= 0.0 {
+            return None;
+        }
+        let (w, f) = self.imu.rates(input.sample, input.usual)?;
+        let (time, dt) = (input.sample.time, input.usual);
+        let fault = (self.gravity.take(filter, &self.navigation, &f, dt))
+            .or_else(|| self.turning.take(&w, &f, dt))
+            .or_else(|| self.whiteness.take(&w, &f, dt))
+            .or_else(|| self.drift.take(filter, time));
+        fault.map(|fault| self.finding(time, fault))
+    }
+
+    fn corrected(&mut self, filter: &FilterView<'_>) {
+        let n = &self.navigation;
+        let c_b_n = filter.state.get(filter.layout, n.attitude);
+        let v: Vector3<f64> = filter.state.get(filter.layout, n.velocity);
+        self.turning.velocity = c_b_n.inverse() * v;
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Monitor> {
+        Box::new(self.clone())
+    }
+}
