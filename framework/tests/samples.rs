@@ -285,3 +285,128 @@ fn a_snapshot_continues_to_the_bit_and_a_run_repeats_to_the_bit() {
     assert_eq!(whole.log.updates, again.log.updates);
     assert_eq!(whole.log.updates[tail..], other.log.updates);
 }
+
+#[test]
+fn a_value_out_of_range_and_a_change_that_is_too_fast_are_rejected_by_channel() {
+    let limits = "sensor.fix.limits={ one = { range = [\"-5 m\", \"5 m\"], rate = \"2 m/s\" } }";
+    let mut b = Bench::new(&[limits]);
+    b.give("speed", 0.0, &[0.0]);
+    for (t, place) in [(1.0, 0.1), (2.0, -5.1), (3.0, 4.3), (4.0, 4.3), (5.0, 0.2)] {
+        b.give("speed", t, &[0.0]).give("fix", t, &[place]);
+    }
+    let outcomes = b.log.outcomes();
+    assert_eq!(outcomes[..2], [Outcome::Accepted, rejected(Rejection::OutOfRange(0))]);
+    // 4.2 m from the last plausible sample: 2.1 m/s over 2 s, and 1.4 m/s over 3 s
+    let fast = rejected(Rejection::TooFast(0));
+    assert_eq!((outcomes[2], outcomes[3] == fast, outcomes[4]), (fast, false, fast));
+    assert_eq!(b.log.says("channel one = -5.1 is outside its limits"), 1, "{:?}", b.log.events);
+    assert_eq!(b.log.says("channel one = 4.3 changes faster than its limits"), 1);
+}
+
+#[test]
+fn limits_that_do_not_fit_are_errors_with_the_key_and_a_remedy() {
+    let refused = |limits: &str| lab::refused(SCENARIO, &[&format!("sensor.fix.limits={limits}")]);
+    for (limits, parts) in [
+        ("{ on = { rate = \"1 m/s\" } }", ["limits.on", "did you mean \"one\"?"]),
+        ("{ one = { rate = \"1 m\" } }", ["limits.one.rate", "m/s"]),
+        ("{ one = { range = [\"1 m/s\", \"2 m\"] } }", ["limits.one.range", "length"]),
+        ("{ one = { range = [\"2 m\", \"1 m\"] } }", ["limits.one.range", "exchange them"]),
+    ] {
+        let message = refused(limits);
+        assert!(parts.iter().all(|part| message.contains(part)), "{limits}: {message}");
+    }
+}
+
+#[test]
+fn a_sensor_that_repeats_itself_while_the_cart_moves_is_stuck_until_it_changes() {
+    let mut b = Bench::new(&[]);
+    b.give("speed", 0.0, &[0.0]);
+    // five equal samples span 1.2 m; the corrections that they cause have a variance of 0.0063 m^2
+    // each, so that the motion is 1.2 / sqrt(4 * 0.0063 + 0.02) = 5.6 sigma
+    for k in 1..=60 {
+        let t = f64::from(k);
+        let place = if (20..50).contains(&k) { 6.0 } else { 0.3 * t };
+        b.give("speed", t, &[0.3]).give("fix", t, &[place, 2.0 * place]);
+    }
+    let outcomes = b.log.outcomes();
+    assert_eq!(outcomes[..23], [Outcome::Accepted; 23], "four equal ones may be chance");
+    assert_eq!(outcomes[23..49], [rejected(Rejection::Repeated); 26]);
+    assert_eq!(outcomes[49..], [Outcome::Accepted; 11]);
+    assert_eq!(b.log.findings.len(), 1, "{:?}", b.log.events);
+    assert!(b.log.findings[0].text.contains("stuck"), "{}", b.log.findings[0].text);
+    let (error, sigma) = (b.value("cart.place") - 18.0, b.variance("cart.place").sqrt());
+    assert!(error.abs() < 3.5 * sigma, "{error} {sigma}");
+}
+
+#[test]
+fn a_sensor_that_repeats_itself_at_rest_is_not_stuck() {
+    let mut b = Bench::new(&[]);
+    b.give("speed", 0.0, &[0.0]);
+    for k in 1..=300 {
+        b.give("speed", f64::from(k), &[0.0]).give("fix", f64::from(k), &[0.5, 1.0]);
+    }
+    assert_eq!(b.log.outcomes(), [Outcome::Accepted; 300]);
+    assert!(b.log.findings.is_empty(), "{:?}", b.log.findings);
+}
+
+/// With the weight `w` of the innovation the noise is `R / w`, so that the gain is `P / (P + R / w)`.
+#[test]
+fn a_robust_update_divides_the_noise_by_the_weight_of_the_innovation() {
+    let place = |robust: &str| {
+        let mut b = Bench::new(&["sensor.fix.noise=\"10 m\"", robust]);
+        b.give("speed", 0.0, &[0.0]).give("speed", 1.0, &[0.0]);
+        let p = b.variance("cart.place");
+        b.give("fix", 1.0, &[30.0]);
+        (p, b.value("cart.place"))
+    };
+    let (p, _) = place("sensor.fix.robust=\"off\"");
+    let e = 30.0 / (p + 100.0).sqrt();
+    for (robust, weight) in [
+        ("\"off\"", 1.0),
+        ("\"huber\"", 1.345 / e),
+        ("{ kind = \"huber\", threshold = 2 }", 2.0 / e),
+        ("\"student-t\"", 5.0 / (4.0 + e * e)),
+        ("{ kind = \"student-t\", freedom = 10 }", 11.0 / (10.0 + e * e)),
+    ] {
+        let (_, found) = place(&format!("sensor.fix.robust={robust}"));
+        let expected = 30.0 * p / (p + 100.0 / weight);
+        assert!((found - expected).abs() < 1e-9, "{robust}: {found} {expected}");
+    }
+    let message = lab::refused(SCENARIO, &["sensor.fix.robust={ kind = \"huber\", freedom = 4 }"]);
+    assert!(message.contains("huber takes threshold"), "{message}");
+}
+
+/// One channel with an error of 2 m that lasts for 10 s, by hand: `P = p + s^2`, and the gain of
+/// each state is its variance over `S`. The error decays with `exp(-dt / 10 s)`.
+#[test]
+fn a_correlated_error_is_a_state_that_the_prediction_is_shifted_by() {
+    let error = "sensor.fix.correlated_error={ sigma = \"2 m\", correlation_time = \"10 s\", \
+                 channels = [\"one\"] }";
+    let mut b = Bench::new(&[error]);
+    b.give("speed", 0.0, &[0.0]).give("speed", 1.0, &[0.0]);
+    let p = b.variance("cart.place");
+    assert!((b.variance("fix.error_one") - 4.0).abs() < 1e-12, "stationary");
+    b.give("fix", 1.0, &[3.0]);
+    let s = p + 4.0 + 0.01;
+    assert!((b.value("cart.place") - 3.0 * p / s).abs() < 1e-12);
+    assert!((b.value("fix.error_one") - 3.0 * 4.0 / s).abs() < 1e-12);
+    let before = b.value("fix.error_one");
+    b.give("speed", 6.0, &[0.0]);
+    assert!((b.value("fix.error_one") - before * (-0.5_f64).exp()).abs() < 1e-12);
+    // a sample without that channel says nothing about the error directly
+    let mut other = Bench::new(&[error]);
+    other.give("speed", 0.0, &[0.0]).give("speed", 1.0, &[0.0]);
+    let id = SensorId(other.ekf.composition().sensor("fix").unwrap());
+    let mut sample = Sample::new(seconds(1.0), id, &[0.0, 2.0]);
+    sample.clear(0);
+    other.ekf.process(&sample, &mut other.log).unwrap();
+    assert_eq!(other.value("fix.error_one"), 0.0);
+    for (error, part) in [
+        ("{ sigma = \"2 m/s\", correlation_time = \"10 s\" }", "no channel of the sensor"),
+        ("{ sigma = \"2 m\", correlation_time = \"10 s\", channels = [\"on\"] }", "\"one\"?"),
+        ("{ sigma = \"0 m\", correlation_time = \"10 s\" }", "above zero"),
+    ] {
+        let message = lab::refused(SCENARIO, &[&format!("sensor.fix.correlated_error={error}")]);
+        assert!(message.contains(part), "{message}");
+    }
+}

@@ -1,7 +1,10 @@
 //! The keys that the framework takes from the tables of a scenario, beside the keys of each type.
 
 use crate::compose::calibration::TimeOffset;
+use crate::compose::correlated::CorrelatedError;
 use crate::model::gate::{Gate, Recovery};
+use crate::model::limits::LimitKeys;
+use crate::model::robust::Robust;
 use crate::model::simulate::Faults;
 use crate::units::{Positive, Time as Duration};
 use schemars::JsonSchema;
@@ -46,6 +49,18 @@ sensor_keys! {
         /// inflate.
         #[serde(default)]
         pub recovery: Recovery,
+        /// Robust update: `"huber"` or `"student-t"`, or a table with `kind` and its parameter, so
+        /// that a large innovation that passes the gate counts less. Default: off.
+        #[serde(default)]
+        pub robust: Robust,
+        /// Plausible values of the channels by name, such as
+        /// `{ vel_x = { range = ["-5 m/s", "5 m/s"], rate = "2 m/s^2" } }`; a sample beyond them is
+        /// rejected. Default: the range that the type gives, without a rate.
+        #[serde(default)]
+        pub limits: LimitKeys,
+        /// Time-correlated error of the channels, a first-order Gauss-Markov state each. Default:
+        /// none.
+        pub correlated_error: Option<CorrelatedError>,
         /// Silence after which the sensor counts as lost. Default: three times its usual interval,
         /// at least 5 s.
         pub timeout: Option<Positive<Duration>>,

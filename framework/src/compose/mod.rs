@@ -3,6 +3,7 @@
 pub mod calibration;
 mod composer;
 mod composition;
+pub mod correlated;
 pub mod draw;
 pub mod keys;
 pub mod settings;

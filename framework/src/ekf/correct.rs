@@ -7,6 +7,7 @@ use crate::compose::Composition;
 use crate::model::gate::Action;
 use crate::model::measurement::{AnyMeasurement, At};
 use crate::model::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};
+use crate::model::robust::Robust;
 use crate::model::sensor::Sensor;
 use crate::state::covariance::{Covariance, Update};
 use crate::units::sample::Sample;
@@ -75,14 +76,29 @@ impl Ekf {
         if noise != 1.0 {
             update.r.iter_mut().for_each(|r| *r *= noise * noise);
         }
+        let index = sample.sensor.0;
+        let slot = &mut m.sensors[index];
+        let present = sample.present() & slot.channels;
+        let repeated = slot.repeats.as_mut().map_or(1.0, |repeats| repeats.take(sample, present));
+        if repeated != 1.0 {
+            update.r.iter_mut().for_each(|r| *r *= repeated * repeated);
+        }
         let Some(mut nis) = update.innovate(&m.covariance) else {
             self.reject(sample, Rejection::Singular, observer);
             return Ok(());
         };
-        let index = sample.sensor.0;
-        m.sensors[index].refused = None;
-        let threshold = m.sensors[index].thresholds[update.m];
-        let present = sample.present() & m.sensors[index].channels;
+        if let Some(repeats) = &mut slot.repeats
+            && let Some(stuck) = repeats.stuck(update, present, repeated)
+        {
+            repeats.keep(update, present, false);
+            if slot.refused != Some(Rejection::Repeated) {
+                observer.finding(stuck.finding(sample.time, &slot.name));
+            }
+            self.reject(sample, Rejection::Repeated, observer);
+            return Ok(());
+        }
+        slot.refused = None;
+        let threshold = slot.thresholds[update.m];
         let passes = nis <= threshold && nis.is_finite();
         let slot = &m.sensors[index];
         // evidence on the cause matters for a gated sample, and until the sensor agrees again
@@ -117,6 +133,9 @@ impl Ekf {
             covariance: &update.s,
         });
         if outcome != Outcome::Accepted {
+            if let Some(repeats) = &mut slot.repeats {
+                repeats.keep(update, present, false);
+            }
             let first = slot.lockout.streak.is_some_and(|streak| streak.count == 1);
             if first && slot.recovery.action == Action::Inflate {
                 update.begin(&m.covariance, &self.considered, present, &mut slot.reach);
@@ -127,7 +146,24 @@ impl Ekf {
             return Ok(());
         }
         slot.reach.clear();
+        if let Some(test) = &mut slot.bias
+            && verdict == Verdict::Pass
+            && let Some(shift) = test.take(sample.time, update, present)
+        {
+            let info = &self.composition.sensors[index].info;
+            observer.finding(shift.finding(sample.time, info));
+        }
+        if slot.robust != Robust::Off
+            && update.weigh(|e| slot.robust.weight(e))
+            && update.innovate(&m.covariance).is_none()
+        {
+            self.reject(sample, Rejection::Singular, observer);
+            return Ok(());
+        }
         update.apply(&mut m.covariance, &self.considered);
+        if let Some(repeats) = &mut slot.repeats {
+            repeats.keep(update, present, true);
+        }
         for other in m.sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
             update.correct(&mut other.reach);
         }

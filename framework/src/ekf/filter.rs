@@ -239,7 +239,10 @@ impl Ekf {
             return Some(Rejection::Missing);
         }
         let excluded = self.composition.sensors[sample.sensor.0].excludes(sample.time);
-        excluded.then_some(Rejection::Excluded)
+        if excluded {
+            return Some(Rejection::Excluded);
+        }
+        slot.implausible(sample)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Estimators: the error-state extended Kalman filter.
 
 mod alignment;
+mod bias;
 mod cadence;
 mod correct;
 mod delay;
@@ -13,6 +14,7 @@ mod slot;
 mod stage;
 mod start;
 mod step;
+mod stuck;
 mod usual;
 
 pub use filter::{Ekf, EstimatorError, Snapshot};

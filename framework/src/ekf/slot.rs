@@ -1,11 +1,15 @@
 //! Filter state of one sensor: its gate, and the fault that its innovations show.
 
+use super::bias::BiasTest;
 use super::lockout::{Isolation, Lockout};
+use super::stuck::Repeats;
 use crate::model::gate::Recovery;
+use crate::model::limits::Limit;
 use crate::model::record::Rejection;
+use crate::model::robust::Robust;
 use crate::model::sensor::{Role, Sensor};
 use crate::state::covariance::Reach;
-use crate::units::sample::MAX_CHANNELS;
+use crate::units::sample::{MAX_CHANNELS, Sample};
 use crate::units::time::Time;
 
 /// Filter state of one sensor.
@@ -24,6 +28,14 @@ pub(super) struct SensorSlot {
     pub(super) refused: Option<Rejection>,
     pub(super) thresholds: [f64; MAX_CHANNELS + 1],
     pub(super) recovery: Recovery,
+    pub(super) robust: Robust,
+    /// Repetitions of samples; none where samples may repeat for ever.
+    pub(super) repeats: Option<Repeats>,
+    /// Sequential test on the innovations; none where a constraint gives them.
+    pub(super) bias: Option<BiasTest>,
+    limits: Vec<(usize, Limit)>,
+    /// Last plausible sample.
+    plausible: Option<Sample>,
 }
 
 impl SensorSlot {
@@ -33,6 +45,9 @@ impl SensorSlot {
             Role::Measurement(model) => model.channels(),
             Role::Input(_) | Role::Reference(_) => sensor.info.channels.len(),
         };
+        let measures = matches!(sensor.role, Role::Measurement(_)) && !sensor.constraint;
+        // a simulated sensor without noise repeats itself at rest, and has no innovations
+        let noise_free = sensor.simulation.as_ref().is_some_and(|s| s.noise.value().si() == 0.0);
         Self {
             name: sensor.info.name.clone(),
             channels: ((1u32 << used) - 1) as u16,
@@ -42,7 +57,34 @@ impl SensorSlot {
             refused: None,
             thresholds: sensor.gate.thresholds(),
             recovery: sensor.recovery,
+            robust: sensor.robust,
+            repeats: (measures && !noise_free).then(Repeats::default),
+            bias: (measures && !noise_free).then(|| BiasTest::new(used)),
+            limits: sensor.limits.clone(),
+            plausible: None,
         }
+    }
+
+    /// Takes a sample in order of time.
+    pub(super) fn take(&mut self, sample: &Sample) {
+        self.last = sample.time;
+        if !self.limits.is_empty() {
+            self.plausible = Some(*sample);
+        }
+    }
+
+    /// Reason to reject a sample that is outside its plausible range, or has changed too fast.
+    pub(super) fn implausible(&self, sample: &Sample) -> Option<Rejection> {
+        self.limits.iter().find_map(|&(channel, limit)| {
+            let value = sample.get(channel)?;
+            if !(limit.low..=limit.high).contains(&value) {
+                return Some(Rejection::OutOfRange(channel));
+            }
+            let before = self.plausible.as_ref()?;
+            let change = (value - before.get(channel)?).abs();
+            let most = limit.rate * sample.time.since(before.time);
+            (change > most).then_some(Rejection::TooFast(channel))
+        })
     }
 
     /// Isolation of the sensor, if it is isolated.

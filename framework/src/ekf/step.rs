@@ -35,7 +35,7 @@ impl Ekf {
             self.reject(sample, rejection, observer);
             return Ok(());
         }
-        self.memory.sensors[index].last = sample.time;
+        self.memory.sensors[index].take(sample);
         if is_input {
             self.memory.sensors[index].refused = None;
             return self.screen(sample, observer);

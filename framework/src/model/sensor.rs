@@ -2,8 +2,10 @@
 
 use crate::model::detector::Detector;
 use crate::model::gate::{Action, Gate, Recovery};
+use crate::model::limits::Limit;
 use crate::model::measurement::AnyMeasurement;
 use crate::model::motion::Motion;
+use crate::model::robust::Robust;
 use crate::model::simulate::{Faults, Simulate};
 use crate::state::manifold::Scalar;
 use crate::state::{Handle, Layout, State};
@@ -96,6 +98,10 @@ pub struct Sensor {
     pub gate: Gate,
     /// Recovery from lock-out.
     pub recovery: Recovery,
+    /// Weight of large innovations.
+    pub robust: Robust,
+    /// Plausible values, each with the index of its channel.
+    pub limits: Vec<(usize, Limit)>,
     /// Silence after which the sensor counts as lost, s; by default from its usual interval.
     pub timeout: Option<f64>,
     /// Spans of time whose samples the filter does not use: from the first time on, and before the
@@ -124,6 +130,8 @@ impl Sensor {
             role,
             gate: Gate::default(),
             recovery: Recovery::default(),
+            robust: Robust::Off,
+            limits: Vec::new(),
             timeout: None,
             exclude: Vec::new(),
             simulation: None,

@@ -4,6 +4,7 @@ use crate::compose::{Composer, Composition};
 use crate::document::{DocumentError, Node};
 use crate::files::FolderError;
 use crate::model::error::ComposeError;
+use crate::model::limits::Limit;
 use crate::model::process::BuiltProcess;
 use crate::model::sensor::Role;
 use crate::model::stream::{Sink, Source, StreamError};
@@ -62,6 +63,11 @@ pub trait SensorType: DeserializeOwned + JsonSchema + 'static {
     const INPUT: bool = false;
     /// Channels of its samples.
     fn channels(&self) -> Vec<Channel>;
+    /// Plausible values of its channels. A sample beyond them is rejected; the key `limits`
+    /// replaces them. Default: none.
+    fn limits(&self) -> Vec<Limit> {
+        Vec::new()
+    }
     /// Adds its states and returns its model.
     ///
     /// # Errors
@@ -261,6 +267,7 @@ pub(crate) struct PreparedSink {
 
 pub(crate) struct BuiltSensor {
     pub channels: Vec<Channel>,
+    pub limits: Vec<Limit>,
     pub role: Role,
 }
 
@@ -374,9 +381,9 @@ impl Registry {
     pub fn sensor<S: SensorType>(&mut self) {
         let make: ForComposer<BuiltSensor> = Box::new(|node, composer| {
             let config: S = node.parse()?;
-            let channels = config.channels();
+            let (channels, limits) = (config.channels(), config.limits());
             let role = config.build(composer).map_err(|e| e.at(node))?;
-            Ok(BuiltSensor { channels, role })
+            Ok(BuiltSensor { channels, limits, role })
         });
         self.insert::<S>(Kind::Sensor, S::TYPE, Make::Sensor { make, input: S::INPUT });
     }

@@ -4,9 +4,10 @@
 use crate::compose::draw::{self, Draw};
 use crate::compose::keys::SensorKeys;
 use crate::compose::settings::{EstimatorConfig, Initial};
-use crate::compose::{self, Composer, Composition, Process, time_offset};
+use crate::compose::{self, Composer, Composition, Process, correlated, time_offset};
 use crate::document::{DocumentError, Node};
 use crate::model::fault::Injector;
+use crate::model::limits;
 use crate::model::process::BuiltProcess;
 use crate::model::sensor::{Purpose, Role, Sensor, SensorInfo};
 use crate::plugin::{BuildError, BuiltSensor, Make};
@@ -286,6 +287,12 @@ fn place_sensor(
     if purpose != Purpose::Measurement {
         reject_corrections(part)?;
     }
+    if let (Some(error), Role::Measurement(model)) = (&keys.correlated_error, &mut built.role) {
+        *model = correlated::wrap(error, Arc::clone(model), &built.channels, composer)
+            .map_err(|e| e.at(&part.node))?;
+    }
+    let limits = limits::resolve(built.limits, &keys.limits, &built.channels)
+        .map_err(|e| e.at(&part.node))?;
     let time_offset = time_offset_block(part, &keys, composer)?;
     let exclude = excluded(part, &keys)?;
     // a simulated pseudo-measurement has samples
@@ -300,6 +307,8 @@ fn place_sensor(
     Ok(Sensor {
         gate: keys.gate,
         recovery: keys.recovery,
+        robust: keys.robust,
+        limits,
         timeout: keys.timeout.map(|t| t.value().si()),
         exclude,
         simulation: keys.simulation,
@@ -330,7 +339,13 @@ fn excluded(part: &Part<'_>, keys: &SensorKeys) -> Result<Vec<[Time; 2]>, Docume
 
 /// Rejects the keys that only a sensor that corrects the state can have.
 fn reject_corrections(part: &Part<'_>) -> Result<(), DocumentError> {
-    let keys = [("gate", "a gate"), ("recovery", "a gate"), ("time_offset", "a time offset")];
+    let keys = [
+        ("gate", "a gate"),
+        ("recovery", "a gate"),
+        ("robust", "a robust update"),
+        ("correlated_error", "a state of its error"),
+        ("time_offset", "a time offset"),
+    ];
     for (key, what) in keys {
         if let Some(node) = part.node.get(key) {
             let message = "only a sensor that corrects the state has";

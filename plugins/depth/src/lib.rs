@@ -8,6 +8,7 @@ use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LengthBias, LeverArm};
 use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::limits::Limit;
 use navfuse_core::model::measurement::{Jacobian, MeasurementModel};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector};
@@ -43,6 +44,11 @@ impl SensorType for Depth {
 
     fn channels(&self) -> Vec<Channel> {
         vec![Channel::new("depth", "m")]
+    }
+
+    fn limits(&self) -> Vec<Limit> {
+        // air pressure and waves above the surface; the deepest trench has 10 900 m
+        vec![Limit::range("depth", -100.0, 12_000.0)]
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {

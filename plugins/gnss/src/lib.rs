@@ -12,6 +12,7 @@ use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{Calibration, LeverArm};
 use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::limits::Limit;
 use navfuse_core::model::measurement::MeasurementModel;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Scene;
@@ -26,7 +27,7 @@ use navfuse_core::units::{Length, LengthRandomWalk, Positive, Ratio, Sigma, Spee
 use navfuse_ins::Navigation;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// GNSS receiver: position of its antenna and, where `velocity_noise` is given, velocity. Any
 /// channel may be missing: a 2-D fix has no height. Accuracies that a recording reports replace the
@@ -78,6 +79,15 @@ impl SensorType for Gnss {
             Some(_) => [POSITION, VELOCITY, ACCURACY].concat(),
             None => [&POSITION[..], &ACCURACY[..2]].concat(),
         }
+    }
+
+    fn limits(&self) -> Vec<Limit> {
+        // latitude, either convention of the longitude, and heights up to the satellites
+        vec![
+            Limit::range("lat", -FRAC_PI_2, FRAC_PI_2),
+            Limit::range("lon", -TAU, TAU),
+            Limit::range("height", -12_000.0, 2e7),
+        ]
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {

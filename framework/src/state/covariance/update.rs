@@ -122,6 +122,22 @@ impl Update {
         (!nis.is_nan()).then_some(nis)
     }
 
+    /// Divides the noise by the weight that each channel gets for its normalised innovation, and
+    /// returns `true` if any weight differs from one: `S` has then to be computed again. Call after
+    /// [`Self::innovate`].
+    pub(crate) fn weigh(&mut self, weight: impl Fn(f64) -> f64) -> bool {
+        let m = self.m;
+        let mut roots = [1.0; MAX_CHANNELS];
+        for (a, root) in roots[..m].iter_mut().enumerate() {
+            *root = weight(self.innovation[a] / self.s[a * m + a].sqrt()).sqrt();
+        }
+        if roots[..m].iter().all(|root| *root == 1.0) {
+            return false;
+        }
+        (0..m * m).for_each(|k| self.r[k] /= roots[k / m] * roots[k % m]);
+        true
+    }
+
     /// `P = P + c G A G'` with `A = H P H'` and `G` as in [`Self::direction`]: the measured
     /// combination of states becomes `1 + c` times as uncertain. Returns `false` where there is no
     /// such direction. Call after [`Self::innovate`], and before another.

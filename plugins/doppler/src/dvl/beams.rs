@@ -1,5 +1,6 @@
 //! The velocity along each beam of a DVL.
 
+use super::FASTEST;
 use super::geometry::{MAX_BEAMS, count, directions};
 use super::sound::{Array, gains};
 use crate::instrument::{Instrument, TrackingMode};
@@ -8,6 +9,7 @@ use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
 use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::limits::Limit;
 use navfuse_core::model::measurement::MeasurementModel;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Scene;
@@ -61,6 +63,11 @@ impl SensorType for DvlBeams {
         let beams = names.into_iter().take(count(self.azimuth.as_deref(), self.beams.as_deref()));
         let sound = self.assumed_sound_speed.map(|_| "sound_speed");
         beams.chain(sound).map(|name| Channel::new(name, "mps")).collect()
+    }
+
+    fn limits(&self) -> Vec<Limit> {
+        let beams = self.channels().into_iter().filter(|c| c.name.starts_with("beam"));
+        beams.map(|c| Limit::range(c.name, -FASTEST, FASTEST)).collect()
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {

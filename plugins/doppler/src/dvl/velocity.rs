@@ -1,11 +1,13 @@
 //! The velocity along the instrument's own three axes.
 
+use super::FASTEST;
 use crate::instrument::{Instrument, TrackingMode};
 use crate::keys::doppler_sensor;
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
 use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::limits::Limit;
 use navfuse_core::model::measurement::MeasurementModel;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
@@ -30,6 +32,10 @@ impl SensorType for Dvl {
 
     fn channels(&self) -> Vec<Channel> {
         ["vel_x", "vel_y", "vel_z"].map(|name| Channel::new(name, "mps")).to_vec()
+    }
+
+    fn limits(&self) -> Vec<Limit> {
+        ["vel_x", "vel_y", "vel_z"].map(|name| Limit::range(name, -FASTEST, FASTEST)).to_vec()
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {

@@ -91,21 +91,3 @@ pub fn run(text: &str, settings: &[&str]) -> Trial {
     let errors = finished.take_sink::<Errors>().unwrap();
     Trial { errors, finished }
 }
-
-impl Trial {
-    /// Prints the result on one line.
-    pub fn print(&self, name: &str) {
-        let (worst, last) = (self.errors.largest(), self.errors.final_largest());
-        println!("{name}: worst {:.1} {}, at the end {:.1} {}", worst.0, worst.1, last.0, last.1);
-        println!("   {:?}", self.errors.outcomes);
-        for finding in &self.finished.findings {
-            println!(
-                "   {} {:?} {}: {}; {}",
-                finding.time, finding.severity, finding.about, finding.text, finding.remedy
-            );
-        }
-        for event in self.finished.events.iter().take(12) {
-            println!("   {} {:?} {}: {}", event.time, event.level, event.about, event.text);
-        }
-    }
-}
