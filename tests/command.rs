@@ -67,6 +67,29 @@ fn json_has_every_documented_key_and_nothing_else_is_on_standard_output() {
 }
 
 #[test]
+fn a_run_that_must_not_be_used_ends_with_the_exit_code_3_unless_that_is_accepted() {
+    let path = scenario("quickstart").display().to_string();
+    let run = |more: &[&str]| {
+        let noise = ["--set", "sensor.dvl.simulation.noise=20", "--no-output"];
+        navfuse(&[&["run", &path], &SHORT[..], &noise, more].concat())
+    };
+    let refused = run(&[]);
+    assert_eq!(refused.status.code(), Some(3), "{}", stderr(&refused));
+    let text = stdout(&refused);
+    let last = text.lines().last().expect("a verdict");
+    assert!(last.starts_with("verdict: do not use: dvl: "), "{last}");
+    assert_eq!(run(&["--accept-inconsistent"]).status.code(), Some(0));
+    let json = run(&["--format=json"]);
+    assert_eq!(json.status.code(), Some(3));
+    let json: Value = serde_json::from_str(&stdout(&json)).expect("one object");
+    assert_eq!(json["verdict"]["level"], "do_not_use");
+    assert_eq!(json["verdict"]["reasons"][0]["about"], "dvl");
+    let consistent = navfuse(&[&["run", &path, "--no-output"], &SHORT[..]].concat());
+    assert_eq!(consistent.status.code(), Some(0));
+    assert_eq!(stdout(&consistent).lines().last(), Some("verdict: consistent"));
+}
+
+#[test]
 fn errors_are_null_where_there_is_no_reference() {
     let recording = Recording::new();
     recording.change(

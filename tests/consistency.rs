@@ -1,9 +1,11 @@
-//! Three scenarios have a consistent uncertainty, and the paper's 3-D run reaches the bound.
+//! Three scenarios have a consistent uncertainty, and the paper's 3-D run reaches the bound. The
+//! verdict of a single run doubts hardly any consistent run, and finds what is wrong.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
 
-use common::{navfuse, scenario, stdout};
+use common::{navfuse, run_without_sinks, scenario, stdout};
+use navfuse_core::model::verdict::{Criterion, Reason, Verdict, VerdictLevel};
 use serde_json::Value;
 
 /// Returns the report of a campaign.
@@ -18,6 +20,14 @@ fn is_consistent(point: &Value) {
     assert_eq!(point["verdict"]["text"], "consistent", "{:#}", point["verdict"]);
 }
 
+/// At most one consistent run in 100 is doubted. `most` is a number that such a rate exceeds in
+/// fewer than 4 of 1000 campaigns.
+fn are_judged_consistent(point: &Value, most: u64) {
+    let judged = |level: &str| point["judged"][level].as_u64().expect("a number");
+    assert!(judged("doubtful") + judged("do_not_use") <= most, "{}", point["judged"]);
+    assert!(judged("consistent") > 20, "{}", point["judged"]);
+}
+
 /// 200 runs with the IMU at 20 Hz, which changes no sigma by 0.1 % and takes a fifth of the time;
 /// judged from 700 s on, since the scale factor starts 20 % off.
 #[test]
@@ -29,6 +39,7 @@ fn errors_agree_with_sigma_and_with_the_bound() {
     );
     let point = &report["points"][0];
     is_consistent(point);
+    are_judged_consistent(point, 6); // 2 are expected
     let blocks = point["anees"].as_array().expect("every block");
     assert_eq!(blocks.len(), 8, "the whole state and seven blocks");
     for block in blocks {
@@ -45,6 +56,7 @@ fn all_sensors_of_an_auv_are_consistent() {
     let report = report("auv", "25", &["--set", "sensor.imu.simulation.rate=50 Hz"]);
     let point = &report["points"][0];
     is_consistent(point);
+    are_judged_consistent(point, 2); // 0.25 are expected
     let blocks = point["anees"].as_array().expect("every block");
     let states: f64 = blocks[1..].iter().map(|b| b["dimension"].as_f64().expect("a number")).sum();
     assert_eq!((blocks.len(), states), (17, 36.0));
@@ -65,9 +77,92 @@ fn the_sigma_of_an_imu_and_a_depth_sensor_alone_is_accurate_to_5_percent() {
     let settings: Vec<&str> = settings.iter().flat_map(|s| ["--set", s]).collect();
     let report = report("pan-wu-3d", "400", &settings);
     let point = &report["points"][0];
+    are_judged_consistent(point, 10); // 4 are expected
     let anees = point["anees"][0]["value"].as_f64().expect("a number");
     println!("ANEES {anees:.2}");
     assert!((13.6..16.54).contains(&anees), "{anees}");
     let nis = point["nis"].as_array().expect("every sensor");
     assert_eq!((nis.len(), &nis[0]["sensor"]), (1, &Value::from("depth")));
+}
+
+/// The verdict of the paper's 3-D run with changes, and the IMU at 20 Hz.
+fn verdict(settings: &[&str]) -> Verdict {
+    let settings = settings.iter().copied().chain(["sensor.imu.simulation.rate=20 Hz"]);
+    let settings: Vec<String> = settings.map(str::to_owned).collect();
+    run_without_sinks(&scenario("pan-wu-3d"), &settings).summary.verdict
+}
+
+/// The reason by which a verdict names a part.
+fn reason<'a>(verdict: &'a Verdict, criterion: Criterion, about: &str) -> &'a Reason {
+    let of_part = |r: &&Reason| r.criterion == criterion && r.about.contains(about);
+    verdict.reasons.iter().find(of_part).unwrap_or_else(|| panic!("{about}: {:#?}", verdict))
+}
+
+#[test]
+fn a_noise_larger_than_stated_is_named_with_its_factor() {
+    // with the noise f times as stated, the NIS is f^2 times as large, less what the gate removes
+    for (factor, level) in [("1.5", VerdictLevel::Doubtful), ("4", VerdictLevel::DoNotUse)] {
+        let noise = format!("sensor.dvl.simulation.noise={factor}");
+        let verdict = verdict(&[&noise, "sensor.dvl.gate=off"]);
+        assert_eq!(verdict.level, level, "{verdict:#?}");
+        reason(&verdict, Criterion::Nis, "dvl");
+        let dvl = verdict.sensor("dvl").expect("it measures");
+        let ratio = (dvl.mean_nis / dvl.expected_nis).sqrt();
+        // S also holds the uncertainty of the state, a few per cent of it
+        let stated: f64 = factor.parse().expect("a number");
+        assert!(!dvl.inside && (ratio / stated - 1.0).abs() < 0.05, "{ratio}");
+    }
+}
+
+#[test]
+fn a_noise_smaller_than_stated_is_doubtful_but_harms_nobody() {
+    let verdict = verdict(&["sensor.dvl.simulation.noise=0.4"]);
+    assert_eq!(verdict.level, VerdictLevel::Doubtful, "{verdict:#?}");
+    reason(&verdict, Criterion::Nis, "dvl");
+}
+
+/// A depth whose error grows while the vehicle dives. The DVL measures the descent as well, so the
+/// innovations of the depth drift.
+#[test]
+fn a_depth_that_the_dvl_contradicts_must_not_be_used() {
+    let verdict = verdict(&[
+        "sensor.depth.noise=5 cm",
+        "sensor.depth.simulation.rate=2 Hz",
+        "sensor.depth.simulation.faults=[{ type = \"drift\", from = \"660 s\", to = \"720 s\", \
+         size = \"5 cm/s\" }]",
+    ]);
+    assert_eq!(verdict.level, VerdictLevel::DoNotUse, "{verdict:#?}");
+    assert!(verdict.reasons[0].about.contains("depth"), "{verdict:#?}");
+}
+
+#[test]
+fn a_scale_factor_beyond_its_prior_is_left_far_behind() {
+    // 3 % is 15 sigma of a prior of 0.2 %
+    let verdict = verdict(&["sensor.dvl.scale={ initial = 1, sigma = 0.002, truth = 1.03 }"]);
+    assert_eq!(verdict.level, VerdictLevel::DoNotUse, "{verdict:#?}");
+    let text = &reason(&verdict, Criterion::Prior, "dvl.scale").text;
+    assert!(text.contains("sigma from its prior"), "{text}");
+}
+
+#[test]
+fn a_heading_prior_too_wide_for_the_linearisation_must_not_be_used() {
+    for (sigma, level) in [
+        ("5 deg", VerdictLevel::Consistent),
+        ("10 deg", VerdictLevel::Doubtful),
+        ("40 deg", VerdictLevel::DoNotUse),
+    ] {
+        let prior = format!("process.ins.attitude.sigma=['0.01 deg', '0.01 deg', '{sigma}']");
+        let verdict = verdict(&[&prior, "estimator.stop=605 s"]);
+        assert_eq!(verdict.level, level, "{sigma}: {verdict:#?}");
+        if level > VerdictLevel::Consistent {
+            reason(&verdict, Criterion::Linearisation, "ins.attitude yaw");
+        }
+    }
+}
+
+#[test]
+fn a_sensor_of_which_most_samples_are_gated_must_not_be_used() {
+    let verdict = verdict(&["sensor.dvl.simulation.noise=20", "sensor.dvl.recovery.action=report"]);
+    assert_eq!(verdict.level, VerdictLevel::DoNotUse, "{verdict:#?}");
+    reason(&verdict, Criterion::Gated, "dvl");
 }

@@ -29,10 +29,12 @@ fn a_scenario_and_the_log_of_its_run_give_the_same_page() {
         command().arg("report").arg(run.join("run.mcap")).output().expect("the command starts");
     assert!(output.status.success(), "{}", stderr(&output));
     let page = run.join("report.html");
+    let printed = stdout(&output);
+    let lines: Vec<&str> = printed.lines().collect();
     assert_eq!(
-        stdout(&output).trim(),
-        page.display().to_string(),
-        "the output names the page, beside the log"
+        lines,
+        [page.display().to_string().as_str(), "verdict: consistent"],
+        "the output names the page, beside the log, and the verdict"
     );
     let output = command()
         .arg("report")
@@ -43,6 +45,32 @@ fn a_scenario_and_the_log_of_its_run_give_the_same_page() {
         .output();
     assert!(output.is_ok_and(|o| o.status.success()));
     assert!(read(&page) == read(&direct), "the pages differ");
+    // the verdict is at the end of the log; without it, the filter runs again and is judged
+    let log = std::fs::read(run.join("run.mcap")).expect("the log");
+    let cut = run.join("cut.mcap");
+    std::fs::write(&cut, &log[..log.len() * 9 / 10]).expect("a shorter log");
+    let output = command().arg("report").arg(&cut).output().expect("the command starts");
+    assert_eq!(stdout(&output).lines().last(), Some("verdict: consistent"), "{}", stderr(&output));
+}
+
+#[test]
+fn the_page_shows_the_verdict_with_its_reasons() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = folder.path().join("page.html");
+    let output = command()
+        .arg("report")
+        .arg(scenario("quickstart"))
+        .args(["--set", "estimator.stop=200 s", "--set", "sensor.dvl.simulation.noise=20"])
+        .arg("--out")
+        .arg(&page)
+        .output()
+        .expect("the command starts");
+    let printed = stdout(&output);
+    let last = printed.lines().last().expect("a verdict");
+    assert!(last.starts_with("verdict: do not use: dvl: "), "{last}");
+    let page = read(&page);
+    assert!(page.contains("Verdict: <b>do not use</b>"));
+    assert!(page.contains("the gate rejected"), "the reason is on the page");
 }
 
 #[test]

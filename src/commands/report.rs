@@ -66,6 +66,9 @@ pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
         output::warn(format_args!("warning: {warning}"));
     }
     output::line(out.display());
+    if let Some(verdict) = &history.verdict {
+        output::run::verdict(verdict);
+    }
     Ok(end.code())
 }
 
@@ -99,17 +102,19 @@ fn of_log(
         return Err(CommandError::argument("--set", message));
     }
     let log = &arguments.of;
-    let history = navfuse_report::read_log(log, |read| bar.log(read))?;
-    let observed = observability_of_log(registry, log, stop, bar)?;
+    let mut history = navfuse_report::read_log(log, |read| bar.log(read))?;
+    let observed = filter_again(registry, log, &mut history, stop, bar)?;
     let folder = log.parent().map_or_else(PathBuf::new, Path::to_path_buf);
     Ok(Content { history, observed, folder, end: End::Whole })
 }
 
 /// The observability of the run in a log, for which the filter runs again on the samples. None
-/// where it cannot run, as for a log of another program with more types.
-fn observability_of_log(
+/// where it cannot run, as for a log of another program with more types. The same run gives the
+/// verdict to the history of a log that holds none.
+fn filter_again(
     registry: &Registry,
     log: &Path,
+    history: &mut History,
     stop: &AtomicBool,
     bar: &Bar,
 ) -> Result<Option<ObservabilityReport>> {
@@ -125,6 +130,9 @@ fn observability_of_log(
     assembly.sinks.push(("observability".to_owned(), Box::new(TrackerSink::new(EVERY))));
     let mut finished = runner::run(assembly, stop, |progress| bar.run(progress));
     bar.done();
+    if !finished.interrupted {
+        history.verdict.get_or_insert_with(|| finished.summary.verdict.clone());
+    }
     Ok(observability(&scenario.name(), &mut finished))
 }
 

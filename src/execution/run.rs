@@ -8,6 +8,7 @@ use clap::Args;
 use navfuse_core::document::Document;
 use navfuse_core::files::FolderLock;
 use navfuse_core::model::record::Level;
+use navfuse_core::model::verdict::VerdictLevel;
 use navfuse_core::plugin::{Kind, Registry};
 use navfuse_core::run::runner;
 use navfuse_core::run::runner::Finished;
@@ -18,6 +19,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Type of the sink for the rerun viewer.
 const VIEWER: &str = "rerun";
+
+/// Exit code of a run whose verdict is "do not use".
+const INCONSISTENT: u8 = 3;
 
 /// Options of a run.
 #[derive(Clone, Debug, Args)]
@@ -34,6 +38,9 @@ pub struct RunOptions {
     /// Write nothing: no log, no recording
     #[arg(long, conflicts_with_all = ["out", "rerun", "connect", "serve"])]
     pub no_output: bool,
+    /// Exit with 0 also where the verdict is "do not use", instead of 3
+    #[arg(long)]
+    pub accept_inconsistent: bool,
     #[command(flatten)]
     pub live: Live,
 }
@@ -90,7 +97,7 @@ pub fn execute(
     if options.live.serve && !finished.interrupted {
         wait(&stop);
     }
-    Ok(exit_code(&finished))
+    Ok(exit_code(&finished, options.accept_inconsistent))
 }
 
 /// The name of the one sink of the viewer's type, as a key in TOML.
@@ -140,6 +147,9 @@ fn print(finished: &Finished, text: bool) -> Result<()> {
         output::line(serde_json::to_string(&finished.summary)?);
     }
     output::run::events(&finished.events);
+    if text {
+        output::run::verdict(&finished.summary.verdict);
+    }
     Ok(())
 }
 
@@ -151,13 +161,15 @@ fn wait(stop: &AtomicBool) {
     }
 }
 
-fn exit_code(finished: &Finished) -> ExitCode {
+fn exit_code(finished: &Finished, accept_inconsistent: bool) -> ExitCode {
+    let unusable = finished.summary.verdict.level == VerdictLevel::DoNotUse;
     match (&finished.error, finished.interrupted) {
         (Some(_), _) => ExitCode::FAILURE,
         (None, true) => ExitCode::from(INTERRUPTED),
         (None, false) if finished.events.iter().any(|e| e.level == Level::Error) => {
             ExitCode::FAILURE
         }
+        (None, false) if unusable && !accept_inconsistent => ExitCode::from(INCONSISTENT),
         (None, false) => ExitCode::SUCCESS,
     }
 }

@@ -3,7 +3,9 @@
 use super::{line, right, table};
 use crate::error::{CommandError, Result};
 use comfy_table::Table;
-use navfuse_campaign::{Band, Campaign, Component, PointReport, Results, StateReport, WorstRun};
+use navfuse_campaign::{
+    Band, Campaign, Component, Judged, PointReport, Results, StateReport, WorstRun,
+};
 use std::path::{Path, PathBuf};
 
 /// The tables that are shown.
@@ -167,6 +169,10 @@ fn consistency(plan: &Campaign, point: &PointReport) {
         right(&mut rows, 1..6);
         line(format_args!("{rows}\n"));
     }
+    let Judged { consistent, doubtful, do_not_use } = point.judged;
+    line(format_args!(
+        "judged alone: {consistent} consistent, {doubtful} doubtful, {do_not_use} do not use"
+    ));
     if let Some(verdict) = &point.verdict {
         let from = plan.from.map_or_else(String::new, |t| format!(" from {t} s on"));
         let word = if verdict.consistent { "consistent" } else { "INCONSISTENT" };
@@ -244,11 +250,14 @@ fn grid(plan: &Campaign, results: &Results, shown: Shown<'_>) {
     }
     if runs {
         let mut headings: Vec<&str> = plan.keys.iter().map(String::as_str).collect();
-        headings.push("verdict");
+        headings.extend(["judged alone", "verdict"]);
         let mut rows = table(&headings);
         for point in points {
             let verdict = point.verdict.as_ref().map_or_else(String::new, |v| v.text.clone());
-            rows.add_row([point.values.as_slice(), &[verdict]].concat());
+            let Judged { consistent, doubtful, do_not_use } = point.judged;
+            let judged =
+                format!("{consistent} consistent, {doubtful} doubtful, {do_not_use} do not use");
+            rows.add_row([point.values.as_slice(), &[judged, verdict]].concat());
         }
         line(format_args!("{rows}\n"));
     }

@@ -3,6 +3,7 @@
 use super::{line, right, table, warn};
 use comfy_table::Table;
 use navfuse_core::model::record::{Event, Level};
+use navfuse_core::model::verdict::Verdict;
 use navfuse_core::run::summary::{Recorded, StateRow, Summary};
 use navfuse_core::state::Mode;
 use navfuse_core::units::time::Time;
@@ -16,7 +17,8 @@ pub fn summary(summary: &Summary) {
     }
     right(&mut states, 2..6);
     line(format_args!("{states}\n"));
-    let mut sensors = table(&["sensor", "read", "used", "gated", "rejected", "mean NIS"]);
+    let mut sensors =
+        table(&["sensor", "read", "used", "gated", "rejected", "mean NIS", "expected", "band", ""]);
     for (name, value) in &summary.samples {
         let text = |key: &str| value.get(key).map_or_else(String::new, ToString::to_string);
         let used = value
@@ -32,9 +34,11 @@ pub fn summary(summary: &Summary) {
             let and = if rejected.is_empty() { "" } else { ", " };
             rejected += &format!("{and}{excluded} excluded");
         }
-        sensors.add_row([name.clone(), text("read"), used, text("gated"), rejected, nis]);
+        let [expected, band, mark] = consistency(&summary.verdict, name);
+        let counts = [name.clone(), text("read"), used, text("gated"), rejected, nis];
+        sensors.add_row([&counts[..], &[expected, band, mark]].concat());
     }
-    right(&mut sensors, 1..6);
+    right(&mut sensors, 1..8);
     line(format_args!("{sensors}\n"));
     for (name, start) in &summary.starts {
         line(format_args!("{name} {}", start["text"].as_str().unwrap_or_default()));
@@ -52,6 +56,29 @@ pub fn summary(summary: &Summary) {
             e.last, e.rms
         ));
     }
+}
+
+/// The expected NIS of a sensor, the band of its mean, and a mark if the mean is outside.
+fn consistency(verdict: &Verdict, sensor: &str) -> [String; 3] {
+    verdict.sensor(sensor).map_or_else(Default::default, |s| {
+        let mark = if s.inside { "" } else { "outside" };
+        [
+            format!("{:.2}", s.expected_nis),
+            format!("{:.2} to {:.2}", s.band.low, s.band.high),
+            mark.to_owned(),
+        ]
+    })
+}
+
+/// Prints the reasons of a verdict with their remedies, and the verdict in the last line.
+pub fn verdict(verdict: &Verdict) {
+    for reason in &verdict.reasons {
+        let level = navfuse_core::model::verdict::VerdictLevel::from(reason.severity).words();
+        let remedy =
+            if reason.remedy.is_empty() { String::new() } else { format!("; {}", reason.remedy) };
+        line(format_args!("{level}: {reason}{remedy}"));
+    }
+    line(format_args!("verdict: {verdict}"));
 }
 
 fn state(row: &StateRow, table: &mut Table) {

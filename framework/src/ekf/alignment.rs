@@ -4,6 +4,7 @@
 use super::filter::{Ekf, EstimatorError, Memory, Snapshot};
 use super::stage::Stage;
 use crate::compose::moved;
+use crate::model::finding::{Finding, Severity};
 use crate::model::process::ProcessError;
 use crate::model::record::{Epoch, Event, Observer, Truth};
 use crate::model::sensor::Role;
@@ -181,6 +182,11 @@ impl Ekf {
                 .supervise(&view)
                 .map_err(|e| self.process_error(k, self.memory.state.time, e))?;
             let time = self.memory.state.time;
+            if let Some((text, remedy)) = supervision.doubt {
+                let about = self.composition.processes[k].name.clone();
+                let severity = Severity::Doubtful;
+                observer.finding(Finding { time, about, severity, text, remedy });
+            }
             if let Some((level, text)) = supervision.message {
                 let about = self.composition.processes[k].name.clone();
                 observer.event(Event { time, level, about, text });

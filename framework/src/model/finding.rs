@@ -1,9 +1,11 @@
 //! Findings: faults that the filter or a monitor found in a run.
 
 use crate::units::time::Time;
+use serde::{Deserialize, Serialize};
 
 /// Consequence of a finding for the use of the run's result.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Severity {
     /// The result may be used with care: an engineer should look at the finding first.
     Doubtful,

@@ -1,5 +1,6 @@
 //! Models: motion of blocks, measurements by sensors, and the inputs and outputs of a run.
 
+pub mod chi_square;
 pub mod detector;
 pub mod error;
 pub mod fault;
@@ -19,3 +20,4 @@ pub mod simulate;
 pub mod start;
 pub mod stream;
 mod stream_error;
+pub mod verdict;

@@ -43,6 +43,8 @@ pub struct Supervision {
     pub constrain: bool,
     /// Message for the log.
     pub message: Option<(Level, String)>,
+    /// Doubt about the alignment: evidence and remedy.
+    pub doubt: Option<(String, String)>,
 }
 
 /// Result of an initial alignment.

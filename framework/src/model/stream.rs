@@ -2,6 +2,7 @@
 
 use crate::model::record::{Epoch, Event, UpdateRecord};
 use crate::model::sensor::SensorInfo;
+use crate::model::verdict::Verdict;
 use crate::state::Layout;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
@@ -135,6 +136,10 @@ pub trait Sink: Any + Send {
     }
     /// An event for the log.
     fn event(&mut self, _event: &Event) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// The verdict of the run, after everything else.
+    fn verdict(&mut self, _verdict: &Verdict) -> Result<(), StreamError> {
         Ok(())
     }
     /// The run is over: writes the rest, and returns the place of the result, a path or an address.

@@ -11,3 +11,4 @@ pub mod schema;
 mod silence;
 mod sinks;
 pub mod summary;
+mod verdict;

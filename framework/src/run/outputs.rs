@@ -3,8 +3,10 @@
 use crate::model::finding::Finding;
 use crate::model::record::{Epoch, Event, Level, Observer, Rejection, UpdateRecord};
 use crate::model::stream::{NamedSink, Sink, StreamError};
+use crate::model::verdict::Verdict;
 use crate::run::output_rate::OutputRate;
 use crate::run::summary::{Recorded, Statistics};
+use crate::run::verdict::Judge;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
@@ -29,18 +31,25 @@ pub(crate) struct Outputs {
     pub(crate) rate: OutputRate,
     /// Time of the last estimate that all sinks received.
     recorded: Option<Time>,
+    pub(crate) judge: Judge,
     pub(crate) events: Vec<Event>,
     /// Faults that the filter found, at most [`FINDINGS`].
     pub(crate) findings: Vec<Finding>,
 }
 
 impl Outputs {
-    pub(crate) fn new(sinks: Vec<NamedSink>, statistics: Statistics, rate: OutputRate) -> Self {
+    pub(crate) fn new(
+        sinks: Vec<NamedSink>,
+        statistics: Statistics,
+        rate: OutputRate,
+        judge: Judge,
+    ) -> Self {
         let sinks = sinks.into_iter().map(|(name, sink)| Output { name, sink, open: true });
         Self {
             sinks: sinks.collect(),
             statistics,
             rate,
+            judge,
             recorded: None,
             events: Vec::new(),
             findings: Vec::new(),
@@ -84,6 +93,13 @@ impl Outputs {
         }
     }
 
+    /// Judges the run, which the error ended early, and passes the verdict on to the sinks.
+    pub(crate) fn verdict(&mut self, time: Time, error: Option<String>) -> Verdict {
+        let verdict = self.judge.verdict(&self.findings, error);
+        self.each(time, |sink| sink.verdict(&verdict));
+        verdict
+    }
+
     /// Closes the open sinks and returns the places that they wrote to.
     pub(crate) fn close(&mut self, time: Time) -> Vec<Recorded> {
         let mut recorded = Vec::new();
@@ -119,12 +135,14 @@ impl Observer for Outputs {
     }
     fn update(&mut self, update: &UpdateRecord<'_>) {
         self.statistics.update(update);
+        self.judge.update(update);
         self.each(update.time, |sink| sink.update(update));
     }
     fn transition(&mut self, transition: &Transition) {
         self.each(Time::MIN, |sink| sink.transition(transition));
     }
     fn correction(&mut self, update: &Update) {
+        self.judge.correction(update);
         self.each(Time::MIN, |sink| sink.correction(update));
     }
     fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {

@@ -13,6 +13,7 @@ use crate::run::outputs::Outputs;
 use crate::run::scenario::Assembly;
 use crate::run::silence::SilenceMonitor;
 use crate::run::summary::{Recorded, Statistics, Summary};
+use crate::run::verdict::Judge;
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::any::Any;
@@ -157,8 +158,9 @@ impl Run {
     fn begin(assembly: Assembly) -> Self {
         let Assembly { composition, sources, sinks } = assembly;
         let info = run_info(&composition);
+        let judge = Judge::new(&composition);
         let rate = OutputRate::new(composition.estimator.output_period());
-        let mut outputs = Outputs::new(sinks, Statistics::new(&info), rate);
+        let mut outputs = Outputs::new(sinks, Statistics::new(&info), rate, judge);
         outputs.each(Time::MIN, |sink| sink.start(&info));
         let sensors = info.sensors;
         let timeouts = composition.sensors.iter().map(|s| s.timeout).collect();
@@ -248,7 +250,10 @@ impl Run {
             self.error = Some(RunError::Unfinished(format!("{about}: {text}")));
         }
         if self.error.is_none() {
-            unfinished.into_iter().for_each(|event| self.outputs.event(event));
+            for event in unfinished {
+                self.outputs.judge.unfinished(&event.about, &event.text);
+                self.outputs.event(event);
+            }
         }
         if self.error.is_none() && !self.ekf.running() && !self.interrupted {
             self.error = Some(RunError::NeverStarted(never_started(&self.ekf)));
@@ -275,8 +280,10 @@ impl Run {
 
     /// Closes the sinks and sums the run up.
     fn close(mut self, clock: Instant) -> Finished {
-        let recorded = self.outputs.close(self.ekf.state().time);
-        let mut summary = self.outputs.statistics.summary(&self.ekf);
+        let end = self.ekf.state().time;
+        let verdict = self.outputs.verdict(end, self.error.as_ref().map(ToString::to_string));
+        let recorded = self.outputs.close(end);
+        let mut summary = self.outputs.statistics.summary(&self.ekf, verdict);
         summary.wall_s = clock.elapsed().as_secs_f64();
         let findings = std::mem::take(&mut self.outputs.findings);
         let (events, sinks) = self.outputs.into_parts();

@@ -5,6 +5,7 @@ use crate::model::record::{Epoch, Event, Level, Outcome, Rejection, UpdateRecord
 use crate::model::sensor::Purpose;
 use crate::model::sensor::Role;
 use crate::model::stream::RunInfo;
+use crate::model::verdict::Verdict;
 use crate::state::Mode;
 use crate::state::manifold::{MAX_TANGENT, Position};
 use crate::units::sample::Sample;
@@ -34,6 +35,8 @@ pub struct Summary {
     pub distance_m: f64,
     /// Computing time of the run, s.
     pub wall_s: f64,
+    /// Verdict on the run, with its reasons.
+    pub verdict: Verdict,
     /// Numbers of each sensor's samples: read, accepted, gated, rejected; excluded, where the
     /// scenario excludes any.
     pub samples: Map<String, Value>,
@@ -243,7 +246,7 @@ impl Statistics {
             .collect()
     }
 
-    pub(crate) fn summary(&mut self, ekf: &Ekf) -> Summary {
+    pub(crate) fn summary(&mut self, ekf: &Ekf, verdict: Verdict) -> Summary {
         let layout = ekf.layout();
         let (truth, end) = (ekf.truth(), ekf.state().time);
         let mut rows = Vec::new();
@@ -322,6 +325,7 @@ impl Statistics {
             duration_s: self.first.zip(self.last_epoch).map_or(0.0, |(a, b)| b.since(a)),
             distance_m: if to_the_end { self.true_distance } else { self.distance },
             wall_s: 0.0,
+            verdict,
             samples,
             starts,
             states,

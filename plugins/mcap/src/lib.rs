@@ -31,6 +31,10 @@
 //! `log_time_offset_ns`, `description` if the scenario has one, and `scenario`, the TOML as it was
 //! run. The attachment `scenario.toml` holds the same TOML.
 //!
+//! **Verdict.** The metadata record `navfuse_verdict`, written at the end of the run, has the entry
+//! `json`: the verdict of the run with its reasons, as in the result of `navfuse run`. A log that
+//! was cut off, or that an earlier version wrote, has none.
+//!
 //! The channel of the samples of a sensor has the `type` and the `purpose` (`input`, `measurement`
 //! or `reference`) of the sensor in its metadata. [`LogReader`] reads the log for reports.
 //!

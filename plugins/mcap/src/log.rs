@@ -11,6 +11,10 @@ use std::path::{Path, PathBuf};
 
 /// The name of the metadata record.
 pub const METADATA: &str = "navfuse";
+/// The name of the metadata record with the verdict of the run.
+pub const VERDICT: &str = "navfuse_verdict";
+/// The entry of that record: the verdict as JSON.
+pub const VERDICT_ENTRY: &str = "json";
 /// The name of the attachment with the scenario.
 pub const SCENARIO: &str = "scenario.toml";
 

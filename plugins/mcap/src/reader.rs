@@ -1,6 +1,6 @@
 //! Reads a log without composing its scenario, for reports and tables.
 
-use crate::log::{LogInfo, Records, Step, damaged, read_info};
+use crate::log::{LogInfo, Records, Step, VERDICT, VERDICT_ENTRY, damaged, read_info};
 use crate::message::Stamp;
 use crate::schema;
 use crate::source::{read_imu, read_sample, read_time};
@@ -9,6 +9,7 @@ use mcap::records::{Record, op};
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::StreamError;
+use navfuse_core::model::verdict::Verdict;
 use navfuse_core::state::Mode;
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::units::time::Time;
@@ -29,6 +30,8 @@ pub enum Entry<'a> {
     Innovation(InnovationEntry<'a>),
     /// An event.
     Event(Event),
+    /// The verdict of the run, at its end.
+    Verdict(Verdict),
 }
 
 /// A sensor.
@@ -142,7 +145,7 @@ impl LogReader {
     pub fn next(&mut self, mut take: impl FnMut(Entry<'_>)) -> Result<bool, StreamError> {
         let (schemas, topics, sensors) = (&mut self.schemas, &mut self.topics, &mut self.sensors);
         let step = self.records.find(|opcode, data| {
-            if ![op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&opcode) {
+            if ![op::SCHEMA, op::CHANNEL, op::MESSAGE, op::METADATA].contains(&opcode) {
                 return Ok(None);
             }
             match mcap::parse_record(opcode, data).map_err(damaged)? {
@@ -181,6 +184,15 @@ impl LogReader {
                         StreamError::format(format!("message {}: {e}", header.sequence))
                             .with_source(e)
                     })?);
+                    Ok(Some(()))
+                }
+                Record::Metadata(m) if m.name == VERDICT => {
+                    // a verdict of a later version, which this one cannot read, counts as none
+                    let json = m.metadata.get(VERDICT_ENTRY);
+                    let Some(verdict) = json.and_then(|j| serde_json::from_str(j).ok()) else {
+                        return Ok(None);
+                    };
+                    take(Entry::Verdict(verdict));
                     Ok(Some(()))
                 }
                 _ => Ok(None),

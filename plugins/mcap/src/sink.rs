@@ -1,6 +1,6 @@
 //! The sink: every sample, estimate, innovation and event of a run in one MCAP file.
 
-use crate::log::{METADATA, SCENARIO, StreamFailure};
+use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
 use crate::message::Encoder;
 use crate::topics::{Estimate, SensorTopics, Topic, Topics};
 use mcap::records::{MessageHeader, Metadata};
@@ -9,6 +9,7 @@ use mcap::{Attachment, WriteOptions, Writer};
 use navfuse_core::files::{WholeFile, part_of};
 use navfuse_core::model::record::{Epoch, Event, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::verdict::Verdict;
 use navfuse_core::plugin::{OpenContext, SinkType};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
@@ -167,6 +168,13 @@ impl Sink for McapSink {
             return Ok(());
         }
         self.record(event.time, |r| r.event(event))
+    }
+
+    fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
+        let json = serde_json::to_string(verdict).map_err(|e| failure(&self.path, e))?;
+        let metadata = BTreeMap::from([(VERDICT_ENTRY.to_owned(), json)]);
+        let record = Metadata { name: VERDICT.into(), metadata };
+        self.record(Time::default(), |r| Ok(r.log.writer.write_metadata(&record)?))
     }
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {

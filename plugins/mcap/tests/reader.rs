@@ -61,6 +61,7 @@ fn told(path: &Path) -> (Vec<Value>, Vec<Known>, Option<String>) {
                 floats(&i.sigma)
             ]),
             Entry::Event(e) => json!([e.time.nanos(), text(&e.about), text(&e.text)]),
+            Entry::Verdict(_) => return, // a metadata record, no message
         };
         messages.push(told);
     };

@@ -154,6 +154,7 @@ impl Layout {
         let columns = [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(column);
         self.set(&log, "TextLogColumns", TextLogColumns::new().with_text_log_columns(columns));
         let scenario = TextDocumentView::new("Scenario").with_origin("/scenario").into();
+        let verdict = TextDocumentView::new("Verdict").with_origin("/verdict").into();
         let left = self.left(run);
         let top = match (left, right.is_empty()) {
             (Some(left), false) => Horizontal::new([left, Tabs::new(right).into()])
@@ -162,7 +163,7 @@ impl Layout {
             (Some(only), true) => only,
             (None, _) => Tabs::new(right).into(),
         };
-        Vertical::new([top, Tabs::new([log, scenario]).into()])
+        Vertical::new([top, Tabs::new([log, verdict, scenario]).into()])
             .with_row_shares(vec![4.5, 1.0])
             .into()
     }

@@ -11,6 +11,7 @@ use crate::track::Track;
 use navfuse_core::model::record::{Epoch, Event, Level, UpdateRecord};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::verdict::{Verdict, VerdictLevel};
 use navfuse_core::state::covariance::{Transition, Update};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
@@ -196,11 +197,38 @@ impl Sink for RerunSink {
         self.write(event, event.time)
     }
 
+    fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
+        let time = self.last.unwrap_or_default();
+        let level = match verdict.level {
+            VerdictLevel::Consistent => Level::Info,
+            VerdictLevel::Doubtful => Level::Warning,
+            VerdictLevel::DoNotUse => Level::Error,
+        };
+        let (about, text) = ("verdict".to_owned(), verdict.to_string());
+        self.write(&Event { time, level, about, text }, time)?;
+        let document = TextDocument::from_markdown(markdown(verdict));
+        self.recording.log_static(&path(&["verdict"]), &document)
+    }
+
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
         let place = self.close()?;
         self.place = Some(place.clone());
         Ok(Some(place))
     }
+}
+
+/// The verdict with its reasons and remedies.
+fn markdown(verdict: &Verdict) -> String {
+    let mut text = format!("# Verdict: {}\n\n", verdict.level.words());
+    for reason in &verdict.reasons {
+        let words = VerdictLevel::from(reason.severity).words();
+        text += &format!("- {words}: **{}**: {}", reason.about, reason.text);
+        if !reason.remedy.is_empty() {
+            text += &format!("; *{}*", reason.remedy);
+        }
+        text += ".\n";
+    }
+    text
 }
 
 impl Drop for RerunSink {

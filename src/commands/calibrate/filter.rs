@@ -4,9 +4,11 @@ use super::outcome::Outcome;
 use crate::error::{CommandError, Result};
 use navfuse_calibration::{CalibrationData, Estimate, IntermediateEstimate};
 use navfuse_core::document::Document;
+use navfuse_core::model::chi_square::sigmas;
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::verdict::VerdictLevel;
 use navfuse_core::nalgebra::Matrix4;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
@@ -40,9 +42,46 @@ pub fn outcomes(
         let settings: Vec<String> =
             others.iter().map(|o| format!("sensor.{o}.enabled=false")).collect();
         let alone = Scenario::new(registry, document.clone(), &settings)?;
-        out.push(filter(alone.assemble(None)?, "ekf, IMU and DVL", list(&[]), data, progress)?);
+        let mut alone =
+            filter(alone.assemble(None)?, "ekf, IMU and DVL", list(&[]), data, progress)?;
+        if let (Ok(all), Ok(alone)) = (&out[0].result, &mut alone.result) {
+            alone.notes.extend(contradiction(all, alone));
+        }
+        out.push(alone);
     }
     Ok(out)
+}
+
+/// Probability that two consistent runs of the filter are said to contradict each other.
+const FALSE_ALARM: f64 = 0.005;
+/// Distance in sigmas from which neither estimate must be used, as in the verdict of a run.
+const FAR: f64 = 6.0;
+
+/// Compares the estimate from all sensors with the one from IMU and DVL alone.
+///
+/// The first uses all samples of the second. The difference of two such efficient estimates is
+/// uncorrelated with the better one, so its variance is the difference of their variances
+/// (Hausman 1978).
+fn contradiction(all: &Estimate, alone: &Estimate) -> Option<String> {
+    let (wide, narrow) = (alone.sigma()?, all.sigma()?);
+    let difference = alone.error(&all.mounting);
+    let distance = |i: usize| {
+        let (wide, narrow) = (wide[i] * wide[i], narrow[i] * narrow[i]);
+        // the two runs linearise at different points, which changes an estimate by up to some 0.1
+        // sigma where the other sensors add nothing
+        difference[i].abs() / (wide - narrow).max(1e-2 * wide).sqrt()
+    };
+    let both = (0..4).filter(|i| all.determined[*i] && alone.determined[*i]);
+    let (i, apart) = both.map(|i| (i, distance(i))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+    if apart.is_nan() || apart <= sigmas(0.5 * FALSE_ALARM / 4.0) {
+        return None;
+    }
+    let level = if apart >= FAR { VerdictLevel::DoNotUse } else { VerdictLevel::Doubtful };
+    let (words, name) = (level.words(), ["k", "roll", "pitch", "yaw"][i]);
+    Some(format!(
+        "{words}: ekf with all sensors contradicts it, by {apart:.1} sigma in {name}: a sensor that \
+         it lacks pulls the calibration; look at the bias, noise and lever arm of that sensor"
+    ))
 }
 
 fn filter(
@@ -59,6 +98,9 @@ fn filter(
     let record = finished.take_sink::<MountingRecord>();
     let record = record.unwrap_or_else(|| MountingRecord::new(dvl, data.recording.zero));
     let MountingRecord { history, covariance, determined, .. } = record;
+    let verdict = &finished.summary.verdict;
+    let doubted = verdict.level != VerdictLevel::Consistent;
+    let doubts: Vec<String> = doubted.then(|| verdict.to_string()).into_iter().collect();
     let result = match (finished.error.take(), history.first().zip(history.last())) {
         (Some(error), _) => Err(error.into()),
         (None, None) => Err(CommandError::Request(format!(
@@ -72,7 +114,7 @@ fn filter(
                 determined,
                 history,
                 used,
-                notes: Vec::new(),
+                notes: doubts,
             })
         }
     };

@@ -1,13 +1,13 @@
 //! Recording of one run.
 
-use crate::chi_square::gated_moments;
 use crate::columns::{Columns, Places};
 use crate::grid::Grid;
 use crate::record::{Row, RunRecord, SENSOR};
 use nalgebra::{DMatrix, DVector};
-use navfuse_core::model::finding::Severity;
+use navfuse_core::model::chi_square::gated_moments;
 use navfuse_core::model::record::{Epoch, Level, Outcome, Truth, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::verdict::VerdictLevel;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Assembly;
 use navfuse_core::state::covariance::Covariance;
@@ -49,11 +49,12 @@ pub fn run(
     let unseen =
         || rows.is_empty().then(|| "the truth was never known while the filter ran".to_owned());
     let failure = finished.error.map(|e| e.to_string()).or_else(unseen);
-    let unusable = finished.findings.iter().any(|f| f.severity == Severity::DoNotUse);
+    let judged = finished.summary.verdict.level;
+    let unusable = judged == VerdictLevel::DoNotUse;
     let warnings = finished.events.into_iter().filter(|e| e.level >= Level::Warning);
     let warned: BTreeSet<String> = warnings.map(|event| event.about).collect();
     let warned = warned.into_iter().collect();
-    Some(RunRecord { point, run, seed, rows, failure, unusable, warned })
+    Some(RunRecord { point, run, seed, rows, failure, unusable, judged, warned })
 }
 
 /// Copy of an epoch, recorded if it turns out to be the last one.

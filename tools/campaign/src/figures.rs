@@ -1,10 +1,10 @@
 //! Plots of a campaign.
 
 use crate::campaign::Campaign;
-use crate::chi_square::Band;
 use crate::folder::Results;
 use crate::statistics::{EpochStatistics, PointStatistics};
 use crate::verdict::{anees_band, nis_band};
+use navfuse_core::model::chi_square::Band;
 use navfuse_figures::{Axis, Band as Shade, Curve, Figure, Look, Panel};
 
 /// Probability outside the plotted bands.

@@ -5,12 +5,13 @@ use crate::campaign::{Campaign, Shard};
 use crate::columns::Columns;
 use crate::execute::JobCount;
 use crate::journal::{JOURNAL, Journal};
-use crate::record::{Record, Row};
+use crate::record::{Record, Row, RunRecord};
 use crate::report::CampaignReport;
 use crate::statistics::PointStatistics;
 use crate::sweep;
 use crate::tables::{Names, TableWriter};
 use navfuse_core::files::{FolderError, FolderLock, keep_earlier, write_whole};
+use navfuse_core::model::verdict::VerdictLevel;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -48,6 +49,9 @@ pub struct Log {
     pub failures: Vec<Failure>,
     /// CRC-32 of the tables from which a campaign is merged.
     pub checksums: BTreeMap<String, String>,
+    /// Runs whose own verdict is not "consistent".
+    #[serde(default)]
+    pub doubted: Vec<Doubted>,
     #[serde(rename = "plan")]
     pub campaign: Campaign,
 }
@@ -58,6 +62,14 @@ pub struct Failure {
     pub run: usize,
     pub seed: u64,
     pub reason: String,
+}
+
+/// Run whose own verdict is not "consistent".
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Doubted {
+    pub point: usize,
+    pub run: usize,
+    pub level: VerdictLevel,
 }
 
 /// Results of a campaign.
@@ -83,6 +95,7 @@ pub struct Folder {
     lock: Option<FolderLock>,
     pub(crate) points: Vec<PointStatistics>,
     failures: Vec<Failure>,
+    doubted: Vec<Doubted>,
 }
 
 impl Folder {
@@ -171,6 +184,7 @@ impl Folder {
             lock,
             points,
             failures: Vec::new(),
+            doubted: Vec::new(),
         })
     }
 
@@ -189,6 +203,10 @@ impl Folder {
             }
             Record::Run(run) => {
                 self.points[run.point].add(&self.campaign.columns, &run);
+                if run.judged != VerdictLevel::Consistent {
+                    let RunRecord { point, run, judged: level, .. } = run;
+                    self.doubted.push(Doubted { point, run, level });
+                }
                 if let Some(reason) = run.failure {
                     self.failures.push(Failure {
                         point: run.point,
@@ -220,12 +238,14 @@ impl Folder {
             files.push(path.join(RUNS));
         }
         self.failures.sort_by_key(|f| (f.point, f.run));
+        self.doubted.sort_by_key(|d| (d.point, d.run));
         if let Some(path) = &self.path {
             checksums.insert(BOUNDS.to_owned(), self.write_bounds(&path.join(BOUNDS))?);
             let (campaign, failures) = (self.campaign.clone(), self.failures.clone());
+            let doubted = self.doubted.clone();
             let shard = self.shard.map(|s| s.to_string());
             let JobCount { done, asked } = done;
-            let log = Log { shard, done, asked, failures, checksums, campaign };
+            let log = Log { shard, done, asked, failures, doubted, checksums, campaign };
             write_json(&path.join(CAMPAIGN), &log)?;
             files.extend([BOUNDS, CAMPAIGN].map(|name| path.join(name)));
         }

@@ -8,6 +8,7 @@
 use crate::CampaignError;
 use crate::campaign::{Campaign, Job, Shard};
 use crate::record::{BoundRecord, Record, Row, RunRecord};
+use navfuse_core::model::verdict::VerdictLevel;
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
@@ -228,6 +229,7 @@ fn encode(record: &Record, out: &mut Vec<u8>) {
                 text(out, reason);
             }
             out.push(u8::from(run.unusable));
+            out.push(u8::from(run.judged != VerdictLevel::Consistent));
             whole(out, run.warned.len() as u64);
             run.warned.iter().for_each(|name| text(out, name));
             whole(out, run.rows.len() as u64);
@@ -308,11 +310,16 @@ pub fn decode(frame: &[u8]) -> Option<Record> {
             let (point, run, seed) = (bytes.size()?, bytes.size()?, bytes.whole()?);
             let failure = if *kind == 2 { Some(bytes.text()?) } else { None };
             let unusable = bytes.flag()?;
+            let judged = match (unusable, bytes.flag()?) {
+                (true, _) => VerdictLevel::DoNotUse,
+                (false, true) => VerdictLevel::Doubtful,
+                (false, false) => VerdictLevel::Consistent,
+            };
             let warned = bytes.list(Bytes::text)?;
             let rows = bytes.list(|b| {
                 Some(Row { epoch: b.epoch()?, time: b.number()?, values: b.numbers()? })
             })?;
-            Record::Run(RunRecord { point, run, seed, rows, failure, unusable, warned })
+            Record::Run(RunRecord { point, run, seed, rows, failure, unusable, judged, warned })
         }
         _ => return None,
     };

@@ -11,7 +11,6 @@
 
 mod bound;
 mod campaign;
-mod chi_square;
 mod collect;
 mod columns;
 mod error;
@@ -32,15 +31,15 @@ mod verdict;
 
 pub use bound::bound;
 pub use campaign::{Campaign, InitialErrors, Options, Point, Shard, variation};
-pub use chi_square::{Band, band};
 pub use columns::{BlockColumns, Columns, Component};
 pub use error::{CampaignError, ShardError};
 pub use execute::{JobCount, execute, execute_rest};
 pub use figures::figures;
 pub use folder::{Folder, Results, is_complete};
 pub use merge::{campaign_of, merge};
+pub use navfuse_core::model::chi_square::{Band, band};
 pub use outcome::{LIMIT, Outcomes, WorstState};
 pub use record::{BoundRecord, Record, Row, RunRecord};
 pub use report::{Anees, CampaignReport, Nis, PointReport, StateReport, WorstRun};
-pub use statistics::{EpochStatistics, PointStatistics};
+pub use statistics::{EpochStatistics, Judged, PointStatistics};
 pub use verdict::{Finding, Verdict};

@@ -8,6 +8,7 @@ use crate::folder::{
 };
 use crate::record::{BoundRecord, Record, Row, RunRecord};
 use crate::tables::{Names, TableReader, checksum};
+use navfuse_core::model::verdict::VerdictLevel;
 use std::path::{Path, PathBuf};
 
 fn read_log(folder: &Path) -> Result<Log, CampaignError> {
@@ -112,6 +113,12 @@ impl<'a> Part<'a> {
         Err(self.error(format!("{name} lacks jobs of part {}; run it again", self.shard)))
     }
 
+    /// Level of the verdict of a run.
+    fn judged(&self, point: usize, run: usize) -> VerdictLevel {
+        let of_run = self.log.doubted.iter().find(|d| (d.point, d.run) == (point, run));
+        of_run.map_or(VerdictLevel::Consistent, |d| d.level)
+    }
+
     fn read_bounds(&self, folder: &mut Folder) -> Result<(), CampaignError> {
         let reader = self.table(BOUNDS, &bound_names(&self.log.campaign.columns))?;
         let mut found: Vec<Job> = Vec::new();
@@ -167,7 +174,8 @@ impl<'a> Part<'a> {
                 let [point, run, seed, epoch] = [0, 1, 2, 3].map(|c| rows.whole[c][k]);
                 let (point, run, seed) = (point as usize, run as usize, seed as u64);
                 if current.as_ref().is_none_or(|c| (c.point, c.run) != (point, run)) {
-                    let next = RunRecord { point, run, seed, ..RunRecord::default() };
+                    let judged = self.judged(point, run);
+                    let next = RunRecord { point, run, seed, judged, ..RunRecord::default() };
                     if let Some(before) = current.replace(next) {
                         give(before, folder)?;
                     }
@@ -196,6 +204,7 @@ impl<'a> Part<'a> {
                 failure: Some(reason),
                 unusable: false,
                 warned: Vec::new(),
+                judged: self.judged(point, run),
             }))?;
         }
         Ok(())

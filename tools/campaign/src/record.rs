@@ -1,6 +1,7 @@
 //! Records: the results of jobs.
 
 use crate::columns::Columns;
+use navfuse_core::model::verdict::VerdictLevel;
 
 /// Result of one job: the bound of a point, or one run.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +48,8 @@ pub struct RunRecord {
     /// Sensors and processes that the run's warnings name, in order of their names. The files of a
     /// campaign do not contain them.
     pub warned: Vec<String>,
+    /// Level of the verdict of the run alone, which does not know the errors.
+    pub judged: VerdictLevel,
 }
 
 /// State of a run at one epoch; [`Row::width`] gives the order of the numbers.

@@ -1,10 +1,10 @@
 //! The result of a campaign in numbers.
 
 use crate::campaign::Campaign;
-use crate::chi_square::Band;
 use crate::columns::{Columns, Component};
-use crate::statistics::PointStatistics;
+use crate::statistics::{Judged, PointStatistics};
 use crate::verdict::{Verdict, anees_band, nis_band, verdict};
+use navfuse_core::model::chi_square::Band;
 use serde::Serialize;
 
 /// Result of a campaign.
@@ -42,6 +42,8 @@ pub struct PointReport {
     /// Run to inspect: the first run that ended early, otherwise the run with the largest NEES at
     /// the end; `None` without runs.
     pub worst: Option<WorstRun>,
+    /// Runs by the level of their own verdict, which does not know the errors.
+    pub judged: Judged,
     /// Verdict on the consistency of errors and uncertainty; `None` without runs.
     pub verdict: Option<Verdict>,
 }
@@ -182,6 +184,7 @@ impl PointReport {
             anees,
             nis,
             worst: WorstRun::new(campaign, number, point),
+            judged: point.judged,
             verdict: any.then(|| verdict(columns, point)),
         }
     }

@@ -3,6 +3,8 @@
 use crate::columns::Columns;
 use crate::outcome::Outcomes;
 use crate::record::{BoundRecord, Row, RunRecord, SENSOR};
+use navfuse_core::model::verdict::VerdictLevel;
+use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// Sums of one point. Records are added in order, so every sum is the same to the bit for any
@@ -19,9 +21,32 @@ pub struct PointStatistics {
     pub worst: Option<(usize, f64)>,
     /// Runs by what a user learns from them alone.
     pub outcomes: Outcomes,
+    /// Runs by the level of their own verdict.
+    pub judged: Judged,
     /// Cramer-Rao bound.
     pub bound: Option<BoundRecord>,
     epochs: BTreeMap<i64, EpochStatistics>,
+}
+
+/// Number of runs at each level of their own verdict.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Judged {
+    /// Consistent runs.
+    pub consistent: usize,
+    /// Doubtful runs.
+    pub doubtful: usize,
+    /// Runs whose result must not be used.
+    pub do_not_use: usize,
+}
+
+impl Judged {
+    fn add(&mut self, level: VerdictLevel) {
+        *match level {
+            VerdictLevel::Consistent => &mut self.consistent,
+            VerdictLevel::Doubtful => &mut self.doubtful,
+            VerdictLevel::DoNotUse => &mut self.do_not_use,
+        } += 1;
+    }
 }
 
 /// Sums of one epoch.
@@ -83,6 +108,7 @@ impl PointStatistics {
             failures: Vec::new(),
             worst: None,
             outcomes: Outcomes::default(),
+            judged: Judged::default(),
             bound: None,
             epochs: BTreeMap::new(),
         }
@@ -91,6 +117,7 @@ impl PointStatistics {
     /// Adds a run. A run that failed counts up to its failure.
     pub fn add(&mut self, columns: &Columns, run: &RunRecord) {
         self.outcomes.add(columns, run);
+        self.judged.add(run.judged);
         match &run.failure {
             None => {
                 self.runs += 1;

@@ -1,8 +1,8 @@
 //! Verdict on the consistency of errors and reported uncertainty.
 
-use crate::chi_square::{Band, band, outside};
 use crate::columns::Columns;
 use crate::statistics::{EpochStatistics, NisSums, PointStatistics};
+use navfuse_core::model::chi_square::{Band, band, outside};
 use serde::Serialize;
 
 /// Probability that a consistent filter is called inconsistent. All tests share it (Bonferroni):

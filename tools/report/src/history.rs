@@ -3,6 +3,7 @@
 use crate::thin::{Merge, Thin};
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::model::sensor::Purpose;
+use navfuse_core::model::verdict::Verdict;
 use navfuse_core::state::Mode;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::sample::Sample;
@@ -33,6 +34,8 @@ pub struct History {
     pub events: Vec<Event>,
     /// Number of further events.
     pub events_left_out: u64,
+    /// Verdict of the run; none in a log that was cut off or that an earlier version wrote.
+    pub verdict: Option<Verdict>,
     /// Warnings about the history itself, such as a truncated log.
     pub warnings: Vec<String>,
 }

@@ -65,6 +65,7 @@ fn take(history: &mut History, entry: Entry<'_>) {
         }
         Entry::Innovation(update) => innovation(history, &update),
         Entry::Event(event) => history.event(&event),
+        Entry::Verdict(verdict) => history.verdict = Some(verdict),
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::history::{BlockInfo, Fate, History, Row, SensorHistory};
 use navfuse_core::model::record::{Epoch, Event, Outcome, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::verdict::Verdict;
 use navfuse_core::state::manifold::{MAX_TANGENT, Position};
 use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::time::Time;
@@ -119,6 +120,11 @@ impl Sink for Recorder {
         let time = if known { event.time } else { self.latest };
         self.latest = self.latest.max(time);
         self.history.event(&Event { time, ..event.clone() });
+        Ok(())
+    }
+
+    fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
+        self.history.verdict = Some(verdict.clone());
         Ok(())
     }
 

@@ -73,7 +73,7 @@ pub(crate) struct Aligner {
     /// Attitude of the latest coarse solution.
     before: Option<UnitQuaternion<f64>>,
     /// Warning to report at the start of the fine stage.
-    warning: Option<String>,
+    doubt: Option<(String, String)>,
     report: Option<AlignmentReport>,
 }
 
@@ -94,7 +94,7 @@ impl Aligner {
             phase: Phase::Waiting,
             coarse: None,
             before: None,
-            warning: None,
+            doubt: None,
             report: None,
         }
     }
@@ -215,7 +215,7 @@ impl InitialAlignment for Aligner {
         }
         let found = search.find(sensed, &self.settings)?;
         found.set(layout, &self.navigation, state);
-        self.warning = search.unverified(layout, sensed);
+        self.doubt = search.unverified(layout, sensed);
         self.coarse = Some(found.c_b_n);
         self.before = Some(found.c_b_n);
         // at rest no other state disturbs the linearisation, so no trial is needed
@@ -256,10 +256,10 @@ impl InitialAlignment for Aligner {
                     ),
                 )
             });
-            return Ok(Supervision { constrain: false, message: found });
+            return Ok(Supervision { message: found, ..Supervision::default() });
         }
-        if let Some(text) = self.warning.take() {
-            return Ok(Supervision { constrain: false, message: Some((Level::Warning, text)) });
+        if let Some(doubt) = self.doubt.take() {
+            return Ok(Supervision { doubt: Some(doubt), ..Supervision::default() });
         }
         let Phase::Fine { begin, next, late } = &mut self.phase else {
             return Ok(Supervision::default());
@@ -293,12 +293,13 @@ impl InitialAlignment for Aligner {
                 deg(settings.gate)
             );
             self.finish(now, elapsed);
-            return Ok(Supervision { constrain: false, message: Some((Level::Warning, text)) });
+            let message = Some((Level::Warning, text));
+            return Ok(Supervision { message, ..Supervision::default() });
         }
         if elapsed >= settings.duration && good {
             self.finish(now, elapsed);
             let message = self.report.as_ref().map(|r| (Level::Info, r.text.clone()));
-            return Ok(Supervision { constrain: false, message });
+            return Ok(Supervision { message, ..Supervision::default() });
         }
         let mut message = None;
         if elapsed >= settings.duration && !reported {
@@ -312,7 +313,8 @@ impl InitialAlignment for Aligner {
                 *late = true;
             }
         }
-        Ok(Supervision { constrain: self.settings.method == AlignmentMethod::Static, message })
+        let constrain = self.settings.method == AlignmentMethod::Static;
+        Ok(Supervision { constrain, message, doubt: None })
     }
 
     fn unfinished(&self, now: &FilterView<'_>) -> Option<(Level, String)> {

@@ -166,8 +166,9 @@ impl CoarseAlignment {
         }
     }
 
-    /// Warns in motion of a velocity sensor whose prior misalignment is beyond [`VERIFIED`].
-    pub fn unverified(&self, layout: &Layout, sensed: &Sensed) -> Option<String> {
+    /// Doubts an alignment in motion by a velocity sensor whose prior misalignment is beyond
+    /// [`VERIFIED`]: evidence and remedy.
+    pub fn unverified(&self, layout: &Layout, sensed: &Sensed) -> Option<(String, String)> {
         let ((_, model), (sample, _)) = (sensed.velocity.as_ref()?, self.measured.first()?);
         let mut update = Update::with_capacity(layout.tangent, MAX_CHANNELS);
         model.linearise(&At { layout, state: &self.state, sample }, &mut update);
@@ -183,15 +184,19 @@ impl CoarseAlignment {
             .filter(read)
             .map(|b| (b, b.spec.sigma.iter().copied().fold(0.0, f64::max)))
             .find(|(_, sigma)| *sigma > 1.001 * VERIFIED)?;
-        Some(format!(
+        let name = &block.name;
+        let evidence = format!(
             "{name} has a prior sigma of {:.1} deg, and alignments in motion were verified up to \
              {:.0} deg: components that the turns do not determine, as a rule the roll, then become \
-             overconfident; measure the mounting, or take value and sigma from an earlier dive \
-             (sensor.{name}.initial and .sigma)",
+             overconfident",
             sigma.to_degrees(),
             VERIFIED.to_degrees(),
-            name = block.name,
-        ))
+        );
+        let remedy = format!(
+            "measure the mounting, or take value and sigma from an earlier dive \
+             (sensor.{name}.initial and .sigma)"
+        );
+        Some((evidence, remedy))
     }
 
     fn note(&mut self, time: f64, velocity: Vector3<f64>) {

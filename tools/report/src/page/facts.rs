@@ -1,9 +1,10 @@
 //! Top of the page: facts of the run, and the results to inspect first.
 
 use crate::history::{BlockHistory, History};
-use crate::plots;
 use maud::{Markup, html};
+use navfuse_core::model::chi_square::beyond;
 use navfuse_core::model::record::Level;
+use navfuse_core::model::verdict::{Verdict, VerdictLevel};
 
 /// Creates the list of facts of the run.
 pub(super) fn facts(history: &History) -> Markup {
@@ -29,6 +30,7 @@ pub(super) fn verdicts(history: &History) -> Markup {
     let level = history.level();
     html! {
         @for warning in &history.warnings { p.bad { "Warning: " (warning) } }
+        (judged(history.verdict.as_ref()))
         ul {
             @if let Some((last, rms, percent)) = horizontal(history) {
                 li { "Horizontal error " b { (format!("{last:.2} m")) } " at the end"
@@ -42,24 +44,26 @@ pub(super) fn verdicts(history: &History) -> Markup {
                     "Largest error at the end: " b { (format!("{ratio:.1} sigma")) }
                     ", of " (name)
                     @if ratio > 4.0 {
-                        ": for a consistent sigma, only one error in 15 000 is that large"
+                        ": for a consistent sigma, only one error in " (one_in(ratio))
+                        " is that large"
                     }
                     "."
                 }
             } @else { li { "No truth is known, so no error can be computed." } }
             @for sensor in history.sensors.iter().filter(|s| s.updates.nis[1] > 0.0) {
                 @let [nis, freedom] = sensor.updates.nis;
-                @let inside = plots::band(freedom)
-                    .is_some_and(|[low, high]| (low..=high).contains(&(nis / freedom)));
+                @let judged = history.verdict.as_ref().and_then(|v| v.sensor(&sensor.name));
+                @let inside = judged.is_none_or(|s| s.inside);
                 li class=[(!inside).then_some("bad")] {
                     "Innovations of " (sensor.name) ": NIS "
-                    b { (format!("{:.3}", nis / freedom)) } " per channel, "
-                    @if inside { "as the filter expects." }
-                    @else if nis < freedom {
-                        "smaller than the filter expects: the stated noise is too large."
+                    b { (format!("{:.3}", nis / freedom)) } " per channel"
+                    @if judged.is_none() { "." }
+                    @else if inside { ", as the filter expects." }
+                    @else if judged.is_some_and(|s| s.mean_nis < s.expected_nis) {
+                        ", smaller than the filter expects: the stated noise is too large."
                     }
                     @else {
-                        "larger than the filter expects: the stated noise is too small, or an "
+                        ", larger than the filter expects: the stated noise is too small, or an "
                         "effect is not modelled."
                     }
                 }
@@ -67,6 +71,46 @@ pub(super) fn verdicts(history: &History) -> Markup {
             @if level > Level::Info {
                 li { a href="#events" { "There are warnings or errors." } }
             }
+        }
+    }
+}
+
+/// Creates the verdict with its reasons and remedies.
+fn judged(verdict: Option<&Verdict>) -> Markup {
+    let bad = verdict.is_some_and(|v| v.level != VerdictLevel::Consistent);
+    html! {
+        p.verdict.bad[bad] {
+            "Verdict: "
+            b { (verdict.map_or("not judged", |v| v.level.words())) }
+            @if verdict.is_none() {
+                ". The log holds no verdict, and its filter could not run again."
+            }
+        }
+        @if let Some(verdict) = verdict.filter(|v| !v.reasons.is_empty()) {
+            ul.reasons {
+                @for reason in &verdict.reasons {
+                    li.bad {
+                        (VerdictLevel::from(reason.severity).words()) ": " b { (reason.about) } ": "
+                        (reason.text)
+                        @if !reason.remedy.is_empty() { "; " (reason.remedy) }
+                        "."
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Formats how many Gaussian errors there are to one beyond this number of sigmas.
+fn one_in(sigmas: f64) -> String {
+    let count = 1.0 / beyond(sigmas);
+    let power = count.log10().floor();
+    match power {
+        p if p > 300.0 => "more than 1e300".to_owned(),
+        p if p >= 6.0 => format!("{count:.0e}"),
+        p => {
+            let digit = 10_f64.powf(p - 1.0);
+            format!("{:.0}", (count / digit).round() * digit)
         }
     }
 }

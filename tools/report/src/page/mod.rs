@@ -108,9 +108,9 @@ pub fn report(
                 h2 { "Sensors" }
                 (tables::sensors(history))
                 p.note {
-                    "NIS per channel: the mean normalised innovation squared of the accepted "
-                    "samples, divided by the number of their channels. The filter expects 1. "
-                    "For white innovations without a gate, the value is inside the band in 95 % of all runs."
+                    "Mean NIS: the mean normalised innovation squared of the accepted samples. "
+                    "Expected: the number of channels, less what the gate removes. A mean outside "
+                    "the band is a reason against the run, since no consistent run has it by chance."
                 }
             }
             section #states {

@@ -2,7 +2,6 @@
 
 use super::facts::{seconds, to_the_end};
 use crate::history::{BlockHistory, History, Row, SensorHistory};
-use crate::plots;
 use maud::{Markup, html};
 use navfuse_core::model::record::Level;
 use navfuse_core::model::sensor::Purpose;
@@ -150,12 +149,14 @@ pub(super) fn sensors(history: &History) -> Markup {
             thead { tr {
                 th { "sensor" } th.name { "type" } th.name { "for" } th { "read" }
                 th { "used" }
-                th { "gated" } th { "rejected" } th { "NIS per channel" } th { "95 % band" }
+                th { "gated" } th { "rejected" } th { "mean NIS" } th { "expected" } th { "band" }
             } }
             tbody {
                 @for sensor in &history.sensors {
                     @let updates = &sensor.updates;
-                    @let [nis, freedom] = updates.nis;
+                    @let used = updates.accepted as f64;
+                    @let judged = history.verdict.as_ref().and_then(|v| v.sensor(&sensor.name));
+                    @let bad = judged.is_some_and(|s| !s.inside).then_some("bad");
                     tr.first {
                         th { (sensor.name) }
                         td.name { (sensor.kind.as_deref().unwrap_or_default()) }
@@ -165,15 +166,18 @@ pub(super) fn sensors(history: &History) -> Markup {
                             td { (updates.accepted) } td { (updates.gated) }
                             td { (updates.rejected.iter().map(|r| r.1).sum::<u64>()) }
                         } @else { td {} td {} td {} }
-                        td { @if freedom > 0.0 { (format!("{:.3}", nis / freedom)) } }
+                        td class=[bad] {
+                            @if used > 0.0 { (format!("{:.2}", updates.nis[0] / used)) }
+                        }
+                        td { @if let Some(s) = judged { (format!("{:.2}", s.expected_nis)) } }
                         td {
-                            @if let Some([low, high]) = plots::band(freedom) {
-                                (format!("{low:.3} to {high:.3}"))
+                            @if let Some(s) = judged {
+                                (format!("{:.2} to {:.2}", s.band.low, s.band.high))
                             }
                         }
                     }
                     @for (why, count) in &updates.rejected {
-                        tr { th {} td.name colspan="8" { (count) " rejected: " (why) } }
+                        tr { th {} td.name colspan="9" { (count) " rejected: " (why) } }
                     }
                 }
             }

@@ -1,10 +1,10 @@
-//! The chi-square distribution: bands of means, and moments after a gate.
+//! Bands of sums of squared Gaussian variables, and moments after a gate.
 
-use serde::Serialize;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ChiSquared, ContinuousCDF, DiscreteCDF, Normal, Poisson};
 
 /// A two-sided band.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Band {
     /// Lower limit.
     pub low: f64,
@@ -36,12 +36,34 @@ pub fn band(expectation: f64, variance: f64, alpha: f64) -> Band {
     }
 }
 
+/// Returns the probability that such a sum deviates from its expectation by more, in either
+/// direction: the smallest `alpha` whose [`band`] does not hold the sum. Zero for a sum that is not
+/// finite.
+pub fn probability(sum: f64, expectation: f64, variance: f64) -> f64 {
+    let scale = variance / (2.0 * expectation);
+    match ChiSquared::new(expectation / scale) {
+        Ok(chi) if sum.is_finite() => 2.0 * chi.cdf(sum / scale).min(chi.sf(sum / scale)),
+        _ => 0.0,
+    }
+}
+
 /// Returns `true` if a sum is outside that band. It evaluates the distribution once, which is much
 /// cheaper than the two inverse distributions of [`band`].
 pub fn outside(sum: f64, expectation: f64, variance: f64, alpha: f64) -> bool {
-    let scale = variance / (2.0 * expectation);
-    let Ok(chi) = ChiSquared::new(expectation / scale) else { return true };
-    !sum.is_finite() || chi.cdf(sum / scale) < 0.5 * alpha || chi.sf(sum / scale) < 0.5 * alpha
+    probability(sum, expectation, variance) < alpha
+}
+
+/// Returns the number of sigmas that a Gaussian variable exceeds, in one direction, with this
+/// probability.
+pub fn sigmas(probability: f64) -> f64 {
+    // from the lower tail, which keeps its digits: 1 - p is 1 for p below 1e-16
+    -Normal::standard().inverse_cdf(probability)
+}
+
+/// Returns the probability that a Gaussian variable exceeds this number of sigmas in either
+/// direction.
+pub fn beyond(sigmas: f64) -> f64 {
+    2.0 * Normal::standard().cdf(-sigmas.abs())
 }
 
 /// Returns expectation and variance of a chi-square variable with `m` degrees of freedom that a
@@ -60,10 +82,28 @@ pub fn gated_moments(m: usize, threshold: f64) -> (f64, f64) {
     (mean, square - mean * mean)
 }
 
+/// Returns the probability that a chi-square variable with `m` degrees of freedom exceeds a
+/// threshold: the share of good samples that a gate rejects.
+pub fn above(m: usize, threshold: f64) -> f64 {
+    match ChiSquared::new(m as f64) {
+        Ok(chi) if threshold.is_finite() => chi.sf(threshold),
+        _ => 0.0,
+    }
+}
+
+/// Returns the probability of at least `count` rare events where `expected` are expected.
+pub fn poisson_tail(count: u64, expected: f64) -> f64 {
+    match (count, Poisson::new(expected)) {
+        (0, _) => 1.0,
+        (_, Ok(poisson)) => poisson.sf(count - 1),
+        (_, Err(_)) => 0.0, // none is expected
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use navfuse_core::model::simulate::Random;
+    use crate::model::simulate::Random;
 
     #[test]
     fn the_band_of_a_mean_of_100_runs_of_19_states_agrees_with_tables() {
@@ -97,6 +137,15 @@ mod tests {
             }
         }
         assert!(outside(f64::INFINITY, 3.0, 6.0, 0.05) && outside(f64::NAN, 3.0, 6.0, 0.05));
+    }
+
+    #[test]
+    fn sigmas_of_small_probabilities_agree_with_tables() {
+        // one-sided tails of the standard normal distribution
+        for (p, z) in [(0.158_655, 1.0), (1.349_898e-3, 3.0), (9.865_876e-10, 6.0)] {
+            assert!((sigmas(p) - z).abs() < 1e-5, "{p}: {}", sigmas(p));
+            assert!((beyond(z) / (2.0 * p) - 1.0).abs() < 1e-5, "{z}: {}", beyond(z));
+        }
     }
 
     #[test]

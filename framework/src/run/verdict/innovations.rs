@@ -1,0 +1,391 @@
+//! Innovations of one sensor: NIS over the run and over each minute, and bias, correlation and
+//! drift of each channel.
+//!
+//! All statistics are sums, so the memory does not grow with the run. A channel's innovation is
+//! divided by its sigma and by the root of `E / m`, the share of the gated NIS, so that a consistent
+//! filter gives a white sequence `u` of variance 1.
+
+use super::channel::{ChannelStatistics, Departure};
+use super::report::{Report, SLIGHT, reason, size};
+use crate::model::chi_square::{Band, band, gated_moments, probability};
+use crate::model::finding::Severity;
+use crate::model::record::{Outcome, Rejection, UpdateRecord};
+use crate::model::verdict::{Criterion, SensorConsistency};
+use crate::units::sample::MAX_CHANNELS;
+use crate::units::time::Time;
+
+/// Length of a minute, s.
+const MINUTE: f64 = 60.0;
+/// Share of gated samples from which a run is doubtful: outliers of a good sensor are fewer.
+const GATED: f64 = 0.1;
+/// Share of gated samples from which a result must not be used: the filter then follows the
+/// minority.
+const MOSTLY_GATED: f64 = 0.5;
+/// Number of gated samples in a row from which a run is doubtful: with 5 % of outliers, the
+/// probability is `0.05^5` at a sample, 0.3 % in ten thousand.
+const IN_A_ROW: u64 = 5;
+/// Share of faulty samples from which a run is doubtful.
+const REJECTED: f64 = 0.1;
+/// Smallest number of samples of which a share is judged.
+const SHARED: u64 = 10;
+
+/// Sums over the NIS of some samples.
+#[derive(Clone, Copy, Debug, Default)]
+struct NisSums {
+    count: u64,
+    nis: f64,
+    expected: f64,
+    variance: f64,
+}
+
+impl NisSums {
+    fn add(&mut self, nis: f64, (mean, variance): (f64, f64)) {
+        self.count += 1;
+        self.nis += nis;
+        self.expected += mean;
+        self.variance += variance;
+    }
+
+    /// Ratio of the innovations to their reported sigma.
+    fn ratio(&self) -> f64 {
+        (self.nis / self.expected).sqrt()
+    }
+}
+
+/// The most improbable minute so far.
+#[derive(Clone, Copy, Debug)]
+struct Minute {
+    begin: Time,
+    probability: f64,
+    sums: NisSums,
+}
+
+/// Autocovariance of the normalised NIS at lag 0 and 1.
+#[derive(Clone, Copy, Debug, Default)]
+struct Memory {
+    last: Option<f64>,
+    sum: f64,
+    squares: f64,
+    products: f64,
+    count: f64,
+}
+
+impl Memory {
+    fn add(&mut self, deviation: f64) {
+        if let Some(last) = self.last.replace(deviation) {
+            self.products += last * deviation;
+        }
+        self.sum += deviation;
+        self.squares += deviation * deviation;
+        self.count += 1.0;
+    }
+
+    /// Factor by which correlation enlarges the variance of a mean: `(1 + r) / (1 - r)` with the
+    /// correlation `r` of successive values, as for a first-order autoregression. A correlation
+    /// within 2 sigma of zero, `2 / sqrt(N)`, is noise. Values that scatter less than expected are
+    /// divided by their expected variance, so that they do not widen a band that they narrow.
+    fn inflation(&self) -> f64 {
+        let mean = self.sum / self.count;
+        let variance = (self.squares / self.count - mean * mean).max(1.0);
+        let r = (self.products / (self.count - 1.0) - mean * mean) / variance;
+        // NaN for less than two samples
+        if r.is_nan() || r <= 2.0 / self.count.sqrt() {
+            return 1.0;
+        }
+        let r = r.min(0.99);
+        (1.0 + r) / (1.0 - r)
+    }
+}
+
+/// Successive gated samples.
+#[derive(Clone, Copy, Debug, Default)]
+struct Streak {
+    begin: Time,
+    end: Time,
+    count: u64,
+}
+
+impl Streak {
+    fn add(&mut self, time: Time) {
+        if self.count == 0 {
+            self.begin = time;
+        }
+        self.end = time;
+        self.count += 1;
+    }
+}
+
+/// Statistics of one measuring sensor.
+#[derive(Debug)]
+pub(crate) struct SensorStatistics {
+    name: String,
+    /// Names of the channels.
+    channels: Vec<ChannelStatistics>,
+    /// Set for a constraint, whose samples obey a bound and not a noise.
+    constraint: bool,
+    whole: NisSums,
+    memory: Memory,
+    minute: (Option<Time>, NisSums),
+    minutes: u64,
+    worst: Option<Minute>,
+    gated: u64,
+    /// Start, end and length of the current and of the longest streak of gated samples.
+    streak: Streak,
+    longest: Streak,
+    expected_gated: f64,
+    faulty: u64,
+    /// Mean and variance of the NIS that passes the gate, and the probability of being gated, for
+    /// each number of channels.
+    moments: [Option<(f64, f64, f64)>; MAX_CHANNELS + 1],
+}
+
+impl SensorStatistics {
+    pub(crate) fn new(name: String, channels: Vec<String>, constraint: bool) -> Self {
+        Self {
+            name,
+            channels: channels.into_iter().map(ChannelStatistics::new).collect(),
+            constraint,
+            whole: NisSums::default(),
+            memory: Memory::default(),
+            minute: (None, NisSums::default()),
+            minutes: 0,
+            worst: None,
+            gated: 0,
+            streak: Streak::default(),
+            longest: Streak::default(),
+            expected_gated: 0.0,
+            faulty: 0,
+            moments: [None; MAX_CHANNELS + 1],
+        }
+    }
+
+    /// Adds the outcome of a sample.
+    pub(crate) fn update(&mut self, update: &UpdateRecord<'_>) {
+        let m = update.innovation.len();
+        let moments = |place: &mut Option<(f64, f64, f64)>| {
+            *place.get_or_insert_with(|| {
+                let (mean, variance) = gated_moments(m, update.threshold);
+                (mean, variance, crate::model::chi_square::above(m, update.threshold))
+            })
+        };
+        match update.outcome {
+            Outcome::Rejected(
+                Rejection::NotFinite(_)
+                | Rejection::OutOfOrder
+                | Rejection::Late
+                | Rejection::Singular
+                | Rejection::Repeated
+                | Rejection::OutOfRange(_)
+                | Rejection::TooFast(_),
+            ) => self.faulty += 1,
+            // it contradicts the filter like a gated sample; the filter reports it as a finding
+            Outcome::Rejected(Rejection::Isolated) => self.gated += 1,
+            // a missing channel and a silent driving sensor leave sigma as true as it was
+            Outcome::Rejected(Rejection::Missing | Rejection::NoInput | Rejection::Excluded) => {}
+            Outcome::Gated => {
+                self.gated += 1;
+                self.streak.add(update.time);
+                if self.streak.count > self.longest.count {
+                    self.longest = self.streak;
+                }
+                self.expected_gated += moments(&mut self.moments[m]).2;
+            }
+            Outcome::Accepted => {
+                let (mean, variance, gated) = moments(&mut self.moments[m]);
+                self.expected_gated += gated;
+                self.streak = Streak::default();
+                self.accepted(update, mean, variance);
+            }
+        }
+    }
+
+    fn accepted(&mut self, update: &UpdateRecord<'_>, mean: f64, variance: f64) {
+        let begin = *self.minute.0.get_or_insert(update.time);
+        if update.time.since(begin) >= MINUTE {
+            self.end_minute();
+            self.minute.0 = Some(update.time);
+        }
+        self.whole.add(update.nis, (mean, variance));
+        self.minute.1.add(update.nis, (mean, variance));
+        self.memory.add((update.nis - mean) / variance.sqrt());
+        let scale = (mean / update.innovation.len() as f64).sqrt();
+        for (channel, innovation, sigma) in update.channels() {
+            if let Some(channel) = self.channels.get_mut(channel) {
+                channel.add(innovation / (sigma * scale), innovation);
+            }
+        }
+    }
+
+    fn end_minute(&mut self) {
+        let (Some(begin), sums) = std::mem::take(&mut self.minute) else { return };
+        let inflated = sums.variance * self.memory.inflation();
+        let probability = probability(sums.nis, sums.expected, inflated);
+        self.minutes += 1;
+        let worse = |w: &Minute| {
+            let size = |sums: &NisSums| sums.ratio().ln().abs();
+            (probability, size(&w.sums)) < (w.probability, size(&sums))
+        };
+        if self.worst.as_ref().is_none_or(worse) {
+            self.worst = Some(Minute { begin, probability, sums });
+        }
+        self.channels.iter_mut().for_each(ChannelStatistics::end_minute);
+    }
+
+    /// Ends the last minute. A short one joins no statistics of minutes.
+    pub(crate) fn finish(&mut self) {
+        let long = self.minute.1.count * self.minutes >= self.whole.count / 2;
+        if long {
+            self.end_minute();
+        }
+    }
+
+    /// Number of tests. `white` is set if the filter's gain is optimal, so that innovations are
+    /// white.
+    pub(crate) fn tests(&self, white: bool) -> usize {
+        if self.constraint {
+            return 1; // the share of gated samples
+        }
+        let of_channel = if white { 4 } else { 1 };
+        3 + of_channel * self.channels.iter().filter(|c| c.used()).count()
+    }
+
+    /// Reports the reasons against the run at `alpha`, the probability of a false alarm of one test.
+    pub(crate) fn judge(&self, alpha: f64, white: bool, report: &mut Report) {
+        self.judge_shares(alpha, report);
+        if self.constraint || self.whole.count == 0 {
+            return;
+        }
+        let inside = self.judge_nis(alpha, report);
+        self.judge_minutes(alpha, inside, report);
+        let mut found = Vec::new();
+        for channel in self.channels.iter().filter(|c| c.used()) {
+            channel.judge(alpha, (white, self.channels.len(), inside), &mut found);
+        }
+        // one reason for each criterion: of the channel that violates it most
+        while let Some(worst) = found.iter().max_by(|a, b| a.size.total_cmp(&b.size)).cloned() {
+            let of_criterion = |d: &&Departure| d.criterion == worst.criterion;
+            let others: Vec<&str> = (found.iter().filter(of_criterion))
+                .map(|d| d.channel.as_str())
+                .filter(|channel| *channel != worst.channel)
+                .collect();
+            let Departure { criterion, severity, mut text, remedy, .. } = worst;
+            if !others.is_empty() {
+                text += &format!("; likewise {}", others.join(", "));
+            }
+            found.retain(|d| d.criterion != criterion);
+            report.reasons.push(reason(criterion, severity, &self.name, text, remedy));
+        }
+    }
+
+    fn judge_shares(&self, alpha: f64, report: &mut Report) {
+        let NisSums { count, .. } = self.whole;
+        let measured = count + self.gated;
+        let share = self.gated as f64 / measured as f64;
+        let chance = crate::model::chi_square::poisson_tail(self.gated, self.expected_gated);
+        let Streak { begin, end, count: in_a_row } = self.longest;
+        if measured >= SHARED && share >= GATED && chance < alpha {
+            let severity =
+                if share >= MOSTLY_GATED { Severity::DoNotUse } else { Severity::Doubtful };
+            report.reasons.push(reason(
+                Criterion::Gated,
+                severity,
+                &self.name,
+                format!(
+                    "the gate rejected {} of {measured} samples ({:.0} %; {:.1} expected)",
+                    self.gated,
+                    100.0 * share,
+                    self.expected_gated
+                ),
+                "look at its noise, mounting, clock and units, and at the noise of the driving \
+                 sensor",
+            ));
+        } else if in_a_row >= IN_A_ROW && !self.constraint {
+            report.reasons.push(reason(
+                Criterion::Gated,
+                Severity::Doubtful,
+                &self.name,
+                format!("the gate rejected {in_a_row} samples in a row, from {begin} to {end}"),
+                "look at the samples of that time, and at what moved the estimate before it",
+            ));
+        }
+        let all = measured + self.faulty;
+        if all >= SHARED && self.faulty as f64 >= REJECTED * all as f64 {
+            report.reasons.push(reason(
+                Criterion::Rejected,
+                Severity::Doubtful,
+                &self.name,
+                format!("{} of {all} samples were faulty and rejected", self.faulty),
+                "the warnings name the fault",
+            ));
+        }
+        if count == 0 && !self.constraint {
+            report.reasons.push(reason(
+                Criterion::Unused,
+                Severity::Doubtful,
+                &self.name,
+                "no sample corrected the state".to_owned(),
+                "look at the source of its samples, or set enabled = false",
+            ));
+        }
+    }
+
+    /// Judges the mean NIS over the run; returns `true` if it is consistent.
+    fn judge_nis(&self, alpha: f64, report: &mut Report) -> bool {
+        let NisSums { count, nis, expected, variance } = self.whole;
+        let inflated = variance * self.memory.inflation();
+        let Band { low, high } = band(expected, inflated, alpha);
+        // a millionth is enough, and such a number is the same when it is read from a log
+        let [mean_nis, expected_nis, low, high] =
+            [nis, expected, low, high].map(|x| (x / count as f64 * 1e6).round() / 1e6);
+        let ratio = self.whole.ratio();
+        let slight = (ratio.max(1.0 / ratio)) < SLIGHT;
+        let band = Band { low, high };
+        let inside = slight || band.holds(mean_nis);
+        report.sensors.push(SensorConsistency {
+            sensor: self.name.clone(),
+            mean_nis,
+            expected_nis,
+            band,
+            inside,
+        });
+        if !inside {
+            let (severity, words, remedy) = size(ratio);
+            report.reasons.push(reason(
+                Criterion::Nis,
+                severity,
+                &self.name,
+                format!(
+                    "mean NIS {mean_nis:.2}, expected {expected_nis:.2} ({low:.2} to {high:.2}): \
+                     its innovations are {words} sigma"
+                ),
+                remedy,
+            ));
+        }
+        inside
+    }
+
+    fn judge_minutes(&self, alpha: f64, inside: bool, report: &mut Report) {
+        let Some(Minute { begin, probability, sums }) = self.worst else { return };
+        // where the whole run is outside its band, so are its minutes
+        if !inside || self.minutes < 2 || probability * self.minutes as f64 >= alpha {
+            return;
+        }
+        let (ratio, count) = (sums.ratio(), sums.count as f64);
+        if ratio.max(1.0 / ratio) < SLIGHT {
+            return;
+        }
+        let (_, words, _) = size(ratio);
+        report.reasons.push(reason(
+            Criterion::NisOfMinute,
+            Severity::Doubtful,
+            &self.name,
+            format!(
+                "in the minute from {begin} its mean NIS is {:.2}, expected {:.2}: its innovations \
+                 are {words} sigma there",
+                sums.nis / count,
+                sums.expected / count
+            ),
+            "look at the samples of that minute",
+        ));
+    }
+}

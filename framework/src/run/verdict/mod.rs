@@ -1,0 +1,138 @@
+//! The judge of a run: criteria that need no truth, so that recordings are judged like simulations.
+//!
+//! All tests of a run share one probability of a false alarm (Bonferroni). The page "The verdict of
+//! a run" of the book derives the thresholds.
+
+mod channel;
+mod innovations;
+mod linearisation;
+mod report;
+mod states;
+
+use crate::compose::{Composition, moved};
+use crate::model::finding::{Finding, Severity};
+use crate::model::record::{Outcome, UpdateRecord};
+use crate::model::sensor::{Purpose, SensorInfo};
+use crate::model::verdict::{Criterion, Reason, Verdict};
+use crate::state::Mode;
+use crate::state::covariance::Update;
+use crate::units::sample::Channel;
+use innovations::SensorStatistics;
+use linearisation::wide_priors;
+use report::{FALSE_ALARM, Report, reason};
+use states::StateStatistics;
+
+/// Follows a run and judges it at its end. The memory does not grow with the run.
+#[derive(Debug)]
+pub(crate) struct Judge {
+    infos: Vec<SensorInfo>,
+    /// Statistics of the measuring sensors, one place per sensor.
+    sensors: Vec<Option<SensorStatistics>>,
+    states: StateStatistics,
+    /// Set if no block is considered: the gain is then optimal, and the innovations of a consistent
+    /// filter are white.
+    white: bool,
+    /// Sensor of the last accepted sample, whose correction follows.
+    last: usize,
+    /// Reasons that are known before the end.
+    reasons: Vec<Reason>,
+}
+
+impl Judge {
+    pub(crate) fn new(composition: &Composition) -> Self {
+        let layout = &composition.layout;
+        let moved = moved(layout, &composition.processes);
+        let white = layout.blocks.iter().all(|b| b.spec.mode != Mode::Consider);
+        let statistics = |s: &crate::model::sensor::Sensor| {
+            (s.info.purpose == Purpose::Measurement).then(|| {
+                let channels = s.info.channels.iter().map(Channel::column).collect();
+                SensorStatistics::new(s.info.name.clone(), channels, s.constraint)
+            })
+        };
+        let sensors: Vec<_> = composition.sensors.iter().map(statistics).collect();
+        Self {
+            infos: composition.sensors.iter().map(|s| s.info.clone()).collect(),
+            states: StateStatistics::new(layout, &moved, white, sensors.len()),
+            sensors,
+            white,
+            last: 0,
+            reasons: wide_priors(composition, &moved),
+        }
+    }
+
+    /// Takes the outcome of a sample.
+    pub(crate) fn update(&mut self, update: &UpdateRecord<'_>) {
+        if update.outcome == Outcome::Accepted {
+            self.last = update.sensor.0;
+        }
+        if let Some(sensor) = &mut self.sensors[update.sensor.0] {
+            sensor.update(update);
+        }
+    }
+
+    /// Takes the correction by the sample that [`Self::update`] took last.
+    pub(crate) fn correction(&mut self, update: &Update) {
+        self.states.correction(self.last, update);
+    }
+
+    /// Takes an initial alignment that is incomplete after the last sample.
+    pub(crate) fn unfinished(&mut self, process: &str, text: &str) {
+        self.reasons.push(reason(
+            Criterion::Alignment,
+            Severity::Doubtful,
+            process,
+            text.to_owned(),
+            "",
+        ));
+    }
+
+    /// Judges the run, with the findings of the filter and the error that ended it.
+    pub(crate) fn verdict(&mut self, findings: &[Finding], error: Option<String>) -> Verdict {
+        let mut report = Report::default();
+        report.reasons.extend(error.map(|text| {
+            reason(
+                Criterion::Ended,
+                Severity::DoNotUse,
+                "run",
+                format!("it ended early: {text}"),
+                "",
+            )
+        }));
+        for finding in findings {
+            add_finding(finding, &mut report.reasons);
+        }
+        report.reasons.append(&mut self.reasons);
+        let sensors = || self.sensors.iter().flatten();
+        let tests = sensors().map(|s| s.tests(self.white)).sum::<usize>() + self.states.tests();
+        let alpha = FALSE_ALARM / tests.max(1) as f64;
+        self.states.judge(alpha, &self.infos, &mut report);
+        for sensor in self.sensors.iter_mut().flatten() {
+            sensor.finish();
+            sensor.judge(alpha, self.white, &mut report);
+        }
+        Verdict::new(report.reasons, report.sensors)
+    }
+}
+
+/// Adds a finding, unless the same fault of the same part is there already: a fault may return.
+fn add_finding(finding: &Finding, reasons: &mut Vec<Reason>) {
+    let Finding { time, about, severity, text, remedy } = finding;
+    let of_part = |r: &&mut Reason| r.criterion == Criterion::Finding && r.about == *about;
+    match reasons.iter_mut().find(of_part) {
+        Some(before) if before.severity >= *severity => {}
+        Some(before) => {
+            *before =
+                reason(Criterion::Finding, *severity, about, format!("at {time}: {text}"), remedy)
+        }
+        None => reasons.push(reason(
+            Criterion::Finding,
+            *severity,
+            about,
+            format!("at {time}: {text}"),
+            remedy,
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,47 @@
+//! What the criteria share: the level of the tests, and the reasons that they report.
+
+use crate::model::finding::Severity;
+use crate::model::verdict::{Criterion, Reason, SensorConsistency};
+
+/// Probability that the statistical tests doubt a consistent run. All tests share it.
+pub(crate) const FALSE_ALARM: f64 = 0.005;
+
+/// Ratio of actual to reported sigma below which a run is not doubted, however many samples show
+/// it: no decision depends on 5 %.
+pub(crate) const SLIGHT: f64 = 1.05;
+
+/// Ratio of actual to reported sigma from which a result must not be used.
+pub(crate) const UNTRUE: f64 = 2.0;
+
+/// Reasons and figures, as the criteria find them.
+#[derive(Default)]
+pub(crate) struct Report {
+    pub(crate) reasons: Vec<Reason>,
+    pub(crate) sensors: Vec<SensorConsistency>,
+}
+
+/// Creates a reason.
+pub(crate) fn reason(
+    criterion: Criterion,
+    severity: Severity,
+    about: &str,
+    text: String,
+    remedy: &str,
+) -> Reason {
+    Reason { criterion, severity, about: about.to_owned(), text, remedy: remedy.to_owned() }
+}
+
+/// Severity, words and remedy for a ratio of innovations to their sigma.
+pub(crate) fn size(ratio: f64) -> (Severity, String, &'static str) {
+    if ratio < 1.0 {
+        return (
+            Severity::Doubtful,
+            format!("only {ratio:.2} times their reported"),
+            "its stated noise is too large",
+        );
+    }
+    let severity = if ratio >= UNTRUE { Severity::DoNotUse } else { Severity::Doubtful };
+    let remedy = "its stated noise, or that of the driving sensor, is too small, or an effect is \
+                  not modelled";
+    (severity, format!("{ratio:.2} times their reported"), remedy)
+}

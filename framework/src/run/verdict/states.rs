@@ -1,0 +1,200 @@
+//! Effect of each sensor on the states that no process moves: priors left far behind, and sensors
+//! that contradict one another.
+//!
+//! A correction moves state `i` by `(K y)_i`, whose variance is `(K S K')_ii`. The innovations `y`
+//! of a consistent filter are white, so the corrections of one sensor are uncorrelated with each
+//! other and with those of another sensor, and their sum over the run is Gaussian with the sum of
+//! the variances. For a constant state this sum is the final estimate minus the prior mean, and its
+//! variance is the prior covariance minus the posterior. It holds for a random walk as well, and
+//! after an inflation of the covariance.
+
+use super::report::{Report, reason};
+use crate::model::chi_square::sigmas;
+use crate::model::finding::Severity;
+use crate::model::sensor::SensorInfo;
+use crate::model::verdict::Criterion;
+use crate::state::covariance::Update;
+use crate::state::{Block, Layout};
+
+/// Distance in sigmas from which a result must not be used: a Gaussian error stays within 3 sigma,
+/// so at 6 sigma the reported uncertainty is wrong by a factor of two.
+const FAR: f64 = 6.0;
+
+/// One component of a state.
+#[derive(Debug)]
+struct Row {
+    /// Name of the block.
+    block: String,
+    /// Full name, such as `dvl.misalignment yaw`.
+    name: String,
+    /// Place in the error state.
+    place: usize,
+    /// Unit, and SI per unit.
+    unit: (&'static str, f64),
+}
+
+/// Corrections of the rows by each sensor.
+#[derive(Debug)]
+pub(crate) struct StateStatistics {
+    rows: Vec<Row>,
+    /// Sum of the corrections and of their variances, of every row for each sensor in turn.
+    pulls: Vec<[f64; 2]>,
+}
+
+/// Correction of one row by one sensor.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pull {
+    sum: f64,
+    variance: f64,
+}
+
+impl Pull {
+    /// Correction in units of its sigma; zero if the sensor does not see the state.
+    fn sigmas(self) -> f64 {
+        if self.variance > 0.0 { self.sum / self.variance.sqrt() } else { 0.0 }
+    }
+}
+
+fn rows(block: &Block) -> impl Iterator<Item = Row> + '_ {
+    let names = block.spec.display.components;
+    block.tangent_range().enumerate().map(move |(k, place)| Row {
+        block: block.name.clone(),
+        name: match names.get(k).filter(|_| names.len() > 1) {
+            Some(component) => format!("{} {component}", block.name),
+            None => block.name.clone(),
+        },
+        place,
+        unit: (block.spec.display.unit, block.spec.display.scale),
+    })
+}
+
+impl StateStatistics {
+    /// Follows the blocks that no process moves; `moved` has one entry per block. Follows none where
+    /// a block is considered: the gain is then not optimal, and the corrections are correlated.
+    pub(crate) fn new(layout: &Layout, moved: &[bool], white: bool, sensors: usize) -> Self {
+        let blocks = layout.blocks.iter().zip(moved);
+        let constant = blocks.filter(|(b, moved)| white && b.estimated() && !**moved);
+        let rows: Vec<Row> = constant.flat_map(|(block, _)| rows(block)).collect();
+        Self { pulls: vec![[0.0; 2]; rows.len() * sensors], rows }
+    }
+
+    /// Adds a correction by a sensor.
+    pub(crate) fn correction(&mut self, sensor: usize, update: &Update) {
+        let (m, gain) = (update.m, update.gain());
+        let pulls = self.pulls[sensor * self.rows.len()..].iter_mut();
+        for (row, pull) in self.rows.iter().zip(pulls) {
+            let k = &gain[row.place * m..][..m];
+            for (a, ka) in k.iter().enumerate() {
+                pull[0] += ka * update.innovation[a];
+                let s = &update.s[a * m..][..m];
+                pull[1] += ka * k.iter().zip(s).map(|(kb, s)| kb * s).sum::<f64>();
+            }
+        }
+    }
+
+    fn pull(&self, sensor: usize, row: usize) -> Pull {
+        let [sum, variance] = self.pulls[sensor * self.rows.len() + row];
+        Pull { sum, variance }
+    }
+
+    fn sensors(&self) -> usize {
+        self.pulls.len().checked_div(self.rows.len()).unwrap_or(0)
+    }
+
+    /// Pairs of sensors that both correct a row.
+    fn pairs(&self, row: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let sees = move |s: &usize| self.pull(*s, row).variance > 0.0;
+        let sensors = move || (0..self.sensors()).filter(sees);
+        sensors().flat_map(move |a| sensors().filter(move |b| *b > a).map(move |b| (a, b)))
+    }
+
+    /// Number of tests: the distance from the prior, and one for each pair of sensors.
+    pub(crate) fn tests(&self) -> usize {
+        (0..self.rows.len()).map(|row| 1 + self.pairs(row).count()).sum()
+    }
+
+    /// Reports the reasons against the run at `alpha`, the probability of a false alarm of one test.
+    pub(crate) fn judge(&self, alpha: f64, sensors: &[SensorInfo], report: &mut Report) {
+        self.judge_pairs(alpha, sensors, report);
+        self.judge_priors(alpha, report);
+    }
+
+    /// Judges how far the estimates are from their prior means: of each block the component that
+    /// is farthest.
+    fn judge_priors(&self, alpha: f64, report: &mut Report) {
+        let limit = sigmas(0.5 * alpha);
+        for at in self.rows.chunk_by(|a, b| a.block == b.block).scan(0, |first, chunk| {
+            let range = *first..*first + chunk.len();
+            *first = range.end;
+            Some(range)
+        }) {
+            let total = |row: usize| {
+                (0..self.sensors()).map(|s| self.pull(s, row)).fold(Pull::default(), |a, b| Pull {
+                    sum: a.sum + b.sum,
+                    variance: a.variance + b.variance,
+                })
+            };
+            let farthest = at
+                .map(|row| (row, total(row)))
+                .max_by(|a, b| a.1.sigmas().abs().total_cmp(&b.1.sigmas().abs()));
+            let Some((row, pull)) = farthest.filter(|(_, p)| p.sigmas().abs() > limit) else {
+                continue;
+            };
+            let distance = pull.sigmas().abs();
+            let severity = if distance >= FAR { Severity::DoNotUse } else { Severity::Doubtful };
+            let Row { name, unit: (unit, scale), .. } = &self.rows[row];
+            let moved = format!("{:.2e} {unit}", pull.sum / scale);
+            report.reasons.push(reason(
+                Criterion::Prior,
+                severity,
+                name,
+                format!(
+                    "the estimate moved {distance:.1} sigma from its prior ({}): the prior, or a \
+                     sensor that corrects it, is wrong",
+                    moved.trim_end()
+                ),
+                "look at its initial value and sigma, and at biases and units of the sensors",
+            ));
+        }
+    }
+
+    /// Judges each pair of sensors by the state on which they contradict each other most.
+    ///
+    /// Two sensors contradict each other if they pull a state in opposite directions, each by more
+    /// than chance explains. Two independent Gaussian variables have opposite signs and are both
+    /// beyond `t` with the probability `2 Q(t)^2`.
+    fn judge_pairs(&self, alpha: f64, sensors: &[SensorInfo], report: &mut Report) {
+        let limit = sigmas((0.5 * alpha).sqrt());
+        let mut worst: Vec<(usize, usize, usize, f64)> = Vec::new();
+        for row in 0..self.rows.len() {
+            for (a, b) in self.pairs(row) {
+                let (pa, pb) = (self.pull(a, row), self.pull(b, row));
+                let opposed = pa.sum * pb.sum < 0.0;
+                if !opposed || pa.sigmas().abs().min(pb.sigmas().abs()) <= limit {
+                    continue;
+                }
+                let apart = (pa.sum - pb.sum).abs() / (pa.variance + pb.variance).sqrt();
+                match worst.iter_mut().find(|w| (w.0, w.1) == (a, b)) {
+                    Some(w) if w.3 >= apart => {}
+                    Some(w) => *w = (a, b, row, apart),
+                    None => worst.push((a, b, row, apart)),
+                }
+            }
+        }
+        for (a, b, row, apart) in worst {
+            let severity = if apart >= FAR { Severity::DoNotUse } else { Severity::Doubtful };
+            let [first, second] = [a, b].map(|s| sensors[s].name.as_str());
+            report.reasons.push(reason(
+                Criterion::Contradiction,
+                severity,
+                &format!("{first}, {second}"),
+                format!(
+                    "the sensors contradict each other: they pull {} in opposite directions, \
+                     {apart:.1} sigma apart",
+                    self.rows[row].name
+                ),
+                "run without one of them (enabled = false) to find which is wrong",
+            ));
+        }
+    }
+}

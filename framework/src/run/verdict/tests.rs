@@ -1,0 +1,152 @@
+//! The criteria on innovations that are white by construction, and on those that are not.
+
+use super::innovations::SensorStatistics;
+use super::report::{FALSE_ALARM, Report};
+use crate::model::chi_square::gated_moments;
+use crate::model::finding::Severity;
+use crate::model::gate::Gate;
+use crate::model::record::{Outcome, Rejection, UpdateRecord};
+use crate::model::simulate::Random;
+use crate::model::verdict::Criterion;
+use crate::units::sample::SensorId;
+use crate::units::time::Time;
+
+/// Innovation covariance of three channels: variances 4, 1 and 0.25.
+const S: [f64; 9] = [4.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.25];
+
+/// Judges a sensor with three channels whose normalised innovations at 1 Hz are `u(second)`.
+fn judge(samples: i64, mut u: impl FnMut(i64) -> [f64; 3]) -> Report {
+    let channels = ["x", "y", "z"].map(str::to_owned).to_vec();
+    let mut sensor = SensorStatistics::new("dvl".to_owned(), channels, false);
+    let threshold = Gate::default().thresholds()[3];
+    for second in 0..samples {
+        let u = u(second);
+        let nis = u.iter().map(|u| u * u).sum();
+        let innovation = [2.0 * u[0], u[1], 0.5 * u[2]];
+        sensor.update(&UpdateRecord {
+            time: Time::from_nanos(second * 1_000_000_000),
+            sensor: SensorId(0),
+            outcome: if nis > threshold { Outcome::Gated } else { Outcome::Accepted },
+            nis,
+            threshold,
+            present: 0b111,
+            innovation: &innovation,
+            covariance: &S,
+        });
+    }
+    sensor.finish();
+    let mut report = Report::default();
+    sensor.judge(FALSE_ALARM / sensor.tests(true) as f64, true, &mut report);
+    report
+}
+
+fn white(random: &mut Random) -> [f64; 3] {
+    std::array::from_fn(|_| random.normal())
+}
+
+/// The criteria that 900 samples violate.
+fn violated(u: impl FnMut(i64) -> [f64; 3]) -> Vec<(Criterion, Severity)> {
+    judge(900, u).reasons.iter().map(|r| (r.criterion, r.severity)).collect()
+}
+
+/// At most 0.5 % of consistent sensors are doubted: 5 of 1000 runs of 10 minutes are expected at
+/// most, and 14 or more occur with a probability of 1 in 1000.
+#[test]
+fn white_innovations_are_doubted_at_the_stated_rate() {
+    let mut random = Random::new(1, "white");
+    let doubted =
+        (0..1000).filter(|_| !judge(600, |_| white(&mut random)).reasons.is_empty()).count();
+    assert!(doubted < 14, "{doubted} of 1000");
+}
+
+#[test]
+fn each_departure_from_white_noise_has_its_criterion() {
+    let mut random = Random::new(2, "coloured");
+    // 1.5 times as large in one minute of 15, where the mean NIS is 6.75 instead of 3
+    let minute = |random: &mut Random, k: i64| {
+        white(random).map(|u| if (300..360).contains(&k) { 1.5 * u } else { u })
+    };
+    assert_eq!(
+        violated(|k| minute(&mut random, k)),
+        [(Criterion::NisOfMinute, Severity::Doubtful)]
+    );
+    // one channel 1.3 times as large, one smaller, so that the mean NIS is 3
+    let channel = |random: &mut Random| {
+        let [x, y, z] = white(random);
+        [1.3 * x, y, (2.0_f64 - 1.69).sqrt() * z]
+    };
+    let found = violated(|_| channel(&mut random));
+    assert_eq!(found, [(Criterion::Channel, Severity::Doubtful)]);
+    // a mean of 0.2 sigma is 6 sigma of the mean of 900
+    let found = violated(|_| white(&mut random).map(|u| u + 0.2));
+    assert!(found.contains(&(Criterion::Bias, Severity::Doubtful)), "{found:?}");
+    // an autoregression of variance 1 and correlation 0.3; the standard deviation of r is 0.033
+    let mut last = white(&mut random);
+    let found = violated(|_| {
+        let new = white(&mut random);
+        last = std::array::from_fn(|i| 0.3 * last[i] + (1.0_f64 - 0.09).sqrt() * new[i]);
+        last
+    });
+    assert!(found.contains(&(Criterion::Correlation, Severity::Doubtful)), "{found:?}");
+    // a slow sinusoid of 0.4 sigma: the means of a minute have a sigma of 0.13
+    let found = violated(|k| {
+        let slow = 0.4 * (k as f64 / 60.0).sin();
+        white(&mut random).map(|u| u + slow)
+    });
+    assert!(found.iter().any(|f| f.0 == Criterion::Drift), "{found:?}");
+}
+
+#[test]
+fn innovations_of_twice_their_sigma_must_not_be_used_and_of_half_are_doubtful() {
+    let mut random = Random::new(3, "scaled");
+    // 2.6 rather than 2, since the gate cuts the largest off: the accepted ones have 2.1
+    for (factor, severity) in [(2.6, Severity::DoNotUse), (0.5, Severity::Doubtful)] {
+        let found = violated(|_| white(&mut random).map(|u| factor * u));
+        assert!(found.contains(&(Criterion::Nis, severity)), "{factor}: {found:?}");
+    }
+}
+
+#[test]
+fn the_band_of_the_mean_nis_is_that_of_the_gated_distribution() {
+    let mut random = Random::new(4, "band");
+    let report = judge(900, |_| white(&mut random));
+    let sensor = &report.sensors[0];
+    let (mean, variance) = gated_moments(3, Gate::default().thresholds()[3]);
+    // rounded to a millionth
+    assert!((sensor.expected_nis - mean).abs() < 1e-6, "{sensor:?}");
+    let width = 0.5 * (sensor.band.high - sensor.band.low) / (variance / 900.0_f64).sqrt();
+    // 15 tests at 0.005 together: the two-sided quantile of 3.3e-4 is 3.59 sigma, wider if
+    // successive NIS happen to be correlated
+    assert!((3.5..4.2).contains(&width), "{width}");
+}
+
+#[test]
+fn shares_of_gated_faulty_and_missing_samples_are_judged_apart() {
+    let mut sensor = SensorStatistics::new("dvl".to_owned(), vec!["x".to_owned()], false);
+    let mut take = |second: i64, outcome| {
+        let (nis, threshold, innovation) = (1.0, 15.1, [1.0]);
+        let (time, covariance) = (Time::from_nanos(second * 1_000_000_000), [1.0]);
+        let (sensor_id, present) = (SensorId(0), 1);
+        sensor.update(&UpdateRecord {
+            time,
+            sensor: sensor_id,
+            outcome,
+            nis,
+            threshold,
+            present,
+            innovation: &innovation,
+            covariance: &covariance,
+        });
+    };
+    for k in 0..30 {
+        take(3 * k, Outcome::Gated);
+        take(3 * k + 1, Outcome::Rejected(Rejection::Missing));
+        take(3 * k + 2, Outcome::Rejected(Rejection::NotFinite(0)));
+    }
+    let mut report = Report::default();
+    sensor.judge(1e-4, true, &mut report);
+    let found: Vec<Criterion> = report.reasons.iter().map(|r| r.criterion).collect();
+    assert_eq!(found, [Criterion::Gated, Criterion::Rejected, Criterion::Unused]);
+    assert!(report.reasons[0].text.contains("30 of 30 samples (100 %"), "{:?}", report.reasons[0]);
+    assert!(report.reasons[1].text.contains("30 of 60"), "{:?}", report.reasons[1]);
+}
