@@ -10,8 +10,8 @@ fn has_keys(value: &Value, keys: &[&str]) {
     assert_eq!(found, keys);
 }
 
-const POINT: [&str; 9] =
-    ["values", "runs", "failed", "end_s", "states", "anees", "nis", "worst", "verdict"];
+const POINT: [&str; 10] =
+    ["values", "runs", "failed", "end_s", "states", "anees", "nis", "worst", "judged", "verdict"];
 const STATE: [&str; 10] = [
     "state",
     "component",

@@ -21,12 +21,20 @@ impl Recording {
             "time_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,accel_x_mps2,accel_y_mps2,accel_z_mps2\n"
                 .to_owned();
         for k in 1..=2000 {
+            // an instrument never repeats itself: noise within +-1, whose mean square is 1/3, about
+            // half of the stated noise of one sample (1 deg/h and 1 mm/s^2)
+            let noise = |axis: i32| f64::from(k * 7919 * axis % 2003) / 1001.0 - 1.0;
+            let [gyro, accel] = [5e-6, 1e-3];
             let _ = writeln!(
                 imu,
-                "{:.2},{:e},0,{:e},0,0,-9.7932",
+                "{:.2},{:e},{:e},{:e},{:e},{:e},{:e}",
                 f64::from(k) * 0.01,
-                earth * cos,
-                -earth * sin
+                earth * cos + gyro * noise(1),
+                gyro * noise(2),
+                -earth * sin + gyro * noise(3),
+                accel * noise(4),
+                accel * noise(5),
+                -9.7932 + accel * noise(6)
             );
         }
         let mut dvl = "time_s,vel_x_mps,vel_y_mps,vel_z_mps\n".to_owned();

@@ -28,8 +28,14 @@ fn run(recording: &Recording, more: &[&str]) -> Output {
 
 /// A run of many seconds into a folder.
 fn long_run(folder: &Path) -> Command {
-    let mut long = command();
-    long.arg("run").arg(scenario("pan-wu-3d")).arg("--out").arg(folder);
+    // a shell under nohup ignores SIGHUP, and its children inherit that
+    let mut long = Command::new("env");
+    long.arg("--default-signal=HUP")
+        .arg(command().get_program())
+        .arg("run")
+        .arg(scenario("pan-wu-3d"))
+        .arg("--out")
+        .arg(folder);
     long.args(["--set", "sensor.imu.simulation.rate=1 kHz", "--set", "estimator.start=0 s"]);
     long.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     long

@@ -142,9 +142,7 @@ impl Ekf {
                 detectors,
                 input: None,
                 cadence: Cadence::default(),
-                screen: (composition.processes.iter().filter(|p| p.input.is_some()))
-                    .find_map(|p| p.screening.as_ref())
-                    .map(Screen::new),
+                screen: screen(&composition),
                 monitor: composition.processes.iter().find_map(|p| p.monitor.clone()),
                 pending: VecDeque::with_capacity(MAX_PENDING),
                 truth: constants.state.clone(),
@@ -257,4 +255,16 @@ pub(super) fn rejected(sample: &Sample, rejection: Rejection) -> UpdateRecord<'s
         innovation: &[],
         covariance: &[],
     }
+}
+
+/// Screening of the driving sensor. A simulated sensor without noise repeats itself at rest, and is
+/// not frozen for that.
+fn screen(composition: &Composition) -> Option<Screen> {
+    let process = composition.processes.iter().find(|p| p.input.is_some())?;
+    let mut screening = process.screening.clone()?;
+    let simulation = process.input.and_then(|k| composition.sensors[k].simulation.as_ref());
+    if composition.simulated && simulation.is_some_and(|s| s.noise.si() == 0.0) {
+        screening.frozen = Some(f64::INFINITY);
+    }
+    Some(Screen::new(&screening))
 }

@@ -16,7 +16,7 @@ fn at_rest(sensors: &str, source: &str) -> tempfile::TempDir {
         (1..=200).map(|k| format!("{}.{:02},0,0,0,0,0,-9.795\n", k / 100, k % 100)).collect();
     let folder = folder(&[
         ("imu.csv", format!("{IMU_HEADER}{imu}")),
-        ("dvl.csv", format!("{DVL_HEADER}0.5,0.001,,0\n1,50,0,0\n1.5,0.001,0,0\n2,,,\n")),
+        ("dvl.csv", format!("{DVL_HEADER}0.5,0.001,,0\n1,5,0,0\n1.5,0.001,0,0\n2,,,\n")),
         (
             "reference.csv",
             format!("{REFERENCE_HEADER}0.1,32,34,0,0,0,0,0,0,0\n1,32,34,0,0,0,0,0,0,0\n"),
@@ -110,9 +110,9 @@ fn innovations_have_a_row_a_measurement() {
             && rows[0][7].is_empty()
             && rows[0][9].parse::<f64>().is_ok()
     );
-    // 50 m/s, and a sigma not below the sensor's 2 cm/s
+    // 5 m/s, and a sigma not below the sensor's 2 cm/s
     assert!(
-        (rows[1][5].parse::<f64>().unwrap() - 50.0).abs() < 1.0
+        (rows[1][5].parse::<f64>().unwrap() - 5.0).abs() < 1.0
             && rows[1][6].parse::<f64>().unwrap() >= 0.02
     );
 }

@@ -130,7 +130,10 @@ impl ChannelStatistics {
             && ratio >= SLOW
             && outside(drift / (scale * scale), minutes, 2.0 * minutes, alpha)
         {
-            let severity = if ratio >= UNTRUE { Severity::DoNotUse } else { Severity::Doubtful };
+            // few minutes give a ratio of two by chance where the drift is smaller
+            let excess = drift / (scale * scale * UNTRUE * UNTRUE);
+            let untrue = ratio >= UNTRUE && outside(excess, minutes, 2.0 * minutes, alpha);
+            let severity = if untrue { Severity::DoNotUse } else { Severity::Doubtful };
             let text = format!(
                 "the innovations of {name} drift: their means over a minute are {ratio:.2} times as \
                  large as white noise makes them"

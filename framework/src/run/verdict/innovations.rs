@@ -20,7 +20,7 @@ const MINUTE: f64 = 60.0;
 const GATED: f64 = 0.1;
 /// Share of gated samples from which a result must not be used: the filter then follows the
 /// minority.
-const MOSTLY_GATED: f64 = 0.5;
+const MOSTLY_GATED: f64 = 1.0 / 3.0;
 /// Number of gated samples in a row from which a run is doubtful: with 5 % of outliers, the
 /// probability is `0.05^5` at a sample, 0.3 % in ten thousand.
 const IN_A_ROW: u64 = 5;
