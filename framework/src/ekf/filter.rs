@@ -257,14 +257,13 @@ pub(super) fn rejected(sample: &Sample, rejection: Rejection) -> UpdateRecord<'s
     }
 }
 
-/// Screening of the driving sensor. A simulated sensor without noise repeats itself at rest, and is
-/// not frozen for that.
+/// Screening of the driving sensor; none for a simulated sensor without noise, whose channels repeat
+/// themselves without a fault.
 fn screen(composition: &Composition) -> Option<Screen> {
     let process = composition.processes.iter().find(|p| p.input.is_some())?;
-    let mut screening = process.screening.clone()?;
     let simulation = process.input.and_then(|k| composition.sensors[k].simulation.as_ref());
     if composition.simulated && simulation.is_some_and(|s| s.noise.si() == 0.0) {
-        screening.frozen = Some(f64::INFINITY);
+        return None;
     }
-    Some(Screen::new(&screening))
+    process.screening.as_ref().map(Screen::new)
 }

@@ -281,7 +281,8 @@ impl Bytes<'_> {
     }
 
     fn text(&mut self) -> Option<String> {
-        let (text, rest) = self.0.split_at_checked(self.size()?)?;
+        let length = self.size()?;
+        let (text, rest) = self.0.split_at_checked(length)?;
         self.0 = rest;
         String::from_utf8(text.to_vec()).ok()
     }

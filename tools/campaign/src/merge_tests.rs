@@ -92,6 +92,7 @@ fn failed_runs_are_reported_and_their_shards_merge_to_the_same_bytes() -> Result
     let rmse =
         ([1, 3, 4, 6].map(|run| (f64::from(run) / 7.0).powi(2)).iter().sum::<f64>() / 4.0).sqrt();
     assert!(point.states[0].rmse.is_some_and(|r| (r - rmse).abs() < 1e-15), "{:?}", point.states);
+    drop(results); // they keep the folder locked
     for count in [1, 3, 7, 20] {
         let parts: Vec<PathBuf> =
             (1..=count).map(|index| folder.path().join(format!("{index}-{count}"))).collect();
