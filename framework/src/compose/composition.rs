@@ -103,9 +103,9 @@ impl Composition {
     }
 
     /// Prepares the composition for the Cramer-Rao bound. Every block starts at its truth, and
-    /// sensors are simulated without noise, outliers and faults while the filter assumes their noise;
-    /// samples that a fault loses stay lost. The filter thus stays at the truth, and its covariance is that of the best estimate. Considered
-    /// states are estimated.
+    /// sensors are simulated without noise, outliers and faults while the filter assumes their
+    /// noise; samples that a fault loses stay lost. The filter thus stays at the truth, and its
+    /// covariance is that of the best estimate. Considered states are estimated.
     pub fn at_truth(&mut self) {
         let mut layout = (*self.layout).clone();
         for block in &mut layout.blocks {

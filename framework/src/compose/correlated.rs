@@ -6,7 +6,7 @@
 //! The type of the sensor knows nothing of it: this model wraps that of the type.
 
 use crate::compose::Composer;
-use crate::document::did_you_mean;
+use crate::document::unknown;
 use crate::model::error::ComposeError;
 use crate::model::measurement::{AnyMeasurement, At};
 use crate::model::simulate::Scene;
@@ -14,7 +14,7 @@ use crate::state::covariance::Update;
 use crate::state::manifold::Scalar;
 use crate::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode};
 use crate::units::sample::{Channel, Sample};
-use crate::units::{AnyQuantity, Positive, Time as Duration, column_suffix, parse_unit};
+use crate::units::{AnyQuantity, Positive, Time as Duration};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -49,10 +49,8 @@ pub(crate) fn wrap(
         return fail("sigma", "a sigma above zero is needed".to_owned());
     }
     let measured = &channels[..model.channels().min(channels.len())];
-    let unit =
-        |channel: &Channel| column_suffix(channel.unit).or_else(|| parse_unit(channel.unit).ok());
     let fits = |channel: &Channel| {
-        unit(channel).is_some_and(|unit| error.sigma.si_as(unit.exponents()).is_ok())
+        channel.parsed_unit().is_some_and(|unit| error.sigma.si_as(unit.exponents()).is_ok())
     };
     let mut chosen = Vec::new();
     match &error.channels {
@@ -61,11 +59,7 @@ pub(crate) fn wrap(
             for name in names {
                 let Some(c) = measured.iter().position(|channel| channel.name == name) else {
                     let all: Vec<&str> = measured.iter().map(|channel| channel.name).collect();
-                    let hint = did_you_mean(name, all.iter().copied())
-                        .map_or_else(String::new, |other| format!("; did you mean {other:?}?"));
-                    let message =
-                        format!("{name}: no such channel{hint} (there are: {})", all.join(", "));
-                    return fail("channels", message);
+                    return fail("channels", unknown("channel", name, &all));
                 };
                 chosen.push(c);
             }

@@ -261,8 +261,8 @@ pub(super) fn rejected(sample: &Sample, rejection: Rejection) -> UpdateRecord<'s
 /// themselves without a fault.
 fn screen(composition: &Composition) -> Option<Screen> {
     let process = composition.processes.iter().find(|p| p.input.is_some())?;
-    let simulation = process.input.and_then(|k| composition.sensors[k].simulation.as_ref());
-    if composition.simulated && simulation.is_some_and(|s| s.noise.si() == 0.0) {
+    let driver = process.input.map(|index| &composition.sensors[index])?;
+    if composition.simulated && driver.is_noise_free() {
         return None;
     }
     process.screening.as_ref().map(Screen::new)

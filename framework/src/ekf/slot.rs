@@ -46,8 +46,7 @@ impl SensorSlot {
             Role::Input(_) | Role::Reference(_) => sensor.info.channels.len(),
         };
         let measures = matches!(sensor.role, Role::Measurement(_)) && !sensor.constraint;
-        // a simulated sensor without noise repeats itself at rest, and has no innovations
-        let noise_free = sensor.simulation.as_ref().is_some_and(|s| s.noise.value().si() == 0.0);
+        let watched = measures && !sensor.is_noise_free();
         Self {
             name: sensor.info.name.clone(),
             channels: ((1u32 << used) - 1) as u16,
@@ -58,8 +57,8 @@ impl SensorSlot {
             thresholds: sensor.gate.thresholds(),
             recovery: sensor.recovery,
             robust: sensor.robust,
-            repeats: (measures && !noise_free).then(Repeats::default),
-            bias: (measures && !noise_free).then(|| BiasTest::new(used)),
+            repeats: watched.then(Repeats::default),
+            bias: watched.then(|| BiasTest::new(used)),
             limits: sensor.limits.clone(),
             plausible: None,
         }

@@ -1,9 +1,9 @@
 //! Plausible values of a sensor's channels: range and rate of change.
 
-use crate::document::did_you_mean;
+use crate::document::unknown;
 use crate::model::error::ComposeError;
+use crate::units::AnyQuantity;
 use crate::units::sample::Channel;
-use crate::units::{AnyQuantity, column_suffix, parse_unit};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -54,17 +54,14 @@ pub(crate) fn resolve(
     keys: &LimitKeys,
     channels: &[Channel],
 ) -> Result<Vec<(usize, Limit)>, ComposeError> {
-    let names = || channels.iter().map(|channel| channel.name);
-    let index = |name: &str| names().position(|channel| channel == name);
+    let index = |name: &str| channels.iter().position(|channel| channel.name == name);
     let mut limits: Vec<(usize, Limit)> = (own.into_iter())
         .filter_map(|limit| index(limit.channel).map(|channel| (channel, limit)))
         .collect();
     for (name, given) in keys {
         let Some(channel) = index(name) else {
-            let hint = did_you_mean(name, names())
-                .map_or_else(String::new, |other| format!("; did you mean {other:?}?"));
-            let names: Vec<&str> = names().collect();
-            let message = format!("no such channel{hint} (there are: {})", names.join(", "));
+            let names: Vec<&str> = channels.iter().map(|c| c.name).collect();
+            let message = unknown("channel", name, &names);
             return Err(ComposeError::new(format!("limits.{name}"), message));
         };
         let found = limits.iter().position(|(other, _)| *other == channel);
@@ -84,8 +81,7 @@ impl ChannelLimits {
         let error = |key: &str, message: String| {
             Err(ComposeError::new(format!("limits.{}.{key}", channel.name), message))
         };
-        let unit = column_suffix(channel.unit).or_else(|| parse_unit(channel.unit).ok());
-        let Some(mut exponents) = unit.map(|unit| unit.exponents()) else {
+        let Some(mut exponents) = channel.parsed_unit().map(|unit| unit.exponents()) else {
             let message = format!("the unit {:?} of the channel is unknown", channel.unit);
             return error("range", message);
         };

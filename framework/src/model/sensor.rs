@@ -148,6 +148,12 @@ impl Sensor {
         self.exclude.iter().any(|[from, to]| *from <= time && time < *to)
     }
 
+    /// Returns `true` if the sensor is simulated without noise: its samples repeat themselves at
+    /// rest, and its innovations are zero, without a fault.
+    pub(crate) fn is_noise_free(&self) -> bool {
+        self.simulation.as_ref().is_some_and(|simulation| simulation.noise.value().si() == 0.0)
+    }
+
     /// Creates the constraint of a process. A lock-out is only reported, since the process handles
     /// it.
     pub(crate) fn constraint(info: SensorInfo, role: Role) -> Self {

@@ -1,6 +1,7 @@
 //! Samples: the measurements that sources provide.
 
 use crate::units::time::Time;
+use crate::units::{Unit, column_suffix, parse_unit};
 
 /// The largest number of channels of one sensor.
 pub const MAX_CHANNELS: usize = 16;
@@ -23,6 +24,11 @@ impl Channel {
     /// The heading of a CSV column: name and unit.
     pub fn column(&self) -> String {
         format!("{}_{}", self.name, self.unit)
+    }
+
+    /// The unit; `None` if it is unknown. An author may have written `m/s` in the place of `mps`.
+    pub fn parsed_unit(&self) -> Option<Unit> {
+        column_suffix(self.unit).or_else(|| parse_unit(self.unit).ok())
     }
 }
 

@@ -7,7 +7,7 @@ use crate::model::error::ComposeError;
 use crate::model::simulate::Random;
 use crate::units::sample::{Channel, MAX_CHANNELS};
 use crate::units::time::Time;
-use crate::units::{AnyQuantity, Exponents, Unit, column_suffix, parse_unit};
+use crate::units::{AnyQuantity, Exponents, Unit, parse_unit};
 use std::f64::consts::TAU;
 
 /// Exponents of a ratio and of a time, in halves.
@@ -74,7 +74,8 @@ impl Check<'_> {
             FaultType::ClockOffset | FaultType::ClockStep => TIME,
             FaultType::ClockDrift => RATIO,
             kind => {
-                let first = self.channels.first().and_then(unit_of).map(|u| u.exponents());
+                let first =
+                    self.channels.first().and_then(Channel::parsed_unit).map(|u| u.exponents());
                 sized(kind, first.unwrap_or(RATIO))
             }
         };
@@ -130,7 +131,8 @@ impl Check<'_> {
             _ => ("", None),
         };
         let Some(dimension) = dimension else { return Ok((0..self.channels.len()).collect()) };
-        let of_channel = |c: &Channel| unit_of(c).map(|u| sized(self.fault.kind, u.exponents()));
+        let of_channel =
+            |c: &Channel| c.parsed_unit().map(|u| sized(self.fault.kind, u.exponents()));
         let fitting: Vec<usize> = (0..self.channels.len())
             .filter(|k| of_channel(&self.channels[*k]) == Some(dimension))
             .collect();
@@ -181,7 +183,7 @@ impl Check<'_> {
 
     /// Unit of a channel.
     fn unit_of(&self, channel: &Channel) -> Result<Unit, ComposeError> {
-        unit_of(channel).ok_or_else(|| {
+        channel.parsed_unit().ok_or_else(|| {
             let message = format!(
                 "the unit {:?} of the channel {} is unknown, so a size cannot be checked",
                 channel.unit, channel.name
@@ -271,11 +273,6 @@ impl Check<'_> {
         }
         Ok(Effect::Exchange(a, b))
     }
-}
-
-/// Unit of a channel, from the suffix that its columns have.
-fn unit_of(channel: &Channel) -> Option<Unit> {
-    column_suffix(channel.unit).or_else(|| parse_unit(channel.unit).ok())
 }
 
 /// Exponents of the size of a fault of a channel: those of the channel, for a drift per second.
