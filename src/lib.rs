@@ -87,6 +87,8 @@ enum Commands {
     Calibrate(commands::calibrate::Calibrate),
     /// Write one page about a run, which opens offline: track, states, innovations, calibration
     Report(commands::report::Report),
+    /// Compare runs: what differs in their scenarios and in their results
+    Compare(commands::compare::Compare),
     /// Make the figures of a paper from runs of its scenarios
     Figures(commands::figures::Figures),
     /// Write a crate with a sensor of your own, which builds and runs at once
@@ -119,6 +121,7 @@ fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
         Commands::Calibrate(arguments) => commands::calibrate::calibrate(registry, &arguments),
         Commands::NewPlugin(arguments) => commands::new_plugin::new_plugin(registry, &arguments),
         Commands::Report(arguments) => commands::report::report(registry, &arguments),
+        Commands::Compare(arguments) => commands::compare::compare(registry, &arguments),
         Commands::Figures(arguments) => commands::figures::figures(registry, &arguments),
         Commands::Check(arguments) => commands::check::check(registry, &arguments),
         Commands::List(arguments) => commands::list::list(registry, &arguments),

@@ -1,10 +1,11 @@
-//! `navfuse report` and `navfuse figures` as a user calls them, and the page in a browser.
+//! `navfuse report`, `compare` and `figures` as a user calls them, and the page in a browser.
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
 
 use common::recording::Recording;
 use common::{command, navfuse, scenario, stderr, stdout};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -96,6 +97,84 @@ fn what_is_no_log_and_settings_of_a_log_are_refused_with_a_remedy() {
     assert!(said.contains("notes.txt") && said.contains("not an MCAP file"), "{said}");
     let output = navfuse(&["report", &path.display().to_string(), "--set", "seed=2"]);
     assert!(stderr(&output).contains("navfuse replay"), "{}", stderr(&output));
+}
+
+/// A comparison of two runs agrees with the summaries of both runs; each was made by another way.
+#[test]
+fn a_pair_that_differs_in_one_key_shows_that_key_first_and_the_errors_of_both_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = scenario("quickstart").display().to_string();
+    let short = ["--set", "estimator.stop=200 s"];
+    let single = |noise: &str| -> (Value, String) {
+        let out = folder.path().join(noise.replace(' ', "-")).display().to_string();
+        let change = format!("sensor.dvl.noise={noise}");
+        let arguments = ["run", &path, "--format=json", "--out", &out, "--set", &change];
+        let output = navfuse(&[&arguments[..], &short].concat());
+        (serde_json::from_str(&stdout(&output)).expect("JSON"), out)
+    };
+    let (first, second) = (single("1 cm/s"), single("2 cm/s"));
+    let out = folder.path().join("compare").display().to_string();
+    let vary = ["--vary", "sensor.dvl.noise=1 cm/s,2 cm/s", "--format=json", "--out", &out];
+    let output = navfuse(&[&["compare", &path], &vary[..], &short].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let result: Value = serde_json::from_str(&stdout(&output)).expect("one JSON object");
+    assert_eq!(result["scenario"].as_array().map(Vec::len), Some(1), "{}", result["scenario"]);
+    assert_eq!(result["scenario"][0]["key"], "sensor.dvl.noise");
+    assert_eq!(result["scenario"][0]["values"][1], "\"2 cm/s\"");
+    for (k, (run, _)) in [&first, &second].into_iter().enumerate() {
+        let compared = &result["runs"][k];
+        assert_eq!(compared["final_error_m"], run["horizontal_error_m"]["final"]);
+        let rms = [&compared["rms_error_m"], &run["horizontal_error_m"]["rms"]];
+        let [a, b] = rms.map(|v| v.as_f64().expect("a number"));
+        assert!((a - b).abs() < 1e-9, "{a} and {b}: the reference and the epochs have one rate");
+        assert_eq!(compared["verdict"], run["verdict"]["level"]);
+        for sensor in result["sensors"].as_array().expect("sensors") {
+            let name = sensor["sensor"].as_str().expect("a name");
+            assert_eq!(sensor["runs"][k]["used"], run["samples"][name]["accepted"], "{name}");
+        }
+    }
+    let yaw = (result["states"].as_array().expect("states").iter())
+        .find(|s| s["state"] == "dvl.misalignment yaw")
+        .expect("the yaw of the DVL");
+    let of = |run: &Value, key: &str| run["states"]["dvl.misalignment"][key][2].as_f64();
+    let [a, b] = [&first.0, &second.0].map(|run| of(run, "error").expect("an error"));
+    let [s, t] = [&first.0, &second.0].map(|run| of(run, "sigma").expect("a sigma"));
+    let second_run = &yaw["runs"][1];
+    let close = |key: &str, to: f64| {
+        let value = second_run[key].as_f64().unwrap_or(f64::NAN);
+        assert!((value - to).abs() <= 1e-12 * to.abs().max(1.0), "{key}: {value} and {to}");
+    };
+    close("difference", b - a);
+    close("difference_sigma", s.hypot(t));
+    // the logs of the same runs give the same table, and the key is in the first row
+    let logs = [&first.1, &second.1];
+    let output = navfuse(&["compare", logs[0], logs[1], "--no-output"]);
+    let printed = stdout(&output);
+    let heading = printed.lines().position(|l| l.trim().starts_with("scenario ")).expect("a table");
+    let row = printed.lines().nth(heading + 2).expect("a row");
+    let words: Vec<&str> = row.split('"').map(str::trim).collect();
+    assert_eq!(words, ["sensor.dvl.noise", "1 cm/s", "", "2 cm/s", ""]);
+    // every figure and every key is on the page
+    let page = read(&Path::new(&out).join("compare.html"));
+    assert!(page.contains("sensor.dvl.noise") && page.contains("B - A"));
+    assert!(page.matches("<svg").count() >= 10, "{}", page.matches("<svg").count());
+    assert!(!page.contains("no data") && !page.contains("NaN"));
+    #[cfg(feature = "rerun")]
+    assert!(Path::new(&out).join("compare.rrd").is_file());
+}
+
+#[test]
+fn a_comparison_that_cannot_be_made_is_rejected_with_a_remedy() {
+    let path = scenario("quickstart").display().to_string();
+    let rejected = |arguments: &[&str], remedy: &str| {
+        let output = navfuse(&[&["compare", "--no-output"], arguments].concat());
+        assert_eq!(output.status.code(), Some(1), "{}", stdout(&output));
+        assert!(stderr(&output).contains(remedy), "{}", stderr(&output));
+    };
+    rejected(&[&path], "--vary");
+    rejected(&[&path, "--vary", "seed=1,2,3,4,5,6"], "sweep");
+    rejected(&["a.mcap", "b.mcap", "--set", "seed=1"], "replay");
+    rejected(&["a.mcap", "b.mcap"], "a.mcap");
 }
 
 /// The figures have the paper's numbers and titles.

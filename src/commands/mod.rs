@@ -3,6 +3,7 @@
 pub mod bound;
 pub mod calibrate;
 pub mod check;
+pub mod compare;
 pub mod figures;
 pub mod list;
 pub mod merge;

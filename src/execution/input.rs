@@ -53,7 +53,7 @@ pub fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)>
 }
 
 /// True for the path of a log, which may be the part of one that a killed run left.
-fn is_log(path: &Path) -> bool {
+pub fn is_log(path: &Path) -> bool {
     let whole = if has_extension(path, "part") { path.with_extension("") } else { path.to_owned() };
     has_extension(&whole, "mcap")
 }

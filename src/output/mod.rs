@@ -1,6 +1,7 @@
 //! Printing results for people and programs, and writing files.
 
 pub mod campaign;
+pub mod compare;
 mod files;
 pub mod progress;
 pub mod run;

@@ -115,7 +115,7 @@ fn state(row: &StateRow, table: &mut Table) {
 }
 
 /// A number with the digits that are significant given its sigma, and one more.
-fn number(value: f64, sigma: f64) -> String {
+pub fn number(value: f64, sigma: f64) -> String {
     let decimals = if sigma > 0.0 && sigma.is_finite() {
         (1.0 - sigma.log10().floor()).clamp(0.0, 9.0)
     } else {

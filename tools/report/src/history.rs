@@ -64,6 +64,9 @@ pub struct BlockHistory {
     pub compared: Option<Row>,
     /// Path length of a position.
     pub travelled: Travelled,
+    /// Sum of the squared errors of each component over all epochs with a known truth, and the
+    /// number of these epochs.
+    pub squares: (Vec<f64>, u64),
 }
 
 /// Estimate of a block at one epoch, in display units.
@@ -334,6 +337,7 @@ impl BlockHistory {
             last: row.clone(),
             compared: None,
             travelled: Travelled::default(),
+            squares: (vec![0.0; row.estimate.len()], 0),
         };
         block.push(row);
         block
@@ -344,6 +348,8 @@ impl BlockHistory {
             self.travel(&row);
         }
         if !row.error.is_empty() {
+            self.squares.0.iter_mut().zip(&row.error).for_each(|(sum, e)| *sum += e * e);
+            self.squares.1 += 1;
             self.compared = Some(row.clone());
         }
         self.last = row.clone();

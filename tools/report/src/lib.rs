@@ -3,14 +3,16 @@
 //!
 //! A [`History`] holds all content of a report: series of a bounded length, however long the run,
 //! and counts over all samples. [`Recorder`] collects it from a run and [`read_log`] from a log,
-//! with the same result. [`plots`] plots it, [`page`] writes the report, and [`pan_wu`] makes the
-//! figures of Pan & Wu (2016) from the histories of their two runs.
+//! with the same result. [`plots`] plots it, [`page`] writes the report, [`compare`] compares several
+//! runs, and [`pan_wu`] makes the figures of Pan & Wu (2016) from the histories of their two runs.
 
+pub mod compare;
 mod history;
 mod log;
 pub mod page;
 pub mod pan_wu;
 pub mod plots;
+mod results;
 mod sink;
 mod thin;
 

@@ -40,8 +40,14 @@ pub(crate) type Track = Vec<(f64, [f64; 3])>;
 /// Returns the tracks of the estimate and of the truth, relative to the first true position, or to
 /// the first estimate if no truth is known.
 pub(crate) fn tracks(position: &BlockHistory) -> (Track, Track) {
-    let origin = &position.first.estimate;
-    let off = position.first.error.first_chunk::<3>().copied().unwrap_or_default();
+    tracks_from(position, &position.first)
+}
+
+/// Returns the tracks of the estimate and of the truth, relative to the position of a row, the true
+/// one if it is known.
+pub(crate) fn tracks_from(position: &BlockHistory, start: &Row) -> (Track, Track) {
+    let origin = &start.estimate;
+    let off = start.error.first_chunk::<3>().copied().unwrap_or_default();
     let place = |r: &Row| {
         let from = displacement(&r.estimate, origin);
         std::array::from_fn(|k| from[k] + off[k])
@@ -118,26 +124,34 @@ pub(crate) fn beside_truth(block: &BlockHistory, k: usize, sign: f64) -> Panel {
     over_time(block.component(k), Axis::linear(label("", &block.unit)), curves, bands)
 }
 
-/// Restricts a panel to the final value: 12 final sigmas to each side, and all estimates and truths
-/// of the second half of the run. The panel keeps its range if the restriction would gain little.
+/// Restricts a panel to the final value; see [`close_range`].
 fn close(block: &BlockHistory, k: usize, panel: Panel) -> Panel {
+    match close_range(block, k) {
+        Some(range) => Panel { y: panel.y.within(range), ..panel },
+        None => panel,
+    }
+}
+
+/// The range about the final value of a component: 12 final sigmas to each side, and all estimates
+/// and truths of the second half of the run. `None` if this range is hardly smaller than that of the
+/// whole run with its bounds of 3 sigma.
+pub(crate) fn close_range(block: &BlockHistory, k: usize) -> Option<[f64; 2]> {
     let half = 0.5 * (block.first.time + block.last.time);
     let (end, sigma) = (block.last.estimate[k], block.last.sigma[k]);
+    let truth = |r: &Row| r.error.get(k).map_or(f64::NAN, |e| r.estimate[k] - e);
+    let range = |values: &mut dyn Iterator<Item = f64>| {
+        let start = [f64::INFINITY, f64::NEG_INFINITY];
+        values.fold(start, |[low, high], v| [low.min(v), high.max(v)])
+    };
     let later = block.shown().filter(|r| r.time >= half);
-    let values =
-        later.flat_map(|r| [r.estimate[k], r.estimate[k] - r.error.get(k).unwrap_or(&0.0)]);
-    let ends = [end - 12.0 * sigma, end + 12.0 * sigma].into_iter().chain(values);
-    let [low, high] =
-        ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
-    let all = panel.curves.iter().flat_map(|c| c.points.iter().map(|p| p[1]));
-    let all =
-        all.chain(panel.bands.iter().flat_map(|b| b.points.iter().flat_map(|p| [p[1], p[2]])));
-    let [least, most] =
-        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
-    if high - low >= 0.8 * (most - least) {
-        return panel;
-    }
-    Panel { y: panel.y.within([low, high]), ..panel }
+    let ends = [end - 12.0 * sigma, end + 12.0 * sigma];
+    let near = later.flat_map(|r| [r.estimate[k], truth(r)]).chain(ends);
+    let [low, high] = range(&mut near.into_iter());
+    let all = block.shown().flat_map(|r| {
+        [r.estimate[k] - 3.0 * r.sigma[k], r.estimate[k] + 3.0 * r.sigma[k], truth(r)]
+    });
+    let [least, most] = range(&mut all.into_iter());
+    (high - low < 0.8 * (most - least)).then_some([low, high])
 }
 
 /// Plots the error of a component with its bounds of 3 sigma; without a truth, the estimate with
@@ -301,7 +315,7 @@ pub fn nis(sensor: &SensorHistory) -> Option<Figure> {
 }
 
 /// Joins sums to at most about [`BINS`] bins.
-fn bins(rows: &[Consistency]) -> Vec<Consistency> {
+pub(crate) fn bins(rows: &[Consistency]) -> Vec<Consistency> {
     let each = rows.len().div_ceil(BINS).max(1);
     let join = |c: &[Consistency]| Consistency {
         span: [c[0].span[0], c[c.len() - 1].span[1]],

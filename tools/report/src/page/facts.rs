@@ -1,6 +1,6 @@
 //! Top of the page: facts of the run, and the results to inspect first.
 
-use crate::history::{BlockHistory, History};
+use crate::history::History;
 use maud::{Markup, html};
 use navfuse_core::model::chi_square::beyond;
 use navfuse_core::model::record::Level;
@@ -14,7 +14,7 @@ pub(super) fn facts(history: &History) -> Markup {
                 div { dt { "time" } dd { (seconds(from)) " to " (seconds(to)) } }
                 div { dt { "duration" } dd { (seconds(to - from)) } }
             }
-            @if let Some(metres) = distance(history) {
+            @if let Some(metres) = history.distance() {
                 div { dt { "distance" } dd { (format!("{metres:.0} m")) } }
             }
             @if let Some(seed) = history.seed { div { dt { "seed" } dd { (seed) } } }
@@ -32,7 +32,7 @@ pub(super) fn verdicts(history: &History) -> Markup {
         @for warning in &history.warnings { p.bad { "Warning: " (warning) } }
         (judged(history.verdict.as_ref()))
         ul {
-            @if let Some((last, rms, percent)) = horizontal(history) {
+            @if let Some((last, rms, percent)) = history.horizontal_error() {
                 li { "Horizontal error " b { (format!("{last:.2} m")) } " at the end"
                     @if let Some(percent) = percent {
                         (format!(", {percent:.3} % of the distance"))
@@ -121,38 +121,14 @@ pub(super) fn seconds(s: f64) -> String {
     format!("{} s", text.trim_end_matches('0').trim_end_matches('.'))
 }
 
-/// Returns `true` if the truth is known up to 2 s before the end, as in the summary of a run.
-pub(super) fn to_the_end(block: &BlockHistory) -> bool {
-    block.compared.as_ref().is_some_and(|c| block.last.time - c.time <= 2.0)
-}
-
 /// Returns the number of uncertain components.
 fn number_of_states(history: &History) -> usize {
     history.blocks.iter().filter(|b| b.uncertain()).map(|b| b.components.len()).sum()
 }
 
-/// Returns the horizontal path length, of the truth if it is known to the end, otherwise of the
-/// estimate.
-fn distance(history: &History) -> Option<f64> {
-    let position = history.position()?;
-    Some(if to_the_end(position) { position.travelled.truth } else { position.travelled.estimate })
-}
-
-/// Returns the horizontal error at the last known truth, its root mean square, and the error in per
-/// cent of the path.
-fn horizontal(history: &History) -> Option<(f64, f64, Option<f64>)> {
-    let position = history.position()?;
-    let error = &position.compared.as_ref()?.error;
-    let (squares, count) = position.travelled.squares;
-    let last = error.first()?.hypot(*error.get(1)?);
-    let percent =
-        (position.travelled.truth >= 1.0).then(|| 100.0 * last / position.travelled.truth);
-    Some((last, (squares / count.max(1) as f64).sqrt(), percent))
-}
-
 /// Returns the component with the largest ratio of error to sigma at the end, and that ratio.
 fn worst(history: &History) -> Option<(String, f64)> {
-    let blocks = history.blocks.iter().filter(|b| b.uncertain() && to_the_end(b));
+    let blocks = history.blocks.iter().filter(|b| b.uncertain() && b.compared_to_the_end());
     let all = blocks.flat_map(|b| {
         let row = b.compared.as_ref();
         let ratios = row

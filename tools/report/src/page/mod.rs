@@ -2,7 +2,7 @@
 //! opens offline and without a script.
 
 mod facts;
-mod tables;
+pub(crate) mod tables;
 
 use crate::history::{BlockHistory, History};
 use crate::plots;

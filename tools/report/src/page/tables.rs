@@ -1,6 +1,6 @@
 //! Tables and lists of the page.
 
-use super::facts::{seconds, to_the_end};
+use super::facts::seconds;
 use crate::history::{BlockHistory, History, Row, SensorHistory};
 use maud::{Markup, html};
 use navfuse_core::model::record::Level;
@@ -8,7 +8,7 @@ use navfuse_core::model::sensor::Purpose;
 use navfuse_observability::{ObservabilityReport, Verdict};
 
 /// Formats a number with the digits that are significant for its sigma, and one more.
-fn number(value: f64, sigma: f64) -> String {
+pub(crate) fn number(value: f64, sigma: f64) -> String {
     let decimals = if sigma > 0.0 && sigma.is_finite() {
         (1.0 - sigma.log10().floor()).clamp(0.0, 9.0)
     } else {
@@ -40,7 +40,7 @@ fn judged(error: Option<(f64, f64)>) -> Markup {
 
 /// Returns the error and its sigma of a component at the last known truth.
 fn last_error(block: &BlockHistory, k: usize) -> Option<(f64, f64)> {
-    let row = block.compared.as_ref().filter(|_| to_the_end(block))?;
+    let row = block.compared.as_ref().filter(|_| block.compared_to_the_end())?;
     Some((*row.error.get(k)?, *row.sigma.get(k)?))
 }
 

@@ -1,0 +1,178 @@
+//! Comparison of runs as one page, which opens offline.
+
+use super::{Comparison, SensorCounts, StateNumbers};
+use crate::page::tables::number;
+use crate::page::{document, picture};
+use maud::{Markup, html};
+use navfuse_core::model::verdict::VerdictLevel;
+use navfuse_figures::{Figure, FigureError};
+
+/// Ratio of a difference to its sigma above which it is marked.
+const LARGE: f64 = 3.0;
+
+/// Writes the page of a comparison with its figures.
+///
+/// # Errors
+/// Returns an error if the drawing library fails.
+pub fn comparison(comparison: &Comparison, figures: &[Figure]) -> Result<String, FigureError> {
+    let names: Vec<&str> = comparison.runs.iter().map(|r| r.letter.as_str()).collect();
+    let title = format!("Comparison of {}", names.join(", "));
+    let first = names.first().copied().unwrap_or_default();
+    let body = html! {
+        header {
+            h1 { (title) }
+            nav {
+                a href="#runs" { "Runs" } a href="#scenario" { "Scenario" }
+                a href="#sensors" { "Sensors" } a href="#states" { "States" }
+                a href="#figures" { "Figures" }
+            }
+        }
+        main {
+            section #runs { h2 { "Runs" } (runs(comparison)) }
+            section #scenario { h2 { "What differs in the scenarios" } (keys(comparison)) }
+            section #sensors { h2 { "Sensors" } (sensors(comparison)) }
+            section #states {
+                h2 { "States at the end" }
+                (states(comparison))
+                p.note {
+                    "Difference: from run " (first) ". Its sigma is that of two estimates with "
+                    "independent errors. Runs that share their samples differ by less, so a "
+                    "difference beyond 3 sigma contradicts one of the two uncertainties."
+                }
+            }
+            section #figures {
+                h2 { "Figures" }
+                @for figure in figures {
+                    // the heading of a figure is on the page, not in the drawing
+                    @let drawn = Figure { title: String::new(), ..figure.clone() };
+                    h3 { (figure.title) }
+                    (picture(&drawn, &html! {})?)
+                }
+            }
+        }
+        footer { "Written by navfuse " (env!("CARGO_PKG_VERSION")) ". This page needs no network." }
+    };
+    Ok(document(&title, &body))
+}
+
+fn runs(comparison: &Comparison) -> Markup {
+    let metres = |m: Option<f64>| m.map_or_else(String::new, |m| format!("{m:.2} m"));
+    html! {
+        div.wide { table {
+            thead { tr {
+                th { "run" } th.name { "of" } th { "seed" } th { "duration" } th { "distance" }
+                th { "final error" } th { "rms error" } th { "warnings" } th.name { "verdict" }
+            } }
+            tbody {
+                @for run in &comparison.runs {
+                    tr.first {
+                        th { (run.letter) }
+                        td.text { (run.origin) }
+                        td { @if let Some(seed) = run.seed { (seed) } }
+                        td { (format!("{:.1} s", run.duration_s)) }
+                        td { (metres(run.distance_m)) }
+                        td { (metres(run.final_error_m)) }
+                        td { (metres(run.rms_error_m)) }
+                        td { (run.warnings) }
+                        td.text class=[run.verdict.filter(|v| *v != VerdictLevel::Consistent)
+                                       .map(|_| "bad")] {
+                            (run.verdict_text.as_deref().unwrap_or("not judged"))
+                        }
+                    }
+                }
+            }
+        } }
+        p.note { "Errors: horizontal, against the reference." }
+    }
+}
+
+fn keys(comparison: &Comparison) -> Markup {
+    html! {
+        @if comparison.scenario.is_empty() { p { "The scenarios are equal." } } @else {
+            div.wide { table {
+                thead { tr {
+                    th { "key" } @for run in &comparison.runs { th.name { (run.letter) } }
+                } }
+                tbody {
+                    @for key in &comparison.scenario {
+                        tr.first {
+                            th { (key.key) }
+                            @for value in &key.values {
+                                td.text { (value.as_deref().unwrap_or("not set")) }
+                            }
+                        }
+                    }
+                }
+            } }
+        }
+    }
+}
+
+fn sensors(comparison: &Comparison) -> Markup {
+    let row = |s: &SensorCounts| {
+        html! {
+            td { (s.used) } td { (s.gated) } td { (s.rejected) }
+            td class=[(!s.inside).then_some("bad")] {
+                @if let Some(nis) = s.mean_nis { (format!("{nis:.2}")) }
+            }
+            td { @if let Some(nis) = s.expected_nis { (format!("{nis:.2}")) } }
+        }
+    };
+    html! {
+        div.wide { table {
+            thead { tr {
+                th { "sensor" } th.name { "run" } th { "used" } th { "gated" } th { "rejected" }
+                th { "mean NIS" } th { "expected" }
+            } }
+            tbody {
+                @for sensor in &comparison.sensors {
+                    @for (k, (run, result)) in comparison.runs.iter().zip(&sensor.runs).enumerate() {
+                        tr class=[(k == 0).then_some("first")] {
+                            th { @if k == 0 { (sensor.sensor) } }
+                            td.name { (run.letter) }
+                            @if let Some(result) = result { (row(result)) }
+                            @else { td.name colspan="5" { "not in this run" } }
+                        }
+                    }
+                }
+            }
+        } }
+    }
+}
+
+fn states(comparison: &Comparison) -> Markup {
+    let row = |s: &StateNumbers| {
+        let shown = |v: Option<f64>| v.map_or_else(String::new, |v| number(v, s.sigma));
+        let ratio = s.difference.zip(s.difference_sigma).map(|(d, sigma)| d / sigma);
+        let ratio = ratio.filter(|r| r.is_finite());
+        html! {
+            td { (shown(s.error)) } td { (shown(s.rms_error)) } td { (number(s.sigma, s.sigma)) }
+            td { (shown(s.difference)) }
+            td { (shown(s.difference_sigma)) }
+            td class=[ratio.filter(|r| r.abs() > LARGE).map(|_| "bad")] {
+                @if let Some(ratio) = ratio { (format!("{ratio:.1}")) }
+            }
+        }
+    };
+    html! {
+        div.wide { table {
+            thead { tr {
+                th { "state" } th.name { "run" } th { "error" } th { "rms error" } th { "1-sigma" }
+                th { "difference" } th { "its sigma" } th { "ratio" } th.name { "unit" }
+            } }
+            tbody {
+                @for state in &comparison.states {
+                    @for (k, (run, result)) in comparison.runs.iter().zip(&state.runs).enumerate() {
+                        tr class=[(k == 0).then_some("first")] {
+                            th { @if k == 0 { (state.state) } }
+                            td.name { (run.letter) }
+                            @if let Some(result) = result { (row(result)) }
+                            @else { td.name colspan="6" { "not in this run" } }
+                            td.name { (state.unit) }
+                        }
+                    }
+                }
+            }
+        } }
+    }
+}

@@ -1,0 +1,38 @@
+//! Results of a run at its end: path length, and errors where the truth is known.
+
+use crate::history::{BlockHistory, History, Travelled};
+
+impl History {
+    /// Returns the horizontal path length, of the truth if it is known to the end, otherwise of the
+    /// estimate, m.
+    pub fn distance(&self) -> Option<f64> {
+        let position = self.position()?;
+        let Travelled { truth, estimate, .. } = position.travelled;
+        Some(if position.compared_to_the_end() { truth } else { estimate })
+    }
+
+    /// Returns the horizontal error at the last known truth, its root mean square, and the error in
+    /// per cent of the path.
+    pub fn horizontal_error(&self) -> Option<(f64, f64, Option<f64>)> {
+        let position = self.position()?;
+        let error = &position.compared.as_ref()?.error;
+        let (squares, count) = position.travelled.squares;
+        let last = error.first()?.hypot(*error.get(1)?);
+        let percent =
+            (position.travelled.truth >= 1.0).then(|| 100.0 * last / position.travelled.truth);
+        Some((last, (squares / count.max(1) as f64).sqrt(), percent))
+    }
+}
+
+impl BlockHistory {
+    /// Returns the root mean square of the errors of a component; `None` without a known truth.
+    pub fn rms(&self, k: usize) -> Option<f64> {
+        let (squares, count) = &self.squares;
+        (*count > 0).then(|| (squares[k] / *count as f64).sqrt())
+    }
+
+    /// Returns `true` if the truth is known up to 2 s before the end, as in the summary of a run.
+    pub fn compared_to_the_end(&self) -> bool {
+        self.compared.as_ref().is_some_and(|c| self.last.time - c.time <= 2.0)
+    }
+}
