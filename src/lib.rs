@@ -35,6 +35,7 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_simulation::SimulationPlugin)
         .add(&navfuse_csv::CsvPlugin)
         .add(&navfuse_dvl_files::DvlFilesPlugin)
+        .add(&navfuse_nmea::NmeaPlugin)
         .add(&navfuse_mcap::McapPlugin);
     #[cfg(feature = "rerun")]
     registry.add(&navfuse_viewer::ViewerPlugin);
@@ -89,6 +90,8 @@ enum Commands {
     Report(commands::report::Report),
     /// Compare runs: what differs in their scenarios and in their results
     Compare(commands::compare::Compare),
+    /// Write the estimates of a log as GeoJSON, KML, GPX, NMEA, SBET, TUM, KITTI, CSV or Parquet
+    Export(commands::export::Export),
     /// Make the figures of a paper from runs of its scenarios
     Figures(commands::figures::Figures),
     /// Write a crate with a sensor of your own, which builds and runs at once
@@ -122,6 +125,7 @@ fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
         Commands::NewPlugin(arguments) => commands::new_plugin::new_plugin(registry, &arguments),
         Commands::Report(arguments) => commands::report::report(registry, &arguments),
         Commands::Compare(arguments) => commands::compare::compare(registry, &arguments),
+        Commands::Export(arguments) => commands::export::export(registry, &arguments),
         Commands::Figures(arguments) => commands::figures::figures(registry, &arguments),
         Commands::Check(arguments) => commands::check::check(registry, &arguments),
         Commands::List(arguments) => commands::list::list(registry, &arguments),

@@ -4,6 +4,7 @@ pub mod bound;
 pub mod calibrate;
 pub mod check;
 pub mod compare;
+pub mod export;
 pub mod figures;
 pub mod list;
 pub mod merge;

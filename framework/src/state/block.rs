@@ -130,11 +130,7 @@ impl Block {
             out[..n].fill(0.0);
             return;
         };
-        let jacobian = self.coordinate_jacobian(values).unwrap_or_else(|| {
-            let mut identity = [0.0; MAX_TANGENT * MAX_TANGENT];
-            (0..n).for_each(|i| identity[n * i + i] = 1.0);
-            identity
-        });
+        let jacobian = self.shown_jacobian(values);
         for i in 0..n {
             let row = &jacobian[n * i..n * i + n];
             let mut variance = 0.0;
@@ -145,6 +141,17 @@ impl Block {
             }
             out[i] = variance.max(0.0).sqrt() / self.spec.display.scale;
         }
+    }
+
+    /// Derivative, with respect to the error, of the components whose 1-sigma
+    /// [`Self::show_sigma`] gives, in SI: row-major, one row for each component.
+    pub fn shown_jacobian(&self, values: &[f64]) -> [f64; MAX_TANGENT * MAX_TANGENT] {
+        let n = self.operations.tangent;
+        self.coordinate_jacobian(values).unwrap_or_else(|| {
+            let mut identity = [0.0; MAX_TANGENT * MAX_TANGENT];
+            (0..n).for_each(|i| identity[n * i + i] = 1.0);
+            identity
+        })
     }
 
     /// Estimate minus reference in the display unit.

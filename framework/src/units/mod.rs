@@ -6,7 +6,9 @@
 //! notation of the scenario, and the printed text reads back to the same bits.
 
 mod any;
+pub mod calendar;
 mod config;
+mod date;
 mod dimension;
 mod error;
 mod print;
@@ -20,6 +22,7 @@ mod unit;
 
 pub use any::AnyQuantity;
 pub use config::{Components, Positive, Sigma, Triple};
+pub use date::Date;
 pub use dimension::Exponents;
 pub(crate) use dimension::{example, name as dimension_name, usual_units};
 pub use error::UnitError;

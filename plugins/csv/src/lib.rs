@@ -12,15 +12,19 @@
 
 mod bounded;
 mod cells;
+mod columns;
 pub mod config;
 mod headings;
 pub mod sink;
 mod source;
+mod table;
 mod tail;
 mod time;
 
+pub use columns::EstimateColumns;
 pub use config::Csv;
 pub use sink::CsvSink;
+pub use table::Table;
 
 use navfuse_core::plugin::{Plugin, Registry};
 

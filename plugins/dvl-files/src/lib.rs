@@ -28,8 +28,6 @@
 
 mod ad2cp;
 mod bytes;
-mod calendar;
-mod clock;
 mod config;
 mod format;
 mod nortek;
@@ -43,10 +41,10 @@ mod teledyne;
 mod text;
 mod water_linked;
 
-pub use config::{AttitudeUse, Date, DvlFile, Screen, TimeConfig};
+pub use config::{AttitudeUse, DvlFile, Screen};
 pub use format::{Decoder, Format};
-pub use navfuse_frames::{Damage, Gap};
-pub use ping::{Attitude, Coordinates, Ping, Stamp, Track};
+pub use navfuse_frames::{Damage, Gap, Stamp, TimeConfig};
+pub use ping::{Attitude, Coordinates, Ping, Track};
 
 use navfuse_core::plugin::{Plugin, Registry};
 

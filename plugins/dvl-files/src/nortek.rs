@@ -5,10 +5,10 @@
 //! differ only in the names of the fields. `$PNORBT3` and `$PNORBT4` have a speed and a direction,
 //! which are no velocity along the instrument's axes.
 
-use crate::calendar::{Calendar, SECOND, decimal_seconds, with_century};
 use crate::format::Decoder;
 use crate::ping::{Coordinates, Ping, Stamp, Track};
 use crate::text::{fields, number, two_digits, value};
+use navfuse_core::units::calendar::{Calendar, SECOND, decimal_seconds, with_century};
 use navfuse_frames::{Damage, Frames, Sentences};
 use std::io::{Read, Result};
 

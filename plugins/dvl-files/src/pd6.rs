@@ -4,11 +4,11 @@
 //! vehicle along the instrument's axes. The same velocities along other axes (`:WS`, `:BE`, ...)
 //! are not needed.
 
-use crate::calendar::{Calendar, with_century};
 use crate::format::Decoder;
 use crate::ping::{Attitude, Coordinates, Ping, Stamp, Track};
 use crate::teledyne::{Convention, Mounting};
 use crate::text::{fields, number, two_digits};
+use navfuse_core::units::calendar::{Calendar, with_century};
 use navfuse_frames::{Check, Damage, Frames, Sentences};
 use std::io::{Read, Result};
 

@@ -1,5 +1,7 @@
 //! A ping: the content of one record of an instrument, whatever its format.
 
+pub use navfuse_frames::Stamp;
+
 /// One record of an instrument.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ping {
@@ -17,20 +19,6 @@ pub struct Ping {
     pub attitude: Option<Attitude>,
     /// Speed of sound that the instrument assumed, m/s.
     pub sound_speed: Option<f64>,
-}
-
-/// The time stamp of a record, on the clock that its format has.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Stamp {
-    /// The record has no stamp, or one that is no time, such as month zero.
-    #[default]
-    Missing,
-    /// Date and time: nanoseconds since 1970, without leap seconds.
-    Date(i64),
-    /// Time of the day without a date: nanoseconds since midnight.
-    TimeOfDay(i64),
-    /// Nanoseconds since the record before.
-    Elapsed(i64),
 }
 
 /// Axes along which an instrument gives its velocities.

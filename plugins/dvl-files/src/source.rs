@@ -1,14 +1,14 @@
 //! The source: one stream of samples from one file.
 
-use crate::clock::{Clock, Count, Zero};
-use crate::config::{AttitudeUse, DvlFile, Screen, TimeConfig};
+use crate::config::{AttitudeUse, DvlFile, Screen};
 use crate::format::{Decoder, Format};
-use crate::ping::{Coordinates, Ping, Stamp};
+use crate::ping::{Coordinates, Ping};
 use crate::target::{Given, Target, targets};
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
+use navfuse_frames::{Clock, Count, TimeConfig};
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::Read;
@@ -31,7 +31,7 @@ impl SourceType for DvlFile {
         let mut stream = Stream {
             format,
             decoder: format.decoder(file),
-            clock: Clock::new(zero(&self.time)?),
+            clock: Clock::new(self.time.zero()?),
             config: self.time,
             attitude: self.attitude,
             screen: self.screen,
@@ -75,28 +75,12 @@ fn recognise(path: &Path) -> Result<Format, StreamError> {
     })
 }
 
-/// The zero of the run's clock.
-fn zero(config: &TimeConfig) -> Result<Zero, StreamError> {
-    let offset = config.offset.map_or(0.0, |o| o.si());
-    let offset = Time::from_seconds(offset)
-        .ok_or_else(|| StreamError::scenario("beyond 73 years").at_key("time.offset"))?;
-    if config.first_day.is_some_and(|day| day.has_time) {
-        let message = "it is a date without a time of the day, such as \"2022-06-01\"";
-        return Err(StreamError::scenario(message).at_key("time.first_day"));
-    }
-    Ok(Zero {
-        origin: config.origin.map_or(0, |date| date.nanos),
-        first_day: config.first_day.map(|day| day.nanos),
-        offset: offset.nanos(),
-    })
-}
-
 /// The samples of one file.
 struct Stream {
     path: PathBuf,
     format: Format,
     decoder: Box<dyn Decoder>,
-    clock: Clock,
+    clock: Clock<Ping>,
     config: TimeConfig,
     attitude: AttitudeUse,
     screen: Screen,
@@ -143,9 +127,9 @@ impl Stream {
             Some(ping) => {
                 self.pings += 1;
                 if self.pings == 1 {
-                    self.check_clock(ping.stamp)?;
+                    self.config.check(ping.stamp).map_err(|e| e.in_file(&self.path))?;
                 }
-                self.clock.push(ping);
+                self.clock.push(ping.stamp, ping.offset, ping);
             }
             None => {
                 self.ended = true;
@@ -153,30 +137,6 @@ impl Stream {
             }
         }
         Ok(true)
-    }
-
-    /// Checks that the clock of the format has the keys that the scenario sets.
-    fn check_clock(&self, stamp: Stamp) -> Result<(), StreamError> {
-        let (origin, day) = (self.config.origin.is_some(), self.config.first_day.is_some());
-        let (key, message, remedy) = match stamp {
-            Stamp::TimeOfDay(_) if origin && !day => (
-                "time.origin",
-                "the format has the time of the day, but no date",
-                "set time.first_day too",
-            ),
-            Stamp::Elapsed(_) if origin || day => (
-                if origin { "time.origin" } else { "time.first_day" },
-                "the format has no date: its times count from the first report",
-                "set time.offset instead, to the time of the first report on the run's clock",
-            ),
-            Stamp::Date(_) if day => (
-                "time.first_day",
-                "the format has dates of its own",
-                "remove it, or set time.origin",
-            ),
-            _ => return Ok(()),
-        };
-        Err(StreamError::scenario(message).at_key(key).in_file(&self.path).with_remedy(remedy))
     }
 
     /// Makes the samples of a ping.
@@ -211,11 +171,11 @@ impl Stream {
     fn warnings(&self) -> Option<String> {
         let mut parts = Vec::new();
         parts.extend(self.decoder.damage().describe(self.format.record()));
-        parts.extend(self.clock.describe());
-        parts.extend(self.screened.describe("beyond the limits of `screen`"));
+        parts.extend(self.clock.describe("ping"));
+        parts.extend(self.screened.describe("ping", "beyond the limits of `screen`"));
         if let Some((count, coordinates)) = &self.refused {
             let name = coordinates.name();
-            parts.extend(count.describe(&format!("not used, in {name} coordinates")));
+            parts.extend(count.describe("ping", &format!("not used, in {name} coordinates")));
         }
         (!parts.is_empty()).then(|| parts.join("; "))
     }

@@ -6,11 +6,16 @@
 //! intact frames, skips everything else, and counts what it skipped, with offsets. It reads in
 //! constant memory.
 //!
-//! A format implements [`Framing`]. Text formats use [`Sentences`].
+//! A format implements [`Framing`]. Text formats use [`Sentences`]. [`Clock`] puts the records of an
+//! instrument on the clock of the run.
 
+mod clock;
+mod config;
 mod damage;
 mod sentences;
 
+pub use clock::{Clock, Count, Stamp, Zero};
+pub use config::TimeConfig;
 pub use damage::{Damage, Gap};
 pub use sentences::{Check, Sentences, crc8};
 

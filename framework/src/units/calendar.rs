@@ -5,6 +5,49 @@ pub const SECOND: i64 = 1_000_000_000;
 /// Nanoseconds of a day.
 pub const DAY: i64 = 86_400 * SECOND;
 
+/// Nanoseconds of a week of GPS time.
+pub const WEEK: i64 = 7 * DAY;
+/// Zero of GPS time, 1980-01-06, in nanoseconds since 1970.
+pub const GPS_ZERO: i64 = 315_964_800 * SECOND;
+
+/// First months, as year and month, of each count of leap seconds since the zero of GPS time.
+const LEAP_SECONDS: [(i32, u8); 18] = [
+    (1981, 7),
+    (1982, 7),
+    (1983, 7),
+    (1985, 7),
+    (1988, 1),
+    (1990, 1),
+    (1991, 1),
+    (1992, 7),
+    (1993, 7),
+    (1994, 7),
+    (1996, 1),
+    (1997, 7),
+    (1999, 1),
+    (2006, 1),
+    (2009, 1),
+    (2012, 7),
+    (2015, 7),
+    (2017, 1),
+];
+
+/// Nanoseconds by which GPS time is ahead of UTC at a time of UTC, in nanoseconds since 1970. The
+/// table ends with the leap second of 2016, the last until the end of 2026 at least.
+pub fn leap_seconds(utc: i64) -> i64 {
+    let passed = |(year, month): &&(i32, u8)| {
+        days(*year, *month, 1).is_some_and(|day| utc >= day.saturating_mul(DAY))
+    };
+    LEAP_SECONDS.iter().take_while(passed).count() as i64 * SECOND
+}
+
+/// UTC of a time on the scale of GPS, both in nanoseconds since 1970.
+pub fn utc_of_gps(gps: i64) -> i64 {
+    // the leap seconds at the time itself are right except within the last seconds before a change
+    let utc = gps.saturating_sub(leap_seconds(gps));
+    gps.saturating_sub(leap_seconds(utc))
+}
+
 /// A date and a time of the day as an instrument writes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Calendar {
@@ -32,6 +75,30 @@ impl Calendar {
         }
         let clock = time_of_day(self.hour, self.minute, self.second, self.nanos)?;
         days(self.year, self.month, self.day)?.checked_mul(DAY)?.checked_add(clock)
+    }
+
+    /// Date and time of a number of nanoseconds since 1970.
+    pub fn of_unix_nanos(nanos: i64) -> Self {
+        let (day, clock) = (nanos.div_euclid(DAY), nanos.rem_euclid(DAY));
+        let seconds = clock / SECOND;
+        // years begin in March here, so that the leap day is last; 146 097 days are 400 years, and
+        // 719 468 days lie between 0000-03-01 and 1970-01-01
+        let day = day + 719_468;
+        let (era, day) = (day.div_euclid(146_097), day.rem_euclid(146_097));
+        let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+        let day = day - (365 * year + year / 4 - year / 100);
+        let month = (5 * day + 2) / 153;
+        let date = day - (153 * month + 2) / 5 + 1;
+        let (month, january) = if month < 10 { (month + 3, 0) } else { (month - 9, 1) };
+        Self {
+            year: (400 * era + year + january) as i32,
+            month: month as u8,
+            day: date as u8,
+            hour: (seconds / 3600) as u8,
+            minute: (seconds / 60 % 60) as u8,
+            second: (seconds % 60) as u8,
+            nanos: (clock % SECOND) as u32,
+        }
     }
 }
 
@@ -119,6 +186,37 @@ mod tests {
             assert_eq!(nanos / SECOND, seconds, "{text}");
         }
         assert_eq!(parse("2017-05-24T11:50:13.4").unwrap().0 % SECOND, 400_000_000);
+    }
+
+    #[test]
+    fn every_day_of_two_centuries_is_its_own_date() {
+        for day in 0..days(2200, 12, 31).unwrap() {
+            let nanos = day * DAY + 86_399 * SECOND + 7;
+            assert_eq!(Calendar::of_unix_nanos(nanos).unix_nanos(), Some(nanos));
+        }
+        // `date -u -d @-1`
+        let before = Calendar::of_unix_nanos(-SECOND);
+        assert_eq!((before.year, before.month, before.day, before.second), (1969, 12, 31, 59));
+    }
+
+    #[test]
+    fn gps_time_is_ahead_by_the_leap_seconds_of_the_date() {
+        let nanos = |text| parse(text).unwrap().0;
+        assert_eq!(nanos("1980-01-06"), GPS_ZERO);
+        // IERS Bulletin C: GPS - UTC
+        for (text, seconds) in [
+            ("1980-01-06", 0),
+            ("1981-06-30T23:59:59", 0),
+            ("1981-07-01", 1),
+            ("1999-01-01", 13),
+            ("2016-12-31T23:59:59", 17),
+            ("2017-01-01", 18),
+            ("2026-06-01", 18),
+        ] {
+            let utc = nanos(text);
+            assert_eq!(leap_seconds(utc), seconds * SECOND, "{text}");
+            assert_eq!(utc_of_gps(utc + seconds * SECOND), utc, "{text}");
+        }
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! The clock of an instrument: its stamps on the clock of the run, in order.
 
-use crate::calendar::{DAY, SECOND};
-use crate::ping::{Ping, Stamp};
+use navfuse_core::units::calendar::{DAY, SECOND};
 use navfuse_core::units::time::Time;
 use std::collections::VecDeque;
 use std::fmt::Write;
@@ -9,28 +8,43 @@ use std::fmt::Write;
 /// Change of time, in nanoseconds, beyond which the clock may have been set, or a stamp damaged.
 const STEP: i64 = 600 * SECOND;
 
+/// The time stamp of a record, on the clock that its format has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Stamp {
+    /// The record has no stamp, or one that is no time, such as month zero.
+    #[default]
+    Missing,
+    /// Date and time: nanoseconds since 1970, without leap seconds.
+    Date(i64),
+    /// Time of the day without a date: nanoseconds since midnight.
+    TimeOfDay(i64),
+    /// Nanoseconds since the record before.
+    Elapsed(i64),
+}
+
 /// The zero of the run's clock on the clock of the instrument.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Zero {
     /// Nanoseconds since 1970 at which the run's clock is zero.
     pub origin: i64,
-    /// Midnight before the first ping, for stamps without a date, in nanoseconds since 1970.
+    /// Midnight before the first record, for stamps without a date, in nanoseconds since 1970.
     pub first_day: Option<i64>,
     /// Offset that is added to every stamp.
     pub offset: i64,
 }
 
-/// Converts stamps and puts pings in order.
+/// Converts stamps and puts records of type `T` in order. A record whose stamp agrees with no other is
+/// left out.
 #[derive(Debug)]
-pub struct Clock {
+pub struct Clock<T> {
     zero: Zero,
     /// Time of the day of the ping before, and the days since the first.
     day: Option<(i64, i64)>,
     elapsed: Option<i64>,
     last: Option<i64>,
-    /// A ping whose time no other ping has confirmed yet.
-    held: Option<(i64, Ping)>,
-    ready: VecDeque<(i64, Ping)>,
+    /// A record with its offset, whose time no other record has confirmed yet.
+    held: Option<(i64, u64, T)>,
+    ready: VecDeque<(i64, T)>,
     missing: Count,
     late: Count,
     late_by: i64,
@@ -55,18 +69,24 @@ impl Count {
         self.number += 1;
     }
 
-    /// Describes the events, if there are any: "3 pings WHAT, the first at byte 17".
-    pub fn describe(&self, what: &str) -> Option<String> {
+    /// Describes the events, if there are any: "3 pings WHAT, the first at byte 17", where `record`
+    /// is the format's word for a record.
+    pub fn describe(&self, record: &str, what: &str) -> Option<String> {
         let (n, first) = (self.number, self.first);
         match n {
             0 => None,
-            1 => Some(format!("1 ping {what} at byte {first}")),
-            _ => Some(format!("{n} pings {what}, the first at byte {first}")),
+            1 => Some(format!("1 {record} {what} at byte {first}")),
+            _ => Some(format!("{n} {record}s {what}, the first at byte {first}")),
         }
+    }
+
+    /// Tests whether there was no event.
+    pub fn is_zero(&self) -> bool {
+        self.number == 0
     }
 }
 
-impl Clock {
+impl<T> Clock<T> {
     /// The clock with this zero.
     pub fn new(zero: Zero) -> Self {
         Self {
@@ -85,40 +105,49 @@ impl Clock {
         }
     }
 
-    /// Takes the next ping of the file.
-    pub fn push(&mut self, ping: Ping) {
-        match self.time(ping.stamp) {
-            Some(time) => self.order(time, ping),
-            None => self.missing.add(ping.offset),
+    /// Takes the next record of the file, which begins at the offset.
+    pub fn push(&mut self, stamp: Stamp, offset: u64, record: T) {
+        match self.time(stamp) {
+            Some(time) => self.order(time, offset, record),
+            None => self.missing.add(offset),
         }
     }
 
     /// Takes the end of the file.
     pub fn finish(&mut self) {
-        if let Some((time, ping)) = self.held.take() {
-            // a single ping far from all others is a damaged stamp, unless there is no other
-            if self.last.is_none() { self.release(time, ping) } else { self.stray.add(ping.offset) }
+        if let Some((time, offset, record)) = self.held.take() {
+            // a single record far from all others is a damaged stamp, unless there is no other
+            if self.last.is_none() {
+                self.release(time, offset, record);
+            } else {
+                self.stray.add(offset);
+            }
         }
     }
 
-    /// The next ping in order, with its time on the run's clock in nanoseconds.
-    pub fn pop(&mut self) -> Option<(i64, Ping)> {
+    /// The next record in order, with its time on the run's clock in nanoseconds.
+    pub fn pop(&mut self) -> Option<(i64, T)> {
         self.ready.pop_front()
     }
 
-    /// Describes what was wrong with the stamps.
-    pub fn describe(&self) -> Option<String> {
+    /// Describes what was wrong with the stamps, where `record` is the format's word for a record.
+    pub fn describe(&self, record: &str) -> Option<String> {
         let mut parts = Vec::new();
         parts.extend(
-            self.missing
-                .describe("left out without a valid time within 73 years of the run's zero"),
+            self.missing.describe(
+                record,
+                "left out without a valid time within 73 years of the run's zero",
+            ),
         );
-        if let Some(mut text) = self.late.describe("left out, not later than the one before") {
+        if let Some(mut text) =
+            self.late.describe(record, "left out, not later than the one before")
+        {
             let _ = write!(text, " (by up to {:.2} s)", self.late_by as f64 * 1e-9);
             parts.push(text);
         }
-        parts.extend(self.stray.describe("left out whose time agrees with no other"));
-        if let Some(mut text) = self.forward.describe("after a gap or a step of the clock") {
+        parts.extend(self.stray.describe(record, "left out whose time agrees with no other"));
+        if let Some(mut text) = self.forward.describe(record, "after a gap or a step of the clock")
+        {
             let _ = write!(text, " (by up to {:.0} s)", self.forward_by as f64 * 1e-9);
             parts.push(text);
         }
@@ -151,51 +180,51 @@ impl Clock {
         (Time::MIN.nanos() < time && time < Time::MAX.nanos()).then_some(time)
     }
 
-    fn order(&mut self, time: i64, ping: Ping) {
+    fn order(&mut self, time: i64, offset: u64, record: T) {
         let follows = |from: i64| time > from && time - from <= STEP;
         if let Some(last) = self.last
             && time <= last
         {
-            self.late.add(ping.offset);
+            self.late.add(offset);
             self.late_by = self.late_by.max(last - time);
             return;
         }
         match (self.held.take(), self.last) {
-            (None, Some(last)) if follows(last) => self.release(time, ping),
-            // the first ping, or one after a gap
-            (None, _) => self.held = Some((time, ping)),
-            (Some((held, first)), _) if follows(held) => {
-                self.release(held, first);
-                self.release(time, ping);
+            (None, Some(last)) if follows(last) => self.release(time, offset, record),
+            // the first record, or one after a gap
+            (None, _) => self.held = Some((time, offset, record)),
+            (Some((held, at, first)), _) if follows(held) => {
+                self.release(held, at, first);
+                self.release(time, offset, record);
             }
-            (Some((_, stray)), Some(last)) if follows(last) => {
-                self.stray.add(stray.offset);
-                self.release(time, ping);
+            (Some((_, stray, _)), Some(last)) if follows(last) => {
+                self.stray.add(stray);
+                self.release(time, offset, record);
             }
-            (Some((held, first)), _) if time > held => {
-                self.release(held, first);
-                self.held = Some((time, ping));
+            (Some((held, at, first)), _) if time > held => {
+                self.release(held, at, first);
+                self.held = Some((time, offset, record));
             }
-            (Some((held, first)), None) if held - time <= STEP => {
-                self.release(held, first);
-                self.order(time, ping);
+            (Some((held, at, first)), None) if held - time <= STEP => {
+                self.release(held, at, first);
+                self.order(time, offset, record);
             }
-            (Some((_, stray)), _) => {
-                self.stray.add(stray.offset);
-                self.held = Some((time, ping));
+            (Some((_, stray, _)), _) => {
+                self.stray.add(stray);
+                self.held = Some((time, offset, record));
             }
         }
     }
 
-    fn release(&mut self, time: i64, ping: Ping) {
+    fn release(&mut self, time: i64, offset: u64, record: T) {
         if let Some(last) = self.last
             && time - last > STEP
         {
-            self.forward.add(ping.offset);
+            self.forward.add(offset);
             self.forward_by = self.forward_by.max(time - last);
         }
         self.last = Some(time);
-        self.ready.push_back((time, ping));
+        self.ready.push_back((time, record));
     }
 }
 
@@ -209,12 +238,12 @@ mod tests {
         let mut clock = Clock::new(Zero::default());
         let mut times = Vec::new();
         for (k, stamp) in stamps.iter().enumerate() {
-            clock.push(Ping { offset: k as u64 * 100, stamp: *stamp, ..Ping::default() });
+            clock.push(*stamp, k as u64 * 100, ());
             times.extend(std::iter::from_fn(|| clock.pop()));
         }
         clock.finish();
         times.extend(std::iter::from_fn(|| clock.pop()));
-        (times.iter().map(|(t, _)| t / SECOND).collect(), clock.describe())
+        (times.iter().map(|(t, _)| t / SECOND).collect(), clock.describe("ping"))
     }
 
     fn dates(seconds: &[i64]) -> (Vec<i64>, Option<String>) {

@@ -1,0 +1,39 @@
+//! NMEA 0183: recordings of sentences as samples of GNSS, heading, depth and reference.
+//!
+//! The source type `nmea` is for scenarios. A program of its own reads the sentences of any stream
+//! with [`parse`]:
+//!
+//! ```
+//! use navfuse_frames::{Frames, Sentences};
+//! use navfuse_nmea::{Sentence, parse};
+//! let bytes = &b"noise$HEHDT,123.4,T*2F\r\n"[..];
+//! let mut frames = Frames::new(bytes, Sentences::NMEA);
+//! while let Some(frame) = frames.next()? {
+//!     let sentence = parse(Sentences::NMEA.content(frame.bytes));
+//!     assert_eq!(sentence, Some(Sentence::Heading(123.4_f64.to_radians())));
+//! }
+//! assert_eq!(frames.damage().bytes(), 5);
+//! # Ok::<(), std::io::Error>(())
+//! ```
+
+mod config;
+mod epoch;
+mod sentence;
+mod source;
+
+pub use config::Nmea;
+pub use sentence::{Sentence, parse};
+
+use navfuse_core::plugin::{Plugin, Registry};
+
+/// Registers the source type `nmea`.
+#[derive(Clone, Copy, Debug)]
+pub struct NmeaPlugin;
+
+impl Plugin for NmeaPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.source::<Nmea>();
+    }
+
+    navfuse_core::named_after_crate!();
+}

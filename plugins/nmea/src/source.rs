@@ -1,0 +1,332 @@
+//! The source: one stream of samples for each sensor that the scenario names.
+
+use crate::config::Nmea;
+use crate::epoch::{Dates, Epoch, Gatherer, Part};
+use crate::sentence::{parse, talker};
+use navfuse_core::document::did_you_mean;
+use navfuse_core::model::sensor::SensorInfo;
+use navfuse_core::model::stream::{Source, StreamError};
+use navfuse_core::plugin::{OpenContext, SourceType};
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
+use navfuse_frames::{Clock, Count, Frames, Sentences, TimeConfig};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Size in bytes of the beginning of a file in which a date is searched.
+const BEGINNING: u64 = 1024 * 1024;
+/// Largest number of addresses that a message lists.
+const LISTED: usize = 12;
+/// The word for a record in messages.
+const RECORD: &str = "sentence";
+
+impl SourceType for Nmea {
+    const TYPE: &'static str = "nmea";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
+        let targets = targets(&self, context)?;
+        let path = context.base.join(&self.file);
+        let dates = first_date(&path)?;
+        let mut sources: Vec<Box<dyn Source>> = Vec::new();
+        for target in targets {
+            let gatherer = Gatherer::new(target.part, self.estimated, dates);
+            let mut stream = Stream {
+                frames: Frames::new(open(&path)?, Sentences::NMEA),
+                path: path.clone(),
+                talker: self.talker.clone(),
+                target,
+                gatherer,
+                clock: Clock::new(self.time.zero()?),
+                config: self.time,
+                ready: None,
+                checked: false,
+                ended: false,
+                sentences: 0,
+                addresses: Vec::new(),
+                estimated: Count::default(),
+                // each source reads the whole file; the first reports its damage
+                reports_damage: sources.is_empty(),
+            };
+            stream.start()?;
+            sources.push(Box::new(stream));
+        }
+        Ok(sources)
+    }
+}
+
+fn open(path: &Path) -> Result<File, StreamError> {
+    File::open(path).map_err(|e| {
+        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        StreamError::open(absolute, e).at_key("file")
+    })
+}
+
+/// The first date in a file, by which sentences before it have dates, too.
+fn first_date(path: &Path) -> Result<Dates, StreamError> {
+    let mut frames = Frames::new(open(path)?.take(BEGINNING), Sentences::NMEA);
+    let mut dates = Dates::default();
+    while let Some(frame) = frames.next().map_err(|e| StreamError::read(path, e))? {
+        let sentence = parse(Sentences::NMEA.content(frame.bytes));
+        let stamp = sentence.and_then(|s| Some((s.time()?, s.date()?)));
+        if let Some((time, date)) = stamp {
+            dates.take(time, Some(date));
+            break;
+        }
+    }
+    Ok(dates)
+}
+
+/// A sensor and its channels, in the order of [`Target::names`].
+#[derive(Debug)]
+struct Target {
+    part: Part,
+    sensor: SensorId,
+    channels: Vec<Option<usize>>,
+}
+
+impl Target {
+    /// The channels that a part fills.
+    fn names(part: Part) -> &'static [&'static str] {
+        match part {
+            Part::Gnss => &["lat", "lon", "height", "vel_n", "vel_e", "h_acc", "v_acc"],
+            Part::Heading => &["heading"],
+            Part::Depth => &["depth"],
+            Part::Reference => &["lat", "lon", "height", "vel_n", "vel_e", "roll", "pitch", "yaw"],
+        }
+    }
+
+    fn key(part: Part) -> &'static str {
+        match part {
+            Part::Gnss => "gnss",
+            Part::Heading => "heading",
+            Part::Depth => "depth",
+            Part::Reference => "reference",
+        }
+    }
+
+    /// The sentences with the content of a part.
+    fn sentences(part: Part) -> &'static str {
+        match part {
+            Part::Gnss => "GGA or RMC",
+            Part::Heading => "HDT or THS",
+            Part::Depth => "DPT or PRVAT",
+            Part::Reference => "GGA, RMC, PASHR or PSXN",
+        }
+    }
+
+    fn new(part: Part, index: usize, info: &SensorInfo) -> Result<Self, StreamError> {
+        let names = Self::names(part);
+        let channels: Vec<Option<usize>> =
+            names.iter().map(|name| info.channels.iter().position(|c| c.name == *name)).collect();
+        if channels[0].is_none() {
+            let has: Vec<&str> = info.channels.iter().map(|c| c.name).collect();
+            let message = format!(
+                "it needs a sensor with the channel {}; [sensor.{}] of type {:?} has {}",
+                names[0],
+                info.name,
+                info.kind,
+                has.join(", ")
+            );
+            return Err(StreamError::scenario(message).at_key(Self::key(part)));
+        }
+        Ok(Self { part, sensor: SensorId(index), channels })
+    }
+
+    fn sample(&self, time: Time, epoch: &Epoch) -> Option<Sample> {
+        let [lat, lon] = split(epoch.position);
+        let velocity =
+            epoch.velocity.map(|[speed, course]| [speed * course.cos(), speed * course.sin()]);
+        let [vel_n, vel_e] = split(velocity);
+        let sigma = epoch.sigma;
+        // the receiver's accuracies are those of each axis: their root mean square
+        let h_acc = sigma.map(|[n, e, _]| (0.5 * (n * n + e * e)).sqrt());
+        let v_acc = sigma.map(|[_, _, down]| down);
+        let [roll, pitch, yaw] = split(epoch.attitude);
+        let values: &[Option<f64>] = match self.part {
+            Part::Gnss => &[lat, lon, epoch.height, vel_n, vel_e, h_acc, v_acc],
+            Part::Reference => &[lat, lon, epoch.height, vel_n, vel_e, roll, pitch, yaw],
+            Part::Heading | Part::Depth => &[epoch.value],
+        };
+        let mut sample = Sample::empty(time, self.sensor);
+        for (channel, value) in self.channels.iter().zip(values) {
+            if let Some((channel, value)) = channel.zip(*value) {
+                sample.set(channel, value);
+            }
+        }
+        (sample.present() != 0).then_some(sample)
+    }
+}
+
+fn split<const N: usize>(values: Option<[f64; N]>) -> [Option<f64>; N] {
+    values.map_or([None; N], |values| values.map(Some))
+}
+
+/// Finds the sensors that the parameters name.
+fn targets(config: &Nmea, context: &OpenContext<'_>) -> Result<Vec<Target>, StreamError> {
+    let sensors = &context.composition.sensors;
+    let named = [
+        (Part::Gnss, &config.gnss),
+        (Part::Heading, &config.heading),
+        (Part::Depth, &config.depth),
+        (Part::Reference, &config.reference),
+    ];
+    let mut targets = Vec::new();
+    for (part, name) in named {
+        let Some(name) = name else { continue };
+        if context.disabled_sensors.contains(name) {
+            continue;
+        }
+        let Some(index) = sensors.iter().position(|s| s.info.name == *name) else {
+            let names = sensors.iter().map(|s| s.info.name.as_str());
+            let near = did_you_mean(name, names.clone())
+                .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+            let list = names.collect::<Vec<_>>().join(", ");
+            let message = format!("there is no [sensor.{name}]{near} (sensors: {list})");
+            return Err(StreamError::scenario(message).at_key(Target::key(part)));
+        };
+        targets.push(Target::new(part, index, &sensors[index].info)?);
+    }
+    if named.iter().all(|(_, name)| name.is_none()) {
+        let found: Vec<usize> =
+            (0..sensors.len()).filter(|k| sensors[*k].info.kind == "gnss").collect();
+        let [only] = *found.as_slice() else {
+            let message = match found.len() {
+                0 => "the scenario has no sensor of type \"gnss\"",
+                _ => "the scenario has several sensors of type \"gnss\"",
+            };
+            return Err(StreamError::scenario(message).with_remedy(
+                "name the sensors that receive the sentences with `gnss`, `heading`, `depth` or \
+                 `reference`",
+            ));
+        };
+        targets.push(Target::new(Part::Gnss, only, &sensors[only].info)?);
+    }
+    Ok(targets)
+}
+
+/// Adds the address of a sentence, `GPGSV`, to those that were seen.
+fn remember(addresses: &mut Vec<String>, content: &[u8]) {
+    let address = content.split(|b| *b == b',').next().unwrap_or_default();
+    let address = String::from_utf8_lossy(&address[..address.len().min(8)]);
+    if addresses.iter().all(|seen| *seen != address) {
+        addresses.push(address.into_owned());
+    }
+}
+
+/// The samples of one sensor.
+struct Stream {
+    path: PathBuf,
+    frames: Frames<File, Sentences>,
+    talker: Option<String>,
+    target: Target,
+    gatherer: Gatherer,
+    clock: Clock<Epoch>,
+    config: TimeConfig,
+    /// The first sample, which was read when the file was opened.
+    ready: Option<Sample>,
+    checked: bool,
+    ended: bool,
+    sentences: u64,
+    /// The first addresses, for a message about a file without the sentences that are needed.
+    addresses: Vec<String>,
+    estimated: Count,
+    reports_damage: bool,
+}
+
+impl Stream {
+    /// Reads up to the first sample, so that a file that does not fit is rejected at once.
+    fn start(&mut self) -> Result<(), StreamError> {
+        self.ready = self.advance()?;
+        if self.ready.is_some() {
+            return Ok(());
+        }
+        let damage = self.warnings().map_or_else(String::new, |text| format!(" ({text})"));
+        let wanted = Target::sentences(self.target.part);
+        let (text, remedy) = if self.sentences == 0 {
+            ("no intact sentence of NMEA 0183".to_owned(), "check the file and its baud rate")
+        } else {
+            (
+                format!("no valid {wanted} with a time; it has {}", self.addresses.join(", ")),
+                "HDT, THS, DPT and PSXN have no time of their own: record ZDA, RMC or GGA with them",
+            )
+        };
+        Err(StreamError::format(format!("{text}{damage}"))
+            .in_file(&self.path)
+            .at_key(Target::key(self.target.part))
+            .with_remedy(remedy))
+    }
+
+    /// Reads up to the next sample; `None` at the end.
+    fn advance(&mut self) -> Result<Option<Sample>, StreamError> {
+        loop {
+            while let Some((nanos, epoch)) = self.clock.pop() {
+                if epoch.estimated {
+                    self.estimated.add(epoch.offset);
+                }
+                if let Some(sample) = self.target.sample(Time::from_nanos(nanos), &epoch) {
+                    return Ok(Some(sample));
+                }
+            }
+            if self.ended {
+                return Ok(None);
+            }
+            let frame = self.frames.next().map_err(|e| StreamError::read(&self.path, e))?;
+            let done = if let Some(frame) = frame {
+                let content = Sentences::NMEA.content(frame.bytes);
+                self.sentences += 1;
+                let other = match (&self.talker, talker(content)) {
+                    (Some(wanted), Some(found)) => wanted.as_bytes() != found,
+                    _ => false,
+                };
+                if self.addresses.len() < LISTED {
+                    remember(&mut self.addresses, content);
+                }
+                let sentence = if other { None } else { parse(content) };
+                sentence.and_then(|sentence| self.gatherer.take(frame.offset, &sentence))
+            } else {
+                self.ended = true;
+                self.gatherer.finish()
+            };
+            if let Some((stamp, epoch)) = done {
+                if !self.checked {
+                    self.checked = true;
+                    self.config.check(stamp).map_err(|e| e.in_file(&self.path))?;
+                }
+                self.clock.push(stamp, epoch.offset, epoch);
+            }
+            if self.ended {
+                self.clock.finish();
+            }
+        }
+    }
+
+    fn warnings(&self) -> Option<String> {
+        let mut parts = Vec::new();
+        if self.reports_damage {
+            parts.extend(self.frames.damage().describe(RECORD));
+        }
+        parts.extend(self.clock.describe("epoch"));
+        let estimated = "with a position that is not from satellites, set `estimated` to use it,";
+        parts.extend(self.estimated.describe("epoch", estimated));
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
+}
+
+impl Source for Stream {
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+        let next = match self.ready.take() {
+            Some(ready) => Some(ready),
+            None => self.advance()?,
+        };
+        if let Some(next) = next {
+            *sample = next;
+        }
+        Ok(next.is_some())
+    }
+
+    fn warning(&mut self) -> Option<String> {
+        let key = Target::key(self.target.part);
+        self.warnings().map(|text| format!("{}: {key}: {text}", self.path.display()))
+    }
+}
