@@ -2,6 +2,7 @@
 
 use crate::compose::calibration::TimeOffset;
 use crate::compose::correlated::CorrelatedError;
+use crate::model::delivery::Delay;
 use crate::model::gate::{Gate, Recovery};
 use crate::model::limits::LimitKeys;
 use crate::model::robust::Robust;
@@ -67,6 +68,12 @@ sensor_keys! {
         /// Lag of the samples: a sample stamped t measures the state at t - time_offset. A
         /// calibration state, as a scale factor is. Default: zero.
         pub time_offset: Option<TimeOffset>,
+        /// Longest time from a sample to its arrival, such as "5 s": the filter inserts a late
+        /// sample in its place. Default: a sample that arrives late is rejected.
+        pub late: Option<Positive<Duration>>,
+        /// Delay of delivery, such as `{ mean = "2 s", sigma = "0.5 s" }`: rehearses late samples
+        /// with a simulation or a recording. Default: samples arrive at their own time.
+        pub delay: Option<Delay>,
         /// Spans of time whose samples the filter does not use, each `["110 s", "125 s"]`: from the
         /// first time on, and before the second. The samples stay in the log.
         #[serde(default)]

@@ -205,12 +205,13 @@ impl Ekf {
         } else {
             observer.update(&rejected(sample, rejection));
         }
-        let before = self.memory.sensors[sample.sensor.0].refused.replace(rejection);
+        let index = sample.sensor.0;
+        let before = self.memory.sensors[index].refused.replace(rejection);
         if before.is_some_and(|before| discriminant(&before) == discriminant(&rejection)) {
             return;
         }
-        let sensor = &self.composition.sensors[sample.sensor.0].info;
-        let last = self.memory.sensors[sample.sensor.0].last;
+        let sensor = &self.composition.sensors[index].info;
+        let last = self.memory.sensors[index].last;
         let text = match rejection {
             Rejection::NotFinite(channel) => {
                 let name = sensor.channels.get(channel).map_or("?", |c| c.name);
@@ -223,6 +224,9 @@ impl Ekf {
             }
             Rejection::OutOfOrder => {
                 format!("sample rejected: time goes back from {last} to {}", sample.time)
+            }
+            Rejection::Late if let Some(late) = self.composition.sensors[index].late => {
+                format!("sample rejected: it arrived later than late = {late} allows")
             }
             Rejection::Late => {
                 let now = self.state().time;

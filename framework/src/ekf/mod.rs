@@ -15,6 +15,8 @@ mod stage;
 mod start;
 mod step;
 mod stuck;
+mod timeline;
 mod usual;
 
 pub use filter::{Ekf, EstimatorError, Snapshot};
+pub use timeline::Timeline;

@@ -1,6 +1,7 @@
 //! Models: motion of blocks, measurements by sensors, and the inputs and outputs of a run.
 
 pub mod chi_square;
+pub mod delivery;
 pub mod detector;
 pub mod error;
 pub mod fault;

@@ -1,5 +1,6 @@
 //! Sensors and their roles in the estimator.
 
+use crate::model::delivery::Delay;
 use crate::model::detector::Detector;
 use crate::model::gate::{Action, Gate, Recovery};
 use crate::model::limits::Limit;
@@ -104,6 +105,10 @@ pub struct Sensor {
     pub limits: Vec<(usize, Limit)>,
     /// Silence after which the sensor counts as lost, s; by default from its usual interval.
     pub timeout: Option<f64>,
+    /// Longest time from a sample to its arrival; `None` where samples arrive in order.
+    pub late: Option<Time>,
+    /// Delay of delivery, with which a run rehearses late samples.
+    pub delay: Option<Delay>,
     /// Spans of time whose samples the filter does not use: from the first time on, and before the
     /// second.
     pub exclude: Vec<[Time; 2]>,
@@ -133,6 +138,8 @@ impl Sensor {
             robust: Robust::Off,
             limits: Vec::new(),
             timeout: None,
+            late: None,
+            delay: None,
             exclude: Vec::new(),
             simulation: None,
             simulator: None,

@@ -11,7 +11,7 @@ use std::any::Any;
 
 pub use crate::model::stream_error::{StreamError, StreamErrorKind, StreamPlace};
 
-/// Gives samples in order of time.
+/// Gives samples in order of time, or in the order of their arrival: see [`Self::arrival`].
 ///
 /// ```
 /// use navfuse_core::prelude::*;
@@ -34,6 +34,13 @@ pub trait Source: Send {
     /// When the source cannot read on. The run then ends, and everything recorded until then is
     /// kept.
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError>;
+
+    /// Time at which the last sample of [`Self::next`] arrived, on the clock of the run, for a
+    /// source that gives its samples in the order of their arrival: a live source, above all. The
+    /// runner merges the sources by this time. Default: the time of the sample itself.
+    fn arrival(&self) -> Option<Time> {
+        None
+    }
 
     /// The time of the last sample, where the source knows it: the end of the progress bar.
     fn end(&self) -> Option<Time> {
@@ -115,6 +122,16 @@ pub trait Sink: Any + Send {
     }
     /// An estimate, at the output rate.
     fn epoch(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// Set if the sink wants the newest estimates, as a display or a controller does.
+    fn wants_newest(&self) -> bool {
+        false
+    }
+    /// The estimate after all samples that have arrived, at the output rate, in a run where a
+    /// sensor may be late (`late`). A late sample may still change it; [`Self::epoch`] gives the
+    /// final estimate of that time once no late sample can. In other runs every estimate is final.
+    fn newest(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
         Ok(())
     }
     /// Set if the sink judges the estimates. It then receives an estimate at every sample of a

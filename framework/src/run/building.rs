@@ -19,6 +19,9 @@ use crate::units::time::Time;
 use std::path::Path;
 use std::sync::Arc;
 
+/// Largest value of the key `late`, s: an hour of an IMU at 400 Hz takes 200 MB.
+const LATEST: f64 = 3600.0;
+
 /// The values at the top of a scenario.
 pub(crate) struct Header {
     pub name: String,
@@ -295,6 +298,7 @@ fn place_sensor(
         .map_err(|e| e.at(&part.node))?;
     let time_offset = time_offset_block(part, &keys, composer)?;
     let exclude = excluded(part, &keys)?;
+    let late = longest_lateness(part, &keys)?;
     // a simulated pseudo-measurement has samples
     let detector = composer.take_detector().filter(|_| keys.simulation.is_none());
     let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
@@ -310,6 +314,8 @@ fn place_sensor(
         robust: keys.robust,
         limits,
         timeout: keys.timeout.map(|t| t.value().si()),
+        late,
+        delay: keys.delay,
         exclude,
         simulation: keys.simulation,
         time_offset,
@@ -317,6 +323,20 @@ fn place_sensor(
         detector,
         ..Sensor::new(info, built.role)
     })
+}
+
+/// Longest time from a sample to its arrival.
+fn longest_lateness(part: &Part<'_>, keys: &SensorKeys) -> Result<Option<Time>, DocumentError> {
+    let Some(late) = keys.late else { return Ok(None) };
+    let seconds = late.value().si();
+    if seconds > LATEST {
+        let place = part.node.get("late").unwrap_or_else(|| part.node.clone());
+        return Err(place.error(format!(
+            "the filter keeps the samples of this span in memory, of all sensors; at most \
+             {LATEST} s are possible"
+        )));
+    }
+    Ok(Time::from_seconds(seconds))
 }
 
 /// The spans of time whose samples the filter does not use.

@@ -1,4 +1,4 @@
-//! Merging the samples of all sources in order of time.
+//! Merging the samples of all sources in order of time, or of their arrival.
 
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::{Purpose, SensorInfo};
@@ -8,10 +8,11 @@ use crate::run::runner::RunError;
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
 
-/// The sources of a run and the next sample of each.
+/// The sources of a run.
 pub(crate) struct Merge {
     sources: Vec<NamedSource>,
-    heads: Vec<Option<Sample>>,
+    /// The next sample of each source, with the time of its arrival.
+    heads: Vec<Option<(Time, Sample)>>,
     /// Events that the sources announced, the last one first.
     schedule: Vec<Event>,
     /// For each sensor, true for a reference.
@@ -61,18 +62,20 @@ impl Merge {
                 "a sample has the sensor number {found}, but the scenario has {count} sensors"
             ))));
         }
-        self.heads[k] = more.then_some(sample);
+        let arrival = self.sources[k].1.arrival().unwrap_or(sample.time);
+        self.heads[k] = more.then_some((arrival, sample));
         Ok(())
     }
 
-    /// The earliest sample and the index of its source. Among samples of the same time the first
-    /// source wins, except that a running filter takes references last: the truth is compared with
-    /// the estimate that has used every other sample of that time.
+    /// The sample that arrives first and the index of its source; it arrives at its own time unless
+    /// the source gives another. Among samples that arrive at the same time the first source wins,
+    /// except that a running filter takes references last: the truth is compared with the estimate
+    /// that has used every other sample of that time.
     pub(crate) fn first(&self, running: bool) -> Option<(Sample, usize)> {
         let heads = self.heads.iter().enumerate().filter_map(|(k, h)| h.as_ref().map(|h| (h, k)));
         heads
-            .min_by_key(|(h, k)| (h.time, running && self.references[h.sensor.0], *k))
-            .map(|(h, k)| (*h, k))
+            .min_by_key(|((arrival, h), k)| (*arrival, running && self.references[h.sensor.0], *k))
+            .map(|((_, h), k)| (*h, k))
     }
 
     /// Logs the warnings that the sources give after their last sample.

@@ -1,6 +1,7 @@
 //! Running a scenario: from a document to its result.
 
 mod building;
+mod delayed;
 mod merge;
 mod output_rate;
 mod outputs;

@@ -93,6 +93,11 @@ impl Outputs {
         }
     }
 
+    /// Returns `true` if an open sink wants the newest estimates.
+    pub(crate) fn wants_newest(&self) -> bool {
+        self.sinks.iter().any(|o| o.open && o.sink.wants_newest())
+    }
+
     /// Judges the run, which the error ended early, and passes the verdict on to the sinks.
     pub(crate) fn verdict(&mut self, time: Time, error: Option<String>) -> Verdict {
         let verdict = self.judge.verdict(&self.findings, error);

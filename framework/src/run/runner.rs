@@ -2,11 +2,12 @@
 //! the sinks.
 
 use crate::compose::Composition;
-use crate::ekf::{Ekf, EstimatorError};
+use crate::ekf::{Ekf, EstimatorError, Timeline};
 use crate::model::finding::Finding;
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::{Role, SensorInfo};
 use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};
+use crate::run::delayed::delayed;
 use crate::run::merge::Merge;
 use crate::run::output_rate::OutputRate;
 use crate::run::outputs::Outputs;
@@ -143,9 +144,13 @@ const PROGRESS: u64 = 4096;
 /// A run while it goes on.
 struct Run {
     ekf: Ekf,
+    /// Samples that wait for late ones, where a sensor may be late.
+    timeline: Option<Timeline>,
     merge: Merge,
     silence: SilenceMonitor,
     outputs: Outputs,
+    /// Output rate of the newest estimates.
+    newest: OutputRate,
     sensors: Vec<SensorInfo>,
     /// `estimator.stop`.
     until: Option<Time>,
@@ -167,10 +172,12 @@ impl Run {
         let notes = composition.notes.clone();
         let mut run = Self {
             until: composition.estimator.stop(),
+            merge: Merge::new(delayed(sources, &composition), &sensors),
+            timeline: Timeline::new(&composition),
             ekf: Ekf::new(composition),
-            merge: Merge::new(sources, &sensors),
             silence: SilenceMonitor::new(timeouts, &sensors),
             outputs,
+            newest: rate,
             sensors,
             error: None,
             interrupted: false,
@@ -183,20 +190,20 @@ impl Run {
         run
     }
 
-    /// Takes all samples in order of time.
+    /// Takes all samples in the order of their arrival.
     fn process_samples(&mut self, stop: &AtomicBool, progress: &mut impl FnMut(Progress)) {
         let end = self.merge.end().map(|e| self.until.map_or(e, |u| u.min(e)));
         let mut count = 0_u64;
         while self.error.is_none() {
             let Some((sample, source)) = self.merge.first(self.ekf.running()) else { break };
-            if self.until.is_some_and(|u| sample.time > u) {
+            if self.until.is_some_and(|u| sample.time > u + self.window()) {
                 break;
             }
             if stop.load(Ordering::Relaxed) {
                 self.interrupted = true;
                 break;
             }
-            if let Err(error) = self.process(&sample) {
+            if let Err(error) = self.take(&sample) {
                 self.error = Some(error.into());
                 break;
             }
@@ -205,6 +212,55 @@ impl Run {
                 progress(Progress { now: sample.time, end });
             }
             self.error = self.merge.advance(source).err();
+        }
+        if let Some(timeline) = &mut self.timeline
+            && self.error.is_none()
+        {
+            timeline.close();
+            self.error = self.process_settled().err().map(RunError::from);
+        }
+    }
+
+    /// Longest time from a sample to its arrival.
+    fn window(&self) -> Time {
+        self.timeline.as_ref().map_or(Time::default(), Timeline::window)
+    }
+
+    /// Takes a sample that arrives.
+    fn take(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
+        if self.until.is_some_and(|until| sample.time > until) {
+            return Ok(()); // late samples before the end may follow
+        }
+        let Some(timeline) = &mut self.timeline else { return self.process(sample) };
+        if !timeline.arrive(sample, &mut self.ekf, &mut self.outputs) {
+            self.outputs.each(sample.time, |sink| sink.sample(sample));
+            self.outputs.statistics.read(sample);
+            return Ok(());
+        }
+        self.process_settled()?;
+        self.show_newest();
+        Ok(())
+    }
+
+    /// Processes the samples that no late sample can precede.
+    fn process_settled(&mut self) -> Result<(), EstimatorError> {
+        while let Some(timeline) = &mut self.timeline
+            && let Some(sample) = timeline.release(self.ekf.running())
+        {
+            self.process(&sample)?;
+        }
+        Ok(())
+    }
+
+    /// Shows the newest estimate to the sinks that want it, once in each period of the output rate.
+    fn show_newest(&mut self) {
+        let Self { timeline: Some(timeline), outputs, ekf, .. } = self else { return };
+        let Some(now) = timeline.now() else { return };
+        if outputs.wants_newest() && self.newest.is_due(now) {
+            self.newest.begin_period(now);
+            timeline.newest(ekf, |epoch| {
+                outputs.each(epoch.state.time, |sink| sink.newest(epoch));
+            });
         }
     }
 

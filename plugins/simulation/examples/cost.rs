@@ -1,12 +1,12 @@
-//! What the filter costs: the dive of `scenarios/auv.toml`, an update of each of its sensors, and
-//! what a state adds, with the block-sparse kernel and with dense matrices in the same run. Prints
+//! What the filter costs: the dive of `scenarios/auv.toml`, an update of each of its sensors, a fix
+//! that arrives 5 s late, and what a state adds, with the block-sparse kernel and with dense matrices in the same run. Prints
 //! the tables of docs/src/explanation/performance.md and draws its figure:
 //!
 //! `cargo run --release -p navfuse-simulation --example cost -- docs/src/images/performance.svg`
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot start has nothing to report")]
 
 use navfuse_core::document::Document;
-use navfuse_core::ekf::Ekf;
+use navfuse_core::ekf::{Ekf, Timeline};
 use navfuse_core::model::record::Observer;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::nalgebra::DMatrix;
@@ -125,6 +125,69 @@ fn dive() {
             times.len()
         );
     }
+}
+
+/// The newest estimate after a fix that arrives 5 s late: INS and DVL with an IMU of 200 Hz.
+fn late_fix() {
+    let text = "
+        [estimator]
+        start = '1 s'
+        [process.ins]
+        attitude = { sigma = '0.1 deg', initial = '0 deg' }
+        velocity = { sigma = '1 cm/s', initial = '0 m/s' }
+        position = { sigma = '1 m', latitude = '30 deg', longitude = '0 deg', height = '0 m' }
+        gyro_bias = { sigma = '1 deg/h' }
+        accel_bias = { sigma = '100 ug' }
+        [sensor.imu]
+        gyro_noise = '0.1 deg/h/sqrt(Hz)'
+        accel_noise = '10 ug/sqrt(Hz)'
+        simulation = { rate = '200 Hz' }
+        [sensor.dvl]
+        noise = '2 cm/s'
+        scale = { sigma = '1 %' }
+        misalignment = { sigma = '1 deg' }
+        simulation = { rate = '5 Hz' }
+        [sensor.gnss]
+        late = '5 s'
+        horizontal_noise = '1 m'
+        vertical_noise = '1 m'
+        simulation = { rate = '1 Hz' }
+        [source.simulation.start]
+        latitude = '30 deg'
+        [[source.simulation.segments]]
+        type = 'static'
+        duration = '90 s'";
+    let mut assembly = assembly(text);
+    let all = samples(&mut assembly);
+    let gnss = assembly.composition.sensor("gnss").unwrap();
+    let mut ekf = Ekf::new(assembly.composition);
+    let (mut timeline, begin) = (Timeline::new(ekf.composition()).unwrap(), Instant::now());
+    let (mut fixes, mut times) = (std::collections::VecDeque::new(), Vec::new());
+    for sample in &all {
+        let mut arrive = |sample: &Sample| {
+            assert!(timeline.arrive(sample, &mut ekf, &mut ()));
+            while let Some(next) = timeline.release(ekf.running()) {
+                ekf.process(&next, &mut ()).unwrap();
+            }
+            let before = clock(begin);
+            timeline.newest(&mut ekf, |epoch| black_box(epoch.state.time));
+            clock(begin) - before
+        };
+        if sample.sensor.0 == gnss {
+            fixes.push_back(*sample);
+            continue;
+        }
+        arrive(sample);
+        if let Some(fix) = fixes.pop_front_if(|fix| sample.time.since(fix.time) >= 5.0) {
+            times.push(1e3 * arrive(&fix));
+        }
+    }
+    println!(
+        "\n{:.2} ms for a fix that arrives 5 s late, {} states, {} times",
+        median(&mut times),
+        ekf.layout().tangent,
+        times.len()
+    );
 }
 
 /// The INS alone, and sensors of one block of three states each until there are so many states.
@@ -266,6 +329,7 @@ fn curve() -> Figure {
 
 fn main() {
     dive();
+    late_fix();
     let figure = curve();
     if let Some(path) = std::env::args().nth(1) {
         std::fs::write(&path, svg(&figure).unwrap()).unwrap();

@@ -1,0 +1,37 @@
+//! Delay of delivery: the time from the instant at which a sample is valid to its arrival.
+
+use crate::model::simulate::Random;
+use crate::units::time::Time;
+use crate::units::{Sigma, Time as Duration};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Delay of delivery of each sample, drawn from a normal distribution and never below zero.
+///
+/// The draw depends on the seed, the sensor and the time of the sample alone. A log that is
+/// replayed therefore has the delays of the run that recorded it.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Delay {
+    /// Mean delay.
+    pub mean: Sigma<Duration>,
+    /// Standard deviation of the delay; samples overtake each other where it is larger than their
+    /// interval. Default: zero.
+    #[serde(default = "none")]
+    pub sigma: Sigma<Duration>,
+}
+
+fn none() -> Sigma<Duration> {
+    Sigma::from_si(0.0)
+}
+
+impl Delay {
+    /// Time at which the sample of that time arrives; `purpose` names the sensor.
+    pub(crate) fn arrival(&self, seed: u64, purpose: &str, time: Time) -> Time {
+        // the factor, 2^64 divided by the golden ratio, spreads neighbouring times over all seeds
+        let seed = seed ^ time.nanos().cast_unsigned().wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let (mean, sigma) = (self.mean.value().si(), self.sigma.value().si());
+        let delay = mean + sigma * Random::new(seed, purpose).normal();
+        time + Time::from_seconds(delay.max(0.0)).unwrap_or(Time::MAX)
+    }
+}
