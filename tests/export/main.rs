@@ -111,7 +111,7 @@ fn the_covariance_in_the_table_belongs_to_the_sigma_beside_it() {
     assert!(components >= 12, "{components}");
     assert_eq!(pairs, components * (components + 1) / 2, "every pair of uncertain components");
     // a velocity and the heading that integrated it are correlated
-    let at = column("ins.velocity.north*ins.attitude.yaw_cov_mps*deg");
+    let at = column("ins.attitude.yaw*ins.velocity.north_cov_deg*mps");
     assert!(rows.iter().any(|row| row[at].abs() > 1e-9));
     // the table repeats the estimates of the run to the bit: those of the log
     let gpx = text(&run.export("gpx", &[]));

@@ -1,28 +1,75 @@
-//! A file whose rows have a bounded length: a file without line ends, or with a quotation mark that
-//! is never closed, would otherwise fill the memory with one row.
+//! The bytes of a file: unpacked, with spaces joined where they separate cells, and in rows of a bounded
+//! length. A file without line ends, or with a quotation mark that is never closed, would otherwise
+//! fill the memory with one row.
 
+use flate2::read::MultiGzDecoder;
 use std::fs::File;
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
 
 /// Largest length of a row, in bytes.
 const LONGEST_ROW: usize = 1 << 20;
+/// First bytes of a file that gzip packed.
+const GZIP: [u8; 2] = [0x1f, 0x8b];
+/// First bytes of a file that zstd packed.
+const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 
 /// A file, of which at most [`LONGEST_ROW`] bytes and a buffer are read for one row.
 pub struct Bounded {
-    file: File,
+    file: Box<dyn Read + Send>,
     buffer: usize,
     left: usize,
+    spaces: Option<Spaces>,
+    /// Set if the bytes are not those of the file on the disk.
+    changed: bool,
+    /// Number of bytes that were given, and the last of them.
+    given: u64,
+    last: u8,
 }
 
 impl Bounded {
-    /// A file that is read through a buffer of this size in bytes.
-    pub fn new(file: File, buffer: usize) -> Self {
-        Self { file, buffer, left: LONGEST_ROW + buffer }
+    /// A file that is read through a buffer of this size in bytes. With `joined`, any number of
+    /// spaces and tabs becomes one space, and none at the ends of a line.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn new(mut file: File, buffer: usize, joined: bool) -> io::Result<Self> {
+        let mut magic = Vec::new();
+        (&mut file).take(ZSTD.len() as u64).read_to_end(&mut magic)?;
+        let packed = magic.starts_with(&GZIP) || magic == ZSTD;
+        let file: Box<dyn Read + Send> = if magic.starts_with(&GZIP) {
+            file.seek(SeekFrom::Start(0))?;
+            Box::new(MultiGzDecoder::new(file))
+        } else if magic == ZSTD {
+            file.seek(SeekFrom::Start(0))?;
+            Box::new(zstd::Decoder::new(file)?)
+        } else {
+            // a pipe has no beginning to go back to
+            Box::new(io::Cursor::new(magic).chain(file))
+        };
+        Ok(Self {
+            file,
+            buffer,
+            left: LONGEST_ROW + buffer,
+            spaces: joined.then(Spaces::default),
+            changed: packed || joined,
+            given: 0,
+            last: b'\n',
+        })
     }
 
     /// Begins a row.
     pub fn begin_row(&mut self) {
         self.left = LONGEST_ROW + self.buffer;
+    }
+
+    /// True if the bytes are not those of the file on the disk, so that offsets differ.
+    pub fn is_changed(&self) -> bool {
+        self.changed
+    }
+
+    /// True if these are all bytes that were given, and the last is no line end.
+    pub fn ends_within_line(&self, byte: u64) -> bool {
+        byte == self.given && !matches!(self.last, b'\n' | b'\r')
     }
 }
 
@@ -38,8 +85,57 @@ impl Read for Bounded {
                 ),
             ));
         }
-        let count = self.file.read(&mut bytes[..length])?;
+        let count = match &mut self.spaces {
+            Some(spaces) if length > 1 => spaces.read(&mut self.file, &mut bytes[..length])?,
+            _ => self.file.read(&mut bytes[..length])?,
+        };
         self.left -= count;
+        self.given += count as u64;
+        if let Some(last) = bytes[..count].last() {
+            self.last = *last;
+        }
         Ok(count)
+    }
+}
+
+/// Joins spaces and tabs.
+#[derive(Default)]
+struct Spaces {
+    /// Set if a space was read and not yet given.
+    pending: bool,
+    /// Set once a line has a character that is no space.
+    within_line: bool,
+}
+
+impl Spaces {
+    /// Reads at least one byte, unless the file ends.
+    fn read(&mut self, file: &mut dyn Read, bytes: &mut [u8]) -> io::Result<usize> {
+        loop {
+            // a space from before may precede the bytes
+            let read = file.read(&mut bytes[1..])?;
+            let mut length = 0;
+            for k in 1..=read {
+                match bytes[k] {
+                    b' ' | b'\t' => {
+                        self.pending = true;
+                        continue;
+                    }
+                    b'\n' | b'\r' => self.within_line = false,
+                    _ => {
+                        if self.pending && self.within_line {
+                            bytes[length] = b' ';
+                            length += 1;
+                        }
+                        self.within_line = true;
+                    }
+                }
+                self.pending = false;
+                bytes[length] = bytes[k];
+                length += 1;
+            }
+            if length > 0 || read == 0 {
+                return Ok(length);
+            }
+        }
     }
 }

@@ -2,24 +2,13 @@
 
 use crate::config::FileConfig;
 use crate::headings::Wanted;
-use crate::time;
+use crate::stamp::TimeCell;
 use navfuse_core::document::did_you_mean;
 use navfuse_core::model::record::Level;
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::sample::Channel;
-use navfuse_core::units::time::Time;
 use navfuse_core::units::{Unit, column_suffix};
-
-/// The column of the time.
-pub struct TimeCell {
-    /// Index of the column.
-    pub column: usize,
-    /// Its unit in nanoseconds.
-    pub unit: u64,
-    /// Offset that is added to the time.
-    pub offset: Time,
-}
 
 /// The column of a channel.
 pub struct ChannelCell {
@@ -42,32 +31,6 @@ impl ChannelCell {
 pub fn usual_header(info: &SensorInfo) -> String {
     let channels = info.channels.iter().map(|c| c.column().trim_end_matches('_').to_owned());
     std::iter::once("time_s".to_owned()).chain(channels).collect::<Vec<_>>().join(",")
-}
-
-/// Finds the column of the time.
-///
-/// # Errors
-/// When the column is missing, is ambiguous, or has an unsuitable unit.
-pub fn time_cell(
-    info: &SensorInfo,
-    config: &FileConfig,
-    headings: &[String],
-) -> Result<TimeCell, StreamError> {
-    let (given, key) = (&config.time.0, format!("files.{}.time", info.name));
-    let others: Vec<&str> = info.channels.iter().map(|c| c.name).collect();
-    let (column, unit) = (given.column.as_deref(), given.unit.map(|u| u.0));
-    let found = Wanted { name: "time", si: "s", column, unit, key: &key, others: &others }
-        .find(headings)?;
-    let nanos = found.unit.map_or(1e9, |u| u.to_si(1e9));
-    // exact times need a unit of whole nanoseconds, as all usual units of time are
-    if !(1.0..=86_400e9).contains(&nanos) || (nanos - nanos.round()).abs() > 1e-6 {
-        let message = "a unit of time from ns to day is needed, such as \"ms\"";
-        return Err(StreamError::scenario(format!("{key}.unit: {message}")));
-    }
-    let offset = time::from_seconds(given.offset.map_or(0.0, |o| o.si()));
-    let offset =
-        offset.ok_or_else(|| StreamError::scenario(format!("{key}.offset: beyond 73 years")))?;
-    Ok(TimeCell { column: found.index, unit: nanos.round() as u64, offset })
 }
 
 /// Finds the columns of the channels. A sensor that drives a process needs all of them; the file of
@@ -125,7 +88,7 @@ pub fn without_column(
         .filter(|(channel, _)| !has_column(*channel))
         .map(|(_, c)| c)
         .collect();
-    let unused = |column: usize| column != time.column && cells.iter().all(|c| c.column != column);
+    let unused = |column: usize| !time.uses(column) && cells.iter().all(|c| c.column != column);
     let of_unit = |heading: &str, unit: &str| {
         let units =
             heading.match_indices('_').filter_map(|(at, _)| column_suffix(&heading[at + 1..]));

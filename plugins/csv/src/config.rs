@@ -1,6 +1,6 @@
 //! The parameters of the source.
 
-use navfuse_core::units::{Ratio, Time as Duration, Unit, parse_unit};
+use navfuse_core::units::{Date, Ratio, Time as Duration, Unit, parse_unit};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
@@ -11,7 +11,8 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::path::PathBuf;
 
-/// Reads recorded samples from CSV files, one file for each sensor.
+/// Reads recorded samples from CSV files, one file for each sensor. A file may be compressed with gzip
+/// or zstd.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Csv {
@@ -36,9 +37,15 @@ pub struct FileConfig {
     /// The columns of the channels, by the name of the channel. Default: the name of the channel
     /// and a unit, such as vel_x_mps.
     pub columns: BTreeMap<String, Named<Column>>,
-    /// Separator of the cells: a comma, semicolon, tab, bar or space.
-    #[serde(deserialize_with = "delimiter")]
-    pub delimiter: char,
+    /// Separator of the cells: one ASCII character, or `whitespace` for any number of spaces and
+    /// tabs. Default: a comma.
+    #[schemars(with = "String")]
+    pub delimiter: Delimiter,
+    /// Character at the start of a line that is a comment. Default: #.
+    #[serde(deserialize_with = "comment")]
+    pub comment: char,
+    /// Headings of the columns, for a file without a line of headings. Default: the first line.
+    pub headings: Option<Vec<String>>,
     /// Treatment of a row whose time is not later than that of the row before.
     pub disorder: Disorder,
     /// Treatment of a cell without a number, such as nan or inf.
@@ -51,7 +58,9 @@ impl Default for FileConfig {
             path: None,
             time: Named::default(),
             columns: BTreeMap::new(),
-            delimiter: ',',
+            delimiter: Delimiter::default(),
+            comment: '#',
+            headings: None,
             disorder: Disorder::default(),
             nan: Nan::default(),
         }
@@ -100,8 +109,45 @@ pub struct TimeColumn {
     pub column: Option<String>,
     /// Unit of the column. Default: the unit at the end of the heading.
     pub unit: Option<UnitName>,
+    /// Form of the time: `number` (default), or `date-time` for text such as
+    /// 2022-06-01T08:30:00.25Z or 2022/06/01 08:30:00.25.
+    #[serde(default)]
+    pub format: TimeFormat,
+    /// Heading of the column of the date, where the column of the time has the time of the day.
+    /// Default: none.
+    pub date: Option<String>,
+    /// Heading of the column of the GPS week, where the column of the time has the seconds of the
+    /// week. Default: none.
+    pub week: Option<String>,
+    /// Scale of dates and weeks: `utc`, or `gps`, from which the leap seconds are subtracted.
+    /// Default: `gps` with `week`, else `utc`.
+    pub scale: Option<Scale>,
+    /// Date and time, on UTC, at which the run's clock is zero, for dates and weeks. Default:
+    /// 1970-01-01T00:00:00.
+    pub origin: Option<Date>,
     /// Offset that is added to the time. Default: 0 s.
     pub offset: Option<Duration>,
+}
+
+/// The form of a time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum TimeFormat {
+    /// A number with a unit.
+    #[default]
+    Number,
+    /// A date and a time of the day.
+    DateTime,
+}
+
+/// The scale of a date.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Scale {
+    /// UTC, or any other scale that is used as it is.
+    Utc,
+    /// GPS time, which has no leap seconds.
+    Gps,
 }
 
 impl From<String> for Column {
@@ -178,13 +224,48 @@ impl JsonSchema for UnitName {
     }
 }
 
-fn delimiter<'de, D: Deserializer<'de>>(deserializer: D) -> Result<char, D::Error> {
+/// The separator of the cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Delimiter {
+    /// One ASCII character.
+    Byte(u8),
+    /// Any number of spaces and tabs.
+    Whitespace,
+}
+
+impl Default for Delimiter {
+    fn default() -> Self {
+        Self::Byte(b',')
+    }
+}
+
+impl Delimiter {
+    /// The character between two cells, after spaces and tabs were joined.
+    pub fn byte(self) -> u8 {
+        match self {
+            Self::Byte(byte) => byte,
+            Self::Whitespace => b' ',
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Delimiter {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        match text.as_bytes() {
+            b"whitespace" => Ok(Self::Whitespace),
+            [byte] if byte.is_ascii() && !b"\"\r\n".contains(byte) => Ok(Self::Byte(*byte)),
+            _ => Err(Error::custom(
+                "one character is needed, such as \";\" or \"\\t\", or \"whitespace\"",
+            )),
+        }
+    }
+}
+
+fn comment<'de, D: Deserializer<'de>>(deserializer: D) -> Result<char, D::Error> {
     let text = String::deserialize(deserializer)?;
-    let mut chars = text.chars();
-    match (chars.next(), chars.next()) {
-        (Some(c @ (',' | ';' | '\t' | '|' | ' ')), None) => Ok(c),
-        _ => Err(Error::custom(
-            "a comma, semicolon, tab, bar or space is needed, such as \";\" or \"\\t\"",
-        )),
+    match text.as_bytes() {
+        [byte] if byte.is_ascii() && !b"\"\r\n".contains(byte) => Ok(char::from(*byte)),
+        _ => Err(Error::custom("one character is needed, such as \"%\"")),
     }
 }

@@ -6,7 +6,7 @@
 //! `dvl.misalignment.yaw_error_deg`. The units are those of the summary. A position is latitude,
 //! longitude and height; its sigma and error are north, east and down in metres. The cell of an
 //! error is empty where no truth is known. With `covariance = true`, columns such as
-//! `ins.velocity.north*ins.attitude.yaw_cov_mps*deg` follow, one for each pair of components: see
+//! `ins.attitude.yaw*ins.velocity.north_cov_deg*mps` follow, one for each pair of components: see
 //! [`EstimateColumns`].
 //!
 //! `innovations.csv` has one row for each sample of a measuring sensor: `time_s`, `sensor`,

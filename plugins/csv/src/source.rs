@@ -1,8 +1,9 @@
 //! The source: one stream for each file.
 
 use crate::bounded::Bounded;
-use crate::cells::{ChannelCell, TimeCell, channel_cells, time_cell, usual_header, without_column};
-use crate::config::{Csv, Disorder, FileConfig, Nan};
+use crate::cells::{ChannelCell, channel_cells, usual_header, without_column};
+use crate::config::{Csv, Delimiter, Disorder, FileConfig, Nan};
+use crate::stamp::TimeCell;
 use crate::tail;
 use crate::time::{self, TimeError};
 use csv::{ByteRecord, Reader, ReaderBuilder};
@@ -109,11 +110,11 @@ struct Stream {
     cut: Option<String>,
 }
 
-fn builder(delimiter: char) -> ReaderBuilder {
+fn builder(config: &FileConfig) -> ReaderBuilder {
     let mut builder = ReaderBuilder::new();
     // rows with too few or too many cells get a message of this crate
-    builder.has_headers(false).flexible(true).comment(Some(b'#')).buffer_capacity(BUFFER);
-    builder.delimiter(u8::try_from(delimiter).unwrap_or(b','));
+    builder.has_headers(false).flexible(true).buffer_capacity(BUFFER);
+    builder.comment(u8::try_from(config.comment).ok()).delimiter(config.delimiter.byte());
     builder
 }
 
@@ -130,40 +131,15 @@ impl Stream {
                 .of_sensor(name)
                 .with_remedy(format!("set files.{name}.path, or the source's directory"))
         })?;
-        let fail = |text: String| StreamError::format(text).in_file(path);
-        let mut reader = builder(config.delimiter).from_reader(Bounded::new(file, BUFFER));
+        let joined = config.delimiter == Delimiter::Whitespace;
+        let bytes = Bounded::new(file, BUFFER, joined).map_err(|e| StreamError::read(path, e))?;
+        let mut reader = builder(config).from_reader(bytes);
         let mut record = ByteRecord::new();
-        if !reader.read_byte_record(&mut record).map_err(|e| StreamError::read(path, e))? {
-            return Err(fail(format!(
-                "the file is empty; its first line must name the columns: {}",
-                usual_header(info)
-            )));
-        }
-        if record.as_slice().contains(&0) {
-            return Err(fail(
-                "the file is not UTF-8 text; if it is UTF-16, save it as UTF-8".into(),
-            ));
-        }
-        let headings: Vec<String> =
-            record.iter().map(|h| String::from_utf8_lossy(h.trim_ascii()).into_owned()).collect();
-        if headings[0].parse::<f64>().is_ok() {
-            return Err(fail(format!(
-                "the first line must name the columns, such as {}; it starts with {:?}",
-                usual_header(info),
-                headings[0]
-            )));
-        }
-        if let [only] = headings.as_slice()
-            && let Some(other) = [',', ';', '\t', '|']
-                .into_iter()
-                .find(|c| *c != config.delimiter && only.contains(*c))
-        {
-            return Err(fail(format!(
-                "the columns seem to be separated by {other:?}: set files.{name}.delimiter = {:?}",
-                other.to_string()
-            )));
-        }
-        let time = time_cell(info, config, &headings).map_err(|e| e.in_file(path))?;
+        let headings = match &config.headings {
+            Some(headings) => headings.clone(),
+            None => Self::headings(&mut reader, &mut record, path, config, info)?,
+        };
+        let time = TimeCell::find(info, config, &headings).map_err(|e| e.in_file(path))?;
         let channels = channel_cells(info, config, &headings).map_err(|e| e.in_file(path))?;
         let note = without_column(info, &time, &channels, &headings)
             .map(|(level, text)| (level, format!("{}: {text}", path.display())));
@@ -184,28 +160,85 @@ impl Stream {
             skipped: None,
             cut: None,
         };
-        stream.end = stream.last_time(config.delimiter);
+        stream.end = stream.last_time(config);
         Ok(stream)
     }
 
-    /// The time of the last complete row.
-    fn last_time(&self, delimiter: char) -> Option<Time> {
-        let mut record = ByteRecord::new();
-        tail::last_lines(&self.path)?.iter().find_map(|line| {
-            builder(delimiter).from_reader(line.as_slice()).read_byte_record(&mut record).ok()?;
-            let complete = record.len() == self.headings.len();
-            complete.then(|| self.time_of(&record).ok()).flatten()
-        })
+    /// Reads the headings in the first line.
+    fn headings(
+        reader: &mut Reader<Bounded>,
+        record: &mut ByteRecord,
+        path: &Path,
+        config: &FileConfig,
+        info: &SensorInfo,
+    ) -> Result<Vec<String>, StreamError> {
+        let name = &info.name;
+        let fail = |text: String| StreamError::format(text).in_file(path);
+        if !reader.read_byte_record(record).map_err(|e| StreamError::read(path, e))? {
+            return Err(fail(format!(
+                "the file is empty; its first line must name the columns: {}",
+                usual_header(info)
+            )));
+        }
+        if record.as_slice().contains(&0) {
+            return Err(fail(
+                "the file is not UTF-8 text; if it is UTF-16, save it as UTF-8".into(),
+            ));
+        }
+        let headings: Vec<String> =
+            record.iter().map(|h| String::from_utf8_lossy(h.trim_ascii()).into_owned()).collect();
+        if headings[0].parse::<f64>().is_ok() {
+            return Err(fail(format!(
+                "the first line must name the columns, such as {}; it starts with {:?}; for a file \
+                 without headings, set files.{name}.headings",
+                usual_header(info),
+                headings[0]
+            )));
+        }
+        if let [only] = headings.as_slice()
+            && let Some(other) = [',', ';', '\t', '|']
+                .into_iter()
+                .find(|c| *c as u8 != config.delimiter.byte() && only.contains(*c))
+        {
+            return Err(fail(format!(
+                "the columns seem to be separated by {other:?}: set files.{name}.delimiter = {:?}",
+                other.to_string()
+            )));
+        }
+        Ok(headings)
     }
 
-    fn time_of(&self, record: &ByteRecord) -> Result<Time, TimeError> {
-        let cell = record.get(self.time.column).unwrap_or_default();
-        Ok(time::parse(cell.trim_ascii(), self.time.unit)? + self.time.offset)
+    /// The time of the last complete row; `None` where the end of the file cannot be read alone.
+    fn last_time(&self, config: &FileConfig) -> Option<Time> {
+        if self.reader.get_ref().is_changed() {
+            return None;
+        }
+        let mut record = ByteRecord::new();
+        tail::last_lines(&self.path)?.iter().find_map(|line| {
+            builder(config).from_reader(line.as_slice()).read_byte_record(&mut record).ok()?;
+            let complete = record.len() == self.headings.len();
+            complete.then(|| self.time.of(&record).ok()).flatten()
+        })
     }
 
     /// The line of the row that was read last.
     fn line(&self) -> u64 {
-        tail::line_before(&self.path, self.reader.position().byte())
+        let position = self.reader.position();
+        if self.reader.get_ref().is_changed() {
+            // the line after the row, whose end was read
+            return position.line().saturating_sub(1).max(1);
+        }
+        tail::line_before(&self.path, position.byte())
+    }
+
+    /// Tests whether the file ends within the row that was read last.
+    fn ends_within_line(&self) -> bool {
+        let (byte, bytes) = (self.reader.position().byte(), self.reader.get_ref());
+        if bytes.is_changed() {
+            bytes.ends_within_line(byte)
+        } else {
+            tail::ends_within_line(&self.path, byte)
+        }
     }
 
     /// Reads the row in the record into a sample.
@@ -219,7 +252,7 @@ impl Stream {
             let text = format!("{found} cells, the header has {needed}");
             return Err(Problem { kind: StreamErrorKind::Format, text, cut: found < needed });
         }
-        let time = self.time_of(&self.record).map_err(|e| self.no_time(e))?;
+        let time = self.time.of(&self.record).map_err(|e| self.no_time(e))?;
         *sample = Sample::empty(time, self.sensor);
         for channel in &self.channels {
             let cell = self.record.get(channel.column).unwrap_or_default().trim_ascii();
@@ -254,7 +287,7 @@ impl Stream {
     fn no_time(&self, error: TimeError) -> Problem {
         let cell = self.cell(self.time.column);
         let text = match error {
-            TimeError::NotANumber => format!("{cell} is no time: a decimal number is needed"),
+            TimeError::NotANumber => format!("{cell} is no time: {}", self.time.needs()),
             TimeError::TooLarge => {
                 format!(
                     "{cell} is more than 73 years from zero; is its unit another? \
@@ -335,9 +368,7 @@ impl Source for Stream {
                 }
                 Err(problem) => {
                     let line = self.line();
-                    if problem.cut
-                        && tail::ends_within_line(&self.path, self.reader.position().byte())
-                    {
+                    if problem.cut && self.ends_within_line() {
                         self.cut = Some(format!(
                             "{}:{line}: the file ends within this line, which is not used: \
                              was it cut off?",

@@ -146,7 +146,7 @@ fn a_bad_header_is_named_with_its_remedy() {
             "",
             format!(
                 "dvl.csv: the first line must name the columns, such as {usual}; it starts with \
-                 \"1\""
+                 \"1\"; for a file without headings, set files.dvl.headings"
             ),
         ),
         (
@@ -229,8 +229,8 @@ fn a_bad_parameter_is_named_with_its_line_in_the_scenario() {
     for (keys, error) in [
         (
             "delimiter = \"ab\"",
-            "delimiter = \"ab\": a comma, semicolon, tab, bar or space is needed, such as \";\" \
-             or \"\\t\"",
+            "delimiter = \"ab\": one character is needed, such as \";\" or \"\\t\", or \
+             \"whitespace\"",
         ),
         (
             "columns.vel_x = { column = \"vx\", unit = \"cms\" }",
