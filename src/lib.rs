@@ -74,6 +74,8 @@ enum Commands {
     Schema,
     /// Run the filter again on the samples of a log, with the scenario in the log
     Replay(commands::replay::Replay),
+    /// Smooth a run: the best estimate of every time, from all samples, also the later ones
+    Smooth(commands::smooth::Smooth),
     /// Run a scenario many times, and test errors against sigma, bound and chi-square bands
     MonteCarlo(commands::monte_carlo::MonteCarlo),
     /// Compute the Cramer-Rao bound of a scenario, filtered and smoothed
@@ -114,6 +116,7 @@ fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
     match command {
         Commands::Run(arguments) => commands::run::run(registry, &arguments),
         Commands::Replay(arguments) => commands::replay::replay(registry, &arguments),
+        Commands::Smooth(arguments) => commands::smooth::smooth(registry, &arguments),
         Commands::MonteCarlo(arguments) => commands::monte_carlo::monte_carlo(registry, &arguments),
         Commands::Bound(arguments) => commands::bound::bound(registry, &arguments),
         Commands::Sweep(arguments) => commands::sweep::sweep(registry, &arguments),

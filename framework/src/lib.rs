@@ -137,6 +137,7 @@ pub mod model;
 pub mod plugin;
 pub mod prelude;
 pub mod run;
+pub mod smooth;
 pub mod state;
 pub mod units;
 

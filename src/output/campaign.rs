@@ -120,8 +120,15 @@ fn consistency(plan: &Campaign, point: &PointReport) {
     let failed =
         if point.failed > 0 { format!(", {} failed", point.failed) } else { String::new() };
     line(format_args!(
-        "{}: {} runs{failed}, seed {}; at {:.0} s:",
-        plan.scenario, point.runs, plan.seed, point.end_s
+        "{}: {} runs{failed}, seed {}; {}:",
+        plan.scenario,
+        point.runs,
+        plan.seed,
+        if plan.smooths {
+            "smoothed, root mean square over the run".to_owned()
+        } else {
+            format!("at {:.0} s", point.end_s)
+        }
     ));
     let mut rows = table(&[
         "state",

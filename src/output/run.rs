@@ -56,6 +56,9 @@ pub fn summary(summary: &Summary) {
             e.last, e.rms
         ));
     }
+    if let Some(e) = &summary.filtered_horizontal_error_m {
+        line(format_args!("the filter alone: {:.2} m at the end; {:.2} m rms", e.last, e.rms));
+    }
 }
 
 /// The expected NIS of a sensor, the band of its mean, and a mark if the mean is outside.

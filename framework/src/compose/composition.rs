@@ -119,6 +119,7 @@ impl Composition {
         }
         self.layout = Arc::new(layout);
         self.estimator.draw = Draw::Nothing;
+        self.estimator.smooth = false;
         // samples without noise repeat themselves at rest
         for process in &mut self.processes {
             process.searches = false;

@@ -31,6 +31,10 @@ pub struct EstimatorConfig {
     /// state, as in a Monte Carlo campaign).
     #[serde(default)]
     pub draw: Draw,
+    /// Smooths the run: the estimate of every time is recorded as all samples determine it, also the
+    /// later ones.
+    #[serde(default)]
+    pub smooth: bool,
     /// Rate at which estimates are recorded.
     #[serde(default = "ten_hertz")]
     output_rate: Positive<Frequency>,
@@ -47,6 +51,7 @@ impl Default for EstimatorConfig {
             stop: None,
             initial: None,
             draw: Draw::Nothing,
+            smooth: false,
             output_rate: ten_hertz(),
         }
     }

@@ -146,6 +146,14 @@ impl History {
         })
     }
 
+    /// Approximate size, bytes.
+    pub(super) fn size(&self) -> usize {
+        let numbers =
+            |e: &Entry| e.values.len() + e.signals.len() + e.drift.len() + e.correction.len();
+        let entry = self.entries.first().map_or(0, numbers) * size_of::<f64>();
+        self.entries.len() * (size_of::<Entry>() + entry)
+    }
+
     /// Clears the history at the start of the filter.
     pub(super) fn begin(&mut self, state: &State) {
         (self.first, self.len, self.start, self.last) = (0, 0, state.time, state.time);

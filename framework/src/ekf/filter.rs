@@ -107,6 +107,13 @@ pub(super) struct Memory {
 #[derive(Clone)]
 pub struct Snapshot(pub(super) Memory);
 
+impl Snapshot {
+    /// Estimate at the time of the snapshot.
+    pub(crate) fn state(&self) -> &State {
+        &self.0.state
+    }
+}
+
 impl Ekf {
     /// Creates a filter for the composition, which waits for its start.
     pub fn new(composition: Composition) -> Self {
@@ -170,6 +177,11 @@ impl Ekf {
         &self.layout
     }
 
+    /// Marks the considered error states.
+    pub(crate) fn considered(&self) -> &[bool] {
+        &self.considered
+    }
+
     /// Composition that the filter runs.
     pub fn composition(&self) -> &Composition {
         &self.composition
@@ -201,6 +213,14 @@ impl Ekf {
     /// Returns to a snapshot of a filter of the same composition.
     pub fn restore(&mut self, snapshot: &Snapshot) {
         self.memory.clone_from(&snapshot.0);
+    }
+
+    /// Approximate size of a snapshot, bytes.
+    pub(crate) fn snapshot_size(&self) -> usize {
+        let m = &self.memory;
+        let history = m.history.as_ref().map_or(0, History::size);
+        let waiting = m.pending.len() * size_of::<Sample>();
+        size_of::<Memory>() + m.covariance.size() + m.transition.size() + history + waiting
     }
 
     /// Last truth that a reference gave or the scenario states.

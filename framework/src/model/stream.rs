@@ -79,6 +79,8 @@ pub struct RunInfo {
     pub seed: u64,
     /// True where every source simulates its samples, so that another seed gives another run.
     pub simulated: bool,
+    /// True for a run that is smoothed: see [`Sink::filtered`].
+    pub smoothed: bool,
     /// Version of the program.
     pub version: String,
     /// The blocks of the state.
@@ -120,7 +122,8 @@ pub trait Sink: Any + Send {
     fn sample(&mut self, _sample: &Sample) -> Result<(), StreamError> {
         Ok(())
     }
-    /// An estimate, at the output rate.
+    /// An estimate, at the output rate. In a run that is smoothed it is the smoothed one, and all
+    /// of them come after the last sample, update and event of the filter.
     fn epoch(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
         Ok(())
     }
@@ -132,6 +135,10 @@ pub trait Sink: Any + Send {
     /// sensor may be late (`late`). A late sample may still change it; [`Self::epoch`] gives the
     /// final estimate of that time once no late sample can. In other runs every estimate is final.
     fn newest(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// The filter's own estimate in a run that is smoothed, when the filter makes it.
+    fn filtered(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
         Ok(())
     }
     /// Set if the sink judges the estimates. It then receives an estimate at every sample of a

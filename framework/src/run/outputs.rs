@@ -7,6 +7,7 @@ use crate::model::verdict::Verdict;
 use crate::run::output_rate::OutputRate;
 use crate::run::summary::{Recorded, Statistics};
 use crate::run::verdict::Judge;
+use crate::smooth::Forward;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
@@ -32,6 +33,8 @@ pub(crate) struct Outputs {
     /// Time of the last estimate that all sinks received.
     recorded: Option<Time>,
     pub(crate) judge: Judge,
+    /// Record for the smoother of a run that is smoothed.
+    pub(crate) forward: Option<Forward>,
     pub(crate) events: Vec<Event>,
     /// Faults that the filter found, at most [`FINDINGS`].
     pub(crate) findings: Vec<Finding>,
@@ -50,6 +53,7 @@ impl Outputs {
             statistics,
             rate,
             judge,
+            forward: None,
             recorded: None,
             events: Vec::new(),
             findings: Vec::new(),
@@ -62,14 +66,32 @@ impl Outputs {
         if self.recorded == Some(time) {
             return;
         }
-        if self.statistics.last_epoch == Some(time) {
-            // the statistics and the sinks that compare have received it with its truth
-            self.each(time, |sink| if sink.compares() { Ok(()) } else { sink.epoch(epoch) });
-        } else {
+        // the statistics and the sinks that compare may have received it with its truth
+        let compared = self.statistics.last_epoch == Some(time);
+        if !compared {
             self.statistics.epoch(epoch);
-            self.each(time, |sink| sink.epoch(epoch));
         }
+        if let Some(forward) = &mut self.forward {
+            forward.epoch_between();
+        }
+        self.show(epoch, |sink| !(compared && sink.compares()));
         self.recorded = Some(time);
+    }
+
+    /// Passes the filter's estimate on to some sinks.
+    fn show(&mut self, epoch: &Epoch<'_>, to: impl Fn(&dyn Sink) -> bool) {
+        let smooths = self.forward.is_some();
+        self.each(epoch.state.time, |sink| match smooths {
+            _ if !to(sink) => Ok(()),
+            true => sink.filtered(epoch),
+            false => sink.epoch(epoch),
+        });
+    }
+
+    /// Passes a smoothed estimate on.
+    pub(crate) fn smoothed(&mut self, epoch: &Epoch<'_>) {
+        self.statistics.epoch(epoch);
+        self.each(epoch.state.time, |sink| sink.epoch(epoch));
     }
 
     /// Calls every open sink. A sink that fails is closed and named in an error event.
@@ -133,7 +155,10 @@ impl Observer for Outputs {
         let time = epoch.state.time;
         self.statistics.epoch(epoch);
         let all = self.rate.records_comparison(time);
-        self.each(time, |sink| if all || sink.compares() { sink.epoch(epoch) } else { Ok(()) });
+        if let Some(forward) = &mut self.forward {
+            forward.epoch(all);
+        }
+        self.show(epoch, |sink| all || sink.compares());
         if all {
             self.recorded = Some(time);
         }
@@ -144,10 +169,16 @@ impl Observer for Outputs {
         self.each(update.time, |sink| sink.update(update));
     }
     fn transition(&mut self, transition: &Transition) {
+        if let Some(forward) = &mut self.forward {
+            forward.transition(transition);
+        }
         self.each(Time::MIN, |sink| sink.transition(transition));
     }
     fn correction(&mut self, update: &Update) {
         self.judge.correction(update);
+        if let Some(forward) = &mut self.forward {
+            forward.correction(update);
+        }
         self.each(Time::MIN, |sink| sink.correction(update));
     }
     fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {

@@ -15,6 +15,7 @@ use crate::run::scenario::Assembly;
 use crate::run::silence::SilenceMonitor;
 use crate::run::summary::{Recorded, Statistics, Summary};
 use crate::run::verdict::Judge;
+use crate::smooth::{Forward, SmoothError};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::any::Any;
@@ -37,6 +38,9 @@ pub enum RunError {
     /// The filter cannot continue.
     #[error(transparent)]
     Estimator(#[from] EstimatorError),
+    /// The run cannot be smoothed.
+    #[error("the run cannot be smoothed: {0}")]
+    Smooth(#[from] SmoothError),
     /// The samples ended before a process had found its initial values.
     #[error("{0}")]
     Unfinished(String),
@@ -130,6 +134,7 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
     run.process_samples(stop, &mut progress);
     run.finish_filter();
     run.record_last_epoch();
+    run.smooth();
     run.log_silent_sensors();
     run.log_end();
     let now = run.ekf.state().time;
@@ -183,6 +188,12 @@ impl Run {
             interrupted: false,
         };
         run.error = run.merge.fill().err();
+        if run.ekf.composition().estimator.smooth {
+            match Forward::new(&run.ekf) {
+                Ok(forward) => run.outputs.forward = Some(forward),
+                Err(error) => run.error = Some(error.into()),
+            }
+        }
         let time = run.merge.first(false).map_or(Time::MIN, |(sample, _)| sample.time);
         for (about, text) in notes {
             run.outputs.event(Event { time, level: Level::Info, about, text });
@@ -204,6 +215,10 @@ impl Run {
                 break;
             }
             if let Err(error) = self.take(&sample) {
+                self.error = Some(error.into());
+                break;
+            }
+            if let Some(error) = self.outputs.forward.as_mut().and_then(Forward::failed) {
                 self.error = Some(error.into());
                 break;
             }
@@ -270,7 +285,15 @@ impl Run {
         self.merge.log_schedule(sample.time, &mut self.outputs);
         self.outputs.each(sample.time, |sink| sink.sample(sample));
         self.outputs.statistics.read(sample);
-        self.ekf.process(sample, &mut self.outputs)?;
+        if let Some(forward) = &mut self.outputs.forward {
+            forward.sample(&self.ekf, sample);
+        }
+        let processed = self.ekf.process(sample, &mut self.outputs);
+        if let (Err(_), Some(forward)) = (&processed, &mut self.outputs.forward) {
+            // the estimate before the sample is the last good one
+            forward.take_back();
+        }
+        processed?;
         self.silence.sample(sample, &self.sensors, &mut self.outputs);
         Ok(())
     }
@@ -294,6 +317,9 @@ impl Run {
 
     /// Lets the filter use the samples that it holds, and finds out whether it ever started.
     fn finish_filter(&mut self) {
+        if let Some(forward) = &mut self.outputs.forward {
+            forward.finish();
+        }
         self.ekf.finish(&mut self.outputs);
         let time = self.outputs.statistics.last_epoch.unwrap_or(Time::MIN);
         self.merge.log_warnings(time, &mut self.outputs);
@@ -313,6 +339,25 @@ impl Run {
         }
         if self.error.is_none() && !self.ekf.running() && !self.interrupted {
             self.error = Some(RunError::NeverStarted(never_started(&self.ekf)));
+        }
+    }
+
+    /// Passes backward over the run, and gives the smoothed estimates to the sinks and the
+    /// statistics.
+    fn smooth(&mut self) {
+        let Some(mut forward) = self.outputs.forward.take() else { return };
+        let end = self.ekf.snapshot();
+        let result = forward
+            .failed()
+            .map_or(Ok(()), Err)
+            .and_then(|()| forward.backward(&mut self.ekf, |_| {}))
+            .and_then(|smoothed| {
+                self.outputs.statistics.restart();
+                smoothed.each(|epoch| self.outputs.smoothed(epoch))
+            });
+        self.ekf.restore(&end);
+        if let Err(error) = result {
+            self.error.get_or_insert(error.into());
         }
     }
 
@@ -356,6 +401,7 @@ fn run_info(composition: &Composition) -> RunInfo {
         scenario: composition.text.clone(),
         seed: composition.seed,
         simulated: composition.simulated,
+        smoothed: composition.estimator.smooth,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         layout: (*composition.layout).clone(),
         sensors: composition.sensors.iter().map(|s| s.info.clone()).collect(),

@@ -47,6 +47,9 @@ pub struct Summary {
     pub states: Map<String, Value>,
     /// Estimated against true position at the times of the reference; null without a reference.
     pub horizontal_error_m: Option<HorizontalError>,
+    /// The filter's own error in a run that is smoothed; left out otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub filtered_horizontal_error_m: Option<HorizontalError>,
     /// The same states as rows to print.
     #[serde(skip)]
     pub rows: Vec<StateRow>,
@@ -136,6 +139,8 @@ pub(crate) struct Statistics {
     distance: f64,
     true_distance: f64,
     errors: (u64, f64, f64),
+    /// Error of the filter in a run that is smoothed.
+    filtered: Option<HorizontalError>,
     compared: Vec<Option<Compared>>,
 }
 
@@ -157,8 +162,17 @@ impl Statistics {
             distance: 0.0,
             true_distance: 0.0,
             errors: (0, 0.0, 0.0),
+            filtered: None,
             compared: vec![None; info.layout.blocks.len()],
         }
+    }
+
+    /// Keeps the error of the filter, and begins again for the smoothed estimates.
+    pub(crate) fn restart(&mut self) {
+        self.filtered = self.horizontal_error();
+        (self.before, self.before_truth) = (None, None);
+        (self.distance, self.true_distance, self.errors) = (0.0, 0.0, (0, 0.0, 0.0));
+        self.compared.fill(None);
     }
 
     pub(crate) fn read(&mut self, sample: &Sample) {
@@ -246,6 +260,16 @@ impl Statistics {
             .collect()
     }
 
+    fn horizontal_error(&self) -> Option<HorizontalError> {
+        let (count, squares, last) = self.errors;
+        (count > 0).then(|| HorizontalError {
+            last,
+            rms: (squares / count as f64).sqrt(),
+            percent_of_distance: (self.true_distance >= 1.0)
+                .then(|| 100.0 * last / self.true_distance),
+        })
+    }
+
     pub(crate) fn summary(&mut self, ekf: &Ekf, verdict: Verdict) -> Summary {
         let layout = ekf.layout();
         let (truth, end) = (ekf.truth(), ekf.state().time);
@@ -317,7 +341,7 @@ impl Statistics {
             (name.to_owned(), values)
         });
         let starts = starts.collect();
-        let (count, squares, last) = self.errors;
+        let (count, ..) = self.errors;
         let position = self.position.and_then(|slot| self.compared[slot].as_ref());
         let to_the_end = count > 1 && position.is_some_and(|c| c.holds_at(end));
         Summary {
@@ -329,12 +353,8 @@ impl Statistics {
             samples,
             starts,
             states,
-            horizontal_error_m: (count > 0).then(|| HorizontalError {
-                last,
-                rms: (squares / count as f64).sqrt(),
-                percent_of_distance: (self.true_distance >= 1.0)
-                    .then(|| 100.0 * last / self.true_distance),
-            }),
+            horizontal_error_m: self.horizontal_error(),
+            filtered_horizontal_error_m: self.filtered,
             rows,
         }
     }

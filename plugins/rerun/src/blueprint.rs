@@ -211,11 +211,12 @@ impl Layout {
     }
 
     fn value(&mut self, name: &str, c: &crate::state::Component) -> ContainerLike {
-        self.plot(
-            name,
-            &[format!("+ {}", c.estimate.path), format!("+ {}", c.truth.path)],
-            c.range.axis(),
-        )
+        let mut paths = vec![&c.estimate.path, &c.truth.path];
+        if c.smoothed {
+            paths.push(&c.filtered.path);
+        }
+        let contents: Vec<String> = paths.iter().map(|path| format!("+ {path}")).collect();
+        self.plot(name, &contents, c.range.axis())
     }
 
     /// A plot of those entities over the whole run, with that range of its vertical axis.

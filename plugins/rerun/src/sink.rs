@@ -32,6 +32,8 @@ pub struct Run {
     pub track: Option<Track>,
     /// Set where a reference gives the truth of the processes' blocks.
     pub reference: bool,
+    /// Set for a run that is smoothed.
+    pub smoothed: bool,
 }
 
 /// Records a run for the viewer.
@@ -129,6 +131,7 @@ impl Sink for RerunSink {
             sensors: info.sensors.iter().map(|s| SensorSeries::new(s, self.samples)).collect(),
             track: Track::new(&info.layout),
             reference: info.sensors.iter().any(|s| s.purpose == Purpose::Reference),
+            smoothed: info.smoothed,
         };
         self.recording.name(&info.name)?;
         let scenario = format!("```toml\n{}\n```\n\nnavfuse {}\n", info.scenario, info.version);
@@ -160,8 +163,10 @@ impl Sink for RerunSink {
         for block in &mut run.blocks {
             block.epoch(&self.recording, epoch)?;
         }
-        for tab in &mut self.tabs {
-            tab.epoch(epoch, &self.recording)?;
+        if !run.smoothed {
+            for tab in &mut self.tabs {
+                tab.epoch(epoch, &self.recording)?;
+            }
         }
         if let Some(track) = &mut run.track {
             track.epoch(&self.recording, epoch)?;
@@ -169,6 +174,25 @@ impl Sink for RerunSink {
         self.epochs += 1;
         let watched = self.recording.is_live() && self.refreshed.elapsed() >= LIVE_INTERVAL;
         if watched || self.epochs.is_multiple_of(ROWS) { self.refresh() } else { Ok(()) }
+    }
+
+    fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        let time = epoch.state.time;
+        if self.last.replace(time).is_none() {
+            self.write_waiting(time)?;
+        }
+        // the tabs follow the filter
+        for tab in &mut self.tabs {
+            tab.epoch(epoch, &self.recording)?;
+        }
+        let Some(run) = &mut self.run else { return Ok(()) };
+        for block in &mut run.blocks {
+            block.filtered(&self.recording, epoch)?;
+        }
+        if let Some(track) = &mut run.track {
+            track.filtered(epoch);
+        }
+        Ok(())
     }
 
     fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {

@@ -2,7 +2,7 @@
 
 use crate::columns::{Range, Series};
 use crate::recording::Recording;
-use crate::style::{TRUTH, axis, label, path};
+use crate::style::{FILTERED, TRUTH, axis, label, path};
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::manifold::{MAX_TANGENT, Reading};
@@ -16,6 +16,10 @@ pub struct Component {
     pub error_label: String,
     /// The estimate with its bounds.
     pub estimate: Series,
+    /// The filter's own estimate with its bounds, in a run that is smoothed.
+    pub filtered: Series,
+    /// Set once the filter's own estimate was recorded.
+    pub smoothed: bool,
     /// The truth.
     pub truth: Series,
     /// The error, with the bounds about zero.
@@ -67,13 +71,17 @@ impl BlockSeries {
             let error_label = label(&format!("{name_of} error"), unit);
             let label = label(&name_of, unit);
             let truth = (format!("true {label}"), TRUTH, 1.8);
+            let filtered = format!("filter {label}");
             Component {
+                filtered: Series::bounded(entity("filtered"), filtered, FILTERED, 1.4)
+                    .broken_at(half_turn),
                 estimate: Series::bounded(entity("estimate"), label.clone(), axis(k), 2.8)
                     .broken_at(half_turn),
                 truth: Series::lines(entity("truth"), &[truth]).broken_at(half_turn),
                 error: Series::bounded(entity("error"), error_label.clone(), axis(k), 2.8),
                 range: Range::default(),
                 error_range: Range::default(),
+                smoothed: false,
                 label,
                 error_label,
             }
@@ -89,27 +97,49 @@ impl BlockSeries {
         }
     }
 
-    /// Adds an estimate and, where it is known, the truth.
-    pub fn epoch(&mut self, recording: &Recording, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        let block = &epoch.layout.blocks[self.slot];
+    /// Computes what is shown of a block: its reading, and of a position the metres from the first.
+    fn show(&mut self, block: &Block, values: &[f64], out: &mut [f64]) {
         let n = block.operations.tangent;
-        let values = &epoch.state.values;
-        let (mut shown, mut sigma) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
-        let (mut truth, mut error) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
         let origin = self.origin.get_or_insert_with(|| values[block.range()].to_vec());
-        let show = |values: &[f64], out: &mut [f64]| match block.operations.reading {
+        match block.operations.reading {
             Reading::Tangent => {
                 (block.operations.local)(&values[block.range()], origin, &mut out[..n]);
                 out[..n].iter_mut().for_each(|x| *x /= block.spec.display.scale);
             }
             _ => block.show(values, out),
-        };
-        show(values, &mut shown);
+        }
+    }
+
+    /// Adds the filter's own estimate in a run that is smoothed.
+    pub fn filtered(
+        &mut self,
+        recording: &Recording,
+        epoch: &Epoch<'_>,
+    ) -> Result<(), StreamError> {
+        let block = &epoch.layout.blocks[self.slot];
+        let (mut shown, mut sigma) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+        self.show(block, &epoch.state.values, &mut shown);
+        block.show_sigma(&epoch.state.values, epoch.covariance, &mut sigma);
+        for (k, c) in self.components.iter_mut().enumerate() {
+            let (x, s) = (shown[k], 3.0 * sigma[k]);
+            c.smoothed = true;
+            c.filtered.push(recording, epoch.state.time, &[x, x + s, x - s])?;
+        }
+        Ok(())
+    }
+
+    /// Adds an estimate and, where it is known, the truth.
+    pub fn epoch(&mut self, recording: &Recording, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        let block = &epoch.layout.blocks[self.slot];
+        let values = &epoch.state.values;
+        let (mut shown, mut sigma) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+        let (mut truth, mut error) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+        self.show(block, values, &mut shown);
         block.show_sigma(values, epoch.covariance, &mut sigma);
         let true_state = epoch.truth.filter(|t| t.known[self.slot]).map(|t| &t.state.values);
         if let Some(true_values) = true_state {
             self.known = true;
-            show(true_values, &mut truth);
+            self.show(block, true_values, &mut truth);
             block.show_error(values, true_values, &mut error);
         }
         let time = epoch.state.time;
@@ -131,6 +161,8 @@ impl BlockSeries {
 
     /// All series of the block.
     pub fn series(&mut self) -> impl Iterator<Item = &mut Series> {
-        self.components.iter_mut().flat_map(|c| [&mut c.estimate, &mut c.truth, &mut c.error])
+        self.components
+            .iter_mut()
+            .flat_map(|c| [&mut c.estimate, &mut c.filtered, &mut c.truth, &mut c.error])
     }
 }

@@ -13,6 +13,8 @@ pub const TRUTH: Colour = [245, 166, 35];
 pub const BOUND: Colour = [140, 148, 160];
 /// The colour of samples that the gate rejected.
 pub const GATED: Colour = [255, 0, 200];
+/// The colour of the filter beside the smoothed run.
+pub const FILTERED: Colour = [150, 110, 200];
 /// The colour of the estimated track.
 pub const TRACK: Colour = AXES[2];
 

@@ -2,7 +2,7 @@
 
 use crate::columns::{ROWS, Thinned};
 use crate::recording::Recording;
-use crate::style::{AXES, BOUND, Colour, TRACK, TRUTH, path};
+use crate::style::{AXES, BOUND, Colour, FILTERED, TRACK, TRUTH, path};
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::Layout;
@@ -29,6 +29,8 @@ pub struct Track {
     attitude: Option<usize>,
     origin: Option<Vec<f64>>,
     estimate: Thinned<Place>,
+    /// Track of the filter in a run that is smoothed.
+    filtered: Thinned<Place>,
     truth: Thinned<Place>,
     times: Vec<i64>,
     places: Vec<Place>,
@@ -85,6 +87,7 @@ impl Track {
             attitude,
             origin: None,
             estimate: Thinned::new(VERTICES),
+            filtered: Thinned::new(VERTICES),
             truth: Thinned::new(VERTICES),
             times: Vec::new(),
             places: Vec::new(),
@@ -99,22 +102,31 @@ impl Track {
         recording.log_static(&path(&["world"]), &ViewCoordinates::FRD())
     }
 
+    /// Adds the filter's own estimate in a run that is smoothed.
+    pub fn filtered(&mut self, epoch: &Epoch<'_>) {
+        let place = self.place(epoch, &epoch.state.values);
+        self.extent.include(&place);
+        self.filtered.push(place);
+    }
+
+    /// A position of an epoch from the first one.
+    fn place(&mut self, epoch: &Epoch<'_>, values: &[f64]) -> Place {
+        let block = &epoch.layout.blocks[self.position];
+        let origin = self.origin.get_or_insert_with(|| values[block.range()].to_vec());
+        let (mut ned, mut geo) = ([0.0; 3], [0.0; 3]);
+        let value = &values[block.range()];
+        (block.operations.local)(value, origin, &mut ned);
+        (block.operations.coordinates)(value, &mut geo);
+        (ned.map(|x| x as f32), [geo[0].to_degrees(), geo[1].to_degrees()])
+    }
+
     /// Adds an estimate and, where it is known, the truth.
     pub fn epoch(&mut self, recording: &Recording, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        let block = &epoch.layout.blocks[self.position];
-        let origin = self.origin.get_or_insert_with(|| epoch.state.values[block.range()].to_vec());
-        let place = |values: &[f64]| -> Place {
-            let (mut ned, mut geo) = ([0.0; 3], [0.0; 3]);
-            let value = &values[block.range()];
-            (block.operations.local)(value, origin, &mut ned);
-            (block.operations.coordinates)(value, &mut geo);
-            (ned.map(|x| x as f32), [geo[0].to_degrees(), geo[1].to_degrees()])
-        };
-        let here = place(&epoch.state.values);
+        let here = self.place(epoch, &epoch.state.values);
         self.extent.include(&here);
         self.estimate.push(here);
         if let Some(truth) = epoch.truth.filter(|t| t.known[self.position]) {
-            let there = place(&truth.state.values);
+            let there = self.place(epoch, &truth.state.values);
             self.extent.include(&there);
             self.truth.push(there);
         }
@@ -161,6 +173,7 @@ impl Track {
         self.flush(recording)?;
         let Some((_, side)) = self.extent.middle() else { return Ok(()) };
         line(recording, "truth", &self.truth, TRUTH, 0.9)?;
+        line(recording, "filtered", &self.filtered, FILTERED, 0.9)?;
         line(recording, "estimate", &self.estimate, TRACK, 1.5)?;
         // the shadow of the track at the level of its start makes a dive visible
         let shadow = self.estimate.iter().map(|(ned, _)| [ned[0], ned[1], 0.0]);

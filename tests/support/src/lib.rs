@@ -8,6 +8,7 @@
 )]
 
 pub mod lab;
+pub mod rts;
 #[cfg(feature = "plugins")]
 mod shipped;
 

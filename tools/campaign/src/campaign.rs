@@ -112,6 +112,9 @@ pub struct Campaign {
     /// Choice of the quantities drawn for each run.
     #[serde(rename = "start")]
     pub initial_errors: InitialErrors,
+    /// Set if the runs are smoothed, and their smoothed estimates judged.
+    #[serde(default)]
+    pub smooths: bool,
     /// Columns of the tables.
     pub columns: Columns,
     /// Changes of the scenario's file, as the user wrote them.
@@ -160,6 +163,7 @@ impl Campaign {
             every: 1,
             from: None,
             initial_errors: options.initial_errors,
+            smooths: false,
             columns: Columns::default(),
             overrides: document.overrides().to_vec(),
             text: document.to_toml(),
@@ -177,6 +181,7 @@ impl Campaign {
             let assembly = scenario.assemble(None)?;
             campaign.columns.add(&assembly.composition);
             let estimator = &assembly.composition.estimator;
+            campaign.smooths |= estimator.smooth;
             let end = assembly.sources.iter().filter_map(|(_, s)| s.end()).max();
             let end = [end, estimator.stop()].into_iter().flatten().min();
             longest = longest
@@ -407,6 +412,7 @@ mod tests {
             every: 1,
             from: None,
             initial_errors: InitialErrors::Drawn,
+            smooths: false,
             columns: Columns::default(),
             overrides: vec!["sensor.dvl.noise=5 mm/s".into()],
             text: String::new(),

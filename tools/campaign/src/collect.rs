@@ -36,6 +36,8 @@ pub fn run(
             sums: vec![[0.0; SENSOR.len()]; columns.sensors.len()],
             moments: vec![Vec::new(); columns.sensors.len()],
             grid: Grid::new(every),
+            smoothed: None,
+            every,
             places,
             rows: Vec::new(),
             last: None,
@@ -70,6 +72,10 @@ struct Collector {
     columns: Arc<Columns>,
     places: Places,
     grid: Grid,
+    /// Interval of the rows, ns.
+    every: i64,
+    /// Grid of the smoothed estimates, in a run that is smoothed.
+    smoothed: Option<Grid>,
     rows: Vec<Row>,
     /// Sums of each sensor since the previous row.
     sums: Vec<[f64; SENSOR.len()]>,
@@ -81,9 +87,24 @@ struct Collector {
 }
 
 impl Collector {
-    fn row(&mut self, number: i64, epoch: &Epoch<'_>, truth: &Truth<'_>) {
+    /// Adds a row with the sums of the sensors, and with the errors unless smoothed estimates follow.
+    fn row(&mut self, number: i64, epoch: &Epoch<'_>, truth: &Truth<'_>, judged: bool) {
         let columns = &self.columns;
         let mut values = vec![f64::NAN; Row::width(columns)];
+        for (k, sums) in self.sums.iter_mut().enumerate() {
+            let at = Row::sensor_at(columns, k);
+            values[at..at + SENSOR.len()].copy_from_slice(sums);
+            *sums = [0.0; SENSOR.len()];
+        }
+        if judged {
+            self.judge(epoch, truth, &mut values);
+        }
+        self.rows.push(Row { epoch: number, time: epoch.state.time.seconds(), values });
+    }
+
+    /// Computes the errors of an estimate, its sigmas and its NEES.
+    fn judge(&self, epoch: &Epoch<'_>, truth: &Truth<'_>, values: &mut [f64]) {
+        let columns = &self.columns;
         let nees_at = Row::nees_at(columns);
         let mut indices = Vec::with_capacity(epoch.layout.tangent);
         let mut errors = DVector::zeros(epoch.layout.tangent);
@@ -107,12 +128,32 @@ impl Collector {
         if !indices.is_empty() {
             values[nees_at] = nees(&errors, epoch.covariance, &indices);
         }
-        for (k, sums) in self.sums.iter_mut().enumerate() {
-            let at = Row::sensor_at(columns, k);
-            values[at..at + SENSOR.len()].copy_from_slice(sums);
-            *sums = [0.0; SENSOR.len()];
+    }
+
+    /// Adds a row if one is due, and keeps the estimate, which may be the last.
+    fn take(&mut self, epoch: &Epoch<'_>, judged: bool) {
+        let Some(truth) = epoch.truth else { return };
+        let number = self.grid.due(epoch.state.time);
+        if let Some(number) = number {
+            self.row(number, epoch, &truth, judged);
         }
-        self.rows.push(Row { epoch: number, time: epoch.state.time.seconds(), values });
+        let (last, recorded) = self.last.get_or_insert_with(|| {
+            let copied = Copied {
+                layout: Arc::new(epoch.layout.clone()),
+                state: epoch.state.clone(),
+                covariance: epoch.covariance.clone(),
+                truth: truth.state.clone(),
+                known: truth.known.to_vec(),
+            };
+            (copied, true)
+        });
+        *recorded = number.is_some();
+        if !*recorded {
+            last.state.clone_from(epoch.state);
+            last.covariance.clone_from(epoch.covariance);
+            last.truth.clone_from(truth.state);
+            last.known.copy_from_slice(truth.known);
+        }
     }
 }
 
@@ -135,28 +176,24 @@ impl Sink for Collector {
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        let Some(smoothed) = &mut self.smoothed else {
+            self.take(epoch, true);
+            return Ok(());
+        };
         let Some(truth) = epoch.truth else { return Ok(()) };
-        let number = self.grid.due(epoch.state.time);
-        if let Some(number) = number {
-            self.row(number, epoch, &truth);
+        if let Some(number) = smoothed.due(epoch.state.time)
+            && let Ok(at) = self.rows.binary_search_by_key(&number, |row| row.epoch)
+        {
+            let mut values = std::mem::take(&mut self.rows[at].values);
+            self.judge(epoch, &truth, &mut values);
+            self.rows[at].values = values;
         }
-        let (last, recorded) = self.last.get_or_insert_with(|| {
-            let copied = Copied {
-                layout: Arc::new(epoch.layout.clone()),
-                state: epoch.state.clone(),
-                covariance: epoch.covariance.clone(),
-                truth: truth.state.clone(),
-                known: truth.known.to_vec(),
-            };
-            (copied, true)
-        });
-        *recorded = number.is_some();
-        if !*recorded {
-            last.state.clone_from(epoch.state);
-            last.covariance.clone_from(epoch.covariance);
-            last.truth.clone_from(truth.state);
-            last.known.copy_from_slice(truth.known);
-        }
+        Ok(())
+    }
+
+    fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        self.smoothed.get_or_insert_with(|| Grid::new(self.every));
+        self.take(epoch, false);
         Ok(())
     }
 
@@ -191,6 +228,7 @@ impl Sink for Collector {
                 self.grid.end(),
                 &Epoch { layout, state, covariance, truth: Some(truth) },
                 &truth,
+                true, // the last estimate has no later sample
             );
         }
         Ok(None)

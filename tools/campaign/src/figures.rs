@@ -93,7 +93,10 @@ fn states(campaign: &Campaign, point: &PointStatistics) -> Figure {
         let over_time = |of: &dyn Fn(&EpochStatistics) -> Option<f64>| -> Vec<[f64; 2]> {
             point.epochs().filter_map(|(_, e)| of(e).map(|value| [e.time, value])).collect()
         };
-        let bound = point.bound.iter().flat_map(|b| &b.rows).map(|r| [r.1, r.2[k]]);
+        let least = |r: &(i64, f64, Vec<f64>, Vec<f64>)| {
+            [r.1, if campaign.smooths { r.3[k] } else { r.2[k] }]
+        };
+        let bound = point.bound.iter().flat_map(|b| &b.rows).map(least);
         let curves = vec![
             curve("RMSE", Look::Data(0), over_time(&|e| e.rmse(k)).into_iter()),
             curve("1-sigma", Look::Sigma, over_time(&|e| e.sigma(k)).into_iter()),

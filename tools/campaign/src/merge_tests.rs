@@ -21,6 +21,7 @@ fn campaign() -> Campaign {
         every: 1,
         from: None,
         initial_errors: InitialErrors::Drawn,
+        smooths: false,
         columns: Columns {
             components: vec![component],
             blocks: vec![BlockColumns { name: "dvl.scale".into(), dimension: 1, known: true }],

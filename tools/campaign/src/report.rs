@@ -16,6 +16,8 @@ pub struct CampaignReport {
     pub keys: Vec<String>,
     /// Requested runs of each point.
     pub runs: usize,
+    /// Set if the smoothed estimates of the runs were judged.
+    pub smoothed: bool,
     /// Seed of the campaign.
     pub seed: u64,
     /// Results, one entry per point of the grid.
@@ -33,7 +35,7 @@ pub struct PointReport {
     pub failed: usize,
     /// Time of the last epoch, s.
     pub end_s: f64,
-    /// Every component at the end.
+    /// Every component: at the end, or over the run where the runs are smoothed.
     pub states: Vec<StateReport>,
     /// ANEES of the whole state, then of every block.
     pub anees: Vec<Anees>,
@@ -63,7 +65,8 @@ pub struct WorstRun {
     pub again: String,
 }
 
-/// Component at the end; null if a value is not known.
+/// Component at the end, or over the whole run where the runs are smoothed: the smoothed estimate at
+/// the end is that of the filter. Null if a value is not known.
 #[derive(Clone, Debug, Serialize)]
 pub struct StateReport {
     /// The component.
@@ -77,7 +80,7 @@ pub struct StateReport {
     pub sigma: Option<f64>,
     /// RMSE over sigma.
     pub rmse_over_sigma: Option<f64>,
-    /// Cramer-Rao bound of a filter.
+    /// Cramer-Rao bound of a filter, or of a smoother where the runs are smoothed.
     pub bound: Option<f64>,
     /// RMSE over bound.
     pub rmse_over_bound: Option<f64>,
@@ -129,6 +132,7 @@ impl CampaignReport {
             scenario: campaign.scenario.clone(),
             keys: campaign.keys.clone(),
             runs: campaign.runs,
+            smoothed: campaign.smooths,
             seed: campaign.seed,
             points: points
                 .iter()
@@ -151,9 +155,19 @@ impl PointReport {
                 let over = |a: Option<f64>, b: Option<f64>| {
                     a.zip(b.filter(|b| *b > 0.0)).map(|(a, b)| a / b)
                 };
-                let (rmse, mean_error, sigma) = last
-                    .map_or((None, None, None), |(_, e)| (e.rmse(k), e.mean_error(k), e.sigma(k)));
-                let least = bound_row.and_then(|row| known(row.2[k]));
+                let (rmse, mean_error, sigma) = if campaign.smooths {
+                    let all = point.over_run(k);
+                    (all.rmse(), all.mean_error(), all.sigma())
+                } else {
+                    last.map_or((None, None, None), |(_, e)| {
+                        (e.rmse(k), e.mean_error(k), e.sigma(k))
+                    })
+                };
+                let least = if campaign.smooths {
+                    point.smoothed_bound(k)
+                } else {
+                    bound_row.and_then(|row| known(row.2[k]))
+                };
                 let smoothed = bound.map(|b| {
                     (b.rows.iter().map(|r| r.3[k] * r.3[k]).sum::<f64>() / b.rows.len() as f64)
                         .sqrt()

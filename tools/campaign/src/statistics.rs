@@ -60,8 +60,9 @@ pub struct EpochStatistics {
     sensors: Vec<[f64; SENSOR.len()]>,
 }
 
+/// Sums of the errors and variances of a component.
 #[derive(Clone, Copy, Debug, Default)]
-struct Moments {
+pub struct Moments {
     count: usize,
     error: f64,
     error_squared: f64,
@@ -70,6 +71,33 @@ struct Moments {
     /// Sum of squares of error over sigma, and its number of terms.
     normalised_squared: f64,
     normalised: usize,
+}
+
+impl Moments {
+    /// Returns the root mean square error, in the display unit.
+    pub fn rmse(&self) -> Option<f64> {
+        (self.count > 0).then(|| (self.error_squared / self.count as f64).sqrt())
+    }
+
+    /// Returns the mean error.
+    pub fn mean_error(&self) -> Option<f64> {
+        (self.count > 0).then(|| self.error / self.count as f64)
+    }
+
+    /// Returns the root of the mean variance.
+    pub fn sigma(&self) -> Option<f64> {
+        (self.known > 0).then(|| (self.variance / self.known as f64).sqrt())
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.count += other.count;
+        self.error += other.error;
+        self.error_squared += other.error_squared;
+        self.known += other.known;
+        self.variance += other.variance;
+        self.normalised_squared += other.normalised_squared;
+        self.normalised += other.normalised;
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -150,6 +178,27 @@ impl PointStatistics {
         self.epochs.values().filter(|e| e.time >= self.from)
     }
 
+    /// Returns the errors of a component over all epochs that enter the verdict.
+    pub fn over_run(&self, component: usize) -> Moments {
+        let mut all = Moments::default();
+        self.judged().for_each(|epoch| all.add(&epoch.components[component]));
+        all
+    }
+
+    /// Returns the bound of a smoother, root mean square over the epochs that enter the verdict and
+    /// have a known error.
+    pub fn smoothed_bound(&self, component: usize) -> Option<f64> {
+        let bound = self.bound.as_ref()?;
+        let (mut count, mut squares) = (0.0, 0.0);
+        let epochs = self.epochs.iter().filter(|(_, epoch)| epoch.time >= self.from);
+        for (number, _) in epochs.filter(|(_, epoch)| epoch.components[component].count > 0) {
+            let row = bound.at(*number)?;
+            count += 1.0;
+            squares += row.3[component] * row.3[component];
+        }
+        Some((squares / count).sqrt()).filter(|bound| bound.is_finite())
+    }
+
     /// Returns the NIS of a sensor over all epochs that enter the verdict.
     pub fn nis(&self, sensor: usize) -> NisSums {
         let mut sums = [0.0; SENSOR.len()];
@@ -201,21 +250,18 @@ impl EpochStatistics {
 
     /// Returns the root mean square error of a component, in its display unit.
     pub fn rmse(&self, component: usize) -> Option<f64> {
-        let m = &self.components[component];
-        (m.count > 0).then(|| (m.error_squared / m.count as f64).sqrt())
+        self.components[component].rmse()
     }
 
     /// Returns the mean error of a component.
     pub fn mean_error(&self, component: usize) -> Option<f64> {
-        let m = &self.components[component];
-        (m.count > 0).then(|| m.error / m.count as f64)
+        self.components[component].mean_error()
     }
 
     /// Returns the root of the mean variance of a component, which a consistent filter's RMSE
     /// equals on average.
     pub fn sigma(&self, component: usize) -> Option<f64> {
-        let m = &self.components[component];
-        (m.known > 0).then(|| (m.variance / m.known as f64).sqrt())
+        self.components[component].sigma()
     }
 
     /// Returns the root mean square of the error over its sigma, which is 1 for a consistent filter.

@@ -305,13 +305,15 @@ impl Tracker {
 /// Sink with a tracker.
 pub struct TrackerSink {
     every: f64,
+    /// Set where the epochs are smoothed ones, which have no part in the filter.
+    smoothed: bool,
     tracker: Option<Tracker>,
 }
 
 impl TrackerSink {
     /// A sink whose tracker keeps normalised sigmas at this interval, s.
     pub fn new(every: f64) -> Self {
-        Self { every, tracker: None }
+        Self { every, smoothed: false, tracker: None }
     }
 
     /// Returns the tracker that a finished run has filled; `None` if the run had no such sink.
@@ -322,6 +324,7 @@ impl TrackerSink {
 
 impl Sink for TrackerSink {
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
+        self.smoothed = run.smoothed;
         self.tracker = Some(Tracker::new(run, self.every));
         Ok(())
     }
@@ -348,6 +351,10 @@ impl Sink for TrackerSink {
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        if self.smoothed { Ok(()) } else { self.filtered(epoch) }
+    }
+
+    fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         if let Some(tracker) = &mut self.tracker {
             tracker.epoch(epoch);
         }

@@ -21,6 +21,11 @@ impl Covariance {
         self.n
     }
 
+    /// Size of the elements, bytes.
+    pub(crate) fn size(&self) -> usize {
+        self.p.len() * size_of::<f64>()
+    }
+
     /// The element at row `i`, column `j`.
     pub fn get(&self, i: usize, j: usize) -> f64 {
         self.p[i * self.stride + j]

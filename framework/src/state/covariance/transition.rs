@@ -294,6 +294,13 @@ impl Transition {
         }
     }
 
+    /// Approximate size, bytes.
+    pub(crate) fn size(&self) -> usize {
+        let c = &self.compiled;
+        let numbers = self.phi.len() + self.q.len() + c.x.len() + c.xt.len() + c.y.len();
+        numbers * size_of::<f64>() + (self.places.len() + c.entries.len()) * size_of::<[usize; 4]>()
+    }
+
     /// Multiplies the standard deviation of the models' process noise by `factor`.
     pub fn scale_noise(&mut self, factor: f64) {
         self.excess = factor * factor - 1.0;

@@ -91,6 +91,12 @@ impl Update {
         &self.gain
     }
 
+    /// `P H'` of the last [`Self::innovate`], row-major `n` x `m`: the covariance of the error with
+    /// the innovation.
+    pub fn cross_covariance(&self) -> &[f64] {
+        &self.l
+    }
+
     /// Computes `S = H P H' + R` and the normalised innovation squared, which may be infinite;
     /// `None` if `S` is not positive definite.
     pub fn innovate(&mut self, covariance: &Covariance) -> Option<f64> {

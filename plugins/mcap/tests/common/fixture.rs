@@ -94,6 +94,7 @@ pub fn info() -> RunInfo {
         scenario: SCENARIO.into(),
         seed: 7,
         simulated: false,
+        smoothed: false,
         version: "1.2.3".into(),
         layout: layout(),
         sensors: sensors(),

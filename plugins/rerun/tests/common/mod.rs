@@ -132,6 +132,7 @@ impl Synthetic {
             scenario,
             seed: 1,
             simulated: true,
+            smoothed: false,
             version: "0.1.0".into(),
             layout,
             sensors,

@@ -1,0 +1,19 @@
+//! Fixed-interval smoothing of any composition: the estimate of every time from all samples of the
+//! run.
+//!
+//! The filter runs as always, and leaves snapshots of itself on the way. Then each segment between
+//! two snapshots is computed again, the last one first: this time its transitions, corrections and
+//! estimates are recorded, and the backward recursion of `adjoint.rs` passes over the records. So
+//! the records of one segment are in memory at a time, however long the run.
+//!
+//! The recursion needs only what every filter run gives, and nothing from models or plugins: each
+//! step is a linear map of the error, and each correction one with an innovation.
+
+mod adjoint;
+mod error;
+mod segment;
+mod smoother;
+mod tape;
+
+pub use error::SmoothError;
+pub(crate) use smoother::Forward;

@@ -1,0 +1,182 @@
+//! Records of one segment of the run, which the backward recursion reads.
+
+use super::adjoint::{Correction, Map};
+use crate::model::record::{Epoch, Observer};
+use crate::state::Layout;
+use crate::state::covariance::{Transition, Update};
+use std::slice::Iter;
+
+/// A record.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Kind {
+    /// Values of the declared elements of `Phi`.
+    Step,
+    /// A correction with that many components and columns.
+    Update(usize, usize),
+    /// An estimate that the run records: see [`Row`].
+    Epoch,
+}
+
+/// Places of the numbers of an estimate in a row.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row {
+    /// Lengths of the values and the signals, dimension of the error, number of blocks.
+    pub(super) values: usize,
+    pub(super) signals: usize,
+    pub(super) n: usize,
+    pub(super) blocks: usize,
+}
+
+impl Row {
+    pub(super) fn new(layout: &Layout) -> Self {
+        let (values, signals) = (layout.ambient, layout.signals);
+        Self { values, signals, n: layout.tangent, blocks: layout.blocks.len() }
+    }
+
+    /// Length of the lower triangle of the covariance.
+    pub(super) fn triangle(&self) -> usize {
+        self.n * (self.n + 1) / 2
+    }
+
+    /// Length: time, values, signals, covariance, a mark for a truth, its values, and a mark for
+    /// each known block.
+    pub(super) fn width(&self) -> usize {
+        1 + 2 * self.values + self.signals + self.triangle() + 1 + self.blocks
+    }
+}
+
+/// Length of the record of a transition.
+pub(super) fn step_length(transition: &Transition) -> usize {
+    transition.elements().count()
+}
+
+/// Length of the record of a correction.
+pub(super) fn correction_length(update: &Update, n: usize, considers: bool) -> usize {
+    let (m, w) = (update.m, update.columns.len());
+    m * w + m * m + n * m * (1 + usize::from(considers)) + m + n + w
+}
+
+/// Records of one segment.
+pub(super) struct Segment {
+    row: Row,
+    considers: bool,
+    data: Vec<f64>,
+    columns: Vec<usize>,
+    index: Vec<(Kind, usize, usize)>,
+    /// Row and column of each declared element of `Phi`.
+    places: Vec<(usize, usize)>,
+}
+
+impl Segment {
+    pub(super) fn new(layout: &Layout, considers: bool) -> Self {
+        Self {
+            row: Row::new(layout),
+            considers,
+            data: Vec::new(),
+            columns: Vec::new(),
+            index: Vec::new(),
+            places: Vec::new(),
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.data.clear();
+        self.columns.clear();
+        self.index.clear();
+    }
+
+    fn begin(&mut self, kind: Kind) {
+        self.index.push((kind, self.data.len(), self.columns.len()));
+    }
+
+    fn transition(&mut self, transition: &Transition) {
+        if self.places.is_empty() {
+            self.places.extend(transition.elements().map(|(i, j, _)| (i, j)));
+        }
+        self.begin(Kind::Step);
+        self.data.extend(transition.elements().map(|(_, _, value)| value));
+    }
+
+    fn correction(&mut self, update: &Update) {
+        self.begin(Kind::Update(update.m, update.columns.len()));
+        self.columns.extend_from_slice(&update.columns);
+        // the Jacobian may have more room than rows
+        let h = &update.h[..update.m * update.columns.len()];
+        let cross = if self.considers { update.cross_covariance() } else { &[] };
+        for part in [h, &update.s, update.gain(), cross, &update.innovation, &update.delta] {
+            self.data.extend_from_slice(part);
+        }
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) {
+        self.begin(Kind::Epoch);
+        let Epoch { state, covariance, truth, .. } = epoch;
+        self.data.push(f64::from_bits(state.time.nanos().cast_unsigned()));
+        self.data.extend_from_slice(&state.values);
+        self.data.extend_from_slice(&state.signals);
+        let n = self.row.n;
+        let triangle = (0..n).flat_map(|i| (0..=i).map(move |j| covariance.get(i, j)));
+        self.data.extend(triangle);
+        match truth {
+            None => {
+                self.data.extend(std::iter::repeat_n(0.0, 1 + self.row.values + self.row.blocks))
+            }
+            Some(truth) => {
+                self.data.push(1.0);
+                self.data.extend_from_slice(&truth.state.values);
+                self.data.extend(truth.known.iter().map(|known| f64::from(u8::from(*known))));
+            }
+        }
+    }
+
+    /// Records, the last one first: each with its numbers and columns.
+    pub(super) fn reversed(&self) -> impl Iterator<Item = (Kind, &[f64], &[usize])> {
+        let ends = self.index.iter().skip(1).map(|i| (i.1, i.2));
+        let ends: Vec<_> = ends.chain([(self.data.len(), self.columns.len())]).collect();
+        self.index.iter().zip(ends).rev().map(|(&(kind, at, column), (end, last))| {
+            (kind, &self.data[at..end], &self.columns[column..last])
+        })
+    }
+
+    /// Sets a map to the transition of a record.
+    pub(super) fn set_map(&self, map: &mut Map, values: &[f64]) {
+        map.set(self.places.iter().zip(values).map(|(&(i, j), &value)| (i, j, value)));
+    }
+
+    /// The correction of a record.
+    pub(super) fn correction_of<'a>(
+        &self,
+        (m, w): (usize, usize),
+        values: &'a [f64],
+        columns: &'a [usize],
+    ) -> Correction<'a> {
+        let n = self.row.n;
+        let (h, rest) = values.split_at(m * w);
+        let (s, rest) = rest.split_at(m * m);
+        let (gain, rest) = rest.split_at(n * m);
+        let (cross, rest) = rest.split_at(if self.considers { n * m } else { 0 });
+        let (innovation, delta) = rest.split_at(m);
+        Correction { m, columns, h, s, gain, cross, innovation, delta }
+    }
+}
+
+/// Records a segment while the filter computes it again.
+pub(super) struct Recorder<'a> {
+    pub(super) segment: &'a mut Segment,
+    /// For each estimate, `true` if the run records it.
+    pub(super) recorded: Iter<'a, bool>,
+}
+
+impl Observer for Recorder<'_> {
+    fn epoch(&mut self, epoch: &Epoch<'_>) {
+        if self.recorded.next().is_some_and(|recorded| *recorded) {
+            self.segment.epoch(epoch);
+        }
+    }
+    fn transition(&mut self, transition: &Transition) {
+        self.segment.transition(transition);
+    }
+    fn correction(&mut self, update: &Update) {
+        self.segment.correction(update);
+    }
+}

@@ -1,0 +1,145 @@
+//! Temporary files of the smoother: the samples of the run in the order of their use, and the
+//! smoothed estimates. They are on disk since a long run exceeds the memory, and removed with the
+//! program.
+
+use crate::units::sample::{MAX_CHANNELS, Sample, SensorId};
+use crate::units::time::Time;
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+
+/// A step of the run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Entry {
+    /// The filter takes a sample.
+    Sample(Sample),
+    /// The runner records the estimate.
+    Epoch,
+    /// The filter uses the samples that it holds.
+    Finish,
+}
+
+/// Marks of the entries.
+const SAMPLE: u8 = 0;
+const EPOCH: u8 = 1;
+const FINISH: u8 = 2;
+
+/// Steps of the run, in order.
+pub(super) struct Steps {
+    file: BufWriter<File>,
+    /// Length in bytes, and the length before the last entry.
+    pub(super) end: u64,
+    before: u64,
+}
+
+impl Steps {
+    pub(super) fn new() -> io::Result<Self> {
+        let file = BufWriter::with_capacity(1 << 16, tempfile::tempfile()?);
+        Ok(Self { file, end: 0, before: 0 })
+    }
+
+    pub(super) fn push(&mut self, entry: &Entry) -> io::Result<()> {
+        let mut bytes = [0; 13 + 8 * MAX_CHANNELS];
+        let mut len = 1;
+        match entry {
+            Entry::Epoch => bytes[0] = EPOCH,
+            Entry::Finish => bytes[0] = FINISH,
+            Entry::Sample(sample) => {
+                let sensor = u16::try_from(sample.sensor.0).map_err(io::Error::other)?;
+                bytes[0] = SAMPLE;
+                bytes[1..9].copy_from_slice(&sample.time.nanos().to_le_bytes());
+                bytes[9..11].copy_from_slice(&sensor.to_le_bytes());
+                bytes[11..13].copy_from_slice(&sample.present().to_le_bytes());
+                len = 13;
+                for value in (0..MAX_CHANNELS).filter_map(|c| sample.get(c)) {
+                    bytes[len..len + 8].copy_from_slice(&value.to_le_bytes());
+                    len += 8;
+                }
+            }
+        }
+        self.file.write_all(&bytes[..len])?;
+        (self.before, self.end) = (self.end, self.end + len as u64);
+        Ok(())
+    }
+
+    /// Forgets the last entry.
+    pub(super) fn take_back(&mut self) {
+        self.end = self.before;
+    }
+
+    /// Passes the entries between two places to `each`.
+    pub(super) fn read<E: From<io::Error>>(
+        &mut self,
+        from: u64,
+        to: u64,
+        mut each: impl FnMut(Entry) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.file.flush()?;
+        let file = self.file.get_mut();
+        file.seek(SeekFrom::Start(from))?;
+        let mut bytes = BufReader::with_capacity(1 << 16, file.take(to - from));
+        let mut mark = [0; 1];
+        while bytes.read(&mut mark)? == 1 {
+            each(match mark[0] {
+                EPOCH => Entry::Epoch,
+                FINISH => Entry::Finish,
+                _ => Entry::Sample(read_sample(&mut bytes)?),
+            })?;
+        }
+        Ok(())
+    }
+}
+
+fn read_sample(bytes: &mut impl Read) -> io::Result<Sample> {
+    let (mut time, mut two) = ([0; 8], [0; 2]);
+    bytes.read_exact(&mut time)?;
+    bytes.read_exact(&mut two)?;
+    let sensor = SensorId(usize::from(u16::from_le_bytes(two)));
+    bytes.read_exact(&mut two)?;
+    let present = u16::from_le_bytes(two);
+    let mut sample = Sample::empty(Time::from_nanos(i64::from_le_bytes(time)), sensor);
+    for channel in (0..MAX_CHANNELS).filter(|c| present >> c & 1 == 1) {
+        let mut value = [0; 8];
+        bytes.read_exact(&mut value)?;
+        sample.set(channel, f64::from_le_bytes(value));
+    }
+    Ok(sample)
+}
+
+/// Rows of numbers of one length, written in the reverse order of time and read in the order of
+/// time.
+pub(crate) struct Rows {
+    file: BufWriter<File>,
+    width: usize,
+    count: u64,
+}
+
+impl Rows {
+    pub(super) fn new(width: usize) -> io::Result<Self> {
+        let file = BufWriter::with_capacity(1 << 16, tempfile::tempfile()?);
+        Ok(Self { file, width, count: 0 })
+    }
+
+    pub(super) fn push(&mut self, row: &[f64]) -> io::Result<()> {
+        for value in row {
+            self.file.write_all(&value.to_le_bytes())?;
+        }
+        self.count += 1;
+        Ok(())
+    }
+
+    /// Passes the rows to `each`, the last one that was written first.
+    pub(super) fn reversed(&mut self, mut each: impl FnMut(&[f64])) -> io::Result<()> {
+        self.file.flush()?;
+        let size = 8 * self.width;
+        let (mut bytes, mut row) = (vec![0; size], vec![0.0; self.width]);
+        let file = self.file.get_mut();
+        for k in (0..self.count).rev() {
+            file.seek(SeekFrom::Start(k * size as u64))?;
+            file.read_exact(&mut bytes)?;
+            let values = bytes.as_chunks::<8>().0;
+            row.iter_mut().zip(values).for_each(|(v, b)| *v = f64::from_le_bytes(*b));
+            each(&row);
+        }
+        Ok(())
+    }
+}

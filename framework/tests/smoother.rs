@@ -1,0 +1,180 @@
+//! The smoother against the textbook and against batch least squares, on the cart of the laboratory.
+#![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+use navfuse_core::model::stream::{Source, StreamError};
+use navfuse_core::nalgebra::{DMatrix, DVector};
+use navfuse_core::run::runner::{Finished, run};
+use navfuse_core::run::scenario::Assembly;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_testing::lab::{DENSITY, SCENARIO, compose, seconds};
+use navfuse_testing::rts::{Estimate, Records};
+use std::sync::atomic::AtomicBool;
+
+/// Samples in memory.
+struct List(std::vec::IntoIter<Sample>);
+
+impl Source for List {
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+        let next = self.0.next();
+        if let Some(next) = next {
+            *sample = next;
+        }
+        Ok(next.is_some())
+    }
+}
+
+/// A number that looks random, in -1..1.
+fn scatter(k: usize) -> f64 {
+    (12.9898 * (k + 1) as f64).sin() * 43758.5453 % 1.0
+}
+
+/// Speed every 0.1 s for `duration` seconds; the place in one channel every `every` samples, and in
+/// three channels every tenth time.
+fn samples(duration: f64, every: usize, linear: bool) -> Vec<Sample> {
+    let mut samples = Vec::new();
+    for k in 0..=(duration * 10.0) as usize {
+        let t = k as f64 * 0.1;
+        samples.push(Sample::new(seconds(t), SensorId(0), &[1.0 + 0.3 * (0.2 * t).sin()]));
+        if k % every == every - 1 {
+            let p = 1.1 * t + 0.1 * scatter(k);
+            let all = [p, 2.0 * p + 0.1 * scatter(7 * k), 0.1 * p * p];
+            let channels = if !linear && k % (10 * every) == every - 1 { 3 } else { 1 };
+            samples.push(Sample::new(seconds(t), SensorId(1), &all[..channels]));
+        }
+    }
+    samples
+}
+
+fn smoothed(settings: &[&str], samples: Vec<Sample>) -> (Records, Finished) {
+    let settings = [settings, &["estimator.smooth=true"]].concat();
+    let sources = vec![("list".to_owned(), Box::new(List(samples.into_iter())) as _)];
+    let sinks = vec![("records".to_owned(), Box::<Records>::default() as _)];
+    let assembly = Assembly { composition: compose(SCENARIO, &settings), sources, sinks };
+    let mut finished = run(assembly, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    (finished.take_sink().unwrap(), finished)
+}
+
+/// Largest difference between the smoothed estimates and those of the textbook, in sigma, and
+/// between the covariances, relative to the variances.
+fn differences(records: &Records) -> (f64, f64) {
+    assert_eq!(records.filtered.len(), records.smoothed.len());
+    let (mut worst, mut spread) = (0.0_f64, 0.0_f64);
+    let pairs = records.filtered.iter().zip(&records.smoothed).zip(records.rts());
+    for ((Estimate { state, .. }, found), (moved, p)) in pairs {
+        assert_eq!(state.time, found.state.time);
+        // every state of the cart is a number, so the error is the difference
+        for i in 0..moved.len() {
+            let sigma = p[(i, i)].sqrt();
+            let change = found.state.values[i] - state.values[i];
+            worst = worst.max((change - moved[i]).abs() / sigma);
+            for j in 0..moved.len() {
+                let scale = sigma * p[(j, j)].sqrt();
+                spread = spread.max((found.covariance[(i, j)] - p[(i, j)]).abs() / scale);
+            }
+        }
+    }
+    (worst, spread)
+}
+
+const BIAS: &str = "sensor.fix.bias={ sigma = \"30 cm\" }";
+
+#[test]
+fn the_smoothed_run_is_that_of_rauch_tung_and_striebel() {
+    let wanders = "process.cart.drift={ sigma = \"0.5 m/s\", random_walk = \"1 cm/s/sqrt(s)\" }";
+    let returns = "process.cart.drift={ sigma = \"0.5 m/s\", correlation_time = \"10 s\" }";
+    for settings in [&[BIAS][..], &[BIAS, wanders], &[BIAS, returns]] {
+        let (records, _) = smoothed(settings, samples(30.0, 5, false));
+        let (worst, spread) = differences(&records);
+        assert!(records.filtered.len() > 250 && worst < 1e-6 && spread < 1e-6, "{worst} {spread}");
+    }
+}
+
+/// 40 minutes have 20 segments of records at first, so snapshots are dropped on the way.
+#[test]
+fn a_long_run_of_many_segments_is_that_too_and_its_covariance_stays_positive() {
+    let wanders = "process.cart.drift={ sigma = \"0.5 m/s\", random_walk = \"1 cm/s/sqrt(s)\" }";
+    let (records, _) = smoothed(&[BIAS, wanders], samples(2400.0, 5, true));
+    let (worst, spread) = differences(&records);
+    assert!(records.filtered.len() > 23_000 && worst < 1e-6 && spread < 1e-6, "{worst} {spread}");
+    assert!(records.smoothed.iter().all(|e| e.covariance.clone().cholesky().is_some()));
+}
+
+#[test]
+fn gated_samples_and_an_inflated_covariance_change_nothing_in_that() {
+    // the place jumps by 20 m at 10 s: gated until the covariance is inflated, then followed
+    let mut samples = samples(30.0, 5, true);
+    for sample in samples.iter_mut().filter(|s| s.sensor.0 == 1 && s.time > seconds(10.0)) {
+        let place = sample.get(0).unwrap();
+        sample.set(0, place + 20.0);
+    }
+    let (records, finished) = smoothed(&["sensor.fix.recovery.after=\"2 s\""], samples);
+    let gated = finished.summary.samples["fix"]["gated"].as_u64().unwrap();
+    assert!(gated > 2, "{gated}");
+    let (end, found) = (records.filtered.last().unwrap(), records.smoothed.last().unwrap());
+    assert_eq!(end.state, found.state, "the last estimate has no later sample");
+    // the jump is process noise in the filter, so a smoothed estimate lies between its sides
+    assert!(records.smoothed.iter().all(|e| e.covariance.clone().cholesky().is_some()));
+}
+
+/// Unknowns with their factors, value and sigma of a weighted equation.
+type Equation = (Vec<(usize, f64)>, f64, f64);
+
+#[test]
+fn the_smoothed_places_are_those_of_least_squares_over_the_whole_run() {
+    let (records, _) = smoothed(&[BIAS], samples(5.0, 4, true));
+    // unknowns: the place at every speed, the drift, the bias; weighted equations
+    let count = 51;
+    let (drift, bias, width) = (count, count + 1, count + 2);
+    let mut rows: Vec<Equation> = vec![
+        (vec![(0, 1.0)], 0.0, 1.0),
+        (vec![(drift, 1.0)], 0.0, 0.5),
+        (vec![(bias, 1.0)], 0.0, 0.3),
+    ];
+    for sample in samples(5.0, 4, true) {
+        let k = (sample.time.seconds() * 10.0).round() as usize;
+        let value = sample.get(0).unwrap();
+        if sample.sensor.0 == 1 {
+            rows.push((vec![(k, 1.0), (bias, 1.0)], value, 0.1));
+        } else if k > 0 {
+            let terms = vec![(k, 1.0), (k - 1, -1.0), (drift, 0.1)];
+            rows.push((terms, value * 0.1, (DENSITY * 0.1).sqrt()));
+        }
+    }
+    let mut a = DMatrix::zeros(rows.len(), width);
+    let mut b = DVector::zeros(rows.len());
+    for (r, (terms, value, sigma)) in rows.into_iter().enumerate() {
+        terms.into_iter().for_each(|(c, factor)| a[(r, c)] = factor / sigma);
+        b[r] = value / sigma;
+    }
+    let covariance = (a.tr_mul(&a)).cholesky().unwrap().inverse();
+    let best = &covariance * a.tr_mul(&b);
+    assert!(records.smoothed.len() >= count, "{}", records.smoothed.len());
+    for found in &records.smoothed {
+        let k = (found.state.time.seconds() * 10.0).round() as usize;
+        for (i, unknown) in [k, drift, bias].into_iter().enumerate() {
+            let sigma = covariance[(unknown, unknown)].sqrt();
+            let error = (found.state.values[i] - best[unknown]).abs() / sigma;
+            let ratio = found.covariance[(i, i)].sqrt() / sigma;
+            assert!(error < 1e-6 && (ratio - 1.0).abs() < 1e-6, "{k} {i}: {error} {ratio}");
+        }
+    }
+}
+
+#[test]
+fn the_covariance_beside_a_considered_state_is_that_of_the_error() {
+    let considered = "sensor.fix.bias={ mode = \"consider\", sigma = \"30 cm\" }";
+    let (records, _) = smoothed(&[considered], samples(12.0, 5, true));
+    let n = records.layout.tangent;
+    let kept: Vec<bool> = (0..n).map(|i| i == 2).collect();
+    let exact = records.covariances_of_the_errors(&kept);
+    for (found, exact) in records.smoothed.iter().zip(&exact) {
+        let scale = |i: usize| exact[(i, i)].sqrt();
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            let difference = (found.covariance[(i, j)] - exact[(i, j)]).abs();
+            assert!(difference < 1e-9 * scale(i) * scale(j), "{i} {j}: {difference}");
+        }
+        assert_eq!(found.state.values[2].to_bits(), 0.0_f64.to_bits(), "it keeps its value");
+        assert!((found.covariance[(2, 2)].sqrt() - 0.3).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,217 @@
+//! A dense smoother of Rauch, Tung & Striebel on the records of a run, as the textbooks have it
+//! (Gelb, Applied Optimal Estimation, 1974, section 5.2), and the exact covariance of a linear
+//! smoother with any gain.
+
+use navfuse_core::model::record::Epoch;
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::nalgebra::{DMatrix, DVector};
+use navfuse_core::state::covariance::{Transition, Update};
+use navfuse_core::state::{Layout, State};
+
+/// A step of the filter as a linear map of the error: `e = M e + noise`, and for a correction its
+/// innovation `y = H e + v`.
+pub struct Step {
+    pub map: DMatrix<f64>,
+    pub noise: DMatrix<f64>,
+    /// `K y` of a correction.
+    pub moved: DVector<f64>,
+    pub correction: Option<Correction>,
+}
+
+pub struct Correction {
+    pub h: DMatrix<f64>,
+    pub s: DMatrix<f64>,
+    pub gain: DMatrix<f64>,
+    pub reset: DMatrix<f64>,
+    pub innovation: DVector<f64>,
+}
+
+/// An estimate with its covariance, and the number of steps before it.
+pub struct Estimate {
+    pub after: usize,
+    pub state: State,
+    pub covariance: DMatrix<f64>,
+    pub truth: Option<State>,
+}
+
+/// Sink that keeps every step of the filter, its estimates, and the smoothed estimates.
+#[derive(Default)]
+pub struct Records {
+    pub layout: Layout,
+    pub steps: Vec<Step>,
+    pub filtered: Vec<Estimate>,
+    pub smoothed: Vec<Estimate>,
+}
+
+impl Records {
+    fn estimate(&self, epoch: &Epoch<'_>) -> Estimate {
+        let covariance = epoch.covariance.to_dense();
+        let truth = epoch.truth.map(|truth| truth.state.clone());
+        Estimate { after: self.steps.len(), state: epoch.state.clone(), covariance, truth }
+    }
+
+    /// Smoothed estimates of the textbook, in the order of the filter's: `x_s [-] x`, and `P_s` of
+    /// the error about `x`.
+    pub fn rts(&self) -> Vec<(DVector<f64>, DMatrix<f64>)> {
+        let end = self.filtered.last().expect("an estimate");
+        assert_eq!(end.after, self.steps.len(), "the run ends with an estimate");
+        let n = self.layout.tangent;
+        // covariances before and after each step
+        let first = &self.filtered[0];
+        let mut before = vec![first.covariance.clone()];
+        for step in &self.steps[first.after..] {
+            let p = before.last().expect("one");
+            let next = &step.map * p * step.map.transpose() + &step.noise;
+            before.push((&next + next.transpose()) * 0.5);
+        }
+        let (mut moved, mut p) = (DVector::zeros(n), before.pop().expect("the last"));
+        let mut found = Vec::new();
+        let mut estimates = self.filtered.iter().rev().peekable();
+        for k in (first.after..=self.steps.len()).rev() {
+            while estimates.next_if(|e| e.after == k).is_some() {
+                found.push((moved.clone(), p.clone()));
+            }
+            let Some(k) = k.checked_sub(1).filter(|k| *k >= first.after) else { break };
+            let step = &self.steps[k];
+            let filtered = before.pop().expect("one for each step");
+            if let Some(Correction { reset, .. }) = &step.correction {
+                // the error after the correction is that before it, moved and reset
+                let back = reset.clone().try_inverse().expect("a reset");
+                moved = &step.moved + &back * moved;
+                p = &back * p * back.transpose();
+                continue;
+            }
+            // C = P Phi' P-^-1,  x_s = x + C (x_s' - x-),  P_s = P + C (P_s' - P-) C'
+            let predicted = &step.map * &filtered * step.map.transpose() + &step.noise;
+            let gain = inverse(&predicted) * &step.map * &filtered;
+            let gain = gain.transpose();
+            moved = &gain * moved;
+            p = &filtered + &gain * (p - predicted) * gain.transpose();
+        }
+        found.reverse();
+        found
+    }
+
+    /// Covariance of the error of `x + D P lambda` at each estimate, from the sources of all errors:
+    /// the initial error, the noise of each step, and that of each measurement. `kept` marks the
+    /// states that are considered.
+    pub fn covariances_of_the_errors(&self, kept: &[bool]) -> Vec<DMatrix<f64>> {
+        let n = self.layout.tangent;
+        let first = &self.filtered[0];
+        let steps = &self.steps[first.after..];
+        // every source has a column; its covariance is a block on the diagonal
+        let sizes = steps.iter().map(|s| s.correction.as_ref().map_or(n, |c| c.h.nrows()));
+        let width = n + sizes.sum::<usize>();
+        let mut sources = DMatrix::zeros(width, width);
+        sources.view_mut((0, 0), (n, n)).copy_from(&first.covariance);
+        let mut error = DMatrix::zeros(n, width);
+        error.view_mut((0, 0), (n, n)).fill_with_identity();
+        let mut p = first.covariance.clone();
+        let (mut at, mut errors, mut innovations) = (n, vec![error.clone()], Vec::new());
+        let mut covariances = vec![p.clone()];
+        for step in steps {
+            let mut next = &step.map * &error;
+            if let Some(c) = &step.correction {
+                let m = c.h.nrows();
+                let r = &c.s - &c.h * &p * c.h.transpose();
+                sources.view_mut((at, at), (m, m)).copy_from(&r);
+                let mut innovation = &c.h * &error;
+                (0..m).for_each(|a| innovation[(a, at + a)] += 1.0);
+                let mut seen = next.view_mut((0, at), (n, m));
+                seen -= &c.reset * &c.gain;
+                innovations.push(Some(innovation));
+                at += m;
+            } else {
+                sources.view_mut((at, at), (n, n)).copy_from(&step.noise);
+                (0..n).for_each(|i| next[(i, at + i)] += 1.0);
+                innovations.push(None);
+                at += n;
+            }
+            p = &step.map * &p * step.map.transpose() + &step.noise;
+            error = next;
+            errors.push(error.clone());
+            covariances.push(p.clone());
+        }
+        let mut found = Vec::new();
+        for estimate in &self.filtered {
+            let k = estimate.after - first.after;
+            let mut lambda = DMatrix::zeros(n, width);
+            let mut map = DMatrix::identity(n, n);
+            for (step, innovation) in steps.iter().zip(&innovations).skip(k) {
+                if let Some((c, innovation)) = step.correction.as_ref().zip(innovation.as_ref()) {
+                    let s = c.s.clone().cholesky().expect("S is positive definite");
+                    lambda += (&c.h * &map).transpose() * s.solve(innovation);
+                }
+                map = &step.map * map;
+            }
+            let mut given = &covariances[k] * lambda;
+            for (i, _) in kept.iter().enumerate().filter(|(_, kept)| **kept) {
+                given.row_mut(i).fill(0.0);
+            }
+            let left = &errors[k] - given;
+            found.push(&left * &sources * left.transpose());
+        }
+        found
+    }
+}
+
+/// Inverse of a covariance, scaled to a diagonal of ones first.
+fn inverse(p: &DMatrix<f64>) -> DMatrix<f64> {
+    let scale = p.diagonal().map(|v| 1.0 / v.sqrt());
+    let scaled = DMatrix::from_fn(p.nrows(), p.ncols(), |i, j| scale[i] * p[(i, j)] * scale[j]);
+    let inverse = scaled.cholesky().expect("positive definite").inverse();
+    DMatrix::from_fn(p.nrows(), p.ncols(), |i, j| scale[i] * inverse[(i, j)] * scale[j])
+}
+
+impl Sink for Records {
+    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
+        self.layout = run.layout.clone();
+        Ok(())
+    }
+
+    fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
+        let n = self.layout.tangent;
+        let (map, noise) = (transition.phi_dense(n), transition.noise_dense(n));
+        self.steps.push(Step { map, noise, moved: DVector::zeros(n), correction: None });
+        Ok(())
+    }
+
+    fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
+        let (n, m) = (self.layout.tangent, update.m);
+        let mut h = DMatrix::zeros(m, n);
+        for (k, &c) in update.columns.iter().enumerate() {
+            (0..m).for_each(|a| h[(a, c)] = update.h[a * update.columns.len() + k]);
+        }
+        let s = DMatrix::from_row_slice(m, m, &update.s);
+        let gain = DMatrix::from_row_slice(n, m, update.gain());
+        let innovation = DVector::from_column_slice(&update.innovation);
+        let mut reset = vec![0.0; n * n];
+        (0..n).for_each(|i| reset[i * n + i] = 1.0);
+        self.layout.reset_rows(&update.delta, &mut reset, n);
+        let reset = DMatrix::from_row_slice(n, n, &reset);
+        let r = DMatrix::from_row_slice(m, m, &update.r);
+        let carried = &reset * &gain;
+        self.steps.push(Step {
+            map: &reset * (DMatrix::identity(n, n) - &gain * &h),
+            noise: &carried * r * carried.transpose(),
+            moved: &gain * &innovation,
+            correction: Some(Correction { h, s, gain, reset, innovation }),
+        });
+        Ok(())
+    }
+
+    fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        self.filtered.push(self.estimate(epoch));
+        Ok(())
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        let estimate = self.estimate(epoch);
+        self.smoothed.push(estimate);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(None)
+    }
+}
