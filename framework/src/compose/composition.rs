@@ -12,6 +12,7 @@ use crate::model::sensor::Role;
 use crate::model::sensor::Sensor;
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::model::start::InitialAlignment;
+use crate::model::update_rule::UpdateRule;
 use crate::state::covariance::Transition;
 use crate::state::{Layout, Mode};
 use crate::units::Sigma;
@@ -130,6 +131,8 @@ impl Composition {
             self.estimator.initial = Some(Initial::Reference);
         }
         for (index, sensor) in self.sensors.iter_mut().enumerate() {
+            // the bound is that of the model linearised at the truth
+            sensor.update = UpdateRule::Ekf;
             let Some(faults) = &mut sensor.simulation else { continue };
             if sensor.info.purpose == Purpose::Reference {
                 continue; // it has no noise

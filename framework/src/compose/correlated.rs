@@ -175,6 +175,10 @@ impl AnyMeasurement for Correlated {
         analytic
     }
 
+    fn difference(&self, channel: usize, measured: f64, predicted: f64) -> f64 {
+        self.inner.difference(channel, measured, predicted)
+    }
+
     fn change(&self, from: &At<'_>, to: &At<'_>, out: &mut [f64]) {
         self.inner.change(from, to, out);
         for &(c, error) in &self.errors {

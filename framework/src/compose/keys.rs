@@ -7,6 +7,7 @@ use crate::model::gate::{Gate, Recovery};
 use crate::model::limits::LimitKeys;
 use crate::model::robust::Robust;
 use crate::model::simulate::Faults;
+use crate::model::update_rule::UpdateRule;
 use crate::units::{Positive, Time as Duration};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -54,6 +55,9 @@ sensor_keys! {
         /// that a large innovation that passes the gate counts less. Default: off.
         #[serde(default)]
         pub robust: Robust,
+        /// Rule by which a sample corrects the estimate: `"ekf"`, `"iekf"` or `"ukf"`. Default:
+        /// `update` of `[estimator]`.
+        pub update: Option<UpdateRule>,
         /// Plausible values of the channels by name, such as
         /// `{ vel_x = { range = ["-5 m/s", "5 m/s"], rate = "2 m/s^2" } }`; a sample beyond them is
         /// rejected. Default: the range that the type gives, without a rate.

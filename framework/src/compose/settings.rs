@@ -1,6 +1,7 @@
 //! The table `[estimator]`: start, end and initial values of the filter.
 
 use crate::compose::draw::Draw;
+use crate::model::update_rule::UpdateRule;
 use crate::units::time::Time;
 use crate::units::{Frequency, Positive, Time as Duration};
 use schemars::JsonSchema;
@@ -35,6 +36,10 @@ pub struct EstimatorConfig {
     /// later ones.
     #[serde(default)]
     pub smooth: bool,
+    /// Rule by which samples correct the estimate: `ekf` (one linearisation), `iekf` (iterated) or
+    /// `ukf` (unscented). A sensor's own `update` has precedence.
+    #[serde(default)]
+    pub(crate) update: UpdateRule,
     /// Rate at which estimates are recorded.
     #[serde(default = "ten_hertz")]
     output_rate: Positive<Frequency>,
@@ -52,6 +57,7 @@ impl Default for EstimatorConfig {
             initial: None,
             draw: Draw::Nothing,
             smooth: false,
+            update: UpdateRule::default(),
             output_rate: ten_hertz(),
         }
     }

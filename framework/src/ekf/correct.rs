@@ -3,12 +3,14 @@
 use super::filter::{Ekf, EstimatorError, rejected};
 use super::lockout::{Evidence, GONE, Judged, Verdict};
 use super::slot::SensorSlot;
+use super::unscented::regress;
 use crate::compose::Composition;
 use crate::model::gate::Action;
 use crate::model::measurement::{AnyMeasurement, At};
 use crate::model::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::robust::Robust;
 use crate::model::sensor::Sensor;
+use crate::model::update_rule::UpdateRule;
 use crate::state::covariance::{Covariance, Update};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
@@ -64,7 +66,8 @@ impl Ekf {
     ) -> Result<(), EstimatorError> {
         let m = &mut self.memory;
         let update = &mut self.update;
-        let &Sensor { noise, time_offset, .. } = &self.composition.sensors[sample.sensor.0];
+        let &Sensor { noise, time_offset, update: rule, .. } =
+            &self.composition.sensors[sample.sensor.0];
         match time_offset.zip(m.history.as_mut()) {
             None => model.linearise(&At { layout: &self.layout, state: &m.state, sample }, update),
             Some((offset, history)) => {
@@ -82,6 +85,10 @@ impl Ekf {
         let repeated = slot.repeats.as_mut().map_or(1.0, |repeats| repeats.take(sample, present));
         if repeated != 1.0 {
             update.r.iter_mut().for_each(|r| *r *= repeated * repeated);
+        }
+        let at = At { layout: &self.layout, state: &m.state, sample };
+        if rule == UpdateRule::Ukf {
+            regress(&mut self.points, &at, model, &m.covariance, update);
         }
         let Some(mut nis) = update.innovate(&m.covariance) else {
             self.reject(sample, Rejection::Singular, observer);
@@ -160,7 +167,25 @@ impl Ekf {
             self.reject(sample, Rejection::Singular, observer);
             return Ok(());
         }
+        if rule == UpdateRule::Iekf {
+            self.iterated.iterate(&at, model, &m.covariance, &self.considered, update);
+            if update.innovate(&m.covariance).is_none() {
+                self.reject(sample, Rejection::Singular, observer);
+                return Ok(());
+            }
+        }
+        // an unscented update takes the curvature for noise, and an iterated one linearises at its
+        // end
+        let mut curved = None;
+        if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Ekf)
+            && check.is_due(update, &m.covariance)
+        {
+            curved = check.check(&mut self.points, &at, model, &m.covariance, update);
+        }
         update.apply(&mut m.covariance, &self.considered);
+        if rule == UpdateRule::Iekf {
+            self.iterated.correct(&mut update.delta);
+        }
         if let Some(repeats) = &mut slot.repeats {
             repeats.keep(update, present, true);
         }
@@ -168,6 +193,17 @@ impl Ekf {
             update.correct(&mut other.reach);
         }
         self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
+        if let Some(check) =
+            m.sensors[index].curvature.as_mut().filter(|_| rule == UpdateRule::Iekf)
+            && check.is_due(update, &m.covariance)
+        {
+            let at = At { layout: &self.layout, state: &m.state, sample };
+            curved = check.check(&mut self.points, &at, model, &m.covariance, update);
+        }
+        if let Some(curved) = curved {
+            let info = &self.composition.sensors[index].info;
+            observer.finding(curved.finding(sample.time, info, &self.layout));
+        }
         // the injected error, since a velocity that turns moves by more than the gain alone gives
         observer.correction(update);
         if let Some(history) = &mut m.history {

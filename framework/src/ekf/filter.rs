@@ -6,6 +6,8 @@
 
 use super::cadence::Cadence;
 use super::delay::History;
+use super::iterated::Iterated;
+use super::points::SigmaPoints;
 use super::screen::Screen;
 use super::slot::SensorSlot;
 use super::stage::Stage;
@@ -66,6 +68,8 @@ pub struct Ekf {
     pub(super) driver: Option<usize>,
     pub(super) considered: Vec<bool>,
     pub(super) update: Update,
+    pub(super) points: SigmaPoints,
+    pub(super) iterated: Iterated,
     pub(super) memory: Memory,
 }
 
@@ -134,6 +138,8 @@ impl Ekf {
             driver: composition.processes.iter().find_map(|p| p.input),
             considered,
             update: Update::with_capacity(n, MAX_CHANNELS),
+            points: SigmaPoints::default(),
+            iterated: Iterated::default(),
             memory: Memory {
                 stage: if from_reference { Stage::FromReference(start) } else { Stage::At(start) },
                 draws: (composition.estimator.draw != Draw::Nothing)

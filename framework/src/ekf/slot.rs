@@ -1,6 +1,7 @@
 //! Filter state of one sensor: its gate, and the fault that its innovations show.
 
 use super::bias::BiasTest;
+use super::curvature::Curvature;
 use super::lockout::{Isolation, Lockout};
 use super::stuck::Repeats;
 use crate::model::gate::Recovery;
@@ -33,6 +34,8 @@ pub(super) struct SensorSlot {
     pub(super) repeats: Option<Repeats>,
     /// Sequential test on the innovations; none where a constraint gives them.
     pub(super) bias: Option<BiasTest>,
+    /// Check of the linearisation; none where a constraint gives the samples.
+    pub(super) curvature: Option<Curvature>,
     limits: Vec<(usize, Limit)>,
     /// Last plausible sample.
     plausible: Option<Sample>,
@@ -59,6 +62,7 @@ impl SensorSlot {
             robust: sensor.robust,
             repeats: watched.then(Repeats::default),
             bias: watched.then(|| BiasTest::new(used)),
+            curvature: watched.then(Curvature::default),
             limits: sensor.limits.clone(),
             plausible: None,
         }

@@ -126,6 +126,8 @@ pub trait AnyMeasurement: Send {
     fn differentiate(&self, at: &At<'_>, columns: &[usize], read: u128, h: &mut [f64]);
     /// Computes the analytic Jacobian, if the model has one.
     fn analytic(&self, at: &At<'_>, columns: &[usize], h: &mut [f64]) -> bool;
+    /// Computes `z [-] h(x)` of one channel.
+    fn difference(&self, channel: usize, measured: f64, predicted: f64) -> f64;
     /// Computes the change of each channel from one state to another, `h(to) [-] h(from)`, into
     /// `out`.
     fn change(&self, from: &At<'_>, to: &At<'_>, out: &mut [f64]);
@@ -227,6 +229,10 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
 
     fn analytic(&self, at: &At<'_>, columns: &[usize], h: &mut [f64]) -> bool {
         self.0.jacobian(&at.view(), &mut Jacobian { layout: at.layout, columns, values: h })
+    }
+
+    fn difference(&self, channel: usize, measured: f64, predicted: f64) -> f64 {
+        self.0.difference(channel, measured, predicted)
     }
 
     fn change(&self, from: &At<'_>, to: &At<'_>, out: &mut [f64]) {

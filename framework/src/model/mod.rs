@@ -21,4 +21,5 @@ pub mod simulate;
 pub mod start;
 pub mod stream;
 mod stream_error;
+pub mod update_rule;
 pub mod verdict;

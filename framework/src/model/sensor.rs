@@ -8,6 +8,7 @@ use crate::model::measurement::AnyMeasurement;
 use crate::model::motion::Motion;
 use crate::model::robust::Robust;
 use crate::model::simulate::{Faults, Simulate};
+use crate::model::update_rule::UpdateRule;
 use crate::state::manifold::Scalar;
 use crate::state::{Handle, Layout, State};
 use crate::units::sample::{Channel, Sample};
@@ -101,6 +102,8 @@ pub struct Sensor {
     pub recovery: Recovery,
     /// Weight of large innovations.
     pub robust: Robust,
+    /// Rule by which a sample corrects the estimate.
+    pub update: UpdateRule,
     /// Plausible values, each with the index of its channel.
     pub limits: Vec<(usize, Limit)>,
     /// Silence after which the sensor counts as lost, s; by default from its usual interval.
@@ -136,6 +139,7 @@ impl Sensor {
             gate: Gate::default(),
             recovery: Recovery::default(),
             robust: Robust::Off,
+            update: UpdateRule::default(),
             limits: Vec::new(),
             timeout: None,
             late: None,

@@ -10,6 +10,7 @@ use crate::model::fault::Injector;
 use crate::model::limits;
 use crate::model::process::BuiltProcess;
 use crate::model::sensor::{Purpose, Role, Sensor, SensorInfo};
+use crate::model::update_rule::UpdateRule;
 use crate::plugin::{BuildError, BuiltSensor, Make};
 use crate::run::parts::Part;
 use crate::state::Layout;
@@ -56,17 +57,20 @@ pub(crate) struct Building<'a> {
     /// The tables of the sensors, and the sensors built so far, one a table.
     parts: Vec<Part<'a>>,
     built: Vec<Option<Sensor>>,
+    /// Update rule of the sensors that have none of their own.
+    update: UpdateRule,
     processes: Vec<Process>,
     /// All sensors once they are built: those of the tables, then the constraints.
     sensors: Vec<Sensor>,
 }
 
 impl<'a> Building<'a> {
-    /// Begins with the tables of the sensors. Relative paths in the scenario start at `folder`.
-    pub fn new(root: Node<'a>, folder: &Path, parts: Vec<Part<'a>>) -> Self {
+    /// Begins with the tables of the sensors. Relative paths in the scenario start at `folder`;
+    /// `update` is the rule of the sensors that have none of their own.
+    pub fn new(root: Node<'a>, folder: &Path, parts: Vec<Part<'a>>, update: UpdateRule) -> Self {
         let built = parts.iter().map(|_| None).collect();
         let composer = Composer::new(folder);
-        Self { root, composer, parts, built, processes: Vec::new(), sensors: Vec::new() }
+        Self { root, composer, parts, built, update, processes: Vec::new(), sensors: Vec::new() }
     }
 
     /// Builds the sensors that drive a process. Processes ask for the parameters of these sensors,
@@ -89,7 +93,7 @@ impl<'a> Building<'a> {
                 self.composer.begin(part.name);
                 let keys = part.node.only(SensorKeys::KEYS).parse()?;
                 let built = make(&part.own_keys(), &mut self.composer)?;
-                *place = Some(place_sensor(part, keys, built, &mut self.composer)?);
+                *place = Some(place_sensor(part, keys, built, self.update, &mut self.composer)?);
             }
         }
         Ok(())
@@ -164,7 +168,8 @@ impl<'a> Building<'a> {
             if let Some(process) = self.processes.iter_mut().find(|p| p.name == owner) {
                 process.constraint = Some(self.sensors.len());
             }
-            self.sensors.push(Sensor::constraint(info, role));
+            let update = self.update;
+            self.sensors.push(Sensor { update, ..Sensor::constraint(info, role) });
         }
         Ok(())
     }
@@ -277,6 +282,7 @@ fn place_sensor(
     part: &Part<'_>,
     keys: SensorKeys,
     mut built: BuiltSensor,
+    update: UpdateRule,
     composer: &mut Composer,
 ) -> Result<Sensor, DocumentError> {
     let purpose = match &mut built.role {
@@ -297,6 +303,7 @@ fn place_sensor(
     let limits = limits::resolve(built.limits, &keys.limits, &built.channels)
         .map_err(|e| e.at(&part.node))?;
     let time_offset = time_offset_block(part, &keys, composer)?;
+    let update = update_rule(part, &keys, update)?;
     let exclude = excluded(part, &keys)?;
     let late = longest_lateness(part, &keys)?;
     // a simulated pseudo-measurement has samples
@@ -312,6 +319,7 @@ fn place_sensor(
         gate: keys.gate,
         recovery: keys.recovery,
         robust: keys.robust,
+        update,
         limits,
         timeout: keys.timeout.map(|t| t.value().si()),
         late,
@@ -339,6 +347,25 @@ fn longest_lateness(part: &Part<'_>, keys: &SensorKeys) -> Result<Option<Time>, 
     Ok(Time::from_seconds(seconds))
 }
 
+/// Update rule of a sensor: its own, or the default. A state in the past is linearised once.
+fn update_rule(
+    part: &Part<'_>,
+    keys: &SensorKeys,
+    default: UpdateRule,
+) -> Result<UpdateRule, DocumentError> {
+    let rule = keys.update.unwrap_or(default);
+    if rule == UpdateRule::Ekf || keys.time_offset.is_none() {
+        return Ok(rule);
+    }
+    let place = part.node.get("update").or_else(|| part.node.get("time_offset"));
+    Err(place.unwrap_or_else(|| part.node.clone()).error(format!(
+        "a sensor with a time offset measures a past state, which \"{}\" does not support; give \
+         [sensor.{}] update = \"ekf\", or remove its time_offset",
+        rule.key(),
+        part.name
+    )))
+}
+
 /// The spans of time whose samples the filter does not use.
 fn excluded(part: &Part<'_>, keys: &SensorKeys) -> Result<Vec<[Time; 2]>, DocumentError> {
     let span = |[from, to]: &[Duration; 2]| {
@@ -363,6 +390,7 @@ fn reject_corrections(part: &Part<'_>) -> Result<(), DocumentError> {
         ("gate", "a gate"),
         ("recovery", "a gate"),
         ("robust", "a robust update"),
+        ("update", "an update rule"),
         ("correlated_error", "a state of its error"),
         ("time_offset", "a time offset"),
     ];

@@ -82,7 +82,8 @@ impl<'a> Scenario<'a> {
         self.registry.check()?;
         let header = Header::read(&root, self.name())?;
         let sensors = self.parts(Kind::Sensor)?;
-        let mut building = Building::new(root, self.document.folder(), sensors);
+        let mut building =
+            Building::new(root, self.document.folder(), sensors, header.estimator.update);
         building.driving_sensors()?;
         building.processes(&self.parts(Kind::Process)?)?;
         building.other_sensors()?;

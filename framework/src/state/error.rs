@@ -27,6 +27,15 @@ impl Turning {
         (block.operations.coordinates)(&state.values[block.range()], &mut v);
         v.into()
     }
+
+    /// Change of the velocity by an error `delta` of it and an error of the heading.
+    fn moved(&self, layout: &Layout, state: &State, delta: &[f64], heading: f64) -> Vector3<f64> {
+        let psi = Vector3::new(0.0, 0.0, heading);
+        let given = Vector3::from_column_slice(delta);
+        let velocity = self.velocity(layout, state);
+        let (turned, jacobian) = turn(&psi);
+        turned * velocity + jacobian * (given - psi.cross(&velocity))
+    }
 }
 
 /// `exp([phi x]) - I`, computed without cancellation for small angles, and the left Jacobian of
@@ -44,6 +53,70 @@ impl Layout {
             .filter(|t| self.blocks[t.velocity].estimated() && self.blocks[t.attitude].estimated())
     }
 
+    /// Tangent ranges of the velocities that turn, each with that of its attitude.
+    pub(crate) fn headings(
+        &self,
+    ) -> impl Iterator<Item = (std::ops::Range<usize>, std::ops::Range<usize>)> {
+        let range = |slot: usize| self.blocks[slot].tangent_range();
+        let turning = self.turning.iter().map(move |t| (range(t.velocity), range(t.attitude)));
+        turning.filter(|(velocity, attitude)| !velocity.is_empty() && !attitude.is_empty())
+    }
+
+    /// Displaces the values of a state by an error, as [`Self::inject`] does: `to = from [+] delta`.
+    /// Considered blocks move too. For a velocity that turns, `delta` receives the actual change.
+    pub(crate) fn displace(&self, from: &State, delta: &mut [f64], to: &mut State) {
+        to.values.copy_from_slice(&from.values);
+        for t in &self.turning {
+            let (v, a) =
+                (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());
+            if v.is_empty() || a.is_empty() {
+                continue;
+            }
+            let moved = t.moved(self, from, &delta[v.clone()], delta[a.start + 2]);
+            delta[v].copy_from_slice(moved.as_slice());
+        }
+        for block in &self.blocks {
+            let delta = &delta[block.tangent_range()];
+            if delta.iter().any(|d| *d != 0.0) {
+                (block.operations.retract)(&mut to.values[block.range()], delta);
+            }
+        }
+    }
+
+    /// Converts a Jacobian over `columns` (row-major), taken with respect to the error about a state
+    /// that [`Self::displace`] gave, into one with respect to `delta`, the error about the state
+    /// before: `H G` with the reset `G` of [`Self::inject`]. `delta` is that of
+    /// [`Self::displace`], and a velocity that turns has its heading among the columns.
+    pub(crate) fn reset_columns(&self, delta: &[f64], columns: &[usize], h: &mut [f64]) {
+        let w = columns.len();
+        let at = |column: usize| columns.iter().position(|&c| c == column);
+        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
+        let mut row = [0.0; MAX_TANGENT];
+        for block in self.blocks.iter().filter(|b| b.tangent.is_some()) {
+            let (range, n) = (block.tangent_range(), block.operations.tangent);
+            let Some(first) = at(range.start) else { continue };
+            if !(block.operations.reset)(&delta[range], &mut jacobian) {
+                continue;
+            }
+            for h in h.chunks_exact_mut(w) {
+                let h = &mut h[first..first + n];
+                for (k, x) in row[..n].iter_mut().enumerate() {
+                    *x = (0..n).map(|i| h[i] * jacobian[i * n + k]).sum();
+                }
+                h.copy_from_slice(&row[..n]);
+            }
+        }
+        for t in self.corrected() {
+            let (v, a) =
+                (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());
+            let Some((first, heading)) = at(v.start).zip(at(a.start + 2)) else { continue };
+            let by = Vector3::z().cross(&Vector3::from_column_slice(&delta[v]));
+            for h in h.chunks_exact_mut(w) {
+                h[heading] += (0..3).map(|i| h[first + i] * by[i]).sum::<f64>();
+            }
+        }
+    }
+
     /// Injects a correction of the error state into the estimated blocks, and moves the covariance
     /// to the error about the new estimate. For a velocity that turns, `delta` receives the actual
     /// change.
@@ -51,11 +124,7 @@ impl Layout {
         for t in self.corrected() {
             let (v, a) =
                 (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());
-            let psi = Vector3::new(0.0, 0.0, delta[a.start + 2]);
-            let given = Vector3::from_column_slice(&delta[v.clone()]);
-            let velocity = t.velocity(self, state);
-            let (turned, jacobian) = turn(&psi);
-            let moved = turned * velocity + jacobian * (given - psi.cross(&velocity));
+            let moved = t.moved(self, state, &delta[v.clone()], delta[a.start + 2]);
             delta[v.clone()].copy_from_slice(moved.as_slice());
             // xi stays, and delta = xi + psi x v
             covariance.shear(v, a.start + 2, &Vector3::z().cross(&moved));
@@ -218,6 +287,28 @@ mod tests {
                 // rounding of elements of some 100
                 assert!((p - of_g).abs() < 1e-11, "{i} {j}: {p} {of_g}");
             }
+        }
+    }
+
+    #[test]
+    fn a_displaced_state_is_the_injected_one_and_its_columns_are_reset_as_the_covariance_is() {
+        let layout = layout(true);
+        let mut random = Random::new(5, "turning");
+        for _ in 0..50 {
+            let state = displaced(&layout, &layout.initial_state(), &mut random, [1.0, 5.0, 1e3]);
+            let mut delta: Vec<f64> = (0..9).map(|_| 0.3 * random.normal()).collect();
+            let (mut injected, mut moved, mut by) = (state.clone(), state.clone(), delta.clone());
+            layout.displace(&state, &mut by, &mut moved);
+            layout.inject(&mut injected, &mut delta, &mut Covariance::zero(9));
+            assert_eq!((&moved, &by), (&injected, &delta));
+            // rows of the identity become rows of the reset G, in any order of the columns
+            let identity: Vec<f64> = (0..81).map(|k| f64::from(k % 10 == 0)).collect();
+            let (mut g, columns) = (identity.clone(), [3, 4, 5, 0, 1, 2, 6, 7, 8]);
+            layout.reset_rows(&delta, &mut g, 9);
+            let mut h: Vec<f64> = (0..81).map(|k| identity[k / 9 * 9 + columns[k % 9]]).collect();
+            layout.reset_columns(&delta, &columns, &mut h);
+            let apart = (0..81).map(|k| (h[k] - g[k / 9 * 9 + columns[k % 9]]).abs());
+            assert!(apart.fold(0.0, f64::max) < 1e-15);
         }
     }
 

@@ -1,9 +1,11 @@
 //! Channels: names that can be headings of CSV columns, and finite simulated values for each.
 
-use crate::lab::Lab;
+use crate::lab::{Lab, all_estimated};
 use crate::{Failure, Report};
+use navfuse_core::model::measurement::At;
 use navfuse_core::model::sensor::Role;
-use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
+use navfuse_core::state::covariance::Update;
+use navfuse_core::units::sample::{Channel, MAX_CHANNELS, Sample};
 
 pub fn check(lab: &Lab<'_>, report: &mut Report) {
     for part in lab.sensors() {
@@ -14,13 +16,13 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
             Role::Measurement(model) => model.channels(),
             Role::Input(_) | Role::Reference(_) => sensor.info.channels.len(),
         };
-        let names: Vec<(&str, &str)> =
-            sensor.info.channels.iter().map(|c| (c.name, c.unit)).collect();
-        report.add(
-            "channels",
-            part.about,
-            names_fit(&names).and_then(|()| filled(&names, measured, &samples)),
-        );
+        let channels = &sensor.info.channels;
+        let names: Vec<(&str, &str)> = channels.iter().map(|c| (c.name, c.unit)).collect();
+        let outcome = names_fit(&names)
+            .and_then(|()| units_fit(channels))
+            .and_then(|()| filled(&names, measured, &samples, |i| unused(lab, part.index, i)))
+            .and_then(|found| angles_fit(channels, &samples).map(|()| found));
+        report.add("channels", part.about, outcome);
     }
 }
 
@@ -50,10 +52,70 @@ fn names_fit(channels: &[(&str, &str)]) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Units are known, and SI: the framework converts no sample.
+fn units_fit(channels: &[Channel]) -> Result<(), Failure> {
+    for channel in channels {
+        let (name, unit) = (channel.name, channel.unit);
+        let Some(known) = channel.parsed_unit() else {
+            return Err(Failure::new(format!(
+                "the unit {unit:?} of channel {name} is unknown; use an SI unit as the suffix of a \
+                 column, such as m, mps, radps, Pa, or 1 for a ratio"
+            )));
+        };
+        if known.factor() != 1.0 {
+            return Err(Failure::new(format!(
+                "the unit {unit:?} of channel {name} is {} SI units of {}; samples are in SI, so \
+                 convert in `predict` or in the source, and declare the SI unit",
+                known.factor(),
+                known.dimension()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Angles are within one turn, as degrees are not.
+fn angles_fit(channels: &[Channel], samples: &[&Sample]) -> Result<(), Failure> {
+    for (i, channel) in channels.iter().enumerate().filter(|(_, c)| c.unit == "rad") {
+        let beyond = |s: &&&Sample| s.get(i).is_some_and(|v| v.abs() > std::f64::consts::TAU);
+        if let Some(sample) = samples.iter().find(beyond) {
+            return Err(Failure::new(format!(
+                "channel {} is an angle, and its simulated value at {} is {:.1} rad, more than a \
+                 turn; give it in rad, and wrap it into +-pi with `difference`",
+                channel.name,
+                sample.time,
+                sample.get(i).unwrap_or(f64::NAN)
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Tests whether a channel measures nothing with this configuration, such as the range to a beacon
+/// that the scenario does not have: its prediction is not finite, or depends on no state.
+fn unused(lab: &Lab<'_>, sensor: usize, channel: usize) -> bool {
+    let layout = all_estimated(&lab.composition.layout);
+    let Role::Measurement(model) = &lab.composition.sensors[sensor].role else { return false };
+    let mut update = Update::with_capacity(layout.tangent, MAX_CHANNELS);
+    let moments = lab.moments_of(sensor, &layout);
+    !moments.is_empty()
+        && moments.iter().all(|moment| {
+            let mut sample = moment.sample;
+            (0..model.channels()).filter(|&i| i != channel).for_each(|i| sample.clear(i));
+            sample.set(channel, 0.0);
+            let at = At { layout: &layout, state: &moment.state, sample: &sample };
+            model.linearise(&at, &mut update);
+            let row = &update.h[..update.columns.len().min(update.h.len())];
+            update.innovation.first().is_none_or(|y| !y.is_finite())
+                || row.iter().all(|h| *h == 0.0)
+        })
+}
+
 fn filled(
     channels: &[(&str, &str)],
     measured: usize,
     samples: &[&Sample],
+    unused: impl Fn(usize) -> bool,
 ) -> Result<String, Failure> {
     if samples.is_empty() {
         return Err(
@@ -86,7 +148,7 @@ fn filled(
             channels.len()
         )));
     }
-    if let Some(i) = (0..measured).find(|i| seen >> i & 1 == 0) {
+    if let Some(i) = (0..measured).find(|i| seen >> i & 1 == 0 && !unused(*i)) {
         return Err(Failure::new(format!(
             "channel {} is in no simulated sample; set it in `simulate`, or remove its declaration",
             channels[i].0

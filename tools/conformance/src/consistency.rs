@@ -38,8 +38,8 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
     let layout = &lab.composition.layout;
     for (name, about) in names.iter().zip(parts) {
         let own = |b: &&Block| b.name.split('.').next() == Some(name);
-        let own: Vec<&Block> =
-            layout.blocks.iter().filter(own).filter(|b| b.tangent.is_some() && random(b)).collect();
+        let judged = |b: &&Block| b.tangent.is_some() && random(b) && lab.has_truth(b);
+        let own: Vec<&Block> = layout.blocks.iter().filter(own).filter(judged).collect();
         if !own.is_empty() {
             report.add("nees", about, nees(&runs, &own, assumes));
         }
@@ -68,7 +68,9 @@ fn runs(lab: &Lab<'_>) -> Result<Vec<Run>, Failure> {
     let mut settings = vec!["estimator.draw=all".to_owned()];
     for sensor in &lab.composition.sensors {
         let name = &sensor.info.name;
-        if matches!(sensor.role, navfuse_core::model::sensor::Role::Measurement(_)) {
+        // the constraint of a process has no table
+        let table = !sensor.constraint || sensor.detector.is_some();
+        if table && matches!(sensor.role, navfuse_core::model::sensor::Role::Measurement(_)) {
             settings.push(format!("sensor.{name}.gate=off"));
             if sensor.simulation.is_some() {
                 settings.push(format!("sensor.{name}.simulation.outliers=0"));

@@ -38,6 +38,8 @@ fn of_model(
 ) -> Result<String, Failure> {
     let (n, mut worst, mut used, mut finite) = (model.channels(), 0.0_f64, 0, 0);
     let mut reads: Option<u128> = None;
+    // channels that were present, and those that depend on a state
+    let (mut seen, mut sensitive) = (0_u16, 0_u16);
     let mut update = Update::with_capacity(layout.tangent, MAX_CHANNELS);
     for Moment { state, sample: all } in moments {
         let mut whole = false; // true once the prediction of the whole sample is finite
@@ -93,6 +95,12 @@ fn of_model(
                 )));
             }
             used += 1;
+            for (row, &channel) in present.iter().enumerate() {
+                let w = update.columns.len();
+                let depends = update.h[row * w..(row + 1) * w].iter().any(|h| *h != 0.0);
+                seen |= 1 << channel;
+                sensitive |= u16::from(depends) << channel;
+            }
             let mut noise = [0.0; MAX_CHANNELS * MAX_CHANNELS];
             model.noise(&at, &mut noise[..n * n]);
             let mut column = 0;
@@ -124,6 +132,14 @@ fn of_model(
                 column += block.operations.tangent;
             }
         }
+    }
+    if let Some(blind) = (0..n).find(|i| (seen & !sensitive) >> i & 1 == 1) {
+        return Err(Failure::new(format!(
+            "the prediction of channel {} depends on no state: its row of H is zero everywhere; \
+             read the state that it measures with x.get(...), or declare it after the measured \
+             channels and read it with x.channel(...)",
+            names[blind]
+        )));
     }
     if 2 * finite < moments.len() {
         return Err(Failure::new(format!(

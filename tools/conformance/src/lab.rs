@@ -190,6 +190,19 @@ impl<'a> Lab<'a> {
     /// of such a process represents manoeuvres, and the simulated manoeuvres are not a random draw
     /// of it: errors and innovations may be smaller than their covariance predicts.
     pub fn assumes(&self) -> bool {
+        self.followed(|process| process.input.is_none()).contains(&true)
+    }
+
+    /// Tests whether a run can know the truth of a block: a process that moves it follows the motion
+    /// of the vehicle with it, or none moves it.
+    pub fn has_truth(&self, block: &Block) -> bool {
+        let place = self.composition.layout.blocks.iter().position(|b| b.name == block.name);
+        let followed = || place.is_some_and(|slot| self.followed(|_| true)[slot]);
+        !self.composition.transition.moves(&block.tangent_range()) || followed()
+    }
+
+    /// Marks the blocks that some processes set on a known motion.
+    fn followed(&self, chosen: impl Fn(&navfuse_core::compose::Process) -> bool) -> Vec<bool> {
         let (layout, mut state) = (&self.composition.layout, self.moments[0].state.clone());
         let motion = Motion {
             time: state.time,
@@ -200,10 +213,10 @@ impl<'a> Lab<'a> {
             f_ib_b: Vector3::zeros(),
         };
         let mut moved = vec![false; layout.blocks.len()];
-        for process in self.composition.processes.iter().filter(|p| p.input.is_none()) {
+        for process in self.composition.processes.iter().filter(|p| chosen(p)) {
             process.model.follow(layout, &motion, &mut state, &mut moved);
         }
-        moved.contains(&true)
+        moved
     }
 
     /// Moments at a sensor's samples, evenly spaced over the run, each state displaced at random.

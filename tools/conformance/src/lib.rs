@@ -35,6 +35,7 @@ mod lab;
 mod noise;
 mod parameters;
 mod repeat;
+mod sigma;
 mod streams;
 mod transition;
 
@@ -100,6 +101,7 @@ fn report_with(plugins: &[&dyn Plugin], others: &[&dyn Plugin], scenario: &str) 
                 channels::check(&lab, &mut report);
                 jacobian::check(&lab, &mut report);
                 noise::check(&lab, &mut report);
+                sigma::check(&lab, &mut report);
                 transition::check(&lab, &mut report);
             }
             repeat::check(&lab, &mut report);

@@ -40,6 +40,10 @@ fn sensor(fault: &str) -> Report {
 
 /// A vehicle without an IMU.
 fn process(fault: &str) -> Report {
+    process_with(fault, "")
+}
+
+fn process_with(fault: &str, tables: &str) -> Report {
     report(
         &[&BadPlugin],
         &format!(
@@ -49,6 +53,7 @@ fn process(fault: &str) -> Report {
             [sensor.fix]
             noise = "5 cm"
             simulation = {{ rate = "2 Hz" }}
+            {tables}
             [source.simulation]
             segments = [{{ type = "static", duration = "30 s" }}]
             "#
@@ -71,6 +76,7 @@ fn a_sensor_without_a_fault_passes_every_check() {
         "channels",
         "jacobian",
         "noise",
+        "sigma",
         "determinism",
         "snapshot",
         "rejection",
@@ -136,6 +142,45 @@ fn channels_that_do_not_fit() {
     finds(&sensor("nan"), "channels", "its simulated channel two is NaN");
     finds(&sensor("beyond"), "channels", "its simulator sets channel number 6, but 2 are declared");
     finds(&sensor("none of them"), "channels", "its model predicts no channel");
+    finds(&sensor("unset"), "channels", "channel two is in no simulated sample");
+}
+
+#[test]
+fn units_that_are_unknown_or_not_si() {
+    finds(&sensor("furlongs"), "channels", "the unit \"furlong\" of channel two is unknown");
+    finds(&sensor("kilometres"), "channels", "\"km\" of channel two is 1000 SI units of a length");
+}
+
+#[test]
+fn a_sigma_that_is_not_squared() {
+    finds(&sensor("linear"), "sigma", "R holds variances, so square noise once");
+    finds(&sensor("floor"), "sigma", "with twice the noise, which is 1.6");
+}
+
+#[test]
+fn a_channel_that_measures_nothing_and_an_angle_beyond_a_turn() {
+    finds(&sensor("blind"), "jacobian", "the prediction of channel two depends on no state");
+    finds(&sensor("degrees"), "channels", "channel two is an angle, and its simulated value");
+}
+
+#[test]
+fn a_constraint_of_a_process_is_no_sensor_of_the_scenario() {
+    let report = process_with("constraint", "[sensor.reference]\nsimulation = { rate = \"1 Hz\" }");
+    assert_eq!(report.failures().count(), 0, "{report}");
+    // the same checks find a fault beside it
+    finds(&process("phi"), "transition", "of cart.place");
+}
+
+#[test]
+fn a_state_without_a_truth_is_judged_by_nobody() {
+    let report = process_with("clock", "[sensor.reference]\nsimulation = { rate = \"1 Hz\" }");
+    assert_eq!(report.failures().count(), 0, "{report}");
+}
+
+#[test]
+fn a_channel_of_an_instrument_that_the_scenario_does_not_have_is_not_missing() {
+    let report = sensor("spare");
+    assert!(report.failures().all(|f| f.check != "channels"), "{report}");
     finds(&sensor("unset"), "channels", "channel two is in no simulated sample");
 }
 

@@ -13,5 +13,5 @@ mod tests;
 
 pub use matrix::Covariance;
 pub use transition::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
-pub(crate) use update::Reach;
 pub use update::Update;
+pub(crate) use update::{Reach, backward, cholesky, forward};

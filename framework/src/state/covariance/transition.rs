@@ -274,7 +274,7 @@ impl Transition {
     }
 
     /// Returns `true` if a process fills a row in this range.
-    pub(crate) fn moves(&self, rows: &std::ops::Range<usize>) -> bool {
+    pub fn moves(&self, rows: &std::ops::Range<usize>) -> bool {
         self.places.iter().any(|p| rows.contains(&p.0))
             || self.noise.iter().any(|n| rows.contains(&n.1))
     }

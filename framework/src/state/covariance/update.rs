@@ -384,7 +384,7 @@ impl Update {
 }
 
 /// The lower Cholesky factor of `s`, row-major `m` x `m`; `false` if it is not positive definite.
-fn cholesky(s: &[f64], m: usize, lower: &mut Vec<f64>) -> bool {
+pub(crate) fn cholesky(s: &[f64], m: usize, lower: &mut Vec<f64>) -> bool {
     lower.clear();
     lower.resize(m * m, 0.0);
     for i in 0..m {
@@ -405,7 +405,7 @@ fn cholesky(s: &[f64], m: usize, lower: &mut Vec<f64>) -> bool {
 }
 
 /// Solves `L y = b` in place.
-fn forward(lower: &[f64], m: usize, b: &mut [f64]) {
+pub(crate) fn forward(lower: &[f64], m: usize, b: &mut [f64]) {
     for i in 0..m {
         let sum: f64 = (0..i).map(|k| lower[i * m + k] * b[k]).sum();
         b[i] = (b[i] - sum) / lower[i * m + i];
@@ -413,7 +413,7 @@ fn forward(lower: &[f64], m: usize, b: &mut [f64]) {
 }
 
 /// Solves `L' x = y` in place.
-fn backward(lower: &[f64], m: usize, y: &mut [f64]) {
+pub(crate) fn backward(lower: &[f64], m: usize, y: &mut [f64]) {
     for i in (0..m).rev() {
         let sum: f64 = (i + 1..m).map(|k| lower[k * m + i] * y[k]).sum();
         y[i] = (y[i] - sum) / lower[i * m + i];

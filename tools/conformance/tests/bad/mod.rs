@@ -51,18 +51,53 @@ impl SensorType for Bad {
     const TYPE: &'static str = "bad";
     fn channels(&self) -> Vec<Channel> {
         let first = if self.fault == "name" { "Depth one" } else { "one" };
-        vec![Channel::new(first, "m"), Channel::new("two", "m")]
+        let unit = match self.fault.as_str() {
+            "furlongs" => "furlong",
+            "kilometres" => "km",
+            "degrees" => "rad",
+            _ => "m",
+        };
+        let mut channels = vec![Channel::new(first, "m"), Channel::new("two", unit)];
+        if self.fault == "spare" {
+            channels.push(Channel::new("three", "m"));
+        }
+        channels
     }
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let navigation = Navigation::find(composer, "navigation", "ins")?;
         let bias = self.bias.block(composer, "bias", &[0.0], display::LENGTH)?;
-        let sigma = self.noise.value().si();
+        let mut sigma = self.noise.value().si();
+        match self.fault.as_str() {
+            "linear" => sigma = sigma.sqrt(),
+            "floor" => sigma = sigma.hypot(0.1),
+            _ => {}
+        }
         let model =
             BadModel { navigation, bias, sigma, fault: self.fault, asked: AtomicU32::new(0) };
         if model.fault == "rows" || model.fault == "none of them" {
             return Ok(Role::Measurement(Arc::new(Stubborn(model))));
         }
+        if model.fault == "spare" {
+            return Ok(Role::measurement(Spare(model)));
+        }
         Ok(Role::measurement(model))
+    }
+}
+
+/// A model with a third channel, for an instrument that the scenario does not have.
+struct Spare(BadModel);
+
+impl MeasurementModel<3> for Spare {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
+        let z = self.0.predict(x);
+        SVector::from([z[0], z[1], convert(f64::NAN)])
+    }
+    fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
+        let r = self.0.noise(x);
+        SMatrix::from_diagonal(&SVector::from([r[(0, 0)], r[(1, 1)], 1.0]))
+    }
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        self.0.simulate(scene, sample);
     }
 }
 
@@ -91,6 +126,8 @@ impl MeasurementModel<2> for BadModel {
                     0.0
                 })
             }
+            "blind" => z[1] = convert(7.0),
+            "degrees" => z[1] += convert(30.0),
             "memory" => {
                 z[1] +=
                     convert::<f64, T>(1e-6 * f64::from(self.asked.fetch_add(1, Ordering::Relaxed)))
@@ -171,6 +208,9 @@ impl AnyMeasurement for Stubborn {
     fn analytic(&self, _: &At<'_>, _: &[usize], _: &mut [f64]) -> bool {
         true
     }
+    fn difference(&self, _: usize, measured: f64, predicted: f64) -> f64 {
+        measured - predicted
+    }
     fn change(&self, _: &At<'_>, _: &At<'_>, _: &mut [f64]) {}
     fn complete(&self, _: &mut Sample) {}
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
@@ -199,11 +239,19 @@ impl ProcessType for Cart {
         let place = composer.block("place", spec("m"))?;
         let speed = composer.block("speed", spec("m/s"))?;
         let (p, v) = (composer.tangent(place), composer.tangent(speed));
+        // a clock that runs away, which no motion of a vehicle gives
+        let clock =
+            (self.fault == "clock").then(|| composer.block("clock", spec("s"))).transpose()?;
+        let c = clock.and_then(|clock| composer.tangent(clock));
+        if self.fault == "constraint" {
+            composer.constraint("rails", [Channel::new("place", "m")], RailModel { place });
+        }
         let undeclared = self.fault == "undeclared";
         let t = composer.transition();
         let (p_p, p_v) = (t.phi(p, p), t.phi(p, if undeclared { None } else { v }));
-        let (v_v, q) = (t.phi(v, v), t.noise(p));
-        let model = CartModel { place, speed, p_p, p_v, v_v, q, fault: self.fault, steps: 0 };
+        let (v_v, c_c, q) = (t.phi(v, v), t.phi(c, c), t.noise(p));
+        let fault = self.fault;
+        let model = CartModel { place, speed, clock, p_p, p_v, v_v, c_c, q, fault, steps: 0 };
         Ok(BuiltProcess::new(model))
     }
 }
@@ -212,9 +260,11 @@ impl ProcessType for Cart {
 struct CartModel {
     place: Handle<Scalar>,
     speed: Handle<Scalar>,
+    clock: Option<Handle<Scalar>>,
     p_p: PhiSlot<1, 1>,
     p_v: PhiSlot<1, 1>,
     v_v: PhiSlot<1, 1>,
+    c_c: PhiSlot<1, 1>,
     q: NoiseSlot<2>,
     fault: String,
     steps: u32,
@@ -237,6 +287,11 @@ impl ProcessModel for CartModel {
         transition.set(self.p_p, &one);
         transition.set(self.p_v, &(one * if self.fault == "phi" { -dt } else { dt }));
         transition.set(self.v_v, &one);
+        transition.set(self.c_c, &one);
+        if let Some(clock) = self.clock {
+            let time = state.get(layout, clock) + dt;
+            state.set(layout, clock, &time);
+        }
         let sign = if self.fault == "q" { -1e-6 } else { 1.0 };
         // white acceleration of 1e-4 m^2/s^3
         let q =
@@ -253,6 +308,20 @@ impl ProcessModel for CartModel {
     fn boxed_clone(&self) -> Box<dyn ProcessModel> {
         let steps = if self.fault == "forgets" { 0 } else { self.steps };
         Box::new(Self { steps, ..self.clone() })
+    }
+}
+
+/// A constraint of the cart, which a run never applies.
+struct RailModel {
+    place: Handle<Scalar>,
+}
+
+impl MeasurementModel<1> for RailModel {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 1> {
+        SVector::from([x.get(self.place)])
+    }
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 1, 1> {
+        SMatrix::from_element(1.0)
     }
 }
 
