@@ -19,7 +19,7 @@ pub use crate::state::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
 pub use crate::state::display;
 pub use crate::state::geodesy::Geodetic;
 pub use crate::state::manifold::{Manifold, Position, Reading, Rotation, Scalar, Vector};
-pub use crate::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, State, View};
+pub use crate::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, Past, State, View};
 pub use crate::units::sample::{Channel, Sample, SensorId};
 pub use crate::units::time::Time;
 pub use crate::units::{

@@ -7,7 +7,7 @@ use crate::model::sensor::{Purpose, SensorInfo};
 use crate::state::covariance::Transition;
 use crate::state::layout::Turning;
 use crate::state::manifold::{Manifold, Operations, Rotation, Vector};
-use crate::state::{Block, BlockSpec, Handle, Layout, MAX_BLOCKS, Mode, Signal};
+use crate::state::{Block, BlockSpec, Dynamics, Handle, Layout, MAX_BLOCKS, Mode, Past, Signal};
 use crate::units::sample::Channel;
 use std::any::Any;
 use std::marker::PhantomData;
@@ -28,6 +28,7 @@ pub struct Composer {
     notes: Vec<(String, String)>,
     constraints: Vec<(String, Constraint)>,
     detector: Option<Box<dyn Detector>>,
+    clones: Vec<[usize; 2]>,
     folder: PathBuf,
 }
 
@@ -124,6 +125,48 @@ impl Composer {
             wanders: false,
         });
         Ok(Handle { slot, manifold: PhantomData })
+    }
+
+    /// Adds the past of a block: a clone of its value and its covariance, taken at every sample of
+    /// the sensor that is being composed, after the update. The model reads it with [`View::then`]:
+    /// the value at the previous sample, such as the pose from which visual odometry measures. The
+    /// first sample, and the first one after a sample that the filter rejects unseen, updates
+    /// nothing. A simulation takes the same clone of the truth.
+    ///
+    /// The past of a velocity that turns with the heading needs the past of its attitude, composed
+    /// before it.
+    ///
+    /// [`View::then`]: crate::state::View::then
+    ///
+    /// # Errors
+    /// When the sensor has this past already, or lacks that of the attitude.
+    pub fn past<M: Manifold>(&mut self, of: Handle<M>) -> Result<Past<M>, ComposeError> {
+        let source = &self.layout.blocks[of.slot];
+        let name = format!("past_{}", source.name.rsplit('.').next().unwrap_or(&source.name));
+        let full = source.name.clone();
+        let spec = BlockSpec { truth: None, dynamics: Dynamics::Constant, ..source.spec.clone() };
+        let turning = self.layout.turning.iter().find(|t| t.velocity == of.slot);
+        let attitude = turning.map(|t| {
+            let clone = self.clones.iter().find(|[from, _]| *from == t.attitude);
+            clone.map(|[_, past]| *past).ok_or_else(|| {
+                let attitude = &self.layout.blocks[t.attitude].name;
+                let message = format!("the past of {full} needs that of {attitude} before it");
+                ComposeError::new(&name, message)
+            })
+        });
+        let attitude = attitude.transpose()?;
+        let past = self.block::<M>(&name, spec)?;
+        if let Some(attitude) = attitude {
+            self.layout.turning.push(Turning { velocity: past.slot, attitude });
+        }
+        self.layout.clones.push([of.slot, past.slot]);
+        self.clones.push([of.slot, past.slot]);
+        Ok(Past(past))
+    }
+
+    /// Clones of the sensor that is being composed.
+    pub(crate) fn take_clones(&mut self) -> Vec<[usize; 2]> {
+        std::mem::take(&mut self.clones)
     }
 
     /// Finds the block of that full name, such as `ins.velocity`; `key` is the parameter that names

@@ -70,12 +70,13 @@ pub struct Composition {
     pub notes: Vec<(String, String)>,
 }
 
-/// Marks the blocks that a process moves, one entry per slot.
+/// Marks the blocks that a process or a clone moves, one entry per slot.
 pub(crate) fn moved(layout: &Layout, processes: &[Process]) -> Vec<bool> {
     let (mut state, mut moved) = (layout.initial_state(), vec![false; layout.blocks.len()]);
     processes
         .iter()
         .for_each(|p| p.model.follow(layout, &Motion::at_rest(), &mut state, &mut moved));
+    layout.clones.iter().for_each(|[_, past]| moved[*past] = true);
     moved
 }
 
@@ -100,7 +101,8 @@ impl Composition {
         let referenced = self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)));
         let moved = moved(&self.layout, &self.processes);
         let stated = self.layout.blocks.iter().map(|b| b.spec.truth.is_some());
-        stated.zip(moved).map(|(stated, moved)| stated || (referenced && moved)).collect()
+        let known = stated.zip(moved).map(|(stated, moved)| stated || (referenced && moved));
+        known.enumerate().map(|(slot, known)| known && !self.layout.is_past(slot)).collect()
     }
 
     /// Prepares the composition for the Cramer-Rao bound. Every block starts at its truth, and

@@ -8,6 +8,7 @@ pub mod draw;
 pub mod keys;
 pub mod settings;
 pub(crate) mod time_offset;
+pub mod truth;
 
 pub use composer::Composer;
 pub(crate) use composition::moved;

@@ -7,12 +7,14 @@
 use super::cadence::Cadence;
 use super::delay::History;
 use super::iterated::Iterated;
+use super::past::Clones;
 use super::points::SigmaPoints;
 use super::screen::Screen;
 use super::slot::SensorSlot;
 use super::stage::Stage;
 use crate::compose::Composition;
-use crate::compose::draw::{Draw, TrueState};
+use crate::compose::draw::Draw;
+use crate::compose::truth::TrueState;
 use crate::model::detector::Detector;
 use crate::model::monitor::Monitor;
 use crate::model::process::{ProcessError, ProcessModel};
@@ -88,6 +90,8 @@ pub(super) struct Memory {
     pub(super) sensors: Vec<SensorSlot>,
     /// Detectors of the pseudo-measurements, each with the index of its sensor.
     pub(super) detectors: Vec<(usize, Box<dyn Detector>)>,
+    /// Past states that sensors read.
+    pub(super) clones: Vec<Clones>,
     /// Recent states, kept where some sensor has a time offset.
     pub(super) history: Option<History>,
     /// Time of the last driving sample.
@@ -129,7 +133,7 @@ impl Ekf {
         }
         let start = composition.start();
         let from_reference = composition.estimator.from_reference();
-        let constants = TrueState::new(&layout, composition.seed, start);
+        let constants = TrueState::of(&composition);
         let mut transition = composition.transition.clone();
         let detectors = composition.sensors.iter().enumerate();
         let detectors = detectors.filter_map(|(k, s)| Some((k, s.detector.clone()?))).collect();
@@ -146,6 +150,7 @@ impl Ekf {
                     .then(|| Random::new(composition.seed, "initial")),
                 state: layout.initial_state(),
                 covariance: Covariance::zero(n),
+                clones: Clones::of(&composition),
                 history: History::new(&composition),
                 transition,
                 dynamics,

@@ -9,6 +9,7 @@ mod delay;
 mod filter;
 mod iterated;
 mod lockout;
+mod past;
 mod points;
 mod repeats;
 mod screen;

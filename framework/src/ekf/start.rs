@@ -53,6 +53,7 @@ impl Ekf {
 
     /// Begins to run.
     pub(super) fn begin(&mut self, observer: &mut dyn Observer) {
+        self.begin_past();
         let m = &mut self.memory;
         m.processes.iter_mut().for_each(|p| p.restart());
         if let Some(history) = &mut m.history {

@@ -33,6 +33,7 @@ impl Ekf {
         }
         if let Some(rejection) = self.refuse(sample, is_input) {
             self.reject(sample, rejection, observer);
+            self.lose_past(index);
             return Ok(());
         }
         self.memory.sensors[index].take(sample);
@@ -267,12 +268,16 @@ impl Ekf {
             Role::Measurement(_) if !self.running() => Ok(()),
             Role::Measurement(_) if sample.time < self.memory.state.time => {
                 self.reject(sample, Rejection::Late, observer);
+                self.lose_past(sample.sensor.0);
                 Ok(())
             }
             Role::Measurement(model) => {
                 let (model, mut completed) = (Arc::clone(model), *sample);
                 model.complete(&mut completed);
-                self.correct(&completed, model.as_ref(), observer)?;
+                if self.has_past(sample.sensor.0) {
+                    self.correct(&completed, model.as_ref(), observer)?;
+                }
+                self.take_past(sample.sensor.0, observer);
                 self.detect(sample, observer)
             }
         }

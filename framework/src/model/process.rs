@@ -3,7 +3,7 @@
 use crate::model::monitor::Monitor;
 use crate::model::motion::Motion;
 use crate::model::screening::{Screening, Spread};
-use crate::model::simulate::{DrivingSensor, Simulate};
+use crate::model::simulate::{DrivingSensor, Random, Simulate};
 use crate::model::start::InitialAlignment;
 use crate::state::covariance::Transition;
 use crate::state::{Layout, State};
@@ -120,6 +120,21 @@ pub trait ProcessModel: Send {
     ///
     /// This is how a simulation, or a recorded reference, becomes the truth of the estimated state.
     fn follow(&self, layout: &Layout, motion: &Motion, state: &mut State, known: &mut [bool]);
+
+    /// Moves the truth of the blocks that no trajectory gives over `dt` seconds, with the noise that
+    /// [`Self::propagate`] assumes, and marks these blocks as known: the clock of a receiver, a
+    /// current, a vehicle with dynamics of its own. The truth wanders where `estimator.draw` is
+    /// "all". A block that a process moves, and whose truth neither a trajectory nor this function
+    /// moves, has no truth: nobody judges its estimate.
+    fn wander(
+        &self,
+        _layout: &Layout,
+        _truth: &mut State,
+        _known: &mut [bool],
+        _dt: f64,
+        _random: &mut Random,
+    ) {
+    }
 
     /// Copies the model with its memory for a snapshot of the filter.
     fn boxed_clone(&self) -> Box<dyn ProcessModel>;

@@ -112,6 +112,8 @@ pub struct Sensor {
     pub late: Option<Time>,
     /// Delay of delivery, with which a run rehearses late samples.
     pub delay: Option<Delay>,
+    /// Source and past of each clone that the sensor takes, a pair of slots.
+    pub clones: Vec<[usize; 2]>,
     /// Spans of time whose samples the filter does not use: from the first time on, and before the
     /// second.
     pub exclude: Vec<[Time; 2]>,
@@ -144,6 +146,7 @@ impl Sensor {
             timeout: None,
             late: None,
             delay: None,
+            clones: Vec::new(),
             exclude: Vec::new(),
             simulation: None,
             simulator: None,

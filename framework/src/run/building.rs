@@ -4,7 +4,7 @@
 use crate::compose::draw::{self, Draw};
 use crate::compose::keys::SensorKeys;
 use crate::compose::settings::{EstimatorConfig, Initial};
-use crate::compose::{self, Composer, Composition, Process, correlated, time_offset};
+use crate::compose::{self, Composer, Composition, Process, correlated, time_offset, truth};
 use crate::document::{DocumentError, Node};
 use crate::model::fault::Injector;
 use crate::model::limits;
@@ -188,10 +188,11 @@ impl<'a> Building<'a> {
         self.check_driving_sensors()?;
         let initial = self.initial(&mut header.estimator);
         self.check_initial(initial, &needing)?;
+        let moved = compose::moved(&layout, &self.processes);
         if header.estimator.draw == Draw::All {
-            let moved = compose::moved(&layout, &self.processes);
             draw::draw(&mut layout, &moved, header.seed);
         }
+        truth::settle(&mut layout, &transition, &moved, &self.processes);
         let referenced = |name: &String| layout.blocks.iter().position(|b| b.name == *name);
         Ok(Composition {
             referenced: needing.iter().filter_map(referenced).collect(),
@@ -305,6 +306,11 @@ fn place_sensor(
     let time_offset = time_offset_block(part, &keys, composer)?;
     let update = update_rule(part, &keys, update)?;
     let exclude = excluded(part, &keys)?;
+    let clones = composer.take_clones();
+    if let (Some(node), false) = (part.node.get("time_offset"), clones.is_empty()) {
+        let message = "a sensor that reads a past state cannot have a time offset; remove it here";
+        return Err(node.error(message));
+    }
     let late = longest_lateness(part, &keys)?;
     // a simulated pseudo-measurement has samples
     let detector = composer.take_detector().filter(|_| keys.simulation.is_none());
@@ -324,6 +330,7 @@ fn place_sensor(
         timeout: keys.timeout.map(|t| t.value().si()),
         late,
         delay: keys.delay,
+        clones,
         exclude,
         simulation: keys.simulation,
         time_offset,

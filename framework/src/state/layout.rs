@@ -30,6 +30,25 @@ impl<M> Handle<M> {
     }
 }
 
+/// A clone of a block, taken at the samples of a sensor: see `Composer::past`.
+#[derive(Debug)]
+pub struct Past<M>(pub(crate) Handle<M>);
+
+impl<M> Clone for Past<M> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<M> Copy for Past<M> {}
+
+impl<M> Past<M> {
+    /// The block that holds the clone.
+    pub fn handle(self) -> Handle<M> {
+        self.0
+    }
+}
+
 /// A known time-varying input of `N` numbers that a process model publishes for measurement models,
 /// such as the angular rate of the body. It has no error state.
 #[derive(Clone, Copy, Debug)]
@@ -48,6 +67,8 @@ pub struct Layout {
     pub tangent: usize,
     /// Length of [`State::signals`].
     pub signals: usize,
+    /// Source and past of each clone, a pair of slots.
+    pub(crate) clones: Vec<[usize; 2]>,
     /// Velocities that turn with the heading.
     pub(crate) turning: Vec<Turning>,
 }
@@ -61,6 +82,19 @@ impl Layout {
     /// Block of a handle.
     pub fn block<M>(&self, handle: Handle<M>) -> &Block {
         &self.blocks[handle.slot]
+    }
+
+    /// Returns `true` if the block holds a past state, which no truth is compared with.
+    pub fn is_past(&self, slot: usize) -> bool {
+        self.clones.iter().any(|[_, past]| *past == slot)
+    }
+
+    /// Copies the values of the sources to the past blocks; each pair holds both slots.
+    pub fn copy_past(&self, pairs: &[[usize; 2]], values: &mut [f64]) {
+        for pair in pairs {
+            let [source, past] = pair.map(|slot| self.blocks[slot].range());
+            values.copy_within(source, past.start);
+        }
     }
 
     /// State with every block at its initial value.

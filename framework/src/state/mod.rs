@@ -12,5 +12,5 @@ pub mod manifold;
 pub mod view;
 
 pub use block::{Block, BlockSpec, Display, Dynamics, Mode};
-pub use layout::{Handle, Layout, MAX_BLOCKS, Signal, State};
+pub use layout::{Handle, Layout, MAX_BLOCKS, Past, Signal, State};
 pub use view::View;

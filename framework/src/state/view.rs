@@ -1,7 +1,7 @@
 //! The typed view of the state that a measurement function reads.
 
 use crate::Real;
-use crate::state::layout::{Handle, Layout, Signal, State};
+use crate::state::layout::{Handle, Layout, Past, Signal, State};
 use crate::state::manifold::{MAX_TANGENT, Manifold};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
@@ -69,6 +69,12 @@ impl<'a, T: Real> View<'a, T> {
         } else {
             value
         }
+    }
+
+    /// The value of a block at the previous sample of the sensor: see
+    /// [`crate::compose::Composer::past`].
+    pub fn then<M: Manifold>(&self, past: Past<M>) -> M::Value<T> {
+        self.get(past.handle())
     }
 
     /// The value of a signal.

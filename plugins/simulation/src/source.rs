@@ -4,7 +4,7 @@ use crate::phase::Piece;
 use crate::{Cursor, Trajectory, TrajectoryConfig};
 use nalgebra::Vector3;
 use navfuse_core::compose::Composition;
-use navfuse_core::compose::draw::TrueState;
+use navfuse_core::compose::truth::TrueState;
 use navfuse_core::model::fault::Injector;
 use navfuse_core::model::measurement::AnyMeasurement;
 use navfuse_core::model::motion::Motion;
@@ -169,6 +169,8 @@ struct SensorStream<P: Piece> {
     faults: Faults,
     injector: Injector,
     sensor: SensorId,
+    /// Past states of the sensor: source and past, a pair of slots each.
+    clones: Vec<[usize; 2]>,
     /// Lag of the samples, and the truth at the time of a sample, which contains the lag.
     lag: Option<(Handle<Scalar>, TrueState)>,
     kind: Simulated,
@@ -187,7 +189,7 @@ impl<P: Piece> SensorStream<P> {
         trajectory: &Trajectory<P>,
     ) -> Self {
         let name = &composition.sensors[index].info.name;
-        let truth = TrueState::new(&composition.layout, composition.seed, composition.start());
+        let truth = TrueState::of(composition);
         let mut stream = Self {
             layout: Arc::clone(&composition.layout),
             processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
@@ -198,6 +200,7 @@ impl<P: Piece> SensorStream<P> {
             faults: faults.clone(),
             injector,
             sensor: SensorId(index),
+            clones: composition.sensors[index].clones.clone(),
             // an integrating sensor's first sample covers the first interval
             count: i64::from(matches!(kind, Simulated::Driving(_))),
             kind,
@@ -303,6 +306,8 @@ impl<P: Piece> Source for SensorStream<P> {
             }
             // a sensor that has lost all channels gives no sample
             if sample.present() != 0 && self.injector.apply(sample) {
+                // the next sample begins at the truth of this one
+                self.layout.copy_past(&self.clones, &mut self.truth.state.values);
                 return Ok(true);
             }
         }
