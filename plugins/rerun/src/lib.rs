@@ -33,6 +33,7 @@ mod state;
 pub mod style;
 mod tab;
 mod track;
+pub mod viewer;
 
 pub use blueprint::Layout;
 pub use columns::{Range, Series};
