@@ -4,7 +4,6 @@ pub mod bound;
 pub mod calibrate;
 pub mod check;
 pub mod compare;
-pub mod completions;
 pub mod export;
 pub mod figures;
 pub mod list;
@@ -18,5 +17,3 @@ pub mod run;
 pub mod schema;
 pub mod smooth;
 pub mod sweep;
-#[cfg(feature = "rerun")]
-pub mod view;

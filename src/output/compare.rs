@@ -1,9 +1,7 @@
 //! The comparison of runs as tables.
 
 use super::run::number;
-use super::run::tone;
-use super::terminal::Tone;
-use super::{line, marked_line, marked_table, right, table};
+use super::{line, right, table};
 use navfuse_report::compare::{Comparison, RunResult, StateResult};
 
 /// Prints the comparison: runs, differing keys, sensors, states.
@@ -18,8 +16,7 @@ pub fn tables(comparison: &Comparison) {
     states(comparison);
     for run in &comparison.runs {
         let verdict = run.verdict_text.as_deref().unwrap_or("not judged");
-        let mark = run.verdict.map(|level| (level.words(), tone(level)));
-        marked_line(format_args!("verdict of {}: {verdict}", run.letter), mark.as_slice());
+        line(format_args!("verdict of {}: {verdict}", run.letter));
     }
 }
 
@@ -79,8 +76,7 @@ fn sensors(comparison: &Comparison) {
         }
     }
     right(&mut rows, 2..7);
-    marked_table(&rows, &[("outside", Tone::Bad)]);
-    line("");
+    line(format_args!("{rows}\n"));
 }
 
 fn states(comparison: &Comparison) {

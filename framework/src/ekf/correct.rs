@@ -12,9 +12,22 @@ use crate::model::robust::Robust;
 use crate::model::sensor::Sensor;
 use crate::model::update_rule::UpdateRule;
 use crate::state::covariance::{Covariance, Update};
-use crate::units::sample::Sample;
+use crate::units::sample::{Channel, Sample};
 use crate::units::time::Time;
 use std::mem::discriminant;
+
+/// Channel with the largest innovation of a sample, and its size in sigma.
+fn worst(update: &Update, present: u16, channels: &[Channel]) -> (&'static str, f64) {
+    let m = update.m;
+    let names = (channels.iter().enumerate())
+        .filter(|(k, _)| u32::from(present).checked_shr(*k as u32).is_some_and(|p| p & 1 == 1));
+    (names.zip(0..m))
+        .map(|((_, channel), i)| {
+            (channel.name, (update.innovation[i].powi(2) / update.s[i * m + i]).sqrt())
+        })
+        .filter(|(_, size)| size.is_finite())
+        .fold(("", 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
+}
 
 /// Inflates the covariance until the innovation is about as large as its mean, `NIS = m`, and
 /// returns the new NIS.
@@ -117,8 +130,13 @@ impl Ekf {
             (update.share(present, &slot.reach), Evidence { passes, shared, contradicted })
         };
         let slot = &mut m.sensors[index];
-        let judged =
-            Judged { sensor: &slot.name, time: sample.time, nis, threshold, m: update.m, share };
+        let worst = if passes {
+            ("", 0.0)
+        } else {
+            worst(update, present, &self.composition.sensors[index].info.channels)
+        };
+        let (sensor, time, m_channels) = (slot.name.as_str(), sample.time, update.m);
+        let judged = Judged { sensor, time, nis, threshold, m: m_channels, share, worst };
         let verdict = slot.lockout.judge(&judged, evidence, &slot.recovery, observer);
         if verdict == Verdict::Inflate {
             let unseen = update.unseen(&self.considered, present, &slot.reach);

@@ -62,6 +62,8 @@ pub(super) struct Judged<'a> {
     pub(super) m: usize,
     /// Square of the innovation relative to that of the first gated sample.
     pub(super) share: f64,
+    /// Channel with the largest innovation, and its size in sigma.
+    pub(super) worst: (&'static str, f64),
 }
 
 /// Evidence on a sample that is gated, or follows a gated one, beside its innovation.
@@ -89,6 +91,16 @@ pub(super) struct Streak {
     contradicted: bool,
     /// Set once the lock-out has been reported.
     reported: bool,
+    /// Channel with the largest innovation of all samples, and its size in sigma.
+    worst: (&'static str, f64),
+}
+
+impl Streak {
+    /// Channel with the largest innovation, and its size, in words.
+    fn worst(&self) -> String {
+        let (channel, size) = self.worst;
+        format!("{channel} is off by {size:.1} sigma")
+    }
 }
 
 /// Isolation of a sensor: its samples are judged and not used.
@@ -183,13 +195,17 @@ impl Lockout {
         recovery: &Recovery,
         observer: &mut dyn Observer,
     ) -> Verdict {
-        if let Some(Streak { since, count, step, .. }) = self.streak {
+        if let Some(streak @ Streak { since, count, step, .. }) = self.streak {
             let isolates = recovery.action == Action::Inflate && !evidence.shared;
             if isolates && step && count > OUTLIERS && sample.share > GONE {
                 let gated = format!("every one of {count} samples was gated since {since}");
                 return self.isolate(sample, since, false, &gated, observer);
             }
-            let text = format!("gate passes again after {count} gated samples since {since}");
+            let gated = match count {
+                1 => format!("1 sample gated at {since}"),
+                _ => format!("{count} samples gated since {since}"),
+            };
+            let text = format!("{gated}, {}; the gate passes again", streak.worst());
             log(sample, Level::Info, text, observer);
         }
         self.spread += WEIGHT * (sample.nis / sample.m as f64 - self.spread);
@@ -240,6 +256,7 @@ impl Lockout {
             step: jump && !self.adopted && usual > 0.0 && gap.is_some_and(|gap| gap <= 3.0 * usual),
             contradicted: false,
             reported: false,
+            worst: sample.worst,
         }
     }
 
@@ -251,21 +268,21 @@ impl Lockout {
         recovery: &Recovery,
         observer: &mut dyn Observer,
     ) -> Verdict {
-        let &Judged { time, nis, threshold, .. } = sample;
+        let &Judged { time, nis, .. } = sample;
         let mut streak = self.streak.unwrap_or_else(|| self.streak(sample));
         // a streak may begin before the silence
         let gap = before.map(|before| time.since(before)).filter(|gap| *gap > self.silence());
         streak.silence = streak.silence.or(gap);
         streak.count += 1;
+        if sample.worst.1 > streak.worst.1 {
+            streak.worst = sample.worst;
+        }
         streak.contradicted = evidence.contradicted.unwrap_or(streak.contradicted);
         self.streak = Some(streak);
-        let Streak { since, count, silence, step, contradicted, reported } = streak;
+        let Streak { since, count, silence, step, contradicted, reported, .. } = streak;
         // a single gated sample is expected; several in a row are worth a warning
-        if count == 1 {
-            let text = format!("gate rejects: NIS {nis:.1} is above {threshold:.1}");
-            log(sample, Level::Info, text, observer);
-        } else if count == IN_A_ROW {
-            let text = format!("{count} samples gated in a row since {since}");
+        if count == IN_A_ROW {
+            let text = format!("{count} samples gated in a row since {since}, {}", streak.worst());
             log(sample, Level::Warning, text, observer);
         }
         let inflates = recovery.action == Action::Inflate;
@@ -343,10 +360,11 @@ impl Lockout {
 
     /// Reports a sensor that is still gated or isolated after the last sample.
     pub(super) fn finish(&self, sensor: &str, time: Time, observer: &mut dyn Observer) {
-        let sample =
-            Judged { sensor, time, nis: f64::NAN, threshold: f64::NAN, m: 0, share: f64::NAN };
-        if let Some(Streak { since, count, .. }) = self.streak {
-            let text = format!("the last {count} samples were gated, since {since}");
+        let (nis, threshold, share) = (f64::NAN, f64::NAN, f64::NAN);
+        let sample = Judged { sensor, time, nis, threshold, m: 0, share, worst: ("", f64::NAN) };
+        if let Some(streak @ Streak { since, count, .. }) = self.streak {
+            let text =
+                format!("the last {count} samples were gated, since {since}, {}", streak.worst());
             log(&sample, Level::Warning, text, observer);
         }
         if let Some(Isolation { since, contradicted, .. }) = self.isolation {

@@ -3,7 +3,6 @@
 mod building;
 mod delayed;
 mod merge;
-mod mistakes;
 mod output_rate;
 mod outputs;
 mod parts;

@@ -21,13 +21,15 @@ pub struct Series {
     style: Option<Box<dyn AsComponents + Send>>,
     jump: f64,
     last: f64,
+    for_viewers: bool,
 }
 
 impl Series {
     fn new(path: EntityPath, width: usize, style: impl AsComponents + Send + 'static) -> Self {
         let style: Box<dyn AsComponents + Send> = Box::new(style);
         let (times, values) = (Vec::new(), Vec::new());
-        Self { path, width, times, values, style: Some(style), jump: f64::INFINITY, last: f64::NAN }
+        let (style, jump, last) = (Some(style), f64::INFINITY, f64::NAN);
+        Self { path, width, times, values, style, jump, last, for_viewers: false }
     }
 
     /// A series of lines, each with a name, a colour and a stroke width.
@@ -49,12 +51,29 @@ impl Series {
 
     /// A series of points.
     pub fn points(path: EntityPath, name: &str, colour: Colour, size: f32) -> Self {
+        Self::marked(path, name, colour, size, MarkerShape::Circle)
+    }
+
+    /// A series of points with a marker.
+    pub fn marked(
+        path: EntityPath,
+        name: &str,
+        colour: Colour,
+        size: f32,
+        marker: MarkerShape,
+    ) -> Self {
         let style = SeriesPoints::new()
             .with_names([name])
             .with_colors([colour])
-            .with_markers([MarkerShape::Diamond])
+            .with_markers([marker])
             .with_marker_sizes([size]);
         Self::new(path, 1, style)
+    }
+
+    /// Sends the rows to the viewers that watch the run, and not to the file.
+    pub fn for_viewers(mut self) -> Self {
+        self.for_viewers = true;
+        self
     }
 
     /// Breaks the lines where the first value jumps by more than `jump`, so that an angle that
@@ -94,13 +113,21 @@ impl Series {
             return Ok(());
         }
         if let Some(style) = self.style.take() {
-            recording.log_static(&self.path, style.as_ref())?;
+            if self.for_viewers {
+                recording.log_static_to_viewers(&self.path, style.as_ref())?;
+            } else {
+                recording.log_static(&self.path, style.as_ref())?;
+            }
         }
         let rows = std::iter::repeat_n(self.width, self.times.len());
         let columns = Scalars::new(self.values.iter().copied())
             .columns(rows)
             .map_err(|e| recording.error(e))?;
-        recording.columns(&self.path, &self.times, columns)?;
+        if self.for_viewers {
+            recording.columns_to_viewers(&self.path, &self.times, columns)?;
+        } else {
+            recording.columns(&self.path, &self.times, columns)?;
+        }
         self.times.clear();
         self.values.clear();
         Ok(())

@@ -1,132 +1,303 @@
-//! The measuring sensors over time: innovations with their bounds, gated samples, NIS with its
-//! threshold, and samples.
+//! The measuring sensors over time: innovations with their bounds, gated and rejected samples, NIS
+//! with its band and the gate.
 
-use crate::columns::{Range, Series};
+use crate::axis::{self, Scale};
+use crate::columns::Series;
+use crate::history::{Gaps, History, Row};
+use crate::quantity::{Here, Quantity, quantity};
 use crate::recording::Recording;
-use crate::style::{AXES, BOUND, GATED, axis, label, path, unit};
-use navfuse_core::model::record::{Outcome, UpdateRecord};
+use crate::style::{AXES, BAND, BOUND, GATED, REJECTED, axis as colour, label, path};
+use navfuse_core::model::chi_square;
+use navfuse_core::model::record::{Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
-use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
+use navfuse_core::units::sample::Channel;
+use navfuse_core::units::time::Time;
+use re_sdk::EntityPath;
+use re_sdk_types::components::MarkerShape;
 
-/// One channel of a measuring sensor, or its NIS.
-pub struct Quantity {
-    /// The name in a title.
-    pub label: String,
-    /// The series of accepted samples.
-    pub accepted: Series,
-    /// The series of gated samples.
-    pub gated: Series,
-    /// The range of both.
-    pub range: Range,
+/// Probability outside the band of the NIS.
+const OUTSIDE: f64 = 0.05;
+/// Level of a rejected sample without a gate, decimal logarithm of the NIS.
+const REJECTED_LEVEL: f64 = 1.5;
+
+/// The innovations of one channel.
+pub struct Innovations {
+    /// Entity above those of the channel.
+    pub path: EntityPath,
+    /// The plot; `None` until the series are written, and for a channel that is not measured.
+    pub plot: Option<Plot>,
+    quantity: Quantity,
+    /// Innovation and sigma.
+    accepted: History<2>,
+    gated: History<1>,
+    live: Option<Series>,
 }
 
-/// The series of one sensor.
+/// A plot: its name, and the range of its values.
+#[derive(Clone, Debug)]
+pub struct Plot {
+    /// Name with the unit.
+    pub name: String,
+    /// Range.
+    pub range: [f64; 2],
+}
+
+/// The series of one measuring sensor.
 pub struct SensorSeries {
     /// The name of the sensor.
     pub name: String,
-    /// Set for a sensor that corrects the state.
-    pub measures: bool,
-    /// The innovation of each channel, and the NIS as the last.
-    pub quantities: Vec<Quantity>,
-    /// Set once an update was recorded.
-    pub updated: bool,
-    /// The samples, where they are recorded.
-    pub samples: Option<Series>,
-    width: usize,
+    /// The innovations of each channel.
+    pub channels: Vec<Innovations>,
+    /// Entity above those of the NIS.
+    pub nis_path: EntityPath,
+    /// The plot of the NIS; `None` until the series are written.
+    pub nis: Option<Plot>,
+    /// Names of the channels.
+    names: Vec<&'static str>,
+    /// Logarithms of NIS, gate and band.
+    accepted: History<4>,
+    gated: History<1>,
+    rejected: Vec<(Rejection, History<1>)>,
+    level: f64,
+    band: (usize, [f64; 2]),
+    gaps: Gaps,
 }
 
 impl SensorSeries {
-    /// The series of a sensor. The samples of a measuring sensor are recorded, those of other
-    /// sensors only with `all_samples`.
-    pub fn new(info: &SensorInfo, all_samples: bool) -> Self {
-        let measures = info.purpose == Purpose::Measurement;
-        let mut quantities = Vec::new();
-        for (k, channel) in info.channels.iter().enumerate().filter(|_| measures) {
-            let label = label(channel.name, &unit(channel.unit));
-            let entity =
-                |more: &[&str]| path(&[&["innovation", &info.name, channel.name], more].concat());
-            quantities.push(Quantity {
-                accepted: Series::bounded(entity(&[]), label.clone(), axis(k), 1.4),
-                gated: Series::points(entity(&["gated"]), "gated", GATED, 4.5),
-                range: Range::default(),
-                label,
-            });
+    /// The series of a sensor; `None` for one that does not correct the state.
+    pub fn new(info: &SensorInfo, full: bool) -> Option<Self> {
+        if info.purpose != Purpose::Measurement {
+            return None;
         }
-        if measures {
-            let entity = |more: &[&str]| path(&[&["innovation", &info.name, "nis"], more].concat());
-            let lines = [("NIS".to_owned(), AXES[2], 1.2), ("gate".to_owned(), BOUND, 1.6)];
-            quantities.push(Quantity {
-                label: format!("{} NIS", info.name),
-                accepted: Series::lines(entity(&[]), &lines),
-                gated: Series::points(entity(&["gated"]), "gated", GATED, 4.5),
-                range: Range::default(),
-            });
-        }
-        let lines: Vec<_> = (info.channels.iter().enumerate())
-            .map(|(k, c)| (label(c.name, &unit(c.unit)), axis(k), 1.2))
-            .collect();
-        let samples = (measures || all_samples)
-            .then(|| Series::lines(path(&["samples", &info.name]), &lines));
-        Self {
+        let channels = info.channels.iter().map(|channel| Innovations {
+            path: path(&["innovation", &info.name, channel.name]),
+            plot: None,
+            quantity: quantity(channel),
+            accepted: History::new(&[0], full),
+            gated: History::new(&[0], full),
+            live: None,
+        });
+        Some(Self {
             name: info.name.clone(),
-            measures,
-            quantities,
-            updated: false,
-            samples,
-            width: lines.len(),
-        }
+            channels: channels.collect(),
+            nis_path: path(&["innovation", &info.name, "nis"]),
+            nis: None,
+            names: info.channels.iter().map(|c: &Channel| c.name).collect(),
+            accepted: History::new(&[0], full),
+            gated: History::new(&[0], full),
+            rejected: Vec::new(),
+            level: REJECTED_LEVEL,
+            band: (0, [f64::NAN; 2]),
+            gaps: Gaps::default(),
+        })
     }
 
-    /// Adds a sample; a missing channel is NaN.
-    pub fn sample(&mut self, recording: &Recording, sample: &Sample) -> Result<(), StreamError> {
-        let Some(series) = &mut self.samples else { return Ok(()) };
-        let values: [f64; MAX_CHANNELS] =
-            std::array::from_fn(|k| sample.get(k).unwrap_or(f64::NAN));
-        series.push(recording, sample.time, &values[..self.width])
+    /// The name of a channel.
+    pub fn channel(&self, k: usize) -> &str {
+        self.channels.get(k).map_or("a channel", |c| c.quantity.name.as_str())
     }
 
-    /// Adds an update.
+    /// The entity of a channel that a viewer sees during the run.
+    pub fn live_entity(&self, k: usize) -> EntityPath {
+        path(&["live", "innovation", &self.name, self.names.get(k).copied().unwrap_or("nis")])
+    }
+
+    /// Adds an update at a place.
     pub fn update(
         &mut self,
         recording: &Recording,
         update: &UpdateRecord<'_>,
+        here: Here,
     ) -> Result<(), StreamError> {
+        let time = update.time.nanos();
         let gated = match update.outcome {
             Outcome::Accepted => false,
             Outcome::Gated => true,
-            Outcome::Rejected(_) => return Ok(()),
+            Outcome::Rejected(reason) => {
+                let known = self.rejected.iter().position(|r| r.0 == reason);
+                let at = known.unwrap_or_else(|| {
+                    self.rejected.push((reason, History::new(&[0], false)));
+                    self.rejected.len() - 1
+                });
+                self.rejected[at].1.push(time, [0.0]);
+                return Ok(());
+            }
         };
-        let Some((nis, channels)) = self.quantities.split_last_mut() else { return Ok(()) };
-        self.updated = true;
+        self.break_lines(update.time);
         for (k, innovation, sigma) in update.channels() {
-            let Some(channel) = channels.get_mut(k) else { continue };
-            channel.range.include(innovation);
+            let entity = recording.is_live().then(|| self.live_entity(k));
+            let Some(channel) = self.channels.get_mut(k) else { continue };
+            let factor = channel.quantity.factor(here);
+            let (innovation, sigma) = (factor * innovation, (factor * sigma).abs());
             if gated {
-                channel.gated.push(recording, update.time, &[innovation])?;
+                channel.gated.push(time, [innovation]);
             } else {
-                let bound = 3.0 * sigma;
-                channel.range.bound(-bound, bound);
-                channel.accepted.push(recording, update.time, &[innovation, bound, -bound])?;
+                channel.accepted.push(time, [innovation, sigma]);
+            }
+            if let Some(entity) = entity {
+                let series = channel.live.get_or_insert_with(|| {
+                    let name = label(&channel.quantity.name, channel.quantity.unit);
+                    Series::bounded(entity, name, colour(k), 1.2).for_viewers()
+                });
+                series.push(recording, update.time, &[innovation, 3.0 * sigma, -3.0 * sigma])?;
             }
         }
-        nis.range.include(0.0);
-        nis.range.include(update.nis);
+        let logarithm = |x: f64| if x.is_finite() && x > 0.0 { x.log10() } else { f64::NAN };
+        let threshold = logarithm(update.threshold);
+        if threshold.is_finite() {
+            self.level = threshold + 0.25;
+        }
         if gated {
-            nis.gated.push(recording, update.time, &[update.nis])
+            self.gated.push(time, [logarithm(update.nis)]);
         } else {
-            // without a gate the threshold is infinite, and an infinite line would stretch the axis
-            let threshold = if update.threshold.is_finite() { update.threshold } else { f64::NAN };
-            nis.range.bound(0.0, threshold);
-            nis.accepted.push(recording, update.time, &[update.nis, threshold])
+            let m = update.innovation.len();
+            if self.band.0 != m {
+                let n = m as f64;
+                let band = chi_square::band(n, 2.0 * n, OUTSIDE);
+                self.band = (m, [band.low, band.high].map(f64::log10));
+            }
+            let [low, high] = self.band.1;
+            self.accepted.push(time, [logarithm(update.nis), threshold, low, high]);
+        }
+        Ok(())
+    }
+
+    /// Breaks lines where samples are missing.
+    fn break_lines(&mut self, now: Time) {
+        if let Some(middle) = self.gaps.after(now) {
+            self.channels.iter_mut().for_each(|c| c.accepted.break_at(middle));
+            self.accepted.break_at(middle);
         }
     }
 
-    /// All series of the sensor.
-    pub fn series(&mut self) -> impl Iterator<Item = &mut Series> {
-        self.quantities
-            .iter_mut()
-            .flat_map(|q| [&mut q.accepted, &mut q.gated])
-            .chain(&mut self.samples)
+    /// Sends what viewers see during the run.
+    pub fn refresh(&mut self, recording: &Recording) -> Result<(), StreamError> {
+        let live = self.channels.iter_mut().filter_map(|c| c.live.as_mut());
+        live.into_iter().try_for_each(|series| series.flush(recording))
+    }
+
+    /// Writes the whole run, and chooses units and ranges from it.
+    pub fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
+        for (k, channel) in self.channels.iter_mut().enumerate() {
+            channel.write(recording, k)?;
+        }
+        self.write_nis(recording)
+    }
+
+    fn write_nis(&mut self, recording: &Recording) -> Result<(), StreamError> {
+        let rows = self.accepted.rows();
+        if rows.is_empty() && self.gated.is_empty() && self.rejected.is_empty() {
+            return Ok(());
+        }
+        let entity = |leaf: &str| self.nis_path.join(&EntityPath::from(leaf));
+        let line = [("NIS".to_owned(), AXES[2], 1.0)];
+        let mut nis = Series::lines(entity("accepted"), &line);
+        let limits = [
+            ("gate".to_owned(), GATED, 1.4),
+            ("95 % band".to_owned(), BAND, 1.4),
+            ("95 % band".to_owned(), BAND, 1.4),
+        ];
+        let gate = rows.iter().any(|r| r.1[1].is_finite());
+        let limits = if gate { &limits[..] } else { &limits[1..] };
+        let mut band = Series::lines(entity("limits"), limits);
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut include = |x: f64| range = [range[0].min(x), range[1].max(x)];
+        for (time, [value, gate, low, high]) in &rows {
+            let time = Time::from_nanos(*time);
+            nis.push(recording, time, &[*value])?;
+            let all = [*gate, *low, *high];
+            band.push(recording, time, &all[all.len() - limits.len()..])?;
+            // a NIS near zero is no sign of anything: the band is
+            include(value.max(low - 1.5));
+            include(*high);
+            include(*gate);
+        }
+        let mut all = vec![nis, band];
+        let marks = self.gated.rows();
+        let mut gated = Series::marked(entity("gated"), "gated", GATED, 4.5, MarkerShape::Diamond);
+        for (time, [value]) in &marks {
+            gated.push(recording, Time::from_nanos(*time), &[*value])?;
+            include(*value);
+        }
+        all.push(gated);
+        for (k, (reason, history)) in self.rejected.iter().enumerate() {
+            let words = words(*reason, &self.names);
+            let name = format!("rejected: {words}");
+            let marker = MarkerShape::Cross;
+            let colour = REJECTED[k % REJECTED.len()];
+            let mut series =
+                Series::marked(entity(&format!("rejected/{k}")), &name, colour, 4.0, marker);
+            for (time, _) in history.rows() {
+                series.push(recording, Time::from_nanos(time), &[self.level])?;
+            }
+            include(self.level);
+            all.push(series);
+        }
+        self.nis = Some(Plot { name: format!("{} NIS [10^y]", self.name), range });
+        all.iter_mut().try_for_each(|series| series.flush(recording))
+    }
+}
+
+impl Innovations {
+    fn write(&mut self, recording: &Recording, k: usize) -> Result<(), StreamError> {
+        let (accepted, gated) = (self.accepted.rows(), self.gated.rows());
+        if accepted.is_empty() && gated.is_empty() {
+            return Ok(());
+        }
+        let scale = self.scale(&accepted, &gated);
+        let entity = |leaf: &str| self.path.join(&EntityPath::from(leaf));
+        let name = label(&self.quantity.name, scale.unit);
+        let mut line = Series::lines(entity("accepted"), &[(name.clone(), colour(k), 1.0)]);
+        let bounds = [("+3σ".to_owned(), BOUND, 1.2), ("-3σ".to_owned(), BOUND, 1.2)];
+        let mut bounds = Series::lines(entity("bounds"), &bounds);
+        let mut marks = Series::marked(entity("gated"), "gated", GATED, 4.5, MarkerShape::Diamond);
+        let mut size = 0.0_f64;
+        let mut limits = Vec::with_capacity(accepted.len());
+        for (time, [value, sigma]) in &accepted {
+            let (time, value, bound) =
+                (Time::from_nanos(*time), value / scale.size, 3.0 * sigma / scale.size);
+            line.push(recording, time, &[value])?;
+            bounds.push(recording, time, &[bound, -bound])?;
+            // max ignores NaN
+            size = size.max(value.abs());
+            limits.extend(bound.is_finite().then_some(bound));
+        }
+        for (time, [value]) in &gated {
+            marks.push(recording, Time::from_nanos(*time), &[value / scale.size])?;
+        }
+        // the priors, and the first samples after an outage, have wide bounds: one in twenty
+        limits.sort_by(f64::total_cmp);
+        size = size.max(limits.get(limits.len() * 19 / 20).copied().unwrap_or(0.0));
+        // an outlier far away would flatten the plot: the NIS shows its size
+        let far = gated.iter().map(|r| (r.1[0] / scale.size).abs()).fold(0.0, f64::max);
+        let size = if size > 0.0 { size.max(far.min(3.0 * size)) } else { far };
+        self.plot = Some(Plot { name, range: [-size, size] });
+        [line, bounds, marks].iter_mut().try_for_each(|series| series.flush(recording))
+    }
+
+    /// The unit that fits the last sigma.
+    fn scale(&self, accepted: &[Row<2>], gated: &[Row<1>]) -> Scale {
+        let sigma = accepted.iter().rev().map(|r| 3.0 * r.1[1]).find(|s| s.is_finite());
+        let size = sigma.or_else(|| gated.last().map(|r| r.1[0].abs()));
+        axis::scale(self.quantity.unit, size.unwrap_or(f64::NAN))
+    }
+}
+
+/// The reason of a rejection in words.
+pub fn words(reason: Rejection, channels: &[&str]) -> String {
+    let channel = |k: usize| channels.get(k).copied().unwrap_or("a channel");
+    match reason {
+        Rejection::NotFinite(k) => format!("{} is not finite", channel(k)),
+        Rejection::Missing => "no channel".into(),
+        Rejection::OutOfOrder => "time goes back".into(),
+        Rejection::Late => "late".into(),
+        Rejection::Singular => "singular covariance".into(),
+        Rejection::NoInput => "no driving sample".into(),
+        Rejection::Isolated => "isolated".into(),
+        Rejection::Repeated => "repeats the samples before".into(),
+        Rejection::OutOfRange(k) => format!("{} is out of range", channel(k)),
+        Rejection::TooFast(k) => format!("{} changes too fast", channel(k)),
+        Rejection::Excluded => "excluded by the scenario".into(),
     }
 }

@@ -6,34 +6,52 @@
 //!
 //! | entity | content |
 //! |---|---|
+//! | `/overview` | the verdict and its reasons, the sensors, the states that converged, the errors |
+//! | `/health/SENSOR` | used, gated, rejected or silent |
+//! | `/plan/estimate`, `/plan/truth` | the tracks from above, with a grid; coloured by sigma |
 //! | `/world/estimate`, `/world/truth` | the tracks, north-east-down metres from the start |
-//! | `/world/vehicle` | position and attitude over time |
+//! | `/world/vehicle` | position and attitude over time; `velocity`, `uncertainty` beside it |
 //! | `/map/estimate`, `/map/truth`, `/map/vehicle` | the same in latitude and longitude |
 //! | `/state/OWNER/BLOCK/COMPONENT/estimate` | estimate and its bounds of 3 sigma |
 //! | `/state/OWNER/BLOCK/COMPONENT/truth` | truth, where it is known |
 //! | `/state/OWNER/BLOCK/COMPONENT/error` | estimate minus truth, bounds of 3 sigma about zero |
-//! | `/innovation/SENSOR/CHANNEL` | innovation and its bounds of 3 sigma; below it `gated` |
-//! | `/innovation/SENSOR/nis` | normalised innovation squared and the gate's threshold; `gated` |
-//! | `/samples/SENSOR` | the samples, one instance per channel, SI |
+//! | `/state/OWNER/BLOCK/COMPONENT/sigma` | decimal logarithm of the error's magnitude and of sigma |
+//! | `/innovation/SENSOR/CHANNEL/accepted` | innovation; beside it `bounds` of 3 sigma and `gated` |
+//! | `/innovation/SENSOR/nis/accepted` | decimal logarithm of the NIS; beside it `limits`, `gated`, `rejected` |
+//! | `/samples/SENSOR/CHANNEL` | the samples |
 //! | `/events`, `/scenario` | the log, and the scenario in TOML |
+//!
+//! Values are in units that fit the end of the run, such as mm/s; the titles of the plots name
+//! them. So the file is written when the run is over. Viewers that watch see `/live/state` and
+//! `/live/innovation` before.
 //!
 //! A [`Tab`] adds entities and a view of its own.
 //!
 //! The feature `serve` adds the page that shows a run in a browser (key `serve`).
 
+mod arrangement;
+mod axis;
 mod blueprint;
+pub mod colours;
 mod columns;
 mod file;
+mod health;
+mod history;
 mod innovation;
 mod live;
+mod overview;
+mod plan;
+mod quantity;
 mod recording;
+mod samples;
+mod scene;
 mod serve;
 mod sink;
 mod state;
 pub mod style;
 mod tab;
+mod tally;
 mod track;
-pub mod viewer;
 
 pub use blueprint::Layout;
 pub use columns::{Range, Series};
@@ -68,6 +86,9 @@ pub struct Rerun {
     /// Record the samples of driving and reference sensors too; those of measuring sensors always
     /// are.
     pub samples: bool,
+    /// Record every row. Otherwise a series has at most 1280 rows, which keep its extremes: a plot
+    /// has no more pixels.
+    pub full: bool,
 }
 
 /// The address at which the run is shown in a browser.
@@ -88,6 +109,7 @@ impl Default for Rerun {
             spawn: false,
             serve: Serve::Local(false),
             samples: false,
+            full: false,
         }
     }
 }
@@ -114,7 +136,7 @@ impl Rerun {
         };
         let live = Live { connect: self.connect, spawn: self.spawn, serve };
         let recording = Recording::open(output.join(self.path), &live)?;
-        Ok(Box::new(sink::RerunSink::new(recording, self.samples, tabs)))
+        Ok(Box::new(sink::RerunSink::new(recording, self.samples, self.full, tabs)))
     }
 }
 

@@ -82,6 +82,11 @@ impl Recording {
         self.streams.iter().try_for_each(|s| s.send_recording_name(name)).map_err(|e| self.error(e))
     }
 
+    /// The streams to the viewers.
+    fn viewers(&self) -> &[RecordingStream] {
+        self.streams.get(1..).unwrap_or_default()
+    }
+
     /// Logs a value that does not change over time.
     ///
     /// # Errors
@@ -91,10 +96,29 @@ impl Recording {
         path: &EntityPath,
         value: &dyn AsComponents,
     ) -> Result<(), StreamError> {
-        self.streams
-            .iter()
-            .try_for_each(|s| s.log_static(path.clone(), value))
-            .map_err(|e| self.error(e))
+        self.log_static_to(&self.streams, path, value)
+    }
+
+    /// Logs a value that does not change over time to the viewers that watch, and not to the file.
+    ///
+    /// # Errors
+    /// When the value cannot be encoded.
+    pub fn log_static_to_viewers(
+        &self,
+        path: &EntityPath,
+        value: &dyn AsComponents,
+    ) -> Result<(), StreamError> {
+        self.log_static_to(self.viewers(), path, value)
+    }
+
+    fn log_static_to(
+        &self,
+        streams: &[RecordingStream],
+        path: &EntityPath,
+        value: &dyn AsComponents,
+    ) -> Result<(), StreamError> {
+        let mut streams = streams.iter();
+        streams.try_for_each(|s| s.log_static(path.clone(), value)).map_err(|e| self.error(e))
     }
 
     /// Logs a value at one time.
@@ -124,8 +148,31 @@ impl Recording {
         nanos: &[i64],
         columns: impl Iterator<Item = SerializedComponentColumn>,
     ) -> Result<(), StreamError> {
+        self.columns_to(&self.streams, path, nanos, columns)
+    }
+
+    /// Sends a block of columns to the viewers that watch, and not to the file.
+    ///
+    /// # Errors
+    /// When the columns cannot be encoded.
+    pub fn columns_to_viewers(
+        &self,
+        path: &EntityPath,
+        nanos: &[i64],
+        columns: impl Iterator<Item = SerializedComponentColumn>,
+    ) -> Result<(), StreamError> {
+        self.columns_to(self.viewers(), path, nanos, columns)
+    }
+
+    fn columns_to(
+        &self,
+        streams: &[RecordingStream],
+        path: &EntityPath,
+        nanos: &[i64],
+        columns: impl Iterator<Item = SerializedComponentColumn>,
+    ) -> Result<(), StreamError> {
         let columns: Vec<_> = columns.collect();
-        for stream in &self.streams {
+        for stream in streams {
             let times = TimeColumn::new_duration_nanos(TIMELINE, nanos.iter().copied());
             stream
                 .send_columns(path.clone(), [times], columns.clone())
@@ -134,17 +181,15 @@ impl Recording {
         Ok(())
     }
 
-    /// Sends a layout to the file and to the viewers, which show it at once or, with `reset_only`,
-    /// after a reset.
-    pub fn layout(&self, messages: &[LogMsg], reset_only: bool) {
-        let Some(blueprint_id) = messages.first().map(|m| m.store_id().clone()) else { return };
-        for (k, stream) in self.streams.iter().enumerate() {
-            let make_active = k == 0 || !reset_only;
-            let blueprint_id = blueprint_id.clone();
-            let activate =
-                BlueprintActivationCommand { blueprint_id, make_active, make_default: true };
-            stream.send_blueprint(messages.to_vec(), activate);
-        }
+    /// Sends a layout to the file and to the viewers. The file shows it; a viewer that watched the
+    /// run keeps the user's layout, and shows this one after a reset.
+    pub fn layout(&self, messages: &[LogMsg]) {
+        self.streams.iter().enumerate().for_each(|(k, s)| send_layout(s, messages, k == 0));
+    }
+
+    /// Sends a layout to the viewers, which show it at once.
+    pub fn layout_to_viewers(&self, messages: &[LogMsg]) {
+        self.viewers().iter().for_each(|s| send_layout(s, messages, true));
     }
 
     /// Waits until everything is written, and drops viewers that no longer answer.
@@ -193,4 +238,12 @@ pub fn stream(id: &StoreId, sink: impl LogSink) -> RecordingStreamResult<Recordi
     let stream = RecordingStreamBuilder::from_store_id(id).enabled(true).set_sinks(sinks)?;
     stream.set_log_time_enabled(false);
     Ok(stream)
+}
+
+/// Sends a layout, which becomes the default; `make_active` shows it at once.
+fn send_layout(stream: &RecordingStream, messages: &[LogMsg], make_active: bool) {
+    if let Some(blueprint_id) = messages.first().map(|m| m.store_id().clone()) {
+        let activate = BlueprintActivationCommand { blueprint_id, make_active, make_default: true };
+        stream.send_blueprint(messages.to_vec(), activate);
+    }
 }

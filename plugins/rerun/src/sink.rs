@@ -1,12 +1,18 @@
 //! The sink.
 
-use crate::blueprint;
-use crate::columns::{ROWS, Series};
+use crate::arrangement;
+use crate::columns::ROWS;
+use crate::health::Lane;
 use crate::innovation::SensorSeries;
+use crate::overview;
+use crate::quantity::Here;
 use crate::recording::Recording;
+use crate::samples::SampleSeries;
+use crate::scene;
 use crate::state::{self, BlockSeries};
 use crate::style::path;
 use crate::tab::Tab;
+use crate::tally::Excursion;
 use crate::track::Track;
 use navfuse_core::model::record::{Epoch, Event, Level, UpdateRecord};
 use navfuse_core::model::sensor::Purpose;
@@ -24,59 +30,86 @@ const LIVE_INTERVAL: Duration = Duration::from_millis(500);
 
 /// The series of a run, from which the layout is made.
 pub struct Run {
+    /// The name of the scenario.
+    pub name: String,
     /// The blocks that have an uncertainty.
     pub blocks: Vec<BlockSeries>,
-    /// All sensors, by their ids.
+    /// The sensors that correct the state.
     pub sensors: Vec<SensorSeries>,
+    /// The samples that are recorded.
+    pub samples: Vec<SampleSeries>,
+    /// The health of the sensors.
+    pub lanes: Vec<Lane>,
     /// The track, where there is a position.
     pub track: Option<Track>,
-    /// Set where a reference gives the truth of the processes' blocks.
-    pub reference: bool,
     /// Set for a run that is smoothed.
     pub smoothed: bool,
+    /// The component with the largest error in sigma, once the run is over.
+    pub worst: Option<(usize, usize)>,
+    /// The first and the last time of an epoch, ns.
+    pub span: Option<(i64, i64)>,
+    /// Place of each sensor, by its id, among those above.
+    places: Vec<Places>,
+}
+
+/// Places of a sensor among the series.
+#[derive(Clone, Copy, Default)]
+struct Places {
+    series: Option<usize>,
+    samples: Option<usize>,
+    lane: Option<usize>,
 }
 
 /// Records a run for the viewer.
 pub struct RerunSink {
     recording: Recording,
     samples: bool,
+    full: bool,
     tabs: Vec<Box<dyn Tab>>,
     run: Option<Run>,
     epochs: usize,
     last: Option<Time>,
     waiting: Vec<Event>,
+    left: Vec<(String, Excursion)>,
+    verdict: Option<Verdict>,
     refreshed: Instant,
     place: Option<String>,
 }
 
 impl RerunSink {
     /// A sink that writes to an open recording; with `samples` also those of driving and reference
-    /// sensors.
-    pub fn new(recording: Recording, samples: bool, tabs: Vec<Box<dyn Tab>>) -> Self {
+    /// sensors, and with `full` every row.
+    pub fn new(recording: Recording, samples: bool, full: bool, tabs: Vec<Box<dyn Tab>>) -> Self {
         Self {
             recording,
             samples,
+            full,
             tabs,
             run: None,
             epochs: 0,
             last: None,
             waiting: Vec::new(),
+            left: Vec::new(),
+            verdict: None,
             refreshed: Instant::now(),
             place: None,
         }
     }
 
-    /// Sends all buffered rows, and the tracks so far.
+    /// Sends to the viewers that watch what came since the last refresh.
     fn refresh(&mut self) -> Result<(), StreamError> {
         let Some(run) = &mut self.run else { return Ok(()) };
-        for series in run.series() {
-            series.flush(&self.recording)?;
-        }
         for tab in &mut self.tabs {
             tab.flush(&self.recording)?;
         }
-        if let Some(track) = &mut run.track {
-            track.draw(&self.recording)?;
+        if self.recording.is_live() {
+            run.blocks.iter_mut().try_for_each(|b| b.refresh(&self.recording))?;
+            run.sensors.iter_mut().try_for_each(|s| s.refresh(&self.recording))?;
+            if let Some(track) = &run.track {
+                scene::draw(&self.recording, track)?;
+                scene::follow(&self.recording, track)?;
+            }
+            run.write_overview(&self.recording, self.verdict.as_ref())?;
         }
         self.refreshed = Instant::now();
         self.recording.flush()
@@ -93,6 +126,8 @@ impl RerunSink {
         } else {
             format!("{}: {}", event.about, event.text)
         };
+        // the viewer cuts its own column of times
+        let text = format!("{:>9.3} s  {text}", time.seconds());
         self.recording.log(&path(&["events"]), time.nanos(), &TextLog::new(text).with_level(level))
     }
 
@@ -101,57 +136,150 @@ impl RerunSink {
         std::mem::take(&mut self.waiting).iter().try_for_each(|e| self.write(e, e.time.max(first)))
     }
 
+    /// Writes the excursions of errors that ended.
+    fn write_excursions(&mut self) -> Result<(), StreamError> {
+        for (about, Excursion { from, to, worst }) in std::mem::take(&mut self.left) {
+            let text = format!(
+                "leaves its 3 sigma at {:.1} s, until {:.1} s, by up to {worst:.1} sigma",
+                from.seconds(),
+                to.seconds()
+            );
+            self.write(&Event { time: from, level: Level::Warning, about, text }, from)?;
+        }
+        Ok(())
+    }
+
     fn close(&mut self) -> Result<String, StreamError> {
-        self.write_waiting(self.last.unwrap_or_default())?;
-        if self.run.is_some() {
+        let end = self.last.unwrap_or_default();
+        self.write_waiting(end)?;
+        if let Some(run) = &mut self.run {
             self.tabs.iter_mut().try_for_each(|tab| tab.finish(&self.recording))?;
+            run.finish(end, &mut self.left);
         }
+        self.write_excursions()?;
         self.refresh()?;
-        if let Some(run) = &self.run {
-            let layout =
-                blueprint::messages(run, &self.tabs, true).map_err(|e| self.recording.error(e))?;
-            self.recording.layout(&layout, true);
+        if let Some(run) = &mut self.run {
+            run.write(&self.recording)?;
+            run.write_overview(&self.recording, self.verdict.as_ref())?;
+            let layout = arrangement::messages(run, &self.tabs, true)
+                .map_err(|e| self.recording.error(e))?;
+            self.recording.layout(&layout);
         }
+        self.recording.flush()?;
         self.recording.close()
     }
 }
 
 impl Run {
-    fn series(&mut self) -> impl Iterator<Item = &mut Series> {
-        let blocks = self.blocks.iter_mut().flat_map(BlockSeries::series);
-        let sensors = self.sensors.iter_mut().flat_map(SensorSeries::series);
-        blocks.chain(sensors)
+    fn new(info: &RunInfo, all_samples: bool, full: bool) -> Self {
+        let mut run = Self {
+            name: info.name.clone(),
+            blocks: state::blocks(&info.layout, full),
+            sensors: Vec::new(),
+            samples: Vec::new(),
+            lanes: Vec::new(),
+            track: Track::new(&info.layout, full),
+            smoothed: info.smoothed,
+            worst: None,
+            span: None,
+            places: Vec::new(),
+        };
+        for sensor in &info.sensors {
+            let mut places = Places::default();
+            if let Some(series) = SensorSeries::new(sensor, full) {
+                places.series = Some(run.sensors.len());
+                run.sensors.push(series);
+            }
+            if all_samples || sensor.purpose == Purpose::Measurement {
+                places.samples = Some(run.samples.len());
+                run.samples.push(SampleSeries::new(sensor, full));
+            }
+            if let Some(lane) = Lane::new(sensor) {
+                places.lane = Some(run.lanes.len());
+                run.lanes.push(lane);
+            }
+            run.places.push(places);
+        }
+        run
+    }
+
+    fn here(&self) -> Here {
+        self.track.as_ref().map_or_else(Here::default, Track::here)
+    }
+
+    /// Ends stretches and excursions.
+    fn finish(&mut self, end: Time, left: &mut Vec<(String, Excursion)>) {
+        self.lanes.iter_mut().for_each(|lane| lane.finish(end));
+        for block in &mut self.blocks {
+            for k in 0..block.components.len() {
+                if let Some(excursion) = block.components[k].tally.finish() {
+                    left.push((block.full_name(k), excursion));
+                }
+            }
+        }
+        self.worst = overview::worst(&self.blocks);
+    }
+
+    /// Writes the whole run.
+    fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
+        self.blocks.iter_mut().try_for_each(|block| block.write(recording))?;
+        if let Some((block, component)) = self.worst {
+            self.blocks[block].write_normalised(recording, component)?;
+        }
+        self.sensors.iter_mut().try_for_each(|sensor| sensor.write(recording))?;
+        self.samples.iter_mut().try_for_each(|samples| samples.write(recording))?;
+        match &self.track {
+            Some(track) => {
+                scene::draw(recording, track)?;
+                scene::finish(recording, track)
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn write_overview(
+        &self,
+        recording: &Recording,
+        verdict: Option<&Verdict>,
+    ) -> Result<(), StreamError> {
+        let page = overview::page(&self.name, &self.blocks, &self.lanes, &self.sensors, verdict);
+        recording.log_static(&path(&["overview"]), &TextDocument::from_markdown(page))
     }
 }
 
 impl Sink for RerunSink {
     fn start(&mut self, info: &RunInfo) -> Result<(), StreamError> {
-        let run = Run {
-            blocks: state::blocks(&info.layout),
-            sensors: info.sensors.iter().map(|s| SensorSeries::new(s, self.samples)).collect(),
-            track: Track::new(&info.layout),
-            reference: info.sensors.iter().any(|s| s.purpose == Purpose::Reference),
-            smoothed: info.smoothed,
-        };
+        let run = Run::new(info, self.samples, self.full);
         self.recording.name(&info.name)?;
         let scenario = format!("```toml\n{}\n```\n\nnavfuse {}\n", info.scenario, info.version);
         self.recording.log_static(&path(&["scenario"]), &TextDocument::from_markdown(scenario))?;
-        if let Some(track) = &run.track {
-            track.start(&self.recording)?;
+        if run.track.is_some() {
+            scene::start(&self.recording)?;
         }
+        run.lanes.iter().try_for_each(|lane| lane.start(&self.recording))?;
         for tab in &mut self.tabs {
             tab.start(info, &self.recording)?;
         }
-        let layout =
-            blueprint::messages(&run, &self.tabs, false).map_err(|e| self.recording.error(e))?;
-        self.recording.layout(&layout, false);
+        if self.recording.is_live() {
+            let layout = arrangement::messages(&run, &self.tabs, false)
+                .map_err(|e| self.recording.error(e))?;
+            self.recording.layout_to_viewers(&layout);
+        }
         self.run = Some(run);
         self.recording.flush()
     }
 
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
-        let sensor = self.run.as_mut().and_then(|r| r.sensors.get_mut(sample.sensor.0));
-        sensor.map_or(Ok(()), |s| s.sample(&self.recording, sample))
+        let Some(run) = &mut self.run else { return Ok(()) };
+        let here = run.here();
+        let Some(places) = run.places.get(sample.sensor.0) else { return Ok(()) };
+        if let Some(samples) = places.samples {
+            run.samples[samples].sample(sample, here);
+        }
+        match places.lane {
+            Some(lane) => run.lanes[lane].sample(&self.recording, sample.time),
+            None => Ok(()),
+        }
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
@@ -160,17 +288,21 @@ impl Sink for RerunSink {
             self.write_waiting(time)?;
         }
         let Some(run) = &mut self.run else { return Ok(()) };
+        let now = time.nanos();
+        run.span = Some(run.span.map_or((now, now), |(a, b)| (a.min(now), b.max(now))));
         for block in &mut run.blocks {
-            block.epoch(&self.recording, epoch)?;
+            block.epoch(&self.recording, epoch, &mut self.left)?;
         }
         if !run.smoothed {
+            run.lanes.iter_mut().try_for_each(|lane| lane.tick(&self.recording, time))?;
             for tab in &mut self.tabs {
                 tab.epoch(epoch, &self.recording)?;
             }
         }
         if let Some(track) = &mut run.track {
-            track.epoch(&self.recording, epoch)?;
+            track.epoch(epoch);
         }
+        self.write_excursions()?;
         self.epochs += 1;
         let watched = self.recording.is_live() && self.refreshed.elapsed() >= LIVE_INTERVAL;
         if watched || self.epochs.is_multiple_of(ROWS) { self.refresh() } else { Ok(()) }
@@ -181,14 +313,13 @@ impl Sink for RerunSink {
         if self.last.replace(time).is_none() {
             self.write_waiting(time)?;
         }
-        // the tabs follow the filter
+        // the tabs and the sensors follow the filter
         for tab in &mut self.tabs {
             tab.epoch(epoch, &self.recording)?;
         }
         let Some(run) = &mut self.run else { return Ok(()) };
-        for block in &mut run.blocks {
-            block.filtered(&self.recording, epoch)?;
-        }
+        run.lanes.iter_mut().try_for_each(|lane| lane.tick(&self.recording, time))?;
+        run.blocks.iter_mut().for_each(|block| block.filtered(epoch));
         if let Some(track) = &mut run.track {
             track.filtered(epoch);
         }
@@ -209,8 +340,16 @@ impl Sink for RerunSink {
         for tab in &mut self.tabs {
             tab.update(update, &self.recording)?;
         }
-        let sensor = self.run.as_mut().and_then(|r| r.sensors.get_mut(update.sensor.0));
-        sensor.map_or(Ok(()), |s| s.update(&self.recording, update))
+        let Some(run) = &mut self.run else { return Ok(()) };
+        let here = run.here();
+        let Some(places) = run.places.get(update.sensor.0) else { return Ok(()) };
+        if let Some(lane) = places.lane {
+            run.lanes[lane].update(&self.recording, update)?;
+        }
+        match places.series {
+            Some(series) => run.sensors[series].update(&self.recording, update, here),
+            None => Ok(()),
+        }
     }
 
     fn event(&mut self, event: &Event) -> Result<(), StreamError> {
@@ -229,9 +368,8 @@ impl Sink for RerunSink {
             VerdictLevel::DoNotUse => Level::Error,
         };
         let (about, text) = ("verdict".to_owned(), verdict.to_string());
-        self.write(&Event { time, level, about, text }, time)?;
-        let document = TextDocument::from_markdown(markdown(verdict));
-        self.recording.log_static(&path(&["verdict"]), &document)
+        self.verdict = Some(verdict.clone());
+        self.write(&Event { time, level, about, text }, time)
     }
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
@@ -239,20 +377,6 @@ impl Sink for RerunSink {
         self.place = Some(place.clone());
         Ok(Some(place))
     }
-}
-
-/// The verdict with its reasons and remedies.
-fn markdown(verdict: &Verdict) -> String {
-    let mut text = format!("# Verdict: {}\n\n", verdict.level.words());
-    for reason in &verdict.reasons {
-        let words = VerdictLevel::from(reason.severity).words();
-        text += &format!("- {words}: **{}**: {}", reason.about, reason.text);
-        if !reason.remedy.is_empty() {
-            text += &format!("; *{}*", reason.remedy);
-        }
-        text += ".\n";
-    }
-    text
 }
 
 impl Drop for RerunSink {

@@ -1,33 +1,53 @@
 //! The blocks of the state over time: estimate, truth, error and bounds of each component.
 
-use crate::columns::{Range, Series};
+use crate::axis::{self, Scale};
+use crate::columns::Series;
+use crate::history::{History, Row};
 use crate::recording::Recording;
-use crate::style::{FILTERED, TRUTH, axis, label, path};
+use crate::style::{BOUND, FILTERED, MAGNITUDE, TRUTH, axis as colour, label, path};
+use crate::tally::{Excursion, Tally};
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::manifold::{MAX_TANGENT, Reading};
 use navfuse_core::state::{Block, Layout};
+use navfuse_core::units::time::Time;
+
+/// Share of the run at its end that has plots of its own.
+const END: f64 = 0.25;
+/// Share of the run at its begin whose bounds do not count for a range: a wide prior would flatten
+/// the rest of the plot.
+const BEGIN: f64 = 0.1;
 
 /// One component of a block.
 pub struct Component {
-    /// Name and unit: `roll [deg]`.
-    pub label: String,
-    /// Name and unit of the error: `roll error [deg]`.
-    pub error_label: String,
-    /// The estimate with its bounds.
-    pub estimate: Series,
-    /// The filter's own estimate with its bounds, in a run that is smoothed.
-    pub filtered: Series,
-    /// Set once the filter's own estimate was recorded.
-    pub smoothed: bool,
-    /// The truth.
-    pub truth: Series,
-    /// The error, with the bounds about zero.
-    pub error: Series,
-    /// The range of estimate and truth.
-    pub range: Range,
-    /// The range of the error.
-    pub error_range: Range,
+    /// Name: `roll`.
+    pub name: String,
+    /// Unit of the block.
+    pub unit: &'static str,
+    /// First and last values, and the largest error in sigma.
+    pub tally: Tally,
+    /// The plots; `None` until the series are written.
+    pub plots: Option<Plots>,
+    /// Estimate, sigma, truth and error; the latter two are NaN where no truth is known.
+    history: History<4>,
+    /// Estimate and sigma of the filter itself, in a run that is smoothed.
+    filtered: History<2>,
+    /// What a viewer sees during the run: error or estimate, and bounds.
+    live: Option<Series>,
+}
+
+/// The plots of a component.
+pub struct Plots {
+    /// The unit of the estimate.
+    pub value: Scale,
+    /// The unit of error and sigma.
+    pub error: Scale,
+    /// Range of estimate and truth, over the run and at its end.
+    pub values: [[f64; 2]; 2],
+    /// Range of the error and its bounds, over the run and at its end; `None` without a truth.
+    pub errors: Option<[[f64; 2]; 2]>,
+    /// Range of the decimal logarithm of sigma and error.
+    pub logarithms: [f64; 2],
 }
 
 /// The series of one block that has an uncertainty.
@@ -41,20 +61,19 @@ pub struct BlockSeries {
     pub components: Vec<Component>,
     /// Set where the truth is a constant of the scenario.
     pub constant: bool,
-    /// Set once a truth was recorded.
-    pub known: bool,
+    half_turn: f64,
     /// The first estimate: a position is shown in metres from there.
     origin: Option<Vec<f64>>,
 }
 
 /// The blocks of a layout, without the fixed ones: those neither change nor have an uncertainty.
-pub fn blocks(layout: &Layout) -> Vec<BlockSeries> {
+pub fn blocks(layout: &Layout, full: bool) -> Vec<BlockSeries> {
     let free = layout.blocks.iter().enumerate().filter(|(_, b)| b.tangent.is_some());
-    free.map(|(slot, block)| BlockSeries::new(slot, block)).collect()
+    free.map(|(slot, block)| BlockSeries::new(slot, block, full)).collect()
 }
 
 impl BlockSeries {
-    fn new(slot: usize, block: &Block) -> Self {
+    fn new(slot: usize, block: &Block, full: bool) -> Self {
         let (owner, name) = block.name.split_once('.').unwrap_or(("", &block.name));
         let unit = block.spec.display.unit;
         let half_turn = match block.operations.reading {
@@ -65,36 +84,52 @@ impl BlockSeries {
             Reading::Tangent => &["north", "east", "down"],
             _ => block.spec.display.components,
         };
-        let component = |k: usize| {
-            let name_of = names.get(k).map_or_else(|| k.to_string(), |n| (*n).to_owned());
-            let entity = |leaf| path(&["state", owner, name, &name_of, leaf]);
-            let error_label = label(&format!("{name_of} error"), unit);
-            let label = label(&name_of, unit);
-            let truth = (format!("true {label}"), TRUTH, 1.8);
-            let filtered = format!("filter {label}");
-            Component {
-                filtered: Series::bounded(entity("filtered"), filtered, FILTERED, 1.4)
-                    .broken_at(half_turn),
-                estimate: Series::bounded(entity("estimate"), label.clone(), axis(k), 2.8)
-                    .broken_at(half_turn),
-                truth: Series::lines(entity("truth"), &[truth]).broken_at(half_turn),
-                error: Series::bounded(entity("error"), error_label.clone(), axis(k), 2.8),
-                range: Range::default(),
-                error_range: Range::default(),
-                smoothed: false,
-                label,
-                error_label,
-            }
+        let component = |k: usize| Component {
+            name: names.get(k).map_or_else(|| k.to_string(), |n| (*n).to_owned()),
+            unit,
+            tally: Tally::default(),
+            plots: None,
+            history: History::new(&[0, 3], full),
+            filtered: History::new(&[0], full),
+            live: None,
         };
         Self {
             slot,
             owner: owner.to_owned(),
             name: name.to_owned(),
             components: (0..block.operations.tangent).map(component).collect(),
-            constant: block.spec.truth.is_some(),
-            known: false,
+            constant: block.spec.truth.is_some() && !block.wanders,
+            half_turn,
             origin: None,
         }
+    }
+
+    /// The full name of a component: `ins.attitude roll`, or `dvl.scale` where there is one.
+    pub fn full_name(&self, k: usize) -> String {
+        let block = if self.owner.is_empty() {
+            self.name.clone()
+        } else {
+            format!("{}.{}", self.owner, self.name)
+        };
+        match self.components.len() {
+            1 => block,
+            _ => format!("{block} {}", self.components[k].name),
+        }
+    }
+
+    /// The entity of a component and a leaf below it.
+    pub fn entity(&self, k: usize, leaf: &str) -> re_sdk::EntityPath {
+        path(&["state", &self.owner, &self.name, &self.components[k].name, leaf])
+    }
+
+    /// Set for a component with the filter's own estimate beside the smoothed one.
+    pub fn is_smoothed(&self, k: usize) -> bool {
+        !self.components[k].filtered.is_empty()
+    }
+
+    /// The entity of a component that a viewer sees during the run.
+    pub fn live_entity(&self, k: usize) -> re_sdk::EntityPath {
+        path(&["live", "state", &self.owner, &self.name, &self.components[k].name])
     }
 
     /// Computes what is shown of a block: its reading, and of a position the metres from the first.
@@ -111,58 +146,213 @@ impl BlockSeries {
     }
 
     /// Adds the filter's own estimate in a run that is smoothed.
-    pub fn filtered(
-        &mut self,
-        recording: &Recording,
-        epoch: &Epoch<'_>,
-    ) -> Result<(), StreamError> {
+    pub fn filtered(&mut self, epoch: &Epoch<'_>) {
         let block = &epoch.layout.blocks[self.slot];
         let (mut shown, mut sigma) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
         self.show(block, &epoch.state.values, &mut shown);
         block.show_sigma(&epoch.state.values, epoch.covariance, &mut sigma);
         for (k, c) in self.components.iter_mut().enumerate() {
-            let (x, s) = (shown[k], 3.0 * sigma[k]);
-            c.smoothed = true;
-            c.filtered.push(recording, epoch.state.time, &[x, x + s, x - s])?;
+            c.filtered.push(epoch.state.time.nanos(), [shown[k], sigma[k]]);
         }
-        Ok(())
     }
 
-    /// Adds an estimate and, where it is known, the truth.
-    pub fn epoch(&mut self, recording: &Recording, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+    /// Adds an estimate and, where it is known, the truth; `left` takes the excursions of the
+    /// error out of its bounds that ended.
+    pub fn epoch(
+        &mut self,
+        recording: &Recording,
+        epoch: &Epoch<'_>,
+        left: &mut Vec<(String, Excursion)>,
+    ) -> Result<(), StreamError> {
         let block = &epoch.layout.blocks[self.slot];
         let values = &epoch.state.values;
         let (mut shown, mut sigma) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
-        let (mut truth, mut error) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
+        let (mut truth, mut error) = ([f64::NAN; MAX_TANGENT], [f64::NAN; MAX_TANGENT]);
         self.show(block, values, &mut shown);
         block.show_sigma(values, epoch.covariance, &mut sigma);
-        let true_state = epoch.truth.filter(|t| t.known[self.slot]).map(|t| &t.state.values);
-        if let Some(true_values) = true_state {
-            self.known = true;
-            self.show(block, true_values, &mut truth);
-            block.show_error(values, true_values, &mut error);
+        if let Some(known) = epoch.truth.filter(|t| t.known[self.slot]) {
+            self.show(block, &known.state.values, &mut truth);
+            block.show_error(values, &known.state.values, &mut error);
         }
         let time = epoch.state.time;
-        for (k, c) in self.components.iter_mut().enumerate() {
-            let (x, s) = (shown[k], 3.0 * sigma[k]);
-            c.estimate.push(recording, time, &[x, x + s, x - s])?;
-            c.range.include(x);
-            c.range.bound(x - s, x + s);
-            if true_state.is_some() {
-                c.truth.push(recording, time, &truth[k..=k])?;
-                c.error.push(recording, time, &[error[k], s, -s])?;
-                c.range.include(truth[k]);
-                c.error_range.include(error[k]);
-                c.error_range.bound(-s, s);
+        for k in 0..self.components.len() {
+            let (x, s, e) = (shown[k], sigma[k], error[k]);
+            let c = &mut self.components[k];
+            c.history.push(time.nanos(), [x, s, truth[k], e]);
+            if let Some(excursion) = c.tally.add(time, x, s, e) {
+                left.push((self.full_name(k), excursion));
+            }
+            if recording.is_live() {
+                let (known, bound) = (e.is_finite(), 3.0 * s);
+                let entity = self.live_entity(k);
+                let c = &mut self.components[k];
+                let series = c.live.get_or_insert_with(|| {
+                    let name = if known { format!("{} error", c.name) } else { c.name.clone() };
+                    Series::bounded(entity, label(&name, c.unit), colour(k), 2.4).for_viewers()
+                });
+                let middle = if known { [e, bound, -bound] } else { [x, x + bound, x - bound] };
+                series.push(recording, time, &middle)?;
             }
         }
         Ok(())
     }
 
-    /// All series of the block.
-    pub fn series(&mut self) -> impl Iterator<Item = &mut Series> {
-        self.components
-            .iter_mut()
-            .flat_map(|c| [&mut c.estimate, &mut c.filtered, &mut c.truth, &mut c.error])
+    /// Sends what viewers see during the run.
+    pub fn refresh(&mut self, recording: &Recording) -> Result<(), StreamError> {
+        let live = self.components.iter_mut().filter_map(|c| c.live.as_mut());
+        live.into_iter().try_for_each(|series| series.flush(recording))
     }
+
+    /// Writes the whole run, and chooses units and ranges from it. The components of a block have
+    /// the same units.
+    pub fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
+        let rows: Vec<_> = self.components.iter().map(|c| c.history.rows()).collect();
+        let mut plots: Vec<Option<Plots>> = rows.iter().map(|rows| Plots::new(rows)).collect();
+        let sizes = plots.iter().flatten().map(Plots::sizes);
+        let [value, error] =
+            sizes.fold([0.0_f64; 2], |max, size| [max[0].max(size[0]), max[1].max(size[1])]);
+        for (k, plots) in plots.iter_mut().enumerate() {
+            let Some(plots) = plots.take() else { continue };
+            let plots = plots.in_units(self.components[k].unit, value, error);
+            self.write_component(recording, k, &rows[k], &plots)?;
+            self.components[k].plots = Some(plots);
+        }
+        Ok(())
+    }
+
+    /// Writes the error of a component in sigma.
+    pub fn write_normalised(&self, recording: &Recording, k: usize) -> Result<(), StreamError> {
+        let line = ("error / sigma".to_owned(), colour(k), 1.6);
+        let bound = |name: &str| (name.to_owned(), BOUND, 1.2);
+        let lines = [line, bound("+3"), bound("-3")];
+        let mut series = Series::lines(self.entity(k, "normalised"), &lines);
+        for (time, [_, s, _, e]) in self.components[k].history.rows() {
+            if e.is_finite() && s > 0.0 {
+                series.push(recording, Time::from_nanos(time), &[e / s, 3.0, -3.0])?;
+            }
+        }
+        series.flush(recording)
+    }
+
+    fn write_component(
+        &self,
+        recording: &Recording,
+        k: usize,
+        rows: &[Row<4>],
+        plots: &Plots,
+    ) -> Result<(), StreamError> {
+        let c = &self.components[k];
+        let (v, e) = (plots.value, plots.error);
+        let jump = self.half_turn / v.size;
+        let name = label(&c.name, v.unit);
+        let mut estimate =
+            Series::bounded(self.entity(k, "estimate"), name.clone(), colour(k), 2.4)
+                .broken_at(jump);
+        let truth = (format!("true {name}"), TRUTH, 1.6);
+        let mut truth = Series::lines(self.entity(k, "truth"), &[truth]).broken_at(jump);
+        let title = label(&format!("{} error", c.name), e.unit);
+        let mut error = Series::bounded(self.entity(k, "error"), title, colour(k), 1.8);
+        let powers = [
+            ("magnitude of the error".to_owned(), MAGNITUDE, 0.8),
+            ("sigma".to_owned(), colour(k), 2.4),
+        ];
+        let known = rows.iter().any(|row| row.1[3].is_finite());
+        let powers = if known { &powers[..] } else { &powers[1..] };
+        let mut sigma = Series::lines(self.entity(k, "sigma"), powers);
+        let logarithm = |x: f64| if x > 0.0 { (x / e.size).log10() } else { f64::NAN };
+        let filtered = c.filtered.rows();
+        if !filtered.is_empty() {
+            let name = format!("filter {name}");
+            let mut series =
+                Series::bounded(self.entity(k, "filtered"), name, FILTERED, 1.2).broken_at(jump);
+            for (time, [x, s]) in filtered {
+                let [x, b] = [x / v.size, 3.0 * s / v.size];
+                series.push(recording, Time::from_nanos(time), &[x, x + b, x - b])?;
+            }
+            series.flush(recording)?;
+        }
+        for (time, [x, s, t, d]) in rows {
+            let time = Time::from_nanos(*time);
+            let [x, b] = [x / v.size, 3.0 * s / v.size];
+            estimate.push(recording, time, &[x, x + b, x - b])?;
+            if t.is_finite() {
+                truth.push(recording, time, &[t / v.size])?;
+            }
+            if d.is_finite() {
+                let [d, b] = [d / e.size, 3.0 * s / e.size];
+                error.push(recording, time, &[d, b, -b])?;
+            }
+            let both = [logarithm(d.abs()), logarithm(*s)];
+            sigma.push(recording, time, &both[2 - powers.len()..])?;
+        }
+        [estimate, truth, error, sigma].iter_mut().try_for_each(|s| s.flush(recording))
+    }
+}
+
+impl Plots {
+    /// The ranges in the unit of the block.
+    fn new(rows: &[Row<4>]) -> Option<Self> {
+        let (first, last) = (rows.first()?.0, rows.last()?.0);
+        let span = (last - first) as f64;
+        let begin = first + (BEGIN * span) as i64;
+        let end = end_of_run(first, last);
+        let over = |from: i64, bounds_from: i64, values: &dyn Fn(&[f64; 4]) -> [f64; 4]| {
+            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+            for (time, row) in rows.iter().filter(|row| row.0 >= from) {
+                let values = values(row);
+                let count = if *time >= bounds_from { 4 } else { 2 };
+                for v in values[..count].iter().filter(|v| v.is_finite()) {
+                    range = [range[0].min(*v), range[1].max(*v)];
+                }
+            }
+            range
+        };
+        let value = |r: &[f64; 4]| [r[0], r[2], r[0] + 3.0 * r[1], r[0] - 3.0 * r[1]];
+        let error = |r: &[f64; 4]| match r[3].is_finite() {
+            true => [r[3], -r[3], 3.0 * r[1], -3.0 * r[1]],
+            false => [f64::NAN; 4],
+        };
+        let known = |r: &[f64; 2]| r[0] <= r[1];
+        let errors = [over(first, begin, &error), over(end, end, &error)];
+        let sizes = |r: &[f64; 4]| match r[1] > 0.0 {
+            true => [r[1], r[3].abs(), r[1], r[1]],
+            false => [f64::NAN; 4],
+        };
+        let [low, high] = over(first, first, &sizes);
+        let sigmas = rows.iter().map(|r| r.1[1]).filter(|s| *s > 0.0);
+        let least = sigmas.fold(f64::INFINITY, f64::min);
+        let scale = Scale { unit: "", size: 1.0 };
+        Some(Self {
+            value: scale,
+            error: scale,
+            values: [over(first, begin, &value), over(end, end, &value)],
+            errors: errors.iter().all(known).then_some(errors),
+            // an error near zero has no lower bound on this axis
+            logarithms: [(0.1 * least).max(low), high].map(f64::log10),
+        })
+    }
+
+    /// The sizes of value and error at the end of the run, which determine the units.
+    fn sizes(&self) -> [f64; 2] {
+        let end = self.errors.as_ref().map_or(&self.values[1], |errors| &errors[1]);
+        [self.values[1][0].abs().max(self.values[1][1].abs()), 0.5 * (end[1] - end[0])]
+    }
+
+    /// The same in the units that fit those sizes.
+    fn in_units(mut self, unit: &'static str, value: f64, error: f64) -> Self {
+        // a ratio near one is read as a number
+        let one = Scale { unit, size: 1.0 };
+        self.value = if unit.is_empty() { one } else { axis::scale(unit, value) };
+        self.error = axis::scale(unit, error);
+        let (v, e) = (self.value.size, self.error.size);
+        self.values.iter_mut().flatten().for_each(|x| *x /= v);
+        self.errors.iter_mut().flatten().flatten().for_each(|x| *x /= e);
+        self.logarithms.iter_mut().for_each(|x| *x -= e.log10());
+        self
+    }
+}
+
+/// The time from which on the end of the run has plots of its own.
+pub fn end_of_run(first: i64, last: i64) -> i64 {
+    last - (END * (last - first) as f64) as i64
 }

@@ -13,8 +13,18 @@ pub const TRUTH: Colour = [245, 166, 35];
 pub const BOUND: Colour = [140, 148, 160];
 /// The colour of samples that the gate rejected.
 pub const GATED: Colour = [255, 0, 200];
+/// The colours of samples that were rejected before the gate, one for each reason.
+pub const REJECTED: [Colour; 4] = [[213, 94, 0], [240, 228, 66], [0, 158, 115], [86, 180, 233]];
 /// The colour of the filter beside the smoothed run.
 pub const FILTERED: Colour = [150, 110, 200];
+/// The colour of the magnitude of an error.
+pub const MAGNITUDE: Colour = [200, 200, 205];
+/// The colour of the 95 % band of a statistic.
+pub const BAND: Colour = [0, 158, 115];
+/// The colour of the start of a track.
+pub const START: Colour = [0, 158, 115];
+/// The colour of the end of a track.
+pub const STOP: Colour = [213, 94, 0];
 /// The colour of the estimated track.
 pub const TRACK: Colour = AXES[2];
 
@@ -34,11 +44,13 @@ pub fn label(name: &str, unit: &str) -> String {
 }
 
 /// The unit of a column's suffix in the usual notation: `m/s^2` for `mps2`.
-pub fn unit(suffix: &str) -> String {
-    match (suffix.strip_suffix("ps2"), suffix.strip_suffix("ps")) {
-        (Some(top), _) if !top.is_empty() => format!("{top}/s^2"),
-        (_, Some(top)) if !top.is_empty() => format!("{top}/s"),
-        _ => suffix.to_owned(),
+pub fn unit(suffix: &'static str) -> &'static str {
+    match suffix {
+        "mps" => "m/s",
+        "mps2" => "m/s^2",
+        "degps" => "deg/s",
+        "radps2" => "rad/s^2",
+        other => other,
     }
 }
 

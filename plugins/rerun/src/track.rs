@@ -1,42 +1,76 @@
-//! The track in three dimensions and on the map.
+//! The track of the vehicle: places with their sigma, and poses over time.
 
-use crate::columns::{ROWS, Thinned};
-use crate::recording::Recording;
-use crate::style::{AXES, BOUND, Colour, FILTERED, TRACK, TRUTH, path};
+use crate::columns::Thinned;
+use crate::quantity::Here;
 use navfuse_core::model::record::Epoch;
-use navfuse_core::model::stream::StreamError;
+use navfuse_core::nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion};
 use navfuse_core::state::Layout;
-use navfuse_core::state::manifold::{Position, Rotation};
-use re_sdk::EntityPath;
-use re_sdk_types::archetypes::{
-    Arrows3D, GeoLineStrings, GeoPoints, LineStrips3D, Transform3D, ViewCoordinates,
-};
-use re_sdk_types::components::Radius;
-use re_sdk_types::datatypes::Quaternion;
+use navfuse_core::state::manifold::{Position, Rotation, Vector};
 use std::any::TypeId;
 
-/// The greatest number of vertices of a track: more would make a software renderer slow.
-const VERTICES: usize = 5000;
-/// The time between two poses, ns: 50 poses a second look continuous.
+/// Greatest number of vertices of a track: more would make a software renderer slow.
+const VERTICES: usize = 4000;
+/// Greatest number of poses of a thinned recording.
+const POSES: usize = 2000;
+/// Time between two poses of a full recording, ns: 50 poses a second look continuous.
 const POSE_INTERVAL: i64 = 20_000_000;
 
-/// A place: north, east, down from the origin (m), latitude and longitude (deg).
-type Place = ([f32; 3], [f64; 2]);
+/// A place of the track.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// North, east, down from the origin, m.
+    pub ned: [f32; 3],
+    /// Latitude and longitude, deg.
+    pub geo: [f64; 2],
+    /// Horizontal 1-sigma, m; zero for the truth.
+    pub sigma: f64,
+}
+
+/// A pose at one time.
+#[derive(Clone, Copy, Debug)]
+pub struct Pose {
+    /// Time, ns.
+    pub time: i64,
+    /// Place.
+    pub place: Place,
+    /// Attitude: x, y, z, w.
+    pub attitude: [f32; 4],
+    /// Velocity north, east, down, m/s.
+    pub velocity: [f32; 3],
+    /// Half axes of the ellipsoid of 3 sigma, m, and its orientation: x, y, z, w.
+    pub ellipsoid: ([f32; 3], [f32; 4]),
+}
+
+/// A sensor on the vehicle.
+#[derive(Clone, Debug)]
+pub struct Mounting {
+    /// Name of the sensor.
+    pub sensor: String,
+    /// Lever arm in body axes, m.
+    pub lever_arm: [f32; 3],
+    slot: usize,
+}
 
 /// The position and attitude of the vehicle over time, and its track so far.
 pub struct Track {
     position: usize,
     attitude: Option<usize>,
+    velocity: Option<usize>,
     origin: Option<Vec<f64>>,
-    estimate: Thinned<Place>,
-    /// Track of the filter in a run that is smoothed.
-    filtered: Thinned<Place>,
-    truth: Thinned<Place>,
-    times: Vec<i64>,
-    places: Vec<Place>,
-    attitudes: Vec<[f32; 4]>,
+    /// The estimated track.
+    pub estimate: Thinned<Place>,
+    /// The track of the filter in a run that is smoothed.
+    pub filtered: Thinned<Place>,
+    /// The true track.
+    pub truth: Thinned<Place>,
+    /// Poses over time.
+    pub poses: Thinned<Pose>,
+    /// The sensors with a lever arm.
+    pub mountings: Vec<Mounting>,
+    /// The box around the tracks.
+    pub extent: Extent,
+    here: Here,
     last: Option<i64>,
-    pub(crate) extent: Extent,
 }
 
 /// The box around the estimated and the true track.
@@ -54,11 +88,11 @@ impl Extent {
     const NONE: Self =
         Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], latitude: 0.0 };
 
-    fn include(&mut self, (ned, geo): &Place) {
+    fn include(&mut self, place: &Place) {
         if self.low[0] > self.high[0] {
-            self.latitude = geo[0];
+            self.latitude = place.geo[0];
         }
-        for (k, x) in ned.iter().enumerate() {
+        for (k, x) in place.ned.iter().enumerate() {
             self.low[k] = self.low[k].min(*x);
             self.high[k] = self.high[k].max(*x);
         }
@@ -73,146 +107,148 @@ impl Extent {
 }
 
 impl Track {
-    /// The track of the first position in the layout, with the attitude of the same owner; `None`
-    /// without a position.
-    pub fn new(layout: &Layout) -> Option<Self> {
+    /// The track of the first position in the layout, with the attitude and the velocity of the
+    /// same owner; `None` without a position. A full one has all poses.
+    pub fn new(layout: &Layout, full: bool) -> Option<Self> {
         let position =
             layout.blocks.iter().position(|b| b.operations.kind == TypeId::of::<Position>())?;
         let owner = layout.blocks[position].name.split('.').next();
-        let attitude = layout.blocks.iter().position(|b| {
-            b.operations.kind == TypeId::of::<Rotation>() && b.name.split('.').next() == owner
-        });
+        let beside = |of: &dyn Fn(&navfuse_core::state::Block) -> bool| {
+            layout.blocks.iter().position(|b| of(b) && b.name.split('.').next() == owner)
+        };
+        let vector = TypeId::of::<Vector<3>>();
+        let mounting = |slot: usize| {
+            let block = &layout.blocks[slot];
+            let sensor = block.name.strip_suffix(".lever_arm")?;
+            (block.operations.kind == vector).then(|| Mounting {
+                sensor: sensor.to_owned(),
+                lever_arm: [0.0; 3],
+                slot,
+            })
+        };
         Some(Self {
             position,
-            attitude,
+            attitude: beside(&|b| b.operations.kind == TypeId::of::<Rotation>()),
+            velocity: beside(&|b| b.operations.kind == vector && b.spec.display.unit == "m/s"),
             origin: None,
             estimate: Thinned::new(VERTICES),
             filtered: Thinned::new(VERTICES),
             truth: Thinned::new(VERTICES),
-            times: Vec::new(),
-            places: Vec::new(),
-            attitudes: Vec::new(),
-            last: None,
+            poses: Thinned::new(if full { usize::MAX } else { POSES }),
+            mountings: (0..layout.blocks.len()).filter_map(mounting).collect(),
             extent: Extent::NONE,
+            here: Here::default(),
+            last: None,
         })
     }
 
-    /// Records the directions of the axes: x forward (north), y right (east), z down.
-    pub fn start(&self, recording: &Recording) -> Result<(), StreamError> {
-        recording.log_static(&path(&["world"]), &ViewCoordinates::FRD())
+    /// The place at which an angle on the Earth becomes a distance.
+    pub fn here(&self) -> Here {
+        self.here
     }
 
     /// Adds the filter's own estimate in a run that is smoothed.
     pub fn filtered(&mut self, epoch: &Epoch<'_>) {
-        let place = self.place(epoch, &epoch.state.values);
+        let place = self.place(epoch, &epoch.state.values, 0.0);
         self.extent.include(&place);
         self.filtered.push(place);
+        self.set_here(epoch);
     }
 
     /// A position of an epoch from the first one.
-    fn place(&mut self, epoch: &Epoch<'_>, values: &[f64]) -> Place {
+    fn place(&mut self, epoch: &Epoch<'_>, values: &[f64], sigma: f64) -> Place {
         let block = &epoch.layout.blocks[self.position];
-        let origin = self.origin.get_or_insert_with(|| values[block.range()].to_vec());
-        let (mut ned, mut geo) = ([0.0; 3], [0.0; 3]);
         let value = &values[block.range()];
+        let origin = self.origin.get_or_insert_with(|| value.to_vec());
+        let (mut ned, mut geo) = ([0.0; 3], [0.0; 3]);
         (block.operations.local)(value, origin, &mut ned);
         (block.operations.coordinates)(value, &mut geo);
-        (ned.map(|x| x as f32), [geo[0].to_degrees(), geo[1].to_degrees()])
+        let geo = [geo[0].to_degrees(), geo[1].to_degrees()];
+        Place { ned: ned.map(|x| x as f32), geo, sigma }
+    }
+
+    fn set_here(&mut self, epoch: &Epoch<'_>) {
+        let block = &epoch.layout.blocks[self.position];
+        let mut geo = [0.0; 3];
+        (block.operations.coordinates)(&epoch.state.values[block.range()], &mut geo);
+        self.here = Here { latitude: geo[0], height: geo[2] };
     }
 
     /// Adds an estimate and, where it is known, the truth.
-    pub fn epoch(&mut self, recording: &Recording, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        let here = self.place(epoch, &epoch.state.values);
+    pub fn epoch(&mut self, epoch: &Epoch<'_>) {
+        let block = &epoch.layout.blocks[self.position];
+        let covariance = block.tangent.map_or_else(Matrix3::zeros, |t| {
+            Matrix3::from_fn(|i, j| epoch.covariance.get(t + i, t + j))
+        });
+        let sigma = (covariance[(0, 0)] + covariance[(1, 1)]).max(0.0).sqrt();
+        let values = &epoch.state.values;
+        self.set_here(epoch);
+        let here = self.place(epoch, values, sigma);
         self.extent.include(&here);
         self.estimate.push(here);
         if let Some(truth) = epoch.truth.filter(|t| t.known[self.position]) {
-            let there = self.place(epoch, &truth.state.values);
+            let there = self.place(epoch, &truth.state.values, 0.0);
             self.extent.include(&there);
             self.truth.push(there);
         }
-        let now = epoch.state.time.nanos();
-        if self.last.is_none_or(|last| now - last >= POSE_INTERVAL) {
-            self.last = Some(now);
-            self.times.push(now);
-            self.places.push(here);
-            if let Some(slot) = self.attitude {
-                let q = &epoch.state.values[epoch.layout.blocks[slot].range()];
-                self.attitudes.push([q[1], q[2], q[3], q[0]].map(|x| x as f32));
-            }
-            if self.times.len() == ROWS {
-                self.flush(recording)?;
-            }
+        for mounting in &mut self.mountings {
+            let arm = &values[epoch.layout.blocks[mounting.slot].range()];
+            mounting.lever_arm = std::array::from_fn(|k| arm[k] as f32);
         }
-        Ok(())
-    }
-
-    /// Sends the buffered poses.
-    pub fn flush(&mut self, recording: &Recording) -> Result<(), StreamError> {
-        if self.times.is_empty() {
-            return Ok(());
+        let time = epoch.state.time.nanos();
+        if self.last.is_none_or(|last| time - last >= POSE_INTERVAL) {
+            self.last = Some(time);
+            let of = |slot: usize| &values[epoch.layout.blocks[slot].range()];
+            let attitude = self.attitude.map_or([0.0, 0.0, 0.0, 1.0], |slot| {
+                let q = of(slot);
+                [q[1], q[2], q[3], q[0]].map(|x| x as f32)
+            });
+            let velocity =
+                self.velocity.map_or([0.0; 3], |slot| std::array::from_fn(|k| of(slot)[k] as f32));
+            let ellipsoid = ellipsoid(&covariance);
+            self.poses.push(Pose { time, place: here, attitude, velocity, ellipsoid });
         }
-        let mut poses =
-            Transform3D::update_fields().with_many_translation(self.places.iter().map(|p| p.0));
-        if self.attitude.is_some() {
-            let quaternions = self.attitudes.iter().map(|q| Quaternion::from_xyzw(*q));
-            poses = poses.with_many_quaternion(quaternions);
-        }
-        let columns = poses.columns_of_unit_batches().map_err(|e| recording.error(e))?;
-        recording.columns(&path(&["world", "vehicle"]), &self.times, columns)?;
-        let points = GeoPoints::from_lat_lon(self.places.iter().map(|p| p.1));
-        let columns = points.columns_of_unit_batches().map_err(|e| recording.error(e))?;
-        recording.columns(&path(&["map", "vehicle"]), &self.times, columns)?;
-        self.times.clear();
-        self.places.clear();
-        self.attitudes.clear();
-        Ok(())
-    }
-
-    /// Draws the tracks so far, which replace those drawn before.
-    pub fn draw(&mut self, recording: &Recording) -> Result<(), StreamError> {
-        self.flush(recording)?;
-        let Some((_, side)) = self.extent.middle() else { return Ok(()) };
-        line(recording, "truth", &self.truth, TRUTH, 0.9)?;
-        line(recording, "filtered", &self.filtered, FILTERED, 0.9)?;
-        line(recording, "estimate", &self.estimate, TRACK, 1.5)?;
-        // the shadow of the track at the level of its start makes a dive visible
-        let shadow = self.estimate.iter().map(|(ned, _)| [ned[0], ned[1], 0.0]);
-        let shadow = LineStrips3D::new([shadow.collect::<Vec<_>>()]);
-        recording.log_static(&path(&["world", "shadow"]), &styled(shadow, BOUND, 0.7))?;
-        let vehicle = EntityPath::from("map/vehicle");
-        let look = GeoPoints::update_fields()
-            .with_colors([AXES[0]])
-            .with_radii([Radius::new_ui_points(7.0)]);
-        recording.log_static(&vehicle, &look)?;
-        let length = 0.08 * side;
-        let body = Arrows3D::from_vectors([
-            [length, 0.0, 0.0],
-            [0.0, 0.6 * length, 0.0],
-            [0.0, 0.0, 0.6 * length],
-        ])
-        .with_colors(AXES)
-        .with_radii([Radius::new_ui_points(2.0)]);
-        recording.log_static(&path(&["world", "vehicle", "body"]), &body)
     }
 }
 
-fn line(
-    recording: &Recording,
-    name: &str,
-    track: &Thinned<Place>,
-    colour: Colour,
-    width: f32,
-) -> Result<(), StreamError> {
-    if track.len() < 2 {
-        return Ok(());
+/// Half axes and orientation of the ellipsoid of 3 sigma: the eigenvalues and eigenvectors of the
+/// covariance.
+fn ellipsoid(covariance: &Matrix3<f64>) -> ([f32; 3], [f32; 4]) {
+    let eigen = SymmetricEigen::new(*covariance);
+    let mut axes = eigen.eigenvectors;
+    if axes.determinant() < 0.0 {
+        // eigenvectors have no sign; a rotation has
+        axes.column_mut(0).neg_mut();
     }
-    let strip = LineStrips3D::new([track.iter().map(|p| p.0).collect::<Vec<_>>()]);
-    recording.log_static(&path(&["world", name]), &styled(strip, colour, width))?;
-    let strip = GeoLineStrings::from_lat_lon([track.iter().map(|p| p.1).collect::<Vec<_>>()]);
-    let strip = strip.with_colors([colour]).with_radii([Radius::new_ui_points(width)]);
-    recording.log_static(&path(&["map", name]), &strip)
+    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+    let half = [0, 1, 2].map(|k| 3.0 * eigen.eigenvalues[k].max(0.0).sqrt() as f32);
+    (half, [q.i, q.j, q.k, q.w].map(|x| x as f32))
 }
 
-fn styled(strip: LineStrips3D, colour: Colour, width: f32) -> LineStrips3D {
-    strip.with_colors([colour]).with_radii([Radius::new_ui_points(width)])
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test ends where it fails")]
+
+    use super::*;
+    use navfuse_core::nalgebra::{Quaternion, Vector3};
+
+    #[test]
+    fn the_ellipsoid_has_the_axes_of_the_covariance() {
+        let turn = Rotation3::from_euler_angles(0.3, -0.2, 1.1);
+        let variances = Vector3::new(4.0, 1.0, 0.25);
+        let covariance =
+            turn.matrix() * Matrix3::from_diagonal(&variances) * turn.matrix().transpose();
+        let (half, [x, y, z, w]) = ellipsoid(&covariance);
+        let axes = UnitQuaternion::from_quaternion(Quaternion::new(
+            f64::from(w),
+            f64::from(x),
+            f64::from(y),
+            f64::from(z),
+        ));
+        let squares = Vector3::from(half.map(|h| f64::from(h / 3.0).powi(2)));
+        let again = axes.to_rotation_matrix();
+        let again = again.matrix() * Matrix3::from_diagonal(&squares) * again.matrix().transpose();
+        // single precision
+        assert!((again - covariance).norm() < 1e-5, "{again} {covariance}");
+    }
 }

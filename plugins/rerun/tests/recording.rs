@@ -48,18 +48,19 @@ fn scalars(path: &Path) -> Rows {
     rows
 }
 
-fn record(folder: &Path, epochs: usize) -> Box<dyn Sink> {
-    let mut sink = Rerun::default().record(folder, Vec::new()).unwrap();
+/// Records a run; with `full` every row.
+fn record(folder: &Path, epochs: usize, full: bool) -> Box<dyn Sink> {
+    let mut sink = Rerun { full, ..Rerun::default() }.record(folder, Vec::new()).unwrap();
     Synthetic::new(epochs).feed(sink.as_mut()).unwrap();
     sink
 }
 
 #[test]
-fn a_recording_holds_every_row_and_value_that_was_fed() {
+fn a_full_recording_holds_every_row_and_value_that_was_fed() {
     let folder = tempfile::tempdir().unwrap();
     let epochs = 5000; // one whole block of 4096 rows and a part
     let begun = std::time::Instant::now();
-    let mut sink = record(folder.path(), epochs);
+    let mut sink = record(folder.path(), epochs, true);
     let place = sink.finish().unwrap().unwrap();
     let path = folder.path().join("run.rrd");
     println!(
@@ -72,7 +73,7 @@ fn a_recording_holds_every_row_and_value_that_was_fed() {
 
     // 21 components that are estimated: 3 x (attitude, velocity, position, two biases,
     // misalignment, lever arm) + scale
-    for leaf in ["estimate", "truth", "error"] {
+    for leaf in ["estimate", "truth", "error", "sigma"] {
         assert_eq!(
             rows.keys().filter(|k| k.starts_with("/state/") && k.ends_with(leaf)).count(),
             22,
@@ -80,7 +81,8 @@ fn a_recording_holds_every_row_and_value_that_was_fed() {
         );
     }
     for (entity, rows) in rows.iter().filter(|(k, _)| k.starts_with("/state/")) {
-        let finite = rows.iter().filter(|r| r.1[0].is_finite()).count();
+        // the logarithm of sigma is the last value of its rows
+        let finite = rows.iter().filter(|r| r.1.last().is_some_and(|x| x.is_finite())).count();
         assert_eq!(finite, epochs, "{entity}");
         assert_eq!(rows.last().unwrap().0, Synthetic::time(epochs - 1).nanos(), "{entity}");
     }
@@ -94,24 +96,26 @@ fn a_recording_holds_every_row_and_value_that_was_fed() {
         near(scale[1], TRUE_SCALE + error + 3.0 * sigma[15]);
         near(scale[2], TRUE_SCALE + error - 3.0 * sigma[15]);
         near(rows["/state/dvl/scale/k/truth"][k].1[0], TRUE_SCALE);
-        near(rows["/state/ins/velocity/east/error"][k].1[0], Synthetic::error(k, 4));
-        near(rows["/state/ins/velocity/east/error"][k].1[1], 3.0 * sigma[4]);
+        // the converged sigma of the velocity is 8 mm/s, so its error is in mm/s
+        let east = &rows["/state/ins/velocity/east/error"][k].1;
+        near(1e-3 * east[0], Synthetic::error(k, 4));
+        near(1e-3 * east[1], 3.0 * sigma[4]);
+        near(rows["/state/ins/velocity/east/sigma"][k].1[1], (1e3 * sigma[4]).log10());
         // metres by way of radians of longitude: 2 rad of eps 2e-16 are 3 nm of 6378 km
         let north = rows["/state/ins/position/north/error"][k].1[0];
         assert!((north - Synthetic::error(k, 6)).abs() < 1e-7, "{north}");
     }
     let samples = epochs / DVL_EVERY;
     let gated = samples / OUTLIER_EVERY;
-    assert_eq!(rows["/innovation/dvl/vel_x"].len(), samples - gated);
+    assert_eq!(rows["/innovation/dvl/vel_x/accepted"].len(), samples - gated);
     assert_eq!(rows["/innovation/dvl/vel_x/gated"].len(), gated);
     assert_eq!(rows["/innovation/dvl/nis/gated"].len(), gated);
-    assert_eq!(rows["/innovation/depth/depth"].len(), samples / 2);
-    assert!(
-        rows["/innovation/depth/nis"].iter().all(|r| r.1[1].is_nan()),
-        "a gate that is off has no line"
-    );
-    assert_eq!(rows["/samples/dvl"].len(), samples);
-    assert!(!rows.contains_key("/samples/imu"), "driving sensors are recorded on request");
+    assert_eq!(rows["/innovation/depth/depth/accepted"].len(), samples / 2);
+    // gate and the two lines of the band; without a gate the band alone
+    assert_eq!(rows["/innovation/dvl/nis/limits"][0].1.len(), 3);
+    assert_eq!(rows["/innovation/depth/nis/limits"][0].1.len(), 2);
+    assert_eq!(rows["/samples/dvl/vel_x"].len(), samples);
+    assert!(!rows.contains_key("/samples/imu/gyro_x"), "driving sensors are recorded on request");
 
     let stores = stores(&path);
     let recording = stores.iter().find(|s| s.id().kind() == StoreKind::Recording).unwrap();
@@ -122,8 +126,10 @@ fn a_recording_holds_every_row_and_value_that_was_fed() {
             c.iter_slices::<String>(text).flatten().map(|t| t.to_string()).collect::<Vec<_>>()
         })
         .collect();
-    assert!(logged.contains(&"trajectory: dive to 30 m".to_owned()), "{logged:?}");
-    assert!(logged.contains(&"depth: depth lost: no sample for 2 s".to_owned()), "{logged:?}");
+    // an event before the run has the time of its first epoch, 100 s
+    assert!(logged.contains(&"  100.000 s  trajectory: dive to 30 m".to_owned()), "{logged:?}");
+    let lost = "  599.900 s  depth: depth lost: no sample for 2 s".to_owned();
+    assert!(logged.contains(&lost), "{logged:?}");
     let entities: Vec<String> =
         recording.iter_physical_chunks().map(|c| c.entity_path().to_string()).collect();
     for entity in [
@@ -133,6 +139,11 @@ fn a_recording_holds_every_row_and_value_that_was_fed() {
         "/map/estimate",
         "/map/truth",
         "/map/vehicle",
+        "/plan/estimate",
+        "/plan/grid",
+        "/health/dvl",
+        "/health/imu",
+        "/overview",
         "/scenario",
     ] {
         assert!(entities.iter().any(|e| e == entity), "{entity}");
@@ -141,9 +152,36 @@ fn a_recording_holds_every_row_and_value_that_was_fed() {
 }
 
 #[test]
+fn a_thinned_recording_keeps_the_extremes_of_every_error_and_is_small() {
+    let folder = tempfile::tempdir().unwrap();
+    let (epochs, sizes) = (10_000, [true, false]);
+    let files = sizes.map(|full| {
+        let folder = folder.path().join(full.to_string());
+        record(&folder, epochs, full).finish().unwrap();
+        folder.join("run.rrd")
+    });
+    let [full, thinned] = [&files[0], &files[1]].map(|file| scalars(file));
+    assert!(full.keys().eq(thinned.keys()), "the same entities");
+    let extremes = |rows: &[(i64, Vec<f64>)]| {
+        let values = || rows.iter().map(|r| r.1[0]).filter(|x| x.is_finite());
+        [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
+    };
+    for (entity, rows) in &full {
+        // a sigma has no key of its own: it changes slowly
+        if !entity.ends_with("/sigma") && !entity.ends_with("/truth") {
+            assert_eq!(extremes(rows), extremes(&thinned[entity]), "{entity}");
+        }
+        assert!(thinned[entity].len() < 1600, "{entity}: {} rows", thinned[entity].len());
+    }
+    let [full, thinned] = [&files[0], &files[1]].map(|file| file.metadata().unwrap().len());
+    println!("{full} bytes, thinned {thinned}");
+    assert!(5 * thinned < full, "{thinned} of {full} bytes");
+}
+
+#[test]
 fn a_run_that_is_broken_off_leaves_a_recording_that_opens() {
     let folder = tempfile::tempdir().unwrap();
-    drop(record(folder.path(), 700));
+    drop(record(folder.path(), 700, false));
     let rows = scalars(&folder.path().join("run.rrd"));
     assert_eq!(rows["/state/ins/velocity/north/estimate"].len(), 700);
 }

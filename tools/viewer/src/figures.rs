@@ -58,7 +58,7 @@ pub fn record(path: &Path, name: &str, figures: &[Figure]) -> Result<(), StreamE
         }
     }
     let messages = layout.messages(Tabs::new(tabs).into()).map_err(|e| recording.error(e))?;
-    recording.layout(&messages, false);
+    recording.layout(&messages);
     recording.close().map(drop)
 }
 

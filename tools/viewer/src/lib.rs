@@ -5,13 +5,12 @@
 //!
 //! | entity | content |
 //! |---|---|
-//! | `/observability/OWNER/BLOCK/COMPONENT` | bits gained: how many times sigma was halved |
+//! | `/observability/OWNER/BLOCK/COMPONENT` | bits gained as a state: how many times sigma was halved |
 //! | `/observability/verdicts` | which states the run determines, and what is missing |
 
 pub mod figures;
 mod observability;
 
-pub use navfuse_rerun::viewer;
 pub use observability::Observability;
 
 use navfuse_core::model::stream::{Sink, StreamError};
@@ -39,14 +38,17 @@ pub struct Viewer {
     /// Record the samples of driving and reference sensors too; those of measuring sensors always
     /// are.
     pub samples: bool,
+    /// Record every row. Otherwise a series has at most 1280 rows, which keep its extremes: a plot
+    /// has no more pixels.
+    pub full: bool,
     /// Follow what the run determines of each state, and what is missing.
     pub observability: bool,
 }
 
 impl Default for Viewer {
     fn default() -> Self {
-        let Rerun { path, connect, spawn, serve, samples } = Rerun::default();
-        Self { path, connect, spawn, serve, samples, observability: true }
+        let Rerun { path, connect, spawn, serve, samples, full } = Rerun::default();
+        Self { path, connect, spawn, serve, samples, full, observability: true }
     }
 }
 
@@ -56,12 +58,12 @@ impl Viewer {
     /// # Errors
     /// When the file cannot be written, an address is wrong, or a viewer does not answer.
     pub fn record(self, output: &Path) -> Result<Box<dyn Sink>, StreamError> {
-        let Self { path, connect, spawn, serve, samples, observability } = self;
+        let Self { path, connect, spawn, serve, samples, full, observability } = self;
         let mut tabs: Vec<Box<dyn Tab>> = Vec::new();
         if observability {
             tabs.push(Box::new(Observability::default()));
         }
-        Rerun { path, connect, spawn, serve, samples }.record(output, tabs)
+        Rerun { path, connect, spawn, serve, samples, full }.record(output, tabs)
     }
 }
 

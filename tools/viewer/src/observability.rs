@@ -1,32 +1,68 @@
-//! The tab *Observability*: bits gained of each state while the run goes on, and a page of
+//! The tab *Observability*: a strip for each state, whose colour is the bits gained, and a page of
 //! verdicts.
 
 use navfuse_core::model::record::{Epoch, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, StreamError};
 use navfuse_core::state::covariance::{Transition, Update};
 use navfuse_core::units::time::Time;
-use navfuse_observability::{Tracker, markdown};
+use navfuse_observability::{Component, Tracker, markdown};
 use navfuse_rerun::re_sdk::EntityPath;
-use navfuse_rerun::re_sdk::blueprint::components::Corner2D;
-use navfuse_rerun::re_sdk::blueprint::{ContainerLike, Grid, Horizontal, TextDocumentView};
-use navfuse_rerun::re_sdk_types::archetypes::TextDocument;
-use navfuse_rerun::style::{axis, path};
-use navfuse_rerun::{Layout, Range, Recording, Series, Tab};
+use navfuse_rerun::re_sdk::blueprint::{ContainerLike, Horizontal, TextDocumentView};
+use navfuse_rerun::re_sdk_types::archetypes::{StateChange, StateConfiguration, TextDocument};
+use navfuse_rerun::style::path;
+use navfuse_rerun::{Layout, Recording, Tab, colours};
 
 /// Time between two recorded values of the bits, ns.
 const BITS_INTERVAL: i64 = 1_000_000_000;
+/// Greatest number of strips in one column: they fit into the window without scrolling.
+const COLUMN: usize = 21;
+/// Titles of the columns of strips.
+const TITLES: [&str; 2] =
+    ["Bits gained: how many times sigma was halved", "Bits gained, continued"];
 /// Time between two pages while no verdict changes, in units of [`BITS_INTERVAL`].
 const PAGE_INTERVAL: i64 = 30;
 
-/// The bits of one state's components.
-struct BlockBits {
-    /// The state: `ins.attitude`.
-    name: String,
-    /// The entity above those of the components.
+/// Bits at which the colour of a strip changes: how many times sigma was halved.
+const STEPS: [(f64, &str); 8] = [
+    (8.0, "8 bits or more"),
+    (6.0, "6 bits"),
+    (4.0, "4 bits"),
+    (3.0, "3 bits"),
+    (2.0, "2 bits"),
+    (1.0, "1 bit"),
+    (0.3, "1/3 bit"),
+    (f64::NEG_INFINITY, "nothing"),
+];
+
+/// The strip of one component: its bits over time as colours.
+struct Strip {
     path: EntityPath,
-    /// The range of all components.
-    range: Range,
-    components: Vec<Series>,
+    /// The step that was recorded last.
+    step: Option<usize>,
+}
+
+impl Strip {
+    /// The strip of a component, whose words and colours it records.
+    fn start(path: EntityPath, recording: &Recording) -> Result<Self, StreamError> {
+        let last = STEPS.len() - 1;
+        let colour = |k: usize| match k == last {
+            true => [70, 72, 78],
+            false => colours::at((last - 1 - k) as f64 / (last - 1) as f64),
+        };
+        let look = StateConfiguration::new()
+            .with_values(STEPS.map(|s| s.1))
+            .with_colors((0..STEPS.len()).map(colour));
+        recording.log_static(&path, &look)?;
+        Ok(Self { path, step: None })
+    }
+
+    fn push(&mut self, recording: &Recording, time: Time, bits: f64) -> Result<(), StreamError> {
+        let step = STEPS.iter().position(|s| bits >= s.0).unwrap_or(STEPS.len() - 1);
+        if self.step.replace(step) == Some(step) {
+            return Ok(());
+        }
+        recording.log(&self.path, time.nanos(), &StateChange::single(STEPS[step].1))
+    }
 }
 
 /// Follows a run, and shows which states it determines.
@@ -39,7 +75,7 @@ pub struct Observability {
 /// A run that is being followed.
 struct Followed {
     tracker: Tracker,
-    blocks: Vec<BlockBits>,
+    strips: Vec<Strip>,
     next: Time,
     next_page: Time,
     /// Set when a verdict has changed since the last page.
@@ -47,25 +83,14 @@ struct Followed {
 }
 
 impl Followed {
-    fn new(run: &RunInfo) -> Self {
+    fn new(run: &RunInfo, recording: &Recording) -> Result<Self, StreamError> {
         let tracker = Tracker::new(run, f64::INFINITY);
-        let mut blocks: Vec<BlockBits> = Vec::new();
-        for c in tracker.components() {
+        let strip = |c: &Component| {
             let (owner, name) = c.state.split_once('.').unwrap_or(("", &c.state));
-            if blocks.last().is_none_or(|b| b.name != c.state) {
-                blocks.push(BlockBits {
-                    name: c.state.clone(),
-                    path: path(&["observability", owner, name]),
-                    range: Range::default(),
-                    components: Vec::new(),
-                });
-            }
-            let Some(block) = blocks.last_mut() else { continue };
-            let line = (c.name.clone(), axis(c.axis), 2.2);
-            let entity = path(&["observability", owner, name, &c.name]);
-            block.components.push(Series::lines(entity, &[line]));
-        }
-        Self { tracker, blocks, next: Time::MIN, next_page: Time::MIN, changed: true }
+            Strip::start(path(&["observability", owner, name, &c.name]), recording)
+        };
+        let strips = tracker.components().iter().map(strip).collect::<Result<_, _>>()?;
+        Ok(Self { tracker, strips, next: Time::MIN, next_page: Time::MIN, changed: true })
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>, recording: &Recording) -> Result<(), StreamError> {
@@ -76,12 +101,8 @@ impl Followed {
         }
         let interval = time.nanos().div_euclid(BITS_INTERVAL);
         self.next = Time::from_nanos((interval + 1) * BITS_INTERVAL);
-        let mut bits = self.tracker.status().iter().map(|status| status.bits());
-        for block in &mut self.blocks {
-            for (series, bits) in block.components.iter_mut().zip(&mut bits) {
-                series.push(recording, time, &[bits])?;
-                block.range.include(bits);
-            }
+        for (strip, status) in self.strips.iter_mut().zip(self.tracker.status()) {
+            strip.push(recording, time, status.bits())?;
         }
         if self.changed || time >= self.next_page {
             self.next_page = Time::from_nanos((interval + PAGE_INTERVAL) * BITS_INTERVAL);
@@ -107,8 +128,8 @@ fn page_entity() -> EntityPath {
 }
 
 impl Tab for Observability {
-    fn start(&mut self, run: &RunInfo, _: &Recording) -> Result<(), StreamError> {
-        self.followed = Some(Followed::new(run));
+    fn start(&mut self, run: &RunInfo, recording: &Recording) -> Result<(), StreamError> {
+        self.followed = Some(Followed::new(run, recording)?);
         Ok(())
     }
 
@@ -135,32 +156,25 @@ impl Tab for Observability {
         }
     }
 
-    fn flush(&mut self, recording: &Recording) -> Result<(), StreamError> {
-        let blocks = self.followed.iter_mut().flat_map(|f| &mut f.blocks);
-        blocks.flat_map(|b| &mut b.components).try_for_each(|series| series.flush(recording))
-    }
-
     fn finish(&mut self, recording: &Recording) -> Result<(), StreamError> {
         self.followed.as_mut().map_or(Ok(()), |f| f.write_page(recording))
     }
 
-    /// The bits of each state, and beside them the page of verdicts.
+    /// A strip for each component in two columns, and beside them the page of verdicts.
     fn view(&self, layout: &mut Layout) -> Option<ContainerLike> {
         let followed = self.followed.as_ref()?;
-        let mut plots = Vec::new();
-        layout.corner = Corner2D::LeftTop; // bits start low and are read at the end
-        for block in &followed.blocks {
-            layout.legend = true;
-            plots.push(layout.plot(
-                &format!("{} bits", block.name),
-                &[format!("+ {}/**", block.path)],
-                block.range.axis(),
-            ));
-        }
-        layout.corner = Corner2D::RightTop;
-        let page = TextDocumentView::new("What is determined").with_origin(page_entity()).into();
-        let bits = Grid::new(plots).with_grid_columns(2).into();
-        let both = Horizontal::new([bits, page]).with_column_shares(vec![1.0, 1.05]);
-        Some(both.with_name("Observability").into())
+        let contents: Vec<String> =
+            followed.strips.iter().map(|strip| format!("+ {}", strip.path)).collect();
+        let half = match contents.len() {
+            n if n > COLUMN => n.div_ceil(2),
+            n => n,
+        };
+        let mut views: Vec<ContainerLike> = contents
+            .chunks(half.max(1))
+            .enumerate()
+            .map(|(k, part)| layout.lanes(TITLES[k.min(1)], part))
+            .collect();
+        views.push(TextDocumentView::new("What is determined").with_origin(page_entity()).into());
+        Some(Horizontal::new(views).with_name("Observability").into())
     }
 }

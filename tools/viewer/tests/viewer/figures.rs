@@ -1,16 +1,7 @@
-//! A recording of figures holds their values, and the real viewer shows them; `viewer.rs` lists
+//! A recording of figures holds their values, and the real viewer shows them; `run.rs` lists
 //! what that needs.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test ends where it fails"
-)]
-
-mod driver;
-
-use driver::{Layout, Viewer};
+use crate::driver::{self, Layout, Viewer};
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
 use navfuse_rerun::re_sdk::{StoreKind, TimelineName};
 use navfuse_rerun::re_sdk_types::archetypes::Scalars;

@@ -1,9 +1,12 @@
 //! The viewer without a window, controlled through its service.
 
+pub mod geometry;
+
 use navfuse_rerun::re_sdk::external::re_log_types::BlueprintActivationCommand;
 use navfuse_rerun::re_sdk::log::Chunk;
 use navfuse_rerun::re_sdk::{ComponentDescriptor, RecordingStreamBuilder, StoreId, StoreKind};
 use navfuse_rerun::re_sdk_types::blueprint::archetypes::{ContainerBlueprint, ViewBlueprint};
+use navfuse_rerun::re_sdk_types::blueprint::components::ContainerKind;
 use re_chunk_store::{ChunkStore, ChunkStoreConfig};
 use re_protos::common::v1alpha1::{Timeline, TimelineTime};
 use re_protos::sdk_comms::v1alpha1::viewer_control_service_client::ViewerControlServiceClient;
@@ -90,7 +93,7 @@ impl Viewer {
         let nowhere = "http://127.0.0.1:1";
         let child = Command::new(program)
             .args(["--headless", "--bind", "127.0.0.1", "--port", &port.to_string()])
-            .args(["--window-size", "1600x900", "--hide-welcome-screen"])
+            .args(["--window-size", "1600x1000", "--hide-welcome-screen"])
             .args(open)
             .env("HOME", pictures)
             .envs([
@@ -130,6 +133,21 @@ impl Viewer {
             }
             assert!(begun.elapsed() < PATIENCE, "not loaded: the timeline ends at {now:?}");
             std::thread::sleep(Duration::from_millis(100));
+        }
+    }
+
+    /// Waits until the timeline does not grow for a second, and returns its end, ns.
+    pub fn loaded(&mut self) -> i64 {
+        let begun = Instant::now();
+        let mut before = None;
+        loop {
+            std::thread::sleep(Duration::from_secs(1));
+            let now = self.end();
+            match now {
+                Some(end) if now == before => return end,
+                _ => assert!(begun.elapsed() < PATIENCE, "not loaded"),
+            }
+            before = now;
         }
     }
 
@@ -222,8 +240,12 @@ pub struct Layout {
     chunks: Vec<Arc<Chunk>>,
     /// The ids of the views by their names.
     pub views: BTreeMap<String, String>,
-    /// The tabs: container, name and path.
+    /// The children of containers: container, name and path of the child.
     pub tabs: Vec<(String, String, String)>,
+    /// The containers that show one child at a time.
+    tabbed: Vec<String>,
+    /// The container that is not in another one.
+    root: String,
 }
 
 impl Layout {
@@ -243,6 +265,8 @@ impl Layout {
             chunks: store.iter_physical_chunks().cloned().collect(),
             views: BTreeMap::new(),
             tabs: Vec::new(),
+            tabbed: Vec::new(),
+            root: String::new(),
         };
         let mut names = BTreeMap::new();
         let mut containers = Vec::new();
@@ -262,9 +286,21 @@ impl Layout {
             if let Some(name) = strings(ContainerBlueprint::descriptor_display_name()).pop() {
                 names.insert(path.clone(), name);
             }
+            let kind = ContainerBlueprint::descriptor_container_kind().component;
+            let tabs = ContainerKind::Tabs as u8;
+            if chunk.iter_slices::<u8>(kind).flatten().any(|kind| *kind == tabs) {
+                layout.tabbed.push(path.clone());
+            }
             containers.push((path, strings(ContainerBlueprint::descriptor_contents())));
         }
+        let children: Vec<String> = (containers.iter())
+            .flat_map(|c| &c.1)
+            .map(|child| child.trim_start_matches('/').to_owned())
+            .collect();
         for (container, contents) in containers {
+            if !contents.is_empty() && !children.contains(&container) {
+                layout.root.clone_from(&container);
+            }
             for child in contents {
                 let child = child.trim_start_matches('/').to_owned();
                 if let Some(name) = names.get(&child) {
@@ -273,5 +309,29 @@ impl Layout {
             }
         }
         layout
+    }
+
+    /// The pages: the names of the tabs that lead to each.
+    pub fn pages(&self) -> Vec<Vec<&str>> {
+        let mut pages = Vec::new();
+        self.add_pages(&self.root, &mut Vec::new(), &mut pages);
+        pages
+    }
+
+    fn add_pages<'a>(
+        &'a self,
+        container: &str,
+        path: &mut Vec<&'a str>,
+        pages: &mut Vec<Vec<&'a str>>,
+    ) {
+        if !self.tabbed.iter().any(|c| c == container) {
+            pages.push(path.clone());
+            return;
+        }
+        for (_, name, child) in self.tabs.iter().filter(|t| t.0 == container) {
+            path.push(name);
+            self.add_pages(child, path, pages);
+            path.pop();
+        }
     }
 }

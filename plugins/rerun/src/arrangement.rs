@@ -1,0 +1,344 @@
+//! The tabs of a run: the overview first, then what it is made of.
+
+use crate::blueprint::{Layout, height};
+use crate::innovation::SensorSeries;
+use crate::samples::SampleSeries;
+use crate::sink::Run;
+use crate::state::{BlockSeries, Plots, end_of_run};
+use crate::style::{label, title};
+use crate::tab::Tab;
+use crate::track::Extent;
+use re_sdk::RecordingStreamResult;
+use re_sdk::blueprint::{
+    ContainerLike, Grid, Horizontal, MapView, Spatial2DView, Spatial3DView, Tabs, TextDocumentView,
+    Vertical,
+};
+use re_sdk::log::LogMsg;
+use re_sdk_types::blueprint::archetypes::{Background, EyeControls3D, LineGrid3D, MapZoom};
+use re_sdk_types::blueprint::components::BackgroundKind;
+use re_sdk_types::components;
+
+/// The span of a track on the map, pixels.
+const MAP_PIXELS: f64 = 350.0;
+/// The size of one pixel of the map at zoom 0 on the equator, m: the circumference of the Earth
+/// over the 256 pixels of the one tile.
+const MAP_SCALE: f64 = 40_075_016.7 / 256.0;
+/// Distance of the eye from the middle of the track, in radii of the sphere around it: the sphere
+/// fits into a view of 60 degrees, and the flat track of a vehicle into a narrower one.
+const EYE: f32 = 2.0;
+/// Background of the views in three dimensions.
+const GROUND: [u8; 3] = [14, 16, 20];
+/// Height of a lane of the viewer, and of what is above the lanes, pixels.
+const LANE: [f64; 2] = [40.0, 56.0];
+/// Greatest number of components in a tab.
+const ROWS: usize = 4;
+
+/// The messages of the layout of a run; with `ranges` after the run, when the plots' ranges are
+/// known.
+///
+/// # Errors
+/// When the viewer's library cannot encode the layout.
+pub fn messages(
+    run: &Run,
+    tabs: &[Box<dyn Tab>],
+    ranges: bool,
+) -> RecordingStreamResult<Vec<LogMsg>> {
+    let mut layout = Layout::new(ranges);
+    layout.span = run.span.filter(|(first, last)| ranges && first < last);
+    let root = layout.root(run, tabs);
+    layout.messages(root)
+}
+
+impl Layout {
+    fn root(&mut self, run: &Run, tabs: &[Box<dyn Tab>]) -> ContainerLike {
+        let mut all = vec![self.overview(run)];
+        all.extend(self.track(run));
+        let sensor = |name: &str| run.sensors.iter().any(|s| s.name == name);
+        let (own, calibrations): (Vec<_>, Vec<_>) =
+            run.blocks.iter().partition(|b| !sensor(&b.owner));
+        let one_owner = own.iter().all(|b| b.owner == own[0].owner);
+        let mut states = Vec::new();
+        for block in own {
+            let name = title(&block.name);
+            let name = if one_owner { name } else { format!("{} {name}", block.owner) };
+            states.push(self.states(&name, &[block]));
+        }
+        all.extend(group("Navigation states", states));
+        let mut states = Vec::new();
+        for sensor in &run.sensors {
+            let blocks: Vec<_> =
+                calibrations.iter().filter(|b| b.owner == sensor.name).copied().collect();
+            for part in parts(&blocks) {
+                let names: Vec<String> = part.iter().map(|b| b.name.replace('_', " ")).collect();
+                let name = format!("{}: {}", sensor.name, names.join(", "));
+                states.push(self.states(&name, part));
+            }
+        }
+        all.extend(group("Calibration states", states));
+        let mut sensors = Vec::new();
+        for sensor in &run.sensors {
+            sensors.extend(self.innovations(sensor));
+        }
+        sensors.extend(self.samples(&run.samples));
+        all.extend(group("Sensors", sensors));
+        (self.legend, self.rows) = (true, 3);
+        all.extend(tabs.iter().filter_map(|tab| tab.view(self)));
+        all.push(self.log("Events"));
+        all.push(TextDocumentView::new("Scenario").with_origin("/scenario").into());
+        Tabs::new(all).into()
+    }
+
+    /// Track, verdict, health of the sensors and the worst state on one page.
+    fn overview(&mut self, run: &Run) -> ContainerLike {
+        let page = ContainerLike::from(
+            TextDocumentView::new("Verdict and reasons").with_origin("/overview"),
+        );
+        let track = run.track.as_ref().map(|track| {
+            let view = Spatial2DView::new("Track from above, coloured by its sigma");
+            let view = ContainerLike::from(view.with_origin("/plan"));
+            if let Some(plan) = crate::plan::Plan::new(&track.extent).filter(|_| self.ranges) {
+                self.set(&view, "VisualBounds2D", plan.bounds());
+            }
+            view
+        });
+        let top = match track {
+            Some(track) => {
+                Horizontal::new([track, page]).with_column_shares(vec![1.0, 1.25]).into()
+            }
+            None => page,
+        };
+        let lanes = (LANE[0] * run.lanes.len() as f64 + LANE[1]).clamp(180.0, 340.0);
+        let mut below = vec![self.lanes("Health of the sensors", &["+ /health/**".to_owned()])];
+        if let Some((b, k)) = run.worst
+            && let Some(plots) = &run.blocks[b].components[k].plots
+        {
+            let block = &run.blocks[b];
+            let name = format!("Worst state: {}", block.full_name(k));
+            self.legend = true;
+            // without a truth the worst state is the one whose sigma fell least
+            let (leaf, name, range) = match block.components[k].tally.worst {
+                Some((size, _)) => {
+                    let size = size.max(4.0);
+                    ("normalised", format!("{name}, error in sigma"), [-size, size])
+                }
+                None => {
+                    let name = format!("{name}, sigma {}", powers(plots.error.unit));
+                    ("sigma", name, plots.logarithms)
+                }
+            };
+            let contents = [format!("+ {}", block.entity(k, leaf))];
+            below.push(self.plot_of(&name, &contents, Some(range), None, lanes - 46.0));
+        }
+        let share = (lanes / (900.0 - lanes)) as f32;
+        let below = Horizontal::new(below).with_column_shares(vec![1.4, 1.0]).into();
+        Vertical::new([top, below]).with_row_shares(vec![1.0, share]).with_name("Overview").into()
+    }
+
+    /// The track in three dimensions, with an eye that sees all and one that follows, and the map.
+    fn track(&mut self, run: &Run) -> Option<ContainerLike> {
+        let track = run.track.as_ref()?;
+        let view = |name: &str| ContainerLike::from(Spatial3DView::new(name).with_origin("/world"));
+        let (whole, follow) = (view("3-D track"), view("3-D, follows the vehicle"));
+        let map = ContainerLike::from(MapView::new("Map with tiles").with_origin("/map"));
+        if let Some((middle, side)) = track.extent.middle().filter(|_| self.ranges) {
+            let spacing = crate::plan::round(f64::from(side) / 20.0) as f32;
+            for view in [&whole, &follow] {
+                self.set(view, "LineGrid3D", LineGrid3D::new().with_spacing(spacing));
+                let dark = Background::new(BackgroundKind::SolidColor).with_color(GROUND);
+                self.set(view, "Background", dark);
+            }
+            let diagonal = (0..3)
+                .map(|k| (track.extent.high[k] - track.extent.low[k]).powi(2))
+                .sum::<f32>()
+                .sqrt();
+            let radius = 0.5 * diagonal.max(side);
+            self.set(&whole, "EyeControls3D", eye(middle, EYE * radius));
+            let vehicle = components::EntityPath::from("/world/vehicle");
+            let last = track.poses.iter().last().map_or(middle, |p| p.place.ned);
+            let eye = eye(last, 0.35 * side).with_tracking_entity(vehicle);
+            self.set(&follow, "EyeControls3D", eye);
+            self.set(&map, "MapZoom", MapZoom::new(zoom(&track.extent)));
+        }
+        let right = Vertical::new([follow, map]).into();
+        let both = Horizontal::new([whole, right]).with_column_shares(vec![1.3, 1.0]);
+        Some(both.with_name("Track").into())
+    }
+
+    /// One row of plots for each component of some blocks.
+    fn states(&mut self, name: &str, blocks: &[&BlockSeries]) -> ContainerLike {
+        let count = blocks.iter().map(|b| b.components.len()).sum();
+        self.rows = count;
+        let mut rows: Vec<ContainerLike> = Vec::new();
+        for block in blocks {
+            for k in 0..block.components.len() {
+                self.legend = rows.is_empty();
+                let name = match (blocks.len(), block.components.len()) {
+                    (1, _) => block.components[k].name.clone(),
+                    (_, 1) => block.name.replace('_', " "),
+                    _ => format!("{} {}", block.name.replace('_', " "), block.components[k].name),
+                };
+                let plots = match &block.components[k].plots {
+                    Some(plots) => self.component(&name, block, k, plots),
+                    None if self.ranges => continue,
+                    None => vec![self.plot(&name, &[format!("+ {}", block.live_entity(k))], None)],
+                };
+                rows.push(Horizontal::new(plots).into());
+            }
+        }
+        Vertical::new(rows).with_name(name).into()
+    }
+
+    /// The plots of a component: over the run, at its end, and the logarithm of its sigma.
+    fn component(
+        &mut self,
+        name: &str,
+        block: &BlockSeries,
+        k: usize,
+        plots: &Plots,
+    ) -> Vec<ContainerLike> {
+        let (pixels, legend) = (height(self.rows), self.legend);
+        let end = self.span.map(|(first, last)| end_of_run(first, last));
+        let of = |leaf: &str| format!("+ {}", block.entity(k, leaf));
+        let mut value = vec![of("estimate"), of("truth")];
+        if block.is_smoothed(k) {
+            value.push(of("filtered"));
+        }
+        let mut all = Vec::new();
+        let unit = plots.value.unit;
+        let whole = label(name, unit);
+        all.push(self.plot_of(&whole, &value, Some(plots.values[0]), None, pixels));
+        match &plots.errors {
+            Some([whole, last]) if !block.constant => {
+                let unit = plots.error.unit;
+                let error = [of("error")];
+                let title = label(&format!("{name} error"), unit);
+                all.push(self.plot_of(&title, &error, Some(*whole), None, pixels));
+                self.legend = false;
+                let title = label(&format!("{name} error, end"), unit);
+                all.push(self.plot_of(&title, &error, Some(*last), end, pixels));
+            }
+            _ => {
+                self.legend = false;
+                let title = label(&format!("{name}, end"), unit);
+                all.push(self.plot_of(&title, &value, Some(plots.values[1]), end, pixels));
+            }
+        }
+        self.legend = legend;
+        let title = format!("{name} sigma {}", powers(plots.error.unit));
+        let sigma = [of("sigma")];
+        all.push(self.plot_of(&title, &sigma, Some(plots.logarithms), None, pixels));
+        all
+    }
+
+    /// The innovations of a sensor and its NIS; `None` without samples.
+    fn innovations(&mut self, sensor: &SensorSeries) -> Option<ContainerLike> {
+        let channels: Vec<_> =
+            sensor.channels.iter().filter(|c| c.plot.is_some() || !self.ranges).collect();
+        let count = channels.len() + usize::from(sensor.nis.is_some());
+        if count == 0 {
+            return None;
+        }
+        let columns = if count > 3 { 2 } else { 1 };
+        self.rows = count.div_ceil(columns);
+        let mut plots = Vec::new();
+        if let Some(plot) = &sensor.nis {
+            self.legend = true;
+            let contents = [format!("+ {}/**", sensor.nis_path)];
+            plots.push(self.plot(&plot.name, &contents, Some(plot.range)));
+        }
+        for (k, channel) in sensor.channels.iter().enumerate() {
+            self.legend = plots.len() < 2;
+            match &channel.plot {
+                Some(plot) => {
+                    let contents = [format!("+ {}/**", channel.path)];
+                    let name = format!("{} {}", sensor.name, plot.name);
+                    plots.push(self.plot(&name, &contents, Some(plot.range)));
+                }
+                None if !self.ranges => {
+                    let contents = [format!("+ {}", sensor.live_entity(k))];
+                    plots.push(self.plot(sensor.channel(k), &contents, None));
+                }
+                None => {}
+            }
+        }
+        let grid = Grid::new(plots).with_grid_columns(columns as u32);
+        Some(grid.with_name(sensor.name.as_str()).into())
+    }
+
+    /// The samples of all sensors.
+    fn samples(&mut self, samples: &[SampleSeries]) -> Option<ContainerLike> {
+        let count: usize = samples.iter().map(|s| s.plots.len()).sum();
+        if count == 0 {
+            return None;
+        }
+        let columns = count.div_ceil(ROWS).clamp(1, 3);
+        self.rows = count.div_ceil(columns);
+        self.legend = true;
+        let mut plots = Vec::new();
+        for (entities, plot) in samples.iter().flat_map(|s| &s.plots) {
+            let contents: Vec<String> = entities.iter().map(|e| format!("+ {e}")).collect();
+            plots.push(self.plot(&plot.name, &contents, Some(plot.range)));
+        }
+        let grid = Grid::new(plots).with_grid_columns(columns as u32);
+        Some(grid.with_name("Samples").into())
+    }
+}
+
+/// Tabs with a name; `None` without any.
+fn group(name: &str, tabs: Vec<ContainerLike>) -> Option<ContainerLike> {
+    (!tabs.is_empty()).then(|| Tabs::new(tabs).with_name(name).into())
+}
+
+/// Blocks in groups of at most [`ROWS`] components.
+fn parts<'a, 'b>(blocks: &'b [&'a BlockSeries]) -> Vec<&'b [&'a BlockSeries]> {
+    let mut parts = Vec::new();
+    let (mut begin, mut count) = (0, 0);
+    for (k, block) in blocks.iter().enumerate() {
+        let more = block.components.len();
+        if k > begin && count + more > ROWS {
+            parts.push(&blocks[begin..k]);
+            (begin, count) = (k, 0);
+        }
+        count += more;
+    }
+    if begin < blocks.len() {
+        parts.push(&blocks[begin..]);
+    }
+    parts
+}
+
+/// The label of an axis of powers of ten: `[10^y mm]`.
+fn powers(unit: &str) -> String {
+    if unit.is_empty() { "[10^y]".to_owned() } else { format!("[10^y {unit}]") }
+}
+
+/// The eye south of a place and above it, so that north is ahead and east to the right.
+fn eye(middle: [f32; 3], distance: f32) -> EyeControls3D {
+    // a direction of length one
+    let offset = [-0.75, -0.25, -0.61];
+    let position: [f32; 3] = std::array::from_fn(|k| middle[k] + distance * offset[k]);
+    EyeControls3D::new()
+        .with_position(position)
+        .with_look_target(middle)
+        .with_eye_up([0.0, 0.0, -1.0])
+}
+
+/// The zoom of the map at which a track fits: a pixel is `MAP_SCALE cos(latitude) / 2^zoom` metres.
+fn zoom(extent: &Extent) -> f64 {
+    let side = (0..2).map(|k| f64::from(extent.high[k] - extent.low[k])).fold(1.0, f64::max);
+    let metres = MAP_SCALE * extent.latitude.to_radians().cos().abs();
+    (metres * MAP_PIXELS / side).log2().clamp(1.0, 19.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_track_spans_the_intended_pixels_of_the_map() {
+        // at zoom z a pixel is the circumference cos(latitude) / 256 / 2^z metres
+        let extent = Extent { low: [0.0; 3], high: [500.0, 1200.0, 30.0], latitude: 60.0 };
+        let pixel = 40_075_016.7 * 0.5 / 256.0 / zoom(&extent).exp2();
+        assert!((1200.0 / pixel - MAP_PIXELS).abs() < 1e-6, "{pixel} m");
+    }
+}

@@ -1,0 +1,266 @@
+//! Health of the sensors over time: one lane for each sensor, and the stretches in which it was
+//! not used.
+
+use crate::recording::Recording;
+use crate::style::{Colour, path};
+use navfuse_core::model::chi_square::{gated_moments, outside};
+use navfuse_core::model::record::{Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::sensor::{Purpose, SensorInfo};
+use navfuse_core::model::stream::StreamError;
+use navfuse_core::units::time::Time;
+use re_sdk::EntityPath;
+use re_sdk_types::archetypes::{StateChange, StateConfiguration};
+use re_sdk_types::components::Color;
+use std::collections::VecDeque;
+
+/// Number of latest samples whose majority is the health of a sensor: a single outlier does not
+/// interrupt the lane.
+const MAJORITY: usize = 9;
+/// Number of latest accepted samples whose NIS is judged together.
+const NIS_WINDOW: usize = 25;
+/// Probability at which a consistent sensor appears as too noisy: once in a million windows.
+const NIS_ALPHA: f64 = 1e-6;
+/// Least excess of the NIS over its expectation that is shown, whatever its significance.
+const NIS_EXCESS: f64 = 1.5;
+/// Silence, in usual intervals between two samples, after which a sensor is silent.
+const SILENT_INTERVALS: f64 = 5.0;
+/// Shortest silence, s.
+const SHORTEST_SILENCE: f64 = 1.0;
+
+/// Health of a sensor at one time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Health {
+    /// Most samples correct the state.
+    Used,
+    /// The samples correct the state, but their innovations are too large for their sigma.
+    Noisy,
+    /// Most samples are outside the gate.
+    Gated,
+    /// Most samples are rejected before the gate.
+    Rejected,
+    /// No samples arrive.
+    Silent,
+}
+
+impl Health {
+    /// All values.
+    pub const ALL: [Self; 5] = [Self::Used, Self::Noisy, Self::Gated, Self::Rejected, Self::Silent];
+
+    /// Word in the lane.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Used => "used",
+            Self::Noisy => "NIS too large",
+            Self::Gated => "gated",
+            Self::Rejected => "rejected",
+            Self::Silent => "silent",
+        }
+    }
+
+    /// Colour in the lane: distinct for the colour-blind too (Okabe and Ito).
+    pub fn colour(self) -> Colour {
+        match self {
+            Self::Used => [0, 158, 115],
+            Self::Noisy => [230, 159, 0],
+            Self::Gated => [204, 121, 167],
+            Self::Rejected => [213, 94, 0],
+            Self::Silent => [96, 100, 108],
+        }
+    }
+}
+
+/// Span of time with the same health.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stretch {
+    /// Health.
+    pub health: Health,
+    /// Begin.
+    pub from: Time,
+    /// End.
+    pub to: Time,
+}
+
+/// Lane of one sensor.
+pub struct Lane {
+    /// Name of the sensor.
+    pub name: String,
+    /// Entity of the lane.
+    pub path: EntityPath,
+    /// Set for a sensor that corrects the state.
+    pub measures: bool,
+    /// Number of accepted samples.
+    pub accepted: u64,
+    /// Number of gated samples.
+    pub gated: u64,
+    /// Rejected samples by reason.
+    pub rejected: Vec<(Rejection, u64)>,
+    /// Finished stretches.
+    pub stretches: Vec<Stretch>,
+    current: Option<(Health, Time)>,
+    latest: VecDeque<(Time, Health)>,
+    nis: VecDeque<[f64; 3]>,
+    moments: (usize, f64, [f64; 2]),
+    usual: Option<f64>,
+    last: Option<Time>,
+}
+
+impl Lane {
+    /// The lane of a sensor; `None` for a reference.
+    pub fn new(info: &SensorInfo) -> Option<Self> {
+        (info.purpose != Purpose::Reference).then(|| Self {
+            name: info.name.clone(),
+            path: path(&["health", &info.name]),
+            measures: info.purpose == Purpose::Measurement,
+            accepted: 0,
+            gated: 0,
+            rejected: Vec::new(),
+            stretches: Vec::new(),
+            current: None,
+            latest: VecDeque::with_capacity(MAJORITY),
+            nis: VecDeque::with_capacity(NIS_WINDOW),
+            moments: (0, f64::NAN, [0.0; 2]),
+            usual: None,
+            last: None,
+        })
+    }
+
+    /// Writes the colours of the lane.
+    pub fn start(&self, recording: &Recording) -> Result<(), StreamError> {
+        let colours = Health::ALL.map(|h| {
+            let [r, g, b] = h.colour();
+            Color::from_rgb(r, g, b)
+        });
+        let look = StateConfiguration::new()
+            .with_values(Health::ALL.map(Health::word))
+            .with_colors(colours);
+        recording.log_static(&self.path, &look)
+    }
+
+    /// Notes the time, and with it a silence. The first call begins the lane.
+    pub fn tick(&mut self, recording: &Recording, now: Time) -> Result<(), StreamError> {
+        match (self.current, self.last) {
+            (None, None) => self.change(recording, Health::Silent, now),
+            (Some((health, _)), Some(last)) if health != Health::Silent => {
+                let Some(usual) = self.usual else { return Ok(()) };
+                if now.since(last) <= (SILENT_INTERVALS * usual).max(SHORTEST_SILENCE) {
+                    return Ok(());
+                }
+                self.latest.clear();
+                self.change(recording, Health::Silent, after(last, usual))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Adds a sample of a driving sensor.
+    pub fn sample(&mut self, recording: &Recording, time: Time) -> Result<(), StreamError> {
+        if self.measures {
+            return Ok(());
+        }
+        self.accepted += 1;
+        self.judge(recording, time, Health::Used)
+    }
+
+    /// Adds the outcome of a sample.
+    pub fn update(
+        &mut self,
+        recording: &Recording,
+        update: &UpdateRecord<'_>,
+    ) -> Result<(), StreamError> {
+        let health = match update.outcome {
+            Outcome::Accepted => {
+                self.accepted += 1;
+                self.consistent(update)
+            }
+            Outcome::Gated => {
+                self.gated += 1;
+                Health::Gated
+            }
+            Outcome::Rejected(reason) => {
+                match self.rejected.iter_mut().find(|r| r.0 == reason) {
+                    Some(known) => known.1 += 1,
+                    None => self.rejected.push((reason, 1)),
+                }
+                Health::Rejected
+            }
+        };
+        self.judge(recording, update.time, health)
+    }
+
+    /// Ends the last stretch.
+    pub fn finish(&mut self, end: Time) {
+        if let Some((health, from)) = self.current.take() {
+            self.stretches.push(Stretch { health, from, to: end.max(from) });
+        }
+    }
+
+    /// Judges the NIS of the latest accepted samples against its expectation behind the gate.
+    fn consistent(&mut self, update: &UpdateRecord<'_>) -> Health {
+        let m = update.innovation.len();
+        if (self.moments.0, self.moments.1.to_bits()) != (m, update.threshold.to_bits()) {
+            let (mean, variance) = gated_moments(m, update.threshold);
+            self.moments = (m, update.threshold, [mean, variance]);
+        }
+        if self.nis.len() == NIS_WINDOW {
+            self.nis.pop_front();
+        }
+        let [mean, variance] = self.moments.2;
+        self.nis.push_back([update.nis, mean, variance]);
+        let [sum, mean, variance] =
+            self.nis.iter().fold([0.0; 3], |a, b| std::array::from_fn(|k| a[k] + b[k]));
+        let noisy = self.nis.len() == NIS_WINDOW
+            && sum > NIS_EXCESS * mean
+            && outside(sum, mean, variance, NIS_ALPHA);
+        if noisy { Health::Noisy } else { Health::Used }
+    }
+
+    /// Takes the health of a sample; that of the lane follows the majority.
+    fn judge(
+        &mut self,
+        recording: &Recording,
+        time: Time,
+        health: Health,
+    ) -> Result<(), StreamError> {
+        self.tick(recording, time)?;
+        if let Some(last) = self.last {
+            let interval = time.since(last);
+            // a gap does not change the usual interval, and a faster rate does at once
+            self.usual = Some(match self.usual {
+                None => interval,
+                Some(usual) if interval < 3.0 * usual => usual + 0.1 * (interval - usual),
+                Some(usual) => usual,
+            });
+        }
+        self.last = Some(time);
+        if self.latest.len() == MAJORITY {
+            self.latest.pop_front();
+        }
+        self.latest.push_back((time, health));
+        let same = || self.latest.iter().filter(|l| l.1 == health);
+        let shown = self.current.map(|c| c.0);
+        // after a silence the first sample counts alone
+        if shown != Some(health) && 2 * same().count() > self.latest.len() {
+            let begun = same().next().map_or(time, |l| l.0);
+            let begun = self.current.map_or(begun, |c| begun.max(c.1));
+            self.change(recording, health, begun)?;
+        }
+        Ok(())
+    }
+
+    fn change(
+        &mut self,
+        recording: &Recording,
+        health: Health,
+        at: Time,
+    ) -> Result<(), StreamError> {
+        if let Some((before, from)) = self.current.replace((health, at)) {
+            self.stretches.push(Stretch { health: before, from, to: at });
+        }
+        recording.log(&self.path, at.nanos(), &StateChange::single(health.word()))
+    }
+}
+
+/// The time that many seconds later.
+fn after(time: Time, seconds: f64) -> Time {
+    Time::from_nanos(time.nanos().saturating_add((seconds * 1e9) as i64))
+}

@@ -1,0 +1,197 @@
+//! Rows of a series over a whole run in bounded memory, thinned so that extremes stay.
+
+use navfuse_core::units::time::Time;
+
+/// Greatest number of rows of a thinned series: a plot is at most about as many pixels wide.
+const CAPACITY: usize = 1280;
+
+/// Silence, in usual intervals, at which a line breaks.
+const GAP: f64 = 5.0;
+/// Shortest silence at which a line breaks, s.
+const SHORTEST_GAP: f64 = 1.0;
+
+/// Finds the gaps in a sequence of times.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Gaps {
+    usual: Option<f64>,
+    last: Option<Time>,
+}
+
+impl Gaps {
+    /// Takes the next time; returns the middle of the gap before it, ns, if there is one.
+    pub fn after(&mut self, now: Time) -> Option<i64> {
+        let last = self.last.replace(now)?;
+        let interval = now.since(last);
+        let usual = *self.usual.get_or_insert(interval);
+        if interval > (GAP * usual).max(SHORTEST_GAP) {
+            return Some(last.nanos() + (now.nanos() - last.nanos()) / 2);
+        }
+        self.usual = Some(usual + 0.1 * (interval - usual));
+        None
+    }
+}
+
+/// Rows of `N` values over time. A full history keeps every row. A thinned one keeps, of every
+/// stretch of equal length, the rows with the smallest and the largest value of each key column;
+/// so it keeps the extremes of the run.
+#[derive(Debug)]
+pub struct History<const N: usize> {
+    rows: Vec<Row<N>>,
+    keys: &'static [usize],
+    full: bool,
+    /// Number of rows of the stretch that is being filled.
+    each: usize,
+    stretch: Vec<Row<N>>,
+    first: Option<Row<N>>,
+    last: Option<Row<N>>,
+    breaks: Vec<i64>,
+}
+
+/// Time, ns, and values.
+pub type Row<const N: usize> = (i64, [f64; N]);
+
+impl<const N: usize> History<N> {
+    /// An empty history; `keys` are the columns whose extremes stay.
+    pub fn new(keys: &'static [usize], full: bool) -> Self {
+        Self {
+            rows: Vec::new(),
+            keys,
+            full,
+            each: 1,
+            stretch: Vec::new(),
+            first: None,
+            last: None,
+            breaks: Vec::new(),
+        }
+    }
+
+    /// Adds a row.
+    pub fn push(&mut self, time: i64, values: [f64; N]) {
+        let row = (time, values);
+        self.first.get_or_insert(row);
+        self.last = Some(row);
+        if self.full {
+            self.rows.push(row);
+            return;
+        }
+        self.stretch.push(row);
+        if self.stretch.len() >= self.each {
+            extremes(&self.stretch, self.keys, &mut self.rows);
+            self.stretch.clear();
+            if self.rows.len() >= CAPACITY {
+                self.thin();
+            }
+        }
+    }
+
+    /// Breaks the line before a time.
+    pub fn break_at(&mut self, time: i64) {
+        self.breaks.push(time);
+    }
+
+    /// Keeps the extremes of stretches twice as long.
+    fn thin(&mut self) {
+        let group = 4 * self.keys.len();
+        let rows = std::mem::take(&mut self.rows);
+        rows.chunks(group).for_each(|rows| extremes(rows, self.keys, &mut self.rows));
+        self.each = (2 * self.each).max(group);
+    }
+
+    /// Set before the first row.
+    pub fn is_empty(&self) -> bool {
+        self.last.is_none()
+    }
+
+    /// The rows in order of time, with a row of NaN at each break; none without values.
+    pub fn rows(&self) -> Vec<Row<N>> {
+        if self.is_empty() {
+            return Vec::new();
+        }
+        let mut rows: Vec<Row<N>> = self.first.iter().chain(&self.rows).copied().collect();
+        if !self.full {
+            extremes(&self.stretch, self.keys, &mut rows);
+        }
+        rows.extend(self.last);
+        rows.extend(self.breaks.iter().map(|time| (time - 1, [f64::NAN; N])));
+        rows.sort_by_key(|row| row.0);
+        rows.dedup_by_key(|row| row.0);
+        rows
+    }
+}
+
+/// Adds the rows with the extremes of each key column, in order of time and each once.
+fn extremes<const N: usize>(rows: &[Row<N>], keys: &[usize], out: &mut Vec<Row<N>>) {
+    let mut kept: Vec<Row<N>> = Vec::with_capacity(2 * keys.len());
+    for &key in keys {
+        // a row whose key is not known is no extreme
+        let known = || rows.iter().filter(|row| row.1[key].is_finite());
+        kept.extend(known().min_by(|a, b| a.1[key].total_cmp(&b.1[key])));
+        kept.extend(known().max_by(|a, b| a.1[key].total_cmp(&b.1[key])));
+    }
+    kept.sort_by_key(|row| row.0);
+    kept.dedup_by_key(|row| row.0);
+    out.append(&mut kept);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wave with one spike up and one down.
+    fn wave(count: i64) -> History<2> {
+        let mut history = History::new(&[0], false);
+        for t in 0..count {
+            let spike = if t == 12_345 {
+                50.0
+            } else if t == 54_321 {
+                -50.0
+            } else {
+                0.0
+            };
+            history.push(t, [(t as f64 / 700.0).sin() + spike, t as f64]);
+        }
+        history
+    }
+
+    #[test]
+    fn a_thinned_history_keeps_both_ends_and_the_extremes_in_bounded_rows() {
+        let history = wave(100_000);
+        let rows = history.rows();
+        assert!((CAPACITY / 4..=CAPACITY + 10).contains(&rows.len()), "{}", rows.len());
+        assert_eq!((rows[0].0, rows[rows.len() - 1].0), (0, 99_999));
+        assert!(rows.iter().any(|r| r.0 == 12_345) && rows.iter().any(|r| r.0 == 54_321));
+        assert!(rows.windows(2).all(|w| w[0].0 < w[1].0), "in order of time, each once");
+        assert!(rows.iter().all(|r| r.1[1] == r.0 as f64), "whole rows are kept");
+    }
+
+    #[test]
+    fn a_short_history_and_a_full_one_keep_every_row() {
+        assert_eq!(wave(500).rows().len(), 500);
+        let mut full = History::new(&[0], true);
+        (0..10_000).for_each(|t| full.push(t, [t as f64]));
+        assert_eq!(full.rows().len(), 10_000);
+    }
+
+    #[test]
+    fn a_gap_is_five_usual_intervals_and_a_second() {
+        let mut gaps = Gaps::default();
+        let times = [0.0, 0.2, 0.4, 1.3, 1.5, 4.0, 4.2];
+        let found: Vec<_> = times.into_iter().map(|t| gaps.after(Time::from_seconds(t)?)).collect();
+        // 0.9 s is shorter than a second; the middle of 1.5 s and 4 s
+        assert_eq!(found, [None, None, None, None, None, Some(2_750_000_000), None]);
+    }
+
+    #[test]
+    fn a_break_is_a_row_without_values_before_its_time() {
+        let mut history = History::new(&[0], false);
+        history.push(10, [1.0]);
+        history.break_at(50);
+        history.push(50, [2.0]);
+        let rows = history.rows();
+        assert_eq!(rows.iter().map(|r| r.0).collect::<Vec<_>>(), [10, 49, 50]);
+        assert!(rows[1].1[0].is_nan());
+        let mut empty = History::<1>::new(&[0], false);
+        empty.break_at(50);
+        assert_eq!(empty.rows().len(), 0, "a break is no value");
+    }
+}

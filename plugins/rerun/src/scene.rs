@@ -1,0 +1,219 @@
+//! The run in three dimensions and on the map: track, vehicle, velocity, uncertainty and sensors.
+
+use crate::colours::ColourScale;
+use crate::plan::{self, Plan};
+use crate::recording::Recording;
+use crate::style::{AXES, BOUND, Colour, FILTERED, START, STOP, TRUTH, path};
+use crate::track::{Place, Pose, Track};
+use navfuse_core::model::stream::StreamError;
+use re_sdk_types::archetypes::{
+    Arrows3D, Ellipsoids3D, GeoLineStrings, GeoPoints, LineStrips3D, Mesh3D, Points2D, Points3D,
+    Transform3D, ViewCoordinates,
+};
+use re_sdk_types::components::{Color, FillMode, Radius};
+use re_sdk_types::datatypes::Quaternion;
+
+/// Length of the vehicle, as a share of the longest side of the track.
+const VEHICLE: f32 = 0.09;
+/// Length of the fastest velocity's arrow, as a share of the longest side of the track.
+const ARROW: f32 = 0.12;
+/// Colour of the velocity.
+const VELOCITY: [u8; 3] = [230, 159, 0];
+/// Colour of the ellipsoid.
+const ELLIPSOID: [u8; 3] = [86, 180, 233];
+
+/// Records the directions of the axes: x forward (north), y right (east), z down.
+pub fn start(recording: &Recording) -> Result<(), StreamError> {
+    recording.log_static(&path(&["world"]), &ViewCoordinates::FRD())
+}
+
+/// Draws the tracks so far, which replace those drawn before, and the vehicle where it is now.
+pub fn draw(recording: &Recording, track: &Track) -> Result<(), StreamError> {
+    let Some((_, side)) = track.extent.middle() else { return Ok(()) };
+    let estimate: Vec<Place> = track.estimate.iter().collect();
+    let truth: Vec<Place> = track.truth.iter().collect();
+    draw_line(recording, "truth", &truth, TRUTH)?;
+    draw_line(recording, "filtered", &track.filtered.iter().collect::<Vec<_>>(), FILTERED)?;
+    draw_estimate(recording, &estimate)?;
+    if let Some(plan) = Plan::new(&track.extent) {
+        plan.draw(recording, &estimate, &truth)?;
+    }
+    draw_vehicle(recording, track, VEHICLE * side)
+}
+
+/// Sends the last pose to the viewers that watch.
+pub fn follow(recording: &Recording, track: &Track) -> Result<(), StreamError> {
+    match track.poses.iter().last() {
+        Some(pose) => write_poses(recording, &[pose], track, true),
+        None => Ok(()),
+    }
+}
+
+/// Writes all poses.
+pub fn finish(recording: &Recording, track: &Track) -> Result<(), StreamError> {
+    let poses: Vec<Pose> = track.poses.iter().collect();
+    if poses.is_empty() {
+        return Ok(());
+    }
+    write_poses(recording, &poses, track, false)
+}
+
+fn draw_line(
+    recording: &Recording,
+    name: &str,
+    places: &[Place],
+    colour: Colour,
+) -> Result<(), StreamError> {
+    if places.len() < 2 {
+        return Ok(());
+    }
+    let thin = Radius::new_ui_points(0.9);
+    let line = LineStrips3D::new([places.iter().map(|p| p.ned)]);
+    let line = line.with_colors([colour]).with_radii([thin]);
+    recording.log_static(&path(&["world", name]), &line)?;
+    let line = GeoLineStrings::from_lat_lon([places.iter().map(|p| p.geo)]);
+    let line = line.with_colors([colour]).with_radii([thin]);
+    recording.log_static(&path(&["map", name]), &line)
+}
+
+fn draw_estimate(recording: &Recording, estimate: &[Place]) -> Result<(), StreamError> {
+    let scale = ColourScale::over(estimate.iter().map(|p| p.sigma));
+    let thick = Radius::new_ui_points(1.7);
+    let pieces = scale.pieces(estimate.iter().map(|p| (p.ned, p.sigma)));
+    let line = LineStrips3D::new(pieces.iter().map(|p| p.1.iter().copied()))
+        .with_colors(pieces.iter().map(|p| p.0))
+        .with_radii([thick]);
+    recording.log_static(&path(&["world", "estimate"]), &line)?;
+    let pieces = scale.pieces(estimate.iter().map(|p| (p.geo, p.sigma)));
+    let line = GeoLineStrings::from_lat_lon(pieces.iter().map(|p| p.1.clone()))
+        .with_colors(pieces.iter().map(|p| p.0))
+        .with_radii([thick]);
+    recording.log_static(&path(&["map", "estimate"]), &line)?;
+    // the shadow of the track at the level of its start makes a dive visible
+    let shadow = LineStrips3D::new([estimate.iter().map(|p| [p.ned[0], p.ned[1], 0.0])]);
+    let shadow = shadow.with_colors([BOUND]).with_radii([Radius::new_ui_points(0.6)]);
+    recording.log_static(&path(&["world", "shadow"]), &shadow)?;
+    let (Some(first), Some(last)) = (estimate.first(), estimate.last()) else { return Ok(()) };
+    let size = Radius::new_ui_points(5.0);
+    let marks = Points3D::new([first.ned, last.ned])
+        .with_labels(["start", "end"])
+        .with_colors([START, STOP])
+        .with_radii([size]);
+    recording.log_static(&path(&["world", "marks"]), &marks)?;
+    let marks = GeoPoints::from_lat_lon([first.geo, last.geo])
+        .with_colors([START, STOP])
+        .with_radii([size]);
+    recording.log_static(&path(&["map", "marks"]), &marks)
+}
+
+/// A hull that points forward with a fin above it, axes, and the sensors at their lever arms.
+fn draw_vehicle(recording: &Recording, track: &Track, length: f32) -> Result<(), StreamError> {
+    let scaled = |v: [f32; 3]| v.map(|x| x * length);
+    let body = |leaf: &str| path(&["world", "vehicle", leaf]);
+    let hull = [
+        [0.55, 0.0, 0.0],
+        [-0.45, -0.22, 0.0],
+        [-0.45, 0.22, 0.0],
+        [-0.3, 0.0, 0.12],
+        [-0.3, 0.0, -0.12],
+        [-0.5, 0.0, -0.3],
+    ];
+    let faces = [[0, 1, 3], [0, 3, 2], [0, 4, 1], [0, 2, 4], [1, 4, 3], [2, 3, 4], [0, 4, 5]];
+    let grey = [225, 228, 232];
+    let shades = [grey, [235, 64, 82], [38, 166, 91], [120, 124, 130], [190, 194, 200], [250; 3]];
+    let mesh = Mesh3D::new(hull.map(scaled))
+        .with_triangle_indices(faces)
+        .with_vertex_colors(shades.map(|[r, g, b]| Color::from_rgb(r, g, b)));
+    recording.log_static(&body("hull"), &mesh)?;
+    let axes = [[1.1, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]];
+    let axes = Arrows3D::from_vectors(axes.map(scaled))
+        .with_colors(AXES)
+        .with_radii([Radius::new_ui_points(1.6)]);
+    recording.log_static(&body("axes"), &axes)?;
+    let arms = track.mountings.iter().map(|m| m.lever_arm);
+    let longest = arms.clone().flatten().fold(0.0_f32, |a, x| a.max(x.abs()));
+    if longest > 0.0 {
+        // the vehicle has no size of its own: lever arms are in proportion to each other
+        let factor = 0.7 * length / longest;
+        let ends: Vec<[f32; 3]> = arms.map(|arm| arm.map(|x| x * factor)).collect();
+        let lines = LineStrips3D::new(ends.iter().map(|end| [[0.0; 3], *end]))
+            .with_colors([BOUND])
+            .with_radii([Radius::new_ui_points(1.0)]);
+        recording.log_static(&body("lever_arms"), &lines)?;
+        let sensors = Points3D::new(ends)
+            .with_labels(track.mountings.iter().map(|m| m.sensor.as_str()))
+            .with_colors([VELOCITY])
+            .with_radii([Radius::new_ui_points(3.5)]);
+        recording.log_static(&body("sensors"), &sensors)?;
+    }
+    Ok(())
+}
+
+/// Writes poses, velocity and ellipsoid; `live` to the viewers alone.
+fn write_poses(
+    recording: &Recording,
+    poses: &[Pose],
+    track: &Track,
+    live: bool,
+) -> Result<(), StreamError> {
+    let Some((_, side)) = track.extent.middle() else { return Ok(()) };
+    let times: Vec<i64> = poses.iter().map(|p| p.time).collect();
+    let send = |parts: &[&str], columns| {
+        if live {
+            recording.columns_to_viewers(&path(parts), &times, columns)
+        } else {
+            recording.columns(&path(parts), &times, columns)
+        }
+    };
+    let error = |e| recording.error(e);
+    let places = || poses.iter().map(|p| p.place.ned);
+    let pose = Transform3D::update_fields()
+        .with_many_translation(places())
+        .with_many_quaternion(poses.iter().map(|p| Quaternion::from_xyzw(p.attitude)));
+    let columns: Vec<_> = pose.columns_of_unit_batches().map_err(error)?.collect();
+    send(&["world", "vehicle"], columns.into_iter())?;
+    let fastest = poses.iter().map(|p| norm(p.velocity)).fold(0.0, f32::max);
+    let factor = if fastest > 0.0 { ARROW * side / fastest } else { 0.0 };
+    let arrows = Arrows3D::update_fields()
+        .with_vectors(poses.iter().map(|p| p.velocity.map(|v| v * factor)))
+        .with_origins(places());
+    let columns: Vec<_> = arrows.columns_of_unit_batches().map_err(error)?.collect();
+    send(&["world", "velocity"], columns.into_iter())?;
+    let look = Arrows3D::update_fields()
+        .with_colors([VELOCITY])
+        .with_radii([Radius::new_ui_points(2.2)])
+        .with_labels(["velocity"]);
+    recording.log_static(&path(&["world", "velocity"]), &look)?;
+    // 3 sigma of a good run is invisible beside its track: enlarged by a power of ten, as labelled
+    let largest = poses.iter().skip(poses.len() / 10).flat_map(|p| p.ellipsoid.0);
+    let largest = largest.fold(f32::MIN_POSITIVE, f32::max);
+    let enlarged = 10f32.powf((0.1 * side / largest).log10().floor()).max(1.0);
+    let ellipsoids = Ellipsoids3D::update_fields()
+        .with_half_sizes(poses.iter().map(|p| p.ellipsoid.0.map(|h| h * enlarged)))
+        .with_centers(places())
+        .with_quaternions(poses.iter().map(|p| Quaternion::from_xyzw(p.ellipsoid.1)));
+    let columns: Vec<_> = ellipsoids.columns_of_unit_batches().map_err(error)?.collect();
+    send(&["world", "uncertainty"], columns.into_iter())?;
+    let label = if enlarged > 1.0 { format!("3 sigma x {enlarged}") } else { "3 sigma".into() };
+    let look = Ellipsoids3D::update_fields()
+        .with_colors([ELLIPSOID])
+        .with_fill_mode(FillMode::MajorWireframe)
+        .with_labels([label]);
+    recording.log_static(&path(&["world", "uncertainty"]), &look)?;
+    let points = GeoPoints::from_lat_lon(poses.iter().map(|p| p.place.geo));
+    let columns: Vec<_> = points.columns_of_unit_batches().map_err(error)?.collect();
+    send(&["map", "vehicle"], columns.into_iter())?;
+    let look =
+        GeoPoints::update_fields().with_colors([AXES[0]]).with_radii([Radius::new_ui_points(7.0)]);
+    recording.log_static(&path(&["map", "vehicle"]), &look)?;
+    let points = Points2D::update_fields().with_positions(places().map(plan::point));
+    let columns: Vec<_> = points.columns_of_unit_batches().map_err(error)?.collect();
+    send(&["plan", "vehicle"], columns.into_iter())?;
+    let look =
+        Points2D::update_fields().with_colors([AXES[0]]).with_radii([Radius::new_ui_points(5.0)]);
+    recording.log_static(&path(&["plan", "vehicle"]), &look)
+}
+
+fn norm(v: [f32; 3]) -> f32 {
+    v.iter().map(|x| x * x).sum::<f32>().sqrt()
+}

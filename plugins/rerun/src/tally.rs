@@ -1,0 +1,124 @@
+//! What is known of a component at the end of a run: its first and last values, and where its error
+//! left its bounds.
+
+use navfuse_core::units::time::Time;
+
+/// Size of an error, in sigma, from which on it is an excursion.
+const EXCURSION: f64 = 3.0;
+/// Shortest excursion that is reported, s: noise alone is outside for 3 samples in 1000.
+const SHORTEST: f64 = 10.0;
+/// Size of an error, in sigma, that is reported however short it is.
+const LARGE: f64 = 4.5;
+
+/// Stretch in which an error was outside its bounds of 3 sigma.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Excursion {
+    /// Begin.
+    pub from: Time,
+    /// End.
+    pub to: Time,
+    /// Largest size of the error, in sigma.
+    pub worst: f64,
+}
+
+impl Excursion {
+    /// Set where noise does not explain the excursion.
+    fn counts(&self) -> bool {
+        self.to.since(self.from) >= SHORTEST || self.worst >= LARGE
+    }
+}
+
+/// First and last values of a component, and its largest error.
+#[derive(Clone, Debug, Default)]
+pub struct Tally {
+    /// First 1-sigma.
+    pub first_sigma: f64,
+    /// Last estimate.
+    pub estimate: f64,
+    /// Last 1-sigma.
+    pub sigma: f64,
+    /// Last known error.
+    pub error: Option<f64>,
+    /// Number of compared epochs.
+    pub compared: u64,
+    /// Number of epochs with an error above 3 sigma.
+    pub outside: u64,
+    /// Largest error in sigma, and its time.
+    pub worst: Option<(f64, Time)>,
+    /// First excursion that noise does not explain.
+    pub left: Option<Excursion>,
+    count: u64,
+    excursion: Option<Excursion>,
+}
+
+impl Tally {
+    /// Adds an epoch; returns an excursion that ended.
+    pub fn add(&mut self, time: Time, estimate: f64, sigma: f64, error: f64) -> Option<Excursion> {
+        if self.count == 0 {
+            self.first_sigma = sigma;
+        }
+        self.count += 1;
+        (self.estimate, self.sigma) = (estimate, sigma);
+        if !error.is_finite() || sigma <= 0.0 {
+            return None;
+        }
+        self.error = Some(error);
+        self.compared += 1;
+        let size = (error / sigma).abs();
+        if self.worst.is_none_or(|worst| size > worst.0) {
+            self.worst = Some((size, time));
+        }
+        if size <= EXCURSION {
+            return self.finish();
+        }
+        self.outside += 1;
+        let excursion =
+            self.excursion.get_or_insert(Excursion { from: time, to: time, worst: size });
+        excursion.to = time;
+        excursion.worst = excursion.worst.max(size);
+        None
+    }
+
+    /// Ends an excursion, and returns it if noise does not explain it.
+    pub fn finish(&mut self) -> Option<Excursion> {
+        let ended = self.excursion.take().filter(Excursion::counts)?;
+        self.left.get_or_insert(ended);
+        Some(ended)
+    }
+
+    /// The last sigma relative to the first one.
+    pub fn converged(&self) -> Option<f64> {
+        (self.first_sigma > 0.0).then(|| self.sigma / self.first_sigma)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Adds errors in sigma, one each second, and returns the excursions.
+    fn excursions(errors: &[f64]) -> (Tally, Vec<Excursion>) {
+        let mut tally = Tally::default();
+        let time = |k: usize| Time::from_nanos(k as i64 * 1_000_000_000);
+        let mut ended: Vec<_> = (errors.iter().enumerate())
+            .filter_map(|(k, e)| tally.add(time(k), 0.0, 2.0, 2.0 * e))
+            .collect();
+        ended.extend(tally.finish());
+        (tally, ended)
+    }
+
+    #[test]
+    fn a_short_excursion_of_noise_is_not_reported_and_a_long_or_large_one_is() {
+        let mut errors = vec![0.5; 20];
+        errors[4] = 3.4;
+        assert_eq!(excursions(&errors).1, []);
+        errors[7] = -4.8;
+        errors.extend([3.2; 15]);
+        let (tally, ended) = excursions(&errors);
+        let spans: Vec<_> = ended.iter().map(|e| (e.from.seconds(), e.to.seconds())).collect();
+        assert_eq!(spans, [(7.0, 7.0), (20.0, 34.0)]);
+        assert_eq!((tally.compared, tally.outside), (35, 17));
+        assert_eq!(tally.worst.map(|w| w.1.seconds()), Some(7.0));
+        assert_eq!(tally.left.map(|e| e.from.seconds()), Some(7.0));
+    }
+}

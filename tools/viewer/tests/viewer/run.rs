@@ -1,0 +1,287 @@
+//! The viewer shows a run: the recording in the real viewer, without a display, view by view.
+//!
+//! The viewer is `$RERUN_BIN`, or is fetched once with pip into the target folder; it renders in
+//! software with Mesa's Vulkan driver. Where either is not available the test prints so and passes.
+
+use crate::common::Synthetic;
+use crate::driver::{self, Layout, Viewer};
+use navfuse_rerun::re_sdk::{StoreKind, TimelineName};
+use navfuse_rerun::re_sdk_types::archetypes::Scalars;
+use navfuse_viewer::Viewer as Config;
+use re_chunk_store::{ChunkStore, ChunkStoreConfig};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+const RED: [u8; 3] = [235, 64, 82];
+const GREEN: [u8; 3] = [38, 166, 91];
+const BLUE: [u8; 3] = [56, 132, 255];
+const TRUTH: [u8; 3] = [245, 166, 35];
+const BOUND: [u8; 3] = [140, 148, 160];
+const GATED: [u8; 3] = [255, 0, 200];
+const BAND: [u8; 3] = [0, 158, 115];
+const USED: [u8; 3] = [0, 158, 115];
+const START: [u8; 3] = [0, 158, 115];
+const STOP: [u8; 3] = [213, 94, 0];
+const VELOCITY: [u8; 3] = [230, 159, 0];
+
+/// The names of views, and the colours that each shows.
+type Views = &'static [(&'static str, &'static [[u8; 3]])];
+
+/// The pages, by the names of the tabs that lead there.
+const PAGES: &[(&[&str], Views)] = &[
+    (
+        &["Overview"],
+        &[
+            ("Track from above, coloured by its sigma", &[TRUTH, START, STOP]),
+            ("Verdict and reasons", &[]),
+            ("Health of the sensors", &[USED]),
+        ],
+    ),
+    (
+        &["Track"],
+        &[("3-D track", &[TRUTH, RED, START, VELOCITY]), ("Map with tiles", &[TRUTH, RED])],
+    ),
+    (
+        &["Navigation states", "Attitude"],
+        &[
+            ("roll error [mdeg]", &[RED, BOUND]),
+            ("pitch error, end [mdeg]", &[GREEN, BOUND]),
+            ("yaw sigma [10^y deg]", &[BLUE]),
+            ("roll [deg]", &[TRUTH, BOUND]),
+            ("yaw [deg]", &[TRUTH, BOUND]),
+        ],
+    ),
+    (
+        &["Navigation states", "Velocity"],
+        &[("north error [mm/s]", &[RED, BOUND]), ("down error, end [mm/s]", &[BLUE, BOUND])],
+    ),
+    (
+        &["Navigation states", "Position"],
+        &[("east error [m]", &[GREEN, BOUND]), ("down [m]", &[TRUTH])],
+    ),
+    (&["Navigation states", "Gyro bias"], &[("x [deg/h]", &[RED, TRUTH, BOUND])]),
+    (&["Navigation states", "Accel bias"], &[("z, end [ug]", &[BLUE, TRUTH, BOUND])]),
+    (
+        &["Calibration states", "dvl: scale, misalignment"],
+        &[("scale, end", &[RED, TRUTH, BOUND]), ("misalignment yaw [deg]", &[BLUE, TRUTH, BOUND])],
+    ),
+    (&["Calibration states", "dvl: lever arm"], &[("y [m]", &[GREEN, TRUTH, BOUND])]),
+    (
+        &["Sensors", "dvl"],
+        &[("dvl vel_x [mm/s]", &[RED, BOUND, GATED]), ("dvl NIS [10^y]", &[BLUE, BAND, GATED])],
+    ),
+    (&["Sensors", "depth"], &[("depth depth [mm]", &[RED, BOUND])]),
+    (&["Sensors", "Samples"], &[("dvl samples [m/s]", &[RED, GREEN, BLUE])]),
+    (&["Observability"], &[("What is determined", &[])]),
+    (&["Events"], &[]),
+];
+
+/// The number of pixels of a colour. A line between two rows of pixels is blended with its
+/// neighbours; the colours differ by at least 80 in some channel, so half of that separates them.
+fn count(picture: &image::RgbImage, colour: [u8; 3]) -> usize {
+    picture.pixels().filter(|p| (0..3).all(|k| p[k].abs_diff(colour[k]) <= 40)).count()
+}
+
+/// The least number of pixels: a line crosses a plot of 300 pixels or more, and at least a third of
+/// it is visible between other lines and grid; arrows and marks are 20 pixels or more.
+fn least(view: &str, colour: [u8; 3]) -> usize {
+    let mark = view.starts_with("3-D") || view.starts_with("Track") || view.starts_with("Map");
+    if mark && colour != TRUTH { 20 } else { 100 }
+}
+
+#[test]
+fn every_series_of_a_run_is_drawn_in_its_colour() {
+    let Some(program) = driver::program() else { return };
+    let folder = driver::target("rerun-pictures");
+    let mut sink = Config::default().record(&folder).unwrap();
+    Synthetic::new(6000).feed(sink.as_mut()).unwrap();
+    sink.finish().unwrap();
+    let recording = folder.join("run.rrd");
+    let layout = Layout::read(&recording);
+    let end = Synthetic::time(5999).nanos();
+    let mut viewer = Viewer::start(&program, Some(&recording.display().to_string()), &folder);
+    viewer.wait(end);
+    viewer.seek(end);
+    let mut missing = Vec::new();
+    for (page, views) in PAGES {
+        viewer.show(&layout, page);
+        let tab = page.join(" - ");
+        viewer.screenshot(None, &tab);
+        for (view, colours) in *views {
+            let id = layout.views.get(*view);
+            let id = id.unwrap_or_else(|| panic!("{view} is not among {:?}", layout.views.keys()));
+            let picture = viewer.screenshot(Some(id), &format!("{tab} - {view}"));
+            for colour in *colours {
+                let n = count(&picture, *colour);
+                if n < least(view, *colour) {
+                    missing.push(format!("{view}: {n} pixels of {colour:?}"));
+                }
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{missing:#?}\nsee {}", folder.display());
+}
+
+/// The scalars of a recording: entities with the times, ns, of their finite values.
+fn scalars(recording: &Path) -> BTreeMap<String, Vec<i64>> {
+    let mut file = std::fs::File::open(recording).unwrap();
+    let stores = ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).unwrap();
+    let component = Scalars::descriptor_scalars().component;
+    let mut times = BTreeMap::<_, Vec<i64>>::new();
+    for store in stores.values().filter(|s| s.id().kind() == StoreKind::Recording) {
+        for chunk in store.iter_physical_chunks() {
+            let rows = chunk.iter_component_indices(TimelineName::from("t"), component);
+            let finite = rows
+                .zip(chunk.iter_slices::<f64>(component))
+                .filter(|(_, values)| values.iter().any(|v| v.is_finite()))
+                .map(|((time, _), _)| time.as_i64());
+            let entity = chunk.entity_path().to_string();
+            times.entry(entity).or_default().extend(finite);
+        }
+    }
+    times
+}
+
+/// The ticks that the viewer labels: it puts ticks at multiples of powers of ten, and labels those
+/// of the smallest power whose ticks are more than 20 points apart. Labels within 6 points of the
+/// edge are cut.
+fn labelled_ticks([low, high]: [f64; 2], height: f64) -> usize {
+    let mut step = 1e-12;
+    while step / (high - low) * height <= 20.0 {
+        step *= 10.0;
+    }
+    let edge = 6.0 / height * (high - low);
+    let inside = |k: i64| (low + edge..=high - edge).contains(&(k as f64 * step));
+    let first = (low / step).floor() as i64;
+    (first..=first + 400).filter(|k| inside(*k)).count()
+}
+
+#[test]
+fn every_plot_has_three_labelled_ticks_and_data_and_a_title_that_fits() {
+    let folder = driver::target("rerun-pictures/layout");
+    let mut sink = Config::default().record(&folder).unwrap();
+    Synthetic::new(6000).feed(sink.as_mut()).unwrap();
+    sink.finish().unwrap();
+    let recording = match std::env::var_os("NAVFUSE_RECORDING") {
+        Some(path) => Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path),
+        None => folder.join("run.rrd"),
+    };
+    let (layout, data) = (Layout::read(&recording), scalars(&recording));
+    let views = driver::geometry::views(&layout);
+    let mut wrong = Vec::new();
+    let mut plots = 0;
+    for view in &views {
+        // a letter is 7 pixels wide on the average; icons before and behind need 120
+        if 7.0 * view.name.chars().count() as f64 + 120.0 > view.width {
+            wrong.push(format!("the title {:?} needs more than {} px", view.name, view.width));
+        }
+        let Some(range) = view.range else { continue };
+        plots += 1;
+        let ticks = labelled_ticks(range, view.height);
+        if ticks < 3 {
+            wrong.push(format!("{}: {ticks} ticks in {range:?}, {} px", view.name, view.height));
+        }
+        for query in &view.contents {
+            let path = query.trim_start_matches("+ ");
+            let holds = |entity: &String| match path.strip_suffix("/**") {
+                Some(above) => entity.starts_with(&format!("{above}/")) || entity == above,
+                None => entity == path,
+            };
+            // a truth may be unknown; what is plotted beside it is not
+            let optional = path.ends_with("/truth");
+            if !optional && !data.iter().any(|(entity, times)| holds(entity) && !times.is_empty()) {
+                wrong.push(format!("{}: no data for {query}", view.name));
+            }
+        }
+    }
+    for (k, a) in views.iter().enumerate() {
+        if views[..k].iter().any(|b| b.name == a.name && b.container == a.container) {
+            wrong.push(format!("two views named {:?} side by side", a.name));
+        }
+    }
+    // 22 components: three plots for constants, four for the attitude, velocity and position
+    assert!(std::env::var_os("NAVFUSE_RECORDING").is_some() || plots > 70, "{plots} plots");
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn a_viewer_shows_a_run_that_is_sent_to_it() {
+    let Some(program) = driver::program() else { return };
+    let folder = driver::target("rerun-pictures/live");
+    let mut viewer = Viewer::start(&program, None, &folder);
+    let config = Config { connect: Some(viewer.address()), ..Config::default() };
+    let mut sink = config.record(&folder).unwrap();
+    Synthetic::new(500).feed(sink.as_mut()).unwrap();
+    sink.finish().unwrap().unwrap();
+    drop(sink);
+    viewer.wait(Synthetic::time(499).nanos());
+}
+
+#[cfg(feature = "serve")]
+#[test]
+fn a_viewer_shows_a_run_that_is_sent_and_served_to_it() {
+    let Some(program) = driver::program() else { return };
+    let folder = driver::target("rerun-pictures/served");
+    let mut viewer = Viewer::start(&program, None, &folder);
+    let connect = Some(viewer.address());
+    let serve = navfuse_rerun::Serve::At("127.0.0.1:0".into());
+    let mut sink = Config { connect, serve, ..Config::default() }.record(&folder).unwrap();
+    Synthetic::new(500).feed(sink.as_mut()).unwrap();
+    let place = sink.finish().unwrap().unwrap();
+    drop(sink);
+    let end = Synthetic::time(499).nanos();
+    viewer.wait(end);
+    drop(viewer);
+    // the server still has the run when the run is over
+    let url = place
+        .split("url=")
+        .nth(1)
+        .unwrap()
+        .replace("%2B", "+")
+        .replace("%3A", ":")
+        .replace("%2F", "/");
+    Viewer::start(&program, Some(&url), &folder).wait(end);
+}
+
+/// The scenarios whose tabs are looked at one by one, and a campaign's figures.
+const SHOWN: [&str; 5] = ["pan-wu-3d", "auv", "surface-dive", "land-odometer", "snapir"];
+
+/// Makes pictures of every tab in the folder `rerun-pictures/NAME` of the build:
+/// `cargo test --workspace --test viewer -- --ignored`, after `cargo build`. `NAVFUSE_RECORDINGS`
+/// names other recordings instead of the shipped scenarios: `runs/dive/run.rrd,runs/b/run.rrd`.
+#[test]
+#[ignore = "makes pictures, tests nothing"]
+fn pictures_of_every_tab() {
+    let Some(program) = driver::program() else { return };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let recordings: Vec<PathBuf> = match std::env::var("NAVFUSE_RECORDINGS") {
+        Ok(given) => given.split(',').map(|path| root.join(path)).collect(),
+        Err(_) => SHOWN.map(|name| run(&root, name)).to_vec(),
+    };
+    for recording in recordings {
+        let stem = recording.parent().and_then(Path::file_name).unwrap().to_string_lossy();
+        let folder = driver::target(&format!("rerun-pictures/{stem}"));
+        let layout = Layout::read(&recording);
+        let mut viewer = Viewer::start(&program, Some(&recording.display().to_string()), &folder);
+        let end = viewer.loaded();
+        viewer.seek(end);
+        for (k, page) in layout.pages().into_iter().enumerate() {
+            viewer.show(&layout, &page);
+            viewer.screenshot(None, &format!("{k:02} {}", page.join(" - ")));
+        }
+        println!("{}", folder.display());
+    }
+}
+
+/// Runs a shipped scenario with the command of this build, and returns the recording.
+fn run(root: &Path, name: &str) -> PathBuf {
+    let out = driver::target(&format!("rerun-pictures/runs/{name}"));
+    let command = driver::target("debug").join("navfuse");
+    let done = std::process::Command::new(&command)
+        .args(["run", &format!("scenarios/{name}.toml"), "--out"])
+        .arg(&out)
+        .current_dir(root)
+        .status();
+    assert!(done.is_ok_and(|s| s.success()), "{} runs {name}", command.display());
+    out.join("run.rrd")
+}
