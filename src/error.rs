@@ -2,7 +2,7 @@
 
 use navfuse_calibration::CalibrationError;
 use navfuse_campaign::CampaignError;
-use navfuse_core::document::DocumentError;
+use navfuse_core::document::{DocumentError, Excerpt};
 use navfuse_core::files::FolderError;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::{BuildError, PluginError};
@@ -105,6 +105,20 @@ pub enum CommandError {
 }
 
 impl CommandError {
+    /// The line of a file with the mistake; none where the error is not about a place in a file.
+    pub fn excerpt(&self) -> Option<&Excerpt> {
+        match self {
+            Self::Document(error) | Self::Build(BuildError::Document(error)) => error.excerpt(),
+            Self::Method { source, .. } | Self::Seed { source, .. } => source.excerpt(),
+            _ => None,
+        }
+    }
+
+    /// The error of a text that cannot be made, for `map_err`.
+    pub fn rendering(source: io::Error) -> Self {
+        Self::Request(format!("the text cannot be made: {source}"))
+    }
+
     /// An error about an argument.
     pub fn argument(argument: impl Into<String>, message: impl Into<String>) -> Self {
         Self::Argument { argument: argument.into(), message: message.into() }

@@ -17,8 +17,9 @@ mod error;
 mod execution;
 mod output;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use navfuse_core::plugin::Registry;
+use output::terminal::Detail;
 use std::process::ExitCode;
 
 /// The registry with the plugins that ship with navfuse.
@@ -59,7 +60,31 @@ Start here:
 struct Arguments {
     #[command(subcommand)]
     command: Commands,
+    /// Print results alone, in a line: no tables of a run, no progress, no warnings
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// Print all warnings, and the notes of a run as it goes on
+    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    verbose: bool,
 }
+
+impl Arguments {
+    fn detail(&self) -> Detail {
+        match (self.quiet, self.verbose) {
+            (true, _) => Detail::Quiet,
+            (_, true) => Detail::Verbose,
+            _ => Detail::Usual,
+        }
+    }
+}
+
+/// Examples of `schema`.
+const SCHEMA_HELP: &str = "\
+Examples:
+  navfuse schema > scenarios/navfuse.schema.json
+
+A first line `#:schema navfuse.schema.json` in a scenario makes editors with a TOML language server
+use it: they complete keys, and mark misspelt ones and values of a wrong unit.";
 
 /// The subcommands.
 #[derive(Debug, Subcommand)]
@@ -71,6 +96,7 @@ enum Commands {
     /// List the registered types, or the parameters of one
     List(commands::list::List),
     /// Print the JSON Schema of scenarios, with which editors complete and check them
+    #[command(after_help = SCHEMA_HELP)]
     Schema,
     /// Run the filter again on the samples of a log, with the scenario in the log
     Replay(commands::replay::Replay),
@@ -94,6 +120,11 @@ enum Commands {
     Compare(commands::compare::Compare),
     /// Write the estimates of a log as GeoJSON, KML, GPX, NMEA, SBET, TUM, KITTI, CSV or Parquet
     Export(commands::export::Export),
+    /// Open a run in the rerun viewer; converts a log without a recording
+    #[cfg(feature = "rerun")]
+    View(commands::view::View),
+    /// Print the completions of a shell, or write the manual pages
+    Completions(commands::completions::Completions),
     /// Make the figures of a paper from runs of its scenarios
     Figures(commands::figures::Figures),
     /// Write a crate with a sensor of your own, which builds and runs at once
@@ -102,9 +133,11 @@ enum Commands {
 
 /// Parses the arguments of the process and runs the subcommand.
 pub fn command(registry: &Registry) -> ExitCode {
-    let command = Arguments::parse().command;
+    let arguments = Arguments::parse();
+    arguments.detail().set();
+    let command = arguments.command;
     let failed = |error: error::CommandError| {
-        output::warn(format_args!("error: {error}"));
+        output::mistake(&error);
         ExitCode::FAILURE
     };
     let result = registry.check().map_err(Into::into).and_then(|()| run(registry, command));
@@ -127,6 +160,11 @@ fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
         Commands::Calibrate(arguments) => commands::calibrate::calibrate(registry, &arguments),
         Commands::NewPlugin(arguments) => commands::new_plugin::new_plugin(registry, &arguments),
         Commands::Report(arguments) => commands::report::report(registry, &arguments),
+        #[cfg(feature = "rerun")]
+        Commands::View(arguments) => commands::view::view(registry, &arguments),
+        Commands::Completions(arguments) => {
+            commands::completions::completions(Arguments::command(), &arguments)
+        }
         Commands::Compare(arguments) => commands::compare::compare(registry, &arguments),
         Commands::Export(arguments) => commands::export::export(registry, &arguments),
         Commands::Figures(arguments) => commands::figures::figures(registry, &arguments),

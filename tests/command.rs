@@ -5,6 +5,7 @@ mod common;
 
 use common::recording::Recording;
 use common::{command, navfuse, root, scenario, stderr, stdout};
+use navfuse_core::units::{AccelerationNoise, AngularRateNoise, Length, Speed};
 use serde_json::Value;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -52,7 +53,7 @@ fn json_has_every_documented_key_and_nothing_else_is_on_standard_output() {
     for (state, unit, length) in units {
         let value = &result["states"][state];
         assert_eq!(value["unit"], unit, "{state}");
-        for key in ["estimate", "sigma", "error"] {
+        for key in ["components", "estimate", "sigma", "error"] {
             assert_eq!(
                 value[key].as_array().map(Vec::len),
                 Some(length),
@@ -64,6 +65,14 @@ fn json_has_every_documented_key_and_nothing_else_is_on_standard_output() {
     for key in ["final", "rms", "percent_of_distance"] {
         assert!(result["horizontal_error_m"][key].is_number(), "{key}");
     }
+    assert_eq!(result["states"]["ins.attitude"]["components"][2], "yaw");
+    assert_eq!(result["states"]["ins.position"]["error_components"][2], "down");
+    assert_eq!((&result["seed"], &result["verdict"]["level"]), (&1.into(), &"consistent".into()));
+    assert_eq!(result["version"], env!("CARGO_PKG_VERSION"));
+    let log = result["paths"].as_array().and_then(|p| p.iter().find(|p| p["sink"] == "mcap"));
+    let log = log.and_then(|p| p["path"].as_str()).expect("the path of the log");
+    assert!(Path::new(log).is_file());
+    assert!(result["warnings"].is_array());
 }
 
 #[test]
@@ -160,8 +169,13 @@ fn replay_reproduces_every_estimate_to_the_bit() {
         .expect("the command starts");
     assert!(output.status.success(), "{}", stderr(&output));
     let mut second: Value = serde_json::from_str(&stdout(&output)).expect("one JSON object");
-    first["wall_s"].take();
-    second["wall_s"].take();
+    for value in [&mut first, &mut second] {
+        value["wall_s"].take();
+        value["paths"].take();
+        value["warnings"].take();
+        // the source of a replay is the log, not a simulation
+        value["seed"].take();
+    }
     assert_eq!(first, second);
     for file in ["estimate.csv", "innovations.csv"] {
         let read = |folder: &Path| std::fs::read(folder.join(file)).expect("the sink wrote it");
@@ -262,6 +276,73 @@ fn every_scenario_fits_the_schema_and_a_misspelt_key_does_not() {
             "{}: a misspelt key fits",
             path.display()
         );
+    }
+}
+
+/// The first reference to a pattern in a schema.
+fn pattern(schema: &Value) -> Option<&str> {
+    match schema {
+        Value::Object(map) => {
+            let own = map.get("$ref").and_then(Value::as_str);
+            let own =
+                own.and_then(|r| r.strip_prefix("#/$defs/")).filter(|r| r.contains("pattern"));
+            own.or_else(|| map.values().find_map(pattern))
+        }
+        Value::Array(items) => items.iter().find_map(pattern),
+        _ => None,
+    }
+}
+
+/// The schema marks what the program rejects, and nothing that it accepts: every unit of a list, and
+/// every quotient of two and of three of them, with squares and roots below the line.
+#[test]
+fn the_schema_and_the_program_accept_the_same_units() {
+    let schema: Value =
+        serde_json::from_str(&stdout(&navfuse(&["schema"]))).expect("the schema is JSON");
+    let accepts = |table: &str, key: &str| {
+        let own = &schema["$defs"][table]["properties"][key];
+        let pattern = pattern(own).unwrap_or_else(|| panic!("{table}.{key}: {own}"));
+        jsonschema::validator_for(&schema["$defs"][pattern]).expect("a schema")
+    };
+    let schemas = [
+        accepts("sensor.depth", "noise"),
+        accepts("sensor.dvl", "noise"),
+        accepts("sensor.imu", "gyro_noise"),
+        accepts("sensor.imu", "accel_noise"),
+    ];
+    let program = |text: &str| {
+        [
+            text.parse::<Length>().is_ok(),
+            text.parse::<Speed>().is_ok(),
+            text.parse::<AngularRateNoise>().is_ok(),
+            text.parse::<AccelerationNoise>().is_ok(),
+        ]
+    };
+    let above = ["m", "cm", "µm", "ft", "s", "h", "Hz", "deg", "°", "rad", "ug", "kn", "rpm", "kg"];
+    let mut units: Vec<String> = above.map(str::to_owned).to_vec();
+    let below = ["s", "h", "Hz", "m"].map(|u| [u.into(), format!("{u}^2"), format!("sqrt({u})")]);
+    let below = below.concat();
+    for a in above {
+        for b in &below {
+            units.push(format!("{a}/{b}"));
+            units.extend(below.iter().map(|c| format!("{a} / {b}/{c}")));
+        }
+    }
+    let mut accepted = [0; 4];
+    for unit in units {
+        let text = format!("1.5e-2 {unit}");
+        let both = schemas.iter().zip(program(&text)).zip(&mut accepted);
+        for (k, ((schema, expected), count)) in both.enumerate() {
+            assert_eq!(schema.is_valid(&text.as_str().into()), expected, "{k}: {text:?}");
+            *count += i32::from(expected);
+        }
+    }
+    assert!(accepted.iter().all(|count| *count > 10), "{accepted:?}");
+    for text in ["1 m", "1", "m/s", "1,5 m/s", "nan m/s", "1 m/s now"] {
+        assert!(!schemas[1].is_valid(&text.into()), "{text:?} is no speed");
+    }
+    for text in ["-.5 m/s", "1. kn", "1E3 m*Hz", "2 m·s^-1", "3 1/s*m", "4 sqrt(m^2/s^2)"] {
+        assert!(schemas[1].is_valid(&text.into()) && program(text)[1], "{text:?} is a speed");
     }
 }
 

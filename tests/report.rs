@@ -86,6 +86,24 @@ fn a_run_that_ends_in_an_error_has_its_page_and_a_failure() {
     assert!(read(&page).contains("dvl.scale"), "the estimate until then is in the page");
 }
 
+/// A simulation knows the truth. A recording has a reference, which may share sensors.
+#[test]
+fn a_recorded_reference_is_not_called_the_truth() {
+    let recording = Recording::new();
+    let simulated = scenario("quickstart");
+    let page = |of: &Path| -> String {
+        let page = recording.path("page.html");
+        let stop = ["--set", "estimator.stop=100 s"];
+        let output = command().arg("report").arg(of).args(stop).arg("--out").arg(&page).output();
+        assert!(output.is_ok_and(|o| o.status.success()));
+        read(&page)
+    };
+    let (recorded, simulated) = (page(&recording.path("rest.toml")), page(&simulated));
+    assert!(recorded.contains("<th>reference</th>") && !recorded.contains("<th>truth</th>"));
+    assert!(recorded.contains("against the reference"));
+    assert!(simulated.contains("<th>truth</th>") && !simulated.contains("against the reference"));
+}
+
 #[test]
 fn what_is_no_log_and_settings_of_a_log_are_refused_with_a_remedy() {
     let folder = tempfile::tempdir().expect("a folder");

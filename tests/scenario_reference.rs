@@ -1,6 +1,7 @@
 //! The page `docs/src/reference/scenario.md` is generated from the registered types.
 //!
-//! `UPDATE=1 cargo test --test scenario_reference` writes it anew.
+//! `UPDATE=1 cargo test --test scenario_reference` writes it anew, and the schema beside the shipped
+//! scenarios.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::document::Document;
@@ -137,6 +138,42 @@ fn the_page_agrees_with_the_types() {
             );
         }
     }
+}
+
+/// Editors complete and check the shipped scenarios with this file, which their first line names.
+#[test]
+fn the_schema_beside_the_scenarios_agrees_with_the_types() {
+    if !cfg!(feature = "rerun") {
+        return; // the file has the keys of the viewer too
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/navfuse.schema.json");
+    let schema = scenario_schema(&navfuse::standard_plugins());
+    let schema = serde_json::to_string_pretty(&schema).unwrap();
+    if std::env::var_os("UPDATE").is_some() {
+        std::fs::write(&path, format!("{schema}\n")).unwrap();
+    }
+    let written = std::fs::read_to_string(&path).unwrap();
+    assert!(written.trim_end() == schema, "{} is out of date; UPDATE=1", path.display());
+    let names = |text: &str| {
+        text.lines().next().and_then(|l| l.strip_prefix("#:schema ").map(str::to_owned))
+    };
+    let folder = path.parent().unwrap();
+    let mut folders = vec![folder.to_owned()];
+    let mut checked = 0;
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let file = entry.unwrap().path();
+            if file.is_dir() {
+                folders.push(file);
+            } else if file.extension().is_some_and(|e| e == "toml") {
+                let name = names(&std::fs::read_to_string(&file).unwrap());
+                let named = file.with_file_name(name.unwrap_or_default()).canonicalize().ok();
+                assert_eq!(named, path.canonicalize().ok(), "{}: #:schema", file.display());
+                checked += 1;
+            }
+        }
+    }
+    assert!(checked > 20, "{checked} scenarios");
 }
 
 #[test]

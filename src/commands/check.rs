@@ -1,12 +1,13 @@
 //! `navfuse check`.
 
 use crate::error::Result;
-use crate::output::{line, table};
+use crate::execution::input::document;
+use crate::output::terminal::Detail;
+use crate::output::{self, line, table};
 use clap::Args;
 use navfuse_core::compose::Composition;
-use navfuse_core::document::Document;
 use navfuse_core::model::sensor::{Purpose, Sensor};
-use navfuse_core::plugin::Registry;
+use navfuse_core::plugin::{BuildError, Registry};
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::state::{Block, Dynamics, Mode};
 use navfuse_core::units::time::Time;
@@ -19,11 +20,13 @@ use std::process::ExitCode;
 Examples:
   navfuse check scenarios/pan-wu-3d.toml
   navfuse check my-scenario.toml --set sensor.dvl.enabled=false
+  navfuse check - < my-scenario.toml
 
 It prints every state with its prior, every sensor with its channels, gate and simulated rate, and
-the sources and sinks. It runs nothing and writes nothing.")]
+the sources and sinks; or else all mistakes of the scenario, each with its line. It runs nothing and
+writes nothing.")]
 pub struct Check {
-    /// The scenario, a TOML file
+    /// The scenario, a TOML file; `-` reads standard input
     pub scenario: PathBuf,
     /// Change a value of the scenario; may be given again
     #[arg(long, value_name = "KEY.PATH=VALUE")]
@@ -32,9 +35,16 @@ pub struct Check {
 
 /// Composes a scenario and opens its sources, and prints what it consists of.
 pub fn check(registry: &Registry, arguments: &Check) -> Result<ExitCode> {
-    let scenario =
-        Scenario::new(registry, Document::from_file(&arguments.scenario)?, &arguments.set)?;
+    let scenario = Scenario::new(registry, document(&arguments.scenario)?, &arguments.set)?;
+    registry.check()?;
+    let mistakes = scenario.mistakes();
+    if !mistakes.is_empty() {
+        return Ok(rejected(arguments, mistakes));
+    }
     let assembly = scenario.assemble(None)?;
+    if Detail::get() == Detail::Quiet {
+        return Ok(ExitCode::SUCCESS);
+    }
     let composition = &assembly.composition;
     states(composition);
     sensors(composition);
@@ -55,6 +65,19 @@ pub fn check(registry: &Registry, arguments: &Check) -> Result<ExitCode> {
         line(format_args!("note: {}: {}", event.about, event.text));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the mistakes, each with the line of the file, and their number.
+fn rejected(arguments: &Check, mistakes: Vec<BuildError>) -> ExitCode {
+    let count = mistakes.len();
+    for mistake in mistakes {
+        output::mistake(&mistake.into());
+    }
+    if count > 1 {
+        let file = arguments.scenario.display();
+        output::warn(format_args!("error: {file}: {count} mistakes"));
+    }
+    ExitCode::FAILURE
 }
 
 /// Prints the states.

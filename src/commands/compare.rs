@@ -2,13 +2,12 @@
 
 use crate::error::{CommandError, Result};
 use crate::execution::history::{End, run};
-use crate::execution::input::{is_log, runs_folder};
+use crate::execution::input::{document, is_log, runs_folder};
 use crate::output;
 use crate::output::Format;
 use crate::output::progress::{Bar, stop_on_signal};
 use clap::Args;
 use navfuse_campaign::variation;
-use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_report::compare::{Comparison, Run, page, plots};
 use std::path::{Path, PathBuf};
@@ -153,7 +152,7 @@ fn gather(
         bar.done();
         (history, End::Whole)
     } else {
-        let document = Document::from_file(&request.path)?;
+        let document = document(&request.path)?;
         let (history, end, _) = run(registry, document, &settings, Vec::new(), stop, bar)?;
         (history, end)
     };

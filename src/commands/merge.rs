@@ -12,7 +12,7 @@ use std::process::ExitCode;
 /// Arguments of `merge`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
+Examples:
   for i in 1 2 3; do
       navfuse monte-carlo scenarios/pan-wu-3d.toml --shard $i/3 --out parts/$i
   done

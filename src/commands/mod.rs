@@ -4,6 +4,7 @@ pub mod bound;
 pub mod calibrate;
 pub mod check;
 pub mod compare;
+pub mod completions;
 pub mod export;
 pub mod figures;
 pub mod list;
@@ -17,3 +18,5 @@ pub mod run;
 pub mod schema;
 pub mod smooth;
 pub mod sweep;
+#[cfg(feature = "rerun")]
+pub mod view;

@@ -2,11 +2,10 @@
 
 use crate::error::{CommandError, Result};
 use crate::execution::history::{End, run};
-use crate::execution::input::{document_of, has_extension, runs_folder};
+use crate::execution::input::{document, document_of, has_extension, runs_folder};
 use crate::output;
 use crate::output::progress::{Bar, stop_on_signal};
 use clap::Args;
-use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::{self, Finished};
 use navfuse_core::run::scenario::Scenario;
@@ -53,7 +52,8 @@ struct Content {
 /// Writes a page about a run.
 pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
     let (stop, bar) = (stop_on_signal(), Bar::new(true));
-    let Content { history, observed, folder, end } = if has_extension(&arguments.of, "toml") {
+    let of_scenario_file = has_extension(&arguments.of, "toml") || arguments.of.as_os_str() == "-";
+    let Content { history, observed, folder, end } = if of_scenario_file {
         of_scenario(registry, arguments, &stop, &bar)?
     } else {
         of_log(registry, arguments, &stop, &bar)?
@@ -79,7 +79,7 @@ fn of_scenario(
     stop: &AtomicBool,
     bar: &Bar,
 ) -> Result<Content> {
-    let document = Document::from_file(&arguments.of)?;
+    let document = document(&arguments.of)?;
     let tracker = Box::new(TrackerSink::new(EVERY));
     let sinks = vec![("observability".to_owned(), tracker as _)];
     let (history, end, mut finished) = run(registry, document, &arguments.set, sinks, stop, bar)?;

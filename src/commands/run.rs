@@ -1,9 +1,9 @@
 //! `navfuse run`.
 
 use crate::error::Result;
+use crate::execution::input::document;
 use crate::execution::run::{RunOptions, execute};
 use clap::Args;
-use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -17,7 +17,7 @@ Examples:
   navfuse run scenarios/snapir.toml --set source.csv.directory=/data/snapir/T10 --out runs/T10
   navfuse run scenarios/quickstart.toml --format json | jq .states")]
 pub struct Run {
-    /// The scenario, a TOML file
+    /// The scenario, a TOML file; `-` reads standard input
     pub scenario: PathBuf,
     #[command(flatten)]
     pub options: RunOptions,
@@ -25,6 +25,6 @@ pub struct Run {
 
 /// Runs a scenario.
 pub fn run(registry: &Registry, arguments: &Run) -> Result<ExitCode> {
-    let document = Document::from_file(&arguments.scenario)?;
+    let document = document(&arguments.scenario)?;
     execute(registry, document, &[], &arguments.options)
 }

@@ -1,7 +1,7 @@
 //! Campaigns of runs, as `monte-carlo`, `bound`, `sweep` and `merge` do them.
 
 use crate::error::{CommandError, Result};
-use crate::execution::input::{runs_folder, seconds};
+use crate::execution::input::{document, runs_folder, seconds};
 use crate::output::campaign::{self as show, Shown};
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::scenarios;
@@ -10,7 +10,6 @@ use clap::{Args, ValueEnum};
 use navfuse_campaign::{
     Campaign, Folder, JobCount, Options, Results, Shard, execute_rest, variation,
 };
-use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -127,7 +126,7 @@ pub fn conduct(
     stop: &AtomicBool,
 ) -> Result<Option<Conducted>> {
     let threads = threads(settings)?;
-    let mut document = Document::from_file(path)?;
+    let mut document = document(path)?;
     settings.set.iter().try_for_each(|s| document.set(s))?;
     options.every = settings.every.as_deref().map(|text| seconds("--every", text)).transpose()?;
     let campaign = Campaign::new(registry, &document, &options)?;

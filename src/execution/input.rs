@@ -10,11 +10,26 @@ use serde::de::IntoDeserializer;
 use serde::de::value::Error as ValueError;
 use std::path::{Path, PathBuf};
 
+/// Name of standard input, where a scenario is read.
+const STANDARD_INPUT: &str = "-";
+
+/// The scenario in a file, or in standard input for `-`. Paths in it are then relative to the
+/// working folder.
+pub fn document(path: &Path) -> Result<Document> {
+    if path != Path::new(STANDARD_INPUT) {
+        return Ok(Document::from_file(path)?);
+    }
+    let name = "standard input";
+    let text = std::io::read_to_string(std::io::stdin());
+    let text = text.map_err(CommandError::file(Path::new(name), "cannot be read", ""))?;
+    Ok(Document::parse_with_includes("stdin", text)?)
+}
+
 /// The scenario at a path, and the settings that it needs: for a log, the setting that makes the
 /// log the source of samples.
 pub fn document_of(path: &Path) -> Result<(Document, Vec<String>)> {
     if !is_log(path) {
-        return Ok((Document::from_file(path)?, Vec::new()));
+        return Ok((document(path)?, Vec::new()));
     }
     let (document, source) = of_log(path, None)?;
     Ok((document, vec![source]))
@@ -35,7 +50,7 @@ pub fn missing_log(log: &Path) -> impl FnOnce(std::io::Error) -> CommandError {
 pub fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)> {
     let path = std::fs::canonicalize(log).map_err(missing_log(log))?;
     let document = match scenario {
-        Some(path) => Document::from_file(path)?,
+        Some(path) => self::document(path)?,
         None => {
             let info = navfuse_mcap::read_scenario(log)?;
             let name = path.with_file_name(format!("{}.toml", folder_name(&info.name)));

@@ -3,16 +3,20 @@
 use crate::error::{CommandError, Result};
 use crate::execution::input::runs_folder;
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
+use crate::output::terminal::Detail;
 use crate::output::{self, Format};
 use clap::Args;
 use navfuse_core::document::Document;
 use navfuse_core::files::FolderLock;
-use navfuse_core::model::record::Level;
+use navfuse_core::model::record::{Event, Level};
 use navfuse_core::model::verdict::VerdictLevel;
 use navfuse_core::plugin::{Kind, Registry};
 use navfuse_core::run::runner;
 use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::run::summary::Recorded;
+use navfuse_core::units::time::Time;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -87,7 +91,10 @@ pub fn execute(
     }
     let folder = output_folder(&scenario, options);
     let _lock = folder.as_deref().map(FolderLock::take).transpose()?;
-    let assembly = scenario.assemble(folder.as_deref())?;
+    let mut assembly = scenario.assemble(folder.as_deref())?;
+    if Detail::get() == Detail::Verbose {
+        assembly.sinks.push(("notes".to_owned(), Box::new(output::run::Notes)));
+    }
     let stop = stop_on_signal();
     let text = options.format == Format::Text;
     let bar = Bar::new(text);
@@ -141,16 +148,33 @@ fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Option<PathBu
 
 fn print(finished: &Finished, text: bool) -> Result<()> {
     if text {
-        output::run::summary(&finished.summary);
-        output::run::recorded(&finished.recorded);
+        if Detail::get() != Detail::Quiet {
+            output::run::summary(&finished.summary);
+            output::run::recorded(&finished.recorded);
+        }
     } else {
-        output::line(serde_json::to_string(&finished.summary)?);
+        output::line(in_json(finished)?);
     }
     output::run::events(&finished.events);
-    if text {
-        output::run::verdict(&finished.summary.verdict);
+    match (text, Detail::get()) {
+        (false, _) => {}
+        (true, Detail::Quiet) => output::run::line_of(&finished.summary.verdict),
+        (true, _) => output::run::verdict(&finished.summary.verdict),
     }
     Ok(())
+}
+
+/// The summary, the places of the files, and the warnings and errors.
+fn in_json(finished: &Finished) -> Result<Value> {
+    let mut value = serde_json::to_value(&finished.summary)?;
+    let path = |r: &Recorded| json!({ "sink": r.sink, "path": r.place });
+    value["paths"] = finished.recorded.iter().map(path).collect();
+    let warning = |e: &Event| {
+        let time = (e.time > Time::MIN).then(|| e.time.seconds());
+        json!({ "time_s": time, "level": e.level, "about": e.about, "text": e.text })
+    };
+    value["warnings"] = finished.events.iter().map(warning).collect();
+    Ok(value)
 }
 
 /// Keeps the process alive until Ctrl-C, so that browsers can still load the run.

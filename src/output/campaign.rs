@@ -1,8 +1,8 @@
 //! The result of a campaign as tables.
 
+use super::Table;
 use super::{line, right, table};
 use crate::error::{CommandError, Result};
-use comfy_table::Table;
 use navfuse_campaign::{
     Band, Campaign, Component, Judged, PointReport, Results, StateReport, WorstRun,
 };

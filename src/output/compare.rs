@@ -1,7 +1,9 @@
 //! The comparison of runs as tables.
 
 use super::run::number;
-use super::{line, right, table};
+use super::run::tone;
+use super::terminal::Tone;
+use super::{line, marked_line, marked_table, right, table};
 use navfuse_report::compare::{Comparison, RunResult, StateResult};
 
 /// Prints the comparison: runs, differing keys, sensors, states.
@@ -16,7 +18,8 @@ pub fn tables(comparison: &Comparison) {
     states(comparison);
     for run in &comparison.runs {
         let verdict = run.verdict_text.as_deref().unwrap_or("not judged");
-        line(format_args!("verdict of {}: {verdict}", run.letter));
+        let mark = run.verdict.map(|level| (level.words(), tone(level)));
+        marked_line(format_args!("verdict of {}: {verdict}", run.letter), mark.as_slice());
     }
 }
 
@@ -76,7 +79,8 @@ fn sensors(comparison: &Comparison) {
         }
     }
     right(&mut rows, 2..7);
-    line(format_args!("{rows}\n"));
+    marked_table(&rows, &[("outside", Tone::Bad)]);
+    line("");
 }
 
 fn states(comparison: &Comparison) {

@@ -7,9 +7,12 @@ pub mod progress;
 pub mod run;
 pub mod scenarios;
 mod tables;
+pub mod terminal;
 
 pub use files::{write, write_files};
-pub use tables::{check_standard_output, line, right, table, warn};
+pub use tables::{
+    Table, check_standard_output, line, marked_line, marked_table, mistake, raw, right, table, warn,
+};
 
 use clap::ValueEnum;
 

@@ -1,5 +1,6 @@
 //! The progress bar, and the signals that end a command.
 
+use super::terminal::Detail;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use navfuse_campaign::JobCount;
 use navfuse_core::run::runner::Progress;
@@ -48,6 +49,7 @@ pub struct Bar(ProgressBar);
 impl Bar {
     /// A bar; a hidden one prints nothing.
     pub fn new(shown: bool) -> Self {
+        let shown = shown && Detail::get() != Detail::Quiet;
         let target =
             if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         Self(ProgressBar::with_draw_target(None, target))

@@ -1,9 +1,10 @@
 //! The result of a run as tables.
 
-use super::{line, right, table, warn};
-use comfy_table::Table;
+use super::terminal::{Detail, Tone};
+use super::{Table, line, marked_line, marked_table, right, table, warn};
 use navfuse_core::model::record::{Event, Level};
-use navfuse_core::model::verdict::Verdict;
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::verdict::{Verdict, VerdictLevel};
 use navfuse_core::run::summary::{Recorded, StateRow, Summary};
 use navfuse_core::state::Mode;
 use navfuse_core::units::time::Time;
@@ -39,7 +40,9 @@ pub fn summary(summary: &Summary) {
         sensors.add_row([&counts[..], &[expected, band, mark]].concat());
     }
     right(&mut sensors, 1..8);
-    line(format_args!("{sensors}\n"));
+    marked_table(&sensors, &[("outside", Tone::Bad)]);
+    line("");
+    rejected(summary);
     for (name, start) in &summary.starts {
         line(format_args!("{name} {}", start["text"].as_str().unwrap_or_default()));
     }
@@ -61,6 +64,16 @@ pub fn summary(summary: &Summary) {
     }
 }
 
+/// Prints the reasons of the rejected samples, a line for each.
+fn rejected(summary: &Summary) {
+    for (name, value) in &summary.samples {
+        let reasons = value.get("rejected_for").and_then(serde_json::Value::as_object);
+        for (reason, count) in reasons.into_iter().flatten() {
+            line(format_args!("{name}: {count} rejected: {reason}"));
+        }
+    }
+}
+
 /// The expected NIS of a sensor, the band of its mean, and a mark if the mean is outside.
 fn consistency(verdict: &Verdict, sensor: &str) -> [String; 3] {
     verdict.sensor(sensor).map_or_else(Default::default, |s| {
@@ -76,12 +89,28 @@ fn consistency(verdict: &Verdict, sensor: &str) -> [String; 3] {
 /// Prints the reasons of a verdict with their remedies, and the verdict in the last line.
 pub fn verdict(verdict: &Verdict) {
     for reason in &verdict.reasons {
-        let level = navfuse_core::model::verdict::VerdictLevel::from(reason.severity).words();
+        let level = VerdictLevel::from(reason.severity);
         let remedy =
             if reason.remedy.is_empty() { String::new() } else { format!("; {}", reason.remedy) };
-        line(format_args!("{level}: {reason}{remedy}"));
+        let text = format!("{}: {reason}{remedy}", level.words());
+        marked_line(text, &[(level.words(), tone(level))]);
     }
-    line(format_args!("verdict: {verdict}"));
+    line_of(verdict);
+}
+
+/// Prints the verdict in one line.
+pub fn line_of(verdict: &Verdict) {
+    let words = verdict.level.words();
+    marked_line(format_args!("verdict: {verdict}"), &[(words, tone(verdict.level))]);
+}
+
+/// The tone of a verdict.
+pub fn tone(level: VerdictLevel) -> Tone {
+    match level {
+        VerdictLevel::Consistent => Tone::Good,
+        VerdictLevel::Doubtful => Tone::Doubtful,
+        VerdictLevel::DoNotUse => Tone::Bad,
+    }
 }
 
 fn state(row: &StateRow, table: &mut Table) {
@@ -141,19 +170,49 @@ pub fn recorded(recorded: &[Recorded]) {
     }
 }
 
-/// Prints warnings and errors on standard error: at most 20 warnings, and all errors.
+/// Prints warnings and errors on standard error: all errors, and at most 20 warnings, or as many as
+/// the amount of output asks for.
 pub fn events(events: &[Event]) {
-    const SHOWN: usize = 20;
-    let when = |e: &Event| if e.time == Time::MIN { String::new() } else { format!("{} ", e.time) };
+    let shown = match Detail::get() {
+        Detail::Quiet => 0,
+        Detail::Usual => 20,
+        Detail::Verbose => usize::MAX,
+    };
     let word = |e: &Event| if e.level == Level::Error { "error" } else { "warning" };
-    for e in events.iter().filter(|e| e.level < Level::Error).take(SHOWN) {
+    for e in events.iter().filter(|e| e.level < Level::Error).take(shown) {
         warn(format_args!("{}: {}{}: {}", word(e), when(e), e.about, e.text));
     }
-    let more = events.iter().filter(|e| e.level < Level::Error).count().saturating_sub(SHOWN);
-    if more > 0 {
+    let more = events.iter().filter(|e| e.level < Level::Error).count().saturating_sub(shown);
+    if more > 0 && Detail::get() != Detail::Quiet {
         warn(format_args!("and {more} more warnings: see the log"));
     }
     for e in events.iter().filter(|e| e.level == Level::Error) {
         warn(format_args!("{}: {}{}: {}", word(e), when(e), e.about, e.text));
     }
+}
+
+/// Sink that prints the notes of a run on standard error as they come.
+#[derive(Clone, Copy, Debug)]
+pub struct Notes;
+
+impl Sink for Notes {
+    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
+        Ok(())
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
+        if event.level == Level::Info {
+            warn(format_args!("note: {}{}: {}", when(event), event.about, event.text));
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(None)
+    }
+}
+
+/// The time of an event with a space, or nothing for one without a time.
+fn when(event: &Event) -> String {
+    if event.time == Time::MIN { String::new() } else { format!("{} ", event.time) }
 }

@@ -1,24 +1,88 @@
 //! Lines and tables on the terminal.
 
+use super::terminal::{Stream, Tone, wrapped};
 use crate::error::{CommandError, Result};
-use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, presets};
-use std::fmt::Write as _;
+use comfy_table::{
+    CellAlignment, ColumnConstraint, ContentArrangement, LineStyle, Row, Width, presets,
+};
+use std::fmt::{self, Write as _};
 use std::io::{self, ErrorKind, Write};
 use std::sync::OnceLock;
+
+/// Width beyond which the cells of a column are texts, which may be broken at their spaces.
+/// Narrower cells are numbers and names, which are never broken.
+const TEXT: u16 = 24;
+/// Smallest width of a column of texts.
+const NARROWEST: u16 = 14;
 
 /// The first error of standard output.
 static FAILED: OnceLock<io::Error> = OnceLock::new();
 
-/// Prints a line on standard output; [`check_standard_output`] reports a failure.
-pub fn line(text: impl std::fmt::Display) {
-    if let Err(error) = writeln!(io::stdout(), "{}", harmless(&text.to_string())) {
+/// Prints a line on standard output; [`check_standard_output`] reports a failure. On a terminal, a
+/// longer line than it has columns is broken at spaces; JSON is not.
+pub fn line(text: impl fmt::Display) {
+    marked_line(text, &[]);
+}
+
+/// Prints a line on standard output, with the first occurrence of some words in the colours of
+/// their tones.
+pub fn marked_line(text: impl fmt::Display, marks: &[(&str, Tone)]) {
+    print(&fitted(&text.to_string(), Stream::Output, marks));
+}
+
+/// Prints a table on standard output, with every occurrence of some words in the colours of their
+/// tones.
+pub fn marked_table(table: &Table, marks: &[(&str, Tone)]) {
+    let mut text = harmless(&table.to_string());
+    for (word, tone) in marks {
+        text = text.replace(word, &tone.paint(word, Stream::Output));
+    }
+    print(&text);
+}
+
+fn print(text: &str) {
+    if let Err(error) = writeln!(io::stdout(), "{text}") {
         FAILED.set(error).ok();
     }
 }
 
 /// Prints a line on standard error. A closed standard error causes no error.
-pub fn warn(text: impl std::fmt::Display) {
-    writeln!(io::stderr(), "{}", harmless(&text.to_string())).ok();
+pub fn warn(text: impl fmt::Display) {
+    let marks = [("error:", Tone::Bad), ("warning:", Tone::Doubtful)];
+    let text = text.to_string();
+    // only the word at the start is a level
+    let mark = marks.iter().filter(|(word, _)| text.starts_with(word));
+    let mark: Vec<(&str, Tone)> = mark.copied().collect();
+    writeln!(io::stderr(), "{}", fitted(&text, Stream::Error, &mark)).ok();
+}
+
+/// Prints an error on standard error, and the line of the file with the mistake, whose columns have
+/// to stay in line.
+pub fn mistake(error: &CommandError) {
+    warn(format_args!("error: {error}"));
+    if let Some(excerpt) = error.excerpt() {
+        writeln!(io::stderr(), "{}", harmless(&excerpt.to_string())).ok();
+    }
+}
+
+/// Prints a text on standard output as it is, such as a script.
+pub fn raw(text: &str) {
+    if let Err(error) = io::stdout().write_all(text.as_bytes()) {
+        FAILED.set(error).ok();
+    }
+}
+
+/// The text as the stream shows it: harmless, fitted to its width, with colours.
+fn fitted(text: &str, stream: Stream, marks: &[(&str, Tone)]) -> String {
+    let mut text = harmless(text);
+    let json = text.starts_with('{') || text.starts_with("[{");
+    if let Some(width) = stream.width().filter(|_| !json) {
+        text = wrapped(&text, width);
+    }
+    for (word, tone) in marks {
+        text = text.replacen(word, &tone.paint(word, stream), 1);
+    }
+    text
 }
 
 /// Reports that a line could not be printed. A reader that closes its end early causes no error.
@@ -49,21 +113,84 @@ fn harmless(text: &str) -> String {
     out
 }
 
+/// A table that fits itself to the terminal when it is printed.
+pub struct Table {
+    headings: Vec<String>,
+    table: comfy_table::Table,
+}
+
 /// An empty table with headings.
 pub fn table(headings: &[&str]) -> Table {
-    let mut table = Table::new();
+    let mut table = comfy_table::Table::new();
     let line = LineStyle::none().fill('─').junction('─');
     table.load_style(presets::NOTHING.top_border(line).header_separator(line).bottom_border(line));
     table.set_content_arrangement(ContentArrangement::Dynamic);
     table.set_header(headings.to_vec());
-    table
+    Table { headings: headings.iter().map(|h| (*h).to_owned()).collect(), table }
 }
 
 /// Aligns columns of numbers.
 pub fn right(table: &mut Table, columns: std::ops::Range<usize>) {
     for column in columns {
-        if let Some(column) = table.column_mut(column) {
+        if let Some(column) = table.table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+}
+
+impl Table {
+    /// Adds a row.
+    pub fn add_row(&mut self, row: impl Into<Row>) {
+        self.table.add_row(row);
+    }
+
+    /// The table in at most `width` columns, if its numbers and names have room in them: columns
+    /// stand closer, texts and headings are broken.
+    fn within(&self, width: usize) -> comfy_table::Table {
+        let mut table = self.table.clone();
+        let contents = table.column_max_content_widths();
+        let separators = contents.len().saturating_sub(1);
+        let content = |widths: &[u16]| widths.iter().map(|w| usize::from(*w)).sum::<usize>();
+        if content(&contents) + 2 * contents.len() + separators <= width {
+            return table;
+        }
+        let is_text = |k: usize| contents.get(k).is_some_and(|content| *content > TEXT);
+        let broken = |(k, heading): (usize, &String)| match is_text(k) {
+            true => heading.clone(),
+            false => heading.replace(' ', "\n").replace('/', "/\n"),
+        };
+        let least = |table: &comfy_table::Table| {
+            let widths = table.column_max_content_widths().into_iter().enumerate();
+            content(
+                &widths.map(|(k, w)| if is_text(k) { NARROWEST } else { w }).collect::<Vec<_>>(),
+            )
+        };
+        if least(&table) + contents.len() + separators > width {
+            table.set_header(self.headings.iter().enumerate().map(broken).collect::<Vec<_>>());
+        }
+        let space = u16::from(least(&table) + contents.len() + separators <= width);
+        for (k, column) in table.column_iter_mut().enumerate() {
+            column.set_padding((0, space)).set_constraint(if is_text(k) {
+                ColumnConstraint::LowerBoundary(Width::Fixed(NARROWEST))
+            } else {
+                ColumnConstraint::ContentWidth
+            });
+        }
+        table.set_width(u16::try_from(width).unwrap_or(u16::MAX));
+        table
+    }
+}
+
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match Stream::Output.width() {
+            None => self.table.fmt(f),
+            Some(width) => {
+                let lines = self.within(width);
+                // the space behind the last column could reach beyond the edge
+                let lines = lines.lines().map(|l| l.trim_end().to_owned());
+                f.write_str(&lines.collect::<Vec<_>>().join("\n"))
+            }
         }
     }
 }

@@ -1,8 +1,9 @@
 //! A TOML document with the overrides of the command line.
 
 use crate::document::error::{DocumentError, OverrideError};
+use crate::document::location::Excerpt;
 use crate::document::node::{Node, kind};
-use crate::document::places::{Places, join, position};
+use crate::document::places::{Places, join};
 use std::path::Path;
 use toml::de::DeTable;
 use toml::{Table, Value};
@@ -10,39 +11,40 @@ use toml::{Table, Value};
 /// A TOML document, with the overrides of the command line.
 #[derive(Clone, Debug)]
 pub struct Document {
-    name: String,
+    pub(super) name: String,
     text: String,
-    value: Value,
-    places: Places,
+    pub(super) value: Value,
+    pub(super) places: Places,
     overrides: Vec<String>,
 }
 
 impl Document {
-    /// Reads the document in a file.
+    /// Reads the document in a file, and the documents that it includes.
     ///
     /// # Errors
-    /// When the file cannot be read or is not TOML.
+    /// When a file cannot be read or is not TOML, or a file includes itself.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, DocumentError> {
         let name = path.as_ref().display().to_string();
         match std::fs::read_to_string(path) {
-            Ok(text) => Self::parse(name, text),
+            Ok(text) => Self::parse_with_includes(name, text),
             Err(source) => Err(DocumentError::Read { name, source }),
         }
     }
 
-    /// Reads the document in a text. Errors name the file `name`.
+    /// Reads the document in a text, which includes no other one. Errors name the file `name`.
     ///
     /// # Errors
     /// When the text is not TOML.
     pub fn parse(name: impl Into<String>, text: impl Into<String>) -> Result<Self, DocumentError> {
         let (name, text) = (name.into(), text.into());
         let syntax = |e: toml::de::Error| {
-            let (line, column) = position(&text, e.span().map_or(0, |s| s.start));
+            let excerpt = Excerpt::of(&text, e.span().unwrap_or(0..0));
             DocumentError::Syntax {
                 name: name.clone(),
-                line,
-                column,
+                line: excerpt.line,
+                column: excerpt.column(),
                 message: e.message().trim().to_owned(),
+                excerpt: Box::new(excerpt),
             }
         };
         let places = Places::of(&name, &text, DeTable::parse(&text).map_err(syntax)?.get_ref());
@@ -100,6 +102,38 @@ impl Document {
     pub fn remove(&mut self, key: &str) -> bool {
         let table = self.value.as_table_mut();
         table.is_some_and(|table| table.remove(key).is_some())
+    }
+
+    /// Removes the value at a key path; returns `true` if there was one. An element of an array
+    /// stays, since its removal would move the others.
+    pub fn remove_path(&mut self, path: &str) -> bool {
+        let Some((table, key)) = self.table_of(path) else { return false };
+        table.remove(&key).is_some()
+    }
+
+    /// Renames the key at a path; returns `true` if there is one and the new key was free.
+    pub fn rename_path(&mut self, path: &str, new: &str) -> bool {
+        let Some((table, key)) = self.table_of(path) else { return false };
+        if table.contains_key(new) {
+            return false;
+        }
+        let Some(value) = table.remove(&key) else { return false };
+        table.insert(new.to_owned(), value);
+        let parent = path.strip_suffix(&join("", &key)).unwrap_or_default();
+        self.places.rename(path, &join(parent.trim_end_matches('.'), new));
+        true
+    }
+
+    /// The table with the key at the end of a path, and that key.
+    fn table_of(&mut self, path: &str) -> Option<(&mut Table, String)> {
+        let mut keys = key_path(path).ok()?;
+        let key = keys.pop()?;
+        let value = keys.iter().try_fold(&mut self.value, |value, key| match value {
+            Value::Table(table) => table.get_mut(key),
+            Value::Array(array) => array.get_mut(key.parse::<usize>().ok()?),
+            _ => None,
+        });
+        Some((value?.as_table_mut()?, key))
     }
 
     /// The document as a node.

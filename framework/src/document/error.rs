@@ -1,6 +1,6 @@
 //! Errors of documents and of their overrides.
 
-use crate::document::location::Location;
+use crate::document::location::{Excerpt, Location};
 
 /// An error of a document: its place, and what is wrong there.
 #[derive(Debug, thiserror::Error)]
@@ -25,12 +25,18 @@ pub enum DocumentError {
         column: usize,
         /// The violation of the syntax.
         message: String,
+        /// The line with the violation.
+        excerpt: Box<Excerpt>,
     },
     /// A key or value is not allowed.
     #[error("{location}: {message}")]
     Place {
         /// The place of the key or value.
         location: Location,
+        /// The path of the key; empty for the whole document.
+        path: String,
+        /// The kind of the mistake.
+        fault: Fault,
         /// The key, the value found, and what is allowed.
         message: String,
     },
@@ -42,6 +48,31 @@ pub enum DocumentError {
         /// The cause.
         source: OverrideError,
     },
+}
+
+/// Kind of a mistake in a document.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// A key, or a name among registered ones, that does not exist; with the one that was meant,
+    /// where one is near.
+    Unknown(Option<String>),
+    /// A table that lacks this key.
+    Missing(String),
+    /// A value that does not fit.
+    Value,
+}
+
+impl DocumentError {
+    /// The line of the text with the mistake, which carets mark; none for an override.
+    pub fn excerpt(&self) -> Option<&Excerpt> {
+        match self {
+            Self::Syntax { excerpt, .. }
+            | Self::Place { location: Location::File { excerpt: Some(excerpt), .. }, .. } => {
+                Some(excerpt)
+            }
+            _ => None,
+        }
+    }
 }
 
 /// An error of an override `key.path=value`.

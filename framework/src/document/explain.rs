@@ -37,6 +37,8 @@ pub fn unknown(what: &str, found: &str, allowed: &[&str]) -> String {
 pub enum Complaint<'a> {
     /// A key that the type does not have, and the keys that it has.
     UnknownKey { key: &'a str, allowed: Vec<&'a str> },
+    /// A key that the type needs and the table does not have.
+    MissingKey(&'a str),
     /// Any other message, reworded.
     Other(String),
 }
@@ -56,7 +58,7 @@ pub fn complaint<'a>(message: &'a str, found: &str) -> Complaint<'a> {
         return Complaint::Other(unknown("value", word, &quoted(rest)));
     }
     if let Some(key) = message.strip_prefix("missing field `").and_then(|m| m.strip_suffix('`')) {
-        return Complaint::Other(format!("missing key {key:?}"));
+        return Complaint::MissingKey(key);
     }
     let expecting =
         |prefix| message.strip_prefix(prefix).and_then(|m: &str| m.split_once(", expected "));

@@ -5,6 +5,7 @@
 mod document;
 mod error;
 mod explain;
+mod include;
 mod location;
 mod node;
 mod places;
@@ -12,7 +13,7 @@ mod places;
 mod tests;
 
 pub use document::Document;
-pub use error::{DocumentError, OverrideError};
+pub use error::{DocumentError, Fault, OverrideError};
 pub use explain::{did_you_mean, unknown};
-pub use location::Location;
+pub use location::{Excerpt, Location};
 pub use node::Node;

@@ -1,9 +1,9 @@
 //! A value of a document with its place.
 
-use crate::document::error::DocumentError;
-use crate::document::explain::{Complaint, complaint, unknown};
+use crate::document::error::{DocumentError, Fault};
+use crate::document::explain::{Complaint, complaint, did_you_mean, unknown};
 use crate::document::location::Location;
-use crate::document::places::{Places, join};
+use crate::document::places::{Part, Places, join};
 use serde::de::DeserializeOwned;
 use serde_path_to_error::Segment;
 use toml::Value;
@@ -80,7 +80,7 @@ impl<'a> Node<'a> {
 
     /// The place of the value.
     pub fn location(&self) -> Location {
-        self.places.location(&self.path).clone()
+        self.places.location(&self.path, Part::Value)
     }
 
     /// The value.
@@ -90,12 +90,30 @@ impl<'a> Node<'a> {
 
     /// An error about this value. It names the place, the key path and the value.
     pub fn error(&self, message: impl std::fmt::Display) -> DocumentError {
+        self.mistake(message, Fault::Value)
+    }
+
+    /// As [`Self::error`], about a name that is not registered; `meant` is the one that is near.
+    pub fn unknown_name(
+        &self,
+        message: impl std::fmt::Display,
+        meant: Option<&str>,
+    ) -> DocumentError {
+        self.mistake(message, Fault::Unknown(meant.map(str::to_owned)))
+    }
+
+    fn mistake(&self, message: impl std::fmt::Display, fault: Fault) -> DocumentError {
         let place = match (self.path.is_empty(), shown(self.value)) {
             (true, _) => String::new(),
             (_, Some(value)) => format!("{} = {value}: ", self.path),
             (_, None) => format!("{}: ", self.path),
         };
-        DocumentError::Place { location: self.location(), message: format!("{place}{message}") }
+        DocumentError::Place {
+            location: self.location(),
+            path: self.path.clone(),
+            fault,
+            message: format!("{place}{message}"),
+        }
     }
 
     /// Rejects a table with a key that is not among the allowed ones.
@@ -111,10 +129,12 @@ impl<'a> Node<'a> {
 
     fn unknown_key(&self, key: &str, allowed: &[&str]) -> DocumentError {
         let path = join(&self.path, key);
-        let location = self.places.location(&path).clone();
+        let meant = did_you_mean(key, allowed.iter().copied());
         DocumentError::Place {
-            location,
+            location: self.places.location(&path, Part::Key),
             message: format!("{path}: {}", unknown("key", key, allowed)),
+            path,
+            fault: Fault::Unknown(meant.map(str::to_owned)),
         }
     }
 
@@ -151,6 +171,10 @@ impl<'a> Node<'a> {
             }
         }
         match complaint(message, kind(place.value)) {
+            Complaint::MissingKey(key) => {
+                let fault = Fault::Missing(key.to_owned());
+                place.mistake(format_args!("missing key {key:?}"), fault)
+            }
             Complaint::Other(words) => place.error(words),
             Complaint::UnknownKey { key, mut allowed } => {
                 let table = self.table_of(&place, key);

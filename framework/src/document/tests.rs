@@ -312,3 +312,115 @@ proptest! {
         }
     }
 }
+
+/// A folder with files, each a name and a text.
+fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in files {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    }
+    folder
+}
+
+#[test]
+fn a_file_is_laid_over_those_that_it_includes_and_errors_name_the_right_file() {
+    let folder = folder(&[
+        ("parts/sea.toml", "seed = 1\n[sensor.dvl]\nnoise = 3\ngate = 0.9\naxes = [1, 2]\n"),
+        ("parts/imu.toml", "include = \"deeper/bias.toml\"\n[sensor.imu]\nnoise = 4\n"),
+        ("parts/deeper/bias.toml", "[sensor.imu]\nnoise = 5\nbias = { sigma = 6, truth = 7 }\n"),
+        (
+            "run.toml",
+            "include = [\"parts/sea.toml\", \"parts/imu.toml\"]\nseed = 2\n\
+             [sensor.dvl]\naxes = [3]\n[sensor.imu.bias]\nsigma = 8\n",
+        ),
+    ]);
+    let document = Document::from_file(folder.path().join("run.toml")).unwrap();
+    let whole = Document::parse(
+        "whole",
+        "seed = 2\n[sensor.dvl]\nnoise = 3\ngate = 0.9\naxes = [3]\n\
+         [sensor.imu]\nnoise = 4\nbias = { sigma = 8, truth = 7 }\n",
+    )
+    .unwrap();
+    assert_eq!(document.root().value(), whole.root().value());
+    let sensors = document.root().get("sensor").unwrap().entries().unwrap();
+    assert_eq!(sensors.iter().map(|(name, _)| *name).collect::<Vec<_>>(), ["dvl", "imu"]);
+    let place = |path: &[&str]| at(&document, path).location().to_string();
+    assert!(place(&["sensor", "dvl", "gate"]).ends_with("parts/sea.toml:4"));
+    assert!(place(&["sensor", "imu", "bias", "truth"]).ends_with("deeper/bias.toml:3"));
+    assert!(place(&["sensor", "imu", "bias", "sigma"]).ends_with("run.toml:6"));
+    assert!(place(&["sensor", "dvl", "axes"]).ends_with("run.toml:4"));
+    // the second element of the included array is gone, and its place too
+    assert!(at(&document, &["sensor", "dvl", "axes"]).get("1").is_none());
+}
+
+#[test]
+fn a_circle_of_files_and_a_missing_one_are_rejected_at_the_line_that_names_them() {
+    let folder = folder(&[
+        ("a.toml", "seed = 1\ninclude = \"b.toml\"\n"),
+        ("b.toml", "include = [\"./a.toml\"]\n"),
+        ("c.toml", "include = \"d.toml\"\n"),
+        ("e.toml", "include = 3\n"),
+        ("f.toml", "include = \"g.toml\"\n"),
+        ("g.toml", "x =\n"),
+    ]);
+    let error = |name: &str| {
+        let error = Document::from_file(folder.path().join(name)).unwrap_err();
+        error.to_string()
+    };
+    let circle = error("a.toml");
+    assert!(circle.contains("b.toml:1: include.0"), "{circle}");
+    assert!(circle.contains("a file includes itself"), "{circle}");
+    let missing = error("c.toml");
+    assert!(missing.contains("c.toml:1: include = \"d.toml\": "), "{missing}");
+    assert!(missing.contains("relative to the file that includes it"), "{missing}");
+    assert!(error("e.toml").contains("a path is needed"), "{}", error("e.toml"));
+    assert!(error("f.toml").contains("g.toml:1:"), "{}", error("f.toml"));
+}
+
+/// The text of a log comes from a stranger, who must not choose files that are read.
+#[test]
+fn a_text_without_a_file_includes_nothing() {
+    let document = Document::parse("log", "include = \"/etc/passwd\"\n").unwrap();
+    assert!(document.root().get("include").is_some());
+}
+
+#[test]
+fn an_excerpt_marks_the_value_or_the_unknown_key() {
+    let text = "[sensor.dvl]\n\tnoise = \"1 kg\"  # of a sample\ngaet = 0.9\n";
+    let document = Document::parse("dive.toml", text).unwrap();
+    let noise = at(&document, &["sensor", "dvl", "noise"]).error("no");
+    assert_eq!(
+        noise.excerpt().unwrap().to_string(),
+        "  |\n2 |  noise = \"1 kg\"  # of a sample\n  |          ^^^^^^"
+    );
+    let key = at(&document, &["sensor", "dvl"]).check_keys(&["noise"]).unwrap_err();
+    assert_eq!(key.excerpt().unwrap().to_string(), "  |\n3 | gaet = 0.9\n  | ^^^^");
+    let table = at(&document, &["sensor", "dvl"]).error("no");
+    assert_eq!(table.excerpt().unwrap().to_string(), "  |\n1 | [sensor.dvl]\n  |         ^^^");
+    let syntax = Document::parse("dive.toml", "a = 1\nb = \n").unwrap_err();
+    assert!(syntax.excerpt().unwrap().to_string().contains("2 | b ="), "{syntax:?}");
+}
+
+#[test]
+fn a_removed_path_is_gone_and_an_element_of_an_array_stays() {
+    let mut document = Document::parse("a", "[x]\n\"y z\" = [{ a = 1, b = 2 }]\n").unwrap();
+    assert!(document.remove_path("x.\"y z\".0.b"));
+    assert!(!document.remove_path("x.\"y z\".0.b") && !document.remove_path("x.\"y z\".0"));
+    let left = Document::parse("b", "[x]\n\"y z\" = [{ a = 1 }]\n").unwrap();
+    assert_eq!(document.root().value(), left.root().value());
+}
+
+#[test]
+fn a_renamed_path_keeps_its_place_and_those_below() {
+    let text = "[sensor.refrence]\nrate = 3\n[sensor.dvl]\nx = 1\n";
+    let mut document = Document::parse("a.toml", text).unwrap();
+    assert!(document.rename_path("sensor.refrence", "reference"));
+    assert!(!document.rename_path("sensor.dvl", "reference"), "the key is not free");
+    assert!(!document.rename_path("sensor.none", "some"), "there is no such key");
+    let rate = at(&document, &["sensor", "reference", "rate"]);
+    assert_eq!(rate.location().to_string(), "a.toml:2");
+    let names: Vec<_> = document.root().get("sensor").unwrap().entries().unwrap();
+    assert_eq!(names.iter().map(|(n, _)| *n).collect::<Vec<_>>(), ["reference", "dvl"]);
+}

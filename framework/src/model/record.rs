@@ -5,6 +5,7 @@ use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Layout, State};
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
+use serde::Serialize;
 
 /// Outcome of a measuring sensor's sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +43,26 @@ pub enum Rejection {
     TooFast(usize),
     /// The scenario excludes samples of this time.
     Excluded,
+}
+
+impl Rejection {
+    /// The reason in words; `columns` are the names of the sensor's channels.
+    pub fn reason(self, columns: &[String]) -> String {
+        let column = |i: usize| columns.get(i).map_or("a channel", String::as_str);
+        match self {
+            Self::NotFinite(i) => format!("{} is not finite", column(i)),
+            Self::Missing => "channels are missing".into(),
+            Self::OutOfOrder => "not later than the sample before".into(),
+            Self::Late => "earlier than the state".into(),
+            Self::Singular => "the innovation covariance is singular".into(),
+            Self::NoInput => "the driving sensor is silent".into(),
+            Self::Isolated => "the sensor is isolated".into(),
+            Self::Repeated => "repeats the samples before".into(),
+            Self::OutOfRange(i) => format!("{} is out of range", column(i)),
+            Self::TooFast(i) => format!("{} changes too fast", column(i)),
+            Self::Excluded => "the scenario excludes this time".into(),
+        }
+    }
 }
 
 /// Record of a measuring sensor's sample.
@@ -102,7 +123,8 @@ pub struct Truth<'a> {
 }
 
 /// Severity of an event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Level {
     /// Information for the log.
     Info,

@@ -3,6 +3,7 @@
 mod building;
 mod delayed;
 mod merge;
+mod mistakes;
 mod output_rate;
 mod outputs;
 mod parts;

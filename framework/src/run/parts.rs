@@ -80,11 +80,11 @@ fn entry<'a>(
     registry.get(kind, &wanted).ok_or_else(|| {
         let names: Vec<&str> =
             registry.entries().filter(|e| e.kind == kind).map(|e| e.name).collect();
-        let hint = did_you_mean(&wanted, names.iter().copied());
-        let hint = hint.map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+        let meant = did_you_mean(&wanted, names.iter().copied());
+        let hint = meant.map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
         let (table, names) = (kind.table(), names.join(", "));
-        place.error(format!(
-            "unknown {table} type {wanted:?}{hint} (registered: {names}; or set `type`)"
-        ))
+        let message =
+            format!("unknown {table} type {wanted:?}{hint} (registered: {names}; or set `type`)");
+        place.unknown_name(message, meant)
     })
 }

@@ -21,8 +21,8 @@ pub struct Assembly {
 }
 
 /// Keys at the top of a scenario.
-pub const TOP_KEYS: [&str; 8] =
-    ["name", "description", "seed", "estimator", "process", "sensor", "source", "sink"];
+pub const TOP_KEYS: [&str; 9] =
+    ["include", "name", "description", "seed", "estimator", "process", "sensor", "source", "sink"];
 
 /// Reads and composes scenarios.
 pub struct Scenario<'a> {
@@ -79,6 +79,11 @@ impl<'a> Scenario<'a> {
     pub fn compose(&self) -> Result<Composition, BuildError> {
         let root = self.document.root();
         root.check_keys(&TOP_KEYS)?;
+        // a file has been laid over those that it includes
+        if let Some(include) = root.get("include") {
+            let message = "only a scenario in a file includes others, not the scenario of a log";
+            return Err(include.error(message).into());
+        }
         self.registry.check()?;
         let header = Header::read(&root, self.name())?;
         let sensors = self.parts(Kind::Sensor)?;
@@ -111,6 +116,22 @@ impl<'a> Scenario<'a> {
         let mut composition = self.compose()?;
         composition.at_truth();
         self.open(composition, None)
+    }
+
+    /// A copy that can be changed.
+    pub(crate) fn copy(&self) -> Self {
+        Self { registry: self.registry, document: self.document.clone() }
+    }
+
+    /// The document, with its overrides.
+    pub(crate) fn document_mut(&mut self) -> &mut Document {
+        &mut self.document
+    }
+
+    /// Reads the tables of the sinks, which are opened only with an output folder.
+    pub(crate) fn check_sinks(&self) -> Result<(), BuildError> {
+        let empty = Document::parse("default", "")?;
+        sinks::prepare(&self.parts(Kind::Sink)?, &self.default_sinks()?, &empty).map(drop)
     }
 
     fn open(

@@ -11,6 +11,12 @@ pub fn scenario_schema(registry: &Registry) -> Value {
     let mut definitions = Map::new();
     let estimator = inline::<EstimatorConfig>(&mut definitions);
     let mut properties = json!({
+        "include": {
+            "type": ["string", "array"],
+            "items": { "type": "string" },
+            "description": "Scenarios over which this one is laid: a path from its folder, or \
+                            several, of which a later one is laid over an earlier one",
+        },
         "name": { "type": "string", "description": "Name of the scenario. Default: the file's" },
         "description": { "type": "string", "description": "What the scenario shows" },
         "seed": {
@@ -46,6 +52,13 @@ pub fn scenario_schema(registry: &Registry) -> Value {
         properties[kind.table()] =
             json!({ "type": "object", "properties": tables, "additionalProperties": other });
     }
+    let mut definitions = Value::Object(definitions);
+    let mut patterns = Vec::new();
+    share_patterns(&mut properties, &mut patterns);
+    share_patterns(&mut definitions, &mut patterns);
+    for (k, pattern) in patterns.into_iter().enumerate() {
+        definitions[format!("{PATTERN}{k}")] = json!({ "pattern": pattern });
+    }
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "navfuse scenario",
@@ -54,6 +67,28 @@ pub fn scenario_schema(registry: &Registry) -> Value {
         "properties": properties,
         "$defs": definitions,
     })
+}
+
+/// Begin of the names of the patterns that quantities of the same dimension share.
+const PATTERN: &str = "pattern.";
+
+/// Replaces every pattern in a schema by a reference to its place in `patterns`.
+fn share_patterns(schema: &mut Value, patterns: &mut Vec<String>) {
+    match schema {
+        Value::Object(map) => {
+            if let Some(Value::String(pattern)) = map.get("pattern").cloned() {
+                let k = patterns.iter().position(|p| *p == pattern).unwrap_or_else(|| {
+                    patterns.push(pattern);
+                    patterns.len() - 1
+                });
+                map.remove("pattern");
+                map.insert("$ref".to_owned(), json!(format!("#/$defs/{PATTERN}{k}")));
+            }
+            map.values_mut().for_each(|inner| share_patterns(inner, patterns));
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| share_patterns(item, patterns)),
+        _ => {}
+    }
 }
 
 /// Moves the definitions of a root schema to `definitions` and returns the rest.

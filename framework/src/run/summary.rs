@@ -8,7 +8,7 @@ use crate::model::stream::RunInfo;
 use crate::model::verdict::Verdict;
 use crate::state::Mode;
 use crate::state::manifold::{MAX_TANGENT, Position};
-use crate::units::sample::Sample;
+use crate::units::sample::{Channel, Sample};
 use crate::units::time::Time;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -28,6 +28,10 @@ pub struct Recorded {
 pub struct Summary {
     /// Name of the scenario.
     pub scenario: String,
+    /// Version of the program.
+    pub version: String,
+    /// Seed of a run whose samples are simulated; null for a recording.
+    pub seed: Option<u64>,
     /// From the filter's start to its end, s.
     pub duration_s: f64,
     /// Horizontal path length, m: of the reference, or of the estimate where no reference reaches
@@ -37,8 +41,8 @@ pub struct Summary {
     pub wall_s: f64,
     /// Verdict on the run, with its reasons.
     pub verdict: Verdict,
-    /// Numbers of each sensor's samples: read, accepted, gated, rejected; excluded, where the
-    /// scenario excludes any.
+    /// Numbers of each sensor's samples: read, accepted, gated, rejected, and rejected for each
+    /// reason; excluded, where the scenario excludes any.
     pub samples: Map<String, Value>,
     /// Initial alignments by the name of their process; left out where there is none.
     #[serde(skip_serializing_if = "Map::is_empty")]
@@ -113,6 +117,8 @@ struct Counts {
     gated: u64,
     rejected: u64,
     excluded: u64,
+    /// Rejected samples of each reason, in the order of their first sample.
+    reasons: Vec<(Rejection, u64)>,
     nis: f64,
 }
 
@@ -121,8 +127,21 @@ impl Counts {
     fn unused(&mut self, why: Rejection) {
         match why {
             Rejection::Excluded => self.excluded += 1,
-            _ => self.rejected += 1,
+            _ => {
+                self.rejected += 1;
+                match self.reasons.iter_mut().find(|(reason, _)| *reason == why) {
+                    Some((_, count)) => *count += 1,
+                    None => self.reasons.push((why, 1)),
+                }
+            }
         }
+    }
+
+    /// The rejected samples by their reasons in words.
+    fn rejected_for(&self, channels: &[Channel]) -> Value {
+        let columns: Vec<String> = channels.iter().map(Channel::column).collect();
+        let reasons = self.reasons.iter().map(|(why, count)| (why.reason(&columns), json!(count)));
+        Value::Object(reasons.collect())
     }
 }
 
@@ -131,6 +150,8 @@ impl Counts {
 pub(crate) struct Statistics {
     pub(crate) last_epoch: Option<Time>,
     name: String,
+    version: String,
+    seed: Option<u64>,
     sensors: Vec<(String, Purpose, Counts)>,
     position: Option<usize>,
     first: Option<Time>,
@@ -150,6 +171,8 @@ impl Statistics {
         Self {
             last_epoch: None,
             name: info.name.clone(),
+            version: info.version.clone(),
+            seed: info.simulated.then_some(info.seed),
             sensors: info
                 .sensors
                 .iter()
@@ -305,12 +328,14 @@ impl Statistics {
             };
             let mut value = json!({
                 "unit": row.unit,
+                "components": row.components,
                 "estimate": row.estimate,
                 "sigma": row.sigma,
                 "error": row.error,
             });
             if block.operations.kind == TypeId::of::<Position>() {
                 value["estimate_unit"] = json!(["deg", "deg", "m"]);
+                value["error_components"] = json!(["north", "east", "down"]);
             }
             if row.mode != Mode::Estimate {
                 value["mode"] = json!(row.mode);
@@ -330,6 +355,9 @@ impl Statistics {
                 Role::Measurement(_) => json!({ "read": read, "accepted": c.used, "gated": c.gated,
                     "rejected": c.rejected, "mean_nis": mean_nis }),
             };
+            if c.rejected > 0 {
+                value["rejected_for"] = c.rejected_for(&sensor.info.channels);
+            }
             if !sensor.exclude.is_empty() {
                 value["excluded"] = json!(c.excluded);
             }
@@ -346,6 +374,8 @@ impl Statistics {
         let to_the_end = count > 1 && position.is_some_and(|c| c.holds_at(end));
         Summary {
             scenario: self.name.clone(),
+            version: self.version.clone(),
+            seed: self.seed,
             duration_s: self.first.zip(self.last_epoch).map_or(0.0, |(a, b)| b.since(a)),
             distance_m: if to_the_end { self.true_distance } else { self.distance },
             wall_s: 0.0,

@@ -62,6 +62,18 @@ pub enum UnitError {
         /// The text as found.
         text: String,
     },
+    /// A latitude or longitude that is not written as charts have it.
+    #[error("found \"{text}\": {reason}; a {needed} is needed, e.g. \"{example}\"")]
+    Coordinate {
+        /// The text as found.
+        text: String,
+        /// The mistake.
+        reason: String,
+        /// The coordinate needed.
+        needed: &'static str,
+        /// A value of that coordinate.
+        example: &'static str,
+    },
     /// A value in a scenario that is too large to be meant.
     #[error("found \"{text}\", which is beyond {limit}; check the number and its unit")]
     TooLarge {

@@ -7,10 +7,12 @@
 
 mod any;
 pub mod calendar;
+mod chart;
 mod config;
 mod date;
 mod dimension;
 mod error;
+mod pattern;
 mod print;
 mod quantities;
 mod quantity;
@@ -21,6 +23,7 @@ pub mod time;
 mod unit;
 
 pub use any::AnyQuantity;
+pub use chart::{Latitude, Longitude};
 pub use config::{Components, Positive, Sigma, Triple};
 pub use date::Date;
 pub use dimension::Exponents;

@@ -2,6 +2,7 @@
 
 use crate::units::dimension::{self, Exponents};
 use crate::units::error::UnitError;
+use crate::units::pattern::pattern;
 use crate::units::print::print;
 use crate::units::unit::parse_unit;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -202,17 +203,18 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> JsonSchema
         let (example, title) =
             (dimension::example(Self::EXPONENTS), dimension::title(Self::EXPONENTS));
         let usual = dimension::usual_units(Self::EXPONENTS);
+        let pattern = pattern(Self::EXPONENTS);
         // the doc comment of a field replaces the description; the title stays
         if Self::RATIO {
             let description = format!("{title} as a number or text: {usual}");
             json_schema!({
-                "type": ["number", "string"], "title": title,
+                "type": ["number", "string"], "title": title, "pattern": pattern,
                 "description": description, "examples": [example]
             })
         } else {
             let description = format!("{title} with its unit: {usual}");
             json_schema!({
-                "type": "string", "title": title,
+                "type": "string", "title": title, "pattern": pattern,
                 "description": description, "examples": [example]
             })
         }

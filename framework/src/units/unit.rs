@@ -27,9 +27,9 @@ const ANGULAR_RATE: Exponents = [0, 0, -2, 2, 0];
 const TEMPERATURE: Exponents = [0, 0, 0, 0, 2];
 
 /// Names, SI value as a fraction, dimension, and the prefixes that the unit takes.
-type Row = (&'static [&'static str], f64, f64, Exponents, &'static str);
+pub(super) type Row = (&'static [&'static str], f64, f64, Exponents, &'static str);
 
-const UNITS: [Row; 26] = [
+pub(super) const UNITS: [Row; 26] = [
     (&["%"], 1.0, 100.0, NONE, ""),
     (&["ppm"], 1.0, 1e6, NONE, ""),
     (&["ppb"], 1.0, 1e9, NONE, ""),
@@ -139,6 +139,17 @@ impl Unit {
             PREFIXES.iter().find(|p| p.0 == letter && prefixes.contains(letter))?;
         Some(Self { numerator: n * up, denominator: d * down, exponents })
     }
+}
+
+/// The dimensions that have a unit of their own, in the order of their units.
+pub(super) fn dimensions() -> Vec<Exponents> {
+    let mut found: Vec<Exponents> = Vec::new();
+    for row in &UNITS {
+        if !found.contains(&row.3) {
+            found.push(row.3);
+        }
+    }
+    found
 }
 
 /// Every name of a unit, with its prefixes.

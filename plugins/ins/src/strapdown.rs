@@ -24,7 +24,7 @@ use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{load_quaternion, store_quaternion};
 use navfuse_core::state::{BlockSpec, Display, Dynamics, Layout, Mode, State};
 use navfuse_core::units::time::Time;
-use navfuse_core::units::{Angle, Components, Length, Sigma, Speed, Triple};
+use navfuse_core::units::{Angle, Components, Latitude, Length, Longitude, Sigma, Speed, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -77,9 +77,9 @@ pub struct InitialPosition {
     /// Prior 1-sigma north, east, down.
     pub sigma: Sigma<Triple<Length>>,
     /// Geodetic latitude; left out where a reference gives it.
-    pub latitude: Option<Angle>,
+    pub latitude: Option<Latitude>,
     /// Longitude.
-    pub longitude: Option<Angle>,
+    pub longitude: Option<Longitude>,
     /// Height above the ellipsoid.
     pub height: Option<Length>,
 }
@@ -163,7 +163,8 @@ impl ProcessType for Strapdown {
         let course = (self.alignment.0.method == AlignmentMethod::Course)
             .then(|| CourseSettings::new(&self.alignment.0, bias));
         let p = &self.position;
-        let position = match (p.latitude, p.longitude, p.height) {
+        let angles = (p.latitude.map(Latitude::angle), p.longitude.map(Longitude::angle));
+        let position = match (angles.0, angles.1, p.height) {
             (Some(latitude), Some(longitude), Some(height)) => {
                 within("position.latitude", latitude, MAX_LATITUDE_DEG)?;
                 within("position.longitude", longitude, 360.0)?;

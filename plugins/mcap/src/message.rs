@@ -225,20 +225,7 @@ impl<'a> Encoder<'a> {
 
 /// The reason for a rejection, in the words of the log; `columns` are the columns of the sensor.
 pub fn reason(why: Rejection, columns: &[String]) -> String {
-    let column = |i: usize| columns.get(i).map_or("a channel", String::as_str);
-    match why {
-        Rejection::NotFinite(i) => format!("{} is not finite", column(i)),
-        Rejection::Missing => "channels are missing".into(),
-        Rejection::OutOfOrder => "not later than the sample before".into(),
-        Rejection::Late => "earlier than the state".into(),
-        Rejection::Singular => "the innovation covariance is singular".into(),
-        Rejection::NoInput => "the driving sensor is silent".into(),
-        Rejection::Isolated => "the sensor is isolated".into(),
-        Rejection::Repeated => "repeats the samples before".into(),
-        Rejection::OutOfRange(i) => format!("{} is out of range", column(i)),
-        Rejection::TooFast(i) => format!("{} changes too fast", column(i)),
-        Rejection::Excluded => "the scenario excludes this time".into(),
-    }
+    why.reason(columns)
 }
 
 /// The body in [`FIXED_FRAME`].

@@ -52,6 +52,7 @@ pub mod style;
 mod tab;
 mod tally;
 mod track;
+pub mod viewer;
 
 pub use blueprint::Layout;
 pub use columns::{Range, Series};

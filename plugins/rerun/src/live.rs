@@ -7,9 +7,9 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
 /// The version of the viewer that reads these recordings.
-const VERSION: &str = "0.36.3";
+pub(crate) const VERSION: &str = "0.36.3";
 /// The environment variable with the viewer's program, where that is not `rerun` on the PATH.
-const PROGRAM: &str = "RERUN_BIN";
+pub(crate) const PROGRAM: &str = "RERUN_BIN";
 /// The port of the page for the browser.
 const WEB_PORT: u16 = 9090;
 

@@ -4,7 +4,7 @@ use crate::cursor::Cursor;
 use crate::phase::{Phase, Piece, Pose};
 use crate::segment::{MAX_SPEED, SegmentConfig};
 use navfuse_core::state::geodesy::Geodetic;
-use navfuse_core::units::{Angle, Length, Quantity, Speed};
+use navfuse_core::units::{Angle, Latitude, Length, Longitude, Quantity, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -33,9 +33,9 @@ pub struct TrajectoryConfig {
 #[serde(default, deny_unknown_fields)]
 pub struct StartConfig {
     /// Geodetic latitude.
-    pub latitude: Angle,
+    pub latitude: Latitude,
     /// Longitude.
-    pub longitude: Angle,
+    pub longitude: Longitude,
     /// Height above the ellipsoid.
     pub height: Length,
     /// Heading of the body and of the velocity, from north to starboard.
@@ -52,8 +52,8 @@ impl Default for StartConfig {
     fn default() -> Self {
         let zero = Angle::from_si(0.0);
         Self {
-            latitude: Angle::from_si(30_f64.to_radians()),
-            longitude: zero,
+            latitude: Angle::from_si(30_f64.to_radians()).into(),
+            longitude: zero.into(),
             height: Length::from_si(0.0),
             heading: zero,
             roll: zero,
@@ -164,8 +164,13 @@ impl Trajectory {
     pub fn new(config: &TrajectoryConfig) -> Result<Self, TrajectoryError> {
         let start = &config.start;
         let origin = Geodetic {
-            latitude: within("latitude", start.latitude, MAX_LATITUDE.to_radians(), "89 deg")?,
-            longitude: within("longitude", start.longitude, TAU, "360 deg")?,
+            latitude: within(
+                "latitude",
+                start.latitude.angle(),
+                MAX_LATITUDE.to_radians(),
+                "89 deg",
+            )?,
+            longitude: within("longitude", start.longitude.angle(), TAU, "360 deg")?,
             height: within("height", start.height, MAX_HEIGHT, "100 km")?,
         };
         let mut pose = Pose {

@@ -225,6 +225,12 @@ impl History {
         Some([first.first.time, first.last.time])
     }
 
+    /// Returns the word for the motion that errors are compared with: a simulation knows the truth,
+    /// and a recording has a reference, which may share sensors with the filter.
+    pub fn compared_with(&self) -> &'static str {
+        if self.seed.is_some() { "truth" } else { "reference" }
+    }
+
     /// Returns the position block.
     pub fn position(&self) -> Option<&BlockHistory> {
         self.blocks.iter().find(|b| b.geodetic)

@@ -11,6 +11,7 @@
 pub mod figures;
 mod observability;
 
+pub use navfuse_rerun::viewer;
 pub use observability::Observability;
 
 use navfuse_core::model::stream::{Sink, StreamError};

@@ -25,8 +25,12 @@ fn track(runs: &[Run]) -> Option<Figure> {
         .collect();
     let overlay = |point: &dyn Fn(f64, [f64; 3]) -> [f64; 2]| -> Vec<Curve> {
         let truth = tracks.iter().find(|(.., (_, truth))| !truth.is_empty());
-        let truth = truth.map(|(.., (_, truth))| {
-            curve("truth", Look::Truth, truth.iter().map(|(t, p)| point(*t, *p)))
+        let truth = truth.map(|(_, run, (_, truth))| {
+            curve(
+                run.history.compared_with(),
+                Look::Truth,
+                truth.iter().map(|(t, p)| point(*t, *p)),
+            )
         });
         let estimates = tracks.iter().map(|(k, run, (estimate, _))| {
             curve(&run.letter, Look::Data(*k), estimate.iter().map(|(t, p)| point(*t, *p)))
@@ -90,7 +94,7 @@ fn values(blocks: &[(usize, &Run, &BlockHistory)], k: usize) -> Panel {
     if model.constant() && model.compared.is_some() {
         let truth = model.shown().filter(|r| !r.error.is_empty());
         let truth = truth.map(|r| [r.time, r.estimate[k] - r.error[k]]);
-        curves.insert(0, curve("truth", Look::Truth, truth));
+        curves.insert(0, curve(blocks[0].1.history.compared_with(), Look::Truth, truth));
     }
     let what = match (errors, model.geodetic) {
         (true, _) => "error",

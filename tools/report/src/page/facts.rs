@@ -39,17 +39,22 @@ pub(super) fn verdicts(history: &History) -> Markup {
                     }
                     (format!("; {rms:.2} m rms.")) }
             }
-            @if let Some((name, ratio)) = worst {
-                li class=[(ratio > 4.0).then_some("bad")] {
+            @if let Some((name, ratio)) = &worst {
+                li class=[(*ratio > 4.0).then_some("bad")] {
                     "Largest error at the end: " b { (format!("{ratio:.1} sigma")) }
                     ", of " (name)
-                    @if ratio > 4.0 {
-                        ": for a consistent sigma, only one error in " (one_in(ratio))
+                    @if history.compared_with() == "reference" { ", against the reference" }
+                    @if *ratio > 4.0 {
+                        ": for a consistent sigma, only one error in " (one_in(*ratio))
                         " is that large"
                     }
                     "."
                 }
             } @else { li { "No truth is known, so no error can be computed." } }
+            @if worst.is_some() && history.compared_with() == "reference" {
+                li { "The reference is a recording. If it shares sensors with the filter, their "
+                     "common errors do not show in these numbers." }
+            }
             @for sensor in history.sensors.iter().filter(|s| s.updates.nis[1] > 0.0) {
                 @let [nis, freedom] = sensor.updates.nis;
                 @let judged = history.verdict.as_ref().and_then(|v| v.sensor(&sensor.name));

@@ -8,7 +8,7 @@ use crate::history::{BlockHistory, History};
 use crate::plots;
 use facts::{facts, seconds, verdicts};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use navfuse_figures::{Figure, FigureError, svg};
+use navfuse_figures::{Figure, FigureError, Look, svg};
 use navfuse_observability::ObservabilityReport;
 
 /// Style of every page.
@@ -57,6 +57,14 @@ pub(crate) fn picture(figure: &Figure, caption: &Markup) -> Result<Markup, Figur
     })
 }
 
+/// Replaces the word for the truth in the legends of a figure.
+fn labelled(figure: &Figure, compared_with: &str) -> Figure {
+    let mut figure = figure.clone();
+    let curves = figure.panels.iter_mut().flat_map(|p| &mut p.curves);
+    curves.filter(|c| c.look == Look::Truth).for_each(|c| c.name = compared_with.into());
+    figure
+}
+
 /// Creates the report of a run, with its observability if that was evaluated.
 ///
 /// # Errors
@@ -67,6 +75,7 @@ pub fn report(
 ) -> Result<String, FigureError> {
     let (constant, moving): (Vec<&BlockHistory>, Vec<&BlockHistory>) =
         history.blocks.iter().partition(|b| b.constant());
+    let compared_with = history.compared_with();
     let measuring = || history.sensors.iter().filter(|s| s.updates.accepted + s.updates.gated > 0);
     let body = html! {
         header {
@@ -89,14 +98,15 @@ pub fn report(
             @if let Some(figure) = plots::trajectory(history) {
                 section {
                     h2 { "Trajectory" }
-                    (picture(&figure, &html! {
-                        "North, east and up from the first position, the true one if it is known."
+                    (picture(&labelled(&figure, compared_with), &html! {
+                        "North, east and up from the first position, of the " (compared_with)
+                        " if it is known."
                     })?)
                 }
             }
             section #calibration {
                 h2 { "Calibration, before and after" }
-                (tables::calibration(&constant))
+                (tables::calibration(&constant, compared_with))
                 p.note {
                     "Before: the first estimate"
                     @if let Some([from, _]) = history.span() { ", at " (seconds(from)) }
@@ -116,7 +126,7 @@ pub fn report(
             section #states {
                 h2 { "States" }
                 p.note {
-                    "Above: a constant with its bounds of 3 sigma and the truth, if it is known, "
+                    "Above: a constant with its bounds of 3 sigma and the " (compared_with) ", if it is known, "
                     "near its final value; of a state that moves, the error. Below: sigma and the "
                     "magnitude of the error over the whole run, on a logarithmic scale, which cuts "
                     "off an error near zero."
@@ -124,7 +134,7 @@ pub fn report(
                 @for block in history.blocks.iter().filter(|b| b.uncertain()) {
                     @if let Some(figure) = plots::state(block) {
                         h3 { (block.name) @if !block.unit.is_empty() { " [" (block.unit) "]" } }
-                        (picture(&figure, &html! {})?)
+                        (picture(&labelled(&figure, compared_with), &html! {})?)
                     }
                 }
                 (tables::fixed(history))

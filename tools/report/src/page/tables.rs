@@ -76,14 +76,14 @@ pub(super) fn end(blocks: &[&BlockHistory]) -> Markup {
 }
 
 /// Creates the table of the constant states, before and after the run.
-pub(super) fn calibration(blocks: &[&BlockHistory]) -> Markup {
+pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Markup {
     let with_truth = blocks.iter().any(|b| b.compared.is_some());
     html! {
         @if blocks.is_empty() { p { "No state is constant in this run." } } @else {
             div.wide { table {
                 thead { tr {
                     th { "state" } th {} th { "before" } th { "after" }
-                    @if with_truth { th { "truth" } th { "error" } th { "error/sigma" } }
+                    @if with_truth { th { (compared_with) } th { "error" } th { "error/sigma" } }
                     th { "remaining sigma" } th.name { "unit" }
                 } }
                 tbody {

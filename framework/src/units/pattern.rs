@@ -1,0 +1,110 @@
+//! Regular expressions of the quantities of a dimension, for the JSON Schema: an editor then marks a
+//! speed of `"1 m"`.
+//!
+//! A regular expression cannot add exponents. It lists the forms in which a dimension is written,
+//! such as length/time, and lets any expression pass that has a product or an unusual power; the
+//! program checks these.
+
+use crate::units::dimension::Exponents;
+use crate::units::unit::{UNITS, dimensions};
+
+/// A number, as the quantities read it.
+const NUMBER: &str = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?";
+
+/// Expressions that only the program checks: with a product, a quotient of one, a root of a compound
+/// unit, or a power other than 2.
+const UNUSUAL: &str = r".*[*·³].*|1\s*/.*|.*\^\s*-?[013-6].*|.*(sqrt\s*\(|√\s*\()[^)]*/.*";
+
+/// A unit of one dimension in a quotient: itself, its square or its root.
+#[derive(Clone, Copy)]
+struct Factor {
+    exponents: Exponents,
+    form: Form,
+}
+
+#[derive(Clone, Copy)]
+enum Form {
+    Plain,
+    Square,
+    Root,
+}
+
+/// The regular expression of the quantities of a dimension.
+pub fn pattern(exponents: Exponents) -> String {
+    let ratio = exponents == [0; 5];
+    let factors = factors();
+    let mut forms = Vec::new();
+    for a in factors.iter().filter(|f| matches!(f.form, Form::Plain)) {
+        let mut add = |rest: &[Factor]| {
+            let total = rest.iter().fold(a.exponents, |sum, f| difference(sum, f.exponents));
+            if total == exponents {
+                let below = rest.iter().map(|f| format!(r"\s*/\s*{}", f.pattern()));
+                forms.push(format!("{}{}", a.pattern(), below.collect::<String>()));
+            }
+        };
+        add(&[]);
+        // a ratio is written as a number or in per cent
+        if !ratio {
+            for b in factors.iter().filter(|f| f.divides()) {
+                add(&[*b]);
+                factors.iter().filter(|f| f.divides()).for_each(|c| add(&[*b, *c]));
+            }
+        }
+    }
+    forms.push(UNUSUAL.to_owned());
+    let unit = forms.join("|");
+    let optional = if ratio { "?" } else { "" };
+    format!(r"^\s*{NUMBER}\s*({unit}){optional}\s*$")
+}
+
+/// Every dimension that has a unit of its own, in its forms.
+fn factors() -> Vec<Factor> {
+    let plain = |exponents: Exponents| Factor { exponents, form: Form::Plain };
+    let square =
+        |exponents: Exponents| Factor { exponents: exponents.map(|e| 2 * e), form: Form::Square };
+    let root =
+        |exponents: Exponents| Factor { exponents: exponents.map(|e| e / 2), form: Form::Root };
+    let forms = |e: Exponents| [plain(e), square(e), root(e)];
+    dimensions().into_iter().flat_map(forms).collect()
+}
+
+fn difference(a: Exponents, b: Exponents) -> Exponents {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+impl Factor {
+    /// The dimension of the unit itself.
+    fn base(&self) -> Exponents {
+        match self.form {
+            Form::Plain => self.exponents,
+            Form::Square => self.exponents.map(|e| e / 2),
+            Form::Root => self.exponents.map(|e| 2 * e),
+        }
+    }
+
+    /// True for the factors that stand below a fraction line: times, rates and lengths.
+    fn divides(&self) -> bool {
+        matches!(self.base(), [0, 0, -2 | 2, 0, 0] | [2, 0, 0, 0, 0])
+    }
+
+    fn pattern(&self) -> String {
+        let names = names(self.base());
+        match self.form {
+            Form::Plain => format!("({names})"),
+            Form::Square => format!(r"({names})\s*(\^\s*2|²)"),
+            Form::Root => format!(r"(sqrt\s*\(\s*({names})\s*\)|√\s*\(?\s*({names})\s*\)?)"),
+        }
+    }
+}
+
+/// The names of the units of a dimension with their prefixes.
+fn names(exponents: Exponents) -> String {
+    let mut names = Vec::new();
+    for (units, _, _, _, prefixes) in UNITS.iter().filter(|row| row.3 == exponents) {
+        let prefixes: String =
+            prefixes.chars().map(|p| if p == 'u' { "uµμ".to_owned() } else { p.into() }).collect();
+        let prefix = if prefixes.is_empty() { prefixes } else { format!("[{prefixes}]?") };
+        names.extend(units.iter().map(|unit| format!("{prefix}{unit}")));
+    }
+    names.join("|")
+}
