@@ -194,11 +194,26 @@ impl<'a> Lab<'a> {
     }
 
     /// Tests whether a run can know the truth of a block: a process that moves it follows the motion
-    /// of the vehicle with it, or none moves it.
+    /// of the vehicle with it, or moves its truth, or none moves it. A past state has no truth.
     pub fn has_truth(&self, block: &Block) -> bool {
-        let place = self.composition.layout.blocks.iter().position(|b| b.name == block.name);
-        let followed = || place.is_some_and(|slot| self.followed(|_| true)[slot]);
-        !self.composition.transition.moves(&block.tangent_range()) || followed()
+        let layout = &self.composition.layout;
+        let Some(slot) = layout.blocks.iter().position(|b| b.name == block.name) else {
+            return false;
+        };
+        let moves = self.composition.transition.moves(&block.tangent_range());
+        let given = || self.followed(|_| true)[slot] || self.wandering()[slot];
+        !layout.is_past(slot) && (!moves || given())
+    }
+
+    /// Marks the blocks whose truth a process moves.
+    fn wandering(&self) -> Vec<bool> {
+        let layout = &self.composition.layout;
+        let (mut truth, mut random) = (layout.initial_state(), Random::new(0, "none"));
+        let mut moved = vec![false; layout.blocks.len()];
+        for process in &self.composition.processes {
+            process.model.wander(layout, &mut truth, &mut moved, 0.0, &mut random);
+        }
+        moved
     }
 
     /// Marks the blocks that some processes set on a known motion.
