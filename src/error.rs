@@ -8,6 +8,7 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::{BuildError, PluginError};
 use navfuse_core::run::runner::RunError;
 use navfuse_figures::FigureError;
+use navfuse_import::ImportError;
 use navfuse_observability::plan::PlanError;
 use navfuse_report::pan_wu::Missing;
 use navfuse_segments::SegmentError;
@@ -102,6 +103,17 @@ pub enum CommandError {
     /// A result cannot be written as JSON.
     #[error(transparent)]
     Json(#[from] serde_json::Error),
+}
+
+impl From<ImportError> for CommandError {
+    fn from(error: ImportError) -> Self {
+        match error {
+            ImportError::Stream(error) => error.into(),
+            ImportError::Build(error) => error.into(),
+            ImportError::Document(error) => error.into(),
+            other => Self::Request(other.to_string()),
+        }
+    }
 }
 
 impl CommandError {

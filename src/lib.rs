@@ -125,6 +125,8 @@ enum Commands {
     View(commands::view::View),
     /// Print the completions of a shell, or write the manual pages
     Completions(commands::completions::Completions),
+    /// Look at the files of a recording, and write a scenario that runs at once
+    Import(commands::import::Import),
     /// Make the figures of a paper from runs of its scenarios
     Figures(commands::figures::Figures),
     /// Write a crate with a sensor of your own, which builds and runs at once
@@ -167,6 +169,7 @@ fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
         }
         Commands::Compare(arguments) => commands::compare::compare(registry, &arguments),
         Commands::Export(arguments) => commands::export::export(registry, &arguments),
+        Commands::Import(arguments) => commands::import::import(registry, &arguments),
         Commands::Figures(arguments) => commands::figures::figures(registry, &arguments),
         Commands::Check(arguments) => commands::check::check(registry, &arguments),
         Commands::List(arguments) => commands::list::list(registry, &arguments),

@@ -7,6 +7,7 @@ pub mod compare;
 pub mod completions;
 pub mod export;
 pub mod figures;
+pub mod import;
 pub mod list;
 pub mod merge;
 pub mod monte_carlo;

@@ -5,6 +5,7 @@
 use flate2::read::MultiGzDecoder;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
+use std::path::Path;
 
 /// Largest length of a row, in bytes.
 const LONGEST_ROW: usize = 1 << 20;
@@ -71,6 +72,17 @@ impl Bounded {
     pub fn ends_within_line(&self, byte: u64) -> bool {
         byte == self.given && !matches!(self.last, b'\n' | b'\r')
     }
+}
+
+/// The first bytes of a file, at most this many, unpacked as the source unpacks them.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let buffer = usize::try_from(most).unwrap_or(usize::MAX / 2);
+    Bounded::new(File::open(path)?, buffer, false)?.take(most).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 impl Read for Bounded {

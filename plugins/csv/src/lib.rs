@@ -23,6 +23,7 @@ mod table;
 mod tail;
 mod time;
 
+pub use bounded::beginning;
 pub use columns::EstimateColumns;
 pub use config::Csv;
 pub use sink::CsvSink;

@@ -1,0 +1,89 @@
+//! `navfuse import`.
+
+use crate::error::{CommandError, Result};
+use crate::output;
+use crate::output::progress::{INTERRUPTED, stop_on_signal};
+use clap::Args;
+use navfuse_core::plugin::Registry;
+use navfuse_import::{Answers, Imported, StreamSurvey};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Arguments of `import`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  navfuse import imu.csv dvl.csv depth.csv reference.csv --out dive.toml
+  navfuse import imu.csv dive-7.pd0 nav.nmea
+  navfuse import imu.csv --position 34.246048,108.909664,380
+
+Files are recognised by their content: tables with a heading for each column (CSV), solutions of
+RTKLIB, files of Doppler velocity logs, and NMEA 0183. The scenario runs at once. Lines with values
+that no file gives are marked with ANSWER.")]
+pub struct Import {
+    /// The files of the recording
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// The scenario, a new file [default: import.toml]
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Latitude and longitude (deg) and height (m) at the start, where no file gives them
+    #[arg(long, value_name = "LAT,LON,HEIGHT", allow_hyphen_values = true)]
+    pub position: Option<String>,
+}
+
+/// Looks at the files of a recording, and writes a scenario for them.
+pub fn import(registry: &Registry, arguments: &Import) -> Result<ExitCode> {
+    let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from("import.toml"));
+    if out.exists() {
+        let message = "it exists; give another file with --out, or move it";
+        return Err(CommandError::argument(out.display().to_string(), message));
+    }
+    let name = out.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let position = arguments.position.as_deref().map(position).transpose()?;
+    let answers = Answers { name, position };
+    let stop = stop_on_signal();
+    let imported = navfuse_import::import(registry, &arguments.files, &out, &answers, &stop)?;
+    let Some(imported) = imported else { return Ok(ExitCode::from(INTERRUPTED)) };
+    output::write(&out, &imported.scenario)?;
+    print(&imported);
+    output::line(format_args!("scenario {}", out.display()));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Three numbers with commas.
+fn position(text: &str) -> Result<[f64; 3]> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    let inside = |n: &[f64; 3]| n[0].abs() < 90.0 && n[1].abs() <= 360.0 && n[2].abs() < 1e5;
+    numbers.and_then(|n| <[f64; 3]>::try_from(n).ok()).filter(inside).ok_or_else(|| {
+        let message = "latitude, longitude (deg) and height (m) are needed, such as 54.5,10.2,0";
+        CommandError::argument(format!("--position {text:?}"), message)
+    })
+}
+
+fn print(imported: &Imported) {
+    let mut table = output::table(&["sensor", "samples", "rate", "from", "to", "gaps", "longest"]);
+    let mut notes = imported.notes.clone();
+    for stream in &imported.streams {
+        let StreamSurvey { sensor, samples, span, gaps, .. } = stream;
+        if *samples == 0 {
+            notes.push(format!("{sensor}: no sample"));
+            continue;
+        }
+        table.add_row([
+            sensor.clone(),
+            samples.to_string(),
+            format!("{:.4} Hz", stream.rate()),
+            span[0].to_string(),
+            span[1].to_string(),
+            gaps.0.to_string(),
+            if gaps.0 > 0 { format!("{:.3} s", gaps.1) } else { String::new() },
+        ]);
+        notes.extend(stream.warnings.iter().map(|w| format!("{sensor}: {w}")));
+    }
+    output::line(table);
+    notes.iter().for_each(|note| output::warn(format_args!("note: {note}")));
+    for question in &imported.questions {
+        output::line(format_args!("answer: {question}"));
+    }
+}

@@ -1,0 +1,170 @@
+//! `navfuse import`: the scenario that it writes runs at once, and what no file gives is marked.
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::recording::Recording;
+use common::{data, navfuse, snapir, stderr, stdout};
+use std::fmt::Write;
+use std::path::Path;
+
+/// Imports files and returns the scenario with its text, and what was printed.
+fn import(folder: &Path, files: &[&Path], more: &[&str]) -> (String, String, String) {
+    let out = folder.join("imported.toml").display().to_string();
+    let files: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
+    let files: Vec<&str> = files.iter().map(String::as_str).collect();
+    let output = navfuse(&[&["import", "--out", &out], &files[..], more].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let printed = format!("{}{}", stdout(&output), stderr(&output));
+    (out.clone(), std::fs::read_to_string(&out).expect("the scenario"), printed)
+}
+
+fn refused(arguments: &[&str]) -> String {
+    let output = navfuse(&[&["import"], arguments].concat());
+    assert!(!output.status.success());
+    stderr(&output)
+}
+
+/// Runs a scenario; the verdict may be any, since the answers are guesses.
+fn runs(scenario: &str) -> String {
+    let output = navfuse(&["run", scenario, "--no-output"]);
+    let code = output.status.code();
+    assert!(matches!(code, Some(0 | 3)), "{code:?}: {}", stderr(&output));
+    // without the line with the time that the run took
+    let printed = stdout(&output);
+    printed.lines().filter(|line| !line.contains(" m in ")).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn tables_with_other_names_units_and_separators_become_a_scenario_that_runs() {
+    let recording = Recording::new();
+    // the same recording as another program could write it
+    let imu = std::fs::read_to_string(recording.path("imu.csv")).expect("a table");
+    let mut other = "stamp;wx;wy;wz;ax [m/s^2];ay [m/s^2];az [m/s^2]\n".to_owned();
+    for row in imu.lines().skip(1) {
+        let v: Vec<f64> = row.split(',').map(|n| n.parse().expect("a number")).collect();
+        // forward, left, up
+        let (time, [wx, wy, wz, ax, ay, az]) = (v[0], [v[1], -v[2], -v[3], v[4], -v[5], -v[6]]);
+        writeln!(other, "{time:.2};{wx:e};{wy:e};{wz:e};{ax:e};{ay:e};{az:e}").expect("text");
+    }
+    recording.write("gyros.txt", &other);
+    let [imu, plain, dvl, reference] =
+        ["gyros.txt", "imu.csv", "dvl.csv", "reference.csv"].map(|name| recording.path(name));
+    let (scenario, text, printed) = import(recording.folder(), &[&imu, &dvl, &reference], &[]);
+    for line in ["delimiter = \";\"", "scale = -1", "# ANSWER: noise of the data sheet"] {
+        assert!(text.contains(line), "{line}: {text}");
+    }
+    let question = "answer: sensor.dvl: noise: noise of the data sheet";
+    assert!(printed.contains(question), "{printed}");
+    assert!(printed.contains("its z axis points up"), "{printed}");
+    assert!(printed.contains("the unit of the time stamp: s is assumed"), "{printed}");
+    let row = printed.lines().find(|l| l.trim_start().starts_with("imu ")).expect("a row");
+    assert!(row.contains("2000") && row.contains("100.0000 Hz"), "{row}");
+    // the turned table gives the estimates of the plain one, to the bit
+    let turned = runs(&scenario);
+    std::fs::remove_file(&scenario).expect("it is there");
+    let (scenario, text, _) = import(recording.folder(), &[&plain, &dvl, &reference], &[]);
+    assert!(!text.contains("scale = -1"), "{text}");
+    assert_eq!(runs(&scenario), turned);
+}
+
+#[test]
+fn gaps_and_foreign_clocks_are_reported() {
+    let recording = Recording::new();
+    let imu = std::fs::read_to_string(recording.path("imu.csv")).expect("a table");
+    let gap = |line: &&str| !["5.0", "5.1", "5.2"].iter().any(|t| line.starts_with(t));
+    recording.write("imu.csv", &imu.lines().filter(gap).collect::<Vec<_>>().join("\n"));
+    recording.write("depth.csv", "time_ms,depth_m\n1654072200000,1.5\n1654072201000,1.6\n");
+    let files = ["imu.csv", "depth.csv", "reference.csv"].map(|name| recording.path(name));
+    let files: Vec<&Path> = files.iter().map(|f| f.as_path()).collect();
+    let (_, text, printed) = import(recording.folder(), &files, &[]);
+    assert!(text.contains("# 1 gaps, the longest of 0.310 s at 4.990 s"), "{text}");
+    assert!(printed.contains("have no time in common"), "{printed}");
+}
+
+#[test]
+fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
+    let recording = Recording::new();
+    let path = |name: &str| recording.path(name).display().to_string();
+    let out = path("new.toml");
+    recording.write("numbers.csv", "1,2,3\n4,5,6\n");
+    recording.write("unknown.csv", "time_s,temperature_c\n1,20\n");
+    recording.write("timeless.csv", "depth_m\n1\n");
+    recording.write("empty.csv", "");
+    for (files, words) in [
+        (vec![path("numbers.csv")], "not headings"),
+        (vec![path("unknown.csv")], "no sensor is recognised by its columns time_s, temperature_c"),
+        (vec![path("timeless.csv")], "no column of the time"),
+        (vec![path("empty.csv")], "the file is empty"),
+        (vec![path("dvl.csv")], "no file has an IMU"),
+        (vec![path("imu.csv"), path("imu.csv")], "it has the sensor imu"),
+        (vec![path("nothing.csv")], "nothing.csv"),
+        (vec![path("imu.csv"), "--position".into(), "95,0,0".into()], "--position"),
+    ] {
+        let files: Vec<&str> = files.iter().map(String::as_str).collect();
+        let error = refused(&[&["--out", &out], &files[..]].concat());
+        assert!(error.contains(words), "{error}");
+        assert!(!Path::new(&out).exists(), "{words}");
+    }
+    let error = refused(&["--out", &path("rest.toml"), &path("imu.csv")]);
+    assert!(error.contains("it exists; give another file with --out"), "{error}");
+}
+
+/// Dead reckoning with the DVL as delivered ends 2.1 to 3.3 m off; without lever arms, which no file
+/// gives, and with the noise of the data sheet, the imported scenarios must not end twice as far off.
+#[test]
+fn the_snapir_dives_run_by_import() {
+    let Some(data) = snapir() else { return };
+    for dive in ["T01", "T06", "T10", "T12"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let files = ["imu.csv", "dvl.csv", "depth.csv", "reference.csv"];
+        let files = files.map(|name| data.join(dive).join(name));
+        let files: Vec<&Path> = files.iter().map(|f| f.as_path()).collect();
+        let (scenario, _, _) = import(folder.path(), &files, &[]);
+        let output = navfuse(&["run", &scenario, "--no-output", "--format", "json"]);
+        assert!(matches!(output.status.code(), Some(0 | 3)), "{dive}: {}", stderr(&output));
+        let text = stdout(&output);
+        let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        let error = json["horizontal_error_m"]["final"].as_f64().expect("a reference");
+        println!("{dive}: {error:.2} m");
+        assert!(error < 6.6, "{dive}: {error} m");
+    }
+}
+
+#[test]
+fn the_ring_laser_at_rest_runs_by_import() {
+    let origin = "Its public original is PSINS, data/lasergyro.imu";
+    let Some(data) = data("rlg-static", origin) else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let imu = data.join("imu_increments.csv");
+    let position = ["--position", "34.246048,108.909664,380"];
+    let (scenario, text, _) = import(folder.path(), &[&imu], &position);
+    assert!(text.contains("output = \"increments\"") && text.contains("static"), "{text}");
+    assert!(runs(&scenario).contains("ins.attitude"), "it runs at once");
+    // with the answers of the data sheet the heading is that of the recording's own header, 90.6 deg,
+    // within the scatter of blocks of 300 s, 8 deg
+    let answers =
+        ["process.ins.gyro_bias.sigma=0.01 deg/h", "sensor.imu.gyro_noise=0.1 deg/h/sqrt(Hz)"];
+    let set: Vec<&str> = answers.iter().flat_map(|a| ["--set", a]).collect();
+    let arguments = [&["run", &scenario, "--no-output", "--format", "json"], &set[..]].concat();
+    let output = navfuse(&arguments);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", stderr(&output));
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).expect("JSON");
+    let yaw = json["states"]["ins.attitude"]["estimate"][2].as_f64().expect("an attitude");
+    assert!((yaw - 90.6).abs() < 8.0, "{yaw}");
+}
+
+/// The table of fixes in the data was made from this solution, with its velocity and on the clock of
+/// the recording.
+#[test]
+fn a_solution_of_rtklib_is_recognised_with_its_positions() {
+    let origin = "Its public original is rtklibexplorer/GNSS_IMU, data/drive_0708";
+    let Some(data) = data("formats/rtklib", origin) else { return };
+    let recording = Recording::new();
+    let files = [recording.path("imu.csv"), data.join("drive_0708.pos")];
+    let files: Vec<&Path> = files.iter().map(|f| f.as_path()).collect();
+    let (_, text, printed) = import(recording.folder(), &files, &[]);
+    assert!(text.contains("scale = \"gps\""), "{text}");
+    let row = printed.lines().find(|l| l.trim_start().starts_with("gnss ")).expect("a row");
+    assert!(row.contains("2197") && row.contains("4.0000 Hz"), "{row}");
+}

@@ -1,0 +1,304 @@
+//! The text of the scenario.
+
+use crate::Answers;
+use crate::recording::{Part, Reader, Recording, quote};
+use crate::stream::StreamSurvey;
+use navfuse_core::units::calendar::Calendar;
+use std::fmt::Write;
+
+/// The mark of a line whose value the files do not give.
+pub const MARK: &str = "# ANSWER:";
+
+/// Deviation of the means of one second, m/s^2, below which a vehicle is at rest.
+const REST: f64 = 0.05;
+/// Longest gap of the IMU that is bridged without a question, s.
+const LONGEST_BRIDGED: f64 = 0.5;
+/// Longest alignment at rest, s.
+const LONGEST_ALIGNMENT: f64 = 900.0;
+
+/// The text while it is written, and its questions.
+#[derive(Default)]
+struct Text {
+    text: String,
+    questions: Vec<String>,
+}
+
+impl Text {
+    fn line(&mut self, line: &str) {
+        self.text.push_str(line);
+        self.text.push('\n');
+    }
+
+    /// A line whose value the files do not give.
+    fn ask(&mut self, line: &str, question: &str) {
+        self.line(&format!("{line:<44} {MARK} {question}"));
+        let mut tables = self.text.lines().filter(|l| l.starts_with('['));
+        let table = tables.next_back().unwrap_or_default().trim_matches(['[', ']']).to_owned();
+        let key = line.split(" =").next().unwrap_or_default();
+        self.questions.push(format!("{table}: {key}: {question}"));
+    }
+}
+
+/// Removes what would end a comment.
+fn comment(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
+/// The scenario of a recording, with what its samples show, and the questions in it.
+pub fn scenario(
+    recording: &Recording,
+    streams: Option<&[StreamSurvey]>,
+    answers: &Answers,
+) -> (String, Vec<String>) {
+    let mut out = Text::default();
+    let stream = |name: &str| streams.and_then(|s| s.iter().find(|s| s.sensor == name));
+    out.line(
+        "# Written by `navfuse import`. The values of the lines marked with ANSWER are guesses:",
+    );
+    out.line("# check them first.");
+    out.line(&format!("name = {}", quote(&answers.name)));
+    out.line("");
+    start(&mut out, recording, &stream);
+    process(&mut out, recording, &stream, answers);
+    for part in &recording.parts {
+        sensor(&mut out, part, stream(part.name));
+    }
+    sources(&mut out, recording);
+    (out.text, out.questions)
+}
+
+/// The first time at which all sensors have begun, where the filter starts from a reference.
+fn start<'a>(
+    out: &mut Text,
+    recording: &Recording,
+    stream: &impl Fn(&str) -> Option<&'a StreamSurvey>,
+) {
+    if recording.part("reference").is_none() {
+        return;
+    }
+    let first = |name| stream(name).filter(|s| s.samples > 0).map(|s| s.span[0].seconds());
+    let names = ["imu", "reference"];
+    let latest = names.into_iter().filter_map(first).fold(f64::NEG_INFINITY, f64::max);
+    if latest.is_finite() {
+        out.line("[estimator]");
+        out.line(&format!("start = \"{} s\"", latest.ceil()));
+        out.line("");
+    }
+}
+
+fn process<'a>(
+    out: &mut Text,
+    recording: &Recording,
+    stream: &impl Fn(&str) -> Option<&'a StreamSurvey>,
+    answers: &Answers,
+) {
+    let imu = stream("imu");
+    let rest = imu.is_some_and(at_rest);
+    let attitude = |part: &&Part| stream(part.name).is_none_or(|s| s.first.get(6).is_some());
+    let reference = recording.part("reference").filter(attitude);
+    let gnss = recording.part("gnss").filter(|part| part.found.velocity);
+    out.line("[process.ins]");
+    if reference.is_some() {
+        out.ask("attitude = { sigma = \"0.1 deg\" }", "1-sigma of the reference");
+        out.ask("velocity = { sigma = \"5 cm/s\" }", "1-sigma of the reference");
+        out.ask("position = { sigma = \"1 m\" }", "1-sigma of the reference");
+    } else if gnss.is_some() && !rest {
+        out.line(
+            "alignment = \"course\"    # attitude from the velocity of GNSS and the accelerometers",
+        );
+        out.line("position = { sigma = \"5 m\" }");
+    } else {
+        align(out, recording, imu, rest);
+        position(out, recording, stream("gnss"), answers);
+    }
+    // a bias of some times the noise of one hour; only gyros with less find north at rest
+    let [gyro, _] = imu.map_or([0.3, 100.0], noise);
+    let aligned = reference.is_none() && gnss.is_none();
+    let bias = round(if aligned { 0.1 * gyro } else { 3.0 * gyro });
+    out.ask(&format!("gyro_bias = {{ sigma = \"{bias} deg/h\" }}"), "bias of the data sheet");
+    out.ask("accel_bias = { sigma = \"1 mg\" }", "bias of the data sheet");
+}
+
+fn align(out: &mut Text, recording: &Recording, imu: Option<&StreamSurvey>, rest: bool) {
+    let span = imu.map_or(LONGEST_ALIGNMENT, |imu| imu.span[1].since(imu.span[0]));
+    if rest || recording.part("dvl").is_none() {
+        // the last second is for the filter
+        let duration = (span - 1.0).floor().clamp(1.0, LONGEST_ALIGNMENT);
+        out.ask(
+            &format!(
+                "alignment = {{ method = \"static\", duration = \"{duration} s\", \
+                 heading_gate = \"5 deg\" }}"
+            ),
+            "time at rest from the start, and the heading that is accurate enough",
+        );
+    } else {
+        out.line("alignment = \"in-motion\"");
+    }
+}
+
+/// The position at the start: as answered, that of the first fix, or a question.
+fn position(out: &mut Text, recording: &Recording, gnss: Option<&StreamSurvey>, answers: &Answers) {
+    let fix = gnss.filter(|_| recording.part("gnss").is_some()).and_then(|s| {
+        let [lat, lon] = [s.first.get(0)?, s.first.get(1)?].map(f64::to_degrees);
+        Some([lat, lon, s.first.get(2).unwrap_or(0.0)])
+    });
+    let known = answers.position.or(fix);
+    let [lat, lon, height] = known.unwrap_or([45.0, 0.0, 0.0]);
+    let line = format!(
+        "position = {{ latitude = \"{lat} deg\", longitude = \"{lon} deg\", height = \"{height} m\", \
+         sigma = \"10 m\" }}"
+    );
+    match known {
+        Some(_) => out.line(&line),
+        None => out.ask(&line, "position at the start; give it with --position"),
+    }
+}
+
+/// Tests whether the vehicle rests: the means of the specific force over one second hardly differ.
+fn at_rest(imu: &StreamSurvey) -> bool {
+    let increments = imu.channel("dvel_x").is_some();
+    let scale = if increments { 1.0 / imu.interval.max(1e-9) } else { 1.0 };
+    imu.samples > 0 && imu.wander[3..6].iter().all(|w| w * scale < REST)
+}
+
+/// The noise densities of an IMU: deg/h/sqrt(Hz) and ug/sqrt(Hz), the largest of the three axes. They
+/// are measured from sample to sample; at rest from second to second, where rounding has averaged out.
+fn noise(imu: &StreamSurvey) -> [f64; 2] {
+    let increments = imu.channel("dvel_x").is_some();
+    // a rate has the density s sqrt(dt), an increment over dt has s / sqrt(dt)
+    let dt = imu.interval.max(1e-9);
+    let density = if increments { 1.0 / dt.sqrt() } else { dt.sqrt() };
+    let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+    let rest = at_rest(imu);
+    let largest = |k: usize| {
+        let fast = most(&imu.noise[k..k + 3]) * density;
+        // the mean over one second of a rate has the density itself as its deviation
+        let slow = most(&imu.wander[k..k + 3]) * if increments { 1.0 / dt } else { 1.0 };
+        if rest { fast.min(slow) } else { fast }
+    };
+    [largest(0).to_degrees() * 3600.0, largest(3) / 9.80665e-6]
+}
+
+/// A number with two digits that are significant.
+fn round(value: f64) -> f64 {
+    if value <= 0.0 || !value.is_finite() {
+        return 0.001;
+    }
+    let digit = 10_f64.powf(value.log10().floor() - 1.0);
+    let rounded = (value / digit).round() * digit;
+    format!("{rounded:.6}").parse().unwrap_or(rounded).max(1e-6)
+}
+
+fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
+    out.line("");
+    if let Some(s) = stream {
+        let text = format!(
+            "# {} samples from {} to {}, {:.4} Hz",
+            s.samples,
+            s.span[0],
+            s.span[1],
+            s.rate()
+        );
+        out.line(&text);
+        if s.gaps.0 > 0 {
+            let (count, longest, at) = s.gaps;
+            out.line(&format!("# {count} gaps, the longest of {longest:.3} s at {at}"));
+        }
+    }
+    out.line(&format!("[sensor.{}]", part.name));
+    if part.name != part.found.kind {
+        out.line(&format!("type = \"{}\"", part.found.kind));
+    }
+    part.found.sensor.iter().for_each(|key| out.line(key));
+    match part.name {
+        "imu" => {
+            let [gyro, accel] = stream.map_or([0.3, 100.0], noise).map(round);
+            let why = "measured from sample to sample, with the vibration of the vehicle";
+            out.ask(&format!("gyro_noise = \"{gyro} deg/h/sqrt(Hz)\""), why);
+            out.ask(&format!("accel_noise = \"{accel} ug/sqrt(Hz)\""), why);
+            let longest = stream.map_or(0.0, |s| s.gaps.1);
+            if longest > LONGEST_BRIDGED {
+                let bridged = (longest * 1.1).ceil();
+                let why = "the motion in the longest gap is a guess: cut the recording there?";
+                out.ask(&format!("max_gap = \"{bridged} s\""), why);
+            } else {
+                out.line(&format!("max_gap = \"{LONGEST_BRIDGED} s\""));
+            }
+        }
+        "dvl" => {
+            out.ask("noise = \"2 cm/s\"", "noise of the data sheet");
+            out.ask("scale = { sigma = \"0.5 %\" }", "accuracy of the data sheet");
+            out.ask("misalignment = { sigma = \"1 deg\" }", "accuracy of the mounting");
+            out.ask("lever_arm = [\"0 m\", \"0 m\", \"0 m\"]", "position from the IMU");
+        }
+        "depth" => out.ask("noise = \"10 cm\"", "noise of the data sheet"),
+        "gnss" => {
+            out.ask("horizontal_noise = \"3 m\"", "noise of the data sheet");
+            out.ask("vertical_noise = \"5 m\"", "noise of the data sheet");
+            if part.found.velocity {
+                out.ask("velocity_noise = \"10 cm/s\"", "noise of the data sheet");
+            }
+            out.ask(
+                "lever_arm = [\"0 m\", \"0 m\", \"0 m\"]",
+                "position of the antenna from the IMU",
+            );
+        }
+        "compass" => out.ask("noise = \"1 deg\"", "noise of the data sheet"),
+        "reference" => {
+            out.ask("lever_arm = [\"0 m\", \"0 m\", \"0 m\"]", "its point from the IMU");
+        }
+        _ => {}
+    }
+}
+
+/// The tables of the sources.
+fn sources(out: &mut Text, recording: &Recording) {
+    out.line("");
+    for part in recording.parts.iter().filter(|p| p.reader == Reader::Csv) {
+        out.line(&format!("[source.csv.files.{}]", part.name));
+        out.line(&format!("path = {}", path(part)));
+        part.found.source.iter().for_each(|key| out.line(key));
+        out.line("disorder = \"skip\"");
+        out.line("nan = \"missing\"");
+        questions(out, part);
+    }
+    for part in &recording.parts {
+        if let Reader::Dvl(stamp) = part.reader {
+            out.line("[source.dvl-file]");
+            out.line(&format!("file = {}", path(part)));
+            part.found.source.iter().for_each(|key| out.line(key));
+            if let (Some(origin), Some(_)) = (recording.origin, stamp) {
+                let c = Calendar::of_unix_nanos(origin);
+                let line = format!(
+                    "time = {{ origin = \"{:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z\" }}",
+                    c.year, c.month, c.day, c.hour, c.minute, c.second
+                );
+                out.ask(&line, "date and time at which the clock of the IMU is zero");
+            }
+            questions(out, part);
+        }
+    }
+    let nmea: Vec<&Part> = recording.parts.iter().filter(|p| p.reader == Reader::Nmea).collect();
+    if let Some(first) = nmea.first() {
+        out.line("[source.nmea]");
+        out.line(&format!("file = {}", path(first)));
+        for part in &nmea {
+            let key = if part.name == "compass" { "heading" } else { part.name };
+            out.line(&format!("{key} = \"{}\"", part.name));
+            questions(out, part);
+        }
+    }
+}
+
+fn path(part: &Part) -> String {
+    quote(&part.file.display().to_string())
+}
+
+fn questions(out: &mut Text, part: &Part) {
+    for question in &part.found.questions {
+        let question = comment(question);
+        let _ = writeln!(out.text, "{MARK} {question}");
+        out.questions.push(format!("{}: {question}", part.name));
+    }
+    out.line("");
+}

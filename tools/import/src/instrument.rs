@@ -1,0 +1,89 @@
+//! Files as instruments write them: velocity logs and NMEA 0183.
+
+use crate::recording::Found;
+use navfuse_dvl_files::{Coordinates, Format, Stamp};
+use navfuse_frames::{Frames, Sentences};
+use navfuse_nmea::{Sentence, parse};
+use std::io::Cursor;
+
+/// Recognises the file of a velocity log: the time of its first ping and its sensor.
+pub fn velocity_log(beginning: &[u8]) -> Option<(Option<i64>, Vec<Found>)> {
+    let format = Format::recognise(beginning)?;
+    let mut decoder = format.decoder(Cursor::new(beginning.to_vec()));
+    let (mut stamp, mut coordinates) = (None, None);
+    while let Ok(Some(ping)) = decoder.next() {
+        if let (None, Stamp::Date(nanos)) = (stamp, ping.stamp) {
+            stamp = Some(nanos);
+        }
+        if let Some(track) = ping.bottom {
+            coordinates.get_or_insert((track.coordinates, track.axes.is_some()));
+        }
+    }
+    let (coordinates, has_axes) = coordinates?;
+    let mut source = vec![format!("format = \"{}\"", format.name())];
+    let mut questions = Vec::new();
+    match coordinates {
+        Coordinates::Ship | Coordinates::Earth => {
+            source.push("attitude = \"file\"".to_owned());
+            questions.push(format!(
+                "the velocities are in {} coordinates, turned back by the instrument's own attitude; \
+                 record in instrument or beam coordinates where you can",
+                coordinates.name()
+            ));
+        }
+        Coordinates::Beam if !has_axes => {
+            questions.push(
+                "the velocities are along the beams: use type = \"dvl-beams\" with their directions"
+                    .to_owned(),
+            );
+        }
+        Coordinates::Beam | Coordinates::Instrument => {}
+    }
+    let (sensor, velocity) = (Vec::new(), false);
+    Some((stamp, vec![Found { kind: "dvl", sensor, source, questions, velocity }]))
+}
+
+/// Recognises a recording of NMEA 0183 and the sensors in it.
+pub fn nmea(beginning: &[u8]) -> Option<Vec<Found>> {
+    let mut frames = Frames::new(beginning, Sentences::NMEA);
+    let (mut gnss, mut velocity, mut heading, mut depth) = (false, false, false, false);
+    while let Ok(Some(frame)) = frames.next() {
+        match parse(Sentences::NMEA.content(frame.bytes)) {
+            Some(Sentence::Fix { position: Some(_), quality: 1..=5, .. }) => gnss = true,
+            Some(Sentence::Minimum {
+                valid: true,
+                estimated: false,
+                position,
+                velocity: v,
+                ..
+            }) => {
+                gnss |= position.is_some();
+                velocity |= v.is_some();
+            }
+            Some(Sentence::Velocity { velocity: v, estimated: false }) => velocity |= v.is_some(),
+            Some(Sentence::Heading(_)) => heading = true,
+            Some(Sentence::Depth(_)) => depth = true,
+            _ => {}
+        }
+    }
+    let found = |kind, velocity, questions| Found {
+        kind,
+        sensor: Vec::new(),
+        source: Vec::new(),
+        questions,
+        velocity,
+    };
+    let mut sensors = Vec::new();
+    if gnss {
+        sensors.push(found("gnss", velocity, Vec::new()));
+    }
+    if heading {
+        sensors.push(found("dual-antenna", false, Vec::new()));
+    }
+    if depth {
+        let question = "DPT is taken for the depth of the vehicle; an echo sounder measures the water \
+                        below it: remove the sensor then";
+        sensors.push(found("depth", false, vec![question.to_owned()]));
+    }
+    (!sensors.is_empty()).then_some(sensors)
+}

@@ -1,0 +1,92 @@
+//! A scenario from the files of a recording.
+//!
+//! [`import`] recognises tables (CSV, RTKLIB), files of Doppler velocity logs and NMEA 0183, writes a
+//! first scenario, reads all samples through its sources, and writes the final scenario with what the
+//! samples show. What no sample shows is marked with [`MARK`].
+
+mod draft;
+mod instrument;
+mod recording;
+mod stream;
+mod table;
+
+pub use draft::MARK;
+pub use stream::StreamSurvey;
+
+use navfuse_core::document::{Document, DocumentError};
+use navfuse_core::model::stream::StreamError;
+use navfuse_core::plugin::{BuildError, Registry};
+use navfuse_core::run::scenario::Scenario;
+use recording::Recording;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+/// The reason why no scenario can be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImportError {
+    /// A file cannot be read, or has no form that is known.
+    #[error(transparent)]
+    Stream(#[from] StreamError),
+    /// The files do not fit together.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// The scenario cannot be read.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
+}
+
+/// Answers that the files do not give.
+#[derive(Clone, Debug, Default)]
+pub struct Answers {
+    /// Name of the scenario.
+    pub name: String,
+    /// Latitude and longitude (deg) and height (m) at the start.
+    pub position: Option<[f64; 3]>,
+}
+
+/// The result of an import.
+#[derive(Clone, Debug)]
+pub struct Imported {
+    /// The scenario.
+    pub scenario: String,
+    /// The sensors with what their samples show.
+    pub streams: Vec<StreamSurvey>,
+    /// The questions that remain.
+    pub questions: Vec<String>,
+    /// Notes on files and sensors.
+    pub notes: Vec<String>,
+}
+
+/// Looks at the files, and writes a scenario for the place `scenario`, whose folder relative paths
+/// start at. Returns `None` if `stop` was set.
+///
+/// # Errors
+/// When a file cannot be read or recognised, two files have the same sensor, or no file has an IMU.
+pub fn import(
+    registry: &Registry,
+    files: &[PathBuf],
+    scenario: &Path,
+    answers: &Answers,
+    stop: &AtomicBool,
+) -> Result<Option<Imported>, ImportError> {
+    let mut recording = Recording::recognise(files)?;
+    let mut streams = None;
+    // the second time with the axes that the first one showed
+    for _ in 0..2 {
+        let text = draft::scenario(&recording, streams.as_deref(), answers).0;
+        let document = Document::parse(scenario.display().to_string(), text)?;
+        let assembly = Scenario::new(registry, document, &[])?.assemble(None)?;
+        let Some(surveyed) = stream::survey(assembly, stop)? else { return Ok(None) };
+        let turned = recording.turn_axes(&surveyed);
+        streams = Some(surveyed);
+        if !turned {
+            break;
+        }
+    }
+    let streams = streams.unwrap_or_default();
+    let (text, questions) = draft::scenario(&recording, Some(&streams), answers);
+    let mut notes = recording.notes;
+    notes.extend(stream::together(&streams));
+    Ok(Some(Imported { scenario: text, streams, questions, notes }))
+}

@@ -1,0 +1,205 @@
+//! The files of a recording and the sensors in them.
+
+use crate::instrument;
+use crate::stream::StreamSurvey;
+use crate::table;
+use navfuse_core::model::stream::StreamError;
+use std::path::{Path, PathBuf};
+
+/// Size in bytes of the beginning of a file by which it is recognised.
+const BEGINNING: u64 = 256 * 1024;
+/// First bytes of an MCAP file.
+const MCAP: &[u8] = b"\x89MCAP";
+
+/// A sensor that was found in a file.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// Registered type of the sensor.
+    pub kind: &'static str,
+    /// Keys of the sensor.
+    pub sensor: Vec<String>,
+    /// Keys of its file.
+    pub source: Vec<String>,
+    /// Questions about the file.
+    pub questions: Vec<String>,
+    /// Set if a position comes with a velocity.
+    pub velocity: bool,
+}
+
+/// The source type that reads a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reader {
+    Csv,
+    /// With the time of the first ping, if the format has dates.
+    Dvl(Option<i64>),
+    Nmea,
+}
+
+/// A sensor with its file.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Name of the sensor.
+    pub name: &'static str,
+    pub found: Found,
+    pub reader: Reader,
+    /// The file, absolute.
+    pub file: PathBuf,
+}
+
+/// The sensors of a recording.
+#[derive(Clone, Debug, Default)]
+pub struct Recording {
+    pub parts: Vec<Part>,
+    pub notes: Vec<String>,
+    /// Zero of the run's clock for pings with dates, where the other files count from elsewhere.
+    pub origin: Option<i64>,
+    /// Set once the axes were turned.
+    turned: bool,
+}
+
+/// A text as a string of TOML.
+pub fn quote(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            c if c.is_control() => out.push_str(&format!("\\u{:04X}", u32::from(c))),
+            _ => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}
+
+impl Recording {
+    /// Recognises files.
+    ///
+    /// # Errors
+    /// When a file cannot be read or recognised, two files have the same sensor, or no file has an
+    /// IMU.
+    pub fn recognise(files: &[PathBuf]) -> Result<Self, StreamError> {
+        let mut recording = Self::default();
+        for file in files {
+            recording.add(file)?;
+        }
+        if recording.part("imu").is_none() {
+            let names: Vec<&str> = recording.parts.iter().map(|p| p.name).collect();
+            return Err(StreamError::format(format!(
+                "no file has an IMU, only {}",
+                names.join(", ")
+            ))
+            .with_remedy(
+                "give a table with the columns gyro_x_radps ... accel_z_mps2 or dtheta_x_rad \
+                     ... dvel_z_mps",
+            ));
+        }
+        // the order of a scenario
+        let order = ["imu", "dvl", "depth", "gnss", "compass", "reference"];
+        recording.parts.sort_by_key(|part| order.iter().position(|name| *name == part.name));
+        Ok(recording)
+    }
+
+    /// The sensor of a name.
+    pub fn part(&self, name: &str) -> Option<&Part> {
+        self.parts.iter().find(|part| part.name == name)
+    }
+
+    fn add(&mut self, file: &Path) -> Result<(), StreamError> {
+        let bytes =
+            navfuse_csv::beginning(file, BEGINNING).map_err(|e| StreamError::open(file, e))?;
+        let absolute = std::fs::canonicalize(file).map_err(|e| StreamError::open(file, e))?;
+        if bytes.starts_with(MCAP) {
+            return Err(StreamError::format("it is an MCAP file").in_file(file).with_remedy(
+                "`navfuse replay` runs a log of navfuse; for a ROS 2 bag write `[source.mcap]` into \
+                 a scenario",
+            ));
+        }
+        let (reader, found) = if let Some((stamp, found)) = instrument::velocity_log(&bytes) {
+            (Reader::Dvl(stamp), found)
+        } else if let Some(found) = instrument::nmea(&bytes) {
+            (Reader::Nmea, found)
+        } else {
+            let text = String::from_utf8_lossy(&bytes);
+            let found = match text.contains('\0') {
+                true => {
+                    Err("it is neither a table, nor a file of a velocity log, nor NMEA 0183"
+                        .to_owned())
+                }
+                false => table::recognise(&text),
+            };
+            (Reader::Csv, found.map_err(|why| StreamError::format(why).in_file(file))?)
+        };
+        for mut found in found {
+            let stem = file.file_stem().map(|s| s.to_string_lossy().to_lowercase());
+            let is_reference = stem.is_some_and(|s| s.contains("reference") || s.contains("truth"));
+            if found.kind == "gnss" && is_reference {
+                found.kind = "reference";
+            }
+            let name = if found.kind == "dual-antenna" { "compass" } else { found.kind };
+            if let Some(other) = self.part(name) {
+                let message = format!(
+                    "it has the sensor {name}, as {} has: give one of the files",
+                    other.file.display()
+                );
+                return Err(StreamError::format(message).in_file(file));
+            }
+            self.parts.push(Part { name, found, reader, file: absolute.clone() });
+        }
+        Ok(())
+    }
+
+    /// Changes the description by what the samples show; `true` if it changed.
+    pub fn turn_axes(&mut self, streams: &[StreamSurvey]) -> bool {
+        let stream = |name: &str| streams.iter().find(|s| s.sensor == name);
+        let mut changed = false;
+        if let Some(imu) = stream("imu")
+            && !std::mem::replace(&mut self.turned, true)
+        {
+            let up = imu.channel("accel_z").map(|k| imu.mean[k]).or_else(|| {
+                let k = imu.channel("dvel_z")?;
+                (imu.interval > 0.0).then(|| imu.mean[k] / imu.interval)
+            });
+            if up.is_some_and(|up| up > 5.0) {
+                self.turn_imu();
+                changed = true;
+            }
+        }
+        let dated = self.parts.iter().find_map(|p| match p.reader {
+            Reader::Dvl(stamp) => stamp,
+            _ => None,
+        });
+        // ten years after 1970, below which a clock is not that of Unix
+        let counts = stream("imu").is_some_and(|imu| imu.span[0].seconds() < 315_576_000.0);
+        if dated.is_some() && counts && self.origin.is_none() {
+            self.origin = dated;
+            changed = true;
+        }
+        changed
+    }
+
+    /// Turns an IMU with axes forward, left, up.
+    fn turn_imu(&mut self) {
+        let Some(part) = self.parts.iter_mut().find(|p| p.name == "imu") else { return };
+        let increments = !part.found.sensor.is_empty();
+        let names = if increments {
+            ["dtheta_y", "dtheta_z", "dvel_y", "dvel_z"]
+        } else {
+            ["gyro_y", "gyro_z", "accel_y", "accel_z"]
+        };
+        for name in names {
+            let key = format!("columns.{name} = {{");
+            let line = part.found.source.iter_mut().find(|line| line.starts_with(&key));
+            match line.and_then(|line| line.strip_suffix(" }").map(|l| l.len()).zip(Some(line))) {
+                Some((length, line)) => line.replace_range(length.., ", scale = -1 }"),
+                None => part.found.source.push(format!("{key} scale = -1 }}")),
+            }
+        }
+        part.found.questions.push(
+            "the mean of accel_z is that of an IMU whose z axis points up: forward, left, up is \
+             assumed, and y and z are turned"
+                .to_owned(),
+        );
+        self.notes
+            .push("imu: its z axis points up; y and z are turned to right and down".to_owned());
+    }
+}

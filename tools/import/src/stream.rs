@@ -1,0 +1,228 @@
+//! What the samples of a sensor show.
+
+use navfuse_core::model::record::Level;
+use navfuse_core::model::stream::StreamError;
+use navfuse_core::run::scenario::Assembly;
+use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
+use navfuse_core::units::time::Time;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Number of intervals whose median is the interval of a sensor.
+const INTERVALS: usize = 4096;
+/// Intervals beyond this multiple of the usual one are gaps.
+const GAP: f64 = 2.5;
+/// Length of the means by which rest is judged, s.
+const BLOCK: f64 = 1.0;
+
+/// The samples of one sensor.
+#[derive(Clone, Debug)]
+pub struct StreamSurvey {
+    /// Name of the sensor.
+    pub sensor: String,
+    /// Registered type of the sensor.
+    pub kind: String,
+    /// Number of samples.
+    pub samples: u64,
+    /// Times of the first and the last sample.
+    pub span: [Time; 2],
+    /// Usual interval between two samples, s; zero for a single sample.
+    pub interval: f64,
+    /// Number of longer intervals, and the longest with the time at which it begins.
+    pub gaps: (u64, f64, Time),
+    /// Warnings and notes of the source.
+    pub warnings: Vec<String>,
+    /// The first sample.
+    pub first: Sample,
+    /// Names of the channels.
+    pub channels: Vec<&'static str>,
+    /// Mean of each channel.
+    pub mean: [f64; MAX_CHANNELS],
+    /// Standard deviation of the noise of each channel: that of differences of successive samples,
+    /// divided by the square root of two.
+    pub noise: [f64; MAX_CHANNELS],
+    /// Scatter of the means of each channel over one second.
+    pub wander: [f64; MAX_CHANNELS],
+}
+
+/// Sums over one channel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    count: f64,
+    mean: f64,
+    last: Option<f64>,
+    differences: f64,
+    squares: f64,
+    /// The block that is being summed: count and sum.
+    block: [f64; 2],
+    /// Welford sums of the means of the blocks: count, mean, squares.
+    blocks: [f64; 3],
+}
+
+impl Sums {
+    fn add(&mut self, value: f64) {
+        self.count += 1.0;
+        self.mean += (value - self.mean) / self.count;
+        if let Some(last) = self.last {
+            self.differences += 1.0;
+            self.squares += (value - last).powi(2);
+        }
+        self.last = Some(value);
+        self.block[0] += 1.0;
+        self.block[1] += value;
+    }
+
+    fn end_block(&mut self) {
+        let [count, sum] = std::mem::take(&mut self.block);
+        if count > 0.0 {
+            let (mean, [n, m, s]) = (sum / count, self.blocks);
+            let (n, change) = (n + 1.0, mean - m);
+            let m = m + change / n;
+            self.blocks = [n, m, s + change * (mean - m)];
+        }
+    }
+}
+
+/// A sensor while its samples are read.
+struct Running {
+    survey: StreamSurvey,
+    sums: [Sums; MAX_CHANNELS],
+    intervals: Vec<f64>,
+    block_end: f64,
+}
+
+impl Running {
+    fn take(&mut self, sample: &Sample) {
+        let survey = &mut self.survey;
+        if survey.samples == 0 {
+            survey.first = *sample;
+            survey.span = [sample.time; 2];
+            self.block_end = sample.time.seconds() + BLOCK;
+        } else {
+            let interval = sample.time.since(survey.span[1]);
+            if self.intervals.len() < INTERVALS {
+                self.intervals.push(interval);
+                if self.intervals.len() == INTERVALS {
+                    survey.interval = median(&self.intervals);
+                }
+            }
+            let usual =
+                if survey.interval > 0.0 { survey.interval } else { median(&self.intervals) };
+            if interval > GAP * usual {
+                survey.gaps.0 += 1;
+                if interval > survey.gaps.1 {
+                    (survey.gaps.1, survey.gaps.2) = (interval, survey.span[1]);
+                }
+            }
+            survey.span[1] = sample.time;
+        }
+        survey.samples += 1;
+        if sample.time.seconds() >= self.block_end {
+            self.sums.iter_mut().for_each(Sums::end_block);
+            self.block_end = sample.time.seconds() + BLOCK;
+        }
+        for (k, sums) in self.sums.iter_mut().enumerate().take(survey.channels.len()) {
+            if let Some(value) = sample.get(k) {
+                sums.add(value);
+            }
+        }
+    }
+
+    fn finish(mut self) -> StreamSurvey {
+        let survey = &mut self.survey;
+        survey.interval = median(&self.intervals);
+        for (k, s) in self.sums.iter().enumerate() {
+            survey.mean[k] = s.mean;
+            survey.noise[k] = (0.5 * s.squares / s.differences.max(1.0)).sqrt();
+            survey.wander[k] = (s.blocks[2] / (s.blocks[0] - 1.0).max(1.0)).sqrt();
+        }
+        self.survey
+    }
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+impl StreamSurvey {
+    /// Index of a channel.
+    pub fn channel(&self, name: &str) -> Option<usize> {
+        self.channels.iter().position(|c| *c == name)
+    }
+
+    /// Rate of the samples, Hz.
+    pub fn rate(&self) -> f64 {
+        if self.interval > 0.0 { 1.0 / self.interval } else { 0.0 }
+    }
+}
+
+/// Reads all samples of a scenario's sources; `None` if `stop` was set.
+///
+/// # Errors
+/// When a source cannot be read.
+pub fn survey(
+    assembly: Assembly,
+    stop: &AtomicBool,
+) -> Result<Option<Vec<StreamSurvey>>, StreamError> {
+    let zero = Sample::empty(Time::MIN, SensorId(0));
+    let mut running: Vec<Running> = (assembly.composition.sensors.iter())
+        .map(|s| Running {
+            survey: StreamSurvey {
+                sensor: s.info.name.clone(),
+                kind: s.info.kind.clone(),
+                samples: 0,
+                span: [Time::MIN; 2],
+                interval: 0.0,
+                gaps: (0, 0.0, Time::MIN),
+                warnings: Vec::new(),
+                first: zero,
+                channels: s.info.channels.iter().map(|c| c.name).collect(),
+                mean: [0.0; MAX_CHANNELS],
+                noise: [0.0; MAX_CHANNELS],
+                wander: [0.0; MAX_CHANNELS],
+            },
+            sums: [Sums::default(); MAX_CHANNELS],
+            intervals: Vec::new(),
+            block_end: 0.0,
+        })
+        .collect();
+    for (_, mut source) in assembly.sources {
+        let notes: Vec<String> = source
+            .schedule()
+            .into_iter()
+            .filter(|event| event.level > Level::Info)
+            .map(|event| event.text)
+            .collect();
+        let (mut sample, mut sensor) = (zero, None);
+        while source.next(&mut sample)? {
+            let Some(one) = running.get_mut(sample.sensor.0) else { continue };
+            one.take(&sample);
+            sensor = Some(sample.sensor.0);
+            if one.survey.samples.is_multiple_of(4096) && stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+        }
+        if let Some(one) = sensor.and_then(|k| running.get_mut(k)) {
+            one.survey.warnings.extend(notes.into_iter().chain(source.warning()));
+        }
+    }
+    Ok(Some(running.into_iter().map(Running::finish).collect()))
+}
+
+/// Notes on the clocks of the sensors, compared with each other.
+pub fn together(streams: &[StreamSurvey]) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (k, a) in streams.iter().enumerate().filter(|(_, s)| s.samples > 0) {
+        for b in streams[k + 1..].iter().filter(|s| s.samples > 0) {
+            if a.span[1] < b.span[0] || b.span[1] < a.span[0] {
+                notes.push(format!(
+                    "{} ({} to {}) and {} ({} to {}) have no time in common: are their clocks the \
+                     same? Shift one of them with the key `time`",
+                    a.sensor, a.span[0], a.span[1], b.sensor, b.span[0], b.span[1]
+                ));
+            }
+        }
+    }
+    notes
+}
