@@ -30,6 +30,8 @@ pub struct Process {
     pub model: Box<dyn ProcessModel>,
     /// Index of the sensor that drives it.
     pub input: Option<usize>,
+    /// Longest gap of that sensor that the model bridges, s, if it coasts on a longer one.
+    pub coasts_after: Option<f64>,
     /// Index of its constraint among the sensors.
     pub constraint: Option<usize>,
     /// Alignment that finds its initial values.

@@ -9,7 +9,7 @@ use crate::model::gate::Action;
 use crate::model::measurement::{AnyMeasurement, At};
 use crate::model::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::robust::Robust;
-use crate::model::sensor::Sensor;
+use crate::model::sensor::{Role, Sensor};
 use crate::model::update_rule::UpdateRule;
 use crate::state::covariance::{Covariance, Update};
 use crate::units::sample::{Channel, Sample};
@@ -254,7 +254,7 @@ impl Ekf {
         rejection: Rejection,
         observer: &mut dyn Observer,
     ) {
-        if self.driver == Some(sample.sensor.0) {
+        if matches!(self.composition.sensors[sample.sensor.0].role, Role::Input(_)) {
             observer.input(sample, Some(rejection));
         } else {
             observer.update(&rejected(sample, rejection));

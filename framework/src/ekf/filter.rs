@@ -6,6 +6,7 @@
 
 use super::cadence::Cadence;
 use super::delay::History;
+use super::drivers::Held;
 use super::iterated::Iterated;
 use super::past::Clones;
 use super::points::SigmaPoints;
@@ -66,7 +67,7 @@ pub enum EstimatorError {
 pub struct Ekf {
     pub(super) composition: Composition,
     pub(super) layout: Arc<Layout>,
-    /// Sensor that drives a process model.
+    /// Sensor that drives the first driven process.
     pub(super) driver: Option<usize>,
     pub(super) considered: Vec<bool>,
     pub(super) update: Update,
@@ -90,6 +91,8 @@ pub(super) struct Memory {
     pub(super) sensors: Vec<SensorSlot>,
     /// Detectors of the pseudo-measurements, each with the index of its sensor.
     pub(super) detectors: Vec<(usize, Box<dyn Detector>)>,
+    /// Driving sensors beside the first.
+    pub(super) held: Vec<Held>,
     /// Past states that sensors read.
     pub(super) clones: Vec<Clones>,
     /// Recent states, kept where some sensor has a time offset.
@@ -150,6 +153,7 @@ impl Ekf {
                     .then(|| Random::new(composition.seed, "initial")),
                 state: layout.initial_state(),
                 covariance: Covariance::zero(n),
+                held: Held::of(&composition),
                 clones: Clones::of(&composition),
                 history: History::new(&composition),
                 transition,

@@ -6,6 +6,7 @@ mod cadence;
 mod correct;
 mod curvature;
 mod delay;
+mod drivers;
 mod filter;
 mod iterated;
 mod lockout;

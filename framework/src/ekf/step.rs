@@ -2,6 +2,7 @@
 //! times.
 
 use super::cadence::Cadence;
+use super::drivers::of_process;
 use super::filter::{Ekf, EstimatorError, MAX_PENDING, Memory, rejected};
 use crate::model::monitor::Monitor;
 use crate::model::process::{Input, Interval};
@@ -28,16 +29,13 @@ impl Ekf {
         }
         let index = sample.sensor.0;
         let is_input = matches!(self.composition.sensors[index].role, Role::Input(_));
-        if is_input && self.driver != Some(index) {
-            return Ok(()); // it drives nothing: a second IMU
-        }
         if let Some(rejection) = self.refuse(sample, is_input) {
             self.reject(sample, rejection, observer);
             self.lose_past(index);
             return Ok(());
         }
         self.memory.sensors[index].take(sample);
-        if is_input {
+        if self.driver == Some(index) {
             self.memory.sensors[index].refused = None;
             return self.screen(sample, observer);
         }
@@ -52,7 +50,7 @@ impl Ekf {
             return self.use_sample(sample, observer);
         }
         self.wait(sample, observer);
-        Ok(())
+        self.coast_on(sample.time, observer)
     }
 
     /// Warns once that samples of the driving sensor are missing; [`Self::finish`] gives their
@@ -129,13 +127,21 @@ impl Ekf {
     ) -> Result<(), EstimatorError> {
         let duration = self.memory.input.map_or(0.0, |before| sample.time.since(before));
         let usual = self.memory.cadence.usual(duration);
+        if self.running() && sample.time <= self.memory.state.time && duration > usual {
+            self.reject(sample, Rejection::Late, observer); // time went on without it
+            return Ok(());
+        }
+        let begin = self.coast_to(sample, duration, usual, observer)?;
+        let duration = if begin.is_some() { usual } else { duration };
         if usual < duration {
             self.tell_of_missing(sample, duration, usual, observer);
         }
         let input = Input { sample, duration, usual, spread };
         if !self.running() {
-            for process in &mut self.memory.processes {
-                process.prepare(&self.layout, &mut self.memory.state, &input);
+            let Memory { processes, state, held, .. } = &mut self.memory;
+            let others = |process: usize| held.iter().any(|held| held.drives(process));
+            for (_, process) in processes.iter_mut().enumerate().filter(|(k, _)| !others(*k)) {
+                process.prepare(&self.layout, state, &input);
             }
             let due = self.memory.stage.is_due(sample.time);
             // the motion before the first driving sample is unknown, and samples before the start
@@ -217,7 +223,7 @@ impl Ekf {
     }
 
     /// Propagates state and covariance to a later time.
-    fn advance(
+    pub(super) fn advance(
         &mut self,
         to: Time,
         input: Option<Input<'_>>,
@@ -231,6 +237,7 @@ impl Ekf {
         }
         let interval = Interval { from, to, input };
         for (k, process) in m.processes.iter_mut().enumerate() {
+            let interval = of_process(&m.held, k, &interval);
             process.propagate(&self.layout, &mut m.state, &interval, &mut m.transition).map_err(
                 |error| EstimatorError::Process {
                     time: to,
@@ -253,13 +260,16 @@ impl Ekf {
     }
 
     /// Uses a measurement or reference at the state's time, or rejects it.
-    fn use_sample(
+    pub(super) fn use_sample(
         &mut self,
         sample: &Sample,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
         match &self.composition.sensors[sample.sensor.0].role {
-            Role::Input(_) => Ok(()),
+            Role::Input(_) => {
+                self.hold(sample, observer);
+                Ok(())
+            }
             Role::Reference(reference) => {
                 let reference = Arc::clone(reference);
                 self.follow(sample, reference.as_ref(), observer);

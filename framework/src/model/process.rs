@@ -19,7 +19,9 @@ pub struct Interval<'a> {
     pub from: Time,
     /// End of the interval.
     pub to: Time,
-    /// Driving sample whose interval covers this one, for a process with a driving sensor.
+    /// Driving sample whose interval covers this one, for a process with a driving sensor; `None`
+    /// while the process coasts. The process of a second driving sensor sees the last sample of
+    /// that sensor, which holds from its time on, and `None` before the first.
     pub input: Option<Input<'a>>,
 }
 
@@ -170,6 +172,7 @@ pub struct BuiltProcess {
     pub(crate) alignment: Option<Box<dyn InitialAlignment>>,
     pub(crate) screening: Option<Screening>,
     pub(crate) monitor: Option<Box<dyn Monitor>>,
+    pub(crate) coasts_after: Option<f64>,
 }
 
 impl BuiltProcess {
@@ -181,6 +184,7 @@ impl BuiltProcess {
             alignment: None,
             screening: None,
             monitor: None,
+            coasts_after: None,
         }
     }
 
@@ -201,6 +205,14 @@ impl BuiltProcess {
     #[must_use]
     pub fn watched_by(self, monitor: impl Monitor + 'static) -> Self {
         Self { monitor: Some(Box::new(monitor)), ..self }
+    }
+
+    /// Declares that the process coasts on a gap of its driving sensor longer than `gap` seconds:
+    /// the filter then propagates it without an input. Without this, the model decides whether to
+    /// bridge a gap or to end the run.
+    #[must_use]
+    pub fn coasts_after(self, gap: f64) -> Self {
+        Self { coasts_after: Some(gap), ..self }
     }
 
     /// Hands over the limits by which the filter screens the driving sensor.

@@ -104,7 +104,7 @@ impl<'a> Building<'a> {
         for part in parts {
             let Make::Process(make) = &part.entry.make else { continue };
             self.composer.begin(part.name);
-            let BuiltProcess { model, input, alignment, screening, monitor } =
+            let BuiltProcess { model, input, alignment, screening, monitor, coasts_after } =
                 make(&part.own_keys(), &mut self.composer)?;
             let input = input.and_then(|driving| {
                 let index = self.parts.iter().position(|p| p.name == driving.name);
@@ -122,12 +122,9 @@ impl<'a> Building<'a> {
                 monitor,
                 model,
                 input,
+                coasts_after,
                 constraint: None,
             });
-        }
-        if self.processes.iter().filter(|p| p.input.is_some()).count() > 1 {
-            let message = "two process models are driven by sensors; at most one can be";
-            return Err(self.process_table().error(message).into());
         }
         Ok(())
     }

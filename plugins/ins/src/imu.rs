@@ -1,5 +1,6 @@
 //! The inertial measurement unit: a driving sensor, with its noise and its simulator.
 
+use crate::coast::Coast;
 use crate::screening::ImuScreening;
 use nalgebra::Vector3;
 use navfuse_core::compose::Composer;
@@ -64,9 +65,13 @@ pub struct Imu {
     /// Quantisation step of the specific force in the recording.
     pub accel_quantisation: Option<Sigma<Acceleration>>,
     /// Longest interval between samples that is bridged at the mean rate; a longer one ends the
-    /// run. Default: 0.1 s.
+    /// run, unless the process coasts. Default: 0.1 s.
     #[serde(default = "tenth_second")]
     pub max_gap: Positive<Duration>,
+    /// Motion of the vehicle on a gap longer than `max_gap`, such as
+    /// `{ turn = "1 deg/s/sqrt(Hz)", acceleration = "0.1 m/s^2/sqrt(Hz)" }`: the process coasts and
+    /// the other sensors carry on. Default: such a gap ends the run.
+    pub coast: Option<Coast>,
     /// Faults of single samples and short spans that the filter notices and bridges: `"off"`, or a
     /// table of limits. By default, the limits are learnt from the samples.
     #[serde(default)]

@@ -5,12 +5,14 @@
 //! is predicted from.
 
 pub mod alignment;
+mod coast;
 pub mod earth;
 pub mod error_model;
 mod imu;
 pub mod mechanisation;
 mod monitor;
 mod navigation;
+mod places;
 mod rates;
 mod reference;
 mod screening;
@@ -18,6 +20,7 @@ mod strapdown;
 #[cfg(test)]
 mod testing;
 
+pub use coast::Coast;
 pub use imu::{Imu, Output};
 pub use navigation::{Navigation, default_name};
 pub use reference::ReferenceSolution;

@@ -9,6 +9,7 @@ use crate::imu::{Imu, SimulatedImu};
 use crate::mechanisation::{Increments, MAX_LATITUDE_DEG, Mechanisation, NavState};
 use crate::monitor::ImuMonitor;
 use crate::navigation::Navigation;
+use crate::places::Places;
 use crate::rates::{LastRates, Rates};
 use nalgebra::{Matrix3, Vector3};
 use navfuse_core::compose::Composer;
@@ -18,7 +19,7 @@ use navfuse_core::model::motion::Motion;
 use navfuse_core::model::process::BuiltProcess;
 use navfuse_core::model::process::{Input, Interval, ProcessError, ProcessModel};
 use navfuse_core::plugin::ProcessType;
-use navfuse_core::state::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
+use navfuse_core::state::covariance::Transition;
 use navfuse_core::state::display;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{load_quaternion, store_quaternion};
@@ -227,7 +228,14 @@ impl ProcessType for Strapdown {
         let monitor = ImuMonitor::new(&self.imu, &imu, navigation, tilt_prior);
         let rates = LastRates::default();
         let model = StrapdownModel { imu, navigation, places, mechanisation, isotropic, rates };
-        let built = BuiltProcess::new(model).driven_by(self.imu, simulator);
+        let built = match model.imu.coast {
+            Some(_) => {
+                let gap = model.imu.max_gap.value().si();
+                BuiltProcess::new(model).coasts_after(gap)
+            }
+            None => BuiltProcess::new(model),
+        };
+        let built = built.driven_by(self.imu, simulator);
         let built = match screening {
             Some(screening) => built.screened_by(screening).watched_by(monitor),
             None => built,
@@ -237,49 +245,6 @@ impl ProcessType for Strapdown {
             (None, Some(course)) => built.aligned_by(course),
             (None, None) => built,
         })
-    }
-}
-
-/// Places that the model fills in `Phi` and `Q`.
-#[derive(Clone, Copy, Debug)]
-struct Places {
-    phi_phi: PhiSlot<3, 3>,
-    phi_v: PhiSlot<3, 3>,
-    phi_p: PhiSlot<3, 3>,
-    phi_bg: PhiSlot<3, 3>,
-    v_phi: PhiSlot<3, 3>,
-    v_v: PhiSlot<3, 3>,
-    v_p: PhiSlot<3, 3>,
-    v_ba: PhiSlot<3, 3>,
-    p_v: PhiDiagonal<3>,
-    p_p: PhiSlot<3, 3>,
-    q_phi: NoiseSlot<3>,
-    q_v: NoiseSlot<3>,
-}
-
-impl Places {
-    fn new(composer: &mut Composer, n: &Navigation) -> Self {
-        let (phi, v) = (composer.tangent(n.attitude), composer.tangent(n.velocity));
-        let (p, bg, ba) = (
-            composer.tangent(n.position),
-            composer.tangent(n.gyro_bias),
-            composer.tangent(n.accel_bias),
-        );
-        let t = composer.transition();
-        Self {
-            phi_phi: t.phi(phi, phi),
-            phi_v: t.phi(phi, v),
-            phi_p: t.phi(phi, p),
-            phi_bg: t.phi(phi, bg),
-            v_phi: t.phi(v, phi),
-            v_v: t.phi(v, v),
-            v_p: t.phi(v, p),
-            v_ba: t.phi(v, ba),
-            p_v: t.phi_diagonal(p, v),
-            p_p: t.phi(p, p),
-            q_phi: t.noise(phi),
-            q_v: t.noise(v),
-        }
     }
 }
 
@@ -358,10 +323,15 @@ impl ProcessModel for StrapdownModel {
         interval: &Interval<'_>,
         out: &mut Transition,
     ) -> Result<(), ProcessError> {
-        let Some(input) = interval.input else {
-            return Err(ProcessError::input("no IMU sample covers this time"));
-        };
         let dt = interval.duration();
+        let Some(input) = interval.input else {
+            let Some(coast) = self.imu.coast else {
+                return Err(ProcessError::input("no IMU sample covers this time"));
+            };
+            self.mechanisation = Mechanisation::default();
+            coast.propagate((&self.navigation, &self.places), (layout, state), dt, out);
+            return Ok(());
+        };
         let gap = self.imu.max_gap.value().si();
         let hole = input.duration.max(input.sample.time.since(interval.from));
         if hole > gap {

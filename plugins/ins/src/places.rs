@@ -1,0 +1,48 @@
+//! Places of a strapdown process in the transition.
+
+use crate::navigation::Navigation;
+use navfuse_core::compose::Composer;
+use navfuse_core::state::covariance::{NoiseSlot, PhiDiagonal, PhiSlot};
+
+/// Places that the model fills in `Phi` and `Q`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Places {
+    pub phi_phi: PhiSlot<3, 3>,
+    pub phi_v: PhiSlot<3, 3>,
+    pub phi_p: PhiSlot<3, 3>,
+    pub phi_bg: PhiSlot<3, 3>,
+    pub v_phi: PhiSlot<3, 3>,
+    pub v_v: PhiSlot<3, 3>,
+    pub v_p: PhiSlot<3, 3>,
+    pub v_ba: PhiSlot<3, 3>,
+    pub p_v: PhiDiagonal<3>,
+    pub p_p: PhiSlot<3, 3>,
+    pub q_phi: NoiseSlot<3>,
+    pub q_v: NoiseSlot<3>,
+}
+
+impl Places {
+    pub(crate) fn new(composer: &mut Composer, n: &Navigation) -> Self {
+        let (phi, v) = (composer.tangent(n.attitude), composer.tangent(n.velocity));
+        let (p, bg, ba) = (
+            composer.tangent(n.position),
+            composer.tangent(n.gyro_bias),
+            composer.tangent(n.accel_bias),
+        );
+        let t = composer.transition();
+        Self {
+            phi_phi: t.phi(phi, phi),
+            phi_v: t.phi(phi, v),
+            phi_p: t.phi(phi, p),
+            phi_bg: t.phi(phi, bg),
+            v_phi: t.phi(v, phi),
+            v_v: t.phi(v, v),
+            v_p: t.phi(v, p),
+            v_ba: t.phi(v, ba),
+            p_v: t.phi_diagonal(p, v),
+            p_p: t.phi(p, p),
+            q_phi: t.noise(phi),
+            q_v: t.noise(v),
+        }
+    }
+}
