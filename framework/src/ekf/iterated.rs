@@ -98,7 +98,10 @@ impl Iterated {
         for &i in &update.columns {
             self.prior.extend(update.columns.iter().map(|&j| covariance.get(i, j)));
         }
-        self.at.clone_from(at.state);
+        // field by field, which keeps the memory
+        self.at.time = at.state.time;
+        self.at.values.clone_from(&at.state.values);
+        self.at.signals.clone_from(&at.state.signals);
         self.delta.resize(at.layout.tangent, 0.0);
         self.here.resize(w);
         self.next.resize(w);

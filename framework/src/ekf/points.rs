@@ -53,7 +53,10 @@ impl SigmaPoints {
         covariance: &Covariance,
     ) {
         let w = columns.len();
-        self.at.clone_from(at.state);
+        // field by field, which keeps the memory
+        self.at.time = at.state.time;
+        self.at.values.clone_from(&at.state.values);
+        self.at.signals.clone_from(&at.state.signals);
         self.delta.resize(at.layout.tangent, 0.0);
         factor(covariance, columns, &mut self.root);
         model.predict(at, &mut self.centre[..model.channels()]);
