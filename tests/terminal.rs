@@ -93,7 +93,7 @@ fn mistaken(folder: &Path) -> (String, String) {
         ("noise = \"5 cm\"", "noise = \"5 kg\""),
         ("[sensor.reference]", "[sensor.refrence]"),
         ("rate = \"100 Hz\"", "rat = \"100 Hz\""),
-        ("turn = \"20 s\"", "turn = 20"),
+        ("heading = \"30 deg\"", "heading = \"30 kg\""),
     ];
     let text = changes.iter().fold(text, |text, (from, to)| {
         assert!(text.contains(from), "{from}");
@@ -140,7 +140,7 @@ fn check_reports_all_mistakes_at_once_each_with_its_line_and_a_caret() {
         (line("gaet"), "gaet"),
         (line("5 kg"), "\"5 kg\""),
         (line("refrence"), "refrence"),
-        (line("turn = 20"), "20"),
+        (line("30 kg"), "\"30 kg\""),
     ];
     let expected: Vec<(usize, String)> = expected.map(|(l, t)| (l, t.to_owned())).into();
     assert_eq!(marked(&said, &text, &path), expected, "{said}");
