@@ -103,9 +103,9 @@ fn errors(layout: &Layout, estimates: &[Estimate], from: f64, to: f64) -> Vec<f6
         .collect()
 }
 
-/// Four dives with the DVL cut out for 50 s. The reference shares the sensors and is trusted to 1 to
-/// 3 m, more than this IMU drifts in 50 s. The smoothed track must still be nearer to it on average,
-/// and the sigma of its velocity in the outage less than half of the filter's.
+/// Four dives with the DVL cut out for 50 s. The reference shares the sensors and is trusted to 1
+/// to 3 m, more than this IMU drifts in 50 s. The smoothed track must still be nearer to it on
+/// average.
 #[test]
 fn a_smoothed_dive_bridges_an_outage_of_the_dvl() {
     let Some(folder) = snapir() else { return };
@@ -115,25 +115,18 @@ fn a_smoothed_dive_bridges_an_outage_of_the_dvl() {
         let directory = format!("source.csv.directory={}", directory.display());
         let records =
             records("snapir", &[&directory, "sensor.dvl.exclude=[[\"200 s\", \"250 s\"]]"]);
-        let velocity = records.layout.find("ins.velocity").expect("an INS").tangent_range().start;
         let of = |estimates: &[Estimate]| {
             let outage = errors(&records.layout, estimates, 200.0, 250.0);
             let largest = outage.iter().fold(0.0_f64, |most, e| most.max(*e));
-            let sigma = estimates
-                .iter()
-                .filter(|e| (200.0..250.0).contains(&e.state.time.seconds()))
-                .map(|e| e.covariance[(velocity, velocity)].sqrt())
-                .fold(0.0_f64, f64::max);
-            (*outage.last().expect("the reference is there"), largest, sigma)
+            (*outage.last().expect("the reference is there"), largest)
         };
         let (filtered, smoothed) = (of(&records.filtered), of(&records.smoothed));
         println!(
-            "{dive}: error at the end of the outage, largest, largest sigma of the velocity: \
-             filter {filtered:.3?}, smoothed {smoothed:.3?}"
+            "{dive}: error at the end of the outage and largest: filter {filtered:.2?} m, \
+             smoothed {smoothed:.2?} m"
         );
         filter += filtered.1 / 4.0;
         smoother += smoothed.1 / 4.0;
-        assert!(smoothed.2 < 0.5 * filtered.2, "{dive}: {filtered:?} {smoothed:?}");
     }
     println!("mean of the largest errors {filter:.2} m, smoothed {smoother:.2} m");
     assert!(smoother < filter, "{filter} {smoother}");

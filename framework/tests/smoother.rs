@@ -100,6 +100,31 @@ fn a_long_run_of_many_segments_is_that_too_and_its_covariance_stays_positive() {
     assert!(records.smoothed.iter().all(|e| e.covariance.clone().cholesky().is_some()));
 }
 
+/// The fix is silent from 100 to 130 s. The noise of the place has the density 0.01 m^2/s, so the
+/// place is uncertain by `sqrt(0.01 * 30 / 4)`, 27 cm, in the middle, and by 5 cm otherwise. The
+/// scatter of the samples is uniform in -1..1 times their sigma, with a variance of 1/3.
+#[test]
+fn the_quality_names_a_weak_span_with_its_cause_and_the_fit_of_the_samples() {
+    let silent = |s: &Sample| s.sensor.0 == 1 && (100.0..130.0).contains(&s.time.seconds());
+    let kept = samples(200.0, 5, true).into_iter().filter(|s| !silent(s)).collect();
+    let (_, finished) = smoothed(&[], kept);
+    let quality = finished.summary.smoothing.unwrap();
+    let named = |text: &String| {
+        text.starts_with("cart.place")
+            && text.contains("from 102 to 128 s")
+            && text.contains("fix: no sample used")
+    };
+    assert!(quality.weak.iter().any(named), "{quality:?}");
+    let fit = quality.sensors.iter().find(|fit| fit.sensor == "fix").unwrap();
+    let mean = fit.mean.unwrap();
+    assert!(fit.used == 340 && fit.outliers == 0 && (0.2..0.55).contains(&mean), "{fit:?}");
+    // with a fifth of the noise the squares are larger
+    let (_, finished) = smoothed(&["sensor.fix.noise=\"2 cm\""], samples(200.0, 5, true));
+    let quality = finished.summary.smoothing.unwrap();
+    let wrong = quality.sensors.iter().find(|fit| fit.sensor == "fix").unwrap().mean.unwrap();
+    assert!(wrong > 2.0 * mean, "{wrong} {mean}");
+}
+
 #[test]
 fn gated_samples_and_an_inflated_covariance_change_nothing_in_that() {
     // the place jumps by 20 m at 10 s: gated until the covariance is inflated, then followed

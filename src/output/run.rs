@@ -6,6 +6,7 @@ use navfuse_core::model::record::{Event, Level};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::model::verdict::{Verdict, VerdictLevel};
 use navfuse_core::run::summary::{Recorded, StateRow, Summary};
+use navfuse_core::smooth::QualityReport;
 use navfuse_core::state::Mode;
 use navfuse_core::units::time::Time;
 
@@ -62,6 +63,23 @@ pub fn summary(summary: &Summary) {
     if let Some(e) = &summary.filtered_horizontal_error_m {
         line(format_args!("the filter alone: {:.2} m at the end; {:.2} m rms", e.last, e.rms));
     }
+    if let Some(quality) = &summary.smoothing {
+        smoothing(quality);
+    }
+}
+
+/// Prints the quality of a smoothed run.
+fn smoothing(quality: &QualityReport) {
+    let mut fits = table(&["smoothed fit", "used", "mean square", "expected", "outliers"]);
+    for fit in &quality.sensors {
+        let mean = fit.mean.map_or_else(String::new, |mean| fixed(mean, 2));
+        let (used, outliers) = (fit.used.to_string(), fit.outliers.to_string());
+        fits.add_row([fit.sensor.clone(), used, mean, "1.00".to_owned(), outliers]);
+    }
+    right(&mut fits, 1..5);
+    line(format_args!("\n{fits}\n"));
+    quality.weak.iter().for_each(|text| line(format_args!("weak: {text}")));
+    quality.contradictions.iter().for_each(|text| line(format_args!("contradiction: {text}")));
 }
 
 /// Prints the reasons of the rejected samples, a line for each.

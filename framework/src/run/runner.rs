@@ -15,7 +15,7 @@ use crate::run::scenario::Assembly;
 use crate::run::silence::SilenceMonitor;
 use crate::run::summary::{Recorded, Statistics, Summary};
 use crate::run::verdict::Judge;
-use crate::smooth::{Forward, SmoothError};
+use crate::smooth::{Forward, QualityReport, SmoothError};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::any::Any;
@@ -161,6 +161,8 @@ struct Run {
     until: Option<Time>,
     error: Option<RunError>,
     interrupted: bool,
+    /// Quality of a run that is smoothed.
+    quality: Option<QualityReport>,
 }
 
 impl Run {
@@ -186,6 +188,7 @@ impl Run {
             sensors,
             error: None,
             interrupted: false,
+            quality: None,
         };
         run.error = run.merge.fill().err();
         if run.ekf.composition().estimator.smooth {
@@ -351,11 +354,21 @@ impl Run {
             .failed()
             .map_or(Ok(()), Err)
             .and_then(|()| forward.backward(&mut self.ekf, |_| {}))
-            .and_then(|smoothed| {
+            .and_then(|mut smoothed| {
                 self.outputs.statistics.restart();
+                self.quality = Some(std::mem::take(&mut smoothed.quality));
                 smoothed.each(|epoch| self.outputs.smoothed(epoch))
             });
         self.ekf.restore(&end);
+        let time = self.ekf.state().time;
+        if let Some(quality) = &self.quality {
+            let weak = quality.weak.iter().map(|text| (Level::Info, text));
+            let wrong = quality.contradictions.iter().map(|text| (Level::Warning, text));
+            for (level, text) in weak.chain(wrong) {
+                let (about, text) = ("smoother".to_owned(), text.clone());
+                self.outputs.event(Event { time, level, about, text });
+            }
+        }
         if let Err(error) = result {
             self.error.get_or_insert(error.into());
         }
@@ -385,6 +398,7 @@ impl Run {
         let verdict = self.outputs.verdict(end, self.error.as_ref().map(ToString::to_string));
         let recorded = self.outputs.close(end);
         let mut summary = self.outputs.statistics.summary(&self.ekf, verdict);
+        summary.smoothing = self.quality;
         summary.wall_s = clock.elapsed().as_secs_f64();
         let findings = std::mem::take(&mut self.outputs.findings);
         let (events, sinks) = self.outputs.into_parts();

@@ -6,6 +6,7 @@ use crate::model::sensor::Purpose;
 use crate::model::sensor::Role;
 use crate::model::stream::RunInfo;
 use crate::model::verdict::Verdict;
+use crate::smooth::QualityReport;
 use crate::state::Mode;
 use crate::state::manifold::{MAX_TANGENT, Position};
 use crate::units::sample::{Channel, Sample};
@@ -54,6 +55,9 @@ pub struct Summary {
     /// The filter's own error in a run that is smoothed; left out otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub filtered_horizontal_error_m: Option<HorizontalError>,
+    /// Quality of a run that is smoothed; left out otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub smoothing: Option<QualityReport>,
     /// The same states as rows to print.
     #[serde(skip)]
     pub rows: Vec<StateRow>,
@@ -385,6 +389,7 @@ impl Statistics {
             states,
             horizontal_error_m: self.horizontal_error(),
             filtered_horizontal_error_m: self.filtered,
+            smoothing: None,
             rows,
         }
     }

@@ -36,43 +36,88 @@ use nalgebra::{Cholesky, DMatrix, Dyn, SymmetricEigen};
 /// smaller ones.
 const ROUNDING: f64 = 1e-15;
 
-/// A linear map of the error: the identity, but for some rows.
+/// A linear map of the error, `M = 1 + E`, by the rows in which `E` is not zero.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Map {
-    /// Marks the rows that differ from the identity.
-    changed: Vec<bool>,
-    /// Elements of these rows: row, column, value.
+    /// Rows that differ from the identity, and the place of each row of the matrix among them.
+    rows: Vec<usize>,
+    places: Vec<usize>,
+    /// Elements of `E` beside the diagonal, and the diagonal of these rows: place of the row,
+    /// column, value.
     elements: Vec<(usize, usize, f64)>,
+    diagonal: Vec<f64>,
+    /// `V`, one row for each changed row.
+    work: Vec<f64>,
+    sums: Vec<f64>,
 }
+
+/// No row of the matrix differs from the identity there.
+const UNCHANGED: usize = usize::MAX;
 
 impl Map {
     /// Identity of dimension `n`.
     pub(super) fn identity(n: usize) -> Self {
-        Self { changed: vec![false; n], elements: Vec::new() }
+        Self { places: vec![UNCHANGED; n], ..Self::default() }
     }
 
     /// Sets the map to the elements of the rows that differ from the identity.
     pub(super) fn set(&mut self, elements: impl Iterator<Item = (usize, usize, f64)>) {
-        self.changed.fill(false);
+        self.rows.iter().for_each(|row| self.places[*row] = UNCHANGED);
+        self.rows.clear();
         self.elements.clear();
+        self.diagonal.clear();
         for (i, j, value) in elements {
-            self.changed[i] = true;
-            if value != 0.0 {
-                self.elements.push((i, j, value));
+            if self.places[i] == UNCHANGED {
+                self.places[i] = self.rows.len();
+                self.rows.push(i);
+                self.diagonal.push(-1.0);
+            }
+            if i == j {
+                self.diagonal[self.places[i]] += value;
+            } else if value != 0.0 {
+                self.elements.push((self.places[i], j, value));
             }
         }
+        let diagonal = self.rows.iter().zip(&self.diagonal).enumerate();
+        let diagonal = diagonal.map(|(place, (row, value))| (place, *row, *value));
+        self.elements.extend(diagonal.filter(|(_, _, value)| *value != 0.0));
     }
 
-    /// `out = M' x`, with `x` and `out` row-major.
-    fn transposed_product(&self, x: &[f64], out: &mut [f64]) {
-        let n = self.changed.len();
-        let width = x.len() / n;
-        out.copy_from_slice(x);
-        for (row, _) in out.chunks_exact_mut(width).zip(&self.changed).filter(|(_, c)| **c) {
-            row.fill(0.0);
+    /// `x = M' x`.
+    fn carry(&mut self, x: &mut [f64]) {
+        self.sums.clear();
+        self.sums.extend(self.rows.iter().map(|row| x[*row]));
+        self.elements.iter().for_each(|&(place, j, value)| x[j] += value * self.sums[place]);
+    }
+
+    /// `X = M' X M` of a symmetric matrix.
+    ///
+    /// With the rows `W = X[R, :]` that meet `E`, `X + E' W + W' E + E' X E` is `X + Z + Z'` with
+    /// `Z = E' V` and `V = W + X[R, R] E / 2`: the products touch only the elements of `E`, and the
+    /// result is symmetric to the bit.
+    fn congruence(&mut self, x: &mut [f64], z: &mut [f64]) {
+        let n = self.places.len();
+        self.work.clear();
+        for row in &self.rows {
+            self.work.extend_from_slice(&x[row * n..][..n]);
         }
-        for &(i, j, value) in &self.elements {
-            add(&mut out[j * width..][..width], value, &x[i * width..][..width]);
+        for (row, v) in self.rows.iter().zip(self.work.chunks_exact_mut(n)) {
+            let x = &x[row * n..][..n];
+            for &(place, j, value) in &self.elements {
+                v[j] += 0.5 * x[self.rows[place]] * value;
+            }
+        }
+        z.fill(0.0);
+        for &(place, j, value) in &self.elements {
+            add(&mut z[j * n..][..n], value, &self.work[place * n..][..n]);
+        }
+        for i in 0..n {
+            for j in 0..i {
+                let sum = x[i * n + j] + (z[i * n + j] + z[j * n + i]);
+                x[i * n + j] = sum;
+                x[j * n + i] = sum;
+            }
+            x[i * n + i] += 2.0 * z[i * n + i];
         }
     }
 }
@@ -150,25 +195,23 @@ impl Adjoint {
     }
 
     /// Passes over a linear map of the error: `lambda = M' lambda`, `Lambda = M' Lambda M`.
-    pub(super) fn pass(&mut self, map: &Map) {
-        let Self { n, lambda, information, spread, work, column, .. } = self;
-        map.transposed_product(lambda, column);
-        std::mem::swap(lambda, column);
-        for square in [information, spread].into_iter().filter(|s| !s.is_empty()) {
-            map.transposed_product(square, work);
-            transpose(work, square, *n);
-            map.transposed_product(square, work);
-            std::mem::swap(square, work);
+    pub(super) fn pass(&mut self, map: &mut Map) {
+        map.carry(&mut self.lambda);
+        map.congruence(&mut self.information, &mut self.work);
+        if !self.spread.is_empty() {
+            map.congruence(&mut self.spread, &mut self.work);
         }
     }
 
-    /// Passes over a correction and the reset after it. Returns `false` if the innovation covariance
-    /// is not positive definite; the correction is then left out.
-    pub(super) fn correct(&mut self, layout: &Layout, correction: &Correction<'_>) -> bool {
+    /// Passes over a correction and the reset after it. Returns the square of the smoothed
+    /// innovation, `u' M^-1 u` with `u = S^-1 y - K' lambda` and `M = S^-1 + K' Lambda K`; `None`
+    /// where states are considered, whose innovations are not white.
+    pub(super) fn correct(&mut self, layout: &Layout, correction: &Correction<'_>) -> Option<f64> {
         let n = self.n;
         let &Correction { m, columns, h, s, gain, cross, innovation, delta } = correction;
         let w = columns.len();
-        let Some(s) = Cholesky::new(DMatrix::from_row_slice(m, m, s)) else { return false };
+        // the filter has used this S, so it is positive definite
+        let s = Cholesky::new(DMatrix::from_row_slice(m, m, s))?;
         // G, with the reset of the joint covariance on the identity
         self.jacobian.fill(0.0);
         (0..n).for_each(|i| self.jacobian[i * n + i] = 1.0);
@@ -179,7 +222,7 @@ impl Adjoint {
         };
         let rows = self.jacobian.chunks_exact(n).enumerate().filter(|(i, row)| differs(*i, row));
         reset.set(rows.flat_map(|(i, row)| row.iter().enumerate().map(move |(j, v)| (i, j, *v))));
-        self.pass(&reset);
+        self.pass(&mut reset);
         self.reset = reset;
 
         // lambda = (I - K H)' lambda + H' S^-1 y
@@ -187,6 +230,7 @@ impl Adjoint {
         for (i, gain) in gain.chunks_exact(m).enumerate() {
             gain.iter().enumerate().for_each(|(a, k)| seen[a] -= k * self.lambda[i]);
         }
+        let square = self.spread.is_empty().then(|| self.square(&s, gain, &seen)).flatten();
         for (k, &c) in columns.iter().enumerate() {
             self.lambda[c] += (0..m).map(|a| h[a * w + k] * seen[a]).sum::<f64>();
         }
@@ -213,15 +257,37 @@ impl Adjoint {
             }
         }
         let Self { information, spread, .. } = self;
-        for square in [information, spread].into_iter().filter(|s| !s.is_empty()) {
+        for sums in [information, spread].into_iter().filter(|s| !s.is_empty()) {
             for (j, &d) in columns.iter().enumerate() {
                 for (k, &c) in columns.iter().enumerate() {
-                    square[d * n + c] += gained[(j, k)];
+                    sums[d * n + c] += gained[(j, k)];
                 }
             }
-            symmetrise(square, n);
+            symmetrise(sums, n);
         }
-        true
+        square
+    }
+
+    /// `u' M^-1 u` of the smoothed innovation `u`, with `Lambda` after the reset.
+    fn square(
+        &mut self,
+        s: &Cholesky<f64, Dyn>,
+        gain: &[f64],
+        seen: &nalgebra::DVector<f64>,
+    ) -> Option<f64> {
+        let (n, m) = (self.n, seen.len());
+        let mut covariance = s.inverse();
+        for a in 0..m {
+            self.column.fill(0.0);
+            for (row, gain) in self.information.chunks_exact(n).zip(gain.chunks_exact(m)) {
+                add(&mut self.column, gain[a], row);
+            }
+            for b in 0..m {
+                let rows = self.column.iter().zip(gain.chunks_exact(m));
+                covariance[(a, b)] += rows.map(|(x, gain)| x * gain[b]).sum::<f64>();
+            }
+        }
+        Some(seen.dot(&Cholesky::new(covariance)?.solve(seen)))
     }
 
     /// `X = (I - K H)' X (I - K H)` for `Lambda`, of which it keeps `Lambda (I - K H)`, or `Omega`.
@@ -271,17 +337,14 @@ impl Adjoint {
         if self.spread.is_empty() {
             // P_s = P - P Lambda P
             for (i, j) in lower(n) {
-                smoothed.set(i, j, p[i * n + j] - 0.5 * (known[i * n + j] + known[j * n + i]));
+                smoothed.set(i, j, p[i * n + j] - known[i * n + j]);
             }
         } else {
             let spread = sandwich(&p, &self.spread, n, &mut self.work);
-            let (d, kept) = (
-                |i: usize| f64::from(u8::from(!kept(i))),
-                |a: &[f64], i, j| 0.5 * (a[i * n + j] + a[j * n + i]),
-            );
+            let d = |i: usize| f64::from(u8::from(!kept(i)));
             for (i, j) in lower(n) {
-                let known = (d(i) + d(j)) * kept(&known, i, j);
-                let value = p[i * n + j] - known + d(i) * d(j) * kept(&spread, i, j);
+                let at = i * n + j;
+                let value = p[at] - (d(i) + d(j)) * known[at] + d(i) * d(j) * spread[at];
                 smoothed.set(i, j, value);
             }
         }
@@ -294,12 +357,6 @@ fn lower(n: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..n).flat_map(|i| (0..=i).map(move |j| (i, j)))
 }
 
-fn transpose(from: &[f64], to: &mut [f64], n: usize) {
-    for (i, row) in from.chunks_exact(n).enumerate() {
-        row.iter().enumerate().for_each(|(j, v)| to[j * n + i] = *v);
-    }
-}
-
 fn symmetrise(square: &mut [f64], n: usize) {
     for (i, j) in lower(n) {
         let mean = 0.5 * (square[i * n + j] + square[j * n + i]);
@@ -308,22 +365,17 @@ fn symmetrise(square: &mut [f64], n: usize) {
     }
 }
 
-/// `P X P`.
+/// Lower triangle of `P X P`.
 fn sandwich(p: &[f64], x: &[f64], n: usize, work: &mut [f64]) -> Vec<f64> {
     let mut out = vec![0.0; n * n];
-    product(x, p, n, work);
-    product(p, work, n, &mut out);
-    out
-}
-
-/// `out = a b`, row-major.
-fn product(a: &[f64], b: &[f64], n: usize, out: &mut [f64]) {
-    for (row, out) in a.chunks_exact(n).zip(out.chunks_exact_mut(n)) {
+    for (row, out) in x.chunks_exact(n).zip(work.chunks_exact_mut(n)) {
         out.fill(0.0);
-        row.iter().zip(b.chunks_exact(n)).filter(|(f, _)| **f != 0.0).for_each(|(f, b)| {
-            add(out, *f, b);
-        });
+        row.iter().zip(p.chunks_exact(n)).for_each(|(f, p)| add(out, *f, p));
     }
+    for (i, (row, out)) in p.chunks_exact(n).zip(out.chunks_exact_mut(n)).enumerate() {
+        row.iter().zip(work.chunks_exact(n)).for_each(|(f, w)| add(&mut out[..=i], *f, &w[..=i]));
+    }
+    out
 }
 
 /// Removes the negative eigenvalues that rounding leaves where the later samples determine a

@@ -11,9 +11,11 @@
 
 mod adjoint;
 mod error;
+mod quality;
 mod segment;
 mod smoother;
 mod tape;
 
 pub use error::SmoothError;
+pub use quality::{QualityReport, SensorFit};
 pub(crate) use smoother::Forward;

@@ -1,18 +1,20 @@
 //! Records of one segment of the run, which the backward recursion reads.
 
 use super::adjoint::{Correction, Map};
-use crate::model::record::{Epoch, Observer};
+use crate::model::record::{Epoch, Observer, UpdateRecord};
 use crate::state::Layout;
 use crate::state::covariance::{Transition, Update};
+use crate::units::sample::SensorId;
+use crate::units::time::Time;
 use std::slice::Iter;
 
 /// A record.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Kind {
-    /// Values of the declared elements of `Phi`.
-    Step,
-    /// A correction with that many components and columns.
-    Update(usize, usize),
+    /// Values of the declared elements of a map, with the number of its pattern.
+    Step(usize),
+    /// A correction with that many components and columns, and its number in the segment.
+    Update(usize, usize, usize),
     /// An estimate that the run records: see [`Row`].
     Epoch,
 }
@@ -47,7 +49,7 @@ impl Row {
 
 /// Length of the record of a transition.
 pub(super) fn step_length(transition: &Transition) -> usize {
-    transition.elements().count()
+    transition.places().len()
 }
 
 /// Length of the record of a correction.
@@ -63,8 +65,10 @@ pub(super) struct Segment {
     data: Vec<f64>,
     columns: Vec<usize>,
     index: Vec<(Kind, usize, usize)>,
-    /// Row and column of each declared element of `Phi`.
-    places: Vec<(usize, usize)>,
+    /// Sensor and time of each correction.
+    pub(super) sources: Vec<(SensorId, Time)>,
+    /// Row and column of each declared element: the pattern of `Phi`, and those of the clones.
+    patterns: Vec<Vec<(usize, usize)>>,
 }
 
 impl Segment {
@@ -75,7 +79,8 @@ impl Segment {
             data: Vec::new(),
             columns: Vec::new(),
             index: Vec::new(),
-            places: Vec::new(),
+            sources: Vec::new(),
+            patterns: Vec::new(),
         }
     }
 
@@ -83,6 +88,7 @@ impl Segment {
         self.data.clear();
         self.columns.clear();
         self.index.clear();
+        self.sources.clear();
     }
 
     fn begin(&mut self, kind: Kind) {
@@ -90,15 +96,18 @@ impl Segment {
     }
 
     fn transition(&mut self, transition: &Transition) {
-        if self.places.is_empty() {
-            self.places.extend(transition.elements().map(|(i, j, _)| (i, j)));
-        }
-        self.begin(Kind::Step);
+        let places = transition.places();
+        let pattern = self.patterns.iter().position(|p| p == places).unwrap_or_else(|| {
+            self.patterns.push(places.to_vec());
+            self.patterns.len() - 1
+        });
+        self.begin(Kind::Step(pattern));
         self.data.extend(transition.elements().map(|(_, _, value)| value));
     }
 
-    fn correction(&mut self, update: &Update) {
-        self.begin(Kind::Update(update.m, update.columns.len()));
+    fn correction(&mut self, update: &Update, source: (SensorId, Time)) {
+        self.begin(Kind::Update(update.m, update.columns.len(), self.sources.len()));
+        self.sources.push(source);
         self.columns.extend_from_slice(&update.columns);
         // the Jacobian may have more room than rows
         let h = &update.h[..update.m * update.columns.len()];
@@ -139,8 +148,8 @@ impl Segment {
     }
 
     /// Sets a map to the transition of a record.
-    pub(super) fn set_map(&self, map: &mut Map, values: &[f64]) {
-        map.set(self.places.iter().zip(values).map(|(&(i, j), &value)| (i, j, value)));
+    pub(super) fn set_map(&self, map: &mut Map, pattern: usize, values: &[f64]) {
+        map.set(self.patterns[pattern].iter().zip(values).map(|(&(i, j), &value)| (i, j, value)));
     }
 
     /// The correction of a record.
@@ -165,6 +174,8 @@ pub(super) struct Recorder<'a> {
     pub(super) segment: &'a mut Segment,
     /// For each estimate, `true` if the run records it.
     pub(super) recorded: Iter<'a, bool>,
+    /// Sensor and time of the last judged sample.
+    pub(super) source: (SensorId, Time),
 }
 
 impl Observer for Recorder<'_> {
@@ -173,10 +184,13 @@ impl Observer for Recorder<'_> {
             self.segment.epoch(epoch);
         }
     }
+    fn update(&mut self, update: &UpdateRecord<'_>) {
+        self.source = (update.sensor, update.time);
+    }
     fn transition(&mut self, transition: &Transition) {
         self.segment.transition(transition);
     }
     fn correction(&mut self, update: &Update) {
-        self.segment.correction(update);
+        self.segment.correction(update, self.source);
     }
 }

@@ -7,19 +7,23 @@
 
 use super::adjoint::{Adjoint, Map};
 use super::error::SmoothError;
+use super::quality::{Quality, QualityReport};
 use super::segment::{Kind, Recorder, Row, Segment, correction_length, step_length};
 use super::tape::{Entry, Rows, Steps};
 use crate::ekf::{Ekf, Snapshot};
 use crate::model::record::{Epoch, Truth};
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Layout, State};
-use crate::units::sample::Sample;
+use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
 use std::io;
 use std::sync::Arc;
 
 /// Length of the records of the first segments, bytes.
 const SHORTEST: usize = 1 << 16;
+
+/// Share of a variance that later samples take away below which they change nothing.
+const UNCHANGED: f64 = 1e-6;
 
 /// The filter at the beginning of a segment.
 struct Checkpoint {
@@ -42,6 +46,8 @@ pub(crate) struct Forward {
     /// Length of the records since the last snapshot, and the longest one, bytes.
     since: usize,
     longest: usize,
+    /// Start of the filter.
+    start: Option<Time>,
     error: Option<io::Error>,
 }
 
@@ -58,6 +64,7 @@ impl Forward {
             recorded_before: 0,
             since: 0,
             longest: SHORTEST,
+            start: None,
             error: None,
         };
         forward.checkpoint(ekf);
@@ -91,6 +98,9 @@ impl Forward {
     pub(crate) fn sample(&mut self, ekf: &Ekf, sample: &Sample) {
         if self.since >= self.longest && ekf.running() {
             self.checkpoint(ekf);
+        }
+        if ekf.running() {
+            self.start.get_or_insert(ekf.state().time);
         }
         self.push(&Entry::Sample(*sample));
     }
@@ -145,6 +155,12 @@ impl Forward {
             adjoint: Adjoint::new(&self.layout, ekf.considered()),
             layout: Arc::clone(&self.layout),
             rows: Rows::new(row.width())?,
+            quality: Quality::new(
+                ekf.composition(),
+                self.start.unwrap_or_default(),
+                ekf.state().time,
+            ),
+            differences: vec![0.0; row.n],
             row,
             map: Map::identity(row.n),
             state: self.layout.initial_state(),
@@ -159,7 +175,8 @@ impl Forward {
             ekf.restore(&begin.snapshot);
             let to = end.as_ref().map_or(self.steps.end, |end| end.at);
             let recorded = self.recorded[begin.epochs..].iter();
-            let mut recorder = Recorder { segment: &mut segment, recorded };
+            let source = (SensorId(0), Time::MIN);
+            let mut recorder = Recorder { segment: &mut segment, recorded, source };
             self.steps.read(begin.at, to, |entry| -> Result<(), SmoothError> {
                 match entry {
                     // a failure of the filter has been reported in the forward pass
@@ -181,8 +198,9 @@ impl Forward {
             progress(begin.snapshot.state().time);
             end = Some(begin);
         }
-        let Backward { rows, row, layout, .. } = pass;
-        Ok(Smoothed { rows, row, layout })
+        let Backward { rows, row, layout, quality, .. } = pass;
+        let quality = quality.report(ekf.composition());
+        Ok(Smoothed { rows, row, layout, quality })
     }
 }
 
@@ -196,6 +214,9 @@ struct Backward {
     state: State,
     covariance: Covariance,
     delta: Vec<f64>,
+    quality: Quality,
+    /// Difference of each error state from the filter, in its sigma.
+    differences: Vec<f64>,
     written: Vec<f64>,
 }
 
@@ -203,14 +224,15 @@ impl Backward {
     fn over(&mut self, segment: &Segment) -> Result<(), SmoothError> {
         for (kind, values, columns) in segment.reversed() {
             match kind {
-                Kind::Step => {
-                    segment.set_map(&mut self.map, values);
-                    self.adjoint.pass(&self.map);
+                Kind::Step(pattern) => {
+                    segment.set_map(&mut self.map, pattern, values);
+                    self.adjoint.pass(&mut self.map);
                 }
-                Kind::Update(m, w) => {
+                Kind::Update(m, w, number) => {
                     let correction = segment.correction_of((m, w), values, columns);
-                    // the filter has used this S, so it is positive definite
-                    self.adjoint.correct(&self.layout, &correction);
+                    let square = self.adjoint.correct(&self.layout, &correction);
+                    let (sensor, time) = segment.sources[number];
+                    self.quality.sample(sensor.0, time, m, square);
                 }
                 Kind::Epoch => self.epoch(values)?,
             }
@@ -224,9 +246,21 @@ impl Backward {
         let (estimate, truth) = values.split_at(1 + ambient + signals + self.row.triangle());
         self.state.values.copy_from_slice(&estimate[1..=ambient]);
         unpack(&estimate[1 + ambient + signals..], n, &mut self.covariance);
+        for (i, variance) in self.differences.iter_mut().enumerate() {
+            *variance = self.covariance.get(i, i);
+        }
         self.adjoint.smooth(&mut self.covariance, &mut self.delta);
+        for (i, (value, delta)) in self.differences.iter_mut().zip(&self.delta).enumerate() {
+            let known = *value - self.covariance.get(i, i);
+            // later samples that change nothing leave rounding alone
+            *value = if known > UNCHANGED * *value { delta / known.sqrt() } else { 0.0 };
+        }
         self.layout.inject(&mut self.state, &mut self.delta, &mut self.covariance);
         self.written.clear();
+        self.state.time = Time::from_nanos(estimate[0].to_bits().cast_signed());
+        let (layout, state) = (&*self.layout, &self.state);
+        let epoch = Epoch { layout, state, covariance: &self.covariance, truth: None };
+        self.quality.epoch(&epoch, &self.differences);
         self.written.push(estimate[0]);
         self.written.extend_from_slice(&self.state.values);
         self.written.extend_from_slice(&estimate[1 + ambient..][..signals]);
@@ -247,6 +281,7 @@ pub(crate) struct Smoothed {
     rows: Rows,
     row: Row,
     layout: Arc<Layout>,
+    pub(crate) quality: QualityReport,
 }
 
 impl Smoothed {
