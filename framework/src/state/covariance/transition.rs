@@ -1,8 +1,8 @@
 //! Transition of one step: a sparse pattern, found once, and its products.
 
+use super::kernel::Kernel;
 use super::{Covariance, Reach};
 use crate::state::Layout;
-use crate::units::sample::MAX_CHANNELS;
 
 /// Place of an `R` x `C` block of the transition matrix; a block of a fixed state has no place.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +32,7 @@ pub struct Transition {
     excess: f64,
     /// Blocks with dynamics of their own, one entry per axis.
     own: Vec<Own>,
-    compiled: Compiled,
+    kernel: Kernel,
 }
 
 /// One axis of a block with dynamics of its own.
@@ -42,33 +42,6 @@ struct Own {
     /// Index of its decay in `Transition::phi`.
     phi: Option<usize>,
     q: f64,
-}
-
-/// The pattern in the kernel's order, and its work space.
-#[derive(Clone, Debug, Default)]
-struct Compiled {
-    /// Rows of `Phi` that differ from the identity, ascending.
-    rows: Vec<usize>,
-    /// Number of these rows, rounded up to a multiple of four.
-    width: usize,
-    /// End of each row's entries.
-    ends: Vec<usize>,
-    /// Column of each entry, and the index of its value in `Transition::phi`.
-    entries: Vec<(usize, usize)>,
-    /// Index in `rows` of each element of the error state; `None` if its row is not there.
-    position: Vec<Option<usize>>,
-    terms: Terms,
-    x: Vec<f64>,
-    xt: Vec<f64>,
-    y: Vec<f64>,
-    carried: Vec<f64>,
-}
-
-/// Nonzero elements of the changed rows of `Phi` in this step, row by row.
-#[derive(Clone, Debug, Default)]
-struct Terms {
-    ends: Vec<usize>,
-    columns: Vec<(usize, f64)>,
 }
 
 impl Transition {
@@ -175,68 +148,18 @@ impl Transition {
 
     /// Orders the pattern for the kernel. Call once, after every place is declared.
     pub fn compile(&mut self, layout: &Layout) {
-        let n = layout.tangent;
-        let mut rows: Vec<usize> = self.places.iter().map(|p| p.0).collect();
-        rows.sort_unstable();
-        rows.dedup();
-        let mut c = Compiled { position: vec![None; n], ..Compiled::default() };
-        for (k, &row) in rows.iter().enumerate() {
-            c.position[row] = Some(k);
-            let mut entries: Vec<(usize, usize)> = (self.places.iter().enumerate())
-                .filter(|(_, p)| p.0 == row)
-                .map(|(at, p)| (p.1, at))
-                .collect();
-            entries.sort_unstable();
-            c.entries.extend(entries);
-            c.ends.push(c.entries.len());
-        }
-        let (stride, width) = (n.next_multiple_of(4), rows.len().max(1).next_multiple_of(4));
-        c.width = width;
-        c.terms.ends.reserve_exact(rows.len());
-        c.terms.columns.reserve_exact(c.entries.len());
-        c.x = vec![0.0; rows.len() * stride];
-        c.xt = vec![0.0; n * width];
-        c.y = vec![0.0; rows.len() * width];
-        c.carried = Vec::with_capacity(rows.len() * MAX_CHANNELS.next_multiple_of(4));
-        c.rows = rows;
-        self.compiled = c;
+        self.kernel = Kernel::new(layout.tangent, &self.places);
     }
 
     /// `P = Phi P Phi' + Q`, without allocation.
     pub fn propagate(&mut self, covariance: &mut Covariance) {
-        let (n, stride) = (covariance.n, covariance.stride);
-        let p = &mut covariance.p;
-        let Compiled { rows, width, ends, entries, position, terms, x, xt, y, .. } =
-            &mut self.compiled;
-        let width = *width;
-        terms.gather(ends, entries, &self.phi);
-        // X = A P, with A the changed rows of Phi
-        terms.product(p, stride, x, false);
-        for (k, row) in x.chunks_exact(stride).enumerate() {
-            for (v, column) in row.iter().zip(xt.chunks_exact_mut(width)) {
-                column[k] = *v;
-            }
-        }
-        // Y = A X', the elements of P where changed rows and columns meet; Y is symmetric, so its
-        // upper half is enough
-        terms.product(xt, width, y, true);
-        for (row, x) in rows.iter().zip(x.chunks_exact(stride)) {
-            p[row * stride..][..n].copy_from_slice(&x[..n]);
-        }
-        for (j, new) in xt.chunks_exact(width).enumerate() {
-            match position[j] {
-                None => {
-                    let p = &mut p[j * stride..][..n];
-                    rows.iter().zip(new).for_each(|(&row, v)| p[row] = *v);
-                }
-                Some(k) => {
-                    for (&row, v) in rows[k..].iter().zip(&y[k * width + k..]) {
-                        p[j * stride + row] = *v;
-                        p[row * stride + j] = *v;
-                    }
-                }
-            }
-        }
+        self.kernel.propagate(&self.phi, covariance);
+        self.add_noise(covariance);
+    }
+
+    /// `P = P + Q`.
+    fn add_noise(&self, covariance: &mut Covariance) {
+        let (stride, p) = (covariance.stride, &mut covariance.p);
         let share = 1.0 + self.excess;
         for &(at, row, size) in &self.noise {
             for i in 0..size {
@@ -253,19 +176,14 @@ impl Transition {
     /// `G = Phi G` with the `Phi` of the last [`Self::propagate`]. `G` is row-major with rows of
     /// `stride`, a multiple of four; `work` is its work space, which grows once.
     pub fn carry(&self, g: &mut [f64], stride: usize, work: &mut Vec<f64>) {
-        let Compiled { rows, terms, .. } = &self.compiled;
-        work.resize(rows.len() * stride, 0.0);
-        terms.product(g, stride, work, false);
-        for (row, new) in rows.iter().zip(work.chunks_exact(stride)) {
-            g[row * stride..][..stride].copy_from_slice(new);
-        }
+        self.kernel.carry(&self.phi, g, stride, work);
     }
 
     /// Carries a sensor's reach over the last step, as [`Self::carry`] does.
     pub(crate) fn carry_reach(&mut self, reach: &mut Reach) {
-        let mut work = std::mem::take(&mut self.compiled.carried);
+        let mut work = std::mem::take(&mut self.kernel.carried);
         self.carry(&mut reach.g, reach.stride, &mut work);
-        self.compiled.carried = work;
+        self.kernel.carried = work;
     }
 
     /// `(row, column)` of each element of `Phi`, in the order of [`Self::add_to`].
@@ -324,7 +242,7 @@ impl Transition {
     /// `Phi` as a dense matrix: the identity, except in the rows with declared elements.
     pub fn phi_dense(&self, n: usize) -> nalgebra::DMatrix<f64> {
         let mut phi = nalgebra::DMatrix::identity(n, n);
-        for &row in &self.compiled.rows {
+        for &row in self.kernel.rows() {
             phi[(row, row)] = 0.0;
         }
         self.elements().for_each(|(i, j, value)| phi[(i, j)] += value);
@@ -337,62 +255,4 @@ impl Transition {
         self.noise_elements().for_each(|(i, j, value)| q[(i, j)] += value);
         q
     }
-}
-
-impl Terms {
-    fn gather(&mut self, ends: &[usize], entries: &[(usize, usize)], phi: &[f64]) {
-        self.ends.clear();
-        self.columns.clear();
-        let mut start = 0;
-        for &end in ends {
-            let values = entries[start..end].iter().map(|&(column, at)| (column, phi[at]));
-            self.columns.extend(values.filter(|(_, v)| *v != 0.0));
-            self.ends.push(self.columns.len());
-            start = end;
-        }
-    }
-
-    /// `out = A x`, with `x` and `out` row-major and rows of `stride`, a multiple of four. For a
-    /// symmetric result (`half`) only the part right of the diagonal is computed, in groups of
-    /// four.
-    #[inline]
-    fn product(&self, x: &[f64], stride: usize, out: &mut [f64], half: bool) {
-        let mut start = 0;
-        for (k, (&end, row)) in self.ends.iter().zip(out.chunks_exact_mut(stride)).enumerate() {
-            let terms = &self.columns[start..end];
-            let mut at = if half { k / 4 * 4 } else { 0 };
-            // as many columns at once as fit into the registers
-            while at < stride {
-                at += match stride - at {
-                    4 => accumulate::<4>(terms, x, stride, at, row),
-                    8 => accumulate::<8>(terms, x, stride, at, row),
-                    12 => accumulate::<12>(terms, x, stride, at, row),
-                    16 => accumulate::<16>(terms, x, stride, at, row),
-                    _ => accumulate::<20>(terms, x, stride, at, row),
-                };
-            }
-            start = end;
-        }
-    }
-}
-
-/// `W` columns of one row of the product, kept in registers.
-#[inline(always)]
-fn accumulate<const W: usize>(
-    terms: &[(usize, f64)],
-    x: &[f64],
-    stride: usize,
-    at: usize,
-    row: &mut [f64],
-) -> usize {
-    let mut sum = [0.0; W];
-    for &(column, a) in terms {
-        if let Some(x) = x[column * stride + at..].first_chunk::<W>() {
-            for (s, x) in sum.iter_mut().zip(x) {
-                *s += a * x;
-            }
-        }
-    }
-    row[at..at + W].copy_from_slice(&sum);
-    W
 }
