@@ -29,7 +29,7 @@ pub(super) struct Kernel {
     xt: Vec<f64>,
     y: Vec<f64>,
     pub(super) carried: Vec<f64>,
-    processor: Arch,
+    pub(super) processor: Arch,
 }
 
 /// Consecutive changed rows.
@@ -88,7 +88,8 @@ impl Kernel {
                 _ => runs.push(Run { row, at, length: 1 }),
             }
         }
-        let (stride, width) = (n.next_multiple_of(4), rows.len().max(1).next_multiple_of(4));
+        let (stride, width) =
+            (n.max(1).next_multiple_of(4), rows.len().max(1).next_multiple_of(4));
         Self {
             identity: (0..n).filter(|row| rows.binary_search(row).is_err()).collect(),
             width,
@@ -116,12 +117,6 @@ impl Kernel {
     /// `P = Phi P Phi'`, without allocation.
     pub(super) fn propagate(&mut self, phi: &[f64], covariance: &mut Covariance) {
         self.processor.dispatch(Propagation { kernel: self, phi, covariance });
-    }
-
-    /// [`Self::propagate`] with the instructions that every processor of the target has.
-    #[cfg(test)]
-    pub(super) fn propagate_portably(&mut self, phi: &[f64], covariance: &mut Covariance) {
-        self.product_with(phi, covariance);
     }
 
     #[inline(always)]

@@ -1,5 +1,7 @@
 //! The symmetric covariance of the error state.
 
+use crate::state::manifold::MAX_TANGENT;
+
 /// A symmetric covariance, row-major, with rows padded to a multiple of four so that the kernel
 /// runs on whole vectors.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,7 +14,7 @@ pub struct Covariance {
 impl Covariance {
     /// The zero covariance of dimension `n`.
     pub fn zero(n: usize) -> Self {
-        let stride = n.next_multiple_of(4);
+        let stride = n.max(1).next_multiple_of(4);
         Self { n, stride, p: vec![0.0; n * stride] }
     }
 
@@ -49,14 +51,23 @@ impl Covariance {
 
     /// `P = G P G'` with `G` the identity but for the block `g` (row-major) on the range.
     pub fn transform(&mut self, range: std::ops::Range<usize>, g: &[f64]) {
+        const LANES: usize = 4;
         let (w, stride) = (range.len(), self.stride);
-        let mut column = [0.0; crate::state::manifold::MAX_TANGENT];
-        for j in 0..self.n {
-            for (a, c) in column[..w].iter_mut().enumerate() {
-                *c = (0..w).map(|b| g[a * w + b] * self.p[(range.start + b) * stride + j]).sum();
+        let rows = &mut self.p[range.start * stride..range.end * stride];
+        for at in (0..stride).step_by(LANES) {
+            let mut old = [[0.0; LANES]; MAX_TANGENT];
+            for (old, row) in old.iter_mut().zip(rows.chunks_exact(stride)) {
+                old.copy_from_slice(&row[at..at + LANES]);
             }
-            (0..w).for_each(|a| self.p[(range.start + a) * stride + j] = column[a]);
+            for (row, g) in rows.chunks_exact_mut(stride).zip(g.chunks_exact(w)) {
+                let mut sum = [-0.0; LANES];
+                for (g, old) in g.iter().zip(&old) {
+                    (0..LANES).for_each(|i| sum[i] += g * old[i]);
+                }
+                row[at..at + LANES].copy_from_slice(&sum);
+            }
         }
+        let mut column = [0.0; MAX_TANGENT];
         for j in 0..self.n {
             let row = &mut self.p[j * stride..][range.clone()];
             for (a, c) in column[..w].iter_mut().enumerate() {

@@ -6,6 +6,7 @@
 
 mod kernel;
 mod matrix;
+mod rank;
 mod transition;
 mod update;
 

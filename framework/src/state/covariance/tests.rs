@@ -8,6 +8,7 @@ use crate::state::manifold::Vector;
 use crate::state::{BlockSpec, Display, Dynamics, Layout, Mode};
 use nalgebra::{DMatrix, DVector, SMatrix};
 use proptest::prelude::*;
+use pulp::Arch;
 
 /// Double precision leaves 2^-53; a sum of k products of norm one is good to k 2^-53. The longest
 /// chain here has k = 3 x 36 terms, so 1.2e-14 of the largest product; 1e-12 is what the framework
@@ -175,6 +176,11 @@ fn covariance_of(dense: &DMatrix<f64>) -> Covariance {
     p
 }
 
+/// The elements to the bit: results must not depend on the instructions of the processor.
+fn bits(p: &Covariance) -> Vec<u64> {
+    p.p.iter().map(|x| x.to_bits()).collect()
+}
+
 fn largest(m: &DMatrix<f64>) -> f64 {
     m.iter().fold(0.0, |a, x| a.max(x.abs()))
 }
@@ -224,8 +230,12 @@ proptest! {
         let mut dense = u.definite(n);
         let mut p = covariance_of(&dense);
         dense = p.to_dense();
+        let (mut portable, mut same_p) = (transition.clone(), p.clone());
+        portable.kernel.processor = Arch::Scalar;
         for _ in 0..3 {
             transition.propagate(&mut p);
+            portable.propagate(&mut same_p);
+            prop_assert_eq!(bits(&p), bits(&same_p));
             dense = &phi * &dense * phi.transpose() + &q;
             same(&p, &dense)?;
         }
@@ -262,8 +272,14 @@ proptest! {
         update.h = h.transpose().as_slice().to_vec();
         update.r = r.as_slice().to_vec();
         update.innovation = innovation.as_slice().to_vec();
+        let (mut portable, mut same) = (update.clone(), p.clone());
+        portable.processor = Arch::Scalar;
         let nis = update.innovate(&p).unwrap();
         update.apply(&mut p, &considered);
+        prop_assert_eq!(portable.innovate(&same).map(f64::to_bits), Some(nis.to_bits()));
+        portable.apply(&mut same, &considered);
+        prop_assert_eq!(bits(&p), bits(&same));
+        prop_assert_eq!(update.gain(), portable.gain());
 
         let s = &full * &prior * full.transpose() + &r;
         let inverse = s.clone().cholesky().unwrap().inverse();

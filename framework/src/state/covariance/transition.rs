@@ -32,7 +32,7 @@ pub struct Transition {
     excess: f64,
     /// Blocks with dynamics of their own, one entry per axis.
     own: Vec<Own>,
-    kernel: Kernel,
+    pub(super) kernel: Kernel,
 }
 
 /// One axis of a block with dynamics of its own.

@@ -1,7 +1,9 @@
 //! Measurement update of the covariance.
 
 use super::Covariance;
+use super::rank::{Joseph, Projection};
 use crate::units::sample::MAX_CHANNELS;
+use pulp::Arch;
 
 /// Work space of an update: innovation, Jacobian and gain, allocated once.
 #[derive(Clone, Debug, Default)]
@@ -20,10 +22,16 @@ pub struct Update {
     pub s: Vec<f64>,
     /// The correction of the error state.
     pub delta: Vec<f64>,
-    lower: Vec<f64>,
-    l: Vec<f64>,
+    pub(super) lower: Vec<f64>,
+    /// `H P`: one row for each component, padded as those of the covariance.
+    pub(super) hp: Vec<f64>,
+    /// The gain transposed, likewise.
+    pub(super) kt: Vec<f64>,
     gain: Vec<f64>,
-    work: Vec<f64>,
+    /// Rows of `G` of [`Self::direction`].
+    l: Vec<f64>,
+    pub(super) work: Vec<f64>,
+    pub(super) processor: Arch,
 }
 
 /// Propagation of an error that a sensor measured at one time: `G`, one row per state; empty when
@@ -80,8 +88,11 @@ impl Update {
             s: Vec::with_capacity(m * m),
             delta: vec![0.0; n],
             lower: Vec::with_capacity(m * m),
-            l: Vec::with_capacity(n * m),
+            hp: Vec::with_capacity(m * n.next_multiple_of(4)),
+            kt: Vec::with_capacity(m * n.next_multiple_of(4)),
             gain: Vec::with_capacity(n * m),
+            l: Vec::with_capacity(n * m),
+            processor: Arch::new(),
             work: Vec::with_capacity(n * n.max(m)),
         }
     }
@@ -100,24 +111,8 @@ impl Update {
     /// Computes `S = H P H' + R` and the normalised innovation squared, which may be infinite;
     /// `None` if `S` is not positive definite.
     pub fn innovate(&mut self, covariance: &Covariance) -> Option<f64> {
-        let (n, m, w) = (covariance.n, self.m, self.columns.len());
-        self.l.clear();
-        for i in 0..n {
-            let row = &covariance.p[i * covariance.stride..][..n];
-            for a in 0..m {
-                let h = &self.h[a * w..a * w + w];
-                self.l.push(h.iter().zip(&self.columns).map(|(h, &c)| h * row[c]).sum());
-            }
-        }
-        self.s.clear();
-        self.s.extend_from_slice(&self.r);
-        for a in 0..m {
-            for b in 0..m {
-                let h = &self.h[a * w..a * w + w];
-                self.s[a * m + b] +=
-                    h.iter().zip(&self.columns).map(|(h, &c)| h * self.l[c * m + b]).sum::<f64>();
-            }
-        }
+        let m = self.m;
+        self.processor.dispatch(Projection { update: self, covariance });
         if !cholesky(&self.s, m, &mut self.lower) {
             return None;
         }
@@ -340,46 +335,12 @@ impl Update {
     /// update `P = (I - K H) P (I - K H)' + K R K'` (Groves eq. 3.58), which holds for any gain.
     /// After [`Self::innovate`].
     pub fn apply(&mut self, covariance: &mut Covariance, considered: &[bool]) {
-        let (n, m, w, stride) = (covariance.n, self.m, self.columns.len(), covariance.stride);
+        self.processor.dispatch(Joseph { update: self, covariance, considered });
+        let (m, stride) = (self.m, covariance.stride);
         self.gain.clear();
-        self.gain.extend_from_slice(&self.l);
-        for (i, row) in self.gain.chunks_exact_mut(m).enumerate() {
-            if considered[i] {
-                row.fill(0.0);
-            } else {
-                forward(&self.lower, m, row);
-                backward(&self.lower, m, row);
-            }
-            self.delta[i] = row.iter().zip(&self.innovation).map(|(k, y)| k * y).sum();
+        for i in 0..covariance.n {
+            self.gain.extend((0..m).map(|a| self.kt[a * stride + i]));
         }
-        // A = (I - K H) P = P - K L'
-        let p = &mut covariance.p;
-        for i in 0..n {
-            let k = &self.gain[i * m..i * m + m];
-            for j in 0..n {
-                let l = &self.l[j * m..j * m + m];
-                p[i * stride + j] -= k.iter().zip(l).map(|(k, l)| k * l).sum::<f64>();
-            }
-        }
-        // A (I - K H)' + K R K' = A - (A H' - K R) K'
-        self.work.clear();
-        for i in 0..n {
-            for a in 0..m {
-                let h = &self.h[a * w..a * w + w];
-                let ah: f64 =
-                    h.iter().zip(&self.columns).map(|(h, &c)| h * p[i * stride + c]).sum();
-                let kr: f64 = (0..m).map(|b| self.gain[i * m + b] * self.r[b * m + a]).sum();
-                self.work.push(ah - kr);
-            }
-        }
-        for i in 0..n {
-            let d = &self.work[i * m..i * m + m];
-            for j in 0..n {
-                let k = &self.gain[j * m..j * m + m];
-                p[i * stride + j] -= d.iter().zip(k).map(|(d, k)| d * k).sum::<f64>();
-            }
-        }
-        covariance.symmetrise();
     }
 }
 
