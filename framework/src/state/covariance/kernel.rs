@@ -88,8 +88,7 @@ impl Kernel {
                 _ => runs.push(Run { row, at, length: 1 }),
             }
         }
-        let (stride, width) =
-            (n.max(1).next_multiple_of(4), rows.len().max(1).next_multiple_of(4));
+        let (stride, width) = (n.max(1).next_multiple_of(4), rows.len().max(1).next_multiple_of(4));
         Self {
             identity: (0..n).filter(|row| rows.binary_search(row).is_err()).collect(),
             width,
@@ -131,7 +130,8 @@ impl Kernel {
         // upper half is enough
         terms.product(phi, xt, width, y, true);
         for &Run { row, at, length } in &*runs {
-            p[row * stride..][..length * stride].copy_from_slice(&x[at * stride..][..length * stride]);
+            p[row * stride..][..length * stride]
+                .copy_from_slice(&x[at * stride..][..length * stride]);
         }
         for &row in &*identity {
             let (to, from) = (&mut p[row * stride..][..stride], &xt[row * width..][..width]);

@@ -75,7 +75,7 @@ impl Covariance {
             }
             row.copy_from_slice(&column[..w]);
         }
-        self.symmetrise();
+        self.symmetrise_rows(range);
     }
 
     /// `P = G P G'`, where `G` is the identity except for `g` in three rows of column `k`, which is
@@ -96,16 +96,26 @@ impl Covariance {
             let by = row[k];
             row[rows.clone()].iter_mut().zip(g).for_each(|(p, g)| *p += g * by);
         }
-        self.symmetrise();
+        self.symmetrise_rows(rows);
     }
 
+    /// Replaces the matrix by the mean of it and its transpose.
     pub(super) fn symmetrise(&mut self) {
-        for i in 0..self.n {
-            for j in 0..i {
-                let mean = 0.5 * (self.p[i * self.stride + j] + self.p[j * self.stride + i]);
-                self.p[i * self.stride + j] = mean;
-                self.p[j * self.stride + i] = mean;
-            }
+        (0..self.n).for_each(|i| self.symmetrise_row(i, i));
+    }
+
+    /// [`Self::symmetrise`] where these rows and their columns alone have changed.
+    fn symmetrise_rows(&mut self, rows: std::ops::Range<usize>) {
+        rows.for_each(|i| self.symmetrise_row(i, self.n));
+    }
+
+    /// Replaces the first elements of a row, and of its column, by their mean.
+    #[inline]
+    fn symmetrise_row(&mut self, i: usize, columns: usize) {
+        for j in 0..columns {
+            let mean = 0.5 * (self.p[i * self.stride + j] + self.p[j * self.stride + i]);
+            self.p[i * self.stride + j] = mean;
+            self.p[j * self.stride + i] = mean;
         }
     }
 }

@@ -97,18 +97,19 @@ impl Update {
         let (n, m, w, stride) = (covariance.n, self.m, self.columns.len(), covariance.stride);
         let Self { columns, h, r, hp, kt, work, .. } = self;
         work.clear();
-        work.resize(2 * m, 0.0);
-        let (k, d) = work.split_at_mut(m);
+        work.resize(2 * m + stride, 0.0);
+        let (k, rest) = work.split_at_mut(m);
+        let (d, sum) = rest.split_at_mut(m);
         for (i, row) in covariance.p.chunks_exact_mut(stride).enumerate().take(n) {
             for (k, kt) in k.iter_mut().zip(kt.chunks_exact(stride)) {
                 *k = kt[i];
             }
-            subtract(row, k, hp, stride);
+            subtract(row, k, hp, sum);
             for (a, d) in d.iter_mut().enumerate() {
                 let kr: f64 = k.iter().enumerate().map(|(b, k)| k * r[b * m + a]).sum();
                 *d = dot(&h[a * w..][..w], columns, row) - kr;
             }
-            subtract(row, d, kt, stride);
+            subtract(row, d, kt, sum);
         }
         covariance.symmetrise();
     }
@@ -120,17 +121,17 @@ fn dot(h: &[f64], columns: &[usize], row: &[f64]) -> f64 {
     h.iter().zip(columns).map(|(h, &column)| h * row[column]).sum()
 }
 
-/// `row = row - k' X`.
+/// `row = row - k' X`, with the sum in `sum`.
 #[inline(always)]
-fn subtract(row: &mut [f64], k: &[f64], x: &[f64], stride: usize) {
-    for (at, row) in row.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
-        let mut sum = [-0.0; LANES];
-        for (a, k) in k.iter().enumerate() {
-            if let Some(x) = x[a * stride + LANES * at..].first_chunk::<LANES>() {
-                (0..LANES).for_each(|i| sum[i] += k * x[i]);
-            }
+fn subtract(row: &mut [f64], k: &[f64], x: &[f64], sum: &mut [f64]) {
+    sum.fill(-0.0);
+    for (k, x) in k.iter().zip(x.chunks_exact(row.len())) {
+        for (sum, x) in sum.iter_mut().zip(x) {
+            *sum += k * x;
         }
-        (0..LANES).for_each(|i| row[i] -= sum[i]);
+    }
+    for (row, sum) in row.iter_mut().zip(&*sum) {
+        *row -= sum;
     }
 }
 

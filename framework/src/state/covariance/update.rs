@@ -93,7 +93,7 @@ impl Update {
             gain: Vec::with_capacity(n * m),
             l: Vec::with_capacity(n * m),
             processor: Arch::new(),
-            work: Vec::with_capacity(n * n.max(m)),
+            work: Vec::with_capacity((n * n.max(m)).max(n + 2 * m + 4)),
         }
     }
 
