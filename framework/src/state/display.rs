@@ -10,6 +10,10 @@ pub const ANGLES: Display =
     Display { unit: "deg", scale: PI / 180.0, components: &["roll", "pitch", "yaw"] };
 /// One angle in degrees.
 pub const ANGLE: Display = Display { unit: "deg", scale: PI / 180.0, components: &["angle"] };
+/// Pitch in degrees.
+pub const PITCH: Display = Display { components: &["pitch"], ..ANGLE };
+/// Yaw in degrees.
+pub const YAW: Display = Display { components: &["yaw"], ..ANGLE };
 /// Three body axes in metres.
 pub const LEVER_ARM: Display = Display { unit: "m", scale: 1.0, components: &["x", "y", "z"] };
 /// A length in metres.

@@ -55,9 +55,6 @@ fn ten_hertz() -> Positive<Frequency> {
     Positive::from_si(10.0)
 }
 
-const PITCH: Display = Display { components: &["pitch"], ..display::ANGLES };
-const YAW: Display = Display { components: &["yaw"], ..display::ANGLES };
-
 impl SensorType for NonHolonomic {
     const TYPE: &'static str = "non-holonomic";
 
@@ -70,10 +67,10 @@ impl SensorType for NonHolonomic {
             self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?;
         let model = NonHolonomicModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
-            side_slip: self.side_slip.block(composer, "side_slip", &[0.0], YAW)?,
-            suspension: self.suspension.block(composer, "suspension", &[0.0], PITCH)?,
-            pitch: self.pitch.block(composer, "pitch", &[0.0], PITCH)?,
-            yaw: self.yaw.block(composer, "yaw", &[0.0], YAW)?,
+            side_slip: self.side_slip.block(composer, "side_slip", &[0.0], display::YAW)?,
+            suspension: self.suspension.block(composer, "suspension", &[0.0], display::PITCH)?,
+            pitch: self.pitch.block(composer, "pitch", &[0.0], display::PITCH)?,
+            yaw: self.yaw.block(composer, "yaw", &[0.0], display::YAW)?,
             lever_arm,
             sigma: [self.lateral_noise.value().si(), self.vertical_noise.value().si()],
         };

@@ -2,7 +2,7 @@
 //! and after the dive.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-use navfuse_campaign::{Campaign, Folder, Options, execute};
+use navfuse_campaign::{Options, report};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_testing::{document, registry};
@@ -50,14 +50,7 @@ fn the_error_grows_in_the_dive_and_is_that_of_gnss_before_and_after() {
 fn twenty_runs_are_consistent() {
     let (registry, document) = (registry(), document("surface-dive.toml"));
     let options = Options { runs: 20, every: Some(20.0), ..Options::default() };
-    let plan = Campaign::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
-    let mut folder = Folder::create(None, &plan, None).expect("no folder");
-    let stop = AtomicBool::new(false);
-    let done =
-        execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, |record| folder.add(record));
-    let results =
-        folder.finish(done.unwrap_or_else(|e| panic!("{e}"))).expect("nothing is written");
-    let report = results.map(|r| r.report).expect("the whole campaign");
+    let report = report(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     let verdict = report.points[0].verdict.as_ref().expect("runs have a verdict");
     assert!(verdict.consistent, "{verdict:#?}");
 }

@@ -14,7 +14,7 @@ use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
 use navfuse_core::plugin::{Need, Plugin, Registry, SensorType};
 use navfuse_core::state::display;
 use navfuse_core::state::manifold::{Scalar, Vector};
-use navfuse_core::state::{Display, Handle, View};
+use navfuse_core::state::{Handle, View};
 use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{Angle, AngularRateNoise, Sigma, Speed};
 use navfuse_ins::Navigation;
@@ -53,8 +53,6 @@ pub struct Odometer {
     pub navigation: String,
 }
 
-const PITCH: Display = Display { components: &["pitch"], ..display::ANGLES };
-const YAW: Display = Display { components: &["yaw"], ..display::ANGLES };
 const LATERAL: usize = 1;
 const VERTICAL: usize = 2;
 
@@ -69,8 +67,8 @@ impl SensorType for Odometer {
         Ok(Role::measurement(OdometerModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
             scale: self.scale.block(composer, "scale", &[1.0], display::RATIO)?,
-            pitch: self.pitch.block(composer, "pitch", &[0.0], PITCH)?,
-            yaw: self.yaw.block(composer, "yaw", &[0.0], YAW)?,
+            pitch: self.pitch.block(composer, "pitch", &[0.0], display::PITCH)?,
+            yaw: self.yaw.block(composer, "yaw", &[0.0], display::YAW)?,
             lever_arm: self.lever_arm.block(
                 composer,
                 "lever_arm",

@@ -2,7 +2,7 @@
 //! defect passes.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-use navfuse_campaign::{Campaign, Folder, Options, PointReport, Verdict, execute};
+use navfuse_campaign::{Options, PointReport, Verdict, report};
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::ScaleFactor;
@@ -19,7 +19,6 @@ use navfuse_core::units::sample::Channel;
 use navfuse_core::units::{Sigma, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::sync::atomic::AtomicBool;
 
 /// Sensor of an outsider: the velocity in navigation axes with a scale factor, `z = s v^n`, and a
 /// hand-written Jacobian.
@@ -132,14 +131,7 @@ fn campaign(settings: &[&str]) -> PointReport {
     let mut document = Document::parse("linear.toml", SCENARIO).expect("a scenario");
     settings.iter().for_each(|s| document.set(s).expect("a setting"));
     let options = Options { runs: 60, every: Some(2.0), ..Options::default() };
-    let plan = Campaign::new(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
-    let mut folder = Folder::create(None, &plan, None).expect("no folder");
-    let stop = AtomicBool::new(false);
-    let done =
-        execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, |record| folder.add(record));
-    let results =
-        folder.finish(done.unwrap_or_else(|e| panic!("{e}"))).expect("nothing is written");
-    let report = results.map(|r| r.report).expect("the whole campaign");
+    let report = report(&registry, &document, &options).unwrap_or_else(|e| panic!("{e}"));
     report.points.into_iter().next().expect("one point")
 }
 
