@@ -111,8 +111,13 @@ impl Segment {
         self.columns.extend_from_slice(&update.columns);
         // the Jacobian may have more room than rows
         let h = &update.h[..update.m * update.columns.len()];
-        let cross = if self.considers { update.cross_covariance() } else { &[] };
-        for part in [h, &update.s, update.gain(), cross, &update.innovation, &update.delta] {
+        for part in [h, &update.s, update.gain()] {
+            self.data.extend_from_slice(part);
+        }
+        if self.considers {
+            self.data.extend(update.cross_covariance());
+        }
+        for part in [&update.innovation, &update.delta] {
             self.data.extend_from_slice(part);
         }
     }

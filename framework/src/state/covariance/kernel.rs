@@ -113,6 +113,12 @@ impl Kernel {
         &self.rows
     }
 
+    /// Approximate size, bytes.
+    pub(super) fn size(&self) -> usize {
+        (self.x.len() + self.xt.len() + self.y.len()) * size_of::<f64>()
+            + self.declared.elements.len() * 2 * size_of::<(usize, usize)>()
+    }
+
     /// `P = Phi P Phi'`, without allocation.
     pub(super) fn propagate(&mut self, phi: &[f64], covariance: &mut Covariance) {
         self.processor.dispatch(Propagation { kernel: self, phi, covariance });

@@ -214,9 +214,10 @@ impl Transition {
 
     /// Approximate size, bytes.
     pub(crate) fn size(&self) -> usize {
-        let c = &self.compiled;
-        let numbers = self.phi.len() + self.q.len() + c.x.len() + c.xt.len() + c.y.len();
-        numbers * size_of::<f64>() + (self.places.len() + c.entries.len()) * size_of::<[usize; 4]>()
+        let numbers = self.phi.len() + self.q.len();
+        numbers * size_of::<f64>()
+            + self.places.len() * size_of::<[usize; 4]>()
+            + self.kernel.size()
     }
 
     /// Multiplies the standard deviation of the models' process noise by `factor`.

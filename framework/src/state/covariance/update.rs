@@ -104,8 +104,9 @@ impl Update {
 
     /// `P H'` of the last [`Self::innovate`], row-major `n` x `m`: the covariance of the error with
     /// the innovation.
-    pub fn cross_covariance(&self) -> &[f64] {
-        &self.l
+    pub fn cross_covariance(&self) -> impl Iterator<Item = f64> + '_ {
+        let stride = self.hp.len() / self.m.max(1);
+        (0..self.delta.len() * self.m).map(move |k| self.hp[k % self.m * stride + k / self.m])
     }
 
     /// Computes `S = H P H' + R` and the normalised innovation squared, which may be infinite;
@@ -338,9 +339,7 @@ impl Update {
         self.processor.dispatch(Joseph { update: self, covariance, considered });
         let (m, stride) = (self.m, covariance.stride);
         self.gain.clear();
-        for i in 0..covariance.n {
-            self.gain.extend((0..m).map(|a| self.kt[a * stride + i]));
-        }
+        self.gain.extend((0..covariance.n * m).map(|k| self.kt[k % m * stride + k / m]));
     }
 }
 
