@@ -42,7 +42,7 @@ fn a_scenario_with_neither_a_reference_nor_initial_values_is_rejected() {
         campaign_fails_with(
             command,
             &off,
-            &["quickstart.toml:12", "initial value", "[sensor.reference]"],
+            &["quickstart.toml:13", "initial value", "[sensor.reference]"],
         );
     }
 }

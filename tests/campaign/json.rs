@@ -44,7 +44,7 @@ fn the_report_has_the_documented_keys_and_nothing_else_is_on_standard_output() {
     // a NaN would not be JSON
     let report: Value = serde_json::from_str(&text).expect("one JSON object");
     assert_eq!(report, json(&folder.path().join("report.json")));
-    has_keys(&report, &["scenario", "keys", "runs", "seed", "points"]);
+    has_keys(&report, &["scenario", "keys", "runs", "smoothed", "seed", "points"]);
     assert_eq!(
         (&report["scenario"], &report["runs"], &report["seed"]),
         (&"quickstart".into(), &2.into(), &1.into())

@@ -8,55 +8,9 @@
 //! the measurements.
 
 use super::filter::{Ekf, EstimatorError};
-use crate::compose::Composition;
-use crate::model::process::{Input, Interval};
 use crate::model::record::{Event, Level, Observer, Rejection};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
-
-/// Last sample of a driving sensor beside the first.
-#[derive(Clone)]
-pub(super) struct Held {
-    process: usize,
-    sensor: usize,
-    sample: Option<Sample>,
-    /// Time between the last two samples, s.
-    interval: f64,
-}
-
-impl Held {
-    /// The driving sensors beside the first.
-    pub(super) fn of(composition: &Composition) -> Vec<Self> {
-        let processes = composition.processes.iter().enumerate();
-        let driven = processes.filter_map(|(process, p)| Some((process, p.input?)));
-        let others = driven.skip(1);
-        others
-            .map(|(process, sensor)| Self { process, sensor, sample: None, interval: 0.0 })
-            .collect()
-    }
-
-    /// Returns `true` if the sensor drives the process.
-    pub(super) fn drives(&self, process: usize) -> bool {
-        self.process == process
-    }
-
-    fn input(&self) -> Option<Input<'_>> {
-        let (duration, usual) = (self.interval, self.interval);
-        self.sample.as_ref().map(|sample| Input { sample, duration, usual, spread: None })
-    }
-}
-
-/// Interval as a process sees it: with the sample of its own driving sensor.
-pub(super) fn of_process<'a>(
-    held: &'a [Held],
-    process: usize,
-    interval: &Interval<'a>,
-) -> Interval<'a> {
-    match held.iter().find(|held| held.process == process) {
-        Some(own) => Interval { input: own.input(), ..*interval },
-        None => *interval,
-    }
-}
 
 impl Ekf {
     /// Takes a sample of a driving sensor beside the first, which holds from its time on.

@@ -5,10 +5,10 @@
 //! splits the driving interval there, so that every update happens at its own time.
 
 use super::cadence::Cadence;
+use super::clones::Clones;
 use super::delay::History;
-use super::drivers::Held;
+use super::held::Held;
 use super::iterated::Iterated;
-use super::past::Clones;
 use super::points::SigmaPoints;
 use super::screen::Screen;
 use super::slot::SensorSlot;

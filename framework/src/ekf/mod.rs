@@ -3,11 +3,13 @@
 mod alignment;
 mod bias;
 mod cadence;
+mod clones;
 mod correct;
 mod curvature;
 mod delay;
 mod drivers;
 mod filter;
+mod held;
 mod iterated;
 mod lockout;
 mod past;

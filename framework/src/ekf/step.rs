@@ -2,8 +2,8 @@
 //! times.
 
 use super::cadence::Cadence;
-use super::drivers::of_process;
 use super::filter::{Ekf, EstimatorError, MAX_PENDING, Memory, rejected};
+use super::held::of_process;
 use crate::model::monitor::Monitor;
 use crate::model::process::{Input, Interval};
 use crate::model::record::{Event, Level, Observer, Rejection};

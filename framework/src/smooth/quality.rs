@@ -259,9 +259,7 @@ impl Quality {
             [sum[0] + samples, sum[1] + channels]
         });
         let share = samples / (usual * (to - from) as f64);
-        let rows = median(
-            self.parts.iter().map(|part| of(part)).filter(|s| s[0] > 0.0).map(|s| s[1] / s[0]),
-        )?;
+        let rows = median(self.parts.iter().map(of).filter(|s| s[0] > 0.0).map(|s| s[1] / s[0]))?;
         if samples == 0.0 {
             Some("no sample used".to_owned())
         } else if share < RARE {

@@ -1,0 +1,50 @@
+//! The last sample of each driving sensor beside the first.
+
+use crate::compose::Composition;
+use crate::model::process::{Input, Interval};
+use crate::units::sample::Sample;
+
+/// Last sample of a driving sensor beside the first.
+#[derive(Clone)]
+pub(super) struct Held {
+    pub(super) process: usize,
+    pub(super) sensor: usize,
+    pub(super) sample: Option<Sample>,
+    /// Time between the last two samples, s.
+    pub(super) interval: f64,
+}
+
+impl Held {
+    /// The driving sensors beside the first.
+    pub(super) fn of(composition: &Composition) -> Vec<Self> {
+        let processes = composition.processes.iter().enumerate();
+        let driven = processes.filter_map(|(process, p)| Some((process, p.input?)));
+        let others = driven.skip(1);
+        others
+            .map(|(process, sensor)| Self { process, sensor, sample: None, interval: 0.0 })
+            .collect()
+    }
+
+    /// Returns `true` if the sensor drives the process.
+    pub(super) fn drives(&self, process: usize) -> bool {
+        self.process == process
+    }
+
+    /// The input of its process, once a sample was there.
+    pub(super) fn input(&self) -> Option<Input<'_>> {
+        let (duration, usual) = (self.interval, self.interval);
+        self.sample.as_ref().map(|sample| Input { sample, duration, usual, spread: None })
+    }
+}
+
+/// Interval as a process sees it: with the sample of its own driving sensor.
+pub(super) fn of_process<'a>(
+    held: &'a [Held],
+    process: usize,
+    interval: &Interval<'a>,
+) -> Interval<'a> {
+    match held.iter().find(|held| held.process == process) {
+        Some(own) => Interval { input: own.input(), ..*interval },
+        None => *interval,
+    }
+}
