@@ -6,7 +6,7 @@
 //! ```
 //! use navfuse_frames::{Frames, Sentences};
 //! use navfuse_nmea::{Sentence, parse};
-//! let bytes = &b"noise$HEHDT,123.4,T*2F\r\n"[..];
+//! let bytes = &b"noise$HEHDT,123.4,T*2B\r\n"[..];
 //! let mut frames = Frames::new(bytes, Sentences::NMEA);
 //! while let Some(frame) = frames.next()? {
 //!     let sentence = parse(Sentences::NMEA.content(frame.bytes));

@@ -107,7 +107,7 @@ fn write(recording: &Recording, parts: &[&str], panel: &Panel) -> Result<Range, 
         let name = names.unique(&band.name);
         for (k, side) in [(1, "lower"), (2, "upper")] {
             let path = entity(&[parts, &[name.as_str(), side]].concat());
-            let mut series = Series::lines(path, &[(band.name.clone(), Band::COLOUR, 1.4)]);
+            let mut series = Series::lines(path, &[(band.name.clone(), Band::COLOUR, 2.0)]);
             let points = band.points.iter().map(|p| [p[0], p[k]]);
             send(recording, &mut series, points, panel.y.scale, &mut range)?;
         }

@@ -44,8 +44,8 @@ const PAGES: &[(&[&str], Views)] = &[
     (
         &["Navigation states", "Attitude"],
         &[
-            ("roll error [mdeg]", &[RED, BOUND]),
-            ("pitch error, end [mdeg]", &[GREEN, BOUND]),
+            ("roll error [deg]", &[RED, BOUND]),
+            ("pitch error, end [deg]", &[GREEN, BOUND]),
             ("yaw sigma [10^y deg]", &[BLUE]),
             ("roll [deg]", &[TRUTH, BOUND]),
             ("yaw [deg]", &[TRUTH, BOUND]),
