@@ -39,7 +39,11 @@ const PAGES: &[(&[&str], Views)] = &[
     ),
     (
         &["Track"],
-        &[("3-D track", &[TRUTH, RED, START, VELOCITY]), ("Map with tiles", &[TRUTH, RED])],
+        &[
+            ("3-D track", &[TRUTH, START, VELOCITY]),
+            ("3-D, follows the vehicle", &[RED]),
+            ("Map with tiles", &[TRUTH, RED]),
+        ],
     ),
     (
         &["Navigation states", "Attitude"],
