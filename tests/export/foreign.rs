@@ -6,39 +6,20 @@
 
 use crate::common::root;
 use crate::{FORMATS, run};
+use navfuse_testing::python::Packages;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const PACKAGES: [&str; 7] = ["evo", "fastkml", "geojson", "gpxpy", "pandas", "pyarrow", "pynmea2"];
-
-fn works(python: &Path) -> bool {
-    let import = format!("import {}", PACKAGES.join(", "));
-    Command::new(python).args(["-c", &import]).output().is_ok_and(|o| o.status.success())
-}
-
 /// Returns a Python with the readers, or prints the reason why there is none.
 fn python() -> Option<PathBuf> {
-    if let Some(python) = std::env::var_os("NAVFUSE_EXPORT_PYTHON").map(PathBuf::from) {
-        assert!(works(&python), "{} lacks one of {PACKAGES:?}", python.display());
-        return Some(python);
+    Packages {
+        names: "the readers of exported files",
+        folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("exports"),
+        variable: Some("NAVFUSE_EXPORT_PYTHON"),
+        check: "import evo, fastkml, geojson, gpxpy, pandas, pyarrow, pynmea2",
+        install: &[&["evo", "fastkml", "geojson", "gpxpy", "pandas", "pyarrow", "pynmea2"]],
     }
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("exports");
-    let python = folder.join("bin/python");
-    if works(&python) {
-        return Some(python);
-    }
-    let run = |program: &Path, arguments: &[&str]| {
-        let output = Command::new(program).args(arguments).output();
-        output.is_ok_and(|o| o.status.success())
-    };
-    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
-    let installed = run(Path::new("python3"), &["-m", "venv", &folder.display().to_string()])
-        && run(&python, &[&pip[..], &PACKAGES].concat());
-    if installed && works(&python) {
-        return Some(python);
-    }
-    println!("skipped: {} need python3 with venv, and PyPI", PACKAGES.join(", "));
-    None
+    .python()
 }
 
 #[test]

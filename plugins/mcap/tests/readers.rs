@@ -11,46 +11,30 @@ use common::{fixture, read};
 use navfuse_core::model::stream::Sink;
 use navfuse_core::units::time::Time;
 use navfuse_mcap::Compression;
+use navfuse_testing::python::{Packages, output};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const READERS: [&str; 2] = ["mcap-ros2-support==0.6.0", "rosbags==0.11.9"];
 
-/// Runs a command and returns its output, or the text of its error.
-fn run(command: &mut Command) -> Result<String, String> {
-    let output = command.output().map_err(|e| e.to_string())?;
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    if output.status.success() { Ok(text(&output.stdout)) } else { Err(text(&output.stderr)) }
-}
-
-/// Path of a Python with the readers.
-fn python() -> Result<PathBuf, String> {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("readers");
-    let python = folder.join("bin/python");
-    let check = "import importlib.metadata as m; \
-                 print(*sorted(m.version(p) for p in ('mcap-ros2-support', 'rosbags')))";
-    if run(Command::new(&python).args(["-c", check]))
-        .is_ok_and(|versions| versions.trim() == "0.11.9 0.6.0")
-    {
-        return Ok(python);
+/// Path of a Python with the readers, or prints the reason why there is none.
+fn python() -> Option<PathBuf> {
+    Packages {
+        names: "mcap-ros2-support and rosbags",
+        folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("readers"),
+        variable: None,
+        check: "import importlib.metadata as m\n\
+                found = [m.version(p) for p in ('mcap-ros2-support', 'rosbags')]\n\
+                assert found == ['0.6.0', '0.11.9'], found",
+        install: &[&READERS[..]],
     }
-    run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
-    run(Command::new(&python)
-        .args(["-m", "pip", "install", "--quiet", "--retries", "1"])
-        .args(READERS))?;
-    Ok(python)
+    .python()
 }
 
 #[test]
 fn independent_readers_read_every_value() {
-    let python = match python() {
-        Ok(python) => python,
-        Err(why) => {
-            eprintln!("SKIPPED: no python3 with {}: {why}", READERS.join(" and "));
-            return;
-        }
-    };
+    let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     for (first, compression) in
         [(-450_000_001, Compression::Zstd), (0, Compression::Lz4), (5, Compression::None)]
@@ -70,7 +54,7 @@ fn independent_readers_read_every_value() {
         let expected = folder.path().join("expected.json");
         std::fs::write(&expected, serde_json::to_string(&messages).unwrap()).unwrap();
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers.py");
-        let told = run(Command::new(&python).arg(script).arg(&log).arg(&expected))
+        let told = output(Command::new(&python).arg(script).arg(&log).arg(&expected))
             .unwrap_or_else(|e| panic!("{e}"));
         println!("{compression:?}\n{told}");
         let all = format!("{} messages on ", messages.len());

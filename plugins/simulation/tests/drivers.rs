@@ -2,17 +2,13 @@
 //! through an outage of the IMU, as outsiders would write them.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::document::Document;
 use navfuse_core::model::motion::Motion;
-use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
 use navfuse_core::model::simulate::{Random, Simulate};
-use navfuse_core::nalgebra::{DMatrix, DVector};
 use navfuse_core::prelude::*;
-use navfuse_core::run::runner::{self, Finished};
-use navfuse_core::run::scenario::Scenario;
+use navfuse_core::run::runner::Finished;
 use navfuse_ins::Navigation;
+use navfuse_testing::judge::{Judge, judged};
 use std::fmt::Write;
-use std::sync::atomic::AtomicBool;
 
 /// Thrust over mass: the command, which holds until the next one.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
@@ -170,59 +166,15 @@ impl MeasurementModel<3> for TieModel {
     }
 }
 
-/// NEES of the known blocks at the last compared epoch, and the NIS of all updates.
-#[derive(Default)]
-struct Judge {
-    nees: f64,
-    freedom: usize,
-    last: f64,
-    /// Time and NIS of each update.
-    nis: Vec<(f64, f64)>,
-    refused: usize,
-}
-
-impl Sink for Judge {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
-    }
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        let Some(truth) = epoch.truth else { return Ok(()) };
-        let (layout, n) = (epoch.layout, epoch.layout.tangent);
-        let mut error = vec![0.0; n];
-        layout.error(truth.state, epoch.state, truth.known, &mut error);
-        let known = layout.blocks.iter().zip(truth.known).filter(|(_, known)| **known);
-        let rows: Vec<usize> = known.flat_map(|(block, _)| block.tangent_range()).collect();
-        let m = rows.len();
-        let e = DVector::from_fn(m, |i, _| error[rows[i]]);
-        let p = DMatrix::from_fn(m, m, |i, j| epoch.covariance.get(rows[i], rows[j]));
-        self.nees = p.cholesky().map_or(f64::NAN, |c| e.dot(&c.solve(&e)));
-        (self.freedom, self.last) = (m, epoch.state.time.seconds());
-        Ok(())
-    }
-    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
-        if update.nis.is_finite() {
-            self.nis.push((update.time.seconds(), update.nis));
-        }
-        self.refused += usize::from(update.outcome != Outcome::Accepted);
-        Ok(())
-    }
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
-    }
-}
-
+/// Runs a scenario with the plugins of this file; the updates are those with an innovation.
 fn run(text: &str, settings: &[String]) -> (Finished, Judge) {
     let mut registry = Registry::new();
     registry.add(&navfuse_ins::InsPlugin).add(&navfuse_simulation::SimulationPlugin);
     registry.sensor::<Thruster>();
     registry.sensor::<Tie>();
     registry.process::<Surge>();
-    let document = Document::parse("drivers.toml", text).unwrap();
-    let scenario = Scenario::new(&registry, document, settings).unwrap();
-    let mut assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
-    assembly.sinks.push(("judge".into(), Box::new(Judge::default())));
-    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
-    let judge = finished.take_sink().unwrap();
+    let (finished, mut judge) = judged(&registry, text, settings);
+    judge.nis.retain(|(_, nis)| nis.is_finite());
     (finished, judge)
 }
 
@@ -250,15 +202,7 @@ latitude = "30 deg"
 heading = "20 deg"
 "#;
 
-/// The vehicle while its IMU is silent from 40 s to 100 s: it changes its heading by a draw from
-/// N(0, (1 deg)^2 * 5 s) in every 5 s, as `coast` assumes, and its speed twice.
-fn outage(seed: u64) -> String {
-    let mut text = INS.to_owned();
-    text += r#"
-[process.thrusters]
-[sensor.thruster]
-noise = "2 cm/s^2"
-simulation = { rate = "5 Hz" }
+const MOTION: &str = r#"
 [[source.simulation.segments]]
 type = "surge"
 duration = "20 s"
@@ -268,6 +212,18 @@ type = "turn"
 duration = "20 s"
 angle = "60 deg"
 "#;
+
+/// The vehicle while its IMU is silent from 40 s to 100 s: it changes its heading by a draw from
+/// N(0, (1 deg)^2 * 5 s) in every 5 s, as `coast` assumes, and its speed twice.
+fn outage(seed: u64) -> String {
+    let mut text = INS.to_owned();
+    text += r#"
+[process.thrusters]
+[sensor.thruster]
+noise = "2 cm/s^2"
+simulation = { rate = "5 Hz" }
+"#;
+    text += MOTION;
     let mut random = Random::new(seed, "turns");
     for k in 0..14 {
         let angle = 5.0_f64.sqrt() * random.normal();
@@ -352,15 +308,8 @@ type = "imu"
 gyro_noise = "10 deg/h/sqrt(Hz)"
 accel_noise = "100 ug/sqrt(Hz)"
 simulation = { rate = "80 Hz" }
-[[source.simulation.segments]]
-type = "surge"
-duration = "20 s"
-speed = "1.5 m/s"
-[[source.simulation.segments]]
-type = "turn"
-duration = "20 s"
-angle = "60 deg"
 "#;
+    text += MOTION;
     let (mut nees, mut nis, mut count) = (0.0, 0.0, 0);
     for seed in 1..=30 {
         let (finished, judge) = run(&text, &settings(&[], seed));

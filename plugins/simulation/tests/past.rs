@@ -3,14 +3,13 @@
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::document::Document;
-use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
 use navfuse_core::model::simulate::Random;
-use navfuse_core::nalgebra::{DMatrix, DVector, Matrix2};
+use navfuse_core::nalgebra::Matrix2;
 use navfuse_core::prelude::*;
-use navfuse_core::run::runner::{self, Finished};
+use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_ins::Navigation;
-use std::sync::atomic::AtomicBool;
+use navfuse_testing::judge::{Judge, judged};
 
 // ANCHOR: odometry
 /// Visual odometry: translation and rotation of the camera since its previous image.
@@ -181,58 +180,15 @@ impl MeasurementModel<1> for Offset {
     }
 }
 
-/// NEES of the known blocks at the last compared epoch, and the NIS of all updates.
-#[derive(Default)]
-struct Judge {
-    nees: f64,
-    freedom: usize,
-    nis: Vec<f64>,
-    gated: usize,
-    truths: Vec<f64>,
-}
-
-impl Sink for Judge {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
-    }
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        let Some(truth) = epoch.truth else { return Ok(()) };
-        let (layout, n) = (epoch.layout, epoch.layout.tangent);
-        let mut error = vec![0.0; n];
-        layout.error(truth.state, epoch.state, truth.known, &mut error);
-        let known = layout.blocks.iter().zip(truth.known).filter(|(_, known)| **known);
-        let rows: Vec<usize> = known.flat_map(|(block, _)| block.tangent_range()).collect();
-        let m = rows.len();
-        let e = DVector::from_fn(m, |i, _| error[rows[i]]);
-        let p = DMatrix::from_fn(m, m, |i, j| epoch.covariance.get(rows[i], rows[j]));
-        self.nees = p.cholesky().map_or(f64::NAN, |c| e.dot(&c.solve(&e)));
-        self.freedom = m;
-        self.truths.push(truth.state.values[0]);
-        Ok(())
-    }
-    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
-        self.nis.push(update.nis);
-        self.gated += usize::from(update.outcome != Outcome::Accepted);
-        Ok(())
-    }
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
-    }
-}
-
+/// Runs a scenario with the plugins of this file.
 fn run(text: &str, settings: &[String]) -> (Finished, Judge) {
     let mut registry = Registry::new();
     registry.add(&navfuse_ins::InsPlugin).add(&navfuse_simulation::SimulationPlugin);
     registry.sensor::<VisualOdometry>();
     registry.sensor::<Comparison>();
     registry.process::<Clock>();
-    let document = Document::parse("past.toml", text).unwrap();
-    let scenario = Scenario::new(&registry, document, settings).unwrap();
-    let mut assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
-    assembly.sinks.push(("judge".into(), Box::new(Judge::default())));
-    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    let (finished, judge) = judged(&registry, text, settings);
     assert!(finished.error.is_none(), "{:?}", finished.error);
-    let judge = finished.take_sink().unwrap();
     (finished, judge)
 }
 
@@ -241,9 +197,9 @@ fn consistency(text: &str, runs: u64, freedom: (usize, usize)) -> [f64; 2] {
     let (mut nees, mut nis) = (0.0, (0.0, 0));
     for seed in 1..=runs {
         let (_, judge) = run(text, &[format!("seed={seed}")]);
-        assert_eq!((judge.freedom, judge.gated), (freedom.0, 0), "seed {seed}");
+        assert_eq!((judge.freedom, judge.refused), (freedom.0, 0), "seed {seed}");
         nees += judge.nees;
-        nis = (nis.0 + judge.nis.iter().sum::<f64>(), nis.1 + judge.nis.len());
+        nis = (nis.0 + judge.nis.iter().map(|(_, nis)| nis).sum::<f64>(), nis.1 + judge.nis.len());
     }
     [nees / (runs as usize * freedom.0) as f64, nis.0 / (nis.1 * freedom.1) as f64]
 }
@@ -310,7 +266,8 @@ fn a_sample_that_is_rejected_unseen_breaks_the_chain_of_past_states() {
     let (finished, judge) = run(CAMERA, &[exclude]);
     let camera = &finished.summary.samples["camera"];
     assert_eq!((&camera["accepted"], &camera["excluded"]), (&214.into(), &20.into()), "{camera}");
-    let nis: Vec<f64> = judge.nis.iter().copied().filter(|nis| nis.is_finite()).collect();
+    let nis: Vec<f64> =
+        judge.nis.iter().map(|(_, nis)| *nis).filter(|nis| nis.is_finite()).collect();
     // no update spans the gap, in which the vehicle moved by 10 m: a chi-square of 6 exceeds 40 once
     // in two million samples
     assert!(nis.len() == 214 && nis.iter().all(|nis| *nis < 40.0), "{nis:?}");

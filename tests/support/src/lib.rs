@@ -1,4 +1,5 @@
-//! Scaffolding that the tests of navfuse share: a small laboratory, and the scenarios that ship.
+//! Scaffolding that the tests of navfuse share: a small laboratory, a judge of runs, readers written
+//! by others, and the scenarios that ship.
 #![allow(
     missing_docs,
     clippy::unwrap_used,
@@ -7,7 +8,9 @@
     reason = "tests fail by panicking"
 )]
 
+pub mod judge;
 pub mod lab;
+pub mod python;
 pub mod rts;
 #[cfg(feature = "plugins")]
 mod shipped;

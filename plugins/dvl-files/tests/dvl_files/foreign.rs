@@ -7,47 +7,29 @@
 use crate::generate::{Ensemble, ad2cp};
 use crate::read;
 use navfuse_dvl_files::{Coordinates, Format, Ping, Stamp, Track};
+use navfuse_testing::python::Packages;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The packages that dolfyn imports.
-const PACKAGES: [&str; 6] = ["numpy", "scipy", "xarray", "netCDF4", "pandas", "matplotlib"];
-
 /// Finds or installs an interpreter with MHKiT.
 fn python() -> Option<PathBuf> {
     static PYTHON: OnceLock<Option<PathBuf>> = OnceLock::new();
-    PYTHON.get_or_init(install).clone()
-}
-
-fn install() -> Option<PathBuf> {
-    let works = |python: &Path| {
-        let import = Command::new(python).args(["-c", "import mhkit.dolfyn"]).output();
-        import.is_ok_and(|o| o.status.success())
+    let find = || {
+        Packages {
+            names: "MHKiT",
+            folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("mhkit"),
+            variable: Some("NAVFUSE_PYTHON"),
+            check: "import mhkit.dolfyn",
+            // the packages that dolfyn imports, and MHKiT without the others
+            install: &[
+                &["numpy", "scipy", "xarray", "netCDF4", "pandas", "matplotlib"],
+                &["--no-deps", "mhkit"],
+            ],
+        }
+        .python()
     };
-    if let Some(python) = std::env::var_os("NAVFUSE_PYTHON").map(PathBuf::from) {
-        assert!(works(&python), "{} of NAVFUSE_PYTHON has no MHKiT", python.display());
-        return Some(python);
-    }
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mhkit");
-    let python = folder.join("bin/python");
-    if works(&python) {
-        return Some(python);
-    }
-    let run = |program: &Path, arguments: &[&str]| {
-        let output = Command::new(program).args(arguments).output();
-        output.is_ok_and(|o| o.status.success())
-    };
-    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
-    let place = folder.display().to_string();
-    let installed = run(Path::new("python3"), &["-m", "venv", &place])
-        && run(&python, &[&pip[..], &PACKAGES].concat())
-        && run(&python, &[&pip[..], &["--no-deps", "mhkit"]].concat());
-    if installed && works(&python) {
-        return Some(python);
-    }
-    println!("skipped: MHKiT cannot be installed; it needs python3 with venv, and PyPI");
-    None
+    PYTHON.get_or_init(find).clone()
 }
 
 /// A ping as dolfyn reads it; NaN where it has nothing.

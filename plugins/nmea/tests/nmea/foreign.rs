@@ -7,34 +7,19 @@ use crate::sentence;
 use navfuse_core::units::calendar::DAY;
 use navfuse_frames::{Frames, Sentences};
 use navfuse_nmea::{Sentence, parse};
+use navfuse_testing::python::Packages;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 fn python() -> Option<PathBuf> {
-    let works = |python: &Path| {
-        let import = Command::new(python).args(["-c", "import pynmea2"]).output();
-        import.is_ok_and(|o| o.status.success())
-    };
-    if let Some(python) = std::env::var_os("NAVFUSE_NMEA_PYTHON").map(PathBuf::from) {
-        assert!(works(&python), "{} of NAVFUSE_NMEA_PYTHON has no pynmea2", python.display());
-        return Some(python);
+    Packages {
+        names: "pynmea2",
+        folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("pynmea2"),
+        variable: Some("NAVFUSE_NMEA_PYTHON"),
+        check: "import pynmea2",
+        install: &[&["pynmea2"]],
     }
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("pynmea2");
-    let python = folder.join("bin/python");
-    if works(&python) {
-        return Some(python);
-    }
-    let run = |program: &Path, arguments: &[&str]| {
-        let output = Command::new(program).args(arguments).output();
-        output.is_ok_and(|o| o.status.success())
-    };
-    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "pynmea2"];
-    let place = folder.display().to_string();
-    if run(Path::new("python3"), &["-m", "venv", &place]) && run(&python, &pip) && works(&python) {
-        return Some(python);
-    }
-    println!("skipped: pynmea2 cannot be installed; it needs python3 with venv, and PyPI");
-    None
+    .python()
 }
 
 /// Sentences of every kind, with the decimals, hemispheres and empty fields that devices write.

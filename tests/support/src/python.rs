@@ -1,0 +1,63 @@
+//! Readers written by others, in Python, with which tests compare.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Packages of the Python package index, in a virtual environment of their own.
+#[derive(Debug)]
+pub struct Packages<'a> {
+    /// Names for the message where they cannot be installed.
+    pub names: &'a str,
+    /// Folder of the environment, below the target's folder for temporary files.
+    pub folder: PathBuf,
+    /// Variable that may name an interpreter that has the packages.
+    pub variable: Option<&'a str>,
+    /// Program that succeeds where the packages are there.
+    pub check: &'a str,
+    /// Arguments of each `pip install`.
+    pub install: &'a [&'a [&'a str]],
+}
+
+/// Runs a command and returns its output, or the reason of its failure.
+pub fn output(command: &mut Command) -> Result<String, String> {
+    let output = command.output().map_err(|e| e.to_string())?;
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    if output.status.success() { Ok(text(&output.stdout)) } else { Err(text(&output.stderr)) }
+}
+
+impl Packages<'_> {
+    /// Returns an interpreter with the packages, or prints the reason why the test is skipped.
+    pub fn python(&self) -> Option<PathBuf> {
+        if let Some(variable) = self.variable
+            && let Some(python) = std::env::var_os(variable).map(PathBuf::from)
+        {
+            let found = self.works(&python);
+            assert!(found, "{} of {variable} lacks {}", python.display(), self.names);
+            return Some(python);
+        }
+        let python = self.folder.join("bin/python");
+        if self.works(&python) {
+            return Some(python);
+        }
+        match self.install(&python) {
+            Ok(()) => Some(python),
+            Err(why) => {
+                println!("SKIPPED: no python3 with {}: {why}", self.names);
+                None
+            }
+        }
+    }
+
+    fn works(&self, python: &Path) -> bool {
+        output(Command::new(python).args(["-c", self.check])).is_ok()
+    }
+
+    fn install(&self, python: &Path) -> Result<(), String> {
+        output(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&self.folder))?;
+        for packages in self.install {
+            let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+            output(Command::new(python).args(pip).args(["--retries", "1"]).args(*packages))?;
+        }
+        output(Command::new(python).args(["-c", self.check])).map(drop)
+    }
+}
