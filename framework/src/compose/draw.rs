@@ -70,7 +70,7 @@ pub(crate) fn draw(layout: &mut Layout, moved: &[bool], seed: u64) {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     #![allow(clippy::expect_used, reason = "a test fails by panicking")]
     use super::*;
     use crate::compose::Composer;
@@ -87,14 +87,15 @@ mod tests {
         composer.finish().0
     }
 
-    fn drawn(dynamics: Dynamics, truth: Option<f64>, seed: u64) -> Layout {
+    /// The layout of one scalar, with its start or its truth drawn.
+    pub(in crate::compose) fn drawn(dynamics: Dynamics, truth: Option<f64>, seed: u64) -> Layout {
         let mut layout = layout(dynamics, truth);
         draw(&mut layout, &[false], seed);
         layout
     }
 
     /// Mean and standard deviation.
-    fn moments(values: &[f64]) -> (f64, f64) {
+    pub(in crate::compose) fn moments(values: &[f64]) -> (f64, f64) {
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())

@@ -207,33 +207,7 @@ impl Wandering {
 mod tests {
     #![allow(clippy::expect_used, reason = "a test fails by panicking")]
     use super::*;
-    use crate::compose::Composer;
-    use crate::compose::draw::draw;
-    use crate::state::manifold::Scalar;
-    use crate::state::{BlockSpec, Display, Mode};
-
-    fn layout(dynamics: Dynamics, truth: Option<f64>) -> Layout {
-        let mut composer = Composer::default();
-        composer.begin("test");
-        let display = Display { unit: "", scale: 1.0, components: &["x"] };
-        let (initial, sigma, truth) = (vec![2.0], vec![0.5], truth.map(|t| vec![t]));
-        let spec = BlockSpec { mode: Mode::Estimate, initial, sigma, truth, dynamics, display };
-        composer.block::<Scalar>("x", spec).expect("one block");
-        composer.finish().0
-    }
-
-    fn drawn(dynamics: Dynamics, truth: Option<f64>, seed: u64) -> Layout {
-        let mut layout = layout(dynamics, truth);
-        draw(&mut layout, &[false], seed);
-        layout
-    }
-
-    /// Mean and standard deviation.
-    fn moments(values: &[f64]) -> (f64, f64) {
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
-    }
+    use crate::compose::draw::tests::{drawn, moments};
 
     #[test]
     fn a_drawn_truth_wanders_as_its_dynamics_say() {
