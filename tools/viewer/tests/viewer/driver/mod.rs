@@ -18,7 +18,7 @@ use std::fs::File;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 use tonic::transport::Channel;
 
@@ -38,32 +38,44 @@ fn succeeds(command: &mut Command) -> bool {
 }
 
 /// The viewer's program, with a Vulkan driver for it; `None` and a message where either is missing.
+///
+/// The tests of a process run at the same time: one of them fetches, the others wait.
 pub fn program() -> Option<PathBuf> {
+    static PROGRAM: LazyLock<Option<PathBuf>> = LazyLock::new(|| {
+        if !vulkan() {
+            println!("skipped: no Vulkan driver; install mesa-vulkan-drivers");
+            return None;
+        }
+        std::env::var_os("RERUN_BIN").map(PathBuf::from).or_else(fetched)
+    });
+    PROGRAM.clone()
+}
+
+/// Whether a Vulkan driver is installed, if need be just now.
+fn vulkan() -> bool {
     let icd =
         || Path::new("/usr/share/vulkan/icd.d").read_dir().is_ok_and(|mut d| d.next().is_some());
     let mesa = ["install", "-y", "--no-install-recommends", "mesa-vulkan-drivers"];
     let apt = |words: &[&str]| succeeds(Command::new("apt-get").args(words));
-    let installed = || (apt(&mesa) || (apt(&["update"]) && apt(&mesa))) && icd();
-    if !(icd() || installed()) {
-        println!("skipped: no Vulkan driver; install mesa-vulkan-drivers");
-        return None;
-    }
-    if let Some(program) = std::env::var_os("RERUN_BIN") {
-        return Some(program.into());
-    }
+    icd() || ((apt(&mesa) || (apt(&["update"]) && apt(&mesa))) && icd())
+}
+
+/// The viewer's program of the wheel, fetched once and renamed when it is whole: a program that is
+/// still written cannot be started.
+fn fetched() -> Option<PathBuf> {
     let folder = target("rerun-viewer");
     let program = folder.join("rerun");
     if !program.exists() {
         let wheel = format!("rerun-sdk=={VERSION}");
+        let part = target("rerun-viewer/part");
+        let unzip = "unzip -o -j rerun_sdk-*.whl rerun_sdk/rerun_cli/rerun && chmod +x rerun";
         let fetched = succeeds(
             Command::new("pip")
                 .args(["download", "--no-deps", &wheel, "-d", "."])
-                .current_dir(&folder),
-        ) && succeeds(
-            Command::new("sh")
-                .args(["-c", "unzip -o -j rerun_sdk-*.whl rerun_sdk/rerun_cli/rerun && rm *.whl"])
-                .current_dir(&folder),
-        ) && succeeds(Command::new("chmod").arg("+x").arg(&program));
+                .current_dir(&part),
+        ) && succeeds(Command::new("sh").args(["-c", unzip]).current_dir(&part))
+            && std::fs::rename(part.join("rerun"), &program).is_ok();
+        let _ = std::fs::remove_dir_all(&part);
         if !fetched {
             println!(
                 "skipped: no viewer; set RERUN_BIN, or make `pip download --no-deps {wheel}` and \
