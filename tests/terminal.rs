@@ -246,16 +246,19 @@ fn completions_and_manual_pages_know_every_command() {
 /// A viewer that reports a version and notes what it is opened with.
 #[cfg(all(unix, feature = "rerun"))]
 fn viewer(folder: &Path, version: &str) -> String {
-    use std::os::unix::fs::PermissionsExt;
     let program = folder.join(format!("viewer-{version}"));
     let note = folder.join("opened").display().to_string();
     let text = format!(
         "#!/bin/sh\n[ \"$1\" = --version ] && echo \"rerun-cli {version} [rustc 1.9]\" && exit\n\
          echo \"$1\" > '{note}.part' && mv '{note}.part' '{note}'\n"
     );
-    std::fs::write(&program, text).expect("the test can write");
-    let executable = std::fs::Permissions::from_mode(0o755);
-    std::fs::set_permissions(&program, executable).expect("the test can write");
+    // another process writes the program: a file that is open for writing here, even in a fork of
+    // another test's thread, cannot be started
+    let draft = folder.join("draft");
+    std::fs::write(&draft, text).expect("the test can write");
+    let mut install = std::process::Command::new("install");
+    let installed = install.args(["-m", "755"]).args([&draft, &program]).status();
+    assert!(installed.expect("install starts").success());
     program.display().to_string()
 }
 
