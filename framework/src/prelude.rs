@@ -6,6 +6,7 @@ pub use crate::compose::calibration::{
     Calibration, LengthBias, LeverArm, Misalignment, ScaleFactor,
 };
 pub use crate::model::error::ComposeError;
+pub use crate::model::input::InputModel;
 pub use crate::model::measurement::{Jacobian, MeasurementModel};
 pub use crate::model::motion::Motion;
 pub use crate::model::process::{BuiltProcess, Interval, OwnDynamics, ProcessError, ProcessModel};
@@ -15,7 +16,7 @@ pub use crate::model::stream::{RunInfo, Sink, Source, StreamError};
 pub use crate::plugin::{
     OpenContext, Plugin, ProcessType, Registry, SensorType, SinkType, SourceType,
 };
-pub use crate::state::covariance::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
+pub use crate::state::covariance::{InputSlot, NoiseSlot, PhiDiagonal, PhiSlot, Transition};
 pub use crate::state::display;
 pub use crate::state::geodesy::Geodetic;
 pub use crate::state::manifold::{Manifold, Position, Reading, Rotation, Scalar, Vector};
@@ -23,8 +24,9 @@ pub use crate::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, Past,
 pub use crate::units::sample::{Channel, Sample, SensorId};
 pub use crate::units::time::Time;
 pub use crate::units::{
-    Acceleration, Angle, AngularRate, AngularRateNoise, Frequency, Length, Positive, Pressure,
-    Ratio, Sigma, Speed, Triple,
+    Acceleration, AccelerationNoise, Angle, AngularRate, AngularRateNoise, AngularRateRandomWalk,
+    Frequency, GSensitivity, GSensitivityRandomWalk, Length, LengthRandomWalk, Positive, Pressure,
+    Quantity, Ratio, RatioRandomWalk, Sigma, Speed, Triple,
 };
 pub use nalgebra::{SMatrix, SVector, Vector3, convert};
 pub use schemars::JsonSchema;

@@ -4,7 +4,7 @@ use crate::model::detector::Detector;
 use crate::model::error::ComposeError;
 use crate::model::sensor::Role;
 use crate::model::sensor::{Purpose, SensorInfo};
-use crate::state::covariance::Transition;
+use crate::state::covariance::{InputSlot, Transition};
 use crate::state::layout::Turning;
 use crate::state::manifold::{Manifold, Operations, Rotation, Vector};
 use crate::state::{Block, BlockSpec, Dynamics, Handle, Layout, MAX_BLOCKS, Mode, Past, Signal};
@@ -29,6 +29,8 @@ pub struct Composer {
     constraints: Vec<(String, Constraint)>,
     detector: Option<Box<dyn Detector>>,
     clones: Vec<[usize; 2]>,
+    /// Places of the effect of driving sensors: the sensor, and the number of the place.
+    input_places: Vec<(String, usize)>,
     folder: PathBuf,
 }
 
@@ -52,6 +54,10 @@ impl Composer {
 
     pub(crate) fn take_notes(&mut self) -> Vec<(String, String)> {
         std::mem::take(&mut self.notes)
+    }
+
+    pub(crate) fn take_input_places(&mut self) -> Vec<(String, usize)> {
+        std::mem::take(&mut self.input_places)
     }
 
     pub(crate) fn take_constraints(&mut self) -> Vec<(String, Constraint)> {
@@ -272,6 +278,20 @@ impl Composer {
         config
             .downcast_ref()
             .ok_or_else(|| ComposeError::new(key, format!("the sensor {name} is of another type")))
+    }
+
+    /// Declares that a step changes `R` error states from `row` on by `C` channels of the driving
+    /// sensor `name`, from `first_channel` on. The process fills the derivative in each step with
+    /// [`Transition::set_input`]; the states of input models thus reach `Phi`.
+    pub fn input_place<const R: usize, const C: usize>(
+        &mut self,
+        name: &str,
+        row: Option<usize>,
+        first_channel: usize,
+    ) -> InputSlot<R, C> {
+        let slot = self.transition.input(row, first_channel);
+        self.input_places.extend(slot.0.map(|place| (name.to_owned(), place)));
+        slot
     }
 
     /// First index of a block's error in the error state; `None` when fixed.

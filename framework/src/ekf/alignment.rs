@@ -59,6 +59,10 @@ impl Ekf {
         }) else {
             return Ok(());
         };
+        // the alignment sees what the process will see, with the initial states of input models
+        let correction = self.composition.sensors[sample.sensor.0].correction.as_ref();
+        let corrected = correction.map(|c| c.correct(&self.layout, &m.state, sample));
+        let sample = corrected.as_ref().unwrap_or(sample);
         let progress = alignment.search(&self.layout, &mut m.state, sample);
         match progress.map_err(|e| self.process_error(k, sample.time, e))? {
             Progress::Searching => return Ok(()),

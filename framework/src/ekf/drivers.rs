@@ -8,6 +8,8 @@
 //! the measurements.
 
 use super::filter::{Ekf, EstimatorError};
+use super::held::Held;
+use super::inputs::{correct, replace};
 use crate::model::record::{Event, Level, Observer, Rejection};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
@@ -26,8 +28,13 @@ impl Ekf {
         };
         held.interval = held.sample.map_or(0.0, |before| sample.time.since(before.time));
         held.sample = Some(*sample);
-        if let (false, Some(input)) = (running, held.input()) {
-            m.processes[held.process].prepare(&self.layout, &mut m.state, &input);
+        let process = held.process;
+        if !running {
+            correct(&mut self.corrected, (&self.layout, &m.state), None, &m.held);
+            if let Some(input) = m.held.iter().find(|h| h.drives(process)).and_then(Held::input) {
+                let input = replace(&self.corrected, input);
+                m.processes[process].prepare(&self.layout, &mut m.state, &input);
+            }
         }
         observer.input(sample, None);
     }

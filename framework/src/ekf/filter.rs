@@ -8,6 +8,7 @@ use super::cadence::Cadence;
 use super::clones::Clones;
 use super::delay::History;
 use super::held::Held;
+use super::inputs::Corrected;
 use super::iterated::Iterated;
 use super::points::SigmaPoints;
 use super::screen::Screen;
@@ -73,6 +74,8 @@ pub struct Ekf {
     pub(super) update: Update,
     pub(super) points: SigmaPoints,
     pub(super) iterated: Iterated,
+    /// Driving sensors with input models.
+    pub(super) corrected: Vec<Corrected>,
     pub(super) memory: Memory,
 }
 
@@ -147,6 +150,7 @@ impl Ekf {
             update: Update::with_capacity(n, MAX_CHANNELS),
             points: SigmaPoints::default(),
             iterated: Iterated::default(),
+            corrected: Corrected::of(&composition),
             memory: Memory {
                 stage: if from_reference { Stage::FromReference(start) } else { Stage::At(start) },
                 draws: (composition.estimator.draw != Draw::Nothing)

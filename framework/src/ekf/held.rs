@@ -1,5 +1,6 @@
 //! The last sample of each driving sensor beside the first.
 
+use super::inputs::{Corrected, replace};
 use crate::compose::Composition;
 use crate::model::process::{Input, Interval};
 use crate::units::sample::Sample;
@@ -40,11 +41,15 @@ impl Held {
 /// Interval as a process sees it: with the sample of its own driving sensor.
 pub(super) fn of_process<'a>(
     held: &'a [Held],
+    corrected: &'a [Corrected],
     process: usize,
     interval: &Interval<'a>,
 ) -> Interval<'a> {
     match held.iter().find(|held| held.process == process) {
-        Some(own) => Interval { input: own.input(), ..*interval },
+        Some(own) => {
+            let input = own.input().map(|input| replace(corrected, input));
+            Interval { input, ..*interval }
+        }
         None => *interval,
     }
 }

@@ -10,6 +10,7 @@ mod delay;
 mod drivers;
 mod filter;
 mod held;
+mod inputs;
 mod iterated;
 mod lockout;
 mod past;

@@ -4,6 +4,8 @@
 use super::cadence::Cadence;
 use super::filter::{Ekf, EstimatorError, MAX_PENDING, Memory, rejected};
 use super::held::of_process;
+use super::inputs::{correct, couple, replace};
+use crate::model::finding::Finding;
 use crate::model::monitor::Monitor;
 use crate::model::process::{Input, Interval};
 use crate::model::record::{Event, Level, Observer, Rejection};
@@ -140,6 +142,8 @@ impl Ekf {
         if !self.running() {
             let Memory { processes, state, held, .. } = &mut self.memory;
             let others = |process: usize| held.iter().any(|held| held.drives(process));
+            correct(&mut self.corrected, (&self.layout, state), Some(&input), held);
+            let input = replace(&self.corrected, input);
             for (_, process) in processes.iter_mut().enumerate().filter(|(k, _)| !others(*k)) {
                 process.prepare(&self.layout, state, &input);
             }
@@ -170,7 +174,7 @@ impl Ekf {
         self.advance(sample.time, Some(input), observer)?;
         observer.input(sample, None);
         if self.running()
-            && let Some(finding) = self.watch(|monitor, filter| monitor.input(filter, &input))
+            && let Some(finding) = self.watch_input(&input)
         {
             observer.finding(finding);
         }
@@ -212,6 +216,15 @@ impl Ekf {
         Ok(())
     }
 
+    /// Lets the monitor of the driven process see a driving sample, corrected with the estimate.
+    fn watch_input(&mut self, input: &Input<'_>) -> Option<Finding> {
+        let Memory { monitor, state, covariance, held, .. } = &mut self.memory;
+        correct(&mut self.corrected, (&self.layout, state), Some(input), held);
+        let input = replace(&self.corrected, *input);
+        let filter = FilterView { layout: &self.layout, state, covariance, gated: None };
+        monitor.as_mut()?.input(&filter, &input)
+    }
+
     /// Lets the monitor of the driven process see the estimate.
     pub(super) fn watch<T>(
         &mut self,
@@ -235,9 +248,11 @@ impl Ekf {
         if to <= from || !running {
             return Ok(());
         }
+        correct(&mut self.corrected, (&self.layout, &m.state), input.as_ref(), &m.held);
+        let input = input.map(|input| replace(&self.corrected, input));
         let interval = Interval { from, to, input };
         for (k, process) in m.processes.iter_mut().enumerate() {
-            let interval = of_process(&m.held, k, &interval);
+            let interval = of_process(&m.held, &self.corrected, k, &interval);
             process.propagate(&self.layout, &mut m.state, &interval, &mut m.transition).map_err(
                 |error| EstimatorError::Process {
                     time: to,
@@ -246,6 +261,7 @@ impl Ekf {
                 },
             )?;
         }
+        couple(&self.corrected, &mut m.transition);
         m.dynamics.propagate(&self.layout, &mut m.state, interval.duration(), &mut m.transition);
         m.transition.propagate(&mut m.covariance);
         observer.transition(&m.transition);

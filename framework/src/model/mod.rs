@@ -7,6 +7,7 @@ pub mod error;
 pub mod fault;
 pub mod finding;
 pub mod gate;
+pub mod input;
 pub mod limits;
 pub mod measurement;
 pub mod monitor;

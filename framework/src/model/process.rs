@@ -1,5 +1,6 @@
 //! Process models, which propagate blocks.
 
+use crate::model::input::{AnyInput, ErasedInput, InputModel};
 use crate::model::monitor::Monitor;
 use crate::model::motion::Motion;
 use crate::model::screening::{Screening, Spread};
@@ -173,6 +174,7 @@ pub struct BuiltProcess {
     pub(crate) screening: Option<Screening>,
     pub(crate) monitor: Option<Box<dyn Monitor>>,
     pub(crate) coasts_after: Option<f64>,
+    pub(crate) corrections: Vec<(String, Box<dyn AnyInput>)>,
 }
 
 impl BuiltProcess {
@@ -185,6 +187,7 @@ impl BuiltProcess {
             screening: None,
             monitor: None,
             coasts_after: None,
+            corrections: Vec::new(),
         }
     }
 
@@ -193,6 +196,17 @@ impl BuiltProcess {
     pub fn driven_by(self, name: impl Into<String>, simulator: impl Simulate + 'static) -> Self {
         let input = DrivingSensor { name: name.into(), simulator: Box::new(simulator) };
         Self { input: Some(input), ..self }
+    }
+
+    /// Hands over an input model, which corrects the samples of the driving sensor `name` with states
+    /// of this part: its scale factor, misalignment or other errors.
+    #[must_use]
+    pub fn correcting<M, const N: usize>(mut self, name: impl Into<String>, model: M) -> Self
+    where
+        M: InputModel<N>,
+    {
+        self.corrections.push((name.into(), Box::new(ErasedInput(model))));
+        self
     }
 
     /// Hands over the alignment that finds the initial values of the process's blocks.

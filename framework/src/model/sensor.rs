@@ -3,6 +3,7 @@
 use crate::model::delivery::Delay;
 use crate::model::detector::Detector;
 use crate::model::gate::{Action, Gate, Recovery};
+use crate::model::input::Correction;
 use crate::model::limits::Limit;
 use crate::model::measurement::AnyMeasurement;
 use crate::model::motion::Motion;
@@ -121,6 +122,8 @@ pub struct Sensor {
     pub simulation: Option<Faults>,
     /// Simulator of a driving sensor; a measuring sensor is simulated by its model.
     pub simulator: Option<Box<dyn Simulate>>,
+    /// Input models that correct the samples of a driving sensor.
+    pub correction: Option<Arc<Correction>>,
     /// Noise that the filter assumes, as a multiple of the model's.
     pub noise: f64,
     /// Time offset: a sample stamped t measures the state at t minus this.
@@ -150,6 +153,7 @@ impl Sensor {
             exclude: Vec::new(),
             simulation: None,
             simulator: None,
+            correction: None,
             noise: 1.0,
             time_offset: None,
             constraint: false,

@@ -12,6 +12,7 @@ use crate::model::process::BuiltProcess;
 use crate::model::sensor::{Purpose, Role, Sensor, SensorInfo};
 use crate::model::update_rule::UpdateRule;
 use crate::plugin::{BuildError, BuiltSensor, Make};
+use crate::run::inputs::{self, InputPart};
 use crate::run::parts::Part;
 use crate::state::Layout;
 use crate::state::manifold::Scalar;
@@ -60,6 +61,8 @@ pub(crate) struct Building<'a> {
     /// Update rule of the sensors that have none of their own.
     update: UpdateRule,
     processes: Vec<Process>,
+    /// Input models of the processes.
+    inputs: Vec<InputPart>,
     /// All sensors once they are built: those of the tables, then the constraints.
     sensors: Vec<Sensor>,
 }
@@ -70,7 +73,8 @@ impl<'a> Building<'a> {
     pub fn new(root: Node<'a>, folder: &Path, parts: Vec<Part<'a>>, update: UpdateRule) -> Self {
         let built = parts.iter().map(|_| None).collect();
         let composer = Composer::new(folder);
-        Self { root, composer, parts, built, update, processes: Vec::new(), sensors: Vec::new() }
+        let (processes, inputs, sensors) = (Vec::new(), Vec::new(), Vec::new());
+        Self { root, composer, parts, built, update, processes, inputs, sensors }
     }
 
     /// Builds the sensors that drive a process. Processes ask for the parameters of these sensors,
@@ -104,8 +108,21 @@ impl<'a> Building<'a> {
         for part in parts {
             let Make::Process(make) = &part.entry.make else { continue };
             self.composer.begin(part.name);
-            let BuiltProcess { model, input, alignment, screening, monitor, coasts_after } =
-                make(&part.own_keys(), &mut self.composer)?;
+            let BuiltProcess {
+                model,
+                input,
+                alignment,
+                screening,
+                monitor,
+                coasts_after,
+                corrections,
+            } = make(&part.own_keys(), &mut self.composer)?;
+            let named = corrections.into_iter().map(|(sensor, model)| InputPart {
+                owner: part.name.to_owned(),
+                sensor,
+                model,
+            });
+            self.inputs.extend(named);
             let input = input.and_then(|driving| {
                 let index = self.parts.iter().position(|p| p.name == driving.name);
                 if let Some(sensor) = index.and_then(|k| self.built[k].as_mut()) {
@@ -180,7 +197,14 @@ impl<'a> Building<'a> {
     ) -> Result<Composition, BuildError> {
         let notes = self.composer.take_notes();
         self.restore_inputs();
-        let (mut layout, transition, needing) = std::mem::take(&mut self.composer).finish();
+        let places = self.composer.take_input_places();
+        let (mut layout, mut transition, needing) = std::mem::take(&mut self.composer).finish();
+        inputs::connect(
+            (&self.root, std::mem::take(&mut self.inputs)),
+            &places,
+            (&layout, &mut transition),
+            &mut self.sensors,
+        )?;
         self.check_states(&layout)?;
         self.check_driving_sensors()?;
         let initial = self.initial(&mut header.estimator);
@@ -271,7 +295,7 @@ impl<'a> Building<'a> {
 }
 
 /// The table of a process, or the whole scenario where there is none.
-fn process_place<'a>(root: &Node<'a>, name: &str) -> Node<'a> {
+pub(super) fn process_place<'a>(root: &Node<'a>, name: &str) -> Node<'a> {
     root.get("process").and_then(|p| p.get(name)).unwrap_or_else(|| root.clone())
 }
 

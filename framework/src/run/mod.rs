@@ -2,6 +2,7 @@
 
 mod building;
 mod delayed;
+mod inputs;
 mod merge;
 mod mistakes;
 mod output_rate;

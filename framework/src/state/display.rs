@@ -5,6 +5,8 @@ use std::f64::consts::PI;
 
 /// A ratio.
 pub const RATIO: Display = Display { unit: "", scale: 1.0, components: &["k"] };
+/// A ratio for each of three axes.
+pub const RATIOS: Display = Display { unit: "", scale: 1.0, components: &["x", "y", "z"] };
 /// Roll, pitch and yaw in degrees.
 pub const ANGLES: Display =
     Display { unit: "deg", scale: PI / 180.0, components: &["roll", "pitch", "yaw"] };

@@ -25,7 +25,7 @@ const fn row(
 }
 
 #[rustfmt::skip]
-pub(super) const DIMENSIONS: [Dimension; 19] = [
+pub(super) const DIMENSIONS: [Dimension; 21] = [
     row([0, 0, 0, 0, 0], "a ratio", "200 ppm", &["", "ppm"]),
     row([0, 0, 0, 2, 0], "an angle", "-0.5 deg", &["deg", "mrad", "arcsec", "rad"]),
     row([0, 0, -2, 2, 0], "an angular rate", "0.01 deg/h", &["deg/s", "deg/h", "rad/s"]),
@@ -44,6 +44,8 @@ pub(super) const DIMENSIONS: [Dimension; 19] = [
     row([-2, 2, -4, 0, 0], "a pressure", "0.2 bar", &["Pa", "kPa", "dbar", "bar"]),
     row([-6, 2, 0, 0, 0], "a density", "1025 kg/m^3", &["kg/m^3"]),
     row([0, 0, 0, 0, 2], "a temperature difference", "0.1 K", &["K", "mK"]),
+    row([-2, 0, 2, 2, 0], "a g-sensitivity", "1 deg/h/g", &["deg/h/g", "deg/s/g"]),
+    row([-2, 0, 1, 2, 0], "a g-sensitivity random walk", "0.1 deg/h/g/sqrt(h)", &["deg/h/g/sqrt(h)"]),
     row([0, 0, -1, 0, 0], "a ratio random walk", "10 ppm/sqrt(h)", &["ppm/sqrt(h)", "1/sqrt(s)"]),
 ];
 

@@ -42,3 +42,7 @@ pub type Temperature = Quantity<0, 0, 0, 0, 2>;
 pub type TimeRandomWalk = Quantity<0, 0, 1, 0, 0>;
 /// Random walk of a ratio, 1/sqrt(s).
 pub type RatioRandomWalk = Quantity<0, 0, -1, 0, 0>;
+/// Sensitivity of a gyro to specific force, rad/s per m/s^2. In TOML `"1 deg/h/g"`.
+pub type GSensitivity = Quantity<-2, 0, 2, 2, 0>;
+/// Random walk of a g-sensitivity, rad/s per m/s^2 per sqrt(s).
+pub type GSensitivityRandomWalk = Quantity<-2, 0, 1, 2, 0>;

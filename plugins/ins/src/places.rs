@@ -2,7 +2,7 @@
 
 use crate::navigation::Navigation;
 use navfuse_core::compose::Composer;
-use navfuse_core::state::covariance::{NoiseSlot, PhiDiagonal, PhiSlot};
+use navfuse_core::state::covariance::{InputSlot, NoiseSlot, PhiDiagonal, PhiSlot};
 
 /// Places that the model fills in `Phi` and `Q`.
 #[derive(Clone, Copy, Debug)]
@@ -19,16 +19,20 @@ pub(crate) struct Places {
     pub p_p: PhiSlot<3, 3>,
     pub q_phi: NoiseSlot<3>,
     pub q_v: NoiseSlot<3>,
+    pub phi_gyro: InputSlot<3, 3>,
+    pub v_accel: InputSlot<3, 3>,
 }
 
 impl Places {
-    pub(crate) fn new(composer: &mut Composer, n: &Navigation) -> Self {
+    pub(crate) fn new(composer: &mut Composer, n: &Navigation, imu: &str) -> Self {
         let (phi, v) = (composer.tangent(n.attitude), composer.tangent(n.velocity));
         let (p, bg, ba) = (
             composer.tangent(n.position),
             composer.tangent(n.gyro_bias),
             composer.tangent(n.accel_bias),
         );
+        let phi_gyro = composer.input_place(imu, phi, 0);
+        let v_accel = composer.input_place(imu, v, 3);
         let t = composer.transition();
         Self {
             phi_phi: t.phi(phi, phi),
@@ -43,6 +47,8 @@ impl Places {
             p_p: t.phi(p, p),
             q_phi: t.noise(phi),
             q_v: t.noise(v),
+            phi_gyro,
+            v_accel,
         }
     }
 }

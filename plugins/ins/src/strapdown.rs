@@ -208,7 +208,7 @@ impl ProcessType for Strapdown {
         let angular_rate = composer.signal("angular_rate");
         let navigation =
             Navigation { attitude, velocity, position, gyro_bias, accel_bias, angular_rate };
-        let places = Places::new(composer, &navigation);
+        let places = Places::new(composer, &navigation, &self.imu);
         if let Some(model) = settings.as_ref().and_then(|s| s.constraint(velocity)) {
             composer.constraint(ZeroVelocity::NAME, ZeroVelocity::CHANNELS, model);
         }
@@ -382,6 +382,10 @@ impl ProcessModel for StrapdownModel {
         out.set(s.v_ba, &phi.v_ba);
         out.set_diagonal(s.p_v, &[dt; 3]);
         out.set(s.p_p, &phi.p_p);
+        // w = share z - b_g and f = share z - b_a: a channel acts as a bias of the other sign
+        let share = self.imu.share(usual);
+        out.set_input(s.phi_gyro, &(phi.phi_bg * -share));
+        out.set_input(s.v_accel, &(phi.v_ba * -share));
         let (gyro, accel) = (self.imu.gyro_noise.value().si(), self.imu.accel_noise.value().si());
         let mut q_phi = self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt, duration);
         let mut q_v = self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt, duration);
@@ -392,7 +396,6 @@ impl ProcessModel for StrapdownModel {
             q_v += Self::bridged(&(f - f_before), duration - usual, dt, duration);
         }
         if let Some(spread) = input.spread {
-            let share = self.imu.share(usual);
             q_phi += Self::unknown(&rates.c_b_n, &spread[0..3], share, dt * duration);
             q_v += Self::unknown(&rates.c_b_n, &spread[3..6], share, dt * duration);
         }

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use navfuse_core::compose::Composition;
 use navfuse_core::compose::truth::TrueState;
 use navfuse_core::model::fault::Injector;
+use navfuse_core::model::input::Correction;
 use navfuse_core::model::measurement::AnyMeasurement;
 use navfuse_core::model::motion::Motion;
 use navfuse_core::model::process::ProcessModel;
@@ -174,6 +175,8 @@ struct SensorStream<P: Piece> {
     /// Lag of the samples, and the truth at the time of a sample, which contains the lag.
     lag: Option<(Handle<Scalar>, TrueState)>,
     kind: Simulated,
+    /// Input models of the sensor.
+    correction: Option<Arc<Correction>>,
     /// Number of the next sample.
     count: i64,
     end: Time,
@@ -201,6 +204,7 @@ impl<P: Piece> SensorStream<P> {
             injector,
             sensor: SensorId(index),
             clones: composition.sensors[index].clones.clone(),
+            correction: composition.sensors[index].correction.clone(),
             // an integrating sensor's first sample covers the first interval
             count: i64::from(matches!(kind, Simulated::Driving(_))),
             kind,
@@ -276,6 +280,15 @@ impl<P: Piece> Source for SensorStream<P> {
                     },
                     sample,
                 );
+                // the instrument gives the channels that its input models correct
+                if let Some(correction) = &self.correction
+                    && !correction.invert(layout, truth, sample)
+                {
+                    return Err(StreamError::scenario(format!(
+                        "no reading of the instrument gives the true input at {to}: its input \
+                         models have no inverse there; check the `truth` of their states"
+                    )));
+                }
                 if !self.lost(to) && self.injector.apply(sample) {
                     return Ok(true);
                 }

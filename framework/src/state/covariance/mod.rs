@@ -4,6 +4,7 @@
 //! therefore a sparse pattern, found once, and one kernel, `y_i = sum_k a_ik x_k` over rows of `x`,
 //! does all the work.
 
+mod inputs;
 mod kernel;
 mod matrix;
 mod rank;
@@ -13,6 +14,7 @@ mod update;
 #[cfg(test)]
 mod tests;
 
+pub use inputs::InputSlot;
 pub use matrix::Covariance;
 pub use transition::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
 pub use update::Update;

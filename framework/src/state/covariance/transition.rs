@@ -1,5 +1,6 @@
 //! Transition of one step: a sparse pattern, found once, and its products.
 
+use super::inputs::Inputs;
 use super::kernel::Kernel;
 use super::{Covariance, Reach};
 use crate::state::Layout;
@@ -21,9 +22,9 @@ pub struct NoiseSlot<const N: usize>(Option<usize>);
 #[derive(Clone, Debug, Default)]
 pub struct Transition {
     /// The values of all declared elements of `Phi`.
-    phi: Vec<f64>,
+    pub(super) phi: Vec<f64>,
     /// `(row, column)` of each element.
-    places: Vec<(usize, usize)>,
+    pub(super) places: Vec<(usize, usize)>,
     /// The values of all declared blocks of `Q`.
     q: Vec<f64>,
     /// `(offset in q, first row, dimension)` of each block of `Q`.
@@ -32,6 +33,8 @@ pub struct Transition {
     excess: f64,
     /// Blocks with dynamics of their own, one entry per axis.
     own: Vec<Own>,
+    /// Effect of the driving samples.
+    pub(super) inputs: Inputs,
     pub(super) kernel: Kernel,
 }
 

@@ -1,0 +1,220 @@
+//! Input models: errors of a driving sensor that are states, such as its scale factor.
+
+use crate::Real;
+use crate::state::manifold::MAX_TANGENT;
+use crate::state::{Layout, State, View};
+use crate::units::sample::{MAX_CHANNELS, Sample};
+use nalgebra::{DMatrix, DVector};
+use num_dual::Dual64;
+
+/// An input model of `N` channels: it corrects the samples of a driving sensor with states of its
+/// own, before a process sees them.
+///
+/// The author writes [`Self::correct`]. The filter corrects each sample with the estimate, and
+/// carries the derivative with respect to the states into `Phi`; a simulation inverts the function
+/// at the true states. Several input models of one sensor stack in the order of their tables. The
+/// noise of the sensor is that of the corrected channels.
+///
+/// The scale factors of three gyros, the first three channels of an IMU:
+/// ```
+/// use navfuse_core::model::input::InputModel;
+/// use navfuse_core::prelude::*;
+///
+/// /// Scale factors of the gyros.
+/// #[derive(Deserialize, JsonSchema)]
+/// #[serde(deny_unknown_fields)]
+/// struct GyroScale {
+///     /// Scale factor error of each gyro.
+///     scale: Calibration<Triple<Ratio>, Triple<RatioRandomWalk>>,
+/// }
+///
+/// struct Model(Handle<Vector<3>>);
+///
+/// impl ProcessType for GyroScale {
+///     const TYPE: &'static str = "gyro-scale";
+///     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
+///         let scale = self.scale.block(composer, "scale", &[0.0; 3], display::RATIOS)?;
+///         Ok(BuiltProcess::new(OwnDynamics).correcting("imu", Model(scale)))
+///     }
+/// }
+///
+/// impl InputModel<3> for Model {
+///     fn correct<T: Real>(&self, x: &View<'_, T>, z: [T; 3]) -> [T; 3] {
+///         let scale = x.get(self.0);
+///         std::array::from_fn(|axis| z[axis] / (T::one() + scale[axis]))
+///     }
+/// }
+/// ```
+pub trait InputModel<const N: usize>: Send + Sync + 'static {
+    /// Computes the corrected channels from the measured ones, the first `N` of the sensor, in SI.
+    /// It reads the same states for every sample, and is the identity but for small errors.
+    /// [`View::channel`] reads further channels, such as a temperature.
+    fn correct<T: Real>(&self, x: &View<'_, T>, z: [T; N]) -> [T; N];
+}
+
+/// An input model with its type erased.
+pub(crate) trait AnyInput: Send + Sync {
+    fn channels(&self) -> usize;
+    fn value(&self, x: &View<'_, f64>, z: &mut [f64; MAX_CHANNELS]);
+    fn dual(&self, x: &View<'_, Dual64>, z: &mut [Dual64; MAX_CHANNELS]);
+}
+
+/// Adapter that makes a model an [`AnyInput`].
+pub(crate) struct ErasedInput<M, const N: usize>(pub M);
+
+impl<M: InputModel<N>, const N: usize> ErasedInput<M, N> {
+    fn correct<T: Real>(&self, x: &View<'_, T>, z: &mut [T; MAX_CHANNELS]) {
+        const { assert!(N <= MAX_CHANNELS) };
+        let corrected = self.0.correct(x, std::array::from_fn(|k| z[k]));
+        z[..N].copy_from_slice(&corrected);
+    }
+}
+
+impl<M: InputModel<N>, const N: usize> AnyInput for ErasedInput<M, N> {
+    fn channels(&self) -> usize {
+        N
+    }
+    fn value(&self, x: &View<'_, f64>, z: &mut [f64; MAX_CHANNELS]) {
+        self.correct(x, z);
+    }
+    fn dual(&self, x: &View<'_, Dual64>, z: &mut [Dual64; MAX_CHANNELS]) {
+        self.correct(x, z);
+    }
+}
+
+/// Most steps of Newton's method. Each doubles the number of correct digits, so a model that needs
+/// more has no inverse near the sample.
+const STEPS: usize = 20;
+
+/// The input models of one driving sensor, in the order in which they correct a sample.
+pub struct Correction {
+    models: Vec<Box<dyn AnyInput>>,
+    /// Number of channels that the models correct together.
+    channels: usize,
+    /// Slots of the estimated blocks that the models read, ascending.
+    slots: Vec<usize>,
+    /// Number of the link in the transition.
+    link: usize,
+}
+
+impl std::fmt::Debug for Correction {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Correction").field("slots", &self.slots).finish_non_exhaustive()
+    }
+}
+
+impl Correction {
+    /// Collects the models of a sensor, and finds the blocks that they read.
+    pub(crate) fn new(layout: &Layout, models: Vec<Box<dyn AnyInput>>) -> Self {
+        let state = layout.initial_state();
+        let view = View::new(layout, &state);
+        let mut z = [0.0; MAX_CHANNELS];
+        models.iter().for_each(|model| model.value(&view, &mut z));
+        let read = view.blocks_read();
+        let estimated = |slot: &usize| layout.blocks[*slot].tangent.is_some();
+        let slots = super::measurement::slots(read).filter(estimated).collect();
+        let channels = models.iter().map(|model| model.channels()).max().unwrap_or(0);
+        Self { models, channels, slots, link: 0 }
+    }
+
+    /// Sets the number of the link in the transition.
+    pub(crate) fn linked(self, link: usize) -> Self {
+        Self { link, ..self }
+    }
+
+    /// Number of the link in the transition.
+    pub(crate) fn link(&self) -> usize {
+        self.link
+    }
+
+    /// Number of channels that the models correct.
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// Columns of the error state that the correction depends on.
+    pub fn columns(&self, layout: &Layout) -> Vec<usize> {
+        self.slots.iter().flat_map(|slot| layout.blocks[*slot].tangent_range()).collect()
+    }
+
+    /// Returns the corrected sample. A sample that lacks a channel stays as it is.
+    pub fn correct(&self, layout: &Layout, state: &State, sample: &Sample) -> Sample {
+        let mut corrected = *sample;
+        if self.is_complete(sample) {
+            let view = View::new(layout, state).with(sample);
+            let mut z = *sample.values();
+            self.models.iter().for_each(|model| model.value(&view, &mut z));
+            (0..self.channels).for_each(|k| corrected.set(k, z[k]));
+        }
+        corrected
+    }
+
+    /// Computes the derivative of the corrected channels with respect to [`Self::columns`],
+    /// row-major: the chain rule over all models by dual numbers.
+    pub fn differentiate(
+        &self,
+        layout: &Layout,
+        state: &State,
+        sample: &Sample,
+        out: &mut Vec<f64>,
+    ) {
+        let axes = |slot: &usize| layout.blocks[*slot].operations.tangent;
+        let w: usize = self.slots.iter().map(axes).sum();
+        out.clear();
+        out.resize(self.channels * w, 0.0);
+        if !self.is_complete(sample) {
+            return;
+        }
+        let mut column = 0;
+        for slot in &self.slots {
+            for axis in 0..axes(slot) {
+                let mut delta = [Dual64::from(0.0); MAX_TANGENT];
+                delta[axis] = delta[axis].derivative();
+                let view = View::seeded(layout, state, *slot, delta).with(sample);
+                let mut z = sample.values().map(Dual64::from);
+                self.models.iter().for_each(|model| model.dual(&view, &mut z));
+                (0..self.channels).for_each(|k| out[k * w + column] = z[k].eps);
+                column += 1;
+            }
+        }
+    }
+
+    /// Replaces the channels of a sample by those that [`Self::correct`] turns into them at the
+    /// true state: Newton's method on `correct(x, z) = sample`. Returns `false` if it finds none.
+    pub fn invert(&self, layout: &Layout, truth: &State, sample: &mut Sample) -> bool {
+        if !self.is_complete(sample) {
+            return true;
+        }
+        let (n, goal) = (self.channels, *sample);
+        let target = DVector::from_column_slice(&goal.values()[..n]);
+        for _ in 0..STEPS {
+            let view = View::seeded(layout, truth, usize::MAX, [Dual64::from(0.0); MAX_TANGENT]);
+            let view = view.with(&goal);
+            let (mut value, mut slope) = (DVector::zeros(n), DMatrix::zeros(n, n));
+            for k in 0..n {
+                let mut z = sample.values().map(Dual64::from);
+                z[k] = z[k].derivative();
+                self.models.iter().for_each(|model| model.dual(&view, &mut z));
+                for i in 0..n {
+                    value[i] = z[i].re;
+                    slope[(i, k)] = z[i].eps;
+                }
+            }
+            let Some(step) = slope.lu().solve(&(&target - &value)) else { return false };
+            let size = (0..n).map(|k| sample.values()[k].abs()).fold(f64::MIN_POSITIVE, f64::max);
+            (0..n).for_each(|k| sample.set(k, sample.values()[k] + step[k]));
+            if !step.amax().is_finite() {
+                return false;
+            }
+            // quadratic convergence: the error after this step is far below the rounding
+            if step.amax() <= 1e-9 * size {
+                return true;
+            }
+        }
+        false
+    }
+
+    fn is_complete(&self, sample: &Sample) -> bool {
+        (0..self.channels).all(|k| sample.get(k).is_some())
+    }
+}
