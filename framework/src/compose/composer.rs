@@ -7,7 +7,7 @@ use crate::model::sensor::{Purpose, SensorInfo};
 use crate::state::covariance::{InputSlot, Transition};
 use crate::state::layout::Turning;
 use crate::state::manifold::{Manifold, Operations, Rotation, Vector};
-use crate::state::{Block, BlockSpec, Dynamics, Handle, Layout, MAX_BLOCKS, Mode, Past, Signal};
+use crate::state::{Block, BlockSpec, Dynamics, Handle, Layout, Mode, Past, Signal};
 use crate::units::sample::Channel;
 use std::any::Any;
 use std::marker::PhantomData;
@@ -101,16 +101,6 @@ impl Composer {
             return Err(ComposeError::new(name, format!("the state {full} exists already")));
         }
         let slot = self.layout.blocks.len();
-        if slot == MAX_BLOCKS {
-            return Err(ComposeError::new(
-                name,
-                format!(
-                    "more than {MAX_BLOCKS} state blocks: a sensor with calibration keys takes 2 to 4, \
-                     fixed ones too; remove \
-                 or disable some"
-                ),
-            ));
-        }
         let given = [Some(&spec.initial), Some(&spec.sigma), spec.truth.as_ref()];
         if let Some(wrong) = given.into_iter().flatten().find(|v| v.len() != M::TANGENT) {
             let message =

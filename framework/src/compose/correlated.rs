@@ -12,7 +12,7 @@ use crate::model::measurement::{AnyMeasurement, At};
 use crate::model::simulate::Scene;
 use crate::state::covariance::Update;
 use crate::state::manifold::Scalar;
-use crate::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode};
+use crate::state::{BlockSet, BlockSpec, Display, Dynamics, Handle, Layout, Mode};
 use crate::units::sample::{Channel, Sample};
 use crate::units::{AnyQuantity, Positive, Time as Duration};
 use schemars::JsonSchema;
@@ -136,9 +136,11 @@ impl AnyMeasurement for Correlated {
         self.inner.noise(at, out);
     }
 
-    fn blocks(&self, at: &At<'_>) -> u128 {
+    fn blocks(&self, at: &At<'_>) -> BlockSet {
         let own = self.errors.iter().filter(|e| at.layout.block(e.1).tangent.is_some());
-        own.fold(self.inner.blocks(at), |all, (_, error)| all | 1 << error.slot())
+        let mut blocks = self.inner.blocks(at);
+        blocks.extend(own.map(|(_, error)| error.slot()));
+        blocks
     }
 
     fn linearise(&self, at: &At<'_>, update: &mut Update) {
@@ -162,7 +164,7 @@ impl AnyMeasurement for Correlated {
         }
     }
 
-    fn differentiate(&self, at: &At<'_>, columns: &[usize], read: u128, h: &mut [f64]) {
+    fn differentiate(&self, at: &At<'_>, columns: &[usize], read: &BlockSet, h: &mut [f64]) {
         self.inner.differentiate(at, columns, read, h);
         self.mark(at.layout, columns, h);
     }

@@ -6,6 +6,7 @@ use crate::state::{Layout, State, View};
 use crate::units::sample::{MAX_CHANNELS, Sample};
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
+use std::cell::RefCell;
 
 /// An input model of `N` channels: it corrects the samples of a driving sensor with states of its
 /// own, before a process sees them.
@@ -107,12 +108,12 @@ impl Correction {
     /// Collects the models of a sensor, and finds the blocks that they read.
     pub(crate) fn new(layout: &Layout, models: Vec<Box<dyn AnyInput>>) -> Self {
         let state = layout.initial_state();
-        let view = View::new(layout, &state);
+        let read = RefCell::default();
+        let view = View::new(layout, &state).recording(&read);
         let mut z = [0.0; MAX_CHANNELS];
         models.iter().for_each(|model| model.value(&view, &mut z));
-        let read = view.blocks_read();
         let estimated = |slot: &usize| layout.blocks[*slot].tangent.is_some();
-        let slots = super::measurement::slots(read).filter(estimated).collect();
+        let slots = read.borrow().slots().filter(estimated).collect();
         let channels = models.iter().map(|model| model.channels()).max().unwrap_or(0);
         Self { models, channels, slots, link: 0 }
     }

@@ -4,11 +4,12 @@ use crate::Real;
 use crate::model::simulate::Scene;
 use crate::state::covariance::Update;
 use crate::state::manifold::{MAX_TANGENT, Manifold, Position};
-use crate::state::{Handle, Layout, State, View};
+use crate::state::{BlockSet, Handle, Layout, State, View};
 use crate::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use crate::units::time::Time;
 use nalgebra::{SMatrix, SVector};
 use num_dual::Dual64;
+use std::cell::RefCell;
 
 /// A measurement model of `N` channels: `z [-] h(x) = v`, `v ~ N(0, R)`.
 ///
@@ -120,10 +121,10 @@ pub trait AnyMeasurement: Send {
     /// Computes innovation, Jacobian and noise of the sample's channels into the update's work
     /// space.
     fn linearise(&self, at: &At<'_>, update: &mut Update);
-    /// Blocks that `h` reads, one bit per slot.
-    fn blocks(&self, at: &At<'_>) -> u128;
+    /// Blocks that `h` reads.
+    fn blocks(&self, at: &At<'_>) -> BlockSet;
     /// Computes the Jacobian over `columns` (row-major, all channels) by dual numbers.
-    fn differentiate(&self, at: &At<'_>, columns: &[usize], read: u128, h: &mut [f64]);
+    fn differentiate(&self, at: &At<'_>, columns: &[usize], read: &BlockSet, h: &mut [f64]);
     /// Computes the analytic Jacobian, if the model has one.
     fn analytic(&self, at: &At<'_>, columns: &[usize], h: &mut [f64]) -> bool;
     /// Computes `z [-] h(x)` of one channel.
@@ -178,28 +179,30 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
         out.copy_from_slice(self.0.noise(&at.view()).as_slice());
     }
 
-    fn blocks(&self, at: &At<'_>) -> u128 {
-        let view = at.view();
-        self.0.predict(&view);
-        view.blocks_read()
+    fn blocks(&self, at: &At<'_>) -> BlockSet {
+        let read = RefCell::default();
+        self.0.predict(&at.view().recording(&read));
+        read.into_inner()
     }
 
     fn linearise(&self, at: &At<'_>, update: &mut Update) {
         const { assert!(N <= MAX_CHANNELS) };
-        let view = at.view();
-        let predicted = self.0.predict(&view);
-        let read = view.blocks_read();
+        let read = RefCell::new(std::mem::take(&mut update.read));
+        read.borrow_mut().clear();
+        let predicted = self.0.predict(&at.view().recording(&read));
+        let read = read.into_inner();
         update.columns.clear();
-        for slot in slots(read) {
+        for slot in read.slots() {
             update.columns.extend(at.layout.blocks[slot].tangent_range());
         }
         let w = update.columns.len();
         update.h.clear();
         update.h.resize(N * w, 0.0);
         if !self.analytic(at, &update.columns, &mut update.h) {
-            self.differentiate(at, &update.columns, read, &mut update.h);
+            self.differentiate(at, &update.columns, &read, &mut update.h);
         }
-        let noise = self.0.noise(&view);
+        update.read = read;
+        let noise = self.0.noise(&at.view());
         update.innovation.clear();
         update.r.clear();
         let mut m = 0;
@@ -213,9 +216,9 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
         update.m = m;
     }
 
-    fn differentiate(&self, at: &At<'_>, columns: &[usize], read: u128, h: &mut [f64]) {
+    fn differentiate(&self, at: &At<'_>, columns: &[usize], read: &BlockSet, h: &mut [f64]) {
         let mut column = 0;
-        for slot in slots(read) {
+        for slot in read.slots() {
             for k in 0..at.layout.blocks[slot].tangent_range().len() {
                 let mut delta = [Dual64::from(0.0); MAX_TANGENT];
                 delta[k] = delta[k].derivative();
@@ -256,15 +259,15 @@ pub fn jacobian_error(model: &dyn AnyMeasurement, at: &At<'_>) -> f64 {
     let &At { layout, state, sample } = at;
     let (n, read) = (model.channels(), model.blocks(at));
     let columns: Vec<usize> =
-        slots(read).flat_map(|slot| layout.blocks[slot].tangent_range()).collect();
+        read.slots().flat_map(|slot| layout.blocks[slot].tangent_range()).collect();
     let w = columns.len();
     let mut used = vec![0.0; n * w];
     if !model.analytic(at, &columns, &mut used) {
-        model.differentiate(at, &columns, read, &mut used);
+        model.differentiate(at, &columns, &read, &mut used);
     }
     let (mut numeric, mut rounding) = (vec![0.0; n * w], vec![0.0; n * w]);
     let mut column = 0;
-    for block in slots(read).map(|slot| &layout.blocks[slot]) {
+    for block in read.slots().map(|slot| &layout.blocks[slot]) {
         for k in 0..block.tangent_range().len() {
             // the step is the cube root of the rounding error times the magnitude of the value; the
             // tangent of a position is in metres
@@ -302,9 +305,4 @@ pub fn jacobian_error(model: &dyn AnyMeasurement, at: &At<'_>) -> f64 {
         (0..w).map(beyond).fold(0.0_f64, f64::max)
     });
     errors.fold(0.0, f64::max)
-}
-
-/// Slots of a set of blocks, ascending.
-pub fn slots(set: u128) -> impl Iterator<Item = usize> {
-    (0..u128::BITS as usize).filter(move |s| set >> s & 1 == 1)
 }

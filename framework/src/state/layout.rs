@@ -5,9 +5,6 @@ use crate::state::manifold::Manifold;
 use crate::units::time::Time;
 use std::marker::PhantomData;
 
-/// Largest number of blocks of one composition.
-pub const MAX_BLOCKS: usize = 128;
-
 /// A typed reference to a state block, resolved once when the scenario is composed.
 #[derive(Debug)]
 pub struct Handle<M> {

@@ -2,6 +2,7 @@
 //! covariance.
 
 pub mod block;
+pub mod block_set;
 pub mod covariance;
 pub mod display;
 pub(crate) mod dynamics;
@@ -12,5 +13,6 @@ pub mod manifold;
 pub mod view;
 
 pub use block::{Block, BlockSpec, Display, Dynamics, Mode};
-pub use layout::{Handle, Layout, MAX_BLOCKS, Past, Signal, State};
+pub use block_set::BlockSet;
+pub use layout::{Handle, Layout, Past, Signal, State};
 pub use view::View;

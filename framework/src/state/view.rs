@@ -1,17 +1,18 @@
 //! The typed view of the state that a measurement function reads.
 
 use crate::Real;
+use crate::state::block_set::BlockSet;
 use crate::state::layout::{Handle, Layout, Past, Signal, State};
 use crate::state::manifold::{MAX_TANGENT, Manifold};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
-use std::cell::Cell;
+use std::cell::RefCell;
 
 /// Input of a measurement function: typed values of scalar type `T`, one block of which may carry a
 /// derivative.
 ///
-/// The view records which blocks are read, and the derivative is taken with respect to exactly
-/// those.
+/// A view that is [`View::recording`] records which blocks are read, and the derivative is taken with
+/// respect to exactly those.
 #[derive(Debug)]
 pub struct View<'a, T: Real> {
     layout: &'a Layout,
@@ -19,7 +20,7 @@ pub struct View<'a, T: Real> {
     sample: Option<&'a Sample>,
     seeded: usize,
     delta: [T; MAX_TANGENT],
-    read: Cell<u128>,
+    read: Option<&'a RefCell<BlockSet>>,
 }
 
 impl<'a> View<'a, f64> {
@@ -31,7 +32,7 @@ impl<'a> View<'a, f64> {
             sample: None,
             seeded: usize::MAX,
             delta: [0.0; MAX_TANGENT],
-            read: Cell::new(0),
+            read: None,
         }
     }
 }
@@ -44,13 +45,19 @@ impl<'a, T: Real> View<'a, T> {
         slot: usize,
         delta: [T; MAX_TANGENT],
     ) -> Self {
-        Self { layout, state, sample: None, seeded: slot, delta, read: Cell::new(0) }
+        Self { layout, state, sample: None, seeded: slot, delta, read: None }
     }
 
     /// Adds access to the sample's channels.
     #[must_use]
     pub fn with(self, sample: &'a Sample) -> Self {
         Self { sample: Some(sample), ..self }
+    }
+
+    /// Adds the blocks that are read to a set.
+    #[must_use]
+    pub fn recording(self, read: &'a RefCell<BlockSet>) -> Self {
+        Self { read: Some(read), ..self }
     }
 
     /// Channel of the predicted sample, if it is present: additional data of a sensor, such as the
@@ -62,7 +69,9 @@ impl<'a, T: Real> View<'a, T> {
 
     /// The value of a block.
     pub fn get<M: Manifold>(&self, handle: Handle<M>) -> M::Value<T> {
-        self.read.set(self.read.get() | 1 << handle.slot);
+        if let Some(read) = self.read {
+            read.borrow_mut().insert(handle.slot);
+        }
         let value = M::load(&self.state.values[self.layout.blocks[handle.slot].range()]);
         if handle.slot == self.seeded {
             M::retract(&value, &self.delta[..M::TANGENT])
@@ -85,10 +94,5 @@ impl<'a, T: Real> View<'a, T> {
     /// The time of the state.
     pub fn time(&self) -> Time {
         self.state.time
-    }
-
-    /// Blocks read so far, one bit per slot.
-    pub fn blocks_read(&self) -> u128 {
-        self.read.get()
     }
 }

@@ -1,6 +1,6 @@
 //! What the filter costs: the dive of `scenarios/auv.toml`, an update of each of its sensors, a fix
-//! that arrives 5 s late, and what a state adds, with the block-sparse kernel and with dense matrices in the same run. Prints
-//! the tables of docs/src/explanation/performance.md and draws its figure:
+//! that arrives 5 s late, and what a state adds, with the block-sparse kernel and with dense matrices
+//! in the same run; the states of a field, of which an update reads four. Prints the tables of docs/src/explanation/performance.md and draws its figure:
 //!
 //! `cargo run --release -p navfuse-simulation --example cost -- docs/src/images/performance.svg`
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot start has nothing to report")]
@@ -327,9 +327,64 @@ fn curve() -> Figure {
     }
 }
 
+/// Microseconds of an IMU step, and of an update by one channel that reads the INS and four states of
+/// a field: `n` states, of which `explored` are correlated with the INS.
+fn field(n: usize, explored: usize) -> [f64; 2] {
+    let (ekf, rest) = started(&composed(15, ""));
+    let mut listener = Listener(None, true);
+    let mut warm = ekf;
+    rest[..100].iter().for_each(|s| warm.process(s, &mut listener).unwrap());
+    // the field adds rows of the identity to the transition of the INS
+    let mut layout = warm.layout().clone();
+    let mut transition = listener.0.unwrap();
+    layout.tangent = n;
+    transition.compile(&layout);
+    let mut start = Covariance::zero(n);
+    for i in 0..n {
+        start.set(i, i, 1.0);
+        for j in 0..if i < 15 + explored { i } else { 0 } {
+            start.set(i, j, if i < 15 { warm.covariance().get(i, j) } else { 1e-3 });
+        }
+    }
+    (0..15).for_each(|i| start.set(i, i, warm.covariance().get(i, i) + 1.0));
+    let mut update = Update::with_capacity(n, 1);
+    update.m = 1;
+    update.columns = (6..9).chain(15..19).collect();
+    update.h = vec![0.1, 0.1, 0.0, 0.25, 0.25, 0.25, 0.25];
+    update.innovation = vec![0.01];
+    update.r = vec![1e4];
+    let considered = vec![false; n];
+    let mut best = [f64::INFINITY; 2];
+    for _ in 0..if n > 500 { 20 } else { 200 } {
+        let mut p = start.clone();
+        let mut time = |k: usize, step: &mut dyn FnMut()| {
+            let start = Instant::now();
+            (0..20).for_each(|_| step());
+            best[k] = best[k].min(1e6 * start.elapsed().as_secs_f64() / 20.0);
+        };
+        time(0, &mut || transition.propagate(black_box(&mut p)));
+        p.clone_from(&start);
+        time(1, &mut || {
+            update.innovate(black_box(&p)).unwrap();
+            update.apply(&mut p, &considered);
+        });
+    }
+    best
+}
+
+/// Prints the cost of a field that nobody has explored, and of one that is explored everywhere.
+fn fields() {
+    println!("\n{:9}{:>10}{:>10}{:>10}", "states", "explored", "step", "update");
+    for (n, explored) in [(20, 5), (200, 4), (200, 185), (2000, 4), (2000, 200), (2000, 1985)] {
+        let [step, update] = field(n, explored);
+        println!("{n:<9}{explored:>10}{step:10.2}{update:10.2}");
+    }
+}
+
 fn main() {
     dive();
     late_fix();
+    fields();
     let figure = curve();
     if let Some(path) = std::env::args().nth(1) {
         std::fs::write(&path, svg(&figure).unwrap()).unwrap();

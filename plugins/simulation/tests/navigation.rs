@@ -1,7 +1,7 @@
 //! The estimator with the inertial, DVL and depth plugins: Jacobians, intervals, long runs, memory.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 use navfuse_core::ekf::Ekf;
-use navfuse_core::model::measurement::{At, jacobian_error, slots};
+use navfuse_core::model::measurement::{At, jacobian_error};
 use navfuse_core::model::record::{Epoch, Observer, Outcome, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Random;
@@ -90,9 +90,9 @@ fn jacobians(
     let (layout, n) = (ekf.layout(), model.channels());
     let at = At::state(layout, state);
     let read = model.blocks(&at);
-    let columns: Vec<usize> = slots(read).flat_map(|s| layout.blocks[s].tangent_range()).collect();
+    let columns: Vec<usize> = read.slots().flat_map(|s| layout.blocks[s].tangent_range()).collect();
     let mut h = vec![0.0; n * columns.len()];
-    model.differentiate(&at, &columns, read, &mut h);
+    model.differentiate(&at, &columns, &read, &mut h);
     let dual = DMatrix::from_row_slice(n, columns.len(), &h);
     h.fill(0.0);
     let analytic = model.analytic(&at, &columns, &mut h);

@@ -2,10 +2,10 @@
 
 use crate::lab::{Lab, Moment, all_estimated};
 use crate::{Failure, Report, lab};
-use navfuse_core::model::measurement::{AnyMeasurement, At, slots};
+use navfuse_core::model::measurement::{AnyMeasurement, At};
 use navfuse_core::state::covariance::Update;
 use navfuse_core::state::manifold::MAX_TANGENT;
-use navfuse_core::state::{Block, Layout};
+use navfuse_core::state::{Block, BlockSet, Layout};
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
 
 /// Largest accepted error of a derivative, relative to the largest derivative of its channel and
@@ -37,7 +37,7 @@ fn of_model(
     names: &[&str],
 ) -> Result<String, Failure> {
     let (n, mut worst, mut used, mut finite) = (model.channels(), 0.0_f64, 0, 0);
-    let mut reads: Option<u128> = None;
+    let mut reads: Option<BlockSet> = None;
     // channels that were present, and those that depend on a state
     let (mut seen, mut sensitive) = (0_u16, 0_u16);
     let mut update = Update::with_capacity(layout.tangent, MAX_CHANNELS);
@@ -70,9 +70,11 @@ fn of_model(
             whole |= sample == *all;
             finite += usize::from(sample == *all);
             let read = model.blocks(&at);
-            if *reads.get_or_insert(read) != read {
-                let other =
-                    slots(reads.unwrap_or(0) ^ read).map(|s| layout.blocks[s].name.as_str());
+            let before = reads.get_or_insert_with(|| read.clone());
+            if *before != read {
+                let other = (0..layout.blocks.len())
+                    .filter(|&s| before.contains(s) != read.contains(s))
+                    .map(|s| layout.blocks[s].name.as_str());
                 return Err(Failure::new(format!(
                     "predict reads {} at some states and not at others, so its \
                      derivative is lost there; read every state with x.get(...) before the first \
@@ -104,7 +106,7 @@ fn of_model(
             let mut noise = [0.0; MAX_CHANNELS * MAX_CHANNELS];
             model.noise(&at, &mut noise[..n * n]);
             let mut column = 0;
-            for slot in slots(read) {
+            for slot in read.slots() {
                 let block = &layout.blocks[slot];
                 for (row, &channel) in present.iter().enumerate() {
                     let start = row * update.columns.len() + column;

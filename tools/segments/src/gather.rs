@@ -4,7 +4,7 @@ use crate::recording::{BodyVelocity, Imu, Inertial, Mounting, PositionFix, Posit
 use crate::{SegmentError, Series};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use navfuse_core::compose::Composition;
-use navfuse_core::model::measurement::{AnyMeasurement, At, slots};
+use navfuse_core::model::measurement::{AnyMeasurement, At};
 use navfuse_core::model::motion::Motion;
 use navfuse_core::model::sensor::{Role, Sensor};
 use navfuse_core::state::geodesy::{Geodetic, radii_of_curvature};
@@ -262,7 +262,9 @@ impl<'a> Builder<'a> {
         // a sensor whose beams do not span three axes does not count, even if it has no samples
         pseudo_inverse(&nominal, &(0..model.channels()).collect::<Vec<_>>())?;
         let at = At { layout: self.layout, state: &self.state, sample: &no_sample };
-        let water = slots(model.blocks(&at))
+        let water = model
+            .blocks(&at)
+            .slots()
             .any(|slot| self.layout.blocks[slot].name.ends_with(".current"));
         let truth = scale
             .spec

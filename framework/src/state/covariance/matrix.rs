@@ -101,18 +101,31 @@ impl Covariance {
 
     /// Replaces the matrix by the mean of it and its transpose.
     pub(super) fn symmetrise(&mut self) {
-        (0..self.n).for_each(|i| self.symmetrise_row(i, i));
+        (0..self.n).for_each(|i| self.symmetrise_row(i, 0..i));
+    }
+
+    /// [`Self::symmetrise`] where these rows have changed, in these columns.
+    #[inline(always)]
+    pub(super) fn symmetrise_reached(&mut self, reached: &[std::ops::Range<usize>]) {
+        for (k, run) in reached.iter().enumerate() {
+            for i in run.start..run.end.min(self.n) {
+                for before in &reached[..k] {
+                    self.symmetrise_row(i, before.clone());
+                }
+                self.symmetrise_row(i, run.start..i);
+            }
+        }
     }
 
     /// [`Self::symmetrise`] where these rows and their columns alone have changed.
     fn symmetrise_rows(&mut self, rows: std::ops::Range<usize>) {
-        rows.for_each(|i| self.symmetrise_row(i, self.n));
+        rows.for_each(|i| self.symmetrise_row(i, 0..self.n));
     }
 
-    /// Replaces the first elements of a row, and of its column, by their mean.
+    /// Replaces some elements of a row, and of its column, by their mean.
     #[inline]
-    fn symmetrise_row(&mut self, i: usize, columns: usize) {
-        for j in 0..columns {
+    fn symmetrise_row(&mut self, i: usize, columns: std::ops::Range<usize>) {
+        for j in columns {
             let mean = 0.5 * (self.p[i * self.stride + j] + self.p[j * self.stride + i]);
             self.p[i * self.stride + j] = mean;
             self.p[j * self.stride + i] = mean;

@@ -1,9 +1,14 @@
 //! The products of an update: rows of the covariance with the few rows of `H` and of the gain.
 //!
+//! A state that is not correlated with the innovation keeps its row and column. Where the covariance
+//! is sparse, as that of a map before it is explored, the products therefore pass over the *reach* of
+//! the innovation alone: the groups of columns in which `H P` is not zero.
+//!
 //! As in [`super::kernel`], the loops are written once and compiled twice, with the same bits.
 
 use super::{Covariance, Update};
 use pulp::{Simd, WithSimd};
+use std::ops::Range;
 
 /// Columns that one instruction takes.
 const LANES: usize = 4;
@@ -54,11 +59,29 @@ impl Update {
                 }
             }
         }
+        self.find_reached();
         self.s.clear();
         self.s.extend_from_slice(&self.r);
         for a in 0..m {
             for (b, hp) in self.hp.chunks_exact(stride).enumerate() {
                 self.s[a * m + b] += dot(&self.h[a * w..][..w], &self.columns, hp);
+            }
+        }
+    }
+
+    /// Finds the groups of columns in which `H P` is not zero.
+    #[inline(always)]
+    fn find_reached(&mut self) {
+        let Self { hp, reached, m, .. } = self;
+        let stride = hp.len() / (*m).max(1);
+        reached.clear();
+        for at in (0..stride).step_by(LANES) {
+            let group = |row: &[f64]| row[at..at + LANES].iter().any(|v| *v != 0.0);
+            if hp.chunks_exact(stride).any(group) {
+                match reached.last_mut() {
+                    Some(run) if run.end == at => run.end += LANES,
+                    _ => reached.push(at..at + LANES),
+                }
             }
         }
     }
@@ -95,23 +118,28 @@ impl Update {
     #[inline(always)]
     pub(super) fn join(&mut self, covariance: &mut Covariance) {
         let (n, m, w, stride) = (covariance.n, self.m, self.columns.len(), covariance.stride);
-        let Self { columns, h, r, hp, kt, work, .. } = self;
+        let Self { columns, h, r, hp, kt, work, reached, .. } = self;
         work.clear();
         work.resize(2 * m + stride, 0.0);
         let (k, rest) = work.split_at_mut(m);
         let (d, sum) = rest.split_at_mut(m);
-        for (i, row) in covariance.p.chunks_exact_mut(stride).enumerate().take(n) {
+        for i in reached.iter().cloned().flatten().take_while(|i| *i < n) {
+            let row = &mut covariance.p[i * stride..][..stride];
             for (k, kt) in k.iter_mut().zip(kt.chunks_exact(stride)) {
                 *k = kt[i];
             }
-            subtract(row, k, hp, sum);
+            for run in &*reached {
+                subtract(row, k, hp, sum, run.clone());
+            }
             for (a, d) in d.iter_mut().enumerate() {
                 let kr: f64 = k.iter().enumerate().map(|(b, k)| k * r[b * m + a]).sum();
                 *d = dot(&h[a * w..][..w], columns, row) - kr;
             }
-            subtract(row, d, kt, sum);
+            for run in &*reached {
+                subtract(row, d, kt, sum, run.clone());
+            }
         }
-        covariance.symmetrise();
+        covariance.symmetrise_reached(reached);
     }
 }
 
@@ -121,16 +149,17 @@ fn dot(h: &[f64], columns: &[usize], row: &[f64]) -> f64 {
     h.iter().zip(columns).map(|(h, &column)| h * row[column]).sum()
 }
 
-/// `row = row - k' X`, with the sum in `sum`.
+/// `row = row - k' X` in a range of columns, with the sum in `sum`.
 #[inline(always)]
-fn subtract(row: &mut [f64], k: &[f64], x: &[f64], sum: &mut [f64]) {
+fn subtract(row: &mut [f64], k: &[f64], x: &[f64], sum: &mut [f64], at: Range<usize>) {
+    let (stride, sum) = (row.len(), &mut sum[at.clone()]);
     sum.fill(-0.0);
-    for (k, x) in k.iter().zip(x.chunks_exact(row.len())) {
-        for (sum, x) in sum.iter_mut().zip(x) {
+    for (k, x) in k.iter().zip(x.chunks_exact(stride)) {
+        for (sum, x) in sum.iter_mut().zip(&x[at.clone()]) {
             *sum += k * x;
         }
     }
-    for (row, sum) in row.iter_mut().zip(&*sum) {
+    for (row, sum) in row[at].iter_mut().zip(&*sum) {
         *row -= sum;
     }
 }

@@ -308,6 +308,52 @@ proptest! {
     }
 
     #[test]
+    fn an_update_changes_only_what_is_correlated_with_the_innovation(
+        seed in any::<u64>(), groups in prop::collection::vec(1..=7_usize, 2..=8), reads in 1..=255_u8,
+    ) {
+        let mut u = Numbers(seed);
+        // independent groups of states: the covariance is zero between them
+        let n: usize = groups.iter().sum();
+        let (mut dense, mut first) = (DMatrix::zeros(n, n), 0);
+        let mut reached = vec![false; n];
+        for (k, &size) in groups.iter().enumerate() {
+            dense.view_mut((first, first), (size, size)).copy_from(&u.definite(size));
+            reached[first..first + size].fill(reads >> k & 1 == 1);
+            first += size;
+        }
+        prop_assume!(reached.contains(&true));
+        let mut p = covariance_of(&dense);
+        let prior = p.to_dense();
+        let columns: Vec<usize> = (0..n).filter(|i| reached[*i]).collect();
+        let (h, r) = (u.matrix(2, columns.len()), u.definite(2));
+        let mut full = DMatrix::zeros(2, n);
+        columns.iter().enumerate().for_each(|(k, c)| full.set_column(*c, &h.column(k)));
+        let mut update = Update::with_capacity(n, 2);
+        update.m = 2;
+        update.columns = columns;
+        update.h = h.transpose().as_slice().to_vec();
+        update.r = r.as_slice().to_vec();
+        update.innovation = vec![0.3, -0.2];
+        update.innovate(&p).unwrap();
+        update.apply(&mut p, &vec![false; n]);
+        let found = p.to_dense();
+        let s = &full * &prior * full.transpose() + &r;
+        let inverse = s.clone().cholesky().unwrap().inverse();
+        let gain = &prior * full.transpose() * &inverse;
+        let a = DMatrix::identity(n, n) - &gain * &full;
+        let posterior = &a * &prior * a.transpose() + &gain * &r * gain.transpose();
+        let condition = largest(&s) * largest(&inverse) * 2.0;
+        let error = largest(&(&found - &posterior));
+        prop_assert!(error <= RELATIVE * condition * largest(&prior), "{:e}", error);
+        prop_assert_eq!(&found, &found.transpose());
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            if !reached[i] || !reached[j] {
+                prop_assert_eq!(found[(i, j)].to_bits(), prior[(i, j)].to_bits());
+            }
+        }
+    }
+
+    #[test]
     fn inflation_multiplies_what_the_sensor_sees_and_adds_only_positive_parts(
         seed in any::<u64>(), n in 1..=8_usize, m in 1..=4_usize, c in 0.1..1e4_f64,
     ) {

@@ -2,6 +2,7 @@
 
 use super::Covariance;
 use super::rank::{Joseph, Projection};
+use crate::state::block_set::BlockSet;
 use crate::units::sample::MAX_CHANNELS;
 use pulp::Arch;
 
@@ -12,6 +13,8 @@ pub struct Update {
     pub m: usize,
     /// Columns of the error state that the Jacobian touches.
     pub columns: Vec<usize>,
+    /// Blocks of these columns.
+    pub read: BlockSet,
     /// The Jacobian over `columns`, row-major `m` x `columns.len()`.
     pub h: Vec<f64>,
     /// Innovation `z [-] h(x)`.
@@ -30,6 +33,8 @@ pub struct Update {
     gain: Vec<f64>,
     /// Rows of `G` of [`Self::direction`].
     l: Vec<f64>,
+    /// Groups of columns in which `H P` is not zero.
+    pub(super) reached: Vec<std::ops::Range<usize>>,
     pub(super) work: Vec<f64>,
     pub(super) processor: Arch,
 }
@@ -82,6 +87,7 @@ impl Update {
         Self {
             m: 0,
             columns: Vec::with_capacity(n),
+            read: BlockSet::default(),
             h: Vec::with_capacity(m * n),
             innovation: Vec::with_capacity(m),
             r: Vec::with_capacity(m * m),
@@ -93,7 +99,8 @@ impl Update {
             gain: Vec::with_capacity(n * m),
             l: Vec::with_capacity(n * m),
             processor: Arch::new(),
-            work: Vec::with_capacity((n * n.max(m)).max(n + 2 * m + 4)),
+            reached: Vec::with_capacity(n.div_ceil(8)),
+            work: Vec::with_capacity((m * m).max(n + 2 * m + 4)),
         }
     }
 

@@ -17,12 +17,15 @@ use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
 use navfuse_core::state::covariance::{NoiseSlot, PhiSlot, Transition, Update};
 use navfuse_core::state::display;
 use navfuse_core::state::manifold::Scalar;
-use navfuse_core::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, State, View};
+use navfuse_core::state::{
+    BlockSet, BlockSpec, Display, Dynamics, Handle, Layout, Mode, State, View,
+};
 use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{Length, Sigma};
 use navfuse_ins::Navigation;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::cell::RefCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -188,15 +191,17 @@ impl AnyMeasurement for Stubborn {
         let r = self.0.noise(&View::new(at.layout, at.state));
         out.iter_mut().zip(r.iter()).for_each(|(out, r)| *out = *r);
     }
-    fn blocks(&self, at: &At<'_>) -> u128 {
-        let view = View::new(at.layout, at.state);
-        self.0.predict(&view);
-        view.blocks_read()
+    fn blocks(&self, at: &At<'_>) -> BlockSet {
+        let read = RefCell::default();
+        self.0.predict(&View::new(at.layout, at.state).recording(&read));
+        read.into_inner()
     }
     fn linearise(&self, at: &At<'_>, update: &mut Update) {
         let mut z = [0.0; 2];
         AnyMeasurement::predict(self, at, &mut z);
-        update.columns = navfuse_core::model::measurement::slots(self.blocks(at))
+        update.columns = self
+            .blocks(at)
+            .slots()
             .flat_map(|slot| at.layout.blocks[slot].tangent_range())
             .collect();
         update.h = [0.0, 0.0, 1.0, 1.0].repeat(2);
@@ -204,7 +209,7 @@ impl AnyMeasurement for Stubborn {
         update.r = vec![1.0, 0.0, 0.0, 1.0];
         update.m = 2;
     }
-    fn differentiate(&self, _: &At<'_>, _: &[usize], _: u128, _: &mut [f64]) {}
+    fn differentiate(&self, _: &At<'_>, _: &[usize], _: &BlockSet, _: &mut [f64]) {}
     fn analytic(&self, _: &At<'_>, _: &[usize], _: &mut [f64]) -> bool {
         true
     }
