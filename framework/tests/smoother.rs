@@ -45,22 +45,30 @@ fn samples(duration: f64, every: usize, linear: bool) -> Vec<Sample> {
     samples
 }
 
-fn smoothed(settings: &[&str], samples: Vec<Sample>) -> (Records, Finished) {
-    let settings = [settings, &["estimator.smooth=true"]].concat();
+fn finished(settings: &[&str], samples: Vec<Sample>) -> (Records, Finished) {
     let sources = vec![("list".to_owned(), Box::new(List(samples.into_iter())) as _)];
     let sinks = vec![("records".to_owned(), Box::<Records>::default() as _)];
-    let assembly = Assembly { composition: compose(SCENARIO, &settings), sources, sinks };
+    let assembly = Assembly { composition: compose(SCENARIO, settings), sources, sinks };
     let mut finished = run(assembly, &AtomicBool::new(false), |_| {});
-    assert!(finished.error.is_none(), "{:?}", finished.error);
     (finished.take_sink().unwrap(), finished)
+}
+
+fn smoothed(settings: &[&str], samples: Vec<Sample>) -> (Records, Finished) {
+    let (records, finished) = finished(&[settings, &["estimator.smooth=true"]].concat(), samples);
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    (records, finished)
 }
 
 /// Largest difference between the smoothed estimates and those of the textbook, in sigma, and
 /// between the covariances, relative to the variances.
 fn differences(records: &Records) -> (f64, f64) {
+    differences_from(records, records.rts())
+}
+
+fn differences_from(records: &Records, textbook: Vec<(DVector<f64>, DMatrix<f64>)>) -> (f64, f64) {
     assert_eq!(records.filtered.len(), records.smoothed.len());
     let (mut worst, mut spread) = (0.0_f64, 0.0_f64);
-    let pairs = records.filtered.iter().zip(&records.smoothed).zip(records.rts());
+    let pairs = records.filtered.iter().zip(&records.smoothed).zip(textbook);
     for ((Estimate { state, .. }, found), (moved, p)) in pairs {
         assert_eq!(state.time, found.state.time);
         // every state of the cart is a number, so the error is the difference
@@ -201,5 +209,82 @@ fn the_covariance_beside_a_considered_state_is_that_of_the_error() {
         }
         assert_eq!(found.state.values[2].to_bits(), 0.0_f64.to_bits(), "it keeps its value");
         assert!((found.covariance[(2, 2)].sqrt() - 0.3).abs() < 1e-12);
+    }
+}
+
+/// Number of steps that the filter had taken when it was the lag ahead of each estimate.
+fn steps_after(records: &Records, lag: f64) -> Vec<usize> {
+    let complete = |t: f64| {
+        let ahead = records.filtered.iter().find(|e| e.state.time.seconds() - t > lag - 1e-6);
+        ahead.map_or(records.steps.len(), |e| e.after)
+    };
+    records.filtered.iter().map(|e| complete(e.state.time.seconds())).collect()
+}
+
+#[test]
+fn a_lagged_run_is_that_of_the_textbook_from_the_samples_within_the_lag() {
+    let wanders = "process.cart.drift={ sigma = \"0.5 m/s\", random_walk = \"1 cm/s/sqrt(s)\" }";
+    // 2 s have 20 steps, 0.1 s has one, and 2.95 s end between two speeds
+    for (text, lag) in [("2 s", 2.0), ("100 ms", 0.1), ("2.95 s", 2.95)] {
+        let lagged = format!("estimator.lag=\"{text}\"");
+        let (records, finished) = finished(&[BIAS, wanders, &lagged], samples(30.0, 5, false));
+        assert!(finished.error.is_none(), "{:?}", finished.error);
+        let ends = steps_after(&records, lag);
+        let given: Vec<usize> = records.smoothed.iter().map(|e| e.after).collect();
+        assert_eq!(given, ends, "each is given while the run goes on, as soon as it is complete");
+        let (worst, spread) = differences_from(&records, records.rts_until(&ends));
+        assert!(records.filtered.len() > 250 && worst < 1e-6 && spread < 1e-6, "{worst} {spread}");
+    }
+}
+
+#[test]
+fn a_lag_beyond_the_run_smooths_the_whole_run() {
+    let (whole, _) = smoothed(&[BIAS], samples(20.0, 5, false));
+    let (lagged, finished) = finished(&[BIAS, "estimator.lag=\"1 h\""], samples(20.0, 5, false));
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    assert!(whole.smoothed.len() > 150 && whole.smoothed.len() == lagged.smoothed.len());
+    for (one, other) in whole.smoothed.iter().zip(&lagged.smoothed) {
+        assert_eq!((&one.state, &one.covariance), (&other.state, &other.covariance));
+    }
+}
+
+/// The same estimate from a run whose samples end there.
+#[test]
+fn a_lagged_estimate_beside_a_considered_state_is_that_of_the_run_until_then() {
+    let considered = "sensor.fix.bias={ mode = \"consider\", sigma = \"30 cm\" }";
+    let (lagged, _) = finished(&[considered, "estimator.lag=\"2 s\""], samples(12.0, 3, false));
+    for t in [0.5, 2.1, 4.0, 5.7, 9.3] {
+        let of = |records: &Records| {
+            let at = |e: &&Estimate| (e.state.time.seconds() - t).abs() < 1e-6;
+            let found = records.smoothed.iter().find(at).unwrap();
+            (DVector::from_column_slice(&found.state.values), found.covariance.clone())
+        };
+        let until = samples(t + 2.0 + 1e-6, 3, false);
+        let until = until.into_iter().filter(|s| s.time <= seconds(t + 2.0)).collect();
+        let ((x, p), (y, q)) = (of(&lagged), of(&smoothed(&[considered], until).0));
+        let sigma = |i: usize| p[(i, i)].sqrt();
+        for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))) {
+            assert!((x[i] - y[i]).abs() < 1e-9 * sigma(i), "{t} {i}: {x} {y}");
+            assert!((p[(i, j)] - q[(i, j)]).abs() < 1e-9 * sigma(i) * sigma(j), "{t}: {p} {q}");
+        }
+    }
+}
+
+/// The last speed leads beyond the end of the line. On the way the filter uses a place, so that the
+/// step that fails has taken a part of itself.
+#[test]
+fn a_filter_that_fails_leaves_the_smoothed_estimates_of_the_samples_before() {
+    let mut until = samples(6.0, 3, true);
+    let before = until.clone();
+    until.push(Sample::new(seconds(6.05), SensorId(1), &[6.7]));
+    until.push(Sample::new(seconds(6.1), SensorId(0), &[1.5e7]));
+    for setting in ["estimator.smooth=true", "estimator.lag=\"2 s\""] {
+        let (expected, _) = finished(&[setting], before.clone());
+        let (found, failed) = finished(&[setting], until.clone());
+        assert!(failed.error.is_some_and(|e| e.to_string().contains("left the line")));
+        assert!(found.smoothed.len() > 50 && found.smoothed.len() == expected.smoothed.len());
+        for (one, other) in found.smoothed.iter().zip(&expected.smoothed) {
+            assert_eq!((&one.state, &one.covariance), (&other.state, &other.covariance));
+        }
     }
 }

@@ -15,13 +15,19 @@ Examples:
   navfuse smooth scenarios/tactical.toml                     writes runs/tactical-smoothed
   navfuse smooth runs/tactical/run.mcap --out runs/tactical-best
   navfuse smooth scenarios/snapir.toml --set source.csv.directory=/data/snapir/T10
+  navfuse smooth scenarios/auv.toml --lag \"30 s\"             while the run goes on
 
 The filter runs to the end, and a second pass goes back to the beginning. The log, the recording
 and the tables have the smoothed estimates with their sigma, and the recording shows the track of
-the filter beside them. `smooth = true` in [estimator] does the same in every run of a scenario.")]
+the filter beside them. `smooth = true` in [estimator] does the same in every run of a scenario.
+With --lag, or `lag` in [estimator], the estimates appear while the run goes on, this time later.")]
 pub struct Smooth {
     /// A scenario, which is a TOML file, or a log, which is an MCAP file that navfuse wrote
     pub of: PathBuf,
+    /// Smooth with a fixed lag while the run goes on: each estimate has the samples up to this time
+    /// after it, such as "30 s"
+    #[arg(long, value_name = "TIME")]
+    pub lag: Option<String>,
     #[command(flatten)]
     pub options: RunOptions,
 }
@@ -30,6 +36,9 @@ pub struct Smooth {
 pub fn smooth(registry: &Registry, arguments: &Smooth) -> Result<ExitCode> {
     let (document, mut settings) = document_of(&arguments.of)?;
     settings.push("estimator.smooth=true".to_owned());
+    if let Some(lag) = &arguments.lag {
+        settings.push(format!("estimator.lag={lag:?}"));
+    }
     let mut options = arguments.options.clone();
     if options.out.is_none() && !options.no_output {
         options.out = Some(runs_folder(&format!("{}-smoothed", document.stem())));

@@ -124,7 +124,7 @@ impl Composition {
         }
         self.layout = Arc::new(layout);
         self.estimator.draw = Draw::Nothing;
-        self.estimator.smooth = false;
+        (self.estimator.smooth, self.estimator.lag) = (false, None);
         // samples without noise repeat themselves at rest
         for process in &mut self.processes {
             process.searches = false;

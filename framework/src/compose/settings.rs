@@ -36,6 +36,9 @@ pub struct EstimatorConfig {
     /// later ones.
     #[serde(default)]
     pub smooth: bool,
+    /// Smooths the run with a fixed lag while it goes on: an estimate is recorded once the filter is
+    /// this time ahead of it, as the samples until then determine it.
+    pub(crate) lag: Option<Positive<Duration>>,
     /// Rule by which samples correct the estimate: `ekf` (one linearisation), `iekf` (iterated) or
     /// `ukf` (unscented). A sensor's own `update` has precedence.
     #[serde(default)]
@@ -57,6 +60,7 @@ impl Default for EstimatorConfig {
             initial: None,
             draw: Draw::Nothing,
             smooth: false,
+            lag: None,
             update: UpdateRule::default(),
             output_rate: ten_hertz(),
         }
@@ -66,7 +70,8 @@ impl Default for EstimatorConfig {
 impl EstimatorConfig {
     /// Key of a time beyond the range of [`Time`].
     pub(crate) fn beyond_the_clock(&self) -> Option<&'static str> {
-        let times = [("start", self.start), ("stop", self.stop)];
+        let lag = self.lag.map(|lag| lag.value());
+        let times = [("start", self.start), ("stop", self.stop), ("lag", lag)];
         times
             .into_iter()
             .find(|(_, time)| time.is_some_and(|t| Time::from_seconds(t.si()).is_none()))
@@ -81,6 +86,16 @@ impl EstimatorConfig {
     /// End of the run.
     pub fn stop(&self) -> Option<Time> {
         self.stop.and_then(|s| Time::from_seconds(s.si()))
+    }
+
+    /// Fixed lag of the smoother, if there is one.
+    pub fn lag(&self) -> Option<Time> {
+        self.lag.and_then(|lag| Time::from_seconds(lag.value().si()))
+    }
+
+    /// Returns `true` if the run is smoothed, with or without a fixed lag.
+    pub fn smooths(&self) -> bool {
+        self.smooth || self.lag.is_some()
     }
 
     /// Nanoseconds between recorded estimates.

@@ -122,8 +122,9 @@ pub trait Sink: Any + Send {
     fn sample(&mut self, _sample: &Sample) -> Result<(), StreamError> {
         Ok(())
     }
-    /// An estimate, at the output rate. In a run that is smoothed it is the smoothed one, and all
-    /// of them come after the last sample, update and event of the filter.
+    /// An estimate, at the output rate. In a run that is smoothed it is the smoothed one: all of
+    /// them come after the last sample, update and event of the filter, or with a fixed lag once
+    /// the filter is the lag ahead.
     fn epoch(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
         Ok(())
     }

@@ -14,4 +14,5 @@ pub mod schema;
 mod silence;
 mod sinks;
 pub mod summary;
+mod track;
 mod verdict;

@@ -7,7 +7,7 @@ use crate::model::verdict::Verdict;
 use crate::run::output_rate::OutputRate;
 use crate::run::summary::{Recorded, Statistics};
 use crate::run::verdict::Judge;
-use crate::smooth::Forward;
+use crate::smooth::Smoother;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
@@ -33,8 +33,8 @@ pub(crate) struct Outputs {
     /// Time of the last estimate that all sinks received.
     recorded: Option<Time>,
     pub(crate) judge: Judge,
-    /// Record for the smoother of a run that is smoothed.
-    pub(crate) forward: Option<Forward>,
+    /// Smoother of a run that is smoothed.
+    pub(crate) smoother: Option<Smoother>,
     pub(crate) events: Vec<Event>,
     /// Faults that the filter found, at most [`FINDINGS`].
     pub(crate) findings: Vec<Finding>,
@@ -53,7 +53,7 @@ impl Outputs {
             statistics,
             rate,
             judge,
-            forward: None,
+            smoother: None,
             recorded: None,
             events: Vec::new(),
             findings: Vec::new(),
@@ -71,8 +71,8 @@ impl Outputs {
         if !compared {
             self.statistics.epoch(epoch);
         }
-        if let Some(forward) = &mut self.forward {
-            forward.epoch_between();
+        if let Some(smoother) = &mut self.smoother {
+            smoother.epoch_between(time);
         }
         self.show(epoch, |sink| !(compared && sink.compares()));
         self.recorded = Some(time);
@@ -80,7 +80,7 @@ impl Outputs {
 
     /// Passes the filter's estimate on to some sinks.
     fn show(&mut self, epoch: &Epoch<'_>, to: impl Fn(&dyn Sink) -> bool) {
-        let smooths = self.forward.is_some();
+        let smooths = self.smoother.is_some();
         self.each(epoch.state.time, |sink| match smooths {
             _ if !to(sink) => Ok(()),
             true => sink.filtered(epoch),
@@ -90,7 +90,7 @@ impl Outputs {
 
     /// Passes a smoothed estimate on.
     pub(crate) fn smoothed(&mut self, epoch: &Epoch<'_>) {
-        self.statistics.epoch(epoch);
+        self.statistics.smoothed(epoch);
         self.each(epoch.state.time, |sink| sink.epoch(epoch));
     }
 
@@ -155,8 +155,8 @@ impl Observer for Outputs {
         let time = epoch.state.time;
         self.statistics.epoch(epoch);
         let all = self.rate.records_comparison(time);
-        if let Some(forward) = &mut self.forward {
-            forward.epoch(all);
+        if let Some(smoother) = &mut self.smoother {
+            smoother.epoch(time, all);
         }
         self.show(epoch, |sink| all || sink.compares());
         if all {
@@ -169,15 +169,15 @@ impl Observer for Outputs {
         self.each(update.time, |sink| sink.update(update));
     }
     fn transition(&mut self, transition: &Transition) {
-        if let Some(forward) = &mut self.forward {
-            forward.transition(transition);
+        if let Some(smoother) = &mut self.smoother {
+            smoother.transition(transition);
         }
         self.each(Time::MIN, |sink| sink.transition(transition));
     }
     fn correction(&mut self, update: &Update) {
         self.judge.correction(update);
-        if let Some(forward) = &mut self.forward {
-            forward.correction(update);
+        if let Some(smoother) = &mut self.smoother {
+            smoother.correction(update);
         }
         self.each(Time::MIN, |sink| sink.correction(update));
     }

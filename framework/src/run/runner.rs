@@ -15,7 +15,7 @@ use crate::run::scenario::Assembly;
 use crate::run::silence::SilenceMonitor;
 use crate::run::summary::{Recorded, Statistics, Summary};
 use crate::run::verdict::Judge;
-use crate::smooth::{Forward, QualityReport, SmoothError};
+use crate::smooth::{QualityReport, SmoothError, Smoother};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::any::Any;
@@ -191,11 +191,9 @@ impl Run {
             quality: None,
         };
         run.error = run.merge.fill().err();
-        if run.ekf.composition().estimator.smooth {
-            match Forward::new(&run.ekf) {
-                Ok(forward) => run.outputs.forward = Some(forward),
-                Err(error) => run.error = Some(error.into()),
-            }
+        match Smoother::new(&run.ekf) {
+            Ok(smoother) => run.outputs.smoother = smoother,
+            Err(error) => run.error = Some(error.into()),
         }
         let time = run.merge.first(false).map_or(Time::MIN, |(sample, _)| sample.time);
         for (about, text) in notes {
@@ -221,7 +219,7 @@ impl Run {
                 self.error = Some(error.into());
                 break;
             }
-            if let Some(error) = self.outputs.forward.as_mut().and_then(Forward::failed) {
+            if let Some(error) = self.outputs.smoother.as_mut().and_then(Smoother::failed) {
                 self.error = Some(error.into());
                 break;
             }
@@ -285,16 +283,17 @@ impl Run {
     /// Passes one sample on to the filter and the sinks.
     fn process(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
         self.record_epoch(sample.time);
+        self.release(sample.time);
         self.merge.log_schedule(sample.time, &mut self.outputs);
         self.outputs.each(sample.time, |sink| sink.sample(sample));
         self.outputs.statistics.read(sample);
-        if let Some(forward) = &mut self.outputs.forward {
-            forward.sample(&self.ekf, sample);
+        if let Some(smoother) = &mut self.outputs.smoother {
+            smoother.sample(&self.ekf, sample);
         }
         let processed = self.ekf.process(sample, &mut self.outputs);
-        if let (Err(_), Some(forward)) = (&processed, &mut self.outputs.forward) {
+        if let (Err(_), Some(smoother)) = (&processed, &mut self.outputs.smoother) {
             // the estimate before the sample is the last good one
-            forward.take_back();
+            smoother.take_back();
         }
         processed?;
         self.silence.sample(sample, &self.sensors, &mut self.outputs);
@@ -318,10 +317,22 @@ impl Run {
         }
     }
 
+    /// Passes on the estimates of which the filter is the lag ahead, once every sample of its time
+    /// has been used.
+    fn release(&mut self, next_sample: Time) {
+        let Self { outputs, ekf, .. } = self;
+        let now = ekf.state().time;
+        let due = |smoother: &mut Smoother| next_sample > now && smoother.is_due(now);
+        if let Some(mut smoother) = outputs.smoother.take_if(due) {
+            smoother.release(ekf, |epoch| outputs.smoothed(epoch));
+            outputs.smoother = Some(smoother);
+        }
+    }
+
     /// Lets the filter use the samples that it holds, and finds out whether it ever started.
     fn finish_filter(&mut self) {
-        if let Some(forward) = &mut self.outputs.forward {
-            forward.finish();
+        if let Some(smoother) = &mut self.outputs.smoother {
+            smoother.finish();
         }
         self.ekf.finish(&mut self.outputs);
         let time = self.outputs.statistics.last_epoch.unwrap_or(Time::MIN);
@@ -345,32 +356,25 @@ impl Run {
         }
     }
 
-    /// Passes backward over the run, and gives the smoothed estimates to the sinks and the
-    /// statistics.
+    /// Passes backward over the run, or over the rest of it, and gives the smoothed estimates to
+    /// the sinks and the statistics.
     fn smooth(&mut self) {
-        let Some(mut forward) = self.outputs.forward.take() else { return };
+        let Some(smoother) = self.outputs.smoother.take() else { return };
         let end = self.ekf.snapshot();
-        let result = forward
-            .failed()
-            .map_or(Ok(()), Err)
-            .and_then(|()| forward.backward(&mut self.ekf, |_| {}))
-            .and_then(|mut smoothed| {
-                self.outputs.statistics.restart();
-                self.quality = Some(std::mem::take(&mut smoothed.quality));
-                smoothed.each(|epoch| self.outputs.smoothed(epoch))
-            });
+        let Self { ekf, outputs, .. } = self;
+        let result = smoother.end(ekf, |epoch| outputs.smoothed(epoch));
         self.ekf.restore(&end);
         let time = self.ekf.state().time;
-        if let Some(quality) = &self.quality {
-            let weak = quality.weak.iter().map(|text| (Level::Info, text));
-            let wrong = quality.contradictions.iter().map(|text| (Level::Warning, text));
-            for (level, text) in weak.chain(wrong) {
-                let (about, text) = ("smoother".to_owned(), text.clone());
-                self.outputs.event(Event { time, level, about, text });
-            }
+        match result {
+            Ok(quality) => self.quality = quality,
+            Err(error) => drop(self.error.get_or_insert(error.into())),
         }
-        if let Err(error) = result {
-            self.error.get_or_insert(error.into());
+        let Some(quality) = &self.quality else { return };
+        let weak = quality.weak.iter().map(|text| (Level::Info, text));
+        let wrong = quality.contradictions.iter().map(|text| (Level::Warning, text));
+        for (level, text) in weak.chain(wrong) {
+            let (about, text) = ("smoother".to_owned(), text.clone());
+            self.outputs.event(Event { time, level, about, text });
         }
     }
 
@@ -415,7 +419,7 @@ fn run_info(composition: &Composition) -> RunInfo {
         scenario: composition.text.clone(),
         seed: composition.seed,
         simulated: composition.simulated,
-        smoothed: composition.estimator.smooth,
+        smoothed: composition.estimator.smooths(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         layout: (*composition.layout).clone(),
         sensors: composition.sensors.iter().map(|s| s.info.clone()).collect(),

@@ -6,6 +6,7 @@ use crate::model::sensor::Purpose;
 use crate::model::sensor::Role;
 use crate::model::stream::RunInfo;
 use crate::model::verdict::Verdict;
+use crate::run::track::Track;
 use crate::smooth::QualityReport;
 use crate::state::Mode;
 use crate::state::manifold::{MAX_TANGENT, Position};
@@ -14,6 +15,8 @@ use crate::units::time::Time;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::any::TypeId;
+
+pub use crate::run::track::HorizontalError;
 
 /// The place that a sink wrote to.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -63,18 +66,6 @@ pub struct Summary {
     pub rows: Vec<StateRow>,
 }
 
-/// Horizontal position error against the reference.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct HorizontalError {
-    /// At the last reference, m.
-    #[serde(rename = "final")]
-    pub last: f64,
-    /// Root mean square over all references, m.
-    pub rms: f64,
-    /// The last error in per cent of the path length of the reference; null for a path below 1 m.
-    pub percent_of_distance: Option<f64>,
-}
-
 /// A block's final estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StateRow {
@@ -95,23 +86,6 @@ pub struct StateRow {
     pub error: Option<Vec<f64>>,
     /// 1-sigma at the time of the error, or at the end where there is no error.
     pub error_sigma: Vec<f64>,
-}
-
-/// A block's estimate compared with the last reference.
-#[derive(Clone, Debug)]
-struct Compared {
-    time: Time,
-    /// Time since the comparison before, s.
-    interval: f64,
-    error: Vec<f64>,
-    sigma: Vec<f64>,
-}
-
-impl Compared {
-    /// True if the comparison is recent enough to hold at the end.
-    fn holds_at(&self, end: Time) -> bool {
-        end.since(self.time) <= (2.0 * self.interval).max(2.0)
-    }
 }
 
 #[derive(Clone, Debug, Default)]
@@ -157,21 +131,14 @@ pub(crate) struct Statistics {
     version: String,
     seed: Option<u64>,
     sensors: Vec<(String, Purpose, Counts)>,
-    position: Option<usize>,
     first: Option<Time>,
-    before: Option<Vec<f64>>,
-    before_truth: Option<Vec<f64>>,
-    distance: f64,
-    true_distance: f64,
-    errors: (u64, f64, f64),
-    /// Error of the filter in a run that is smoothed.
-    filtered: Option<HorizontalError>,
-    compared: Vec<Option<Compared>>,
+    track: Track,
+    /// Smoothed estimates, in a run that is smoothed.
+    smoothed: Option<Track>,
 }
 
 impl Statistics {
     pub(crate) fn new(info: &RunInfo) -> Self {
-        let kind = TypeId::of::<Position>();
         Self {
             last_epoch: None,
             name: info.name.clone(),
@@ -182,24 +149,10 @@ impl Statistics {
                 .iter()
                 .map(|s| (s.name.clone(), s.purpose, Counts::default()))
                 .collect(),
-            position: info.layout.blocks.iter().position(|b| b.operations.kind == kind),
             first: None,
-            before: None,
-            before_truth: None,
-            distance: 0.0,
-            true_distance: 0.0,
-            errors: (0, 0.0, 0.0),
-            filtered: None,
-            compared: vec![None; info.layout.blocks.len()],
+            track: Track::new(&info.layout),
+            smoothed: None,
         }
-    }
-
-    /// Keeps the error of the filter, and begins again for the smoothed estimates.
-    pub(crate) fn restart(&mut self) {
-        self.filtered = self.horizontal_error();
-        (self.before, self.before_truth) = (None, None);
-        (self.distance, self.true_distance, self.errors) = (0.0, 0.0, (0, 0.0, 0.0));
-        self.compared.fill(None);
     }
 
     pub(crate) fn read(&mut self, sample: &Sample) {
@@ -230,46 +183,12 @@ impl Statistics {
     pub(crate) fn epoch(&mut self, epoch: &Epoch<'_>) {
         self.first.get_or_insert(epoch.state.time);
         self.last_epoch = Some(epoch.state.time);
-        if let Some(slot) = self.position {
-            let block = &epoch.layout.blocks[slot];
-            let step = |before: &mut Option<Vec<f64>>, now: &[f64]| {
-                let mut d = [0.0; 3];
-                if let Some(before) = before {
-                    (block.operations.local)(now, before, &mut d);
-                    before.copy_from_slice(now);
-                } else {
-                    *before = Some(now.to_vec());
-                }
-                d[0].hypot(d[1])
-            };
-            let now = &epoch.state.values[block.range()];
-            self.distance += step(&mut self.before, now);
-            if let Some(truth) = epoch.truth.filter(|t| t.known[slot]) {
-                let true_now = &truth.state.values[block.range()];
-                self.true_distance += step(&mut self.before_truth, true_now);
-                let mut e = [0.0; 3];
-                (block.operations.local)(now, true_now, &mut e);
-                let (count, squares, _) = self.errors;
-                let error = e[0].hypot(e[1]);
-                self.errors = (count + 1, squares + error * error, error);
-            }
-        }
-        if let Some(truth) = epoch.truth {
-            for (slot, block) in
-                epoch.layout.blocks.iter().enumerate().filter(|(slot, _)| truth.known[*slot])
-            {
-                let (time, n) = (epoch.state.time, block.operations.tangent);
-                let compared = self.compared[slot].get_or_insert_with(|| Compared {
-                    time,
-                    interval: 0.0,
-                    error: vec![0.0; n],
-                    sigma: vec![0.0; n],
-                });
-                compared.interval = time.since(std::mem::replace(&mut compared.time, time));
-                block.show_error(&epoch.state.values, &truth.state.values, &mut compared.error);
-                block.show_sigma(&epoch.state.values, epoch.covariance, &mut compared.sigma);
-            }
-        }
+        self.track.epoch(epoch);
+    }
+
+    /// Takes a smoothed estimate.
+    pub(crate) fn smoothed(&mut self, epoch: &Epoch<'_>) {
+        self.smoothed.get_or_insert_with(|| Track::new(epoch.layout)).epoch(epoch);
     }
 
     /// A warning for each sensor that gave no sample.
@@ -287,19 +206,11 @@ impl Statistics {
             .collect()
     }
 
-    fn horizontal_error(&self) -> Option<HorizontalError> {
-        let (count, squares, last) = self.errors;
-        (count > 0).then(|| HorizontalError {
-            last,
-            rms: (squares / count as f64).sqrt(),
-            percent_of_distance: (self.true_distance >= 1.0)
-                .then(|| 100.0 * last / self.true_distance),
-        })
-    }
-
     pub(crate) fn summary(&mut self, ekf: &Ekf, verdict: Verdict) -> Summary {
         let layout = ekf.layout();
         let (truth, end) = (ekf.truth(), ekf.state().time);
+        let filtered = self.smoothed.as_ref().and(self.track.horizontal_error());
+        let track = self.smoothed.as_ref().unwrap_or(&self.track);
         let mut rows = Vec::new();
         let mut states = Map::new();
         for (slot, block) in layout.blocks.iter().enumerate() {
@@ -311,7 +222,7 @@ impl Statistics {
             // a truth that the scenario states also holds at the end; a reference holds at its last
             // time
             let holds = (block.spec.truth.is_some() && !block.wanders) || truth.state.time == end;
-            let before = self.compared[slot].as_ref().filter(|c| c.holds_at(end));
+            let before = track.compared[slot].as_ref().filter(|c| c.holds_at(end));
             let (error, error_sigma) = match before {
                 _ if holds && truth.known[slot] => {
                     block.show_error(&ekf.state().values, &truth.state.values, &mut error);
@@ -373,22 +284,19 @@ impl Statistics {
             (name.to_owned(), values)
         });
         let starts = starts.collect();
-        let (count, ..) = self.errors;
-        let position = self.position.and_then(|slot| self.compared[slot].as_ref());
-        let to_the_end = count > 1 && position.is_some_and(|c| c.holds_at(end));
         Summary {
             scenario: self.name.clone(),
             version: self.version.clone(),
             seed: self.seed,
             duration_s: self.first.zip(self.last_epoch).map_or(0.0, |(a, b)| b.since(a)),
-            distance_m: if to_the_end { self.true_distance } else { self.distance },
+            distance_m: track.distance(end),
             wall_s: 0.0,
             verdict,
             samples,
             starts,
             states,
-            horizontal_error_m: self.horizontal_error(),
-            filtered_horizontal_error_m: self.filtered,
+            horizontal_error_m: track.horizontal_error(),
+            filtered_horizontal_error_m: filtered,
             smoothing: None,
             rows,
         }

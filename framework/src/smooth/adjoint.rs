@@ -28,6 +28,8 @@
 //! `D` is the identity without the considered states. For an optimal gain `C = 0` and
 //! `Omega = Lambda`.
 
+use super::map::{Map, add};
+use super::stretch::{Products, Stretch};
 use crate::state::Layout;
 use crate::state::covariance::Covariance;
 use nalgebra::{Cholesky, DMatrix, Dyn, SymmetricEigen};
@@ -35,92 +37,6 @@ use nalgebra::{Cholesky, DMatrix, Dyn, SymmetricEigen};
 /// Smallest eigenvalue of a smoothed covariance relative to that of the filter; rounding makes
 /// smaller ones.
 const ROUNDING: f64 = 1e-15;
-
-/// A linear map of the error, `M = 1 + E`, by the rows in which `E` is not zero.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Map {
-    /// Rows that differ from the identity, and the place of each row of the matrix among them.
-    rows: Vec<usize>,
-    places: Vec<usize>,
-    /// Elements of `E` beside the diagonal, and the diagonal of these rows: place of the row,
-    /// column, value.
-    elements: Vec<(usize, usize, f64)>,
-    diagonal: Vec<f64>,
-    /// `V`, one row for each changed row.
-    work: Vec<f64>,
-    sums: Vec<f64>,
-}
-
-/// No row of the matrix differs from the identity there.
-const UNCHANGED: usize = usize::MAX;
-
-impl Map {
-    /// Identity of dimension `n`.
-    pub(super) fn identity(n: usize) -> Self {
-        Self { places: vec![UNCHANGED; n], ..Self::default() }
-    }
-
-    /// Sets the map to the elements of the rows that differ from the identity.
-    pub(super) fn set(&mut self, elements: impl Iterator<Item = (usize, usize, f64)>) {
-        self.rows.iter().for_each(|row| self.places[*row] = UNCHANGED);
-        self.rows.clear();
-        self.elements.clear();
-        self.diagonal.clear();
-        for (i, j, value) in elements {
-            if self.places[i] == UNCHANGED {
-                self.places[i] = self.rows.len();
-                self.rows.push(i);
-                self.diagonal.push(-1.0);
-            }
-            if i == j {
-                self.diagonal[self.places[i]] += value;
-            } else if value != 0.0 {
-                self.elements.push((self.places[i], j, value));
-            }
-        }
-        let diagonal = self.rows.iter().zip(&self.diagonal).enumerate();
-        let diagonal = diagonal.map(|(place, (row, value))| (place, *row, *value));
-        self.elements.extend(diagonal.filter(|(_, _, value)| *value != 0.0));
-    }
-
-    /// `x = M' x`.
-    fn carry(&mut self, x: &mut [f64]) {
-        self.sums.clear();
-        self.sums.extend(self.rows.iter().map(|row| x[*row]));
-        self.elements.iter().for_each(|&(place, j, value)| x[j] += value * self.sums[place]);
-    }
-
-    /// `X = M' X M` of a symmetric matrix.
-    ///
-    /// With the rows `W = X[R, :]` that meet `E`, `X + E' W + W' E + E' X E` is `X + Z + Z'` with
-    /// `Z = E' V` and `V = W + X[R, R] E / 2`: the products touch only the elements of `E`, and the
-    /// result is symmetric to the bit.
-    fn congruence(&mut self, x: &mut [f64], z: &mut [f64]) {
-        let n = self.places.len();
-        self.work.clear();
-        for row in &self.rows {
-            self.work.extend_from_slice(&x[row * n..][..n]);
-        }
-        for (row, v) in self.rows.iter().zip(self.work.chunks_exact_mut(n)) {
-            let x = &x[row * n..][..n];
-            for &(place, j, value) in &self.elements {
-                v[j] += 0.5 * x[self.rows[place]] * value;
-            }
-        }
-        z.fill(0.0);
-        for &(place, j, value) in &self.elements {
-            add(&mut z[j * n..][..n], value, &self.work[place * n..][..n]);
-        }
-        for i in 0..n {
-            for j in 0..i {
-                let sum = x[i * n + j] + (z[i * n + j] + z[j * n + i]);
-                x[i * n + j] = sum;
-                x[j * n + i] = sum;
-            }
-            x[i * n + i] += 2.0 * z[i * n + i];
-        }
-    }
-}
 
 /// A correction.
 #[derive(Clone, Copy, Debug)]
@@ -143,14 +59,6 @@ pub(super) struct Correction<'a> {
     pub(super) delta: &'a [f64],
 }
 
-/// `a += f b`.
-#[inline]
-fn add(a: &mut [f64], f: f64, b: &[f64]) {
-    for (a, b) in a.iter_mut().zip(b) {
-        *a += f * b;
-    }
-}
-
 /// The adjoint of the error, and the information of all later samples.
 #[derive(Clone, Debug)]
 pub(super) struct Adjoint {
@@ -171,6 +79,8 @@ pub(super) struct Adjoint {
     jacobian: Vec<f64>,
     /// `Lambda (I - K H)`.
     carried: Vec<f64>,
+    /// Products of the maps up to a boundary, for a smoother with a fixed lag.
+    products: Option<Products>,
 }
 
 impl Adjoint {
@@ -191,21 +101,85 @@ impl Adjoint {
             reset: Map::identity(n),
             jacobian: vec![0.0; n * n],
             carried: vec![0.0; n * n],
+            products: None,
+        }
+    }
+
+    /// The adjoint at a boundary, to which it keeps the products of the maps.
+    pub(super) fn at_boundary(layout: &Layout, considered: &[bool]) -> Self {
+        let products = Products::identity(layout.tangent, considered.contains(&true));
+        Self { products: Some(products), ..Self::new(layout, considered) }
+    }
+
+    /// Length of the numbers of [`Self::write`].
+    pub(super) fn width(n: usize, considers: bool) -> usize {
+        let triangle = n * (n + 1) / 2;
+        n + triangle + n * n + if considers { triangle + n * n } else { 0 }
+    }
+
+    /// Adds the adjoint and its products to a row of numbers.
+    pub(super) fn write(&self, out: &mut Vec<f64>) {
+        let Self { n, lambda, information, spread, products, .. } = self;
+        out.extend_from_slice(lambda);
+        for square in [information, spread].into_iter().filter(|s| !s.is_empty()) {
+            out.extend(lower(*n).map(|(i, j)| square[i * n + j]));
+        }
+        if let Some(products) = products {
+            out.extend_from_slice(&products.map);
+            out.extend_from_slice(&products.mixed);
+        }
+    }
+
+    /// Sets the adjoint to the numbers of [`Self::write`], and adds the samples of the stretch from
+    /// the boundary on: see `stretch.rs`.
+    pub(super) fn join(&mut self, numbers: &[f64], after: &Stretch) {
+        let n = self.n;
+        let triangle = n * (n + 1) / 2;
+        let (lambda, mut rest) = numbers.split_at(n);
+        self.lambda.copy_from_slice(lambda);
+        for square in [&mut self.information, &mut self.spread] {
+            if square.is_empty() {
+                continue;
+            }
+            let (own, left) = rest.split_at(triangle);
+            rest = left;
+            for ((i, j), value) in lower(n).zip(own) {
+                square[i * n + j] = *value;
+                square[j * n + i] = *value;
+            }
+        }
+        if after.empty {
+            return;
+        }
+        let (map, mixed) = rest.split_at(n * n);
+        for (value, row) in self.lambda.iter_mut().zip(map.chunks_exact(n)) {
+            *value += row.iter().zip(&after.lambda).map(|(m, b)| m * b).sum::<f64>();
+        }
+        // M' C M, with M' in the rows of `map`
+        product(map, &after.information, n, &mut self.work);
+        add_transposed(&mut self.information, &self.work, map, n, false);
+        if !self.spread.is_empty() {
+            add_transposed(&mut self.spread, &self.work, mixed, n, true);
+            product(map, &after.spread, n, &mut self.work);
+            add_transposed(&mut self.spread, &self.work, map, n, false);
         }
     }
 
     /// Passes over a linear map of the error: `lambda = M' lambda`, `Lambda = M' Lambda M`.
     pub(super) fn pass(&mut self, map: &mut Map) {
-        map.carry(&mut self.lambda);
+        map.carry(&mut self.lambda, 1);
         map.congruence(&mut self.information, &mut self.work);
         if !self.spread.is_empty() {
             map.congruence(&mut self.spread, &mut self.work);
+        }
+        if let Some(products) = &mut self.products {
+            products.pass(map);
         }
     }
 
     /// Passes over a correction and the reset after it. Returns the square of the smoothed
     /// innovation, `u' M^-1 u` with `u = S^-1 y - K' lambda` and `M = S^-1 + K' Lambda K`; `None`
-    /// where states are considered, whose innovations are not white.
+    /// where states are considered, whose innovations are not white, and up to a boundary.
     pub(super) fn correct(&mut self, layout: &Layout, correction: &Correction<'_>) -> Option<f64> {
         let n = self.n;
         let &Correction { m, columns, h, s, gain, cross, innovation, delta } = correction;
@@ -230,7 +204,8 @@ impl Adjoint {
         for (i, gain) in gain.chunks_exact(m).enumerate() {
             gain.iter().enumerate().for_each(|(a, k)| seen[a] -= k * self.lambda[i]);
         }
-        let square = self.spread.is_empty().then(|| self.square(&s, gain, &seen)).flatten();
+        let judged = self.spread.is_empty() && self.products.is_none();
+        let square = judged.then(|| self.square(&s, gain, &seen)).flatten();
         for (k, &c) in columns.iter().enumerate() {
             self.lambda[c] += (0..m).map(|a| h[a * w + k] * seen[a]).sum::<f64>();
         }
@@ -240,14 +215,15 @@ impl Adjoint {
         let gained = h.tr_mul(&solved);
         let gain = DMatrix::from_row_slice(n, m, gain);
         self.congruence(&h, &gain, columns, false);
-        if !self.spread.is_empty() {
-            // A' Lambda C S^-1 H, with C = P H' - K S in the rows of the considered states, whose
-            // gain is zero
+        // C = P H' - K S, which is not zero in the rows of the considered states, whose gain is zero
+        let remaining = (!self.spread.is_empty()).then(|| {
             let cross = DMatrix::from_row_slice(n, m, cross);
-            let considered =
-                DMatrix::from_fn(n, m, |i, a| if self.considered[i] { cross[(i, a)] } else { 0.0 });
+            DMatrix::from_fn(n, m, |i, a| if self.considered[i] { cross[(i, a)] } else { 0.0 })
+        });
+        if let Some(remaining) = &remaining {
+            // A' Lambda C S^-1 H
             let carried = DMatrix::from_row_slice(n, n, &self.carried);
-            let coupled = carried.tr_mul(&(considered * &solved));
+            let coupled = carried.tr_mul(&(remaining * &solved));
             self.congruence(&h, &gain, columns, true);
             for i in 0..n {
                 for (k, &c) in columns.iter().enumerate() {
@@ -255,6 +231,9 @@ impl Adjoint {
                     self.spread[c * n + i] += coupled[(i, k)];
                 }
             }
+        }
+        if let Some(products) = &mut self.products {
+            products.correct(correction, &solved, remaining.as_ref());
         }
         let Self { information, spread, .. } = self;
         for sums in [information, spread].into_iter().filter(|s| !s.is_empty()) {
@@ -365,13 +344,32 @@ fn symmetrise(square: &mut [f64], n: usize) {
     }
 }
 
+/// `out = A B`, row-major and square.
+fn product(a: &[f64], b: &[f64], n: usize, out: &mut [f64]) {
+    for (row, out) in a.chunks_exact(n).zip(out.chunks_exact_mut(n)) {
+        out.fill(0.0);
+        row.iter().zip(b.chunks_exact(n)).for_each(|(f, b)| add(out, *f, b));
+    }
+}
+
+/// `X = X + A B'` for a symmetric product, or `X = X + A B' + B A'` with `both`.
+fn add_transposed(x: &mut [f64], a: &[f64], b: &[f64], n: usize, both: bool) {
+    let dot = |i: usize, j: usize| {
+        a[i * n..][..n].iter().zip(&b[j * n..][..n]).map(|(a, b)| a * b).sum::<f64>()
+    };
+    for (i, j) in lower(n) {
+        let sum = if both { dot(i, j) + dot(j, i) } else { dot(i, j) };
+        x[i * n + j] += sum;
+        if i != j {
+            x[j * n + i] += sum;
+        }
+    }
+}
+
 /// Lower triangle of `P X P`.
 fn sandwich(p: &[f64], x: &[f64], n: usize, work: &mut [f64]) -> Vec<f64> {
     let mut out = vec![0.0; n * n];
-    for (row, out) in x.chunks_exact(n).zip(work.chunks_exact_mut(n)) {
-        out.fill(0.0);
-        row.iter().zip(p.chunks_exact(n)).for_each(|(f, p)| add(out, *f, p));
-    }
+    product(x, p, n, work);
     for (i, (row, out)) in p.chunks_exact(n).zip(out.chunks_exact_mut(n)).enumerate() {
         row.iter().zip(work.chunks_exact(n)).for_each(|(f, w)| add(&mut out[..=i], *f, &w[..=i]));
     }

@@ -1,5 +1,5 @@
-//! Fixed-interval smoothing of any composition: the estimate of every time from all samples of the
-//! run.
+//! Smoothing of any composition: the estimate of every time from all samples of the run, or from
+//! those up to a fixed lag after it.
 //!
 //! The filter runs as always, and leaves snapshots of itself on the way. Then each segment between
 //! two snapshots is computed again, the last one first: this time its transitions, corrections and
@@ -11,11 +11,17 @@
 
 mod adjoint;
 mod error;
+mod estimate;
+mod forward;
+mod interval;
+mod lag;
+mod map;
 mod quality;
 mod segment;
 mod smoother;
+mod stretch;
 mod tape;
 
 pub use error::SmoothError;
 pub use quality::{QualityReport, SensorFit};
-pub(crate) use smoother::Forward;
+pub(crate) use smoother::Smoother;

@@ -1,6 +1,8 @@
 //! Records of one segment of the run, which the backward recursion reads.
 
-use super::adjoint::{Correction, Map};
+use super::adjoint::Correction;
+use super::estimate;
+use super::map::Map;
 use crate::model::record::{Epoch, Observer, UpdateRecord};
 use crate::state::Layout;
 use crate::state::covariance::{Transition, Update};
@@ -15,36 +17,8 @@ pub(super) enum Kind {
     Step(usize),
     /// A correction with that many components and columns, and its number in the segment.
     Update(usize, usize, usize),
-    /// An estimate that the run records: see [`Row`].
+    /// An estimate that the run records: see `estimate.rs`.
     Epoch,
-}
-
-/// Places of the numbers of an estimate in a row.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Row {
-    /// Lengths of the values and the signals, dimension of the error, number of blocks.
-    pub(super) values: usize,
-    pub(super) signals: usize,
-    pub(super) n: usize,
-    pub(super) blocks: usize,
-}
-
-impl Row {
-    pub(super) fn new(layout: &Layout) -> Self {
-        let (values, signals) = (layout.ambient, layout.signals);
-        Self { values, signals, n: layout.tangent, blocks: layout.blocks.len() }
-    }
-
-    /// Length of the lower triangle of the covariance.
-    pub(super) fn triangle(&self) -> usize {
-        self.n * (self.n + 1) / 2
-    }
-
-    /// Length: time, values, signals, covariance, a mark for a truth, its values, and a mark for
-    /// each known block.
-    pub(super) fn width(&self) -> usize {
-        1 + 2 * self.values + self.signals + self.triangle() + 1 + self.blocks
-    }
 }
 
 /// Length of the record of a transition.
@@ -60,7 +34,7 @@ pub(super) fn correction_length(update: &Update, n: usize, considers: bool) -> u
 
 /// Records of one segment.
 pub(super) struct Segment {
-    row: Row,
+    n: usize,
     considers: bool,
     data: Vec<f64>,
     columns: Vec<usize>,
@@ -74,7 +48,7 @@ pub(super) struct Segment {
 impl Segment {
     pub(super) fn new(layout: &Layout, considers: bool) -> Self {
         Self {
-            row: Row::new(layout),
+            n: layout.tangent,
             considers,
             data: Vec::new(),
             columns: Vec::new(),
@@ -124,23 +98,7 @@ impl Segment {
 
     fn epoch(&mut self, epoch: &Epoch<'_>) {
         self.begin(Kind::Epoch);
-        let Epoch { state, covariance, truth, .. } = epoch;
-        self.data.push(f64::from_bits(state.time.nanos().cast_unsigned()));
-        self.data.extend_from_slice(&state.values);
-        self.data.extend_from_slice(&state.signals);
-        let n = self.row.n;
-        let triangle = (0..n).flat_map(|i| (0..=i).map(move |j| covariance.get(i, j)));
-        self.data.extend(triangle);
-        match truth {
-            None => {
-                self.data.extend(std::iter::repeat_n(0.0, 1 + self.row.values + self.row.blocks))
-            }
-            Some(truth) => {
-                self.data.push(1.0);
-                self.data.extend_from_slice(&truth.state.values);
-                self.data.extend(truth.known.iter().map(|known| f64::from(u8::from(*known))));
-            }
-        }
+        estimate::write(epoch, &mut self.data);
     }
 
     /// Records, the last one first: each with its numbers and columns.
@@ -164,7 +122,7 @@ impl Segment {
         values: &'a [f64],
         columns: &'a [usize],
     ) -> Correction<'a> {
-        let n = self.row.n;
+        let n = self.n;
         let (h, rest) = values.split_at(m * w);
         let (s, rest) = rest.split_at(m * m);
         let (gain, rest) = rest.split_at(n * m);

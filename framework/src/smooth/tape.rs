@@ -62,8 +62,15 @@ impl Steps {
     }
 
     /// Forgets the last entry.
-    pub(super) fn take_back(&mut self) {
+    pub(super) fn take_back(&mut self) -> io::Result<()> {
         self.end = self.before;
+        self.file.seek(SeekFrom::Start(self.end)).map(drop)
+    }
+
+    /// Forgets all entries.
+    pub(super) fn clear(&mut self) -> io::Result<()> {
+        (self.before, self.end) = (0, 0);
+        restart(&mut self.file)
     }
 
     /// Passes the entries between two places to `each`.
@@ -105,18 +112,30 @@ fn read_sample(bytes: &mut impl Read) -> io::Result<Sample> {
     Ok(sample)
 }
 
-/// Rows of numbers of one length, written in the reverse order of time and read in the order of
-/// time.
+/// Empties a temporary file.
+fn restart(file: &mut BufWriter<File>) -> io::Result<()> {
+    file.seek(SeekFrom::Start(0))?;
+    file.get_ref().set_len(0)
+}
+
+/// Rows of numbers of one length, of which the last one is taken first: the backward pass writes
+/// them in the reverse order of time.
 pub(crate) struct Rows {
     file: BufWriter<File>,
-    width: usize,
+    bytes: Vec<u8>,
     count: u64,
 }
 
 impl Rows {
     pub(super) fn new(width: usize) -> io::Result<Self> {
         let file = BufWriter::with_capacity(1 << 16, tempfile::tempfile()?);
-        Ok(Self { file, width, count: 0 })
+        Ok(Self { file, bytes: vec![0; 8 * width], count: 0 })
+    }
+
+    /// Forgets all rows.
+    pub(super) fn clear(&mut self) -> io::Result<()> {
+        self.count = 0;
+        restart(&mut self.file)
     }
 
     pub(super) fn push(&mut self, row: &[f64]) -> io::Result<()> {
@@ -127,19 +146,15 @@ impl Rows {
         Ok(())
     }
 
-    /// Passes the rows to `each`, the last one that was written first.
-    pub(super) fn reversed(&mut self, mut each: impl FnMut(&[f64])) -> io::Result<()> {
-        self.file.flush()?;
-        let size = 8 * self.width;
-        let (mut bytes, mut row) = (vec![0; size], vec![0.0; self.width]);
-        let file = self.file.get_mut();
-        for k in (0..self.count).rev() {
-            file.seek(SeekFrom::Start(k * size as u64))?;
-            file.read_exact(&mut bytes)?;
-            let values = bytes.as_chunks::<8>().0;
-            row.iter_mut().zip(values).for_each(|(v, b)| *v = f64::from_le_bytes(*b));
-            each(&row);
-        }
-        Ok(())
+    /// Takes the last row; `false` if there is none. No row may be added afterwards, unless all are
+    /// forgotten.
+    pub(super) fn pop(&mut self, row: &mut Vec<f64>) -> io::Result<bool> {
+        row.clear();
+        let Some(last) = self.count.checked_sub(1) else { return Ok(false) };
+        self.count = last;
+        self.file.seek(SeekFrom::Start(last * self.bytes.len() as u64))?;
+        self.file.get_mut().read_exact(&mut self.bytes)?;
+        row.extend(self.bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)));
+        Ok(true)
     }
 }

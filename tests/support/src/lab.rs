@@ -72,6 +72,9 @@ fn speed() -> String {
 
 pub const DENSITY: f64 = 0.01;
 
+/// Length of the line on each side, m.
+pub const LINE: f64 = 1e6;
+
 impl ProcessType for Cart {
     const TYPE: &'static str = "cart";
     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
@@ -116,6 +119,9 @@ impl ProcessModel for CartModel {
             .ok_or_else(|| ProcessError::input("no speed"))?;
         let dt = interval.duration();
         let place = state.get(layout, self.place) + (speed - state.get(layout, self.drift)) * dt;
+        if place.abs() > LINE {
+            return Err(ProcessError::domain("the cart has left the line"));
+        }
         state.set(layout, self.place, &place);
         transition.set(self.p_p, &SMatrix::from([[1.0]]));
         transition.set(self.p_d, &SMatrix::from([[-dt]]));

@@ -53,27 +53,64 @@ impl Records {
     /// Smoothed estimates of the textbook, in the order of the filter's: `x_s [-] x`, and `P_s` of
     /// the error about `x`.
     pub fn rts(&self) -> Vec<(DVector<f64>, DMatrix<f64>)> {
-        let end = self.filtered.last().expect("an estimate");
-        assert_eq!(end.after, self.steps.len(), "the run ends with an estimate");
-        let n = self.layout.tangent;
-        // covariances before and after each step
-        let first = &self.filtered[0];
-        let mut before = vec![first.covariance.clone()];
-        for step in &self.steps[first.after..] {
-            let p = before.last().expect("one");
-            let next = &step.map * p * step.map.transpose() + &step.noise;
-            before.push((&next + next.transpose()) * 0.5);
-        }
-        let (mut moved, mut p) = (DVector::zeros(n), before.pop().expect("the last"));
+        let end = self.filtered.last().expect("an estimate").after;
+        assert_eq!(end, self.steps.len(), "the run ends with an estimate");
+        let covariances = self.covariances();
         let mut found = Vec::new();
         let mut estimates = self.filtered.iter().rev().peekable();
-        for k in (first.after..=self.steps.len()).rev() {
+        self.backward(&covariances, end, |k, moved, p| {
             while estimates.next_if(|e| e.after == k).is_some() {
                 found.push((moved.clone(), p.clone()));
             }
-            let Some(k) = k.checked_sub(1).filter(|k| *k >= first.after) else { break };
-            let step = &self.steps[k];
-            let filtered = before.pop().expect("one for each step");
+            estimates.peek().is_some()
+        });
+        found.reverse();
+        found
+    }
+
+    /// Smoothed estimates of the textbook, each from the steps until one of `ends`.
+    pub fn rts_until(&self, ends: &[usize]) -> Vec<(DVector<f64>, DMatrix<f64>)> {
+        let covariances = self.covariances();
+        let one = |(estimate, end): (&Estimate, &usize)| {
+            let mut found = None;
+            self.backward(&covariances, *end, |k, moved, p| {
+                found = Some((moved.clone(), p.clone()));
+                k > estimate.after
+            });
+            found.expect("an estimate before the end")
+        };
+        self.filtered.iter().zip(ends).map(one).collect()
+    }
+
+    /// Covariances before and after each step, from the first estimate on.
+    fn covariances(&self) -> Vec<DMatrix<f64>> {
+        let first = &self.filtered[0];
+        let mut covariances = vec![first.covariance.clone()];
+        for step in &self.steps[first.after..] {
+            let p = covariances.last().expect("one");
+            let next = &step.map * p * step.map.transpose() + &step.noise;
+            covariances.push((&next + next.transpose()) * 0.5);
+        }
+        covariances
+    }
+
+    /// Goes back from the state after `end` steps, and shows the smoothed estimate after each number
+    /// of steps, until `show` returns `false`.
+    fn backward(
+        &self,
+        covariances: &[DMatrix<f64>],
+        end: usize,
+        mut show: impl FnMut(usize, &DVector<f64>, &DMatrix<f64>) -> bool,
+    ) {
+        let first = self.filtered[0].after;
+        let mut moved = DVector::zeros(self.layout.tangent);
+        let mut p = covariances[end - first].clone();
+        for k in (first..=end).rev() {
+            if !show(k, &moved, &p) || k == first {
+                break;
+            }
+            let step = &self.steps[k - 1];
+            let filtered = &covariances[k - 1 - first];
             if let Some(Correction { reset, .. }) = &step.correction {
                 // the error after the correction is that before it, moved and reset
                 let back = reset.clone().try_inverse().expect("a reset");
@@ -82,14 +119,12 @@ impl Records {
                 continue;
             }
             // C = P Phi' P-^-1,  x_s = x + C (x_s' - x-),  P_s = P + C (P_s' - P-) C'
-            let predicted = &step.map * &filtered * step.map.transpose() + &step.noise;
-            let gain = inverse(&predicted) * &step.map * &filtered;
+            let predicted = &step.map * filtered * step.map.transpose() + &step.noise;
+            let gain = inverse(&predicted) * &step.map * filtered;
             let gain = gain.transpose();
             moved = &gain * moved;
-            p = &filtered + &gain * (p - predicted) * gain.transpose();
+            p = filtered + &gain * (p - predicted) * gain.transpose();
         }
-        found.reverse();
-        found
     }
 
     /// Covariance of the error of `x + D P lambda` at each estimate, from the sources of all errors:

@@ -181,7 +181,7 @@ impl Campaign {
             let assembly = scenario.assemble(None)?;
             campaign.columns.add(&assembly.composition);
             let estimator = &assembly.composition.estimator;
-            campaign.smooths |= estimator.smooth;
+            campaign.smooths |= estimator.smooths();
             let end = assembly.sources.iter().filter_map(|(_, s)| s.end()).max();
             let end = [end, estimator.stop()].into_iter().flatten().min();
             longest = longest

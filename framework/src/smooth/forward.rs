@@ -1,0 +1,242 @@
+//! The two passes over a run or a part of it: forward with snapshots, and backward from segment to
+//! segment.
+//!
+//! `N` snapshots of `s` bytes and the records of a segment, `R / N` bytes of all `R`, need
+//! `N s + R / N` bytes. That is least, `2 sqrt(R s)`, where both parts are equal. `R` is unknown
+//! before the end, so a segment begins with a length of [`SHORTEST`]; as soon as the snapshots need
+//! more than a segment, every second one is dropped and the length doubles.
+
+use super::adjoint::Adjoint;
+use super::error::SmoothError;
+use super::estimate::Row;
+use super::map::Map;
+use super::segment::{Kind, Recorder, Segment, correction_length, step_length};
+use super::tape::{Entry, Steps};
+use crate::ekf::{Ekf, Snapshot};
+use crate::model::record::Observer;
+use crate::state::Layout;
+use crate::state::covariance::{Transition, Update};
+use crate::units::sample::{Sample, SensorId};
+use crate::units::time::Time;
+use std::io;
+use std::sync::Arc;
+
+/// Length of the records of the first segments, bytes.
+const SHORTEST: usize = 1 << 16;
+
+/// The filter at the beginning of a segment.
+struct Checkpoint {
+    snapshot: Snapshot,
+    /// Place in the steps, and the number of estimates before it.
+    at: u64,
+    epochs: usize,
+}
+
+/// The forward pass: the steps of the run, and snapshots between them.
+pub(super) struct Forward {
+    layout: Arc<Layout>,
+    considers: bool,
+    steps: Steps,
+    checkpoints: Vec<Checkpoint>,
+    /// For each estimate of the filter, `true` if the run records it.
+    recorded: Vec<bool>,
+    /// Estimates before the last step.
+    recorded_before: usize,
+    /// Length of the records since the last snapshot, and the longest one, bytes.
+    since: usize,
+    longest: usize,
+    /// Start of the filter.
+    pub(super) start: Option<Time>,
+    /// Set if the filter failed in the last step.
+    pub(super) failed_step: bool,
+    error: Option<io::Error>,
+}
+
+impl Forward {
+    /// Begins the pass at the present of the filter.
+    pub(super) fn new(ekf: &Ekf) -> Result<Self, SmoothError> {
+        let layout = Arc::clone(&ekf.composition().layout);
+        let mut forward = Self {
+            considers: ekf.considered().contains(&true),
+            layout,
+            steps: Steps::new()?,
+            checkpoints: Vec::new(),
+            recorded: Vec::new(),
+            recorded_before: 0,
+            since: 0,
+            longest: SHORTEST,
+            start: None,
+            failed_step: false,
+            error: None,
+        };
+        forward.checkpoint(ekf);
+        Ok(forward)
+    }
+
+    /// Forgets the steps, and begins again at the present of the filter.
+    pub(super) fn restart(&mut self, ekf: &Ekf) -> Result<(), SmoothError> {
+        self.steps.clear()?;
+        self.checkpoints.clear();
+        self.recorded.clear();
+        self.recorded_before = 0;
+        self.longest = SHORTEST;
+        self.checkpoint(ekf);
+        Ok(())
+    }
+
+    fn checkpoint(&mut self, ekf: &Ekf) {
+        let (at, epochs) = (self.steps.end, self.recorded.len());
+        self.checkpoints.push(Checkpoint { snapshot: ekf.snapshot(), at, epochs });
+        self.since = 0;
+        // an odd number, so that the last one stays
+        let count = self.checkpoints.len();
+        if count % 2 == 1 && count * ekf.snapshot_size() > self.longest {
+            let mut number = 0;
+            self.checkpoints.retain(|_| {
+                number += 1;
+                number % 2 == 1
+            });
+            self.longest *= 2;
+        }
+    }
+
+    fn push(&mut self, entry: &Entry) {
+        self.recorded_before = self.recorded.len();
+        if let Err(error) = self.steps.push(entry) {
+            self.error.get_or_insert(error);
+        }
+    }
+
+    /// Notes a sample that the filter takes next.
+    pub(super) fn sample(&mut self, ekf: &Ekf, sample: &Sample) {
+        if self.since >= self.longest && ekf.running() {
+            self.checkpoint(ekf);
+        }
+        if ekf.running() {
+            self.start.get_or_insert(ekf.state().time);
+        }
+        self.push(&Entry::Sample(*sample));
+    }
+
+    /// Notes that the runner records the estimate.
+    pub(super) fn epoch_between(&mut self) {
+        self.push(&Entry::Epoch);
+        self.epoch(true);
+    }
+
+    /// Notes that the filter uses the samples that it holds.
+    pub(super) fn finish(&mut self) {
+        self.push(&Entry::Finish);
+    }
+
+    /// Forgets the last step, in which the filter failed.
+    pub(super) fn take_back(&mut self) {
+        if let Err(error) = self.steps.take_back() {
+            self.error.get_or_insert(error);
+        }
+        self.failed_step = true;
+        self.recorded.truncate(self.recorded_before);
+    }
+
+    /// Notes an estimate, and whether the run records it.
+    pub(super) fn epoch(&mut self, recorded: bool) {
+        self.recorded.push(recorded);
+        if recorded {
+            self.since += 8 * Row::new(&self.layout).width();
+        }
+    }
+
+    pub(super) fn transition(&mut self, transition: &Transition) {
+        self.since += 8 * step_length(transition);
+    }
+
+    pub(super) fn correction(&mut self, update: &Update) {
+        self.since += 8 * correction_length(update, self.layout.tangent, self.considers);
+    }
+
+    /// Error of the temporary file, if there was one.
+    pub(super) fn failed(&mut self) -> Option<SmoothError> {
+        self.error.take().map(Into::into)
+    }
+
+    /// Computes the segments again with their filter, the last one first, and passes the adjoint
+    /// over their records; `visit` sees each correction and each recorded estimate. The filter has to
+    /// be at the end of the pass, and is left in any state.
+    pub(super) fn backward(
+        &mut self,
+        ekf: &mut Ekf,
+        adjoint: &mut Adjoint,
+        mut visit: impl FnMut(&mut Adjoint, Visit<'_>) -> Result<(), SmoothError>,
+    ) -> Result<(), SmoothError> {
+        let mut segment = Segment::new(&self.layout, self.considers);
+        let mut map = Map::identity(self.layout.tangent);
+        let mut end = (self.steps.end, (!self.failed_step).then(|| ekf.state().clone()));
+        while let Some(begin) = self.checkpoints.pop() {
+            segment.clear();
+            ekf.restore(&begin.snapshot);
+            let recorded = self.recorded[begin.epochs..].iter();
+            let source = (SensorId(0), Time::MIN);
+            let mut recorder = Recorder { segment: &mut segment, recorded, source };
+            replay(&mut self.steps, (begin.at, end.0), ekf, &mut recorder)?;
+            if end.1.is_some_and(|end| end != *ekf.state()) {
+                return Err(SmoothError::NotRepeatable { time: ekf.state().time });
+            }
+            for (kind, values, columns) in segment.reversed() {
+                match kind {
+                    Kind::Step(pattern) => {
+                        segment.set_map(&mut map, pattern, values);
+                        adjoint.pass(&mut map);
+                    }
+                    Kind::Update(m, w, number) => {
+                        let correction = segment.correction_of((m, w), values, columns);
+                        let square = adjoint.correct(&self.layout, &correction);
+                        let (sensor, time) = segment.sources[number];
+                        visit(adjoint, Visit::Sample { sensor, time, m, square })?;
+                    }
+                    Kind::Epoch => visit(adjoint, Visit::Epoch(values))?,
+                }
+            }
+            end = (begin.at, Some(begin.snapshot.state().clone()));
+        }
+        Ok(())
+    }
+
+    /// Computes the steps since the beginning again for an observer. The filter is left at their
+    /// end.
+    pub(super) fn again(
+        &mut self,
+        ekf: &mut Ekf,
+        observer: &mut dyn Observer,
+    ) -> Result<(), SmoothError> {
+        let Some(begin) = self.checkpoints.first() else { return Ok(()) };
+        ekf.restore(&begin.snapshot);
+        let steps = (begin.at, self.steps.end);
+        replay(&mut self.steps, steps, ekf, observer)
+    }
+}
+
+/// Lets the filter take the steps between two places.
+fn replay(
+    steps: &mut Steps,
+    (from, to): (u64, u64),
+    ekf: &mut Ekf,
+    observer: &mut dyn Observer,
+) -> Result<(), SmoothError> {
+    steps.read(from, to, |entry| {
+        match entry {
+            // a failure of the filter has been reported in the forward pass
+            Entry::Sample(sample) => drop(ekf.process(&sample, observer)),
+            Entry::Epoch => observer.epoch(&ekf.epoch()),
+            Entry::Finish => ekf.finish(observer),
+        }
+        Ok(())
+    })
+}
+
+/// A record that the backward pass meets.
+pub(super) enum Visit<'a> {
+    /// A correction by a sample with `m` components, and the square of its smoothed innovation.
+    Sample { sensor: SensorId, time: Time, m: usize, square: Option<f64> },
+    /// An estimate that the run records.
+    Epoch(&'a [f64]),
+}

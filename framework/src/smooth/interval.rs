@@ -1,0 +1,98 @@
+//! Fixed-interval smoothing: every estimate from all samples of the run.
+
+use super::adjoint::Adjoint;
+use super::error::SmoothError;
+use super::estimate::{self, Estimate, Row};
+use super::forward::{Forward, Visit};
+use super::quality::{Quality, QualityReport};
+use super::tape::Rows;
+use crate::ekf::Ekf;
+use crate::model::record::Epoch;
+use crate::state::Layout;
+use std::sync::Arc;
+
+/// Share of a variance that later samples take away below which they change nothing.
+const UNCHANGED: f64 = 1e-6;
+
+/// Smoothed estimates of a run.
+pub(super) struct Smoothed {
+    rows: Rows,
+    layout: Arc<Layout>,
+    pub(super) quality: QualityReport,
+}
+
+impl Smoothed {
+    /// Passes backward over the run with its filter, which is left in any state.
+    pub(super) fn of(forward: &mut Forward, ekf: &mut Ekf) -> Result<Self, SmoothError> {
+        let composition = ekf.composition();
+        let layout = Arc::clone(&composition.layout);
+        let (start, end) = (forward.start.unwrap_or_default(), ekf.state().time);
+        let mut quality = Quality::new(composition, start, end);
+        let mut adjoint = Adjoint::new(&layout, ekf.considered());
+        let row = Row::new(&layout);
+        let mut rows = Rows::new(row.width())?;
+        let mut smoother = Smoother {
+            row,
+            estimate: Estimate::new(&layout),
+            delta: vec![0.0; row.n],
+            differences: vec![0.0; row.n],
+        };
+        let mut written = Vec::with_capacity(row.width());
+        forward.backward(ekf, &mut adjoint, |adjoint, visit| {
+            match visit {
+                Visit::Sample { sensor, time, m, square } => {
+                    quality.sample(sensor.0, time, m, square);
+                }
+                Visit::Epoch(values) => {
+                    smoother.smooth(&layout, adjoint, values);
+                    let epoch = smoother.estimate.epoch(&layout);
+                    quality.epoch(&epoch, &smoother.differences);
+                    written.clear();
+                    estimate::write(&epoch, &mut written);
+                    rows.push(&written)?;
+                }
+            }
+            Ok(())
+        })?;
+        let quality = quality.report(ekf.composition());
+        Ok(Self { rows, layout, quality })
+    }
+
+    /// Passes the estimates to `each` in order of time.
+    pub(super) fn each(mut self, mut each: impl FnMut(&Epoch<'_>)) -> Result<(), SmoothError> {
+        let row = Row::new(&self.layout);
+        let mut estimate = Estimate::new(&self.layout);
+        let mut numbers = Vec::with_capacity(row.width());
+        while self.rows.pop(&mut numbers)? {
+            estimate.read(&row, &numbers);
+            each(&estimate.epoch(&self.layout));
+        }
+        Ok(())
+    }
+}
+
+/// The smoothed estimate of one time.
+struct Smoother {
+    row: Row,
+    estimate: Estimate,
+    delta: Vec<f64>,
+    /// Difference of each error state from the filter, in its sigma.
+    differences: Vec<f64>,
+}
+
+impl Smoother {
+    fn smooth(&mut self, layout: &Layout, adjoint: &mut Adjoint, values: &[f64]) {
+        let Self { row, estimate, delta, differences } = self;
+        estimate.read(row, values);
+        for (i, variance) in differences.iter_mut().enumerate() {
+            *variance = estimate.covariance.get(i, i);
+        }
+        adjoint.smooth(&mut estimate.covariance, delta);
+        for (i, (value, delta)) in differences.iter_mut().zip(&*delta).enumerate() {
+            let known = *value - estimate.covariance.get(i, i);
+            // later samples that change nothing leave rounding alone
+            *value = if known > UNCHANGED * *value { delta / known.sqrt() } else { 0.0 };
+        }
+        layout.inject(&mut estimate.state, delta, &mut estimate.covariance);
+    }
+}
