@@ -133,6 +133,34 @@ fn the_quality_names_a_weak_span_with_its_cause_and_the_fit_of_the_samples() {
     assert!(wrong > 2.0 * mean, "{wrong} {mean}");
 }
 
+/// The cart slips by 90 cm between two fixes a second apart. The noise of the place, 10 cm in the
+/// first second, grows until a fix passes the gate again, which is 15.1 at the default of 0.9999:
+/// `0.9^2 / (0.02 + 0.01 t)` for `t` seconds, so fixes are gated for about 3 s. The smoothed place
+/// goes straight from before the slip to that fix, and has left only a part of the slip at the last
+/// gated one, but most of it at the first one. A wrong fix stays wrong.
+#[test]
+fn a_gated_sample_that_fits_the_smoothed_run_is_named_and_a_wrong_one_is_not() {
+    let moved = |from: f64, until: f64, by: f64| {
+        let mut samples = samples(60.0, 10, true);
+        for (k, sample) in samples.iter_mut().filter(|s| s.sensor.0 == 1).enumerate() {
+            let t = sample.time.seconds();
+            // the integral of the speed, with some noise
+            let place = t + 1.5 * (1.0 - (0.2 * t).cos()) + 0.1 * scatter(k);
+            sample.set(0, place + if (from..until).contains(&t) { by } else { 0.0 });
+        }
+        let quality = smoothed(&[], samples).1.summary.smoothing.unwrap();
+        let fix = quality.sensors.iter().find(|fit| fit.sensor == "fix").unwrap().clone();
+        (fix, quality.reconsidered)
+    };
+    let (slip, words) = moved(30.5, 100.0, 0.9);
+    assert!(slip.gated >= 2 && (1..slip.gated).contains(&slip.plausible), "{slip:?}");
+    let named = |text: &String| text.starts_with("fix: ") && text.contains("passed the gate");
+    assert!(words.iter().any(named), "{words:?}");
+    let (wrong, words) = moved(30.5, 32.5, 3.0);
+    assert_eq!((wrong.gated, wrong.plausible), (2, 0), "{wrong:?}");
+    assert!(words.is_empty(), "{words:?}");
+}
+
 #[test]
 fn gated_samples_and_an_inflated_covariance_change_nothing_in_that() {
     // the place jumps by 20 m at 10 s: gated until the covariance is inflated, then followed

@@ -70,16 +70,27 @@ pub fn summary(summary: &Summary) {
 
 /// Prints the quality of a smoothed run.
 fn smoothing(quality: &QualityReport) {
-    let mut fits = table(&["smoothed fit", "used", "mean square", "expected", "outliers"]);
+    let mut fits = table(&[
+        "smoothed fit",
+        "used",
+        "mean square",
+        "expected",
+        "outliers",
+        "gated",
+        "of them good",
+    ]);
     for fit in &quality.sensors {
         let mean = fit.mean.map_or_else(String::new, |mean| fixed(mean, 2));
         let (used, outliers) = (fit.used.to_string(), fit.outliers.to_string());
-        fits.add_row([fit.sensor.clone(), used, mean, "1.00".to_owned(), outliers]);
+        let (gated, plausible) = (fit.gated.to_string(), fit.plausible.to_string());
+        let expected = "1.00".to_owned();
+        fits.add_row([fit.sensor.clone(), used, mean, expected, outliers, gated, plausible]);
     }
-    right(&mut fits, 1..5);
+    right(&mut fits, 1..7);
     line(format_args!("\n{fits}\n"));
     quality.weak.iter().for_each(|text| line(format_args!("weak: {text}")));
     quality.contradictions.iter().for_each(|text| line(format_args!("contradiction: {text}")));
+    quality.reconsidered.iter().for_each(|text| line(format_args!("reconsidered: {text}")));
 }
 
 /// Prints the reasons of the rejected samples, a line for each.

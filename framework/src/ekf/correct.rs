@@ -157,6 +157,9 @@ impl Ekf {
             innovation: &update.innovation,
             covariance: &update.s,
         });
+        if outcome == Outcome::Gated {
+            observer.gated(update);
+        }
         if outcome != Outcome::Accepted {
             if let Some(repeats) = &mut slot.repeats {
                 repeats.keep(update, present, false);

@@ -170,6 +170,9 @@ pub trait Observer {
     /// Receives a correction: Jacobian, gain and innovation covariance in the update's work space.
     /// Its `delta` is the injected error, as [`crate::state::Layout::reset_rows`] takes it.
     fn correction(&mut self, _update: &Update) {}
+    /// Receives the innovation of a gated sample, its covariance and that with the error, after
+    /// [`Self::update`].
+    fn gated(&mut self, _update: &Update) {}
     /// Receives a sample of the driving sensor, and the reason if the filter rejected it.
     fn input(&mut self, _sample: &Sample, _rejected: Option<Rejection>) {}
     /// Receives an event.

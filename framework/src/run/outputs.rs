@@ -181,6 +181,11 @@ impl Observer for Outputs {
         }
         self.each(Time::MIN, |sink| sink.correction(update));
     }
+    fn gated(&mut self, update: &Update) {
+        if let Some(smoother) = &mut self.smoother {
+            smoother.gated(update);
+        }
+    }
     fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
         self.statistics.input(sample, rejected);
     }

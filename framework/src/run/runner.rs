@@ -372,7 +372,8 @@ impl Run {
         let Some(quality) = &self.quality else { return };
         let weak = quality.weak.iter().map(|text| (Level::Info, text));
         let wrong = quality.contradictions.iter().map(|text| (Level::Warning, text));
-        for (level, text) in weak.chain(wrong) {
+        let samples = quality.reconsidered.iter().map(|text| (Level::Info, text));
+        for (level, text) in weak.chain(wrong).chain(samples) {
             let (about, text) = ("smoother".to_owned(), text.clone());
             self.outputs.event(Event { time, level, about, text });
         }

@@ -32,7 +32,7 @@ use super::map::{Map, add};
 use super::stretch::{Products, Stretch};
 use crate::state::Layout;
 use crate::state::covariance::Covariance;
-use nalgebra::{Cholesky, DMatrix, Dyn, SymmetricEigen};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
 
 /// Smallest eigenvalue of a smoothed covariance relative to that of the filter; rounding makes
 /// smaller ones.
@@ -200,7 +200,7 @@ impl Adjoint {
         self.reset = reset;
 
         // lambda = (I - K H)' lambda + H' S^-1 y
-        let mut seen = s.solve(&nalgebra::DVector::from_column_slice(innovation));
+        let mut seen = s.solve(&DVector::from_column_slice(innovation));
         for (i, gain) in gain.chunks_exact(m).enumerate() {
             gain.iter().enumerate().for_each(|(a, k)| seen[a] -= k * self.lambda[i]);
         }
@@ -248,12 +248,7 @@ impl Adjoint {
     }
 
     /// `u' M^-1 u` of the smoothed innovation `u`, with `Lambda` after the reset.
-    fn square(
-        &mut self,
-        s: &Cholesky<f64, Dyn>,
-        gain: &[f64],
-        seen: &nalgebra::DVector<f64>,
-    ) -> Option<f64> {
+    fn square(&mut self, s: &Cholesky<f64, Dyn>, gain: &[f64], seen: &DVector<f64>) -> Option<f64> {
         let (n, m) = (self.n, seen.len());
         let mut covariance = s.inverse();
         for a in 0..m {
@@ -267,6 +262,23 @@ impl Adjoint {
             }
         }
         Some(seen.dot(&Cholesky::new(covariance)?.solve(seen)))
+    }
+
+    /// Returns the square of the residual of a sample that the filter did not use, `u' M^-1 u` with
+    /// `u = y - H P lambda` and `M = S - H P Lambda P H' = R + H P_s H'`. `numbers` has `S`, `y` and
+    /// `P H'`. `None` where states are considered.
+    pub(super) fn reconsider(&self, m: usize, numbers: &[f64]) -> Option<f64> {
+        if !self.spread.is_empty() || self.products.is_some() {
+            return None;
+        }
+        let (s, rest) = numbers.split_at(m * m);
+        let (y, cross) = rest.split_at(m);
+        let cross = DMatrix::from_row_slice(self.n, m, cross);
+        let information = DMatrix::from_row_slice(self.n, self.n, &self.information);
+        let lambda = DVector::from_column_slice(&self.lambda);
+        let u = DVector::from_column_slice(y) - cross.tr_mul(&lambda);
+        let covariance = DMatrix::from_row_slice(m, m, s) - cross.tr_mul(&(information * &cross));
+        Some(u.dot(&Cholesky::new(covariance)?.solve(&u)))
     }
 
     /// `X = (I - K H)' X (I - K H)` for `Lambda`, of which it keeps `Lambda (I - K H)`, or `Omega`.

@@ -10,7 +10,7 @@ use super::adjoint::Adjoint;
 use super::error::SmoothError;
 use super::estimate::Row;
 use super::map::Map;
-use super::segment::{Kind, Recorder, Segment, correction_length, step_length};
+use super::segment::{Kind, Recorder, Segment, correction_length, gated_length, step_length};
 use super::tape::{Entry, Steps};
 use crate::ekf::{Ekf, Snapshot};
 use crate::model::record::Observer;
@@ -154,6 +154,10 @@ impl Forward {
         self.since += 8 * correction_length(update, self.layout.tangent, self.considers);
     }
 
+    pub(super) fn gated(&mut self, update: &Update) {
+        self.since += 8 * gated_length(update, self.layout.tangent);
+    }
+
     /// Error of the temporary file, if there was one.
     pub(super) fn failed(&mut self) -> Option<SmoothError> {
         self.error.take().map(Into::into)
@@ -175,7 +179,7 @@ impl Forward {
             segment.clear();
             ekf.restore(&begin.snapshot);
             let recorded = self.recorded[begin.epochs..].iter();
-            let source = (SensorId(0), Time::MIN);
+            let source = (SensorId(0), Time::MIN, 0.0);
             let mut recorder = Recorder { segment: &mut segment, recorded, source };
             replay(&mut self.steps, (begin.at, end.0), ekf, &mut recorder)?;
             if end.1.is_some_and(|end| end != *ekf.state()) {
@@ -186,6 +190,12 @@ impl Forward {
                     Kind::Step(pattern) => {
                         segment.set_map(&mut map, pattern, values);
                         adjoint.pass(&mut map);
+                    }
+                    Kind::Gated(m, number) => {
+                        let square = adjoint.reconsider(m, &values[1..]);
+                        let (sensor, time) = segment.sources[number];
+                        let threshold = values[0];
+                        visit(adjoint, Visit::Gated { sensor, time, square, threshold })?;
                     }
                     Kind::Update(m, w, number) => {
                         let correction = segment.correction_of((m, w), values, columns);
@@ -237,6 +247,8 @@ fn replay(
 pub(super) enum Visit<'a> {
     /// A correction by a sample with `m` components, and the square of its smoothed innovation.
     Sample { sensor: SensorId, time: Time, m: usize, square: Option<f64> },
+    /// A gated sample, the square of its residual from the smoothed run, and its gate.
+    Gated { sensor: SensorId, time: Time, square: Option<f64>, threshold: f64 },
     /// An estimate that the run records.
     Epoch(&'a [f64]),
 }

@@ -43,6 +43,9 @@ impl Smoothed {
                 Visit::Sample { sensor, time, m, square } => {
                     quality.sample(sensor.0, time, m, square);
                 }
+                Visit::Gated { sensor, time, square, threshold } => {
+                    quality.gated(sensor.0, time, square.map(|square| square <= threshold));
+                }
                 Visit::Epoch(values) => {
                     smoother.smooth(&layout, adjoint, values);
                     let epoch = smoother.estimate.epoch(&layout);

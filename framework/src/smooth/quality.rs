@@ -39,6 +39,48 @@ const OUTLIER: f64 = 1e-6;
 /// Largest number of sentences of one kind.
 const SENTENCES: usize = 20;
 
+/// Sums over the samples of a sensor.
+#[derive(Clone, Debug, Default)]
+struct Fit {
+    used: u64,
+    /// Statistic and its degrees of freedom.
+    sum: f64,
+    freedom: f64,
+    outliers: Counted,
+    gated: u64,
+    plausible: Counted,
+}
+
+/// Samples with the times of the first and the last one, s; the backward pass counts the last one
+/// first.
+#[derive(Clone, Debug, Default)]
+struct Counted {
+    count: u64,
+    first: f64,
+    last: f64,
+}
+
+impl Counted {
+    fn add(&mut self, time: Time) {
+        self.first = time.seconds();
+        if self.count == 0 {
+            self.last = self.first;
+        }
+        self.count += 1;
+    }
+
+    /// Number and times in words; `None` if there is no sample.
+    fn words(&self, of: u64, kind: &str) -> Option<String> {
+        let Self { count, first, last } = self;
+        let samples = format!("{count} of {of} {kind} samples");
+        match count {
+            0 => None,
+            1 => Some(format!("{samples}, at {first:.1} s,")),
+            _ => Some(format!("{samples}, from {first:.1} to {last:.1} s,")),
+        }
+    }
+}
+
 /// Quality of a smoothed run, in words and numbers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct QualityReport {
@@ -47,7 +89,10 @@ pub struct QualityReport {
     pub weak: Vec<String>,
     /// Components in which filter and smoothed run contradict each other.
     pub contradictions: Vec<String>,
-    /// Fit of the samples that the filter used.
+    /// Gated samples that fit the smoothed run, and used samples that contradict it, for each
+    /// sensor.
+    pub reconsidered: Vec<String>,
+    /// Fit of the samples of each sensor.
     pub sensors: Vec<SensorFit>,
 }
 
@@ -62,6 +107,11 @@ pub struct SensorFit {
     pub mean: Option<f64>,
     /// Used samples that the whole run contradicts.
     pub outliers: u64,
+    /// Gated samples, and those of them that would have passed their gate beside the smoothed run;
+    /// none is counted as such beside considered states.
+    pub gated: u64,
+    /// See `gated`.
+    pub plausible: u64,
 }
 
 /// A part of the run.
@@ -79,8 +129,8 @@ pub(super) struct Quality {
     start: Time,
     length: i64,
     parts: Vec<Part>,
-    /// Sums of each sensor: samples, statistic, its degrees of freedom, outliers.
-    fits: Vec<[f64; 4]>,
+    /// Sums of each sensor.
+    fits: Vec<Fit>,
     /// Bound of the statistic for each number of channels, found on first use.
     bounds: Vec<f64>,
 }
@@ -112,7 +162,7 @@ impl Quality {
             start,
             length,
             parts: vec![part; PARTS],
-            fits: vec![[0.0; 4]; sensors],
+            fits: vec![Fit::default(); sensors],
             bounds: Vec::new(),
         }
     }
@@ -148,11 +198,22 @@ impl Quality {
             let freedom = self.bounds.len().max(1) as f64;
             self.bounds.push(band(freedom, 2.0 * freedom, 2.0 * OUTLIER).high);
         }
-        let [used, sum, freedom, outliers] = &mut self.fits[sensor];
-        *used += 1.0;
-        *sum += square;
-        *freedom += m as f64;
-        *outliers += f64::from(u8::from(square > self.bounds[m]));
+        let fit = &mut self.fits[sensor];
+        fit.used += 1;
+        fit.sum += square;
+        fit.freedom += m as f64;
+        if square > self.bounds[m] {
+            fit.outliers.add(time);
+        }
+    }
+
+    /// Takes a gated sample, and whether it would pass its gate beside the smoothed run.
+    pub(super) fn gated(&mut self, sensor: usize, time: Time, plausible: Option<bool>) {
+        let fit = &mut self.fits[sensor];
+        fit.gated += 1;
+        if plausible == Some(true) {
+            fit.plausible.add(time);
+        }
     }
 
     /// Sums the run up.
@@ -177,18 +238,36 @@ impl Quality {
         let words = |found: Vec<(f64, String)>| {
             found.into_iter().take(SENTENCES).map(|(_, text)| text).collect()
         };
-        let sensors = composition.sensors.iter().zip(&self.fits);
-        let sensors = sensors.filter(|(_, fit)| fit[0] > 0.0).map(|(sensor, fit)| {
-            let [used, sum, freedom, outliers] = *fit;
-            SensorFit {
-                sensor: sensor.info.name.clone(),
-                used: used as u64,
-                mean: (freedom > 0.0).then(|| sum / freedom),
-                outliers: outliers as u64,
-            }
+        let sensors = composition.sensors.iter().map(|s| &s.info.name).zip(&self.fits);
+        let judged = sensors.clone().filter(|(_, fit)| fit.used + fit.gated > 0);
+        let judged = judged.map(|(sensor, fit)| SensorFit {
+            sensor: sensor.clone(),
+            used: fit.used,
+            mean: (fit.freedom > 0.0).then(|| fit.sum / fit.freedom),
+            outliers: fit.outliers.count,
+            gated: fit.gated,
+            plausible: fit.plausible.count,
+        });
+        let reconsidered = sensors.flat_map(|(sensor, fit)| {
+            let good = fit.plausible.words(fit.gated, "gated");
+            let bad = fit.outliers.words(fit.used, "used");
+            let good = good.map(|samples| {
+                format!(
+                    "{sensor}: {samples} would have passed the gate beside the smoothed run: the \
+                     filter was wrong there, and not the sensor"
+                )
+            });
+            let bad = bad.map(|samples| {
+                format!(
+                    "{sensor}: {samples} contradict the smoothed run: a tighter gate or \
+                         `robust` keeps such samples out"
+                )
+            });
+            [good, bad].into_iter().flatten()
         });
         QualityReport {
-            sensors: sensors.collect(),
+            reconsidered: reconsidered.collect(),
+            sensors: judged.collect(),
             weak: words(weak),
             contradictions: words(contradictions),
         }

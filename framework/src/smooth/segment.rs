@@ -17,6 +17,9 @@ pub(super) enum Kind {
     Step(usize),
     /// A correction with that many components and columns, and its number in the segment.
     Update(usize, usize, usize),
+    /// A gated sample with that many components, and its number in the segment: the gate, and what
+    /// [`super::adjoint::Adjoint::reconsider`] takes.
+    Gated(usize, usize),
     /// An estimate that the run records: see `estimate.rs`.
     Epoch,
 }
@@ -32,6 +35,11 @@ pub(super) fn correction_length(update: &Update, n: usize, considers: bool) -> u
     m * w + m * m + n * m * (1 + usize::from(considers)) + m + n + w
 }
 
+/// Length of the record of a gated sample.
+pub(super) fn gated_length(update: &Update, n: usize) -> usize {
+    1 + update.m * (update.m + n + 1)
+}
+
 /// Records of one segment.
 pub(super) struct Segment {
     n: usize,
@@ -39,7 +47,7 @@ pub(super) struct Segment {
     data: Vec<f64>,
     columns: Vec<usize>,
     index: Vec<(Kind, usize, usize)>,
-    /// Sensor and time of each correction.
+    /// Sensor and time of each correction and gated sample.
     pub(super) sources: Vec<(SensorId, Time)>,
     /// Row and column of each declared element: the pattern of `Phi`, and those of the clones.
     patterns: Vec<Vec<(usize, usize)>>,
@@ -96,6 +104,15 @@ impl Segment {
         }
     }
 
+    fn gated(&mut self, update: &Update, source: (SensorId, Time), threshold: f64) {
+        self.begin(Kind::Gated(update.m, self.sources.len()));
+        self.sources.push(source);
+        self.data.push(threshold);
+        self.data.extend_from_slice(&update.s);
+        self.data.extend_from_slice(&update.innovation);
+        self.data.extend(update.cross_covariance());
+    }
+
     fn epoch(&mut self, epoch: &Epoch<'_>) {
         self.begin(Kind::Epoch);
         estimate::write(epoch, &mut self.data);
@@ -137,8 +154,8 @@ pub(super) struct Recorder<'a> {
     pub(super) segment: &'a mut Segment,
     /// For each estimate, `true` if the run records it.
     pub(super) recorded: Iter<'a, bool>,
-    /// Sensor and time of the last judged sample.
-    pub(super) source: (SensorId, Time),
+    /// Sensor, time and gate of the last judged sample.
+    pub(super) source: (SensorId, Time, f64),
 }
 
 impl Observer for Recorder<'_> {
@@ -148,12 +165,17 @@ impl Observer for Recorder<'_> {
         }
     }
     fn update(&mut self, update: &UpdateRecord<'_>) {
-        self.source = (update.sensor, update.time);
+        self.source = (update.sensor, update.time, update.threshold);
     }
     fn transition(&mut self, transition: &Transition) {
         self.segment.transition(transition);
     }
     fn correction(&mut self, update: &Update) {
-        self.segment.correction(update, self.source);
+        let (sensor, time, _) = self.source;
+        self.segment.correction(update, (sensor, time));
+    }
+    fn gated(&mut self, update: &Update) {
+        let (sensor, time, threshold) = self.source;
+        self.segment.gated(update, (sensor, time), threshold);
     }
 }

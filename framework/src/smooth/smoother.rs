@@ -71,6 +71,10 @@ impl Smoother {
         }
     }
 
+    pub(crate) fn gated(&mut self, update: &Update) {
+        self.forward.gated(update);
+    }
+
     /// Notes that the filter uses the samples that it holds.
     pub(crate) fn finish(&mut self) {
         self.forward.finish();
