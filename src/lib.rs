@@ -37,6 +37,7 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_csv::CsvPlugin)
         .add(&navfuse_dvl_files::DvlFilesPlugin)
         .add(&navfuse_nmea::NmeaPlugin)
+        .add(&navfuse_vehicle_logs::VehicleLogsPlugin)
         .add(&navfuse_mcap::McapPlugin);
     #[cfg(feature = "rerun")]
     registry.add(&navfuse_viewer::ViewerPlugin);

@@ -180,6 +180,11 @@ impl<R: Read, F: Framing> Frames<R, F> {
         }
     }
 
+    /// The rules of the format, for a format whose records define those that follow.
+    pub fn framing(&mut self) -> &mut F {
+        &mut self.framing
+    }
+
     /// The bytes that were skipped so far.
     pub fn damage(&self) -> &Damage {
         &self.damage

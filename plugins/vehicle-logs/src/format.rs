@@ -1,0 +1,92 @@
+//! The formats, their readers, and their recognition.
+
+use crate::doubles::{Doubles, KF_GINS, SBET};
+use crate::mavlink::Tlog;
+use crate::novatel::Novatel;
+use crate::record::{Decoder, Options};
+use crate::ulog::Ulog;
+use crate::vectornav::Vectornav;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::io::{Cursor, Read};
+
+/// The format of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Format {
+    /// PX4 ULog.
+    Ulog,
+    /// MAVLink telemetry log.
+    Tlog,
+    /// ASCII logs of NovAtel receivers.
+    Novatel,
+    /// ASCII messages of VectorNav units.
+    Vectornav,
+    /// SBET of Applanix.
+    Sbet,
+    /// Binary increments of KF-GINS.
+    KfGins,
+}
+
+impl Format {
+    /// All formats.
+    pub const ALL: [Self; 6] =
+        [Self::Ulog, Self::Tlog, Self::Novatel, Self::Vectornav, Self::Sbet, Self::KfGins];
+
+    /// The name in a scenario.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ulog => "ulog",
+            Self::Tlog => "tlog",
+            Self::Novatel => "novatel",
+            Self::Vectornav => "vectornav",
+            Self::Sbet => "sbet",
+            Self::KfGins => "kf-gins",
+        }
+    }
+
+    /// The word for one of its messages in a report.
+    pub fn record(self) -> &'static str {
+        match self {
+            Self::Ulog | Self::Tlog | Self::Vectornav => "message",
+            Self::Novatel => "log",
+            Self::Sbet | Self::KfGins => "record",
+        }
+    }
+
+    /// The reader of the format.
+    pub fn decoder<R: Read + Send + 'static>(
+        self,
+        reader: R,
+        options: &Options,
+    ) -> Box<dyn Decoder> {
+        let options = options.clone();
+        match self {
+            Self::Ulog => Box::new(Ulog::new(reader, options)),
+            Self::Tlog => Box::new(Tlog::new(reader, options)),
+            Self::Novatel => Box::new(Novatel::new(reader, options)),
+            Self::Vectornav => Box::new(Vectornav::new(reader, options)),
+            Self::Sbet => Box::new(Doubles::new(reader, &SBET, options)),
+            Self::KfGins => Box::new(Doubles::new(reader, &KF_GINS, options)),
+        }
+    }
+
+    /// Recognises a format by the beginning of a file: the one whose intact messages have most of its
+    /// bytes, and at least half of them.
+    pub fn recognise(beginning: &[u8]) -> Option<Self> {
+        let intact = |format: Self| {
+            let mut decoder = format.decoder(Cursor::new(beginning.to_vec()), &Options::default());
+            let (mut values, mut count) = (Vec::new(), 0_u64);
+            while let Ok(Some(_)) = decoder.next(&mut values) {
+                count += 1;
+            }
+            if count == 0 { 0 } else { decoder.damage().intact_bytes() }
+        };
+        let scored = Self::ALL.into_iter().map(|format| (intact(format), format));
+        scored
+            .filter(|(bytes, _)| *bytes > 0 && 2 * bytes >= beginning.len() as u64)
+            .max_by_key(|(bytes, _)| *bytes)
+            .map(|(_, format)| format)
+    }
+}

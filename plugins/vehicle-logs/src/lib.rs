@@ -1,0 +1,60 @@
+//! Logs of autopilots and inertial units.
+//!
+//! | format | written by | content |
+//! |---|---|---|
+//! | `ulog` | PX4 | any topic, by the formats in the log itself |
+//! | `tlog` | ground stations of MAVLink | inertial units, receivers, attitude, position, pressure, ranges |
+//! | `novatel` | NovAtel SPAN, ASCII | RAWIMU, INSPVA and BESTPOS in their forms |
+//! | `vectornav` | VectorNav, ASCII | VNYMR, VNIMU |
+//! | `sbet` | Applanix, `navfuse export` | a trajectory |
+//! | `kf-gins` | KF-GINS, binary | increments of an inertial unit |
+//!
+//! The source [`VehicleLog`] gives the samples of a scenario's sensors. A [`Decoder`] gives the
+//! messages of a log to any program:
+//!
+//! ```no_run
+//! use navfuse_vehicle_logs::{Format, Options};
+//! let options = Options { topics: vec!["sensor_combined".to_owned()], ..Options::default() };
+//! let mut log = Format::Ulog.decoder(std::fs::File::open("flight.ulg")?, &options);
+//! let mut values = Vec::new();
+//! while let Some(record) = log.next(&mut values)? {
+//!     println!("{:?} {values:?}", record.stamp);
+//! }
+//! println!("{:?}", log.damage().describe("message"));
+//! # Ok::<(), std::io::Error>(())
+//! ```
+//!
+//! Damaged bytes are skipped and reported with their offset and number; see [`navfuse_frames`].
+
+mod config;
+mod doubles;
+mod format;
+mod join;
+mod known;
+mod mavlink;
+mod novatel;
+mod record;
+mod source;
+mod target;
+mod term;
+mod text;
+mod ulog;
+mod vectornav;
+
+pub use config::{FieldConfig, SensorConfig, StampUse, VehicleLog};
+pub use format::Format;
+pub use record::{Decoder, Options, Record, Topic};
+
+use navfuse_core::plugin::{Plugin, Registry};
+
+/// Registers the source type `vehicle-log`.
+#[derive(Clone, Copy, Debug)]
+pub struct VehicleLogsPlugin;
+
+impl Plugin for VehicleLogsPlugin {
+    fn build(&self, registry: &mut Registry) {
+        registry.source::<VehicleLog>();
+    }
+
+    navfuse_core::named_after_crate!();
+}

@@ -1,0 +1,207 @@
+//! MAVLink telemetry logs: each message of version 1 or 2 after the time at which it was received,
+//! microseconds since 1970 in big-endian order.
+
+mod messages;
+
+use crate::record::{Decoder, Options, Record, Topic};
+use messages::Dialect;
+use navfuse_frames::{Count, Damage, Fault, Frames, Framing, Judgement, Stamp};
+use std::io::{Read, Result};
+
+/// Size in bytes of the time before a message.
+const STAMP: usize = 8;
+/// First byte of a message of version 1, and of version 2.
+const MARKS: [u8; 2] = [0xfe, 0xfd];
+/// Flag of a message of version 2 with a signature of 13 bytes.
+const SIGNED: u8 = 1;
+/// Largest payload in bytes.
+const PAYLOAD: usize = 255;
+/// Largest number of topics: messages of several systems.
+const TOPICS: usize = 1024;
+/// Difference of the clock of a vehicle from the time of reception, in nanoseconds, beyond which the
+/// clock was set or restarted.
+const STEP: i64 = 5_000_000_000;
+/// Microseconds beyond which a time counts from 1970, not from the start of the vehicle: 2001.
+const SINCE_1970: i64 = 1_000_000_000_000_000;
+
+/// The parts of a message.
+#[derive(Clone, Copy, Debug)]
+struct Header {
+    id: u32,
+    system: u8,
+    /// Offset of the payload from the mark, and its size.
+    payload: usize,
+    size: usize,
+    /// Size with time, checksum and signature.
+    total: usize,
+}
+
+/// The parts of the message in a frame whose mark is at [`STAMP`]; `None` if bytes are missing.
+fn header(bytes: &[u8]) -> Option<Header> {
+    let rest = bytes.get(STAMP..)?;
+    let size = usize::from(*rest.get(1)?);
+    if rest[0] == MARKS[0] {
+        let (system, id) = (*rest.get(3)?, u32::from(*rest.get(5)?));
+        return Some(Header { id, system, payload: 6, size, total: STAMP + 6 + size + 2 });
+    }
+    let id = u32::from_le_bytes([*rest.get(7)?, *rest.get(8)?, *rest.get(9)?, 0]);
+    let signature = if rest[2] & SIGNED != 0 { 13 } else { 0 };
+    let total = STAMP + 10 + size + 2 + signature;
+    Some(Header { id, system: rest[5], payload: 10, size, total })
+}
+
+/// The CRC-16 of MAVLink, with the polynomial 0x1021, reflected, start 0xffff.
+fn checksum(bytes: &[u8], extra: u8) -> u16 {
+    bytes.iter().chain([&extra]).fold(0xffff, |crc, byte| {
+        let mut t = byte ^ crc.to_le_bytes()[0];
+        t ^= t << 4;
+        let t = u16::from(t);
+        (crc >> 8) ^ (t << 8) ^ (t << 3) ^ (t >> 4)
+    })
+}
+
+/// The framing of messages with their time.
+#[derive(Debug)]
+struct Packets(Dialect);
+
+impl Framing for Packets {
+    const MAX: usize = STAMP + 10 + PAYLOAD + 2 + 13;
+
+    fn find(&self, bytes: &[u8]) -> Option<usize> {
+        let beyond = bytes.len().saturating_sub(STAMP);
+        let marks = bytes.get(STAMP..).unwrap_or_default();
+        // the mark of a time at the end may be beyond it
+        marks.iter().position(|b| MARKS.contains(b)).or((beyond < bytes.len()).then_some(beyond))
+    }
+
+    fn judge(&self, bytes: &[u8]) -> Judgement {
+        let Some(h) = header(bytes) else { return Judgement::Incomplete };
+        let Some(extra) = self.0.extra(h.id) else { return Judgement::Rejected(Fault::Form) };
+        let Some(packet) = bytes.get(STAMP..h.total) else { return Judgement::Incomplete };
+        let (content, rest) = packet.split_at(h.payload + h.size);
+        match checksum(&content[1..], extra).to_le_bytes() == rest[..2] {
+            true => Judgement::Frame(h.total),
+            false => Judgement::Rejected(Fault::Checksum),
+        }
+    }
+}
+
+/// A clock of a vehicle: since its start, or since 1970.
+#[derive(Debug)]
+struct Anchor {
+    system: u8,
+    since_1970: bool,
+    /// Nanoseconds from this clock to that of the log.
+    offset: i64,
+}
+
+/// The reader of telemetry logs.
+#[derive(Debug)]
+pub struct Tlog<R> {
+    frames: Frames<R, Packets>,
+    options: Options,
+    topics: Vec<Topic>,
+    /// Identifier and system of each topic.
+    keys: Vec<(u32, u8)>,
+    anchors: Vec<Anchor>,
+    steps: Count,
+}
+
+impl<R: Read> Tlog<R> {
+    /// The messages of `reader`.
+    pub fn new(reader: R, options: Options) -> Self {
+        Self {
+            frames: Frames::new(reader, Packets(Dialect::new())),
+            options,
+            topics: Vec::new(),
+            keys: Vec::new(),
+            anchors: Vec::new(),
+            steps: Count::default(),
+        }
+    }
+
+    /// Index of the topic of a message; `None` if it is not selected.
+    fn topic(&mut self, id: u32, system: u8) -> Option<usize> {
+        if let Some(known) = self.keys.iter().position(|key| *key == (id, system)) {
+            return Some(known);
+        }
+        let message = self.frames.framing().0.message(id)?;
+        if self.topics.len() >= TOPICS || !self.options.selects(message.name) {
+            return None;
+        }
+        let fields = message.fields.iter().map(|(name, ..)| name.clone()).collect();
+        self.topics.push(Topic { name: message.name.to_owned(), instance: system.into(), fields });
+        self.keys.push((id, system));
+        Some(self.keys.len() - 1)
+    }
+
+    /// The time of a message on the clock of the log. The first message of a vehicle's clock fixes the
+    /// offset between the two, so that intervals are those of the vehicle.
+    fn time(&mut self, topic: usize, values: &[f64], received: i64, offset: u64) -> Stamp {
+        let fields = &self.topics[topic].fields;
+        let find = |name: &str| fields.iter().position(|f| f == name).and_then(|k| values.get(k));
+        let micros = match (find("time_usec"), find("time_boot_ms")) {
+            (Some(micros), _) => *micros as i64,
+            (None, Some(millis)) => *millis as i64 * 1000,
+            (None, None) => 0,
+        };
+        let nanos = micros.checked_mul(1000).filter(|n| *n > 0 && !self.options.received);
+        let Some(nanos) = nanos else {
+            return if received > 0 { Stamp::Date(received) } else { Stamp::Missing };
+        };
+        let (system, since_1970) = (self.keys[topic].1, micros > SINCE_1970);
+        let same = |a: &Anchor| a.system == system && a.since_1970 == since_1970;
+        let anchor = self.anchors.iter().position(same);
+        let fresh = received.saturating_sub(nanos);
+        let offset = match anchor.map(|k| &mut self.anchors[k].offset) {
+            None if received > 0 => {
+                self.anchors.push(Anchor { system, since_1970, offset: fresh });
+                fresh
+            }
+            None => return Stamp::Missing,
+            Some(known) if received > 0 && fresh.saturating_sub(*known).saturating_abs() > STEP => {
+                self.steps.add(offset);
+                *known = fresh;
+                fresh
+            }
+            Some(known) => *known,
+        };
+        nanos.checked_add(offset).map_or(Stamp::Missing, Stamp::Date)
+    }
+}
+
+impl<R: Read + Send> Decoder for Tlog<R> {
+    fn next(&mut self, values: &mut Vec<f64>) -> Result<Option<Record>> {
+        loop {
+            let Some(frame) = self.frames.next()? else { return Ok(None) };
+            let (offset, Some(h)) = (frame.offset, header(frame.bytes)) else { continue };
+            // a message of version 2 ends before its last zeros, and an old one before newer fields
+            let mut payload = [0; PAYLOAD + 8];
+            let from = STAMP + h.payload;
+            payload[..h.size].copy_from_slice(&frame.bytes[from..from + h.size]);
+            let micros = frame.bytes.first_chunk().map_or(0, |b| u64::from_be_bytes(*b));
+            let received = i64::try_from(micros).ok().and_then(|m| m.checked_mul(1000));
+            let Some(topic) = self.topic(h.id, h.system) else { continue };
+            let Some(message) = self.frames.framing().0.message(h.id) else { continue };
+            values.clear();
+            values.extend(message.fields.iter().map(|(_, at, kind)| {
+                let bytes = payload.get(*at..).and_then(|b| b.first_chunk()).copied();
+                kind.read(bytes.unwrap_or_default())
+            }));
+            let stamp = self.time(topic, values, received.unwrap_or(0), offset);
+            return Ok(Some(Record { offset, topic, stamp }));
+        }
+    }
+
+    fn topics(&self) -> &[Topic] {
+        &self.topics
+    }
+
+    fn damage(&self) -> &Damage {
+        self.frames.damage()
+    }
+
+    fn events(&self) -> Option<String> {
+        self.steps.describe("step", "of the vehicle's clock")
+    }
+}

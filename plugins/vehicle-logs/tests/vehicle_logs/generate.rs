@@ -1,0 +1,324 @@
+//! Writers of logs, from the descriptions of the formats.
+
+/// A ULog while it is written.
+pub struct Ulog(pub Vec<u8>);
+
+impl Ulog {
+    pub fn new() -> Self {
+        let mut bytes = b"ULog\x01\x12\x35\x01".to_vec();
+        bytes.extend(1_000_000_u64.to_le_bytes());
+        let mut log = Self(bytes);
+        log.message(b'B', &[0; 40]);
+        log.message(
+            b'I',
+            b"\x11char[3] sys_name\x00PX4".map(|b| if b == 0 { b' ' } else { b }).as_slice(),
+        );
+        log
+    }
+
+    pub fn message(&mut self, kind: u8, content: &[u8]) {
+        self.0.extend((content.len() as u16).to_le_bytes());
+        self.0.push(kind);
+        self.0.extend(content);
+    }
+
+    pub fn format(&mut self, text: &str) {
+        self.message(b'F', text.as_bytes());
+    }
+
+    pub fn subscribe(&mut self, instance: u8, id: u16, name: &str) {
+        let [low, high] = id.to_le_bytes();
+        self.message(b'A', &[&[instance, low, high], name.as_bytes()].concat());
+    }
+
+    pub fn data(&mut self, id: u16, content: &[u8]) {
+        self.message(b'D', &[&id.to_le_bytes(), content].concat());
+    }
+
+    pub fn dropout(&mut self, milliseconds: u16) {
+        self.message(b'O', &milliseconds.to_le_bytes());
+    }
+}
+
+/// Little-endian bytes of numbers of four bytes.
+pub fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// A flight of this many seconds, to the north at 5 m/s and turning right at 0.1 rad/s: two receivers, an
+/// inertial unit at 50 Hz, attitude, local position, a nested message and a dropout of the logger.
+pub fn flight(seconds: u32) -> Vec<u8> {
+    let mut log = Ulog::new();
+    for text in [
+        "sensor_combined:uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;\
+         int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;\
+         uint32_t accelerometer_integral_dt;uint8_t accelerometer_clipping;uint8_t[3] _padding0;",
+        "sensor_gps:uint64_t timestamp;double latitude_deg;double longitude_deg;\
+         double altitude_ellipsoid_m;float vel_n_m_s;float vel_e_m_s;float vel_d_m_s;float eph;\
+         float epv;float s_variance_m_s;uint8_t fix_type;bool vel_ned_valid;uint8_t[2] _padding0;",
+        "vehicle_attitude:uint64_t timestamp;float[4] q;",
+        "vehicle_local_position:uint64_t timestamp;double ref_lat;double ref_lon;float ref_alt;\
+         float x;float y;float z;float vx;float vy;float vz;bool xy_global;",
+        "esc_report:int16_t rpm;uint16_t voltage;int8_t state;",
+        "esc_status:uint64_t timestamp;esc_report[2] esc;int64_t large;uint32_t counter;",
+    ] {
+        log.format(text);
+    }
+    for (id, (instance, name)) in [
+        (0, "sensor_combined"),
+        (0, "sensor_gps"),
+        (1, "sensor_gps"),
+        (0, "vehicle_attitude"),
+        (0, "vehicle_local_position"),
+        (0, "esc_status"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        log.subscribe(instance, id as u16, name);
+    }
+    for k in 0..50 * seconds {
+        let micros = 2_000_000 + 20_000 * u64::from(k);
+        let time = micros.to_le_bytes();
+        let t = k as f32 * 0.02;
+        let imu = floats(&[0.001 * t, -0.002, 0.1]);
+        let accel = floats(&[0.05, 0.5, -9.81]);
+        let relative = [20_000_u32.to_le_bytes(), 0_u32.to_le_bytes()].concat();
+        let clipped = [&20_000_u32.to_le_bytes()[..], &[0]].concat();
+        log.data(0, &[&time[..], &imu, &relative, &accel, &clipped].concat());
+        let (sin, cos) = (0.05 * t).sin_cos();
+        let mut q = time.to_vec();
+        q.extend(floats(&[cos, 0.0, 0.0, sin]));
+        log.data(3, &q);
+        if k % 10 == 5 {
+            let mut local = (micros + 10_000).to_le_bytes().to_vec();
+            local.extend(47.4_f64.to_le_bytes());
+            local.extend(8.5_f64.to_le_bytes());
+            local.extend(floats(&[400.0, 5.0 * t, 0.5 * t, -20.0, 5.0, 0.5, 0.0]));
+            local.push(1);
+            log.data(4, &local);
+        }
+        if k % 10 == 0 {
+            for (id, fix) in [(1, 3), (2, if k < 50 { 1 } else { 4 })] {
+                let mut gps = time.to_vec();
+                for degrees in [47.4 + f64::from(k) * 1e-6, 8.5, 450.25] {
+                    gps.extend(degrees.to_le_bytes());
+                }
+                gps.extend(floats(&[5.0, 0.5, -0.1, 0.8, 1.2, 0.3]));
+                // the logger omits the padding at the end
+                gps.extend([fix, 1]);
+                log.data(id, &gps);
+            }
+            let mut esc = time.to_vec();
+            esc.extend(b"\x10\xf0\x20\x00\xfe\x30\x00\x40\x80\x7f");
+            esc.extend((-i64::from(k)).to_le_bytes());
+            esc.extend(k.to_le_bytes());
+            log.data(5, &esc);
+        }
+        if k == 60 {
+            log.dropout(150);
+        }
+        if k % 25 == 0 {
+            log.message(b'S', &[0x2f, 0x73, 0x13, 0x20, 0x25, 0x0c, 0xbb, 0x12]);
+            log.message(b'L', &[b"6".as_slice(), &time, b"all is well"].concat());
+        }
+    }
+    log.0
+}
+
+/// The CRC-16 of MAVLink, bit by bit.
+fn crc(bytes: impl Iterator<Item = u8>) -> u16 {
+    bytes.fold(0xffff, |crc, byte| {
+        (0..8)
+            .fold(crc ^ u16::from(byte), |c, _| if c & 1 == 1 { (c >> 1) ^ 0x8408 } else { c >> 1 })
+    })
+}
+
+/// A message of MAVLink after the time of its reception.
+pub fn packet(
+    version: u8,
+    id: u32,
+    extra: u8,
+    system: u8,
+    received: u64,
+    payload: &[u8],
+) -> Vec<u8> {
+    let mut bytes = received.to_be_bytes().to_vec();
+    let [low, middle, high, _] = id.to_le_bytes();
+    // version 2 omits the last zeros, but never the first byte
+    let end = payload.iter().rposition(|b| *b != 0).map_or(1, |k| k + 1);
+    let payload = if version == 2 { &payload[..end] } else { payload };
+    let size = payload.len() as u8;
+    match version {
+        1 => bytes.extend([0xfe, size, 7, system, 1, low]),
+        _ => bytes.extend([0xfd, size, 0, 0, 7, system, 1, low, middle, high]),
+    }
+    bytes.extend(payload);
+    let sum = crc(bytes[9..].iter().copied().chain([extra]));
+    bytes.extend(sum.to_le_bytes());
+    bytes
+}
+
+/// Identifier, seed of the checksum and size of the messages that a telemetry log has.
+const PACKETS: [(u32, u8, usize); 14] = [
+    (26, 170, 24),
+    (27, 144, 29),
+    (105, 93, 63),
+    (24, 24, 52),
+    (29, 115, 16),
+    (30, 39, 28),
+    (31, 246, 48),
+    (33, 104, 28),
+    (11011, 106, 44),
+    (331, 91, 233),
+    (173, 83, 8),
+    (132, 85, 39),
+    (74, 20, 20),
+    (124, 87, 57),
+];
+
+/// A telemetry log with messages of every kind from two systems, with any content.
+pub fn telemetry(count: u32) -> Vec<u8> {
+    let mut seed = 1_u32;
+    let mut byte = || {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        // the last bytes are often zero, which version 2 omits
+        if seed >> 30 == 0 { 0 } else { (seed >> 16) as u8 }
+    };
+    let mut log = Vec::new();
+    for k in 0..count {
+        let received = 1_654_072_200_000_000 + 5_000 * u64::from(k);
+        for (id, extra, size) in PACKETS {
+            let payload: Vec<u8> = (0..size).map(|_| byte()).collect();
+            log.extend(packet(2, id, extra, 1 + (k % 2) as u8, received, &payload));
+        }
+        // version 1 has no extensions
+        let payload: Vec<u8> = (0..30).map(|_| byte()).collect();
+        log.extend(packet(1, 24, 24, 1, received, &payload));
+    }
+    log
+}
+
+/// HIGHRES_IMU at 100 Hz, ATTITUDE at 50 Hz and GPS_RAW_INT at 5 Hz of one system, received with a
+/// delay of 3 ms to 23 ms.
+pub fn telemetry_of_flight(seconds: u32) -> Vec<u8> {
+    let mut log = Vec::new();
+    for k in 0..100 * seconds {
+        let boot = 5_000_000 + 10_000 * u64::from(k);
+        let received = 1_654_072_200_000_000 + boot + 3_000 + u64::from(k * 7 % 20) * 1_000;
+        let mut imu = boot.to_le_bytes().to_vec();
+        imu.extend(floats(&[
+            0.1, 0.2, -9.8, 0.01, -0.02, 0.03, 0.0, 0.0, 0.0, 1013.0, 0.0, 0.0, 20.0,
+        ]));
+        imu.extend([0xff, 0x0f, 0]);
+        log.extend(packet(2, 105, 93, 1, received, &imu));
+        if k % 2 == 0 {
+            let mut attitude = ((boot / 1000) as u32).to_le_bytes().to_vec();
+            attitude.extend(floats(&[0.1, -0.2, 3.0, 0.0, 0.0, 0.0]));
+            log.extend(packet(2, 30, 39, 1, received, &attitude));
+        }
+        if k % 20 == 0 {
+            let mut gps = boot.to_le_bytes().to_vec();
+            for v in [474_000_000, 85_000_000, 400_000_i32] {
+                gps.extend(v.to_le_bytes());
+            }
+            for v in [100_u16, 150, 500, if k % 40 == 0 { 9_000 } else { 65_535 }] {
+                gps.extend(v.to_le_bytes());
+            }
+            gps.extend([3, 12]);
+            gps.extend(450_250_i32.to_le_bytes());
+            for v in [800_u32, 1200, 300, 0] {
+                gps.extend(v.to_le_bytes());
+            }
+            gps.extend([0, 0]);
+            log.extend(packet(2, 24, 24, 1, received, &gps));
+        }
+    }
+    log
+}
+
+/// An ASCII log of NovAtel with this text.
+pub fn novatel(mark: char, text: &str) -> String {
+    let sum =
+        text.bytes().fold(0_u32, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(byte), |c, _| {
+                if c & 1 == 1 { (c >> 1) ^ 0xedb8_8320 } else { c >> 1 }
+            })
+        });
+    format!("{mark}{text}*{sum:08x}\r\n")
+}
+
+/// Raw measurements at 100 Hz and solutions at 1 Hz of a NovAtel receiver.
+pub fn span(seconds: u32) -> Vec<u8> {
+    let mut text = String::new();
+    for k in 0..100 * seconds {
+        let time = 336_000.0 + 0.01 * f64::from(k);
+        let raw = format!("00,11,2212,{time:.9},00000077,-43110635,817242,-202184,215,-{k},9895");
+        text += &novatel('%', &format!("RAWIMUSXA,2212,{time:.3};{raw}"));
+        if k % 100 == 0 {
+            let header = format!("COM1,0,50.0,FINESTEERING,2212,{time:.3},02000020,ea52,16809");
+            let solution = "INS_SOLUTION_GOOD,INS_PSRSP,47.4,8.5,400.25,47.5,5.0,-0.5,0.25,\
+                            1.5,-2.5,90.0,1,1,1,0.1,0.1,0.1,0.5,0.5,0.5,01000000,0";
+            text += &novatel('#', &format!("INSPVAXA,{header};{solution}"));
+            let position = "SOL_COMPUTED,NARROW_INT,47.4,8.5,400.25,47.5,WGS84,0.03,0.04,0.06,\
+                            \"\",0,0,20,20,20,0,0,06,00,03";
+            text += &novatel('#', &format!("BESTPOSA,{header};{position}"));
+        }
+    }
+    text.into_bytes()
+}
+
+/// Attitude and measurements of a VectorNav unit.
+pub fn vectornav(count: u32) -> Vec<u8> {
+    let mut text = String::new();
+    for k in 0..count {
+        let content = format!(
+            "VNYMR,+090.50,-001.00,+002.00,+0.1,-0.2,+0.3,+00.100,-00.200,-09.800,+0.00{},-0.02,+0.03",
+            k % 10
+        );
+        text += &format!("${content}*{:02X}\r\n", content.bytes().fold(0, |sum, b| sum ^ b));
+    }
+    text.into_bytes()
+}
+
+/// Records of numbers in double precision.
+pub fn doubles(records: impl Iterator<Item = Vec<f64>>) -> Vec<u8> {
+    records.flatten().flat_map(f64::to_le_bytes).collect()
+}
+
+/// A trajectory in SBET, turned by a wander angle.
+pub fn sbet(count: u32) -> Vec<u8> {
+    doubles((0..count).map(|k| {
+        let (wander, heading) = (0.3_f64, 1.0);
+        let (sin, cos) = wander.sin_cos();
+        // 5 m/s north and 1 m/s east along axes with the azimuth of minus the wander angle
+        let velocity = [5.0 * cos - sin, 5.0 * sin + cos, -0.5];
+        let mut record = vec![604_799.0 + 0.5 * f64::from(k), 0.8, 0.15, 450.0];
+        if record[0] >= 604_800.0 {
+            record[0] -= 604_800.0;
+        }
+        record.extend(velocity);
+        record.extend([0.1, -0.2, heading + wander, wander, 0.0, 0.1, -9.8, 0.0, 0.0, 0.01]);
+        record
+    }))
+}
+
+/// Increments of an inertial unit in the binary form of KF-GINS.
+pub fn increments(count: u32) -> Vec<u8> {
+    doubles(
+        (0..count)
+            .map(|k| vec![91_620.0 + 0.005 * f64::from(k), 1e-5, -2e-5, 3e-5, 1e-3, -2e-3, -0.049]),
+    )
+}
+
+/// A log of every format, by the format's name in a scenario.
+pub fn logs() -> [(&'static str, Vec<u8>); 6] {
+    [
+        ("ulog", flight(3)),
+        ("tlog", telemetry_of_flight(1)),
+        ("novatel", span(1)),
+        ("vectornav", vectornav(60)),
+        ("sbet", sbet(60)),
+        ("kf-gins", increments(120)),
+    ]
+}

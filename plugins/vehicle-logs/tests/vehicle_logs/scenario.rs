@@ -1,0 +1,247 @@
+//! The source in a scenario: sensors, units, clocks, and errors with remedies.
+
+use crate::generate::{flight, increments, sbet, span, telemetry_of_flight, vectornav};
+use navfuse_core::document::Document;
+use navfuse_core::plugin::Registry;
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
+use navfuse_vehicle_logs::VehicleLogsPlugin;
+
+const FILTER: &str = r#"
+name = "test"
+[process.ins]
+attitude = { sigma = "1 deg", initial = "0 deg" }
+velocity = { sigma = "1 cm/s", initial = "0 m/s" }
+position = { sigma = "1 m", latitude = "47 deg", longitude = "8 deg", height = "0 m" }
+[sensor.imu]
+gyro_noise = "0.1 deg/h/sqrt(Hz)"
+accel_noise = "10 ug/sqrt(Hz)"
+[sensor.gnss]
+horizontal_noise = "2 m"
+vertical_noise = "3 m"
+velocity_noise = "10 cm/s"
+[sensor.compass]
+type = "dual-antenna"
+noise = "0.5 deg"
+[sensor.depth]
+noise = "10 cm"
+[sensor.reference]
+"#;
+
+/// The samples of each source and its warning.
+struct Read {
+    samples: Vec<Vec<Sample>>,
+    warnings: Vec<Option<String>>,
+}
+
+fn read(log: &[u8], keys: &str) -> Result<Read, String> {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("log.bin"), log).unwrap();
+    let without = |text: String| text.replace(&format!("{}/", folder.path().display()), "");
+    let filter = match keys.contains("increments") {
+        true => FILTER.replace("[sensor.imu]", "[sensor.imu]\noutput = \"increments\""),
+        false => FILTER.to_owned(),
+    };
+    let text = format!("{filter}[source.vehicle-log]\nfile = \"log.bin\"\n{keys}\n");
+    let mut registry = Registry::new();
+    registry
+        .add(&navfuse_ins::InsPlugin)
+        .add(&navfuse_gnss::GnssPlugin)
+        .add(&navfuse_heading::HeadingPlugin)
+        .add(&navfuse_depth::DepthPlugin)
+        .add(&VehicleLogsPlugin);
+    let name = folder.path().join("test.toml").display().to_string();
+    let document = Document::parse(name, text).unwrap();
+    let scenario = Scenario::new(&registry, document, &[]).map_err(|e| without(e.to_string()))?;
+    let assembly = scenario.assemble(None).map_err(|e| without(e.to_string()))?;
+    let mut read = Read { samples: Vec::new(), warnings: Vec::new() };
+    for (_, mut source) in assembly.sources {
+        let (mut samples, mut sample) = (Vec::new(), Sample::empty(Time::MIN, SensorId(0)));
+        while source.next(&mut sample).map_err(|e| e.to_string())? {
+            samples.push(sample);
+        }
+        read.samples.push(samples);
+        let short = |text: String| text.split_once("log.bin: ").unwrap().1.to_owned();
+        read.warnings.push(source.warning().map(short));
+    }
+    Ok(read)
+}
+
+fn near(sample: &Sample, expected: &[f64], tolerance: f64) {
+    for (channel, expected) in expected.iter().enumerate() {
+        let found = sample.get(channel);
+        let close = match expected.is_nan() {
+            true => found.is_none(),
+            false => {
+                found.is_some_and(|v| (v - expected).abs() <= tolerance * expected.abs().max(1.0))
+            }
+        };
+        assert!(close, "channel {channel}: {found:?}, {expected}");
+    }
+}
+
+/// Rounding of the log's numbers of four bytes.
+const SINGLE: f64 = 1e-7;
+
+#[test]
+fn a_flight_of_px4_gives_each_sensor_its_samples() {
+    let keys = "sensors.imu = { message = \"sensor_combined\" }\n\
+                sensors.gnss = { message = \"sensor_gps\", instance = 1 }\n\
+                sensors.reference = { message = \"vehicle_local_position\", with = \"vehicle_attitude\" }";
+    let read = read(&flight(4), keys).unwrap();
+    let [gnss, imu, reference] = read.samples.as_slice() else { panic!("three sources") };
+    assert_eq!([imu.len(), gnss.len(), reference.len()], [200, 15, 20]);
+    assert_eq!(imu[0].time, Time::from_nanos(2_000_000_000));
+    near(&imu[50], &[0.001, -0.002, 0.1, 0.05, 0.5, -9.81], SINGLE);
+    // the second receiver has a fix after one second
+    let place = [(47.4 + 50e-6_f64).to_radians(), 8.5_f64.to_radians(), 450.25];
+    near(&gnss[0], &[place[0], place[1], place[2], 5.0, 0.5, -0.1, 0.8, 1.2, 0.3], SINGLE);
+    assert_eq!(gnss[0].time, Time::from_nanos(3_000_000_000));
+    // the position lies 10 ms after an attitude: 0.1 rad/s times the mean of both times
+    let time = 0.1_f64;
+    assert_eq!(reference[0].time, Time::from_nanos(2_110_000_000));
+    near(&reference[0], &[f64::NAN; 0], SINGLE);
+    let angles =
+        [reference[0].get(6), reference[0].get(7), reference[0].get(8)].map(Option::unwrap);
+    let yaw = 0.1 * (time + 0.01);
+    assert!(angles[0].abs() < SINGLE && angles[1].abs() < SINGLE, "{angles:?}");
+    assert!((angles[2] - yaw).abs() < SINGLE, "{angles:?}");
+    assert!((reference[0].get(2).unwrap() - 420.0).abs() < 1e-9);
+    let north = (reference[0].get(0).unwrap() - 47.4_f64.to_radians()) * 6_371_000.0;
+    assert!((north - 0.5).abs() < 1e-6, "{north}");
+    let warnings = read.warnings.iter().flatten().cloned().collect::<Vec<_>>().join("|");
+    assert!(warnings.contains("1 dropout of the logger at byte"), "{warnings}");
+    assert!(warnings.contains("(0.150 s)"), "{warnings}");
+    assert!(warnings.contains("5 messages without a valid measurement"), "{warnings}");
+}
+
+#[test]
+fn any_topic_is_mapped_with_units_signs_and_conditions() {
+    let keys = "sensors.imu.message = \"sensor_combined\"\n\
+                [source.vehicle-log.sensors.depth]\nmessage = \"esc_status\"\n\
+                only = { \"esc[0].state\" = -2 }\n\
+                channels.depth = { field = \"counter\", unit = \"cm\", scale = -1, offset = 3 }";
+    let samples = read(&flight(4), keys).unwrap().samples;
+    assert_eq!(samples[0].len(), 20);
+    near(&samples[0][2], &[3.0 - 0.2], 1e-15);
+}
+
+#[test]
+fn telemetry_keeps_the_intervals_of_the_vehicle_on_the_clock_of_the_log() {
+    let keys = "time.origin = \"2022-06-01T08:30:00Z\"\n\
+                sensors.imu = { message = \"HIGHRES_IMU\" }\n\
+                sensors.gnss = { message = \"GPS_RAW_INT\" }\n\
+                sensors.compass = { message = \"ATTITUDE\" }\n";
+    let samples = read(&telemetry_of_flight(2), keys).unwrap().samples;
+    let [compass, gnss, imu] = samples.as_slice() else { panic!("three sources") };
+    assert_eq!([imu.len(), gnss.len(), compass.len()], [200, 10, 100]);
+    // the first message came 5.003 s after 08:30
+    for (k, sample) in imu.iter().enumerate() {
+        assert_eq!(sample.time.nanos(), 5_003_000_000 + 10_000_000 * k as i64);
+    }
+    near(&imu[0], &[0.01, -0.02, 0.03, 0.1, 0.2, -9.8], SINGLE);
+    near(&compass[0], &[3.0], SINGLE);
+    let place = [47.4_f64.to_radians(), 8.5_f64.to_radians(), 450.25];
+    let none = f64::NAN;
+    let east = [place[0], place[1], place[2], 0.0, 5.0, none, 0.8, 1.2, 0.3];
+    near(&gnss[0], &east, 1e-12);
+    // no course, so no velocity
+    near(&gnss[1], &[place[0], place[1], place[2], none, none, none, 0.8, 1.2, 0.3], 1e-12);
+    let received = read(&telemetry_of_flight(2), &format!("stamp = \"received\"\n{keys}")).unwrap();
+    // received with up to 20 ms more delay, not in the order in which it was sent
+    assert!(received.warnings.iter().flatten().any(|w| w.contains("not later than")));
+}
+
+#[test]
+fn raw_measurements_of_a_span_are_turned_and_scaled() {
+    let keys = "sensors.imu = { message = \"RAWIMUSX\" } # increments\n\
+                sensors.gnss = { message = \"BESTPOS\" }\n\
+                sensors.reference = { message = \"INSPVAX\" }\n";
+    let read = read(&span(3), keys).unwrap();
+    let [gnss, imu, reference] = read.samples.as_slice() else { panic!("three sources") };
+    assert_eq!([imu.len(), gnss.len(), reference.len()], [300, 3, 3]);
+    // HG1700 AG58: 2^-33 rad and 2^-27 ft/s; the log has z, -y, x of axes right, forward, up
+    let (gyro, accel) = (2_f64.powi(-33), 2_f64.powi(-27) * 0.3048);
+    let counts = [7.0, 9895.0, -215.0].map(|n| n * gyro);
+    let speeds = [-817_242.0, -202_184.0, 43_110_635.0].map(|n| n * accel);
+    near(&imu[7], &[counts[0], counts[1], counts[2], speeds[0], speeds[1], speeds[2]], 1e-15);
+    let (lat, lon) = (47.4_f64.to_radians(), 8.5_f64.to_radians());
+    let [roll, pitch, yaw] = [1.5_f64, -2.5, 90.0].map(f64::to_radians);
+    near(&reference[0], &[lat, lon, 447.75, 5.0, -0.5, -0.25, roll, pitch, yaw], 1e-12);
+    let h_acc = (0.5 * (0.03_f64.powi(2) + 0.04_f64.powi(2))).sqrt();
+    near(&gnss[0], &[lat, lon, 447.75, f64::NAN, f64::NAN, f64::NAN, h_acc, 0.06], 1e-12);
+    // week 2212, second 336000: 2022-06-01T21:20:00 of GPS, 18 s before UTC
+    let utc = 1_654_118_400 - 18;
+    assert_eq!(imu[0].time.nanos(), utc * 1_000_000_000);
+    // the example in NovAtel's manual
+    let manual =
+        b"%RAWIMUSXA,1692,484620.664;00,11,1692,484620.664389000,00801503,43110635,-817242,\
+                   -202184,-215194,-41188,-9895*a5db8c7b\r\n";
+    assert_eq!(crate::read(navfuse_vehicle_logs::Format::Novatel, manual).0.len(), 1);
+}
+
+#[test]
+fn messages_without_a_time_have_the_interval_that_the_scenario_gives() {
+    let keys = "interval = \"5 ms\"\nsensors.imu = { message = \"VNYMR\" }\n\
+                sensors.compass = { message = \"VNYMR\" }";
+    let samples = read(&vectornav(60), keys).unwrap().samples;
+    let [compass, imu] = samples.as_slice() else { panic!("two sources") };
+    near(&imu[3], &[0.003, -0.02, 0.03, 0.1, -0.2, -9.8], 1e-15);
+    near(&compass[3], &[90.5_f64.to_radians()], 1e-15);
+    assert_eq!((imu.len(), imu[59].time.nanos()), (60, 59 * 5_000_000));
+}
+
+#[test]
+fn records_in_double_precision_keep_their_week() {
+    let keys = "sensors.reference = { message = \"SBET\" }\nweek = 2212\n\
+                time.origin = \"2022-06-04T23:59:41Z\"";
+    let samples = &read(&sbet(4), keys).unwrap().samples[0];
+    // a second before the end of the week, 18 s of leap seconds: the origin; then the next week
+    let times: Vec<i64> = samples.iter().map(|s| s.time.nanos() / 1_000_000).collect();
+    assert_eq!(times, [0, 500, 1000, 1500]);
+    near(&samples[0], &[0.8, 0.15, 450.0, 5.0, 1.0, -0.5, 0.1, -0.2, 1.0], 1e-14);
+    let keys = "sensors.imu = { message = \"IMU\" } # increments";
+    let samples = &read(&increments(100), keys).unwrap().samples[0];
+    assert_eq!((samples.len(), samples[1].time.nanos()), (100, 91_620_005_000_000));
+    near(&samples[1], &[1e-5, -2e-5, 3e-5, 1e-3, -2e-3, -0.049], 0.0);
+}
+
+#[test]
+fn what_does_not_fit_is_rejected_with_a_remedy() {
+    let log = flight(1);
+    let imu = |more: &str| format!("sensors.imu = {{ message = \"sensor_combined\"{more} }}");
+    for (file, keys, words) in [
+        (&log, "sensors = {}".to_owned(), ["it names no sensor", "sensors.imu ="]),
+        (
+            &log,
+            "sensors.imo = { message = \"a\" }".into(),
+            ["there is no [sensor.imo]", "\"imu\"?"],
+        ),
+        (
+            &log,
+            imu(", channels.gyro_x = { field = \"gyro_rad[3]\" }"),
+            ["gyro_rad[3]", "gyro_rad[2]"],
+        ),
+        (
+            &log,
+            imu(", channels.gyro_x = { field = \"gyro_rad[0]\", unit = \"m\" }"),
+            ["no unit of the channel gyro_x", "channels.gyro_x.unit"],
+        ),
+        (
+            &log,
+            imu(", channels.gyro = { field = \"gyro_rad[0]\" }"),
+            ["no channel \"gyro\"", "gyro_x"],
+        ),
+        (&log, imu("").replace("combined", "gyro"), ["there is no sensor_gyro", "sensor_combined"]),
+        (&log, imu("").replace("sensor_combined", "esc_status"), ["not known", "channels.gyro_x"]),
+        (&log, imu("") + "\ntime.origin = \"2022-06-01\"", ["time.origin", "time.offset"]),
+        (&log, imu(", instance = 3"), ["no sensor_combined has", "sensors.imu.message"]),
+        (&vectornav(9), "sensors.imu = { message = \"VNYMR\" }".into(), ["interval", "5 ms"]),
+        (&b"hello".to_vec(), imu(""), ["no known format", "ulog, tlog"]),
+        (&Vec::new(), imu(""), ["the file is empty", "ulog, tlog"]),
+    ] {
+        let error = read(file, &keys).err().unwrap_or_default();
+        assert!(words.iter().all(|w| error.contains(w)), "{keys}: {error}");
+    }
+}
