@@ -2,6 +2,9 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
+#[path = "../plugins/vehicle-logs/tests/vehicle_logs/generate.rs"]
+#[allow(dead_code, missing_docs, reason = "generators of formats that other tests use")]
+mod generate;
 
 use common::recording::Recording;
 use common::{data, navfuse, snapir, stderr, stdout};
@@ -167,4 +170,96 @@ fn a_solution_of_rtklib_is_recognised_with_its_positions() {
     assert!(text.contains("scale = \"gps\""), "{text}");
     let row = printed.lines().find(|l| l.trim_start().starts_with("gnss ")).expect("a row");
     assert!(row.contains("2197") && row.contains("4.0000 Hz"), "{row}");
+}
+
+#[test]
+fn logs_of_vehicles_and_tables_of_inertial_units_become_scenarios_that_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).expect("a file");
+        path
+    };
+    let ulog = write("flight.ulg", &generate::flight(20));
+    let (scenario, text, printed) = import(folder.path(), &[&ulog], &[]);
+    for line in [
+        "sensors.imu = { message = \"sensor_combined\" }",
+        "sensors.gnss = { message = \"sensor_gps\", instance = 0 }",
+        "sensors.reference = { message = \"vehicle_local_position\", with = \"vehicle_attitude\" }",
+    ] {
+        assert!(text.contains(line), "{line}: {text}");
+    }
+    assert!(printed.contains("2 instances of sensor_gps"), "{printed}");
+    assert!(printed.contains("1 dropout of the logger"), "{printed}");
+    runs(&scenario);
+    std::fs::remove_file(&scenario).expect("it is there");
+    // the increments of a vehicle at rest, heading north at 30 deg, as text and in binary, give the
+    // same estimates; an instrument never repeats itself: noise within +-1
+    let (sin, cos) = 30_f64.to_radians().sin_cos();
+    let record = |k: u32| -> [f64; 7] {
+        let noise = |axis: u32| f64::from(k * 7919 * axis % 2003) / 1001.0 - 1.0;
+        let rate = [7.292_115e-5 * cos, 0.0, -7.292_115e-5 * sin];
+        let [x, y, z] = [0, 1, 2].map(|i| 0.01 * (rate[i] + 5e-6 * noise(i as u32 + 1)));
+        let [u, v, w] = [4, 5, 6].map(|axis| 1e-5 * noise(axis));
+        [91_620.0 + 0.01 * f64::from(k), x, y, z, u, v, w - 0.097_932]
+    };
+    let records: Vec<[f64; 7]> = (1..3000).map(record).collect();
+    let line = |r: &[f64; 7]| {
+        format!("{:.2} {}\n", r[0], r[1..].iter().map(f64::to_string).collect::<Vec<_>>().join(" "))
+    };
+    let plain = write("imu.txt", records.iter().map(line).collect::<String>().as_bytes());
+    let binary = write("imu.bin", &generate::doubles(records.iter().map(|r| r.to_vec())));
+    let position = ["--position", "30,5,0"];
+    let (scenario, text, _) = import(folder.path(), &[&plain], &position);
+    assert!(text.contains("headings = [\"time_s\", \"dtheta_x_rad\""), "{text}");
+    let expected = runs(&scenario);
+    std::fs::remove_file(&scenario).expect("it is there");
+    let (scenario, text, _) = import(folder.path(), &[&binary], &position);
+    assert!(text.contains("format = \"kf-gins\""), "{text}");
+    assert_eq!(runs(&scenario), expected);
+}
+
+/// The offset and its 1-sigma in the note about the clock of a sensor, s.
+fn clock(printed: &str, sensor: &str) -> [f64; 2] {
+    let start = format!("{sensor}: its clock is ");
+    let note = printed.lines().find_map(|l| l.split_once(&start)).expect("a note").1;
+    let number = |text: &str| text.split(' ').next().and_then(|n| n.parse::<f64>().ok());
+    let offset = number(note).expect("an offset");
+    let sigma = note.split_once("sigma ").and_then(|(_, rest)| number(rest)).expect("a sigma");
+    [if note.contains("ahead of") { -offset } else { offset }, sigma]
+}
+
+/// The stamps of the DVL are already those of the measurements, and its clock is that of the INS. The
+/// motion of T10 shows the clock to some 20 ms; a shift must appear with at most that error.
+#[test]
+fn a_shifted_velocity_log_of_a_dive_is_found_by_its_motion() {
+    let Some(data) = snapir() else { return };
+    let dive = data.join("T10");
+    let dvl = std::fs::read_to_string(dive.join("dvl.csv")).expect("a table");
+    let (heading, rows) = dvl.split_once('\n').expect("headings");
+    let mut found = Vec::new();
+    for shift in [0.0, 0.7, -1.3] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut text = format!("{heading}\n");
+        for row in rows.lines() {
+            let (time, rest) = row.split_once(',').expect("a row");
+            let time: f64 = time.parse().expect("a time");
+            writeln!(text, "{:.3},{rest}", time + shift).expect("text");
+        }
+        let shifted = folder.path().join("dvl.csv");
+        std::fs::write(&shifted, text).expect("a file");
+        let (imu, reference) = (dive.join("imu.csv"), dive.join("reference.csv"));
+        let (_, text, printed) = import(folder.path(), &[&imu, &shifted, &reference], &[]);
+        let [offset, sigma] = clock(&printed, "dvl");
+        println!("shifted by {shift} s: {offset} s, sigma {sigma} s");
+        assert!((offset - shift).abs() < (4.0 * sigma).max(0.05), "{printed}");
+        assert!(sigma < 0.05, "{printed}");
+        assert_eq!(text.contains("# time_offset = { initial = \""), shift != 0.0, "{text}");
+        found.push(offset);
+        // the reference is of the INS itself
+        let [offset, sigma] = clock(&printed, "reference");
+        assert!(offset.abs() < 0.03 && sigma < 0.01, "{printed}");
+    }
+    // the same samples but for their stamps
+    assert!((found[1] - found[0] - 0.7).abs() < 0.02 && (found[2] - found[0] + 1.3).abs() < 0.02);
 }

@@ -240,6 +240,7 @@ fn the_example_of_every_plugin_composes() {
                     "there is none of imu.csv",
                     "dive.pd0: cannot be opened",
                     "nav.nmea: cannot be opened",
+                    "flight.ulg: cannot be opened",
                 ];
                 assert!(missing.iter().any(|m| error.to_string().contains(m)), "{error}");
             }

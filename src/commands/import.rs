@@ -18,7 +18,8 @@ Examples:
   navfuse import imu.csv --position 34.246048,108.909664,380
 
 Files are recognised by their content: tables with a heading for each column (CSV), solutions of
-RTKLIB, files of Doppler velocity logs, and NMEA 0183. The scenario runs at once. Lines with values
+RTKLIB, files of Doppler velocity logs, NMEA 0183, logs of vehicles (PX4 ULog, MAVLink, NovAtel,
+VectorNav, SBET, KF-GINS), and text of KF-GINS and SBG. The scenario runs at once. Lines with values
 that no file gives are marked with ANSWER.")]
 pub struct Import {
     /// The files of the recording

@@ -4,6 +4,7 @@ use crate::Answers;
 use crate::recording::{Part, Reader, Recording, quote};
 use crate::stream::StreamSurvey;
 use navfuse_core::units::calendar::Calendar;
+use navfuse_vehicle_logs::Format;
 use std::fmt::Write;
 
 /// The mark of a line whose value the files do not give.
@@ -210,6 +211,16 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
         out.line(&format!("type = \"{}\"", part.found.kind));
     }
     part.found.sensor.iter().for_each(|key| out.line(key));
+    if let Some(clock) = stream.and_then(|s| s.clock) {
+        out.line(&format!("# {}", clock.describe()));
+        if clock.matters() && part.name != "reference" {
+            let [offset, sigma] = clock.offset;
+            let sigma = (2.0 * sigma).max(0.005);
+            out.line(&format!(
+                "# time_offset = {{ initial = \"{offset:.3} s\", sigma = \"{sigma:.3} s\" }}"
+            ));
+        }
+    }
     match part.name {
         "imu" => {
             let [gyro, accel] = stream.map_or([0.3, 100.0], noise).map(round);
@@ -278,6 +289,7 @@ fn sources(out: &mut Text, recording: &Recording) {
             questions(out, part);
         }
     }
+    vehicles(out, recording);
     let nmea: Vec<&Part> = recording.parts.iter().filter(|p| p.reader == Reader::Nmea).collect();
     if let Some(first) = nmea.first() {
         out.line("[source.nmea]");
@@ -285,6 +297,32 @@ fn sources(out: &mut Text, recording: &Recording) {
         for part in &nmea {
             let key = if part.name == "compass" { "heading" } else { part.name };
             out.line(&format!("{key} = \"{}\"", part.name));
+            questions(out, part);
+        }
+    }
+}
+
+/// The tables of the logs of vehicles, one for each file.
+fn vehicles(out: &mut Text, recording: &Recording) {
+    let of =
+        |part: &Part, wanted: usize| matches!(part.reader, Reader::Vehicle(_, k) if k == wanted);
+    for k in 0.. {
+        let parts: Vec<&Part> = recording.parts.iter().filter(|p| of(p, k)).collect();
+        let Some(first) = parts.first() else { return };
+        let Reader::Vehicle(format, _) = first.reader else { return };
+        if k == 0 {
+            out.line("[source.vehicle-log]");
+        } else {
+            out.line(&format!("[source.vehicle-log-{}]", k + 1));
+            out.line("type = \"vehicle-log\"");
+        }
+        out.line(&format!("file = {}", path(first)));
+        out.line(&format!("format = \"{}\"", format.name()));
+        if format == Format::Vectornav {
+            out.ask("interval = \"10 ms\"", "the messages have no time");
+        }
+        for part in &parts {
+            part.found.source.iter().for_each(|key| out.line(key));
             questions(out, part);
         }
     }

@@ -1,15 +1,19 @@
 //! A scenario from the files of a recording.
 //!
-//! [`import`] recognises tables (CSV, RTKLIB), files of Doppler velocity logs and NMEA 0183, writes a
-//! first scenario, reads all samples through its sources, and writes the final scenario with what the
+//! [`import`] recognises tables (CSV, RTKLIB, KF-GINS, SBG), files of Doppler velocity logs, NMEA 0183 and
+//! logs of vehicles, writes a first scenario, reads all samples through its sources, and writes the final scenario with what the
 //! samples show. What no sample shows is marked with [`MARK`].
 
+mod clocks;
 mod draft;
 mod instrument;
+mod plain;
 mod recording;
 mod stream;
 mod table;
+mod vehicle;
 
+pub use clocks::ClockOffset;
 pub use draft::MARK;
 pub use stream::StreamSurvey;
 
@@ -88,5 +92,8 @@ pub fn import(
     let (text, questions) = draft::scenario(&recording, Some(&streams), answers);
     let mut notes = recording.notes;
     notes.extend(stream::together(&streams));
+    for stream in &streams {
+        notes.extend(stream.clock.map(|clock| format!("{}: {}", stream.sensor, clock.describe())));
+    }
     Ok(Some(Imported { scenario: text, streams, questions, notes }))
 }

@@ -3,11 +3,14 @@
 use crate::instrument;
 use crate::stream::StreamSurvey;
 use crate::table;
+use crate::vehicle;
 use navfuse_core::model::stream::StreamError;
 use std::path::{Path, PathBuf};
 
 /// Size in bytes of the beginning of a file by which it is recognised.
 const BEGINNING: u64 = 256 * 1024;
+/// Size in bytes of the beginning of a log of a vehicle in which its messages are looked for.
+const MESSAGES: u64 = 16 * 1024 * 1024;
 /// First bytes of an MCAP file.
 const MCAP: &[u8] = b"\x89MCAP";
 
@@ -33,6 +36,8 @@ pub enum Reader {
     /// With the time of the first ping, if the format has dates.
     Dvl(Option<i64>),
     Nmea,
+    /// With the index of the file among the logs of vehicles.
+    Vehicle(navfuse_vehicle_logs::Format, usize),
 }
 
 /// A sensor with its file.
@@ -118,11 +123,27 @@ impl Recording {
             (Reader::Dvl(stamp), found)
         } else if let Some(found) = instrument::nmea(&bytes) {
             (Reader::Nmea, found)
+        } else if let Some(format) = navfuse_vehicle_logs::Format::recognise(&bytes) {
+            let bytes =
+                navfuse_csv::beginning(file, MESSAGES).map_err(|e| StreamError::open(file, e))?;
+            let found = vehicle::sensors(format, bytes);
+            if found.is_empty() {
+                let text = format!("no known message of the format {}", format.name());
+                return Err(StreamError::format(text).in_file(file).with_remedy(
+                    "write [source.vehicle-log] into a scenario, and map the fields of its messages",
+                ));
+            }
+            let logs = self.parts.iter().filter_map(|p| match p.reader {
+                Reader::Vehicle(_, k) => Some(k + 1),
+                _ => None,
+            });
+            (Reader::Vehicle(format, logs.max().unwrap_or(0)), found)
         } else {
             let text = String::from_utf8_lossy(&bytes);
             let found = match text.contains('\0') {
                 true => {
-                    Err("it is neither a table, nor a file of a velocity log, nor NMEA 0183"
+                    Err("it is neither a table, nor a file of a velocity log, nor NMEA 0183, nor a log \
+                         of a vehicle that is known"
                         .to_owned())
                 }
                 false => table::recognise(&text),
@@ -179,7 +200,13 @@ impl Recording {
 
     /// Turns an IMU with axes forward, left, up.
     fn turn_imu(&mut self) {
-        let Some(part) = self.parts.iter_mut().find(|p| p.name == "imu") else { return };
+        let tables = |p: &&mut Part| p.name == "imu" && p.reader == Reader::Csv;
+        let Some(part) = self.parts.iter_mut().find(tables) else {
+            self.notes.push(
+                "imu: its z axis points up; set `channels` with scale = -1 for y and z".to_owned(),
+            );
+            return;
+        };
         let increments = !part.found.sensor.is_empty();
         let names = if increments {
             ["dtheta_y", "dtheta_z", "dvel_y", "dvel_z"]

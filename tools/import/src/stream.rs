@@ -1,5 +1,6 @@
 //! What the samples of a sensor show.
 
+use crate::clocks::{self, ClockOffset, Inertial, Measured};
 use navfuse_core::model::record::Level;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::run::scenario::Assembly;
@@ -42,6 +43,80 @@ pub struct StreamSurvey {
     pub noise: [f64; MAX_CHANNELS],
     /// Scatter of the means of each channel over one second.
     pub wander: [f64; MAX_CHANNELS],
+    /// The clock, compared with that of the IMU; `None` where the motion does not show it.
+    pub clock: Option<ClockOffset>,
+}
+
+/// The motion that a sensor measures, for the comparison of clocks.
+enum Motion {
+    None,
+    /// Indices of the first gyro and of the first accelerometer; set for increments.
+    Inertial(Box<Inertial>, [usize; 2], bool),
+    /// Index of the first of three velocities.
+    Velocity(Measured, usize),
+    /// Index of the heading.
+    Heading(Measured, usize),
+    /// Indices of the velocities north and east.
+    Course(Measured, [usize; 2]),
+}
+
+impl Motion {
+    fn of(survey: &StreamSurvey) -> Self {
+        let at = |name| survey.channel(name);
+        let heading = || Measured::Heading(Vec::new());
+        if let Some((gyro, accel)) = at("gyro_x").zip(at("accel_x")) {
+            Self::Inertial(Box::default(), [gyro, accel], false)
+        } else if let Some((gyro, accel)) = at("dtheta_x").zip(at("dvel_x")) {
+            Self::Inertial(Box::default(), [gyro, accel], true)
+        } else if let Some(first) = at("vel_x") {
+            Self::Velocity(Measured::Velocity(Vec::new()), first)
+        } else if let Some(k) = at("yaw").or_else(|| at("heading")) {
+            Self::Heading(heading(), k)
+        } else if let Some((north, east)) = at("vel_n").zip(at("vel_e")) {
+            Self::Course(heading(), [north, east])
+        } else {
+            Self::None
+        }
+    }
+
+    fn take(&mut self, sample: &Sample, interval: f64) {
+        let time = sample.time.seconds();
+        match self {
+            Self::None => {}
+            Self::Inertial(inertial, [gyro, accel], increments) => {
+                let both = sample.array::<3>(*gyro).zip(sample.array::<3>(*accel));
+                if let Some((rate, force)) = both.filter(|_| interval > 0.0) {
+                    let scale = if *increments { 1.0 / interval } else { 1.0 };
+                    let [rate, force] = [rate, force].map(|v| v.map(|x| x * scale));
+                    inertial.add(time, interval, rate, force);
+                }
+            }
+            Self::Velocity(measured, first) => {
+                if let Some(velocity) = sample.array(*first) {
+                    measured.velocity(time, velocity);
+                }
+            }
+            Self::Heading(measured, k) => {
+                if let Some(heading) = sample.get(*k) {
+                    measured.heading(time, heading);
+                }
+            }
+            Self::Course(measured, [north, east]) => {
+                if let Some((north, east)) = sample.get(*north).zip(sample.get(*east)) {
+                    measured.course(time, north, east);
+                }
+            }
+        }
+    }
+
+    fn measured(&self) -> Option<&Measured> {
+        match self {
+            Self::Velocity(measured, _)
+            | Self::Heading(measured, _)
+            | Self::Course(measured, _) => Some(measured),
+            Self::None | Self::Inertial(..) => None,
+        }
+    }
 }
 
 /// Sums over one channel.
@@ -88,11 +163,14 @@ struct Running {
     sums: [Sums; MAX_CHANNELS],
     intervals: Vec<f64>,
     block_end: f64,
+    motion: Motion,
 }
 
 impl Running {
     fn take(&mut self, sample: &Sample) {
         let survey = &mut self.survey;
+        let since = if survey.samples > 0 { sample.time.since(survey.span[1]) } else { 0.0 };
+        self.motion.take(sample, since);
         if survey.samples == 0 {
             survey.first = *sample;
             survey.span = [sample.time; 2];
@@ -169,6 +247,7 @@ pub fn survey(
     let mut running: Vec<Running> = (assembly.composition.sensors.iter())
         .map(|s| Running {
             survey: StreamSurvey {
+                clock: None,
                 sensor: s.info.name.clone(),
                 kind: s.info.kind.clone(),
                 samples: 0,
@@ -185,8 +264,10 @@ pub fn survey(
             sums: [Sums::default(); MAX_CHANNELS],
             intervals: Vec::new(),
             block_end: 0.0,
+            motion: Motion::None,
         })
         .collect();
+    running.iter_mut().for_each(|one| one.motion = Motion::of(&one.survey));
     for (_, mut source) in assembly.sources {
         let notes: Vec<String> = source
             .schedule()
@@ -207,7 +288,20 @@ pub fn survey(
             one.survey.warnings.extend(notes.into_iter().chain(source.warning()));
         }
     }
+    compare(&mut running);
     Ok(Some(running.into_iter().map(Running::finish).collect()))
+}
+
+/// Compares the clock of each sensor with that of the IMU.
+fn compare(running: &mut [Running]) {
+    let inertial = |one: &Running| match &one.motion {
+        Motion::Inertial(inertial, ..) => Some(inertial.clone()),
+        _ => None,
+    };
+    let Some(imu) = running.iter().find_map(inertial) else { return };
+    for one in running {
+        one.survey.clock = one.motion.measured().and_then(|m| clocks::compare(&imu, m));
+    }
 }
 
 /// Notes on the clocks of the sensors, compared with each other.

@@ -1,5 +1,6 @@
 //! Tables: the sensor of a file by its headings.
 
+use crate::plain;
 use crate::recording::{Found, quote};
 use navfuse_core::units::{column_suffix, parse_unit};
 use std::fmt::Write;
@@ -37,6 +38,9 @@ const HEADING: [Known; 1] = [("heading", "rad", &[])];
 
 /// Names of the column of the time, beside `time`.
 const TIMES: [&str; 5] = ["timestamp", "stamp", "t", "gps_time", "utc"];
+
+/// Largest number of rows by which a table without headings is recognised.
+const PLAIN_ROWS: usize = 50;
 
 /// The titles of RTKLIB with the headings of the channels. The deviation to the north stands for both
 /// horizontal ones; `vu` points up and is turned.
@@ -122,19 +126,33 @@ pub fn recognise(beginning: &str) -> Result<Vec<Found>, String> {
         }
     };
     let headings = split(header);
+    let delimiter_key = match delimiter {
+        Some(',') => None,
+        Some(c) => Some(format!("delimiter = {}", quote(&c.to_string()))),
+        None => Some("delimiter = \"whitespace\"".to_owned()),
+    };
+    let with_delimiter = |mut found: Found| {
+        found.source.extend(delimiter_key.clone());
+        Ok(vec![found])
+    };
     if headings.iter().all(|h| h.parse::<f64>().is_ok()) {
+        // the last line may be cut off
+        let rows: Vec<&str> = beginning.lines().filter(|l| !l.trim().is_empty()).collect();
+        let whole = rows.len().saturating_sub(1).clamp(1, PLAIN_ROWS);
+        let rows: Vec<Vec<String>> = rows.iter().take(whole).map(|l| split(l)).collect();
+        if let Some(found) = plain::without_headings(&rows) {
+            return with_delimiter(found);
+        }
         return Err("its first line holds numbers, not headings: write the headings with their \
                     units into the first line, or describe the columns with `headings` in a \
                     scenario"
             .to_owned());
     }
     let first = lines.next().map(split).unwrap_or_default();
-    let mut shared = Vec::new();
-    match delimiter {
-        Some(',') => {}
-        Some(c) => shared.push(format!("delimiter = {}", quote(&c.to_string()))),
-        None => shared.push("delimiter = \"whitespace\"".to_owned()),
+    if let Some(found) = plain::sbg(&headings, &first) {
+        return with_delimiter(found);
     }
+    let mut shared: Vec<String> = delimiter_key.into_iter().collect();
     let mut questions = Vec::new();
     shared.extend(time(&headings, &first, &mut questions)?);
     let has = |known: &[Known]| known.iter().all(|k| column(&headings, k).is_some());

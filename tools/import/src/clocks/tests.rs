@@ -1,0 +1,100 @@
+//! Simulated vehicles whose clocks differ by a known offset and drift.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+use super::*;
+
+/// Numbers that look random with the variance one (sum of twelve uniform ones).
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        let uniform = |state: &mut u64| {
+            *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (*state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..12).map(|_| uniform(&mut self.0)).sum::<f64>() - 6.0
+    }
+}
+
+/// Heading of a vehicle, its rate, its forward speed and its acceleration, at a time.
+fn motion(t: f64) -> [f64; 4] {
+    let (a, b, c, d) = (0.25 * t, 0.17 * t, 0.4 * t, 0.13 * t);
+    let heading = 0.6 * a.sin() + 0.5 * b.sin();
+    let turn = 0.15 * a.cos() + 0.085 * b.cos();
+    let speed = 1.5 + 0.3 * c.sin() + 0.3 * d.sin();
+    [heading, turn, speed, 0.12 * c.cos() + 0.039 * d.cos()]
+}
+
+/// An IMU that rolls with waves, for this many seconds.
+fn imu(seconds: u32, noise: &mut Noise) -> Inertial {
+    let mut imu = Inertial::default();
+    for k in 1..=100 * seconds {
+        let t = 0.01 * f64::from(k);
+        let [_, turn, speed, acceleration] = motion(t);
+        let (roll, roll_rate) = (0.05 * (0.8 * t).sin(), 0.04 * (0.8 * t).cos());
+        // psi' about the vertical, seen from the rolled vehicle; centripetal force to the right
+        let rate = [roll_rate, turn * roll.sin(), turn * roll.cos()];
+        let side = turn * speed;
+        let [s, c] = [roll.sin(), roll.cos()];
+        let force = [acceleration, side * c - 9.81 * s, -9.81 * c - side * s];
+        imu.add(
+            t,
+            0.01,
+            rate.map(|w| w + 1e-4 * noise.next()),
+            force.map(|f| f + 0.02 * noise.next()),
+        );
+    }
+    imu
+}
+
+/// The motion at the true time of a sample that a late and drifting clock stamps `t`.
+fn late(t: f64, offset: f64, drift: f64, middle: f64) -> f64 {
+    t - offset - drift * (t - middle)
+}
+
+#[test]
+fn offset_and_drift_of_a_velocity_log_and_a_compass_are_found_within_their_sigmas() {
+    let mut noise = Noise(7);
+    let seconds = 900;
+    let imu = imu(seconds, &mut noise);
+    let middle = 0.5 * f64::from(seconds);
+    for (offset, drift) in [(0.31, 0.0), (-1.2, 300e-6), (0.0, -150e-6)] {
+        let (mut dvl, mut compass) =
+            (Measured::Velocity(Vec::new()), Measured::Heading(Vec::new()));
+        for k in 10..seconds - 10 {
+            let t = f64::from(k);
+            let [heading, _, speed, _] = motion(late(t, offset, drift, middle));
+            let [x, y, z] = [speed, 0.0, 0.0].map(|v| v + 0.01 * noise.next());
+            dvl.velocity(t, [x, y, z]);
+            compass.heading(t, (heading + 0.003 * noise.next()).rem_euclid(TAU));
+        }
+        for (measured, least) in [(&dvl, 0.05), (&compass, 0.02)] {
+            let found = compare(&imu, measured).unwrap();
+            let ([tau, sigma], [slope, slope_sigma]) = (found.offset, found.drift.unwrap());
+            println!("{offset} {drift}: {found:?}");
+            // four sigma: 1 in 16 000 for each of twelve comparisons
+            assert!(sigma < least && (tau - offset).abs() < 4.0 * sigma, "{found:?}");
+            assert!((slope - drift).abs() < 4.0 * slope_sigma, "{found:?}");
+            assert_eq!(found.matters(), offset != 0.0, "{found:?}");
+        }
+    }
+}
+
+#[test]
+fn a_straight_course_does_not_show_the_clock() {
+    let mut noise = Noise(11);
+    let mut imu = Inertial::default();
+    for k in 1..=40_000 {
+        let [x, y, z] = [0.0, 0.0, -9.81].map(|f| f + 0.02 * noise.next());
+        imu.add(
+            0.01 * f64::from(k),
+            0.01,
+            [0.0; 3].map(|w: f64| w + 1e-4 * noise.next()),
+            [x, y, z],
+        );
+    }
+    let mut dvl = Measured::Velocity(Vec::new());
+    for k in 10..390 {
+        dvl.velocity(f64::from(k), [1.5, 0.0, 0.0].map(|v| v + 0.01 * noise.next()));
+    }
+    assert_eq!(compare(&imu, &dvl), None);
+}
