@@ -30,7 +30,7 @@ pub struct Record {
 ///
 /// ```
 /// use navfuse_vehicle_logs::{Decoder, Format, Options};
-/// let file = &b"noise$VNYMR,+090.0,-001.0,+002.0,+1,+2,+3,+00.1,-00.2,-09.8,+0.5,-0.25,+0.125*56\r\n"[..];
+/// let file = &b"noise$VNYMR,+090.0,-001.0,+002.0,+1,+2,+3,+00.1,-00.2,-09.8,+0.5,-0.25,+0.125*4C\r\n"[..];
 /// let mut log: Box<dyn Decoder> = Format::Vectornav.decoder(file, &Options::default());
 /// let mut values = Vec::new();
 /// while let Some(record) = log.next(&mut values)? {
