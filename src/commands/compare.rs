@@ -174,7 +174,7 @@ fn write(comparison: &Comparison, runs: &[Run], folder: &Path) -> Result<Vec<Pat
         let recording = folder.join("compare.rrd");
         let letters: Vec<&str> = runs.iter().map(|r| r.letter.as_str()).collect();
         let name = format!("comparison of {}", letters.join(", "));
-        navfuse_viewer::figures::record(&recording, &name, &figures)?;
+        navfuse_viewer::figures::record(&recording, &name, &plots::tracks(runs), &figures)?;
         Ok(vec![path, recording])
     }
     #[cfg(not(feature = "rerun"))]

@@ -329,6 +329,7 @@ fn draw(
             navfuse_viewer::figures::record(
                 &path,
                 &format!("{} {}", campaign.scenario, kind.name),
+                &[],
                 &figures,
             )?;
             files.push(path);

@@ -1,6 +1,7 @@
 //! The composer, with which process and sensor types build their models.
 
 use crate::model::detector::Detector;
+use crate::model::drawing::Drawing;
 use crate::model::error::ComposeError;
 use crate::model::sensor::Role;
 use crate::model::sensor::{Purpose, SensorInfo};
@@ -31,6 +32,7 @@ pub struct Composer {
     clones: Vec<[usize; 2]>,
     /// Places of the effect of driving sensors: the sensor, and the number of the place.
     input_places: Vec<(String, usize)>,
+    drawing: Option<Drawing>,
     folder: PathBuf,
 }
 
@@ -165,6 +167,28 @@ impl Composer {
         std::mem::take(&mut self.clones)
     }
 
+    /// Sets the geometry with which sinks draw the sensor that is being composed.
+    pub fn draw(&mut self, drawing: Drawing) {
+        self.drawing = Some(drawing);
+    }
+
+    /// Geometry of the sensor that is being composed; by default from its states `lever_arm` and
+    /// `misalignment`.
+    pub(crate) fn take_drawing(&mut self) -> Drawing {
+        self.drawing.take().unwrap_or_else(|| Drawing {
+            lever_arm: self.slot::<Vector<3>>("lever_arm"),
+            misalignment: self.slot::<Rotation>("misalignment"),
+            beams: Vec::new(),
+        })
+    }
+
+    /// Slot of a block of the part that is being composed, if the part has it.
+    fn slot<M: Manifold>(&self, name: &str) -> Option<usize> {
+        let full = format!("{}.{name}", self.owner);
+        let kind = std::any::TypeId::of::<M>();
+        self.layout.blocks.iter().position(|b| b.name == full && b.operations.kind == kind)
+    }
+
     /// Finds the block of that full name, such as `ins.velocity`; `key` is the parameter that names
     /// its owner.
     ///
@@ -214,6 +238,7 @@ impl Composer {
             kind: "constraint".to_owned(),
             channels: channels.to_vec(),
             purpose: Purpose::Measurement,
+            drawing: Drawing::default(),
         };
         self.constraints.push((self.owner.clone(), (info, Role::measurement(model))));
     }

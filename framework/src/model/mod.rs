@@ -3,6 +3,7 @@
 pub mod chi_square;
 pub mod delivery;
 pub mod detector;
+pub mod drawing;
 pub mod error;
 pub mod fault;
 pub mod finding;

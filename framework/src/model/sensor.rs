@@ -2,6 +2,7 @@
 
 use crate::model::delivery::Delay;
 use crate::model::detector::Detector;
+use crate::model::drawing::Drawing;
 use crate::model::gate::{Action, Gate, Recovery};
 use crate::model::input::Correction;
 use crate::model::limits::Limit;
@@ -28,6 +29,8 @@ pub struct SensorInfo {
     pub channels: Vec<Channel>,
     /// Purpose.
     pub purpose: Purpose,
+    /// Geometry on the vehicle.
+    pub drawing: Drawing,
 }
 
 /// Purpose of a sensor.

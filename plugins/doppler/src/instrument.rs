@@ -3,6 +3,7 @@
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
+use navfuse_core::model::drawing::Drawing;
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::nalgebra::Vector3;
 use navfuse_core::state::display;
@@ -119,6 +120,16 @@ impl Tracking<'_> {
 }
 
 impl Instrument {
+    /// Geometry for a drawing, without beams.
+    pub fn drawing(&self) -> Drawing {
+        Drawing::at(self.lever_arm).turned(self.c_b_d)
+    }
+
+    /// Computes the height of the instrument above the ellipsoid, m.
+    pub fn height(&self, x: &View<'_, f64>) -> f64 {
+        self.navigation.position_at(x, &x.get(self.lever_arm)).height
+    }
+
     /// Computes the velocity in the instrument's axes as the instrument reads it, m/s:
     /// `y = k C_b^d (C_n^b (v^n - c^n) + w_eb^b x l)`.
     ///

@@ -29,6 +29,13 @@ macro_rules! doppler_sensor {
             /// Current of the water, with track = "water": the name of a `[process.NAME]` of type
             /// water-current.
             pub current: Option<String>,
+            /// Adds the channel `altitude`: height of the instrument above the bottom, m. The
+            /// filter does not use it; the viewer draws the beams down to the bottom.
+            #[serde(default)]
+            pub altitude: bool,
+            /// Simulation: height of the bottom above the ellipsoid, such as "-80 m", from which
+            /// the channel `altitude` follows. Default: samples without that channel.
+            pub simulated_bottom: Option<navfuse_core::units::Length>,
         } }
 
         impl $name {

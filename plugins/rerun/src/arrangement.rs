@@ -30,6 +30,9 @@ const EYE: f32 = 2.0;
 const GROUND: [u8; 3] = [14, 16, 20];
 /// Height of a lane of the viewer, and of what is above the lanes, pixels.
 const LANE: [f64; 2] = [40.0, 56.0];
+/// Least and greatest height of the lanes: beside the lowest ones the error from -4 to 4 sigma has a
+/// number at every sigma.
+const LANES: [f64; 2] = [290.0, 340.0];
 /// Greatest number of components in a tab.
 const ROWS: usize = 4;
 
@@ -107,7 +110,7 @@ impl Layout {
             }
             None => page,
         };
-        let lanes = (LANE[0] * run.lanes.len() as f64 + LANE[1]).clamp(180.0, 340.0);
+        let lanes = (LANE[0] * run.lanes.len() as f64 + LANE[1]).clamp(LANES[0], LANES[1]);
         let mut below = vec![self.lanes("Health of the sensors", &["+ /health/**".to_owned()])];
         if let Some((b, k)) = run.worst
             && let Some(plots) = &run.blocks[b].components[k].plots
@@ -137,31 +140,43 @@ impl Layout {
     /// The track in three dimensions, with an eye that sees all and one that follows, and the map.
     fn track(&mut self, run: &Run) -> Option<ContainerLike> {
         let track = run.track.as_ref()?;
-        let view = |name: &str| ContainerLike::from(Spatial3DView::new(name).with_origin("/world"));
-        let (whole, follow) = (view("3-D track"), view("3-D, follows the vehicle"));
-        let map = ContainerLike::from(MapView::new("Map with tiles").with_origin("/map"));
+        let [whole, map] = self.overviews(&track.extent);
+        let follow = self.space("3-D, follows the vehicle", &track.extent);
         if let Some((middle, side)) = track.extent.middle().filter(|_| self.ranges) {
-            let spacing = crate::plan::round(f64::from(side) / 20.0) as f32;
-            for view in [&whole, &follow] {
-                self.set(view, "LineGrid3D", LineGrid3D::new().with_spacing(spacing));
-                let dark = Background::new(BackgroundKind::SolidColor).with_color(GROUND);
-                self.set(view, "Background", dark);
-            }
-            let diagonal = (0..3)
-                .map(|k| (track.extent.high[k] - track.extent.low[k]).powi(2))
-                .sum::<f32>()
-                .sqrt();
-            let radius = 0.5 * diagonal.max(side);
-            self.set(&whole, "EyeControls3D", eye(middle, EYE * radius));
             let vehicle = components::EntityPath::from("/world/vehicle");
             let last = track.poses.iter().last().map_or(middle, |p| p.place.ned);
-            let eye = eye(last, 0.35 * side).with_tracking_entity(vehicle);
+            let eye = eye(last, 0.25 * side).with_tracking_entity(vehicle);
             self.set(&follow, "EyeControls3D", eye);
-            self.set(&map, "MapZoom", MapZoom::new(zoom(&track.extent)));
         }
         let right = Vertical::new([follow, map]).into();
         let both = Horizontal::new([whole, right]).with_column_shares(vec![1.3, 1.0]);
         Some(both.with_name("Track").into())
+    }
+
+    /// The views of all tracks in that box: in three dimensions and on the map.
+    pub(crate) fn overviews(&mut self, extent: &Extent) -> [ContainerLike; 2] {
+        let whole = self.space("3-D track", extent);
+        let map = ContainerLike::from(MapView::new("Map with tiles").with_origin("/map"));
+        if let Some((middle, side)) = extent.middle().filter(|_| self.ranges) {
+            let diagonal =
+                (0..3).map(|k| (extent.high[k] - extent.low[k]).powi(2)).sum::<f32>().sqrt();
+            let radius = 0.5 * diagonal.max(side);
+            self.set(&whole, "EyeControls3D", eye(middle, EYE * radius));
+            self.set(&map, "MapZoom", MapZoom::new(zoom(extent)));
+        }
+        [whole, map]
+    }
+
+    /// A view in three dimensions with a grid.
+    fn space(&mut self, name: &str, extent: &Extent) -> ContainerLike {
+        let view = ContainerLike::from(Spatial3DView::new(name).with_origin("/world"));
+        if let Some((_, side)) = extent.middle().filter(|_| self.ranges) {
+            let spacing = crate::plan::round(f64::from(side) / 20.0) as f32;
+            self.set(&view, "LineGrid3D", LineGrid3D::new().with_spacing(spacing));
+            let dark = Background::new(BackgroundKind::SolidColor).with_color(GROUND);
+            self.set(&view, "Background", dark);
+        }
+        view
     }
 
     /// One row of plots for each component of some blocks.

@@ -38,7 +38,7 @@ pub struct Layout {
     /// The number of plots above one another, from which follows which ticks have numbers.
     pub rows: usize,
     /// The time of the run, ns, where it is known: the plots' horizontal axis.
-    pub(crate) span: Option<(i64, i64)>,
+    pub span: Option<(i64, i64)>,
     /// Gives the next plots a legend. One per tab is enough, since a colour means the same in all
     /// plots.
     pub legend: bool,

@@ -94,6 +94,8 @@ pub struct Lane {
     pub gated: u64,
     /// Rejected samples by reason.
     pub rejected: Vec<(Rejection, u64)>,
+    /// Samples that reached the gate, and gated ones, while the vehicle turned.
+    pub in_turns: [u64; 2],
     /// Finished stretches.
     pub stretches: Vec<Stretch>,
     current: Option<(Health, Time)>,
@@ -114,6 +116,7 @@ impl Lane {
             accepted: 0,
             gated: 0,
             rejected: Vec::new(),
+            in_turns: [0; 2],
             stretches: Vec::new(),
             current: None,
             latest: VecDeque::with_capacity(MAJORITY),
@@ -161,12 +164,17 @@ impl Lane {
         self.judge(recording, time, Health::Used)
     }
 
-    /// Adds the outcome of a sample.
+    /// Adds the outcome of a sample; `turning` while the vehicle turns.
     pub fn update(
         &mut self,
         recording: &Recording,
         update: &UpdateRecord<'_>,
+        turning: bool,
     ) -> Result<(), StreamError> {
+        if turning && !matches!(update.outcome, Outcome::Rejected(_)) {
+            self.in_turns[0] += 1;
+            self.in_turns[1] += u64::from(update.outcome == Outcome::Gated);
+        }
         let health = match update.outcome {
             Outcome::Accepted => {
                 self.accepted += 1;

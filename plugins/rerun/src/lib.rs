@@ -10,7 +10,8 @@
 //! | `/health/SENSOR` | used, gated, rejected or silent |
 //! | `/plan/estimate`, `/plan/truth` | the tracks from above, with a grid; coloured by sigma |
 //! | `/world/estimate`, `/world/truth` | the tracks, north-east-down metres from the start |
-//! | `/world/vehicle` | position and attitude over time; `velocity`, `uncertainty` beside it |
+//! | `/world/vehicle` | position and attitude over time, with its sensors; `velocity`, `uncertainty` beside it |
+//! | `/world/vehicle/beams/SENSOR` | the beams of a sensor, at their length where its samples give it |
 //! | `/map/estimate`, `/map/truth`, `/map/vehicle` | the same in latitude and longitude |
 //! | `/state/OWNER/BLOCK/COMPONENT/estimate` | estimate and its bounds of 3 sigma |
 //! | `/state/OWNER/BLOCK/COMPONENT/truth` | truth, where it is known |
@@ -39,10 +40,12 @@ mod health;
 mod history;
 mod innovation;
 mod live;
+pub mod overlay;
 mod overview;
 mod plan;
 mod quantity;
 mod recording;
+mod rig;
 mod samples;
 mod scene;
 mod serve;

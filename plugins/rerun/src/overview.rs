@@ -11,11 +11,18 @@ use std::fmt::Write;
 /// Sigma at the end relative to the first one, above which a state has not converged.
 const CONVERGED: f64 = 0.5;
 /// Number of states in the lists.
-const STATES: usize = 6;
+const STATES: usize = 4;
 /// Number of stretches in the line of a sensor.
 const STRETCHES: usize = 4;
-/// Shortest stretch in the line of a sensor, s.
+/// Shortest stretch of bad samples in the line of a sensor, and shortest silence, s.
 const SHORTEST: f64 = 1.0;
+const SHORTEST_SILENCE: f64 = 3.0;
+/// Number of gated samples from which on their share in turns counts.
+const GATED: u64 = 20;
+/// Share of gated samples in turns that names the turns, and how many times larger than the share
+/// of all samples it is then.
+const IN_TURNS: f64 = 0.7;
+const MORE_OFTEN: f64 = 2.0;
 /// Share of epochs outside 3 sigma up to which an error agrees with its sigma; a correlated error
 /// of the right size is outside for 0.3 % of the time on the average, and for more in some runs.
 const OUTSIDE: f64 = 0.03;
@@ -80,6 +87,13 @@ fn write_sensors(
     verdict: Option<&Verdict>,
 ) {
     page.push_str("\n## Which sensor was bad, and when\n\n");
+    let bad: Vec<String> = lanes.iter().filter_map(bad).collect();
+    match bad.is_empty() {
+        true => page.push_str("**None** for longer than a second.\n\n"),
+        false => {
+            let _ = writeln!(page, "{}.\n", bad.join("; "));
+        }
+    }
     page.push_str("| sensor | used | gated | rejected | NIS (expected) | bad or silent |\n");
     page.push_str("|---|--:|--:|--:|--:|---|\n");
     for lane in lanes {
@@ -100,9 +114,35 @@ fn write_sensors(
     }
 }
 
+/// The name of a sensor that was bad, and for how long; `None` for a good one.
+fn bad(lane: &Lane) -> Option<String> {
+    let bad = |s: &&Stretch| !matches!(s.health, Health::Used | Health::Silent);
+    let length: f64 = lane.stretches.iter().filter(bad).map(|s| s.to.since(s.from)).sum();
+    (length >= SHORTEST).then(|| {
+        let turns = if is_bad_in_turns(lane) {
+            ", mostly in turns: look at its lever arm, mounting angles and clock"
+        } else {
+            ""
+        };
+        format!("**{}**, for {length:.0} s{turns}", lane.name)
+    })
+}
+
+/// Set where the gate rejects samples in turns above all.
+fn is_bad_in_turns(lane: &Lane) -> bool {
+    let share = |part: u64, whole: u64| part as f64 / whole.max(1) as f64;
+    let gated = share(lane.in_turns[1], lane.gated);
+    lane.gated >= GATED
+        && gated >= IN_TURNS
+        && gated >= MORE_OFTEN * share(lane.in_turns[0], lane.accepted + lane.gated)
+}
+
 /// The longest stretches in which a sensor was not used, in order of time, and the reasons.
 fn not_used(lane: &Lane, series: Option<&SensorSeries>) -> String {
-    let bad = |s: &&Stretch| s.health != Health::Used && s.to.since(s.from) >= SHORTEST;
+    let bad = |s: &&Stretch| {
+        let shortest = if s.health == Health::Silent { SHORTEST_SILENCE } else { SHORTEST };
+        s.health != Health::Used && s.to.since(s.from) >= shortest
+    };
     let mut stretches: Vec<&Stretch> = lane.stretches.iter().filter(bad).collect();
     let count = stretches.len();
     // a fault is more important than a silence of the same length
@@ -144,13 +184,18 @@ fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
     let total = shares.len();
     shares.retain(|s| s.1 > CONVERGED);
     page.push_str("\n## Did it converge\n\n");
+    let answer = match shares.len() {
+        0 => "Yes",
+        n if n < total => "In part",
+        _ => "No",
+    };
     let _ = writeln!(
         page,
-        "{} of {total} states ended with at most half of their first sigma.",
+        "**{answer}**: {} of {total} states ended with at most half of their first sigma.",
         total - shares.len()
     );
     if !shares.is_empty() {
-        page.push_str("Not so:");
+        page.push_str("Not so, with the last sigma over the first one:");
         for (k, (name, share)) in shares.iter().take(STATES).enumerate() {
             let _ = write!(page, "{} **{name}** ({share:.2})", if k == 0 { "" } else { "," });
         }
@@ -169,7 +214,9 @@ fn write_errors(page: &mut String, blocks: &[BlockSeries]) {
         .filter_map(|(b, k)| Some((b, k, b.components[k].tally.worst?)))
         .collect();
     if errors.is_empty() {
-        page.push_str("No truth is known: the NIS above and the verdict are the evidence.\n");
+        page.push_str(
+            "**Not known**: there is no truth. The NIS above and the verdict are the evidence.\n",
+        );
         return;
     }
     errors.sort_by(|a, b| b.2.0.total_cmp(&a.2.0));
@@ -178,9 +225,10 @@ fn write_errors(page: &mut String, blocks: &[BlockSeries]) {
         tally.outside as f64 / tally.compared.max(1) as f64
     };
     let wrong = errors.iter().filter(|(b, k, _)| share(b, *k) > OUTSIDE).count();
+    let answer = if wrong == 0 { "Yes" } else { "No" };
     let _ = writeln!(
         page,
-        "{} of {} states were outside 3 sigma for more than {:.0} % of the time.\n",
+        "**{answer}**: {} of {} states were outside 3 sigma for more than {:.0} % of the time.\n",
         wrong,
         errors.len(),
         100.0 * OUTSIDE
@@ -224,7 +272,35 @@ fn short(x: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::short;
+    use super::{bad, short};
+    use crate::health::{Health, Lane, Stretch};
+    use navfuse_core::model::drawing::Drawing;
+    use navfuse_core::model::sensor::{Purpose, SensorInfo};
+    use navfuse_core::units::time::Time;
+
+    #[test]
+    fn a_sensor_is_bad_in_turns_where_the_gate_rejects_more_there_than_elsewhere() {
+        let info = SensorInfo {
+            name: "dvl".into(),
+            kind: "dvl".into(),
+            channels: Vec::new(),
+            purpose: Purpose::Measurement,
+            drawing: Drawing::default(),
+        };
+        let lane = |in_turns: [u64; 2]| {
+            let mut lane = Lane::new(&info)?;
+            let [from, to] = [10, 16].map(|s| Time::from_nanos(s * 1_000_000_000));
+            lane.stretches.push(Stretch { health: Health::Gated, from, to });
+            (lane.accepted, lane.gated, lane.in_turns) = (900, 100, in_turns);
+            bad(&lane)
+        };
+        // a fifth of all samples are in turns, and with them 90 or 20 of the 100 gated ones
+        let found = lane([200, 90]).unwrap_or_default();
+        assert!(found.starts_with("**dvl**, for 6 s, mostly in turns"), "{found}");
+        assert_eq!(lane([200, 20]).as_deref(), Some("**dvl**, for 6 s"));
+        // a vehicle that turns all the time says nothing about turns
+        assert_eq!(lane([950, 95]).as_deref(), Some("**dvl**, for 6 s"));
+    }
 
     #[test]
     fn numbers_have_three_digits() {

@@ -3,7 +3,8 @@
 use crate::colours::ColourScale;
 use crate::plan::{self, Plan};
 use crate::recording::Recording;
-use crate::style::{AXES, BOUND, Colour, FILTERED, START, STOP, TRUTH, path};
+use crate::rig;
+use crate::style::{AXES, BOUND, Colour, FILTERED, SENSOR, START, STOP, TRUTH, path};
 use crate::track::{Place, Pose, Track};
 use navfuse_core::model::stream::StreamError;
 use re_sdk_types::archetypes::{
@@ -18,7 +19,7 @@ const VEHICLE: f32 = 0.09;
 /// Length of the fastest velocity's arrow, as a share of the longest side of the track.
 const ARROW: f32 = 0.12;
 /// Colour of the velocity.
-const VELOCITY: [u8; 3] = [230, 159, 0];
+const VELOCITY: Colour = SENSOR;
 /// Colour of the ellipsoid.
 const ELLIPSOID: [u8; 3] = [86, 180, 233];
 
@@ -54,6 +55,9 @@ pub fn finish(recording: &Recording, track: &Track) -> Result<(), StreamError> {
     let poses: Vec<Pose> = track.poses.iter().collect();
     if poses.is_empty() {
         return Ok(());
+    }
+    if let Some((_, side)) = track.extent.middle() {
+        track.mounts.iter().try_for_each(|mount| mount.write(recording, VEHICLE * side))?;
     }
     write_poses(recording, &poses, track, false)
 }
@@ -130,23 +134,7 @@ fn draw_vehicle(recording: &Recording, track: &Track, length: f32) -> Result<(),
         .with_colors(AXES)
         .with_radii([Radius::new_ui_points(1.6)]);
     recording.log_static(&body("axes"), &axes)?;
-    let arms = track.mountings.iter().map(|m| m.lever_arm);
-    let longest = arms.clone().flatten().fold(0.0_f32, |a, x| a.max(x.abs()));
-    if longest > 0.0 {
-        // the vehicle has no size of its own: lever arms are in proportion to each other
-        let factor = 0.7 * length / longest;
-        let ends: Vec<[f32; 3]> = arms.map(|arm| arm.map(|x| x * factor)).collect();
-        let lines = LineStrips3D::new(ends.iter().map(|end| [[0.0; 3], *end]))
-            .with_colors([BOUND])
-            .with_radii([Radius::new_ui_points(1.0)]);
-        recording.log_static(&body("lever_arms"), &lines)?;
-        let sensors = Points3D::new(ends)
-            .with_labels(track.mountings.iter().map(|m| m.sensor.as_str()))
-            .with_colors([VELOCITY])
-            .with_radii([Radius::new_ui_points(3.5)]);
-        recording.log_static(&body("sensors"), &sensors)?;
-    }
-    Ok(())
+    rig::draw(recording, &track.mounts, length)
 }
 
 /// Writes poses, velocity and ellipsoid; `live` to the viewers alone.
@@ -197,9 +185,15 @@ fn write_poses(
     let label = if enlarged > 1.0 { format!("3 sigma x {enlarged}") } else { "3 sigma".into() };
     let look = Ellipsoids3D::update_fields()
         .with_colors([ELLIPSOID])
-        .with_fill_mode(FillMode::MajorWireframe)
-        .with_labels([label]);
+        .with_fill_mode(FillMode::MajorWireframe);
     recording.log_static(&path(&["world", "uncertainty"]), &look)?;
+    // above the vehicle, where the labels of its sensors are not
+    let above = Points3D::new([[0.0, 0.0, -0.6 * VEHICLE * side]])
+        .with_labels([label])
+        .with_show_labels(true)
+        .with_colors([ELLIPSOID])
+        .with_radii([Radius::new_ui_points(0.1)]);
+    recording.log_static(&path(&["world", "vehicle", "uncertainty_label"]), &above)?;
     let points = GeoPoints::from_lat_lon(poses.iter().map(|p| p.place.geo));
     let columns: Vec<_> = points.columns_of_unit_batches().map_err(error)?.collect();
     send(&["map", "vehicle"], columns.into_iter())?;

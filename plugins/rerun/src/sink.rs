@@ -7,6 +7,7 @@ use crate::innovation::SensorSeries;
 use crate::overview;
 use crate::quantity::Here;
 use crate::recording::Recording;
+use crate::rig::Mount;
 use crate::samples::SampleSeries;
 use crate::scene;
 use crate::state::{self, BlockSeries};
@@ -58,6 +59,7 @@ struct Places {
     series: Option<usize>,
     samples: Option<usize>,
     lane: Option<usize>,
+    mount: Option<usize>,
 }
 
 /// Records a run for the viewer.
@@ -198,6 +200,10 @@ impl Run {
                 places.lane = Some(run.lanes.len());
                 run.lanes.push(lane);
             }
+            if let (Some(track), Some(mount)) = (&mut run.track, Mount::new(sensor, full)) {
+                places.mount = Some(track.mounts.len());
+                track.mounts.push(mount);
+            }
             run.places.push(places);
         }
         run
@@ -276,6 +282,9 @@ impl Sink for RerunSink {
         if let Some(samples) = places.samples {
             run.samples[samples].sample(sample, here);
         }
+        if let (Some(track), Some(mount)) = (&mut run.track, places.mount) {
+            track.sample(mount, sample);
+        }
         match places.lane {
             Some(lane) => run.lanes[lane].sample(&self.recording, sample.time),
             None => Ok(()),
@@ -344,7 +353,8 @@ impl Sink for RerunSink {
         let here = run.here();
         let Some(places) = run.places.get(update.sensor.0) else { return Ok(()) };
         if let Some(lane) = places.lane {
-            run.lanes[lane].update(&self.recording, update)?;
+            let turning = run.track.as_ref().is_some_and(|t| t.turning);
+            run.lanes[lane].update(&self.recording, update, turning)?;
         }
         match places.series {
             Some(series) => run.sensors[series].update(&self.recording, update, here),

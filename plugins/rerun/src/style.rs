@@ -25,6 +25,10 @@ pub const BAND: Colour = [0, 158, 115];
 pub const START: Colour = [0, 158, 115];
 /// The colour of the end of a track.
 pub const STOP: Colour = [213, 94, 0];
+/// The colour of a sensor on the vehicle.
+pub const SENSOR: Colour = [230, 159, 0];
+/// The colour of a beam.
+pub const BEAM: Colour = [240, 228, 66];
 /// The colour of the estimated track.
 pub const TRACK: Colour = AXES[2];
 

@@ -2,10 +2,13 @@
 
 use crate::columns::Thinned;
 use crate::quantity::Here;
+use crate::rig::Mount;
 use navfuse_core::model::record::Epoch;
-use navfuse_core::nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion};
+use navfuse_core::nalgebra::{Matrix3, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion};
 use navfuse_core::state::Layout;
 use navfuse_core::state::manifold::{Position, Rotation, Vector};
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
 use std::any::TypeId;
 
 /// Greatest number of vertices of a track: more would make a software renderer slow.
@@ -14,6 +17,9 @@ const VERTICES: usize = 4000;
 const POSES: usize = 2000;
 /// Time between two poses of a full recording, ns: 50 poses a second look continuous.
 const POSE_INTERVAL: i64 = 20_000_000;
+
+/// Angular rate above which the vehicle turns, rad/s: 1 deg/s.
+const TURNING: f64 = 0.0175;
 
 /// A place of the track.
 #[derive(Clone, Copy, Debug)]
@@ -41,16 +47,6 @@ pub struct Pose {
     pub ellipsoid: ([f32; 3], [f32; 4]),
 }
 
-/// A sensor on the vehicle.
-#[derive(Clone, Debug)]
-pub struct Mounting {
-    /// Name of the sensor.
-    pub sensor: String,
-    /// Lever arm in body axes, m.
-    pub lever_arm: [f32; 3],
-    slot: usize,
-}
-
 /// The position and attitude of the vehicle over time, and its track so far.
 pub struct Track {
     position: usize,
@@ -65,11 +61,17 @@ pub struct Track {
     pub truth: Thinned<Place>,
     /// Poses over time.
     pub poses: Thinned<Pose>,
-    /// The sensors with a lever arm.
-    pub mountings: Vec<Mounting>,
+    /// The sensors on the vehicle.
+    pub mounts: Vec<Mount>,
     /// The box around the tracks.
     pub extent: Extent,
     here: Here,
+    /// The rotation from the body to north, east, down.
+    turn: UnitQuaternion<f64>,
+    /// The time of that rotation.
+    turned: Option<Time>,
+    /// Set while the vehicle turns.
+    pub turning: bool,
     last: Option<i64>,
 }
 
@@ -85,10 +87,12 @@ pub struct Extent {
 }
 
 impl Extent {
-    const NONE: Self =
+    /// The box around nothing.
+    pub const NONE: Self =
         Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3], latitude: 0.0 };
 
-    fn include(&mut self, place: &Place) {
+    /// Extends the box to a place.
+    pub fn include(&mut self, place: &Place) {
         if self.low[0] > self.high[0] {
             self.latitude = place.geo[0];
         }
@@ -117,15 +121,6 @@ impl Track {
             layout.blocks.iter().position(|b| of(b) && b.name.split('.').next() == owner)
         };
         let vector = TypeId::of::<Vector<3>>();
-        let mounting = |slot: usize| {
-            let block = &layout.blocks[slot];
-            let sensor = block.name.strip_suffix(".lever_arm")?;
-            (block.operations.kind == vector).then(|| Mounting {
-                sensor: sensor.to_owned(),
-                lever_arm: [0.0; 3],
-                slot,
-            })
-        };
         Some(Self {
             position,
             attitude: beside(&|b| b.operations.kind == TypeId::of::<Rotation>()),
@@ -135,7 +130,10 @@ impl Track {
             filtered: Thinned::new(VERTICES),
             truth: Thinned::new(VERTICES),
             poses: Thinned::new(if full { usize::MAX } else { POSES }),
-            mountings: (0..layout.blocks.len()).filter_map(mounting).collect(),
+            mounts: Vec::new(),
+            turn: UnitQuaternion::identity(),
+            turned: None,
+            turning: false,
             extent: Extent::NONE,
             here: Here::default(),
             last: None,
@@ -153,6 +151,7 @@ impl Track {
         self.extent.include(&place);
         self.filtered.push(place);
         self.set_here(epoch);
+        self.set_turn(epoch);
     }
 
     /// A position of an epoch from the first one.
@@ -167,11 +166,28 @@ impl Track {
         Place { ned: ned.map(|x| x as f32), geo, sigma }
     }
 
+    fn set_turn(&mut self, epoch: &Epoch<'_>) {
+        self.mounts.iter_mut().for_each(|mount| mount.epoch(epoch));
+        let values = |slot: usize| &epoch.state.values[epoch.layout.blocks[slot].range()];
+        let Some(&[w, x, y, z]) = self.attitude.map(values) else { return };
+        let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        let interval = self.turned.map_or(0.0, |before| epoch.state.time.since(before));
+        if interval > 0.0 {
+            self.turning = self.turn.angle_to(&turn) > TURNING * interval;
+        }
+        (self.turn, self.turned) = (turn, Some(epoch.state.time));
+    }
+
     fn set_here(&mut self, epoch: &Epoch<'_>) {
         let block = &epoch.layout.blocks[self.position];
         let mut geo = [0.0; 3];
         (block.operations.coordinates)(&epoch.state.values[block.range()], &mut geo);
         self.here = Here { latitude: geo[0], height: geo[2] };
+    }
+
+    /// Takes the beams of a sample of that sensor on the vehicle.
+    pub fn sample(&mut self, mount: usize, sample: &Sample) {
+        self.mounts[mount].sample(sample, &self.turn);
     }
 
     /// Adds an estimate and, where it is known, the truth.
@@ -191,10 +207,7 @@ impl Track {
             self.extent.include(&there);
             self.truth.push(there);
         }
-        for mounting in &mut self.mountings {
-            let arm = &values[epoch.layout.blocks[mounting.slot].range()];
-            mounting.lever_arm = std::array::from_fn(|k| arm[k] as f32);
-        }
+        self.set_turn(epoch);
         let time = epoch.state.time.nanos();
         if self.last.is_none_or(|last| time - last >= POSE_INTERVAL) {
             self.last = Some(time);
@@ -230,7 +243,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test ends where it fails")]
 
     use super::*;
-    use navfuse_core::nalgebra::{Quaternion, Vector3};
+    use navfuse_core::nalgebra::Vector3;
 
     #[test]
     fn the_ellipsoid_has_the_axes_of_the_covariance() {

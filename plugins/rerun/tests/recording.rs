@@ -14,7 +14,7 @@ use navfuse_core::model::stream::Sink;
 use navfuse_rerun::{Rerun, Serve};
 use re_chunk_store::{ChunkStore, ChunkStoreConfig};
 use re_sdk::{StoreKind, TimelineName};
-use re_sdk_types::archetypes::{Scalars, TextLog};
+use re_sdk_types::archetypes::{LineStrips3D, Scalars, TextLog};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
@@ -136,6 +136,8 @@ fn a_full_recording_holds_every_row_and_value_that_was_fed() {
         "/world/estimate",
         "/world/truth",
         "/world/vehicle",
+        "/world/vehicle/sensors",
+        "/world/vehicle/sensor_axes",
         "/map/estimate",
         "/map/truth",
         "/map/vehicle",
@@ -149,6 +151,14 @@ fn a_full_recording_holds_every_row_and_value_that_was_fed() {
         assert!(entities.iter().any(|e| e == entity), "{entity}");
     }
     assert!(stores.iter().any(|s| s.id().kind() == StoreKind::Blueprint), "a layout");
+
+    // the four beams of every sample
+    let strips = LineStrips3D::descriptor_strips().component;
+    let beams: Vec<usize> = (recording.iter_physical_chunks())
+        .filter(|c| c.entity_path().to_string() == "/world/vehicle/beams/dvl")
+        .flat_map(|c| c.iter_component_offsets(strips).map(|row| row.len))
+        .collect();
+    assert_eq!(beams, vec![4; samples]);
 }
 
 #[test]

@@ -152,6 +152,28 @@ pub struct Band {
     pub points: Vec<[f64; 3]>,
 }
 
+/// Track of a vehicle, which a viewer shows in three dimensions and on a map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Track {
+    /// Name in the legend.
+    pub name: String,
+    /// Meaning of the track, which determines its colour.
+    pub look: Look,
+    /// Places in order of time.
+    pub points: Vec<TrackPoint>,
+}
+
+/// Place of a track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackPoint {
+    /// Time, s of the run's clock.
+    pub time: f64,
+    /// Position from an origin that all tracks share, m.
+    pub north_east_down: [f64; 3],
+    /// Latitude and longitude, deg.
+    pub latitude_longitude: [f64; 2],
+}
+
 /// Meaning of a curve. The colours are those of Okabe and Ito, which colour-blind readers can
 /// distinguish.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -25,7 +25,7 @@ pub const GRID: RGBColor = RGBColor(0xDC, 0xDC, 0xDC);
 /// Colour of grid lines between ticks of a logarithmic axis.
 pub const FINE_GRID: RGBColor = RGBColor(0xF0, 0xF0, 0xF0);
 
-// Okabe and Ito, "Color Universal Design", without the yellow, which is too bright on white. A
+// Okabe and Ito, "Color Universal Design"; the yellow, too bright for a line on white, fills bands. A
 // single curve is blue and the truth is orange, as in the viewer.
 const DATA: [RGBColor; 5] = [
     RGBColor(0x00, 0x72, 0xB2), // blue
@@ -37,7 +37,8 @@ const DATA: [RGBColor; 5] = [
 const SIGMA: RGBColor = RGBColor(0xCC, 0x79, 0xA7); // reddish purple
 const TRUTH: RGBColor = RGBColor(0xE6, 0x9F, 0x00); // orange
 const BOUND: RGBColor = RGBColor(0x33, 0x33, 0x33);
-const BAND: RGBColor = RGBColor(0x56, 0xB4, 0xE9);
+// yellow: blind to red, green or blue, one still tells it from every curve
+const BAND: RGBColor = RGBColor(0xF0, 0xE4, 0x42);
 
 /// Converts page pixels to drawing units.
 pub fn units(pixels: f64) -> i32 {
@@ -93,7 +94,7 @@ pub fn line(colour: RGBColor, pixels: f64) -> ShapeStyle {
 
 /// Returns the filling of a band.
 pub fn band() -> ShapeStyle {
-    BAND.mix(0.3).filled()
+    BAND.mix(0.5).filled()
 }
 
 /// Returns the style of text of a size in page pixels.

@@ -2,16 +2,25 @@
 //!
 //! A curve is the entity `/FIGURE/PANEL/CURVE`, an edge of a band `/FIGURE/PANEL/BAND/lower` or
 //! `upper`; a name that is repeated in one place has a number after it. The viewer's plots have
-//! linear axes only, so the values of a logarithmic axis are recorded as decimal logarithms, and
-//! the title of the plot has `log10` before the label.
+//! linear axes only, so the values of a logarithmic axis are recorded as decimal logarithms. The
+//! title of such a plot has the unit as `[10^y deg]`, and one number of the axis in that unit.
 
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
-use navfuse_figures::{Band, Figure, Look, Panel, Scale};
+use navfuse_figures::{Band, Figure, Look, Panel, Scale, Track};
+use navfuse_rerun::overlay::{self, Overlaid};
 use navfuse_rerun::re_sdk::blueprint::{ContainerLike, Grid, Tabs};
 use navfuse_rerun::style::{BOUND, Colour, path as entity};
-use navfuse_rerun::{Layout, Live, Range, Recording, Series};
+use navfuse_rerun::{Layout, Live, Recording, Series};
 use std::path::Path;
+
+/// Greatest number of plots in a tab: with three columns each is high enough for three numbers on
+/// its axis.
+const PLOTS: usize = 12;
+/// Share of the time of a figure that does not count for a range, and how many times larger it must
+/// make the range: otherwise a transient at the start flattens the rest.
+const START: f64 = 0.1;
+const FLATTENED: f64 = 4.0;
 
 /// Space on the bar of tabs, in letters. If the titles need more, the tabs show the names of the
 /// figures.
@@ -20,46 +29,85 @@ const TABS: usize = 160;
 /// Writes figures as a recording for the viewer, with its layout. The viewer lists the recording as
 /// `name`.
 ///
+/// Tracks have the first tab, in three dimensions and on a map.
+///
 /// Only panels whose horizontal axis is time are recorded, since the viewer draws series over its
 /// timeline alone. A figure without such a panel has no tab. The viewer draws lines neither dashed
 /// nor dotted, and bands by their edges.
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn record(path: &Path, name: &str, figures: &[Figure]) -> Result<(), StreamError> {
+pub fn record(
+    path: &Path,
+    name: &str,
+    tracks: &[Track],
+    figures: &[Figure],
+) -> Result<(), StreamError> {
     let mut recording = Recording::open(path.to_owned(), &Live::default())?;
     recording.name(name)?;
     let mut layout = Layout::new(true);
-    let mut tabs: Vec<ContainerLike> = Vec::new();
+    let tracks: Vec<Overlaid> = tracks.iter().map(overlaid).collect();
+    overlay::draw(&recording, &tracks)?;
+    layout.span = span(figures);
+    let mut tabs: Vec<ContainerLike> = layout.overlay(&tracks).into_iter().collect();
     let mut names = Names::default();
     let long = figures.iter().map(|f| f.title.chars().count()).sum::<usize>() > TABS;
     for figure in figures {
         let stem = names.unique(&figure.name);
-        let mut plots = Vec::new();
-        let mut panels = Names::default();
-        let mut explained = None;
-        for panel in figure.panels.iter().filter(|p| p.x.scale == Scale::Time) {
-            // one legend is enough for successive panels with the same curves
-            let curves = legend(panel);
-            layout.legend = explained.as_ref() != Some(&curves);
-            explained = Some(curves);
-            let parts = [stem.as_str(), &panels.unique(&panel.title)];
-            let range = write(&recording, &parts, panel)?;
-            plots.push(layout.plot(
-                &title(panel),
-                &[format!("+ {}/**", entity(&parts))],
-                range.axis(),
-            ));
+        let panels: Vec<&Panel> =
+            figure.panels.iter().filter(|p| p.x.scale == Scale::Time).collect();
+        let mut unique = Names::default();
+        let mut pages: Vec<(Grid, String)> = Vec::new();
+        for part in panels.chunks(PLOTS) {
+            let columns = figure.columns.clamp(1, part.len());
+            layout.rows = part.len().div_ceil(columns);
+            let mut plots = Vec::new();
+            let mut explained = None;
+            for panel in part {
+                // one legend is enough for successive panels with the same curves
+                let curves = legend(panel);
+                layout.legend = explained.as_ref() != Some(&curves);
+                explained = Some(curves);
+                let parts = [stem.as_str(), &unique.unique(&panel.title)];
+                let range = write(&recording, &parts, panel)?;
+                let contents = [format!("+ {}/**", entity(&parts))];
+                plots.push(layout.plot(&title(panel, range), &contents, range));
+            }
+            let columns = u32::try_from(columns).unwrap_or(1);
+            let page = Grid::new(plots).with_grid_columns(columns);
+            pages.push((page, format!("{} to {}", part[0].title, part[part.len() - 1].title)));
         }
-        if !plots.is_empty() {
-            let columns = u32::try_from(figure.columns.clamp(1, plots.len())).unwrap_or(1);
-            let title = if long || figure.title.is_empty() { &figure.name } else { &figure.title };
-            tabs.push(Grid::new(plots).with_grid_columns(columns).with_name(title.as_str()).into());
+        let title = if long || figure.title.is_empty() { &figure.name } else { &figure.title };
+        let several = pages.len() > 1;
+        let mut inner = Vec::new();
+        for (page, name) in pages {
+            match several {
+                true => inner.push(page.with_name(name).into()),
+                false => tabs.push(page.with_name(title.as_str()).into()),
+            }
+        }
+        if several {
+            tabs.push(Tabs::new(inner).with_name(title.as_str()).into());
         }
     }
     let messages = layout.messages(Tabs::new(tabs).into()).map_err(|e| recording.error(e))?;
     recording.layout(&messages);
     recording.close().map(drop)
+}
+
+/// The first and the last time of the panels over time, ns.
+fn span(figures: &[Figure]) -> Option<(i64, i64)> {
+    let panels =
+        figures.iter().flat_map(|f| &f.panels).filter(|panel| panel.x.scale == Scale::Time);
+    let times = panels.flat_map(|panel| {
+        let curves = panel.curves.iter().flat_map(|c| c.points.iter().map(|p| p[0]));
+        curves.chain(panel.bands.iter().flat_map(|b| b.points.iter().map(|p| p[0])))
+    });
+    let nanos = times.filter_map(|t| Time::from_seconds(t).map(|t| t.nanos()));
+    let span = nanos.fold(None, |span: Option<(i64, i64)>, t| {
+        Some(span.map_or((t, t), |(first, last)| (first.min(t), last.max(t))))
+    });
+    span.filter(|(first, last)| first < last)
 }
 
 /// Names that differ from each other.
@@ -88,20 +136,79 @@ fn legend(panel: &Panel) -> Vec<(String, Option<Look>)> {
 
 /// The title of the panel with the label of its vertical axis, for which the viewer has no other
 /// place.
-fn title(panel: &Panel) -> String {
-    let logarithm = if panel.y.scale == Scale::Logarithmic { "log10 " } else { "" };
-    let label = format!("{logarithm}{}", panel.y.label);
-    match (panel.title.is_empty(), panel.y.label.is_empty()) {
+fn title(panel: &Panel, range: Option<[f64; 2]>) -> String {
+    let label = match panel.y.scale {
+        Scale::Logarithmic => logarithmic(&panel.y.label, range),
+        Scale::Linear | Scale::Time | Scale::Map => panel.y.label.clone(),
+    };
+    match (panel.title.is_empty(), label.is_empty()) {
         (true, _) => label,
-        (false, true) if logarithm.is_empty() => panel.title.clone(),
+        (false, true) => panel.title.clone(),
         (false, _) if label.starts_with('[') => format!("{} {label}", panel.title),
         (false, _) => format!("{}: {label}", panel.title),
     }
 }
 
+/// The label of a logarithmic axis: `sigma [10^y deg], -2 is 0.01 deg` for `sigma [deg]`. The
+/// number is near the middle of the axis.
+fn logarithmic(label: &str, range: Option<[f64; 2]>) -> String {
+    let label = label.trim_end_matches(']');
+    let (name, unit) = label.rsplit_once('[').unwrap_or(("", label));
+    let space = if unit.is_empty() { "" } else { " " };
+    let axis = format!("{name}[10^y{space}{unit}]");
+    let Some([low, high]) = range else { return axis };
+    let middle = 0.5 * (low + high);
+    // a whole power where the axis has one
+    let whole = middle.round();
+    let at = if (low..=high).contains(&whole) { whole } else { (10.0 * middle).round() / 10.0 };
+    let value = 10f64.powf(at);
+    let value = match value {
+        v if (1e-4..1e5).contains(&v) => {
+            let decimals = (-at.floor()).max(0.0) as usize + usize::from(at != at.round());
+            format!("{v:.decimals$}")
+        }
+        v => format!("{v:.0e}"),
+    };
+    // adding zero makes a negative zero positive
+    format!("{axis}, {} is {value}{space}{unit}", at + 0.0)
+}
+
+/// The range of a panel: its limits, or that of all values, but without the start where that would
+/// flatten the rest.
+#[derive(Default)]
+struct Extremes {
+    points: Vec<[f64; 2]>,
+}
+
+impl Extremes {
+    fn range(&self, panel: &Panel) -> Option<[f64; 2]> {
+        if let Some(limits) = panel.y.limits {
+            return Some(match panel.y.scale {
+                Scale::Logarithmic => limits.map(f64::log10),
+                Scale::Linear | Scale::Time | Scale::Map => limits,
+            });
+        }
+        let over = |k: usize, from: f64| {
+            let values = self.points.iter().filter(|p| p[0] >= from).map(|p| p[k]);
+            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)])
+        };
+        let [first, last] = over(0, f64::NEG_INFINITY);
+        let whole = over(1, f64::NEG_INFINITY);
+        let later = over(1, first + START * (last - first));
+        let flattened = whole[1] - whole[0] > FLATTENED * (later[1] - later[0]);
+        let flat = later[1] <= later[0];
+        let range = if flattened && !flat { later } else { whole };
+        (range[0] <= range[1]).then_some(range)
+    }
+}
+
 /// Writes the curves and bands of a panel, and returns their range.
-fn write(recording: &Recording, parts: &[&str], panel: &Panel) -> Result<Range, StreamError> {
-    let mut range = Range::default();
+fn write(
+    recording: &Recording,
+    parts: &[&str],
+    panel: &Panel,
+) -> Result<Option<[f64; 2]>, StreamError> {
+    let mut range = Extremes::default();
     let mut names = Names::default();
     for band in &panel.bands {
         let name = names.unique(&band.name);
@@ -121,7 +228,17 @@ fn write(recording: &Recording, parts: &[&str], panel: &Panel) -> Result<Range, 
         };
         send(recording, &mut series, curve.points.iter().copied(), panel.y.scale, &mut range)?;
     }
-    Ok(range)
+    Ok(range.range(panel))
+}
+
+/// The track of a run as the viewer overlays it.
+fn overlaid(track: &Track) -> Overlaid {
+    let places = track.points.iter().filter_map(|p| {
+        let time = Time::from_seconds(p.time)?.nanos();
+        Some((time, p.north_east_down.map(|x| x as f32), p.latitude_longitude))
+    });
+    let (colour, width) = stroke(track.look);
+    Overlaid { name: track.name.clone(), colour, width, places: places.collect() }
 }
 
 /// The colour and width of a line: those of the figure, but a bound is grey, since its dark ink
@@ -142,7 +259,7 @@ fn send(
     series: &mut Series,
     points: impl Iterator<Item = [f64; 2]>,
     scale: Scale,
-    range: &mut Range,
+    range: &mut Extremes,
 ) -> Result<(), StreamError> {
     let mut last = None;
     for [seconds, value] in points {
@@ -151,7 +268,9 @@ fn send(
         let after = || last.map(|t: Time| Time::from_nanos(t.nanos() + 1));
         let Some(at) = time.or_else(after) else { continue };
         let value = if time.is_some() && value.is_finite() { value } else { f64::NAN };
-        range.include(value);
+        if value.is_finite() {
+            range.points.push([seconds, value]);
+        }
         series.push(recording, at, &[value])?;
         last = Some(at);
     }

@@ -12,6 +12,7 @@ use crate::units::time::Time;
 ///
 /// ```
 /// use navfuse_core::document::Document;
+/// use navfuse_core::model::drawing::Drawing;
 /// use navfuse_core::model::fault::{Fault, Injector};
 /// use navfuse_core::model::sensor::{Purpose, SensorInfo};
 /// use navfuse_core::prelude::*;
@@ -21,7 +22,8 @@ use crate::units::time::Time;
 /// let fault: Fault = document.root().get("fault").unwrap().parse()?;
 /// let (name, kind) = ("depth".to_owned(), "depth".to_owned());
 /// let (channels, purpose) = (vec![Channel::new("depth", "m")], Purpose::Measurement);
-/// let sensor = SensorInfo { name, kind, channels, purpose };
+/// let drawing = Drawing::default();
+/// let sensor = SensorInfo { name, kind, channels, purpose, drawing };
 ///
 /// let mut injector = Injector::new(&[fault], &sensor, 1)?;
 /// for (second, depth) in [(9, 3.0), (10, 8.0), (19, 8.0), (20, 3.0)] {

@@ -3,6 +3,7 @@
 
 use super::{Fault, FaultType, Injector};
 use crate::document::Document;
+use crate::model::drawing::Drawing;
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::units::sample::{Channel, Sample, SensorId};
 use crate::units::time::Time;
@@ -18,7 +19,7 @@ fn sensor() -> SensorInfo {
         Channel::new("depth", "m"),
     ];
     let (name, kind) = ("port".to_owned(), "instrument".to_owned());
-    SensorInfo { name, kind, channels, purpose: Purpose::Measurement }
+    SensorInfo { name, kind, channels, purpose: Purpose::Measurement, drawing: Drawing::default() }
 }
 
 fn faults(text: &str) -> Vec<Fault> {

@@ -1,6 +1,7 @@
 //! The velocity along each beam of a DVL.
 
 use super::FASTEST;
+use super::altitude::{self, Altitude};
 use super::geometry::{MAX_BEAMS, count, directions};
 use super::sound::{Array, gains};
 use crate::instrument::{Instrument, TrackingMode};
@@ -62,7 +63,8 @@ impl SensorType for DvlBeams {
         let names: [&str; MAX_BEAMS] = ["beam_1", "beam_2", "beam_3", "beam_4", "beam_5"];
         let beams = names.into_iter().take(count(self.azimuth.as_deref(), self.beams.as_deref()));
         let sound = self.assumed_sound_speed.map(|_| "sound_speed");
-        beams.chain(sound).map(|name| Channel::new(name, "mps")).collect()
+        let speeds = beams.chain(sound).map(|name| Channel::new(name, "mps"));
+        speeds.chain(self.altitude.then_some(altitude::CHANNEL)).collect()
     }
 
     fn limits(&self) -> Vec<Limit> {
@@ -90,10 +92,16 @@ impl DvlBeams {
         composer: &mut Composer,
     ) -> Result<Role, ComposeError> {
         let array = self.array.unwrap_or_default();
+        let instrument = self.instrument(composer)?;
+        let channel = N + usize::from(self.assumed_sound_speed.is_some());
+        let altitude = Altitude::new(self.altitude, self.simulated_bottom, channel)?;
+        let drawn = altitude::drawn(beams, true, altitude.as_ref());
+        composer.draw(instrument.drawing().with_beams(drawn));
         Ok(Role::measurement(DvlBeamsModel {
-            instrument: self.instrument(composer)?,
+            instrument,
             beams: *beams,
             sound: self.sound(array, beams)?,
+            altitude,
             sigma: self.noise.value().si(),
             dropout: self.beam_dropout.value().si(),
         }))
@@ -142,6 +150,7 @@ pub struct DvlBeamsModel<const N: usize> {
     /// Unit vectors in the instrument's axes.
     beams: [Vector3<f64>; N],
     sound: Option<Sound>,
+    altitude: Option<Altitude>,
     sigma: f64,
     dropout: f64,
 }
@@ -166,6 +175,9 @@ impl<const N: usize> MeasurementModel<N> for DvlBeamsModel<N> {
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
         if let Some(sound) = self.sound {
             sample.set(N, sound.simulated);
+        }
+        if let Some(altitude) = &self.altitude {
+            altitude.simulate(&self.instrument, scene, sample);
         }
         scene.measure(self, sample);
         if self.dropout > 0.0 {

@@ -1,5 +1,6 @@
 //! Doppler velocity logs, by axes and by beams.
 
+mod altitude;
 mod beams;
 mod geometry;
 mod sound;

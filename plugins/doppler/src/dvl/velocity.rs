@@ -1,6 +1,8 @@
 //! The velocity along the instrument's own three axes.
 
 use super::FASTEST;
+use super::altitude::{self, Altitude};
+use super::geometry::directions;
 use crate::instrument::{Instrument, TrackingMode};
 use crate::keys::doppler_sensor;
 use navfuse_core::Real;
@@ -10,10 +12,11 @@ use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::limits::Limit;
 use navfuse_core::model::measurement::MeasurementModel;
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::simulate::Scene;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
 use navfuse_core::plugin::SensorType;
 use navfuse_core::state::View;
-use navfuse_core::units::sample::Channel;
+use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{Sigma, Speed, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -31,7 +34,8 @@ impl SensorType for Dvl {
     const TYPE: &'static str = "dvl";
 
     fn channels(&self) -> Vec<Channel> {
-        ["vel_x", "vel_y", "vel_z"].map(|name| Channel::new(name, "mps")).to_vec()
+        let axes = ["vel_x", "vel_y", "vel_z"].map(|name| Channel::new(name, "mps"));
+        axes.into_iter().chain(self.altitude.then_some(altitude::CHANNEL)).collect()
     }
 
     fn limits(&self) -> Vec<Limit> {
@@ -40,7 +44,12 @@ impl SensorType for Dvl {
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let instrument = self.instrument(composer)?;
-        Ok(Role::measurement(DvlModel { instrument, sigma: self.noise.value().si() }))
+        let altitude = Altitude::new(self.altitude, self.simulated_bottom, 3)?;
+        // the usual four beams: the instrument does not give its own
+        let beams = directions(None, None, None)?;
+        let beams = altitude::drawn(&beams, false, altitude.as_ref());
+        composer.draw(instrument.drawing().with_beams(beams));
+        Ok(Role::measurement(DvlModel { instrument, sigma: self.noise.value().si(), altitude }))
     }
 }
 
@@ -49,6 +58,7 @@ impl SensorType for Dvl {
 pub struct DvlModel {
     instrument: Instrument,
     sigma: Vector3<f64>,
+    altitude: Option<Altitude>,
 }
 
 impl MeasurementModel<3> for DvlModel {
@@ -58,5 +68,12 @@ impl MeasurementModel<3> for DvlModel {
 
     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
         SMatrix::from_diagonal(&self.sigma.map(|s| s * s))
+    }
+
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        if let Some(altitude) = &self.altitude {
+            altitude.simulate(&self.instrument, scene, sample);
+        }
+        scene.measure(self, sample);
     }
 }

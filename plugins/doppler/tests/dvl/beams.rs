@@ -330,3 +330,25 @@ fn what_does_not_fit_is_told() {
         assert!(message.contains(expected), "{setting}: {message}");
     }
 }
+
+/// The bottom is 50 m below the start and the instrument 0.2 m below the IMU, whose depth the depth
+/// sensor gives with 5 cm: altitude and depth add up to 49.8 m on a level course, within 4 sigma.
+#[test]
+fn the_altitude_follows_the_dive_and_changes_no_estimate() {
+    let keys = ["sensor.dvl.altitude=true", "sensor.dvl.simulated_bottom=\"-50 m\""];
+    let (with, without) = (run(SCENARIO, &keys), run(SCENARIO, &[]));
+    let channel = compose(SCENARIO, &keys).sensors[1].info.channels.len() - 1;
+    assert_eq!(channel, 4);
+    let values = |sensor: usize, channel: usize| -> Vec<f64> {
+        let of = with.samples.iter().filter(|s| s.sensor.0 == sensor);
+        of.filter_map(|s| s.get(channel)).collect()
+    };
+    let (altitudes, depths) = (values(1, channel), values(2, 0));
+    assert!((altitudes[0] - 49.8).abs() < 0.01, "{}", altitudes[0]);
+    let (altitude, depth) = (altitudes[altitudes.len() - 1], depths[depths.len() - 1]);
+    assert!(depth > 5.0 && (altitude + depth - 49.8).abs() < 0.2, "{altitude} m and {depth} m");
+    let errors = |log: &Log| log.epochs.iter().map(|e| e.error.to_bits()).collect::<Vec<_>>();
+    assert_eq!(errors(&with), errors(&without));
+    let error = refused(SCENARIO, &keys[1..]);
+    assert!(error.contains("simulated_bottom") && error.contains("altitude = true"), "{error}");
+}

@@ -28,6 +28,7 @@ pub fn sensors() -> Vec<SensorInfo> {
         kind: name.into(),
         channels: channels.iter().map(|(n, u)| Channel::new(n, u)).collect(),
         purpose,
+        drawing: Default::default(),
     };
     let rates = [
         ("gyro_x", "radps"),

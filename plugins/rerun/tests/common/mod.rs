@@ -1,5 +1,6 @@
 //! A run to record: a dive, then two rounds of a square, while biases and a calibration converge.
 
+use navfuse_core::model::drawing::{Beam, Drawing, Reach};
 use navfuse_core::model::record::{Epoch, Event, Level, Outcome, Truth, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -16,6 +17,8 @@ pub const RATE: i64 = 10;
 pub const DVL_EVERY: usize = 5;
 /// The number of samples of the DVL per outlier.
 pub const OUTLIER_EVERY: usize = 40;
+/// The height of the DVL above the bottom, m.
+pub const ALTITUDE: f64 = 25.0;
 /// The true scale factor of the DVL.
 pub const TRUE_SCALE: f64 = 0.9998;
 
@@ -57,7 +60,8 @@ fn add<M: Manifold>(
 
 fn sensor(name: &str, purpose: Purpose, channels: &[(&'static str, &'static str)]) -> SensorInfo {
     let channels = channels.iter().map(|(n, u)| Channel::new(n, u)).collect();
-    SensorInfo { name: name.into(), kind: name.into(), channels, purpose }
+    let drawing = Drawing::default();
+    SensorInfo { name: name.into(), kind: name.into(), channels, purpose, drawing }
 }
 
 /// Noise with a sigma of 1: the sum of twelve uniform numbers, minus six.
@@ -114,16 +118,27 @@ impl Synthetic {
             display::LEVER_ARM,
         );
         add::<Scalar>(&mut layout, "depth.bias", &[0.0], Some(&[0.0]), display::LENGTH);
-        let sensors = vec![
+        let mut sensors = vec![
             sensor("imu", Purpose::Input, &[("gyro_x", "radps")]),
             sensor(
                 "dvl",
                 Purpose::Measurement,
-                &[("vel_x", "mps"), ("vel_y", "mps"), ("vel_z", "mps")],
+                &[("vel_x", "mps"), ("vel_y", "mps"), ("vel_z", "mps"), ("altitude", "m")],
             ),
             sensor("depth", Purpose::Measurement, &[("depth", "m")]),
             sensor("reference", Purpose::Reference, &[("lat", "deg")]),
         ];
+        let slot = |name: &str| layout.blocks.iter().position(|b| b.name == name);
+        let beams = [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]].map(|[x, y]| Beam {
+            direction: [x, y, std::f64::consts::FRAC_1_SQRT_2],
+            channel: None,
+            reach: Reach::Altitude(3),
+        });
+        sensors[1].drawing = Drawing {
+            lever_arm: slot("dvl.lever_arm"),
+            misalignment: slot("dvl.misalignment"),
+            beams: beams.to_vec(),
+        };
         let name = "dive and square".to_owned();
         let scenario = "[sensor.dvl]\ntype = \"dvl\"\nnoise = \"1 cm/s\"".to_owned();
         let info = RunInfo {
@@ -252,7 +267,7 @@ impl Synthetic {
         sink.sample(&Sample::new(
             time,
             sensor,
-            &[1.5 + innovation[0], innovation[1], innovation[2]],
+            &[1.5 + innovation[0], innovation[1], innovation[2], ALTITUDE],
         ))?;
         let mut covariance = [0.0; 9];
         (0..3).for_each(|c| covariance[4 * c] = sigma * sigma);

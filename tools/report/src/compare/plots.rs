@@ -3,10 +3,13 @@
 use super::{Run, between, estimated, title, union};
 use crate::history::{BlockHistory, Consistency, Row};
 use crate::plots::{band, bins, close_range, curve, label, over_time, tracks_from};
-use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
+use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel, Track, TrackPoint};
 
 /// Times that belong to the same epoch differ by less, s.
 const SAME: f64 = 1e-6;
+
+/// Length of a degree of latitude, m, near enough for the few metres of an error on a map.
+const METRES_PER_DEGREE: f64 = 111_200.0;
 
 /// Plots several runs: track, states with their differences from the first run, and mean NIS.
 pub fn figures(runs: &[Run]) -> Vec<Figure> {
@@ -15,6 +18,43 @@ pub fn figures(runs: &[Run]) -> Vec<Figure> {
     let measuring = union(sensors.filter(|s| s.updates.accepted > 0).map(|s| s.name.as_str()));
     let nis = measuring.into_iter().map(|name| nis(runs, name));
     track(runs).into_iter().chain(states).chain(nis).collect()
+}
+
+/// The tracks of the runs from the start of the first one, and the first known true track.
+pub fn tracks(runs: &[Run]) -> Vec<Track> {
+    let Some(start) = runs.iter().find_map(|run| run.history.position()).map(|p| &p.first) else {
+        return Vec::new();
+    };
+    let mut tracks = Vec::new();
+    for (k, run) in runs.iter().enumerate() {
+        let Some(position) = run.history.position() else { continue };
+        let (estimate, truth) = tracks_from(position, start);
+        let geographic = |r: &Row| Some([*r.estimate.first()?, *r.estimate.get(1)?]);
+        let points = estimate.iter().zip(position.shown()).filter_map(|((time, place), row)| {
+            let latitude_longitude = geographic(row)?;
+            Some(TrackPoint { time: *time, north_east_down: *place, latitude_longitude })
+        });
+        let points: Vec<TrackPoint> = points.collect();
+        if tracks.iter().all(|t: &Track| t.look != Look::Truth) && !truth.is_empty() {
+            // the true place on the map: the estimate less its error, in degrees at that latitude
+            let mut estimates = points.iter();
+            let truth = truth.iter().filter_map(|(time, place)| {
+                let near = estimates.find(|p| p.time >= *time - SAME)?;
+                let [north, east] = [0, 1].map(|j| near.north_east_down[j] - place[j]);
+                let [latitude, longitude] = near.latitude_longitude;
+                let shrunk = latitude.to_radians().cos();
+                let degree = METRES_PER_DEGREE;
+                let latitude_longitude =
+                    [latitude - north / degree, longitude - east / (degree * shrunk)];
+                Some(TrackPoint { time: *time, north_east_down: *place, latitude_longitude })
+            });
+            let name = run.history.compared_with().to_owned();
+            let points = truth.collect();
+            tracks.insert(0, Track { name, look: Look::Truth, points });
+        }
+        tracks.push(Track { name: run.letter.clone(), look: Look::Data(k), points });
+    }
+    tracks
 }
 
 /// The tracks on a map and the heights over time, relative to the start of the first run.

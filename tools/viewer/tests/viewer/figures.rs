@@ -2,9 +2,9 @@
 //! what that needs.
 
 use crate::driver::{self, Layout, Viewer};
-use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
+use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel, Track, TrackPoint};
 use navfuse_rerun::re_sdk::{StoreKind, TimelineName};
-use navfuse_rerun::re_sdk_types::archetypes::Scalars;
+use navfuse_rerun::re_sdk_types::archetypes::{Points3D, Scalars};
 use navfuse_viewer::figures::record;
 use re_chunk_store::{ChunkStore, ChunkStoreConfig};
 use std::collections::BTreeMap;
@@ -120,7 +120,7 @@ fn a_recording_holds_every_point_of_the_panels_over_time_and_no_other() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new/figures.rrd");
     let figures = figures();
-    record(&path, "a campaign", &figures).unwrap();
+    record(&path, "a campaign", &[], &figures).unwrap();
     let rows = scalars(&path);
     let expected = [
         "consistency/NEES/95 %/lower",
@@ -157,7 +157,7 @@ fn a_recording_holds_every_point_of_the_panels_over_time_and_no_other() {
     let layout = Layout::read(&path);
     assert!(
         layout.views.contains_key("roll: error [deg]")
-            && layout.views.contains_key("yaw: log10 sigma [deg]")
+            && layout.views.contains_key("yaw: sigma [10^y deg], -1 is 0.1 deg")
     );
     assert_eq!(
         layout.views.len(),
@@ -165,6 +165,45 @@ fn a_recording_holds_every_point_of_the_panels_over_time_and_no_other() {
         "the track is no series over time: {:?}",
         layout.views.keys()
     );
+}
+
+#[test]
+fn the_tracks_of_all_runs_have_a_tab_and_a_mark_that_moves_with_the_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("compare.rrd");
+    let point = |k: i32| TrackPoint {
+        time: f64::from(k),
+        north_east_down: [10.0 * f64::from(k), 0.0, 5.0],
+        latitude_longitude: [43.0 + 9e-5 * f64::from(k), 5.0],
+    };
+    let track = |name: &str, look| Track {
+        name: name.into(),
+        look,
+        points: (0..POINTS as i32).map(point).collect(),
+    };
+    let tracks =
+        [track("truth", Look::Truth), track("A", Look::Data(0)), track("B", Look::Data(1))];
+    record(&path, "two runs", &tracks, &figures()).unwrap();
+    let layout = Layout::read(&path);
+    assert_eq!(layout.pages()[0], ["Track"]);
+    assert!(layout.views.contains_key("3-D track") && layout.views.contains_key("Map with tiles"));
+    let stores = ChunkStore::from_rrd_reader(
+        &ChunkStoreConfig::ALL_DISABLED,
+        &mut File::open(path).unwrap(),
+    )
+    .unwrap();
+    let store = stores.values().find(|s| s.id().kind() == StoreKind::Recording).unwrap();
+    let positions = Points3D::descriptor_positions().component;
+    for name in ["1 truth", "2 A", "3 B"] {
+        let marks = (store.iter_physical_chunks())
+            .filter(|c| {
+                let parts: Vec<_> = c.entity_path().iter().map(|p| p.unescaped_str()).collect();
+                parts == ["world", name, "now"]
+            })
+            .map(|c| c.iter_component_indices(TimelineName::from("t"), positions).count())
+            .sum::<usize>();
+        assert_eq!(marks, POINTS, "{name}");
+    }
 }
 
 #[test]
@@ -178,6 +217,7 @@ fn what_has_no_time_breaks_a_line_after_the_point_before() {
     record(
         &path,
         "",
+        &[],
         &[Figure { name: "f".into(), title: String::new(), columns: 0, panels: vec![panel] }],
     )
     .unwrap();
@@ -191,9 +231,9 @@ fn what_has_no_time_breaks_a_line_after_the_point_before() {
 fn a_recording_without_figures_opens_and_one_that_cannot_be_written_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("figures.rrd");
-    record(&path, "nothing", &[]).unwrap();
+    record(&path, "nothing", &[], &[]).unwrap();
     assert!(scalars(&path).is_empty());
-    let error = record(Path::new("/dev/full"), "full", &figures()).unwrap_err().to_string();
+    let error = record(Path::new("/dev/full"), "full", &[], &figures()).unwrap_err().to_string();
     assert!(error.contains("/dev/full"), "{error}");
 }
 
@@ -206,7 +246,7 @@ fn tabs_have_the_names_of_figures_whose_titles_need_more_than_a_bar() {
             title: "x".repeat(40),
             ..figures().remove(0)
         };
-        record(&path, "", &(0..count).map(figure).collect::<Vec<_>>()).unwrap();
+        record(&path, "", &[], &(0..count).map(figure).collect::<Vec<_>>()).unwrap();
         Layout::read(&path).tabs.into_iter().map(|(_, name, _)| name).collect::<Vec<_>>()
     };
     assert!(tabs(4).contains(&"x".repeat(40)));
@@ -219,7 +259,7 @@ fn every_curve_of_every_figure_is_drawn_in_its_colour() {
     let Some(program) = driver::program() else { return };
     let folder = driver::target("rerun-pictures/figures");
     let path = folder.join("figures.rrd");
-    record(&path, "a campaign", &figures()).unwrap();
+    record(&path, "a campaign", &[], &figures()).unwrap();
     let layout = Layout::read(&path);
     let mut viewer = Viewer::start(&program, Some(&path.display().to_string()), &folder);
     // 299 steps of 6.9 s
@@ -233,7 +273,7 @@ fn every_curve_of_every_figure_is_drawn_in_its_colour() {
         ("roll: error [deg]", vec![blue, sigma]),
         ("pitch: error [deg]", vec![blue, sigma]),
         ("yaw: error [deg]", vec![blue, sigma]),
-        ("yaw: log10 sigma [deg]", vec![red, sigma, bound]),
+        ("yaw: sigma [10^y deg], -1 is 0.1 deg", vec![red, sigma, bound]),
     ];
     let consistency =
         vec![("NEES: NEES / n", vec![green, band]), ("vel_x [m/s]", vec![blue, truth])];
