@@ -22,6 +22,10 @@ const SAMPLES: usize = 2000;
 const ARM: f32 = 0.7;
 const AXIS: f32 = 0.18;
 const UNKNOWN: f32 = 0.5;
+/// Time for which the beams of the last sample are drawn, ns.
+const SILENCE: i64 = 1_000_000_000;
+/// Distance within which two sensors are at the same place, m.
+const SAME: f64 = 1e-3;
 /// Least downward part of a beam's direction at which the altitude determines its length.
 const STEEP: f64 = 0.1;
 
@@ -111,12 +115,16 @@ impl Mount {
         (length > 0.0 && length.is_finite()).then(|| (direction * length).map(|x| x as f32).into())
     }
 
-    /// Writes the beams of all samples, and those of unknown length.
-    pub fn write(&self, recording: &Recording, vehicle: f32) -> Result<(), StreamError> {
+    /// Writes the beams of all samples of a run that ends at that time, ns, and those of unknown
+    /// length.
+    pub fn write(&self, recording: &Recording, vehicle: f32, end: i64) -> Result<(), StreamError> {
         let foot: [f32; 3] = self.place.map(|x| x as f32).into();
         let from = |end: [f32; 3]| [foot, std::array::from_fn(|k| foot[k] + end[k])];
         let entity = path(&["world", "vehicle", "beams", &self.sensor]);
-        let rows: Vec<Ends> = self.ends.iter().collect();
+        let mut rows: Vec<Ends> = self.ends.iter().collect();
+        if let Some((last, _)) = rows.last().filter(|row| end - row.0 > 2 * SILENCE) {
+            rows.push((last + SILENCE, [None; BEAMS]));
+        }
         if rows.is_empty() {
             let unknown = self.beams.iter().filter(|b| b.reach == Reach::Unknown);
             let strips = unknown.map(|b| {
@@ -162,8 +170,16 @@ pub fn draw(recording: &Recording, mounts: &[Mount], vehicle: f32) -> Result<(),
         .with_colors([BOUND])
         .with_radii([Radius::new_ui_points(1.0)]);
     recording.log_static(&body("lever_arms"), &lines)?;
-    let sensors = Points3D::new(ends.iter().copied())
-        .with_labels(mounts.iter().map(|m| m.sensor.as_str()))
+    // sensors at the same place have one label
+    let here = |m: &Mount, other: &Mount| (m.place - other.place).amax() < SAME;
+    let first = |k: usize| mounts[..k].iter().all(|m| !here(m, &mounts[k]));
+    let places: Vec<usize> = (0..mounts.len()).filter(|k| first(*k)).collect();
+    let label = |k: &usize| {
+        let names = mounts.iter().filter(|m| here(m, &mounts[*k])).map(|m| m.sensor.as_str());
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let sensors = Points3D::new(places.iter().map(|k| ends[*k]))
+        .with_labels(places.iter().map(label))
         .with_colors([SENSOR])
         .with_radii([Radius::new_ui_points(3.5)]);
     recording.log_static(&body("sensors"), &sensors)?;

@@ -57,7 +57,9 @@ pub fn finish(recording: &Recording, track: &Track) -> Result<(), StreamError> {
         return Ok(());
     }
     if let Some((_, side)) = track.extent.middle() {
-        track.mounts.iter().try_for_each(|mount| mount.write(recording, VEHICLE * side))?;
+        let end = poses.last().map_or(0, |p| p.time);
+        let vehicle = VEHICLE * side;
+        track.mounts.iter().try_for_each(|mount| mount.write(recording, vehicle, end))?;
     }
     write_poses(recording, &poses, track, false)
 }
@@ -167,10 +169,8 @@ fn write_poses(
         .with_origins(places());
     let columns: Vec<_> = arrows.columns_of_unit_batches().map_err(error)?.collect();
     send(&["world", "velocity"], columns.into_iter())?;
-    let look = Arrows3D::update_fields()
-        .with_colors([VELOCITY])
-        .with_radii([Radius::new_ui_points(2.2)])
-        .with_labels(["velocity"]);
+    let look =
+        Arrows3D::update_fields().with_colors([VELOCITY]).with_radii([Radius::new_ui_points(2.2)]);
     recording.log_static(&path(&["world", "velocity"]), &look)?;
     // 3 sigma of a good run is invisible beside its track: enlarged by a power of ten, as labelled
     let largest = poses.iter().skip(poses.len() / 10).flat_map(|p| p.ellipsoid.0);
@@ -182,18 +182,19 @@ fn write_poses(
         .with_quaternions(poses.iter().map(|p| Quaternion::from_xyzw(p.ellipsoid.1)));
     let columns: Vec<_> = ellipsoids.columns_of_unit_batches().map_err(error)?.collect();
     send(&["world", "uncertainty"], columns.into_iter())?;
-    let label = if enlarged > 1.0 { format!("3 sigma x {enlarged}") } else { "3 sigma".into() };
+    let sigma = if enlarged > 1.0 { format!("3 sigma x {enlarged}") } else { "3 sigma".into() };
+    let label = format!("blue: {sigma}, orange: velocity");
     let look = Ellipsoids3D::update_fields()
         .with_colors([ELLIPSOID])
         .with_fill_mode(FillMode::MajorWireframe);
     recording.log_static(&path(&["world", "uncertainty"]), &look)?;
-    // above the vehicle, where the labels of its sensors are not
+    // one label above the vehicle, where those of its sensors are not
     let above = Points3D::new([[0.0, 0.0, -0.6 * VEHICLE * side]])
         .with_labels([label])
         .with_show_labels(true)
         .with_colors([ELLIPSOID])
         .with_radii([Radius::new_ui_points(0.1)]);
-    recording.log_static(&path(&["world", "vehicle", "uncertainty_label"]), &above)?;
+    recording.log_static(&path(&["world", "vehicle", "legend"]), &above)?;
     let points = GeoPoints::from_lat_lon(poses.iter().map(|p| p.place.geo));
     let columns: Vec<_> = points.columns_of_unit_batches().map_err(error)?.collect();
     send(&["map", "vehicle"], columns.into_iter())?;

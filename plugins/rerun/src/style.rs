@@ -32,9 +32,13 @@ pub const BEAM: Colour = [240, 228, 66];
 /// The colour of the estimated track.
 pub const TRACK: Colour = AXES[2];
 
+/// The colours of components beyond three axes, such as the beams of an instrument.
+const MORE: [Colour; 3] = [[204, 121, 167], [86, 180, 233], [240, 228, 66]];
+
 /// The colour of a component.
 pub fn axis(component: usize) -> Colour {
-    AXES[component % AXES.len()]
+    let k = component % (AXES.len() + MORE.len());
+    AXES.into_iter().chain(MORE).nth(k).unwrap_or(BOUND)
 }
 
 /// An entity path of those parts, which are escaped where necessary.

@@ -280,7 +280,7 @@ fn every_curve_of_every_figure_is_drawn_in_its_colour() {
     let mut missing = Vec::new();
     for (tab, views) in [("Errors", errors), ("Consistency", consistency)] {
         viewer.show(&layout, &[tab]);
-        viewer.screenshot(None, tab);
+        viewer.settled(tab);
         for (view, colours) in views {
             let picture = viewer.screenshot(Some(&layout.views[view]), view);
             for colour in colours {

@@ -110,7 +110,7 @@ fn every_series_of_a_run_is_drawn_in_its_colour() {
     for (page, views) in PAGES {
         viewer.show(&layout, page);
         let tab = page.join(" - ");
-        viewer.screenshot(None, &tab);
+        viewer.settled(&tab);
         for (view, colours) in *views {
             let id = layout.views.get(*view);
             let id = id.unwrap_or_else(|| panic!("{view} is not among {:?}", layout.views.keys()));
@@ -252,7 +252,8 @@ const SHOWN: [&str; 5] = ["pan-wu-3d", "auv", "surface-dive", "land-odometer", "
 
 /// Makes pictures of every tab in the folder `rerun-pictures/NAME` of the build:
 /// `cargo test --workspace --test viewer -- --ignored`, after `cargo build`. `NAVFUSE_RECORDINGS`
-/// names other recordings instead of the shipped scenarios: `runs/dive/run.rrd,runs/b/run.rrd`.
+/// names other recordings instead of the shipped scenarios: `runs/dive/run.rrd,runs/b/run.rrd`;
+/// `NAVFUSE_DATA` is the folder with the recorded dive `snapir/T10`, without which that is left out.
 #[test]
 #[ignore = "makes pictures, tests nothing"]
 fn pictures_of_every_tab() {
@@ -260,7 +261,10 @@ fn pictures_of_every_tab() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let recordings: Vec<PathBuf> = match std::env::var("NAVFUSE_RECORDINGS") {
         Ok(given) => given.split(',').map(|path| root.join(path)).collect(),
-        Err(_) => SHOWN.map(|name| run(&root, name)).to_vec(),
+        Err(_) => {
+            let runs = SHOWN.iter().filter_map(|name| run(&root, name));
+            runs.chain([campaign(&root)]).collect()
+        }
     };
     for recording in recordings {
         let stem = recording.parent().and_then(Path::file_name).unwrap().to_string_lossy();
@@ -271,21 +275,46 @@ fn pictures_of_every_tab() {
         viewer.seek(end);
         for (k, page) in layout.pages().into_iter().enumerate() {
             viewer.show(&layout, &page);
-            viewer.screenshot(None, &format!("{k:02} {}", page.join(" - ")));
+            viewer.settled(&format!("{k:02} {}", page.join(" - ")));
         }
         println!("{}", folder.display());
     }
 }
 
-/// Runs a shipped scenario with the command of this build, and returns the recording.
-fn run(root: &Path, name: &str) -> PathBuf {
+/// Runs a shipped scenario, and returns the recording; `None` for a recorded dive that is not there.
+fn run(root: &Path, name: &str) -> Option<PathBuf> {
     let out = driver::target(&format!("rerun-pictures/runs/{name}"));
+    let scenario = format!("scenarios/{name}.toml");
+    let recorded = std::fs::read_to_string(root.join(&scenario)).unwrap().contains("[source.csv]");
+    let mut arguments = vec!["run".to_owned(), scenario];
+    if recorded {
+        let Some(data) = std::env::var_os("NAVFUSE_DATA") else {
+            println!("{name} is left out: NAVFUSE_DATA names no folder with {name}/T10");
+            return None;
+        };
+        let folder = Path::new(&data).join(name).join("T10");
+        arguments.extend(["--set".into(), format!("source.csv.directory={}", folder.display())]);
+    }
+    navfuse(root, &arguments, &out);
+    Some(out.join("run.rrd"))
+}
+
+/// Runs a small campaign, and returns its recording.
+fn campaign(root: &Path) -> PathBuf {
+    let out = driver::target("rerun-pictures/runs/campaign");
+    let arguments = ["monte-carlo", "scenarios/quickstart.toml", "--runs", "6"];
+    navfuse(root, &arguments.map(str::to_owned), &out);
+    out.join("campaign.rrd")
+}
+
+/// Runs the command of this build.
+fn navfuse(root: &Path, arguments: &[String], out: &Path) {
     let command = driver::target("debug").join("navfuse");
     let done = std::process::Command::new(&command)
-        .args(["run", &format!("scenarios/{name}.toml"), "--out"])
-        .arg(&out)
+        .args(arguments)
+        .arg("--out")
+        .arg(out)
         .current_dir(root)
         .status();
-    assert!(done.is_ok_and(|s| s.success()), "{} runs {name}", command.display());
-    out.join("run.rrd")
+    assert!(done.is_ok_and(|s| s.success()), "{} {arguments:?}", command.display());
 }

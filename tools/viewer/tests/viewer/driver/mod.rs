@@ -212,6 +212,20 @@ impl Viewer {
         std::thread::sleep(Duration::from_millis(1200));
     }
 
+    /// A picture of the whole window once it no longer changes: on a busy machine the plots of a tab
+    /// appear one after the other.
+    pub fn settled(&mut self, file: &str) -> image::RgbImage {
+        let begun = Instant::now();
+        let mut before = self.screenshot(None, file);
+        loop {
+            let now = self.screenshot(None, file);
+            if now == before || begun.elapsed() > PATIENCE {
+                return now;
+            }
+            before = now;
+        }
+    }
+
     /// A picture of one view, or of the whole window.
     pub fn screenshot(&mut self, view: Option<&str>, file: &str) -> image::RgbImage {
         let path =
