@@ -1,6 +1,7 @@
 //! The composition of a scenario: everything that an estimator needs, with every name resolved.
 
 use crate::compose::draw::Draw;
+use crate::compose::estimator::Creator;
 use crate::compose::settings::Initial;
 use crate::model::error::ComposeError;
 use crate::model::fault::Fault;
@@ -62,6 +63,8 @@ pub struct Composition {
     pub sensors: Vec<Sensor>,
     /// Start, end and initial values of the filter.
     pub estimator: crate::compose::settings::EstimatorConfig,
+    /// Type of the estimator.
+    pub(crate) creator: Creator,
     /// Seed of every random number.
     pub seed: u64,
     /// True where every source simulates its samples, so that another seed gives another run.

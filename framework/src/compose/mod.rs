@@ -5,6 +5,7 @@ mod composer;
 mod composition;
 pub mod correlated;
 pub mod draw;
+pub mod estimator;
 pub mod keys;
 pub mod settings;
 pub(crate) mod time_offset;

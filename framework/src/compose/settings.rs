@@ -21,6 +21,10 @@ pub enum Initial {
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EstimatorConfig {
+    /// Type of the estimator: `ekf` (error-state extended Kalman filter), `ukf` (unscented Kalman
+    /// filter: sigma points pass through processes and sensors), or one that a plugin registers.
+    #[serde(rename = "type", default = "ekf")]
+    pub(crate) kind: String,
     /// Start of the filter. Default: the first sample.
     start: Option<Duration>,
     /// End of the run. Default: the last sample.
@@ -48,6 +52,10 @@ pub struct EstimatorConfig {
     output_rate: Positive<Frequency>,
 }
 
+fn ekf() -> String {
+    "ekf".to_owned()
+}
+
 fn ten_hertz() -> Positive<Frequency> {
     Positive::from_si(10.0)
 }
@@ -55,6 +63,7 @@ fn ten_hertz() -> Positive<Frequency> {
 impl Default for EstimatorConfig {
     fn default() -> Self {
         Self {
+            kind: ekf(),
             start: None,
             stop: None,
             initial: None,

@@ -1,9 +1,10 @@
 //! Initial alignment in the filter: search, trials, and supervision until the alignment is
 //! complete.
 
-use super::filter::{Ekf, EstimatorError, Memory, Snapshot};
+use super::filter::{Ekf, Memory, Snapshot};
 use super::stage::Stage;
 use crate::compose::moved;
+use crate::model::estimator_error::EstimatorError;
 use crate::model::finding::{Finding, Severity};
 use crate::model::process::ProcessError;
 use crate::model::record::{Epoch, Event, Observer, Truth};

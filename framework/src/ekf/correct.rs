@@ -1,10 +1,11 @@
 //! The measurement update: gate, recovery from lock-out, injection and reset.
 
-use super::filter::{Ekf, EstimatorError, rejected};
+use super::filter::{Ekf, rejected};
 use super::lockout::{Evidence, GONE, Judged, Verdict};
 use super::slot::SensorSlot;
 use super::unscented::regress;
 use crate::compose::Composition;
+use crate::model::estimator_error::EstimatorError;
 use crate::model::gate::Action;
 use crate::model::measurement::{AnyMeasurement, At};
 use crate::model::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};

@@ -7,9 +7,10 @@
 //! On a gap of the first sensor a process that coasts moves without a sample: time goes on with
 //! the measurements.
 
-use super::filter::{Ekf, EstimatorError};
+use super::filter::Ekf;
 use super::held::Held;
 use super::inputs::{correct, replace};
+use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Event, Level, Observer, Rejection};
 use crate::units::sample::Sample;
 use crate::units::time::Time;

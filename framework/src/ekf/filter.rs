@@ -10,6 +10,7 @@ use super::delay::History;
 use super::held::Held;
 use super::inputs::Corrected;
 use super::iterated::Iterated;
+use super::passage::Passage;
 use super::points::SigmaPoints;
 use super::screen::Screen;
 use super::slot::SensorSlot;
@@ -19,7 +20,7 @@ use crate::compose::draw::Draw;
 use crate::compose::truth::TrueState;
 use crate::model::detector::Detector;
 use crate::model::monitor::Monitor;
-use crate::model::process::{ProcessError, ProcessModel};
+use crate::model::process::ProcessModel;
 use crate::model::record::{Epoch, Outcome, Rejection, Truth, UpdateRecord};
 use crate::model::sensor::Role;
 use crate::model::simulate::Random;
@@ -35,35 +36,6 @@ use std::sync::Arc;
 /// Largest number of measurements that wait for the driving sensor.
 pub(super) const MAX_PENDING: usize = 1024;
 
-/// Reason why the filter cannot continue.
-#[derive(Clone, Debug, thiserror::Error, PartialEq)]
-#[non_exhaustive]
-pub enum EstimatorError {
-    /// A process model failed.
-    #[error("at {time}: {process}: {error}")]
-    Process {
-        /// Time of the failure.
-        time: Time,
-        /// Name of the process.
-        process: String,
-        /// Reason.
-        #[source]
-        error: ProcessError,
-    },
-    /// The covariance is not positive any more.
-    #[error(
-        "at {time}: the variance of {block} is not positive: its prior sigma and the noise of \
-         the sensors that see it differ by too many orders of magnitude, or a model gives a wrong \
-         Jacobian"
-    )]
-    Covariance {
-        /// Time of the failure.
-        time: Time,
-        /// Block whose variance is not positive.
-        block: String,
-    },
-}
-
 /// An error-state EKF, which takes samples in order of time.
 pub struct Ekf {
     pub(super) composition: Composition,
@@ -76,6 +48,8 @@ pub struct Ekf {
     pub(super) iterated: Iterated,
     /// Driving sensors with input models.
     pub(super) corrected: Vec<Corrected>,
+    /// Set for the unscented filter.
+    pub(super) passage: Option<Box<Passage>>,
     pub(super) memory: Memory,
 }
 
@@ -151,6 +125,7 @@ impl Ekf {
             points: SigmaPoints::default(),
             iterated: Iterated::default(),
             corrected: Corrected::of(&composition),
+            passage: None,
             memory: Memory {
                 stage: if from_reference { Stage::FromReference(start) } else { Stage::At(start) },
                 draws: (composition.estimator.draw != Draw::Nothing)
@@ -249,7 +224,7 @@ impl Ekf {
 
     /// Estimate at the current time, with the truth where the scenario states it and no reference
     /// gives it.
-    pub(crate) fn epoch(&mut self) -> Epoch<'_> {
+    pub fn epoch(&mut self) -> Epoch<'_> {
         let referenced = self.has_reference();
         let m = &mut self.memory;
         let stated = !referenced && m.constants.known.contains(&true);

@@ -1,4 +1,4 @@
-//! Estimators: the error-state extended Kalman filter.
+//! Estimators: the error-state extended Kalman filter and the unscented Kalman filter.
 
 mod alignment;
 mod bias;
@@ -13,6 +13,7 @@ mod held;
 mod inputs;
 mod iterated;
 mod lockout;
+mod passage;
 mod past;
 mod points;
 mod repeats;
@@ -24,8 +25,11 @@ mod start;
 mod step;
 mod stuck;
 mod timeline;
+mod ukf;
 mod unscented;
 mod usual;
 
-pub use filter::{Ekf, EstimatorError, Snapshot};
+pub use crate::model::estimator_error::EstimatorError;
+pub use filter::{Ekf, Snapshot};
 pub use timeline::Timeline;
+pub use ukf::Ukf;

@@ -140,7 +140,7 @@ pub(super) fn add_headings(layout: &Layout, update: &mut Update) {
 
 /// Computes the lower factor of the covariance of some columns. A column that those before it
 /// determine gets a diagonal of zero.
-fn factor(covariance: &Covariance, columns: &[usize], root: &mut Vec<f64>) {
+pub(super) fn factor(covariance: &Covariance, columns: &[usize], root: &mut Vec<f64>) {
     let w = columns.len();
     root.clear();
     root.resize(w * w, 0.0);

@@ -1,8 +1,9 @@
 //! Use of the screened samples of the driving sensor, and the reports of the screening.
 
-use super::filter::{Ekf, EstimatorError};
+use super::filter::Ekf;
 use super::repeats::Fault;
 use super::screen::News;
+use crate::model::estimator_error::EstimatorError;
 use crate::model::finding::{Finding, Severity};
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::SensorInfo;

@@ -2,9 +2,10 @@
 //! times.
 
 use super::cadence::Cadence;
-use super::filter::{Ekf, EstimatorError, MAX_PENDING, Memory, rejected};
-use super::held::of_process;
-use super::inputs::{correct, couple, replace};
+use super::filter::{Ekf, MAX_PENDING, Memory, rejected};
+use super::inputs::{correct, replace};
+use super::passage::propagate;
+use crate::model::estimator_error::EstimatorError;
 use crate::model::finding::Finding;
 use crate::model::monitor::Monitor;
 use crate::model::process::{Input, Interval};
@@ -243,27 +244,22 @@ impl Ekf {
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
         let running = self.running();
-        let m = &mut self.memory;
-        let from = m.state.time;
+        let from = self.memory.state.time;
         if to <= from || !running {
             return Ok(());
         }
-        correct(&mut self.corrected, (&self.layout, &m.state), input.as_ref(), &m.held);
-        let input = input.map(|input| replace(&self.corrected, input));
         let interval = Interval { from, to, input };
-        for (k, process) in m.processes.iter_mut().enumerate() {
-            let interval = of_process(&m.held, &self.corrected, k, &interval);
-            process.propagate(&self.layout, &mut m.state, &interval, &mut m.transition).map_err(
-                |error| EstimatorError::Process {
-                    time: to,
-                    process: self.composition.processes[k].name.clone(),
-                    error,
-                },
-            )?;
+        if self.passage.is_some() {
+            self.pass(&interval)?;
+        } else {
+            let m = &mut self.memory;
+            let parts = (&mut m.processes[..], &m.dynamics);
+            let (held, state, transition) = (&m.held, &mut m.state, &mut m.transition);
+            let corrected = &mut self.corrected;
+            propagate(&self.composition, corrected, parts, held, state, &interval, transition)?;
+            m.transition.propagate(&mut m.covariance);
         }
-        couple(&self.corrected, &mut m.transition);
-        m.dynamics.propagate(&self.layout, &mut m.state, interval.duration(), &mut m.transition);
-        m.transition.propagate(&mut m.covariance);
+        let m = &mut self.memory;
         observer.transition(&m.transition);
         for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
             m.transition.carry_reach(&mut slot.reach);

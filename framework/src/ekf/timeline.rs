@@ -12,8 +12,9 @@
 //! order. The newest estimate is computed on demand: a copy of the filter goes on from a snapshot
 //! before the earliest late sample, through all samples up to the present.
 
-use super::filter::{Ekf, EstimatorError, MAX_PENDING, Memory};
+use super::filter::{Ekf, MAX_PENDING, Memory};
 use crate::compose::Composition;
+use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Epoch, Observer, Rejection};
 use crate::model::sensor::Role;
 use crate::units::sample::{MAX_CHANNELS, Sample};

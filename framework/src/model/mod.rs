@@ -5,6 +5,7 @@ pub mod delivery;
 pub mod detector;
 pub mod drawing;
 pub mod error;
+pub mod estimator_error;
 pub mod fault;
 pub mod finding;
 pub mod gate;

@@ -1,8 +1,8 @@
 //! Plugins, which register types.
 
+use crate::plugin::Registry;
 use crate::plugin::error::{PluginConflict, PluginError};
 use crate::plugin::need::Need;
-use crate::plugin::{Entry, Registry};
 use semver::{Version, VersionReq};
 use std::any::{Any, TypeId};
 
@@ -137,10 +137,10 @@ impl Members {
     }
 
     /// Checks that the plugins fit together; `clashes` are the types that were registered twice,
-    /// each with the two plugins concerned.
-    pub(crate) fn check<'e>(
+    /// each by its table and name, with the two plugins concerned.
+    pub(crate) fn check(
         &self,
-        clashes: impl Iterator<Item = (&'e Entry, [Option<TypeId>; 2])>,
+        clashes: impl Iterator<Item = ((&'static str, &'static str), [Option<TypeId>; 2])>,
     ) -> Result<(), PluginError> {
         let absent = self.absent.iter().map(|&plugin| PluginConflict::Absent { plugin });
         let mut conflicts: Vec<PluginConflict> = absent.collect();
@@ -149,12 +149,11 @@ impl Members {
                 conflicts.push(PluginConflict::AddedTwice { plugin: member.name });
             }
         }
-        for (entry, owners) in clashes {
+        for ((table, name), owners) in clashes {
             if owners[0].is_some() && owners[0] == owners[1] {
                 continue; // the plugin was added twice, which is a conflict already
             }
             let [first, second] = owners.map(|owner| self.name(owner));
-            let (table, name) = (entry.kind.table(), entry.name);
             conflicts.push(PluginConflict::Clash { table, name, first, second });
         }
         for member in &self.members {

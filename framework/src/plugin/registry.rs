@@ -1,5 +1,6 @@
 //! The types that a scenario can name, and their registry.
 
+use crate::compose::estimator::{Creator, EstimatorType};
 use crate::compose::{Composer, Composition};
 use crate::document::{DocumentError, Node};
 use crate::files::FolderError;
@@ -319,6 +320,8 @@ impl std::fmt::Debug for Entry {
 pub struct Registry {
     /// Two types of the same kind and name are an error, which [`Registry::check`] reports.
     entries: BTreeMap<(Kind, &'static str), Vec<Entry>>,
+    /// Types of estimators, with the plugins that registered them.
+    estimators: Vec<(Creator, Option<TypeId>)>,
     members: Members,
 }
 
@@ -360,6 +363,7 @@ impl Registry {
             self.entries
                 .values_mut()
                 .for_each(|same| same.retain(|entry| entry.owner != Some(gone)));
+            self.estimators.retain(|(_, owner)| *owner != Some(gone));
         }
     }
 
@@ -371,10 +375,16 @@ impl Registry {
     /// missing.
     pub fn check(&self) -> Result<(), PluginError> {
         let clashes = self.entries.values().filter_map(|same| match &same[..] {
-            [first, second, ..] => Some((first, [first.owner, second.owner])),
+            [first, second, ..] => {
+                Some(((first.kind.table(), first.name), [first.owner, second.owner]))
+            }
             _ => None,
         });
-        self.members.check(clashes)
+        let estimators = self.estimators.iter().enumerate().filter_map(|(k, (creator, owner))| {
+            let before = self.estimators[..k].iter().find(|(c, _)| c.name == creator.name)?;
+            Some((("estimator", creator.name), [before.1, *owner]))
+        });
+        self.members.check(clashes.chain(estimators))
     }
 
     /// Registers a type of sensor.
@@ -412,6 +422,16 @@ impl Registry {
             Ok(PreparedSink { files, open: Box::new(|context| config.open(context)) })
         });
         self.insert::<S>(Kind::Sink, S::TYPE, Make::Sink { prepare, default: S::DEFAULT });
+    }
+
+    /// Registers a type of estimator, beside `ekf` and `ukf` of the framework.
+    pub fn estimator<E: EstimatorType>(&mut self) {
+        self.estimators.push((Creator::of::<E>(), self.members.current()));
+    }
+
+    /// Registered types of estimators.
+    pub(crate) fn estimators(&self) -> impl Iterator<Item = Creator> + '_ {
+        self.estimators.iter().map(|(creator, _)| *creator)
     }
 
     fn insert<T: JsonSchema>(&mut self, kind: Kind, name: &'static str, make: Make) {

@@ -2,6 +2,7 @@
 //! checks of the whole.
 
 use crate::compose::draw::{self, Draw};
+use crate::compose::estimator::Creator;
 use crate::compose::keys::SensorKeys;
 use crate::compose::settings::{EstimatorConfig, Initial};
 use crate::compose::{self, Composer, Composition, Process, correlated, time_offset, truth};
@@ -192,6 +193,7 @@ impl<'a> Building<'a> {
     pub fn finish(
         mut self,
         mut header: Header,
+        creator: Creator,
         text: String,
         simulated: bool,
     ) -> Result<Composition, BuildError> {
@@ -225,6 +227,7 @@ impl<'a> Building<'a> {
             processes: self.processes,
             sensors: self.sensors,
             estimator: header.estimator,
+            creator,
             seed: header.seed,
             simulated,
             notes,

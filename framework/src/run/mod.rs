@@ -2,6 +2,7 @@
 
 mod building;
 mod delayed;
+pub(crate) mod estimators;
 mod inputs;
 mod merge;
 mod mistakes;

@@ -2,12 +2,15 @@
 //! the sinks.
 
 use crate::compose::Composition;
-use crate::ekf::{Ekf, EstimatorError, Timeline};
+use crate::compose::estimator::Estimator;
+use crate::ekf::Timeline;
+use crate::model::estimator_error::EstimatorError;
 use crate::model::finding::Finding;
 use crate::model::record::{Event, Level, Observer};
-use crate::model::sensor::{Role, SensorInfo};
+use crate::model::sensor::SensorInfo;
 use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};
 use crate::run::delayed::delayed;
+use crate::run::estimators;
 use crate::run::merge::Merge;
 use crate::run::output_rate::OutputRate;
 use crate::run::outputs::Outputs;
@@ -137,7 +140,7 @@ pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progr
     run.smooth();
     run.log_silent_sensors();
     run.log_end();
-    let now = run.ekf.state().time;
+    let now = run.estimator.time();
     let finished = run.close(clock);
     progress(Progress { now, end: Some(now) });
     finished
@@ -148,7 +151,7 @@ const PROGRESS: u64 = 4096;
 
 /// A run while it goes on.
 struct Run {
-    ekf: Ekf,
+    estimator: Box<dyn Estimator>,
     /// Samples that wait for late ones, where a sensor may be late.
     timeline: Option<Timeline>,
     merge: Merge,
@@ -181,7 +184,7 @@ impl Run {
             until: composition.estimator.stop(),
             merge: Merge::new(delayed(sources, &composition), &sensors),
             timeline: Timeline::new(&composition),
-            ekf: Ekf::new(composition),
+            estimator: (composition.creator.create)(composition),
             silence: SilenceMonitor::new(timeouts, &sensors),
             outputs,
             newest: rate,
@@ -191,9 +194,11 @@ impl Run {
             quality: None,
         };
         run.error = run.merge.fill().err();
-        match Smoother::new(&run.ekf) {
-            Ok(smoother) => run.outputs.smoother = smoother,
-            Err(error) => run.error = Some(error.into()),
+        if let Some(filter) = estimators::filter(run.estimator.as_ref()) {
+            match Smoother::new(filter) {
+                Ok(smoother) => run.outputs.smoother = smoother,
+                Err(error) => run.error = Some(error.into()),
+            }
         }
         let time = run.merge.first(false).map_or(Time::MIN, |(sample, _)| sample.time);
         for (about, text) in notes {
@@ -207,7 +212,7 @@ impl Run {
         let end = self.merge.end().map(|e| self.until.map_or(e, |u| u.min(e)));
         let mut count = 0_u64;
         while self.error.is_none() {
-            let Some((sample, source)) = self.merge.first(self.ekf.running()) else { break };
+            let Some((sample, source)) = self.merge.first(self.estimator.running()) else { break };
             if self.until.is_some_and(|u| sample.time > u + self.window()) {
                 break;
             }
@@ -247,8 +252,12 @@ impl Run {
         if self.until.is_some_and(|until| sample.time > until) {
             return Ok(()); // late samples before the end may follow
         }
-        let Some(timeline) = &mut self.timeline else { return self.process(sample) };
-        if !timeline.arrive(sample, &mut self.ekf, &mut self.outputs) {
+        let Some((timeline, filter)) =
+            self.timeline.as_mut().zip(estimators::filter_mut(self.estimator.as_mut()))
+        else {
+            return self.process(sample);
+        };
+        if !timeline.arrive(sample, filter, &mut self.outputs) {
             self.outputs.each(sample.time, |sink| sink.sample(sample));
             self.outputs.statistics.read(sample);
             return Ok(());
@@ -261,7 +270,7 @@ impl Run {
     /// Processes the samples that no late sample can precede.
     fn process_settled(&mut self) -> Result<(), EstimatorError> {
         while let Some(timeline) = &mut self.timeline
-            && let Some(sample) = timeline.release(self.ekf.running())
+            && let Some(sample) = timeline.release(self.estimator.running())
         {
             self.process(&sample)?;
         }
@@ -270,11 +279,12 @@ impl Run {
 
     /// Shows the newest estimate to the sinks that want it, once in each period of the output rate.
     fn show_newest(&mut self) {
-        let Self { timeline: Some(timeline), outputs, ekf, .. } = self else { return };
+        let Self { timeline: Some(timeline), outputs, estimator, .. } = self else { return };
+        let Some(filter) = estimators::filter_mut(estimator.as_mut()) else { return };
         let Some(now) = timeline.now() else { return };
         if outputs.wants_newest() && self.newest.is_due(now) {
             self.newest.begin_period(now);
-            timeline.newest(ekf, |epoch| {
+            timeline.newest(filter, |epoch| {
                 outputs.each(epoch.state.time, |sink| sink.newest(epoch));
             });
         }
@@ -287,10 +297,12 @@ impl Run {
         self.merge.log_schedule(sample.time, &mut self.outputs);
         self.outputs.each(sample.time, |sink| sink.sample(sample));
         self.outputs.statistics.read(sample);
-        if let Some(smoother) = &mut self.outputs.smoother {
-            smoother.sample(&self.ekf, sample);
+        if let Some(smoother) = &mut self.outputs.smoother
+            && let Some(filter) = estimators::filter(self.estimator.as_ref())
+        {
+            smoother.sample(filter, sample);
         }
-        let processed = self.ekf.process(sample, &mut self.outputs);
+        let processed = self.estimator.process(sample, &mut self.outputs);
         if let (Err(_), Some(smoother)) = (&processed, &mut self.outputs.smoother) {
             // the estimate before the sample is the last good one
             smoother.take_back();
@@ -303,8 +315,8 @@ impl Run {
     /// Records the estimate when one is due and every sample of the state's time has been used,
     /// unless a reference has caused the estimate to be recorded already.
     fn record_epoch(&mut self, next_sample: Time) {
-        let now = self.ekf.state().time;
-        if self.ekf.running() && self.outputs.rate.is_due(now) && next_sample > now {
+        let now = self.estimator.time();
+        if self.estimator.running() && self.outputs.rate.is_due(now) && next_sample > now {
             self.outputs.rate.begin_period(now);
             self.record_last_epoch();
         }
@@ -312,19 +324,21 @@ impl Run {
 
     /// Records the current estimate unless it is recorded already.
     fn record_last_epoch(&mut self) {
-        if self.ekf.running() {
-            self.outputs.record(&self.ekf.epoch());
+        if self.estimator.running() {
+            self.outputs.record(&self.estimator.epoch());
         }
     }
 
     /// Passes on the estimates of which the filter is the lag ahead, once every sample of its time
     /// has been used.
     fn release(&mut self, next_sample: Time) {
-        let Self { outputs, ekf, .. } = self;
-        let now = ekf.state().time;
+        let Self { outputs, estimator, .. } = self;
+        let now = estimator.time();
         let due = |smoother: &mut Smoother| next_sample > now && smoother.is_due(now);
         if let Some(mut smoother) = outputs.smoother.take_if(due) {
-            smoother.release(ekf, |epoch| outputs.smoothed(epoch));
+            if let Some(filter) = estimators::filter_mut(estimator.as_mut()) {
+                smoother.release(filter, |epoch| outputs.smoothed(epoch));
+            }
             outputs.smoother = Some(smoother);
         }
     }
@@ -334,10 +348,10 @@ impl Run {
         if let Some(smoother) = &mut self.outputs.smoother {
             smoother.finish();
         }
-        self.ekf.finish(&mut self.outputs);
+        self.estimator.finish(&mut self.outputs);
         let time = self.outputs.statistics.last_epoch.unwrap_or(Time::MIN);
         self.merge.log_warnings(time, &mut self.outputs);
-        let mut unfinished: Vec<Event> = self.ekf.unfinished().collect();
+        let mut unfinished: Vec<Event> = self.estimator.unfinished();
         if self.error.is_none()
             && !self.interrupted
             && let Some(at) = unfinished.iter().position(|e| e.level == Level::Error)
@@ -351,8 +365,9 @@ impl Run {
                 self.outputs.event(event);
             }
         }
-        if self.error.is_none() && !self.ekf.running() && !self.interrupted {
-            self.error = Some(RunError::NeverStarted(never_started(&self.ekf)));
+        if self.error.is_none() && !self.estimator.running() && !self.interrupted {
+            self.error =
+                Some(RunError::NeverStarted(estimators::never_started(self.estimator.as_ref())));
         }
     }
 
@@ -360,11 +375,12 @@ impl Run {
     /// the sinks and the statistics.
     fn smooth(&mut self) {
         let Some(smoother) = self.outputs.smoother.take() else { return };
-        let end = self.ekf.snapshot();
-        let Self { ekf, outputs, .. } = self;
-        let result = smoother.end(ekf, |epoch| outputs.smoothed(epoch));
-        self.ekf.restore(&end);
-        let time = self.ekf.state().time;
+        let Self { estimator, outputs, .. } = self;
+        let Some(filter) = estimators::filter_mut(estimator.as_mut()) else { return };
+        let end = filter.snapshot();
+        let result = smoother.end(filter, |epoch| outputs.smoothed(epoch));
+        filter.restore(&end);
+        let time = self.estimator.time();
         match result {
             Ok(quality) => self.quality = quality,
             Err(error) => drop(self.error.get_or_insert(error.into())),
@@ -381,7 +397,7 @@ impl Run {
 
     /// Warns of sensors that gave no sample at all.
     fn log_silent_sensors(&mut self) {
-        for event in self.outputs.statistics.silent(&self.ekf) {
+        for event in self.outputs.statistics.silent(self.estimator.as_ref()) {
             self.outputs.event(event);
         }
     }
@@ -393,16 +409,16 @@ impl Run {
             None if self.interrupted => (Level::Warning, "interrupted".to_owned()),
             None => return,
         };
-        let time = self.ekf.state().time;
+        let time = self.estimator.time();
         self.outputs.event(Event { time, level, about: "run".into(), text });
     }
 
     /// Closes the sinks and sums the run up.
     fn close(mut self, clock: Instant) -> Finished {
-        let end = self.ekf.state().time;
+        let end = self.estimator.time();
         let verdict = self.outputs.verdict(end, self.error.as_ref().map(ToString::to_string));
         let recorded = self.outputs.close(end);
-        let mut summary = self.outputs.statistics.summary(&self.ekf, verdict);
+        let mut summary = self.outputs.statistics.summary(self.estimator.as_ref(), verdict);
         summary.smoothing = self.quality;
         summary.wall_s = clock.elapsed().as_secs_f64();
         let findings = std::mem::take(&mut self.outputs.findings);
@@ -424,34 +440,5 @@ fn run_info(composition: &Composition) -> RunInfo {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         layout: (*composition.layout).clone(),
         sensors: composition.sensors.iter().map(|s| s.info.clone()).collect(),
-    }
-}
-
-/// The reason for which the filter never started, and the remedy.
-fn never_started(ekf: &Ekf) -> String {
-    let start = ekf.composition().start();
-    let reference = ekf.composition().sensors.iter().find(|s| matches!(s.role, Role::Reference(_)));
-    if let Some(stop) = ekf.composition().estimator.stop().filter(|stop| *stop < start) {
-        return format!(
-            "the filter never started: estimator.stop = {stop} is before \
-             estimator.start = {start}; give a later one"
-        );
-    }
-    match reference {
-        Some(r) if let Some(block) = ekf.lacking() => format!(
-            "the filter never started: no sample of [sensor.{}] gives {}; give its initial value, \
-             or let an alignment find it",
-            r.info.name, block.name
-        ),
-        Some(r) if ekf.composition().estimator.from_reference() => format!(
-            "the filter never started: no sample of [sensor.{}] at or after \
-             estimator.start = {start}; check the time stamps, or give the initial values and \
-             estimator.initial = \"given\"",
-            r.info.name
-        ),
-        _ => format!(
-            "the filter never started: no sample of the driving sensor at or after \
-             estimator.start = {start}"
-        ),
     }
 }

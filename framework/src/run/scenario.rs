@@ -1,10 +1,13 @@
 //! From a TOML document to a composition, its sources and its sinks.
 
 use crate::compose::Composition;
+use crate::compose::estimator::Creator;
 use crate::document::{Document, DocumentError};
+use crate::ekf::Ekf;
 use crate::model::stream::{NamedSink, NamedSource};
 use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry};
 use crate::run::building::{Building, Header};
+use crate::run::estimators;
 pub use crate::run::parts::common_keys;
 use crate::run::parts::{self, Part};
 use crate::run::sinks;
@@ -88,14 +91,18 @@ impl<'a> Scenario<'a> {
         let header = Header::read(&root, self.name())?;
         let sensors = self.parts(Kind::Sensor)?;
         let mut building =
-            Building::new(root, self.document.folder(), sensors, header.estimator.update);
+            Building::new(root.clone(), self.document.folder(), sensors, header.estimator.update);
         building.driving_sensors()?;
         building.processes(&self.parts(Kind::Process)?)?;
         building.other_sensors()?;
         building.connect_alignments()?;
         building.connect_detectors()?;
         building.constraints()?;
-        building.finish(header, self.document.to_toml(), self.simulates()?)
+        let creator = estimators::find(self.registry, &root, &header.estimator.kind)?;
+        let (text, simulates) = (self.document.to_toml(), self.simulates()?);
+        let composition = building.finish(header, creator, text, simulates)?;
+        estimators::check(&composition, &root)?;
+        Ok(composition)
     }
 
     /// Composes the scenario and opens its sources and sinks. Sinks that are on by default are
@@ -115,6 +122,8 @@ impl<'a> Scenario<'a> {
     pub fn assemble_at_truth(&self) -> Result<Assembly, BuildError> {
         let mut composition = self.compose()?;
         composition.at_truth();
+        // the bound is that of the model linearised at the truth
+        composition.creator = Creator::of::<Ekf>();
         self.open(composition, None)
     }
 

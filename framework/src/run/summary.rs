@@ -1,6 +1,6 @@
 //! The results of a run in numbers.
 
-use crate::ekf::Ekf;
+use crate::compose::estimator::Estimator;
 use crate::model::record::{Epoch, Event, Level, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::Purpose;
 use crate::model::sensor::Role;
@@ -192,8 +192,8 @@ impl Statistics {
     }
 
     /// A warning for each sensor that gave no sample.
-    pub(crate) fn silent(&self, ekf: &Ekf) -> Vec<Event> {
-        let sensors = self.sensors.iter().zip(&ekf.composition().sensors);
+    pub(crate) fn silent(&self, estimator: &dyn Estimator) -> Vec<Event> {
+        let sensors = self.sensors.iter().zip(&estimator.composition().sensors);
         sensors
             .filter(|((_, _, counts), sensor)| counts.read == 0 && !sensor.constraint)
             .map(|((name, _, _), _)| {
@@ -201,14 +201,15 @@ impl Statistics {
                     "no sample of [sensor.{name}] in any source: check the source's files and \
                      columns, or remove the sensor"
                 );
-                Event { time: ekf.state().time, level: Level::Warning, about: name.clone(), text }
+                Event { time: estimator.time(), level: Level::Warning, about: name.clone(), text }
             })
             .collect()
     }
 
-    pub(crate) fn summary(&mut self, ekf: &Ekf, verdict: Verdict) -> Summary {
-        let layout = ekf.layout();
-        let (truth, end) = (ekf.truth(), ekf.state().time);
+    pub(crate) fn summary(&mut self, estimator: &dyn Estimator, verdict: Verdict) -> Summary {
+        let layout = &*estimator.composition().layout;
+        let (state, covariance) = (estimator.state(), estimator.covariance());
+        let (truth, end) = (estimator.truth(), state.time);
         let filtered = self.smoothed.as_ref().and(self.track.horizontal_error());
         let track = self.smoothed.as_ref().unwrap_or(&self.track);
         let mut rows = Vec::new();
@@ -217,15 +218,15 @@ impl Statistics {
             let n = block.operations.tangent;
             let (mut estimate, mut sigma, mut error) =
                 ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
-            block.show(&ekf.state().values, &mut estimate);
-            block.show_sigma(&ekf.state().values, ekf.covariance(), &mut sigma);
+            block.show(&state.values, &mut estimate);
+            block.show_sigma(&state.values, covariance, &mut sigma);
             // a truth that the scenario states also holds at the end; a reference holds at its last
             // time
             let holds = (block.spec.truth.is_some() && !block.wanders) || truth.state.time == end;
             let before = track.compared[slot].as_ref().filter(|c| c.holds_at(end));
             let (error, error_sigma) = match before {
                 _ if holds && truth.known[slot] => {
-                    block.show_error(&ekf.state().values, &truth.state.values, &mut error);
+                    block.show_error(&state.values, &truth.state.values, &mut error);
                     (Some(error[..n].to_vec()), sigma[..n].to_vec())
                 }
                 Some(compared) => (Some(compared.error.clone()), compared.sigma.clone()),
@@ -259,7 +260,7 @@ impl Statistics {
             rows.push(row);
         }
         let mut samples = Map::new();
-        for ((name, _, c), sensor) in self.sensors.iter().zip(&ekf.composition().sensors) {
+        for ((name, _, c), sensor) in self.sensors.iter().zip(&estimator.composition().sensors) {
             let mean_nis = if c.used > 0 { json!(c.nis / c.used as f64) } else { Value::Null };
             // no source gives the samples of a constraint
             let applied = c.used + c.gated + c.rejected + c.excluded;
@@ -278,10 +279,10 @@ impl Statistics {
             }
             samples.insert(name.clone(), value);
         }
-        let starts = ekf.alignments().map(|(name, report)| {
+        let starts = estimator.alignments().into_iter().map(|(name, report)| {
             let mut values = report.values;
             values["text"] = json!(report.text);
-            (name.to_owned(), values)
+            (name, values)
         });
         let starts = starts.collect();
         Summary {

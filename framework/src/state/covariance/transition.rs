@@ -161,7 +161,7 @@ impl Transition {
     }
 
     /// `P = P + Q`.
-    fn add_noise(&self, covariance: &mut Covariance) {
+    pub(crate) fn add_noise(&self, covariance: &mut Covariance) {
         let (stride, p) = (covariance.stride, &mut covariance.p);
         let share = 1.0 + self.excess;
         for &(at, row, size) in &self.noise {

@@ -1,0 +1,114 @@
+//! The estimator of a run: its type by name, and what only the filters of the framework can do.
+
+use crate::compose::Composition;
+use crate::compose::estimator::{Creator, Estimator};
+use crate::document::{DocumentError, Node, unknown};
+use crate::ekf::{Ekf, Ukf};
+use crate::model::error::ComposeError;
+use crate::model::sensor::Role;
+use crate::model::update_rule::UpdateRule;
+use crate::plugin::Registry;
+use std::any::Any;
+
+/// Finds the type of estimator of that name.
+pub(crate) fn find(
+    registry: &Registry,
+    root: &Node<'_>,
+    name: &str,
+) -> Result<Creator, DocumentError> {
+    let all: Vec<Creator> = [Creator::of::<Ekf>(), Creator::of::<Ukf>()]
+        .into_iter()
+        .chain(registry.estimators())
+        .collect();
+    all.iter().find(|creator| creator.name == name).copied().ok_or_else(|| {
+        let names: Vec<&str> = all.iter().map(|creator| creator.name).collect();
+        let place = root.get("estimator").and_then(|table| table.get("type"));
+        place.unwrap_or_else(|| root.clone()).error(unknown("estimator type", name, &names))
+    })
+}
+
+/// Rejects a composition that its estimator cannot run.
+pub(crate) fn check(composition: &Composition, root: &Node<'_>) -> Result<(), DocumentError> {
+    let place = root.get("estimator").unwrap_or_else(|| root.clone());
+    let creator = composition.creator;
+    if creator.name == Creator::of::<Ukf>().name {
+        check_rules(root)?;
+    }
+    (creator.check)(composition).map_err(|e| e.at(&place))?;
+    if [Creator::of::<Ekf>().name, Creator::of::<Ukf>().name].contains(&creator.name) {
+        return Ok(());
+    }
+    // late samples and the smoother need snapshots of a filter of the framework
+    let late = composition.sensors.iter().find(|sensor| sensor.late.is_some());
+    let lacks = if composition.estimator.smooths() {
+        Some("the smoother runs with type = \"ekf\" only; remove `smooth`".to_owned())
+    } else {
+        late.map(|sensor| {
+            format!(
+                "late samples need type = \"ekf\" or \"ukf\"; remove `late` of [sensor.{}]",
+                sensor.info.name
+            )
+        })
+    };
+    lacks.map_or(Ok(()), |message| Err(ComposeError::new("type", message).at(&place)))
+}
+
+/// Rejects another update rule than that of the unscented filter.
+fn check_rules(root: &Node<'_>) -> Result<(), DocumentError> {
+    let sensors = root.get("sensor").map_or_else(|| Ok(Vec::new()), |table| table.entries())?;
+    let tables = sensors.into_iter().map(|(_, node)| node).chain(root.get("estimator"));
+    for rule in tables.filter_map(|table| table.get("update")) {
+        if rule.parse::<UpdateRule>()? != UpdateRule::Ukf {
+            return Err(rule.error(
+                "with estimator.type = \"ukf\" every sensor has the rule \"ukf\"; remove it, or set \
+                 estimator.type = \"ekf\"",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The filter of the framework behind an estimator, if it is one.
+pub(crate) fn filter(estimator: &dyn Estimator) -> Option<&Ekf> {
+    let any: &dyn Any = estimator;
+    any.downcast_ref::<Ekf>().or_else(|| any.downcast_ref::<Ukf>().map(Ukf::filter))
+}
+
+/// The filter of the framework behind an estimator, to be changed.
+pub(crate) fn filter_mut(estimator: &mut dyn Estimator) -> Option<&mut Ekf> {
+    let any: &mut dyn Any = estimator;
+    if any.is::<Ekf>() {
+        return any.downcast_mut::<Ekf>();
+    }
+    any.downcast_mut::<Ukf>().map(Ukf::filter_mut)
+}
+
+/// The reason for which the filter never started, and the remedy.
+pub(crate) fn never_started(estimator: &dyn Estimator) -> String {
+    let start = estimator.composition().start();
+    let reference =
+        estimator.composition().sensors.iter().find(|s| matches!(s.role, Role::Reference(_)));
+    if let Some(stop) = estimator.composition().estimator.stop().filter(|stop| *stop < start) {
+        return format!(
+            "the filter never started: estimator.stop = {stop} is before \
+             estimator.start = {start}; give a later one"
+        );
+    }
+    match reference {
+        Some(r) if let Some(block) = estimator.lacking() => format!(
+            "the filter never started: no sample of [sensor.{}] gives {}; give its initial value, \
+             or let an alignment find it",
+            r.info.name, block.name
+        ),
+        Some(r) if estimator.composition().estimator.from_reference() => format!(
+            "the filter never started: no sample of [sensor.{}] at or after \
+             estimator.start = {start}; check the time stamps, or give the initial values and \
+             estimator.initial = \"given\"",
+            r.info.name
+        ),
+        _ => format!(
+            "the filter never started: no sample of the driving sensor at or after \
+             estimator.start = {start}"
+        ),
+    }
+}

@@ -1,0 +1,267 @@
+//! Estimators beside the EKF: the unscented filter, and one that an outsider registers.
+#![allow(missing_docs, clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use navfuse_core::compose::estimator::{Estimator, EstimatorType};
+use navfuse_core::compose::{Composer, Composition};
+use navfuse_core::document::Document;
+use navfuse_core::ekf::{Ekf, EstimatorError, Ukf};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::motion::Motion;
+use navfuse_core::model::process::{BuiltProcess, Interval, ProcessError, ProcessModel};
+use navfuse_core::model::record::{Epoch, Observer, Truth};
+use navfuse_core::nalgebra::Vector1;
+use navfuse_core::plugin::{ProcessType, Registry, SourceType};
+use navfuse_core::prelude::{OpenContext, Source, StreamError};
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::state::covariance::{Covariance, PhiSlot, Transition};
+use navfuse_core::state::manifold::Scalar;
+use navfuse_core::state::{BlockSpec, Dynamics, Handle, Layout, Mode, State, display};
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_testing::lab::{Lab, Log, SCENARIO, compose, refused, seconds};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::sync::atomic::AtomicBool;
+
+/// Mean and covariance of an estimator's first states.
+fn moments(estimator: &mut dyn Estimator) -> (Vec<f64>, Vec<f64>) {
+    let epoch = estimator.epoch();
+    let n = epoch.covariance.dimension();
+    let p = (0..n * n).map(|k| epoch.covariance.get(k / n, k % n)).collect();
+    (epoch.state.values.clone(), p)
+}
+
+fn give(estimator: &mut dyn Estimator, sensor: &str, t: f64, values: &[f64]) {
+    let id = SensorId(estimator.composition().sensor(sensor).unwrap());
+    estimator.process(&Sample::new(seconds(t), id, values), &mut Log::default()).unwrap();
+}
+
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// The cart is linear, but for the square in the third channel of its fix, which is left out.
+#[test]
+fn on_a_linear_scenario_the_unscented_filter_is_the_ekf() {
+    let mut ends = [Ekf::create, Ukf::create].map(|create| {
+        let mut estimator = create(compose(SCENARIO, &[]));
+        for k in 0..200 {
+            let t = 0.1 * f64::from(k);
+            give(estimator.as_mut(), "speed", t, &[1.0]);
+            if k % 5 == 0 {
+                // between two samples of the speed, so that the interval is split; the drift is 0.3
+                let place = 0.7 * (t + 0.05);
+                give(estimator.as_mut(), "fix", t + 0.05, &[place, 2.0 * place]);
+            }
+        }
+        moments(estimator.as_mut())
+    });
+    let [ekf, ukf] = &mut ends;
+    assert!((ekf.0[0] - 13.9).abs() < 0.5 && ekf.1[0] < 0.05, "{ekf:?}");
+    // rounding of numbers of about 20
+    assert!(apart(&ekf.0, &ukf.0) < 1e-11, "{:?} {:?}", ekf.0, ukf.0);
+    assert!(apart(&ekf.1, &ukf.1) < 1e-12, "{:?} {:?}", ekf.1, ukf.1);
+}
+
+/// A tank that fills with the square of a flow: `level' = flow^2`.
+#[derive(Deserialize, JsonSchema)]
+struct Tank {}
+
+#[derive(Clone)]
+struct TankModel {
+    level: Handle<Scalar>,
+    flow: Handle<Scalar>,
+    phi: [PhiSlot<1, 1>; 2],
+}
+
+impl ProcessType for Tank {
+    const TYPE: &'static str = "tank";
+    fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
+        let spec = |initial: f64, sigma: f64| BlockSpec {
+            mode: Mode::Estimate,
+            initial: vec![initial],
+            sigma: vec![sigma],
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display: display::RATIO,
+        };
+        let level = composer.block::<Scalar>("level", spec(1.0, 0.1))?;
+        let flow = composer.block::<Scalar>("flow", spec(3.0, 0.5))?;
+        let (p, v) = (composer.tangent(level), composer.tangent(flow));
+        let t = composer.transition();
+        let phi = [t.phi(p, p), t.phi(p, v)];
+        Ok(BuiltProcess::new(TankModel { level, flow, phi }))
+    }
+}
+
+impl ProcessModel for TankModel {
+    fn propagate(
+        &mut self,
+        layout: &Layout,
+        state: &mut State,
+        interval: &Interval<'_>,
+        transition: &mut Transition,
+    ) -> Result<(), ProcessError> {
+        let (dt, flow) = (interval.duration(), state.get(layout, self.flow));
+        let level = state.get(layout, self.level) + flow * flow * dt;
+        state.set(layout, self.level, &level);
+        transition.set(self.phi[0], &Vector1::new(1.0));
+        transition.set(self.phi[1], &Vector1::new(2.0 * flow * dt));
+        Ok(())
+    }
+    fn follow(&self, _: &Layout, _: &Motion, _: &mut State, _: &mut [bool]) {}
+    fn boxed_clone(&self) -> Box<dyn ProcessModel> {
+        Box::new(self.clone())
+    }
+}
+
+/// A clock, whose samples only let time pass.
+#[derive(Deserialize, JsonSchema)]
+struct Clock {}
+
+impl SourceType for Clock {
+    const TYPE: &'static str = "clock";
+    fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
+        let ids = ["speed", "fix"].map(|name| context.composition.sensor(name).unwrap());
+        Ok(vec![Box::new(Ticks(0, ids))])
+    }
+}
+
+struct Ticks(u32, [usize; 2]);
+
+impl Source for Ticks {
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+        let t = f64::from(self.0 / 2);
+        let (id, values) = (self.1[self.0 as usize % 2], [t, 2.0 * t, 0.1 * t * t]);
+        let values = if self.0 % 2 == 0 { &[1.0][..] } else { &values[..] };
+        *sample = Sample::new(seconds(t), SensorId(id), values);
+        self.0 += 1;
+        Ok(self.0 <= 40)
+    }
+}
+
+/// For a Gaussian flow `v` of mean 3 and variance `P = 0.25`, `v^2` has the mean `9 + P` and the
+/// variance `36 P + 2 P^2`, and the covariance `6 P` with `v`.
+#[test]
+fn sigma_points_give_the_moments_of_a_quadratic_process() {
+    let mut registry = Registry::new();
+    registry.add(&Lab);
+    registry.process::<Tank>();
+    // a fix of a cart far away lets time pass
+    let text = format!("{SCENARIO}[process.tank]\n");
+    let document = Document::parse("tank.toml", text).unwrap();
+    let composition = Scenario::new(&registry, document, &[]).unwrap().compose().unwrap();
+    let range = |name: &str| composition.layout.find(name).unwrap().clone();
+    let (level, flow) = (range("tank.level"), range("tank.flow"));
+    let mut ukf = Ukf::create(composition);
+    give(ukf.as_mut(), "speed", 0.0, &[0.0]);
+    give(ukf.as_mut(), "speed", 1.0, &[0.0]);
+    let epoch = ukf.epoch();
+    let (i, j, p) = (level.tangent.unwrap(), flow.tangent.unwrap(), 0.25);
+    let values = [
+        (epoch.state.values[level.offset], 1.0 + 9.0 + p),
+        (epoch.state.values[flow.offset], 3.0),
+        (epoch.covariance.get(i, i), 0.01 + 36.0 * p + 2.0 * p * p),
+        (epoch.covariance.get(i, j), 6.0 * p),
+        (epoch.covariance.get(j, j), p),
+    ];
+    assert!(values.iter().all(|(found, exact)| (found - exact).abs() < 1e-12), "{values:?}");
+}
+
+#[test]
+fn what_the_unscented_filter_cannot_do_is_rejected_with_the_key() {
+    let ukf = "estimator.type=\"ukf\"";
+    let message = refused(SCENARIO, &["estimator.type=\"ufk\""]);
+    assert!(
+        message.contains("estimator.type") && message.contains("did you mean \"ukf\"?"),
+        "{message}"
+    );
+    let message = refused(SCENARIO, &[ukf, "estimator.smooth=true"]);
+    assert!(
+        message.contains("estimator.smooth") && message.contains("type = \"ekf\""),
+        "{message}"
+    );
+    let message = refused(SCENARIO, &[ukf, "sensor.fix.time_offset=\"0.1 s\""]);
+    assert!(message.contains("[sensor.fix]") && message.contains("time_offset"), "{message}");
+    let message = refused(SCENARIO, &[ukf, "sensor.fix.update=\"iekf\""]);
+    assert!(message.contains("sensor.fix.update") && message.contains("ukf"), "{message}");
+}
+
+/// An outsider's estimator: leaves out every other fix.
+struct Sparing {
+    filter: Ekf,
+    used: bool,
+}
+
+impl EstimatorType for Sparing {
+    const TYPE: &'static str = "sparing";
+    fn create(composition: Composition) -> Box<dyn Estimator> {
+        Box::new(Self { filter: Ekf::new(composition), used: false })
+    }
+}
+
+impl Estimator for Sparing {
+    fn composition(&self) -> &Composition {
+        self.filter.composition()
+    }
+    fn process(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        if Some(sample.sensor.0) == self.composition().sensor("fix") {
+            self.used = !self.used;
+            if !self.used {
+                return Ok(());
+            }
+        }
+        self.filter.process(sample, observer)
+    }
+    fn finish(&mut self, observer: &mut dyn Observer) {
+        self.filter.finish(observer);
+    }
+    fn running(&self) -> bool {
+        self.filter.running()
+    }
+    fn state(&self) -> &State {
+        self.filter.state()
+    }
+    fn covariance(&self) -> &Covariance {
+        self.filter.covariance()
+    }
+    fn epoch(&mut self) -> Epoch<'_> {
+        self.filter.epoch()
+    }
+    fn truth(&self) -> Truth<'_> {
+        self.filter.truth()
+    }
+}
+
+#[test]
+fn an_outsiders_estimator_runs_and_is_rejected_what_only_the_framework_can_do() {
+    let mut registry = Registry::new();
+    registry.add(&Lab);
+    registry.source::<Clock>();
+    registry.estimator::<Sparing>();
+    let scenario = |settings: &[&str]| {
+        let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
+        let document = Document::parse("lab.toml", format!("{SCENARIO}[source.clock]\n")).unwrap();
+        Scenario::new(&registry, document, &settings).unwrap()
+    };
+    let accepted = |kind: &str| {
+        let assembly = scenario(&[&format!("estimator.type={kind:?}")]).assemble(None).unwrap();
+        let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+        assert!(finished.error.is_none(), "{:?}", finished.error);
+        serde_json::to_value(&finished.summary).unwrap()["samples"]["fix"]["accepted"].as_u64()
+    };
+    assert_eq!((accepted("ekf"), accepted("ukf")), (Some(20), Some(20)));
+    assert_eq!(accepted("sparing"), Some(10));
+    let refused = |settings: &[&str]| scenario(settings).compose().err().unwrap().to_string();
+    for key in ["sensor.fix.late=\"1 s\"", "estimator.smooth=true"] {
+        let message = refused(&["estimator.type=\"sparing\"", key]);
+        assert!(message.contains("estimator.type") && message.contains("\"ekf\""), "{message}");
+    }
+    registry.estimator::<Sparing>();
+    let clash = registry.check().unwrap_err().to_string();
+    assert!(clash.contains("estimator") && clash.contains("sparing"), "{clash}");
+}
