@@ -2,9 +2,13 @@
 
 mod g_sensitivity;
 mod imu_errors;
+mod pseudoranges;
+mod receiver_clock;
 
 pub use g_sensitivity::GyroSensitivity;
 pub use imu_errors::ImuErrors;
+pub use pseudoranges::Pseudoranges;
+pub use receiver_clock::ReceiverClock;
 
 use navfuse_core::prelude::*;
 
@@ -16,6 +20,8 @@ impl Plugin for AdvancedSensors {
     fn build(&self, registry: &mut Registry) {
         registry.process::<ImuErrors>();
         registry.process::<GyroSensitivity>();
+        registry.process::<ReceiverClock>();
+        registry.sensor::<Pseudoranges>();
     }
 
     navfuse_core::named_after_crate!();

@@ -127,6 +127,10 @@ impl AnyMeasurement for Correlated {
         self.inner.channels()
     }
 
+    fn observations(&self) -> usize {
+        self.inner.observations()
+    }
+
     fn predict(&self, at: &At<'_>, out: &mut [f64]) {
         self.inner.predict(at, out);
         self.errors.iter().for_each(|&(c, error)| out[c] += at.state.get(at.layout, error));

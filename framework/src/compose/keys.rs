@@ -16,6 +16,8 @@ use serde::Deserialize;
 pub const TYPE: &str = "type";
 /// Key that disables a table.
 pub const ENABLED: &str = "enabled";
+/// Key of a sensor's simulation, which the type of the sensor may extend.
+pub const SIMULATION: &str = "simulation";
 /// Keys of the tables of every kind.
 pub const TABLE_KEYS: [&str; 2] = [TYPE, ENABLED];
 

@@ -16,4 +16,5 @@ pub use document::Document;
 pub use error::{DocumentError, Fault, OverrideError};
 pub use explain::{did_you_mean, unknown};
 pub use location::{Excerpt, Location};
+pub(crate) use node::Inside;
 pub use node::Node;

@@ -16,6 +16,22 @@ enum Seen {
     Without(&'static [&'static str]),
 }
 
+/// Part of an inner table that [`Node::parse`] reads.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Inside<'a> {
+    /// Key of the inner table.
+    pub key: &'static str,
+    /// The keys that are read, or, with `others`, those that are not.
+    pub keys: &'a [String],
+    pub others: bool,
+}
+
+impl Inside<'_> {
+    fn reads(&self, key: &str) -> bool {
+        self.keys.iter().any(|own| own == key) != self.others
+    }
+}
+
 /// A value of a [`crate::document::Document`], with its key path and its place.
 #[derive(Clone, Debug)]
 pub struct Node<'a> {
@@ -23,15 +39,17 @@ pub struct Node<'a> {
     path: String,
     value: &'a Value,
     seen: Seen,
+    inside: Option<Inside<'a>>,
 }
 
 impl<'a> Node<'a> {
     pub(super) fn root(places: &'a Places, value: &'a Value) -> Self {
-        Self { places, path: String::new(), value, seen: Seen::All }
+        Self { places, path: String::new(), value, seen: Seen::All, inside: None }
     }
 
     fn below(&self, key: &str, value: &'a Value) -> Self {
-        Self { places: self.places, path: join(&self.path, key), value, seen: Seen::All }
+        let path = join(&self.path, key);
+        Self { places: self.places, path, value, seen: Seen::All, inside: None }
     }
 
     /// The value at a key of a table, or at an index of an array.
@@ -71,6 +89,11 @@ impl<'a> Node<'a> {
     /// so errors list them among the allowed keys.
     pub fn without(&self, keys: &'static [&'static str]) -> Self {
         Self { seen: Seen::Without(keys), ..self.clone() }
+    }
+
+    /// Restricts an inner table: [`Self::parse`] reads a part of its keys. Errors list all of them.
+    pub(crate) fn inside(&self, inside: Inside<'a>) -> Self {
+        Self { inside: Some(inside), ..self.clone() }
     }
 
     /// The key path of the value, such as `sensor.dvl.gate`; empty for the whole document.
@@ -148,8 +171,16 @@ impl<'a> Node<'a> {
             table.retain(|key, _| match self.seen {
                 Seen::All => true,
                 Seen::Only(keys) => keys.contains(&key),
-                Seen::Without(keys) => !keys.contains(&key),
+                Seen::Without(keys) => {
+                    let own = |inside: Inside<'_>| !inside.others && inside.key == key;
+                    !keys.contains(&key) || self.inside.is_some_and(own)
+                }
             });
+            if let Some(inside) = self.inside
+                && let Some(Value::Table(inner)) = table.get_mut(inside.key)
+            {
+                inner.retain(|key, _| inside.reads(key));
+            }
         }
         serde_path_to_error::deserialize(value)
             .map_err(|e| self.explain(e.path(), e.inner().message()))
@@ -179,7 +210,13 @@ impl<'a> Node<'a> {
             Complaint::UnknownKey { key, mut allowed } => {
                 let table = self.table_of(&place, key);
                 if let Seen::Without(common) = table.seen {
-                    allowed.extend(common);
+                    let more = common.iter().filter(|key| !allowed.contains(key));
+                    let more: Vec<&str> = more.copied().collect();
+                    allowed.extend(more);
+                }
+                if let Some(inside) = self.inside.filter(|i| join(&self.path, i.key) == table.path)
+                {
+                    allowed.extend(inside.keys.iter().map(String::as_str));
                 }
                 table.unknown_key(key, &allowed)
             }

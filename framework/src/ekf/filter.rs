@@ -242,7 +242,7 @@ impl Ekf {
         if let Some(channel) = sample.not_finite() {
             return Some(Rejection::NotFinite(channel));
         }
-        if sample.time <= slot.last {
+        if slot.is_out_of_order(sample) {
             return Some(Rejection::OutOfOrder);
         }
         let present = sample.present() & slot.channels;

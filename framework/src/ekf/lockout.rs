@@ -169,6 +169,7 @@ impl Lockout {
         let before = self.last.replace(sample.time);
         if let Some(before) = before
             && self.usual.1 < INTERVALS
+            && before < sample.time
         {
             self.usual = (self.usual.0.max(sample.time.since(before)), self.usual.1 + 1);
         }

@@ -19,6 +19,8 @@ pub(super) struct SensorSlot {
     pub(super) name: String,
     /// Channels that the sensor measures or drives by, one bit each.
     pub(super) channels: u16,
+    /// Set if several samples may have one time.
+    pub(super) several: bool,
     /// Time of the last sample.
     pub(super) last: Time,
     /// Gated samples in a row, and the isolation that may follow.
@@ -30,9 +32,10 @@ pub(super) struct SensorSlot {
     pub(super) thresholds: [f64; MAX_CHANNELS + 1],
     pub(super) recovery: Recovery,
     pub(super) robust: Robust,
-    /// Repetitions of samples; none where samples may repeat for ever.
+    /// Repetitions of samples; none where samples may repeat for ever, or are several of one time.
     pub(super) repeats: Option<Repeats>,
-    /// Sequential test on the innovations; none where a constraint gives them.
+    /// Sequential test on the innovations; none where a constraint gives them, or several of one
+    /// time.
     pub(super) bias: Option<BiasTest>,
     /// Check of the linearisation; none where a constraint gives the samples.
     pub(super) curvature: Option<Curvature>,
@@ -48,11 +51,16 @@ impl SensorSlot {
             Role::Measurement(model) => model.channels(),
             Role::Input(_) | Role::Reference(_) => sensor.info.channels.len(),
         };
+        let several = match &sensor.role {
+            Role::Measurement(model) => model.observations() > 1,
+            Role::Input(_) | Role::Reference(_) => false,
+        };
         let measures = matches!(sensor.role, Role::Measurement(_)) && !sensor.constraint;
         let watched = measures && !sensor.is_noise_free();
         Self {
             name: sensor.info.name.clone(),
             channels: ((1u32 << used) - 1) as u16,
+            several,
             last: Time::MIN,
             lockout: Lockout::new(sensor.timeout),
             reach: Reach::with_capacity(n, sensor.info.channels.len()),
@@ -60,12 +68,18 @@ impl SensorSlot {
             thresholds: sensor.gate.thresholds(),
             recovery: sensor.recovery,
             robust: sensor.robust,
-            repeats: watched.then(Repeats::default),
-            bias: watched.then(|| BiasTest::new(used)),
+            // successive observations are not of one channel
+            repeats: (watched && !several).then(Repeats::default),
+            bias: (watched && !several).then(|| BiasTest::new(used)),
             curvature: watched.then(Curvature::default),
             limits: sensor.limits.clone(),
             plausible: None,
         }
+    }
+
+    /// Returns `true` if time does not go on to the sample as the sensor demands.
+    pub(super) fn is_out_of_order(&self, sample: &Sample) -> bool {
+        sample.time < self.last || sample.time == self.last && !self.several
     }
 
     /// Takes a sample in order of time.

@@ -44,6 +44,13 @@ pub trait MeasurementModel<const N: usize>: Send + 'static {
     /// `R`: covariance of the noise of the channels, SI squared.
     fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, N, N>;
 
+    /// Largest number of observations of one time, each a sample of its own: the satellites that a
+    /// receiver tracks, the landmarks in an image. The filter applies, gates and records them one by
+    /// one. Default: 1, so that a second sample of one time is rejected.
+    fn observations(&self) -> usize {
+        1
+    }
+
     /// `z [-] h(x)` of one channel. Default: the difference. A model of an angle wraps it into
     /// +-pi.
     fn difference(&self, _channel: usize, measured: f64, predicted: f64) -> f64 {
@@ -57,7 +64,8 @@ pub trait MeasurementModel<const N: usize>: Send + 'static {
 
     /// Fills a simulated sample with the prediction from the truth and noise of `R`. Override it
     /// for a sensor that loses channels, or has more than `N` of them: set the additional channels
-    /// first, call [`Scene::measure`], and then clear the lost channels.
+    /// first, call [`Scene::measure`], and then clear the lost channels. It is called for each
+    /// [`Scene::observation`]; a sample without channels is not sent.
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
         scene.measure(self, sample);
     }
@@ -114,6 +122,10 @@ impl<const N: usize> Jacobian<'_, N> {
 pub trait AnyMeasurement: Send {
     /// Number of predicted channels.
     fn channels(&self) -> usize;
+    /// Largest number of observations of one time, each a sample of its own.
+    fn observations(&self) -> usize {
+        1
+    }
     /// Computes `h(x)` into `out`.
     fn predict(&self, at: &At<'_>, out: &mut [f64]);
     /// Computes `R`, row-major, into `out`.
@@ -169,6 +181,10 @@ pub struct Erased<M, const N: usize>(pub M);
 impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
     fn channels(&self) -> usize {
         N
+    }
+
+    fn observations(&self) -> usize {
+        self.0.observations()
     }
 
     fn predict(&self, at: &At<'_>, out: &mut [f64]) {

@@ -50,6 +50,8 @@ pub struct Scene<'a> {
     pub from: Time,
     /// The time of the sample.
     pub to: Time,
+    /// Number of the observation of this time, from 0 on: see [`MeasurementModel::observations`].
+    pub observation: usize,
     /// Simulated noise as a multiple of the model's.
     pub noise: f64,
     /// Size of the outlier in this sample, in sigma; zero for a good sample.

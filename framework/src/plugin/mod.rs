@@ -5,6 +5,7 @@ mod need;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod plugin;
 mod registry;
+mod simulation_keys;
 
 pub use error::{PluginConflict, PluginError};
 pub use need::Need;

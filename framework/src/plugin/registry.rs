@@ -17,6 +17,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use crate::plugin::plugin::Members;
+use crate::plugin::simulation_keys;
 pub use crate::plugin::{Plugin, PluginError};
 
 /// A type of sensor. Its fields are the parameters in TOML, with their documentation, units and
@@ -287,6 +288,8 @@ pub struct Entry {
     pub name: &'static str,
     /// JSON Schema of its parameters.
     pub schema: Schema,
+    /// Keys by which a type of sensor extends the table `simulation`.
+    pub(crate) simulation_keys: Vec<String>,
     pub(crate) make: Make,
     /// Plugin that registered the type, if a plugin did.
     owner: Option<TypeId>,
@@ -436,11 +439,13 @@ impl Registry {
 
     fn insert<T: JsonSchema>(&mut self, kind: Kind, name: &'static str, make: Make) {
         let schema = SchemaGenerator::default().into_root_schema_for::<T>();
+        let simulation_keys = simulation_keys::own(schema.as_value());
         let owner = self.members.current();
         self.entries.entry((kind, name)).or_default().push(Entry {
             kind,
             name,
             schema,
+            simulation_keys,
             make,
             owner,
         });

@@ -96,7 +96,7 @@ impl<'a> Building<'a> {
             let Make::Sensor { make, input } = &part.entry.make else { continue };
             if *input == driving {
                 self.composer.begin(part.name);
-                let keys = part.node.only(SensorKeys::KEYS).parse()?;
+                let keys = part.sensor_keys().parse()?;
                 let built = make(&part.own_keys(), &mut self.composer)?;
                 *place = Some(place_sensor(part, keys, built, self.update, &mut self.composer)?);
             }
@@ -334,6 +334,14 @@ fn place_sensor(
     if let (Some(node), false) = (part.node.get("time_offset"), clones.is_empty()) {
         let message = "a sensor that reads a past state cannot have a time offset; remove it here";
         return Err(node.error(message));
+    }
+    if let Role::Measurement(model) = &built.role
+        && model.observations() > 1
+        && !clones.is_empty()
+    {
+        let message = "a sensor with several observations of one time cannot read a past state, \
+                       which is cloned at each sample";
+        return Err(part.node.error(message));
     }
     let late = longest_lateness(part, &keys)?;
     // a simulated pseudo-measurement has samples

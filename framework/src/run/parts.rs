@@ -1,7 +1,7 @@
 //! The tables of a scenario that name a registered type: processes, sensors, sources and sinks.
 
-use crate::compose::keys::{ENABLED, SensorKeys, TABLE_KEYS, TYPE};
-use crate::document::{DocumentError, Node, did_you_mean};
+use crate::compose::keys::{ENABLED, SIMULATION, SensorKeys, TABLE_KEYS, TYPE};
+use crate::document::{DocumentError, Inside, Node, did_you_mean};
 use crate::plugin::{Entry, Kind, Registry};
 
 /// The keys that the framework takes from every table of a kind, beside the keys of its type.
@@ -19,7 +19,18 @@ pub(crate) struct Part<'a> {
 impl Part<'_> {
     /// The table without the keys of the framework.
     pub fn own_keys(&self) -> Node<'_> {
-        self.node.without(common_keys(self.entry.kind))
+        let node = self.node.without(common_keys(self.entry.kind));
+        match &self.entry.simulation_keys[..] {
+            [] => node,
+            keys => node.inside(Inside { key: SIMULATION, keys, others: false }),
+        }
+    }
+
+    /// The keys of the framework in the table of a sensor.
+    pub fn sensor_keys(&self) -> Node<'_> {
+        let keys = &self.entry.simulation_keys[..];
+        let node = self.node.only(SensorKeys::KEYS);
+        node.inside(Inside { key: SIMULATION, keys, others: true })
     }
 }
 

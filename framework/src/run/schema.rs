@@ -1,6 +1,6 @@
 //! The JSON Schema of scenarios, and the parameters of types as rows to print.
 
-use crate::compose::keys::{ENABLED, SensorKeys, TYPE};
+use crate::compose::keys::{ENABLED, SIMULATION, SensorKeys, TYPE};
 use crate::compose::settings::EstimatorConfig;
 use crate::plugin::{Entry, Kind, Registry};
 use schemars::{JsonSchema, SchemaGenerator};
@@ -126,6 +126,10 @@ fn entry_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
         && let Some(Value::Object(keys)) = policy.get("properties")
     {
         common.extend(keys.clone());
+        if let Some(extension) = own.pointer("/properties/simulation") {
+            let whole = extended(&common[SIMULATION], extension, definitions);
+            common.insert(SIMULATION.to_owned(), whole);
+        }
     }
     if let Some(properties) = own.get_mut("properties").and_then(Value::as_object_mut) {
         properties.extend(common);
@@ -133,6 +137,23 @@ fn entry_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
         own["properties"] = Value::Object(common);
     }
     own
+}
+
+/// The schema of the table `simulation` with the keys of the framework and those of a type.
+fn extended(common: &Value, own: &Value, definitions: &Map<String, Value>) -> Value {
+    let mut whole = resolve(common, definitions).clone();
+    let own = resolve(own, definitions);
+    let keys = |schema: &Value| schema.get("properties").and_then(Value::as_object).cloned();
+    let required = |schema: &Value| schema.get("required").and_then(Value::as_array).cloned();
+    let mut properties = keys(&whole).unwrap_or_default();
+    properties.extend(keys(own).unwrap_or_default());
+    whole["properties"] = Value::Object(properties);
+    let all = [required(&whole), required(own)].map(Option::unwrap_or_default).concat();
+    whole["required"] = Value::Array(all);
+    if let Some(text) = common.get("description") {
+        whole["description"] = text.clone();
+    }
+    whole
 }
 
 /// One parameter of a type.

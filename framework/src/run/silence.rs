@@ -73,7 +73,8 @@ impl SilenceMonitor {
         }
         let activity = &mut self.sensors[sample.sensor.0];
         let Some(last) = activity.last.replace(now) else { return };
-        if activity.usual.1 < Self::INTERVALS {
+        // several observations of one time have no interval
+        if activity.usual.1 < Self::INTERVALS && last < now {
             activity.usual = (activity.usual.0.max(now.since(last)), activity.usual.1 + 1);
         }
         if std::mem::take(&mut activity.lost) {

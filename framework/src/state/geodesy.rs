@@ -49,6 +49,17 @@ impl Geodetic {
 }
 
 impl<T: Real> Geodetic<T> {
+    /// The position in Earth-fixed axes, m: x through the equator at Greenwich, z through the north
+    /// pole (Groves eq. 2.112).
+    pub fn earth_fixed(&self) -> Vector3<T> {
+        let (_, r_e) = radii_of_curvature(self.latitude);
+        let ((sin, cos), (sin_lon, cos_lon)) = (self.latitude.sin_cos(), self.longitude.sin_cos());
+        let axis = (r_e + self.height) * cos;
+        let e2: T = convert(ECCENTRICITY_SQUARED);
+        let z = (r_e * (T::one() - e2) + self.height) * sin;
+        Vector3::new(axis * cos_lon, axis * sin_lon, z)
+    }
+
     /// The position displaced by north, east and down metres along the local tangent.
     pub fn displaced(&self, ned: &Vector3<T>) -> Self {
         let (r_n, r_e) = radii_of_curvature(self.latitude);

@@ -177,8 +177,13 @@ struct SensorStream<P: Piece> {
     kind: Simulated,
     /// Input models of the sensor.
     correction: Option<Arc<Correction>>,
-    /// Number of the next sample.
+    /// Number of the next time, and of the next observation of this time.
     count: i64,
+    observation: usize,
+    /// Largest number of observations of one time.
+    observations: usize,
+    /// Set if the samples of the current time are lost.
+    gone: bool,
     end: Time,
     schedule: Vec<Event>,
 }
@@ -207,6 +212,12 @@ impl<P: Piece> SensorStream<P> {
             correction: composition.sensors[index].correction.clone(),
             // an integrating sensor's first sample covers the first interval
             count: i64::from(matches!(kind, Simulated::Driving(_))),
+            observation: 0,
+            observations: match &kind {
+                Simulated::Measuring(model) => model.observations(),
+                Simulated::Driving(_) | Simulated::Reference(_) => 1,
+            },
+            gone: false,
             kind,
             end: Time::from_seconds(trajectory.duration()).unwrap_or(Time::MAX),
             schedule: Vec::new(),
@@ -256,7 +267,12 @@ impl<P: Piece> Source for SensorStream<P> {
             if to > self.end {
                 return Ok(false);
             }
-            self.count += 1;
+            let observation = self.observation;
+            self.observation += 1;
+            if self.observation >= self.observations {
+                self.observation = 0;
+                self.count += 1;
+            }
             *sample = Sample::empty(to, self.sensor);
             // a sample that lags holds the motion of an earlier time
             let (from, to) = match self.lag(to) {
@@ -274,6 +290,7 @@ impl<P: Piece> Source for SensorStream<P> {
                         trajectory: &mut self.path,
                         from,
                         to,
+                        observation,
                         noise,
                         outlier: 0.0,
                         random,
@@ -294,7 +311,10 @@ impl<P: Piece> Source for SensorStream<P> {
                 }
                 continue;
             }
-            if self.lost(sample.time) {
+            if observation == 0 {
+                self.gone = self.lost(sample.time);
+            }
+            if self.gone {
                 continue;
             }
             let motion = navfuse_core::model::motion::Trajectory::at(&mut self.path, to);
@@ -310,7 +330,17 @@ impl<P: Piece> Source for SensorStream<P> {
                     let (noise, random) = (faults.noise.value().si(), &mut self.random);
                     let (layout, truth, trajectory) = (&*self.layout, &*state, &mut self.path);
                     model.simulate(
-                        &mut Scene { layout, truth, trajectory, from, to, noise, outlier, random },
+                        &mut Scene {
+                            layout,
+                            truth,
+                            trajectory,
+                            from,
+                            to,
+                            observation,
+                            noise,
+                            outlier,
+                            random,
+                        },
                         sample,
                     );
                 }
