@@ -4,11 +4,13 @@ mod g_sensitivity;
 mod imu_errors;
 mod pseudoranges;
 mod receiver_clock;
+mod vessel_receiver;
 
 pub use g_sensitivity::GyroSensitivity;
 pub use imu_errors::ImuErrors;
 pub use pseudoranges::Pseudoranges;
 pub use receiver_clock::ReceiverClock;
+pub use vessel_receiver::VesselReceiver;
 
 use navfuse_core::prelude::*;
 
@@ -22,6 +24,7 @@ impl Plugin for AdvancedSensors {
         registry.process::<GyroSensitivity>();
         registry.process::<ReceiverClock>();
         registry.sensor::<Pseudoranges>();
+        registry.sensor::<VesselReceiver>();
     }
 
     navfuse_core::named_after_crate!();

@@ -192,3 +192,19 @@ fn a_type_extends_the_simulation_of_its_sensor() {
     let error = refused(&IMU.replace("rate = \"2 Hz\"", "rate = \"2 Hz\", mask = \"1 deg\""));
     assert!(error.contains("sensor.gnss.simulation.mask"), "other types do not have it: {error}");
 }
+
+#[test]
+fn a_preset_of_another_type_corrects_the_vehicle_as_that_type_does() {
+    let keys = "lever_arm = [\"-0.4 m\", \"0 m\", \"-6 m\"]\nvertical_noise = \"0.5 m\"\n";
+    let start = IMU.find("[sensor.gnss]").unwrap();
+    let (before, after) = IMU.split_at(start);
+    let plain = after.replacen("vertical_noise = \"1 m\"\nvelocity_noise = \"3 cm/s\"\n", keys, 1);
+    let preset = "[sensor.gnss]\ntype = \"vessel-receiver\"\nnoise = \"0.5 m\"\n";
+    let preset = preset.to_owned() + &after[after.find("simulation").unwrap()..];
+    let rows = [before.to_owned() + &plain, before.to_owned() + &preset].map(|text| {
+        let (finished, _) = judged(&registry(), &text, &[]);
+        assert!(finished.error.is_none(), "{:?}", finished.error);
+        finished.summary.rows.iter().map(|row| row.estimate.clone()).collect::<Vec<_>>()
+    });
+    assert_eq!(rows[0], rows[1]);
+}

@@ -131,6 +131,10 @@ impl AnyMeasurement for Correlated {
         self.inner.observations()
     }
 
+    fn keyframe(&self, sample: &Sample) -> bool {
+        self.inner.keyframe(sample)
+    }
+
     fn predict(&self, at: &At<'_>, out: &mut [f64]) {
         self.inner.predict(at, out);
         self.errors.iter().for_each(|&(c, error)| out[c] += at.state.get(at.layout, error));

@@ -10,6 +10,8 @@
 
 use super::filter::Ekf;
 use crate::model::record::Observer;
+use crate::model::sensor::Role;
+use crate::units::sample::Sample;
 
 impl Ekf {
     /// Returns `true` if the past that the sensor's model reads is there, or it reads none.
@@ -39,9 +41,13 @@ impl Ekf {
         }
     }
 
-    /// Forgets the past of a sensor, since the filter cannot use the sample at which the next one
-    /// begins.
-    pub(super) fn lose_past(&mut self, sensor: usize) {
+    /// Forgets the past of a sensor, if the filter cannot use a sample at which the next one begins.
+    pub(super) fn lose_past(&mut self, sample: &Sample) {
+        let sensor = sample.sensor.0;
+        let role = &self.composition.sensors[sensor].role;
+        if matches!(role, Role::Measurement(model) if !model.keyframe(sample)) {
+            return;
+        }
         let clones = self.memory.clones.iter_mut();
         clones.filter(|c| c.sensor == sensor).for_each(|c| c.taken = false);
     }

@@ -34,7 +34,7 @@ impl Ekf {
         let is_input = matches!(self.composition.sensors[index].role, Role::Input(_));
         if let Some(rejection) = self.refuse(sample, is_input) {
             self.reject(sample, rejection, observer);
-            self.lose_past(index);
+            self.lose_past(sample);
             return Ok(());
         }
         self.memory.sensors[index].take(sample);
@@ -290,7 +290,7 @@ impl Ekf {
             Role::Measurement(_) if !self.running() => Ok(()),
             Role::Measurement(_) if sample.time < self.memory.state.time => {
                 self.reject(sample, Rejection::Late, observer);
-                self.lose_past(sample.sensor.0);
+                self.lose_past(sample);
                 Ok(())
             }
             Role::Measurement(model) => {
@@ -299,7 +299,9 @@ impl Ekf {
                 if self.has_past(sample.sensor.0) {
                     self.correct(&completed, model.as_ref(), observer)?;
                 }
-                self.take_past(sample.sensor.0, observer);
+                if model.keyframe(&completed) {
+                    self.take_past(sample.sensor.0, observer);
+                }
                 self.detect(sample, observer)
             }
         }

@@ -51,6 +51,12 @@ pub trait MeasurementModel<const N: usize>: Send + 'static {
         1
     }
 
+    /// Returns `true` if a past state is taken at this sample. Default: at every sample. Odometry that
+    /// measures from keyframes names them, such as by a channel.
+    fn keyframe(&self, _sample: &Sample) -> bool {
+        true
+    }
+
     /// `z [-] h(x)` of one channel. Default: the difference. A model of an angle wraps it into
     /// +-pi.
     fn difference(&self, _channel: usize, measured: f64, predicted: f64) -> f64 {
@@ -126,6 +132,10 @@ pub trait AnyMeasurement: Send {
     fn observations(&self) -> usize {
         1
     }
+    /// Returns `true` if a past state is taken at the sample.
+    fn keyframe(&self, _sample: &Sample) -> bool {
+        true
+    }
     /// Computes `h(x)` into `out`.
     fn predict(&self, at: &At<'_>, out: &mut [f64]);
     /// Computes `R`, row-major, into `out`.
@@ -185,6 +195,10 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
 
     fn observations(&self) -> usize {
         self.0.observations()
+    }
+
+    fn keyframe(&self, sample: &Sample) -> bool {
+        self.0.keyframe(sample)
     }
 
     fn predict(&self, at: &At<'_>, out: &mut [f64]) {

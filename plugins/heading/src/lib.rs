@@ -30,11 +30,13 @@ impl Plugin for HeadingPlugin {
     }
 }
 
+// ANCHOR: short_way
 /// Difference of two angles within +-pi: 359 deg and 1 deg differ by 2 deg.
 fn short_way(measured: f64, predicted: f64) -> f64 {
     let difference = measured - predicted;
     difference - TAU * (difference / TAU).round()
 }
+// ANCHOR_END: short_way
 
 #[cfg(test)]
 mod tests {

@@ -66,7 +66,9 @@ impl MeasurementModel<1> for MagneticHeadingModel {
         SMatrix::from_element(self.sigma * self.sigma)
     }
 
+    // ANCHOR: difference
     fn difference(&self, _: usize, measured: f64, predicted: f64) -> f64 {
         short_way(measured, predicted)
     }
+    // ANCHOR_END: difference
 }

@@ -349,8 +349,10 @@ impl<P: Piece> Source for SensorStream<P> {
             }
             // a sensor that has lost all channels gives no sample
             if sample.present() != 0 && self.injector.apply(sample) {
-                // the next sample begins at the truth of this one
-                self.layout.copy_past(&self.clones, &mut self.truth.state.values);
+                // the next sample begins at the truth of this one, if it is a keyframe
+                if !matches!(&self.kind, Simulated::Measuring(m) if !m.keyframe(sample)) {
+                    self.layout.copy_past(&self.clones, &mut self.truth.state.values);
+                }
                 return Ok(true);
             }
         }

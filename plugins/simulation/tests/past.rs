@@ -8,6 +8,7 @@ use navfuse_core::nalgebra::Matrix2;
 use navfuse_core::prelude::*;
 use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::units::Time as Duration;
 use navfuse_ins::Navigation;
 use navfuse_testing::judge::{Judge, judged};
 
@@ -20,6 +21,8 @@ struct VisualOdometry {
     translation: Sigma<Length>,
     /// 1-sigma noise of the rotation.
     rotation: Sigma<Angle>,
+    /// Time between keyframes, from which the camera measures. Default: every image.
+    keyframes: Option<Positive<Duration>>,
 }
 
 struct Relative(VisualOdometry, Navigation, Past<Rotation>, Past<Position>);
@@ -45,6 +48,10 @@ impl MeasurementModel<6> for Relative {
         let turned = back * x.get(self.1.attitude); // of a small turn: C - C' = 2 [turn x]
         let sine = |i, j| (turned[(i, j)] - turned[(j, i)]) * convert::<f64, T>(0.5);
         SVector::from([moved.x, moved.y, moved.z, sine(2, 1), sine(0, 2), sine(1, 0)])
+    }
+    fn keyframe(&self, sample: &Sample) -> bool {
+        let every = self.0.keyframes.map_or(0.0, |time| time.value().si());
+        every == 0.0 || (sample.time.seconds() / every).fract() == 0.0
     }
     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 6, 6> {
         let (t, r) = (self.0.translation.value().si(), self.0.rotation.value().si());
@@ -257,6 +264,22 @@ fn visual_odometry_with_past_poses_is_consistent() {
     let camera = &finished.summary.samples["camera"];
     assert_eq!((&camera["read"], &camera["accepted"]), (&241.into(), &235.into()), "{camera}");
     assert_eq!(judge.nis.len(), 235);
+}
+
+/// Four images measure from each keyframe. The bands are those of the test above, with 30 * 235
+/// updates as there.
+#[test]
+fn visual_odometry_from_keyframes_is_consistent() {
+    let text = CAMERA.replace("[sensor.camera]", "[sensor.camera]\nkeyframes = \"1 s\"");
+    let [anees, anis] = consistency(&text, 30, (15, 6));
+    println!("ANEES {anees:.3}, ANIS {anis:.4}");
+    assert!((anees - 1.0).abs() < 0.22, "{anees}");
+    assert!((anis - 1.0).abs() < 0.023, "{anis}");
+    // images between keyframes that the filter does not use cost nothing else
+    let exclude = "sensor.camera.exclude=[[\"30.1 s\", \"30.9 s\"]]".to_owned();
+    let (finished, _) = run(&text, &[exclude]);
+    let camera = &finished.summary.samples["camera"];
+    assert_eq!((&camera["accepted"], &camera["excluded"]), (&232.into(), &3.into()), "{camera}");
 }
 
 #[test]
