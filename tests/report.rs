@@ -250,57 +250,100 @@ fn chromium() -> Option<PathBuf> {
         .find(|p| p.is_file())
 }
 
-/// A browser renders the page without a network. An added script counts the drawings: every drawing
-/// has a size, no text of the page is wider than the window, and nothing was loaded.
-#[test]
-fn a_browser_opens_the_page_offline_and_draws_every_figure() {
+/// What a browser without a network finds in a page: the title that a script in its head sets.
+/// `None` where there is no Chromium.
+fn probed(folder: &Path, page: &str, script: &str) -> Option<String> {
     let Some(chromium) = chromium() else {
         println!("skipped: there is no Chromium here; install one to have the page opened in it");
-        return;
+        return None;
     };
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("report.html");
-    let short = ["--set", "estimator.stop=200 s"];
-    let output = command()
-        .arg("report")
-        .arg(scenario("quickstart"))
-        .args(short)
-        .arg("--out")
-        .arg(&path)
-        .output();
-    assert!(output.is_ok_and(|o| o.status.success()));
-    let count = "<script>window.onerror = e => { document.title = 'error ' + e };\
-        addEventListener('load', () => {\
-        document.querySelectorAll('details').forEach(d => d.open = true);\
-        const drawn = [...document.querySelectorAll('figure svg')]\
-            .filter(s => s.getBoundingClientRect().height > 50);\
-        const wide = document.documentElement.scrollWidth > innerWidth;\
-        const loaded = performance.getEntriesByType('resource').length;\
-        document.title = `drawn ${drawn.length} wide ${wide} loaded ${loaded}`; });\
-        </script></head>";
-    let page = read(&path);
-    let figures = page.matches("<figure").count();
-    let probed = folder.path().join("probed.html");
-    std::fs::write(&probed, page.replacen("</head>", count, 1)).expect("the test can write");
-    let profile = format!("--user-data-dir={}", folder.path().join("profile").display());
-    let offline = "--host-resolver-rules=MAP * ~NOTFOUND";
+    let script = format!(
+        "<script>window.onerror = e => {{ document.title = 'error ' + e }};\
+         addEventListener('load', () => {{ {script} }});</script></head>"
+    );
+    let probed = folder.join("probed.html");
+    std::fs::write(&probed, page.replacen("</head>", &script, 1)).expect("the test can write");
     let headless = [
         "--headless",
         "--no-sandbox",
         "--disable-gpu",
         "--window-size=1000,1200",
         "--dump-dom",
-        offline,
+        "--host-resolver-rules=MAP * ~NOTFOUND",
     ];
-    let url = format!("file://{}", probed.display());
     let output = Command::new(chromium)
         .args(headless)
-        .arg(profile)
-        .arg(url)
+        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
+        .arg(format!("file://{}", probed.display()))
         .output()
         .expect("Chromium starts");
     let dom = stdout(&output);
     let from = dom.find("<title>").unwrap_or_else(|| panic!("no page: {}", stderr(&output)));
     let title = &dom[from + 7..from + dom[from..].find("</title>").expect("a title ends")];
+    Some(title.to_owned())
+}
+
+/// The page of a short run.
+fn short_page(folder: &Path) -> String {
+    let path = folder.join("report.html");
+    let mut report = command();
+    report.arg("report").arg(scenario("quickstart")).args(["--set", "estimator.stop=200 s"]);
+    assert!(report.arg("--out").arg(&path).output().is_ok_and(|o| o.status.success()));
+    read(&path)
+}
+
+/// Every drawing has a size, no text of the page is wider than the window, and nothing was loaded.
+#[test]
+fn a_browser_opens_the_page_offline_and_draws_every_figure() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = short_page(folder.path());
+    let count = "document.querySelectorAll('details').forEach(d => d.open = true);\
+        const drawn = [...document.querySelectorAll('figure svg')]\
+            .filter(s => s.getBoundingClientRect().height > 50);\
+        const wide = document.documentElement.scrollWidth > innerWidth;\
+        const loaded = performance.getEntriesByType('resource').length;\
+        document.title = `drawn ${drawn.length} wide ${wide} loaded ${loaded}`;";
+    let Some(title) = probed(folder.path(), &page, count) else { return };
+    let figures = page.matches("<figure").count();
     assert_eq!(title, format!("drawn {figures} wide false loaded 0"));
+}
+
+/// The second plot of the trajectory shows time and height: the pointer over it, a part of it
+/// enlarged, the same value there, and the whole plot again.
+#[test]
+fn the_pointer_shows_values_and_a_drag_enlarges_a_plot() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = short_page(folder.path());
+    let script = "const svg = document.querySelector('#trajectory svg');\
+        const plot = JSON.parse(svg.dataset.plots)[1];\
+        const [left, top, wide, high] = plot.at;\
+        const pixel = t => left + (t - plot.x.low) / (plot.x.high - plot.x.low) * wide;\
+        const send = (type, x) => {\
+            const p = new DOMPoint(x, top + high / 2).matrixTransform(svg.getScreenCTM());\
+            svg.dispatchEvent(new PointerEvent(type, { clientX: p.x, clientY: p.y, button: 0,\
+                bubbles: true, pointerType: 'mouse' })); };\
+        const tip = () => document.querySelector('.tip').textContent.split('\\n')\
+            .map(line => Number(line.split(': ')[1]));\
+        send('pointermove', pixel(100));\
+        const first = tip();\
+        send('pointerdown', pixel(80));\
+        send('pointermove', pixel(120));\
+        send('pointerup', pixel(120));\
+        send('pointermove', left + wide / 2);\
+        const second = tip();\
+        send('pointermove', 0);\
+        send('dblclick', pixel(100));\
+        const ticks = svg.querySelectorAll('g').length;\
+        document.title = JSON.stringify([first, second, ticks]);";
+    let Some(title) = probed(folder.path(), &page, script) else { return };
+    let values: serde_json::Value =
+        serde_json::from_str(&title).unwrap_or_else(|_| panic!("{title}"));
+    let number = |a: usize, b: usize| values[a][b].as_f64().unwrap_or_else(|| panic!("{title}"));
+    // time, truth and estimate; 200 s are 1500 units, and 40 s enlarged as many
+    assert!((number(0, 0) - 100.0).abs() < 0.5 && (number(1, 0) - 100.0).abs() < 0.1, "{title}");
+    for k in [1, 2] {
+        let (a, b) = (number(0, k), number(1, k));
+        assert!((a - b).abs() <= 0.02 * (a.abs() + b.abs()) + 0.05, "{title}");
+    }
+    assert_eq!(values[2], 0, "the ticks of the part are gone");
 }

@@ -9,6 +9,7 @@ pub use crate::model::error::ComposeError;
 pub use crate::model::input::InputModel;
 pub use crate::model::measurement::{Jacobian, MeasurementModel};
 pub use crate::model::motion::Motion;
+pub use crate::model::mounting::Mounting;
 pub use crate::model::process::{BuiltProcess, Interval, OwnDynamics, ProcessError, ProcessModel};
 pub use crate::model::sensor::Role;
 pub use crate::model::simulate::Scene;

@@ -37,7 +37,7 @@ pub struct Export {
     /// UTC of the run's zero; without it, times of the run count from 1970, as in ROS 2
     #[arg(long, value_name = "DATE")]
     pub origin: Option<Date>,
-    /// Axes of tum and kitti
+    /// Axes of csv, parquet, tum and kitti
     #[arg(long, value_enum, default_value = "ned")]
     pub axes: ToAxes,
 }
@@ -65,13 +65,22 @@ pub enum To {
     Parquet,
 }
 
-/// Axes of a local trajectory.
+/// Axes of vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ToAxes {
-    /// North, east, down; body forward, right, down
+    /// North, east, down; the body of a trajectory forward, right, down
     Ned,
-    /// East, north, up; body forward, left, up
+    /// East, north, up; the body of a trajectory forward, left, up
     Enu,
+}
+
+impl ToAxes {
+    fn axes(self) -> Axes {
+        match self {
+            Self::Ned => Axes::Ned,
+            Self::Enu => Axes::Enu,
+        }
+    }
 }
 
 /// The writer of a format.
@@ -100,10 +109,10 @@ impl To {
 pub fn export(registry: &Registry, arguments: &Export) -> Result<ExitCode> {
     let (log, stop) = (&arguments.log, stop_on_signal());
     std::fs::File::open(log).map_err(missing_log(log))?;
-    let axes = arguments.axes != ToAxes::Ned;
-    let uses_axes = matches!(arguments.to, To::Tum | To::Kitti);
-    if axes && !uses_axes {
-        return Err(CommandError::argument("--axes", "only tum and kitti have axes"));
+    let uses_axes = matches!(arguments.to, To::Tum | To::Kitti | To::Csv | To::Parquet);
+    if arguments.axes != ToAxes::Ned && !uses_axes {
+        let message = "only csv, parquet, tum and kitti have axes";
+        return Err(CommandError::argument("--axes", message));
     }
     match arguments.to.writer() {
         Writer::Track(format) => {
@@ -148,13 +157,9 @@ fn place(arguments: &Export, extension: &str) -> Result<PathBuf> {
 /// Writes a trajectory from the estimates in the log.
 fn track(arguments: &Export, format: Format, file: &Path, stop: &AtomicBool) -> Result<ExitCode> {
     let log = &arguments.log;
-    let axes = match arguments.axes {
-        ToAxes::Ned => Axes::Ned,
-        ToAxes::Enu => Axes::Enu,
-    };
     let origin = arguments.origin.map_or(0, |date| date.nanos);
     let name = navfuse_mcap::read_scenario(log)?.name;
-    let options = Options { name, axes, clock: UtcClock { origin } };
+    let options = Options { name, axes: arguments.axes.axes(), clock: UtcClock { origin } };
     let bar = Bar::new(true);
     let exported = navfuse_export::export(log, format, file, &options, |read| {
         bar.log(read);
@@ -180,7 +185,8 @@ fn table(
     let (document, settings) = document_of(&arguments.log)?;
     let scenario = Scenario::new(registry, document, &settings)?;
     let mut assembly = scenario.assemble(None)?;
-    assembly.sinks.push(("export".to_owned(), Box::new(TableSink::new(file, format))));
+    let sink = TableSink::new(file, format, arguments.axes.axes());
+    assembly.sinks.push(("export".to_owned(), Box::new(sink)));
     let bar = Bar::new(true);
     let mut finished = runner::run(assembly, stop, |progress| bar.run(progress));
     bar.done();

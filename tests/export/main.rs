@@ -122,6 +122,49 @@ fn the_covariance_in_the_table_belongs_to_the_sigma_beside_it() {
 }
 
 #[test]
+fn a_table_in_east_north_up_has_the_numbers_of_the_one_in_north_east_down() {
+    let run = run();
+    let other = run.log.with_file_name("enu.csv").display().to_string();
+    let (ned_header, ned) = csv(&run.export("csv", &[]));
+    let (header, enu) = csv(&run.export("csv", &["--axes", "enu", "--out", &other]));
+    assert_eq!((ned.len(), ned_header.len()), (enu.len(), header.len()));
+    assert!(header.iter().all(|name| !name.contains("down")), "{header:?}");
+    let ned_column = |name: &str| ned_header.iter().position(|h| h == name);
+    let mut turned = 0;
+    for (k, name) in header.iter().enumerate() {
+        // the same column of the other table; of a covariance, its two components may be exchanged
+        let old = name.replace(".up", ".down");
+        let exchanged = old.split_once("_cov").and_then(|(pair, unit)| {
+            let (a, b) = pair.split_once('*')?;
+            let unit = unit.strip_prefix('_').unwrap_or("");
+            let unit = unit.split_once('*').map_or(unit.to_owned(), |(a, b)| format!("{b}*{a}"));
+            let mark = if unit.is_empty() { "" } else { "_" };
+            Some(format!("{b}*{a}_cov{mark}{unit}"))
+        });
+        let column = ned_column(&old).or_else(|| ned_column(&exchanged?));
+        let column = column.unwrap_or_else(|| panic!("no {old}"));
+        let ups = name.matches(".up").count();
+        let sign = if ups == 1 && !name.contains("_sigma") { -1.0 } else { 1.0 };
+        turned += usize::from(sign < 0.0);
+        for (a, b) in enu.iter().zip(&ned) {
+            // the order of the sum of a covariance may differ: both have 17 digits
+            let (a, b) = (a[k], sign * b[column]);
+            let close = (a - b).abs() <= 1e-14 * (a.abs() + b.abs()) + 1e-30;
+            assert!(close || (a.is_nan() && b.is_nan()), "{name}: {a} {b}");
+        }
+    }
+    // estimate and error of the velocity, the error of the position, and their covariances
+    assert!(turned > 20, "{turned}");
+    let log = run.log.display().to_string();
+    let out = run.log.with_file_name("run").display().to_string();
+    let set = "sink.csv={ covariance = true, axes = \"enu\" }";
+    let output = navfuse(&["replay", &log, "--out", &out, "--set", set]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let of_run = text(&Path::new(&out).join("estimate.csv"));
+    assert!(of_run == text(Path::new(&other)), "the table of the run differs from the export");
+}
+
+#[test]
 fn every_format_has_a_row_for_each_epoch() {
     let run = run();
     let rows = csv(&run.export("csv", &[])).1.len();
@@ -182,7 +225,7 @@ fn what_cannot_be_exported_is_an_error_with_a_remedy_and_leaves_no_file() {
         stderr(&output)
     };
     let said = refused(&[&log, "--to", "gpx", "--axes", "enu"]);
-    assert!(said.contains("--axes: only tum and kitti have axes"), "{said}");
+    assert!(said.contains("--axes: only csv, parquet, tum and kitti have axes"), "{said}");
     let said = refused(&[&log, "--to", "gpx", "--output", &log]);
     assert!(said.contains("it is the log itself; give another file with --out"), "{said}");
     let said = refused(&[&log, "--to", "gpx", "--origin", "yesterday"]);

@@ -3,6 +3,7 @@
 use crate::model::detector::Detector;
 use crate::model::drawing::Drawing;
 use crate::model::error::ComposeError;
+use crate::model::mounting::Mounting;
 use crate::model::sensor::Role;
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::state::covariance::{InputSlot, Transition};
@@ -33,6 +34,7 @@ pub struct Composer {
     /// Places of the effect of driving sensors: the sensor, and the number of the place.
     input_places: Vec<(String, usize)>,
     drawing: Option<Drawing>,
+    mounting: Mounting,
     folder: PathBuf,
 }
 
@@ -190,6 +192,16 @@ impl Composer {
         self.layout.blocks.iter().position(|b| b.name == full && b.operations.kind == kind)
     }
 
+    /// States the place and the axes of the sensor that is being composed. Default: at the origin of
+    /// the body, with its axes.
+    pub fn mounted(&mut self, mounting: Mounting) {
+        self.mounting = mounting;
+    }
+
+    pub(crate) fn take_mounting(&mut self) -> Mounting {
+        std::mem::take(&mut self.mounting)
+    }
+
     /// Finds the block of that full name, such as `ins.velocity`; `key` is the parameter that names
     /// its owner.
     ///
@@ -240,6 +252,7 @@ impl Composer {
             channels: channels.to_vec(),
             purpose: Purpose::Measurement,
             drawing: Drawing::default(),
+            mounting: Mounting::default(),
         };
         self.constraints.push((self.owner.clone(), (info, Role::measurement(model))));
     }

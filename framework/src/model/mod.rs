@@ -14,6 +14,7 @@ pub mod limits;
 pub mod measurement;
 pub mod monitor;
 pub mod motion;
+pub mod mounting;
 pub mod process;
 mod process_error;
 pub mod record;

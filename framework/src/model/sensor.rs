@@ -8,6 +8,7 @@ use crate::model::input::Correction;
 use crate::model::limits::Limit;
 use crate::model::measurement::AnyMeasurement;
 use crate::model::motion::Motion;
+use crate::model::mounting::Mounting;
 use crate::model::robust::Robust;
 use crate::model::simulate::{Faults, Simulate};
 use crate::model::update_rule::UpdateRule;
@@ -31,6 +32,8 @@ pub struct SensorInfo {
     pub purpose: Purpose,
     /// Geometry on the vehicle.
     pub drawing: Drawing,
+    /// Place and axes on the vehicle.
+    pub mounting: Mounting,
 }
 
 /// Purpose of a sensor.

@@ -11,6 +11,7 @@ use crate::smooth::Smoother;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
+use std::panic::resume_unwind;
 
 /// Warnings that a run keeps in memory; the sinks receive all of them.
 const WARNINGS: usize = 1000;
@@ -127,13 +128,12 @@ impl Outputs {
         verdict
     }
 
-    /// Closes the open sinks and returns the places that they wrote to.
+    /// Closes the open sinks, all at the same time, and returns the places that they wrote to.
     pub(crate) fn close(&mut self, time: Time) -> Vec<Recorded> {
         let mut recorded = Vec::new();
-        for output in self.sinks.iter_mut().filter(|o| o.open) {
-            output.open = false;
-            let sink = output.name.clone();
-            match output.sink.finish() {
+        let open: Vec<&mut Output> = self.sinks.iter_mut().filter(|o| o.open).collect();
+        for (sink, finished) in finish(open) {
+            match finished {
                 Ok(place) => recorded.extend(place.map(|place| Recorded { sink, place })),
                 Err(error) => {
                     let (level, text) = (Level::Error, error.to_string());
@@ -148,6 +148,27 @@ impl Outputs {
     pub(crate) fn into_parts(self) -> (Vec<Event>, Vec<NamedSink>) {
         (self.events, self.sinks.into_iter().map(|o| (o.name, o.sink)).collect())
     }
+}
+
+/// The name of a sink, and the place that it wrote to.
+type Closed = (String, Result<Option<String>, StreamError>);
+
+/// Completes sinks, each in a thread of its own where there are several: one compresses while
+/// another waits for the disk.
+fn finish(sinks: Vec<&mut Output>) -> Vec<Closed> {
+    let close = |output: &mut Output| {
+        output.open = false;
+        (output.name.clone(), output.sink.finish())
+    };
+    if sinks.len() < 2 {
+        return sinks.into_iter().map(close).collect();
+    }
+    std::thread::scope(|scope| {
+        let threads: Vec<_> =
+            sinks.into_iter().map(|output| scope.spawn(move || close(output))).collect();
+        // a sink that panics ends the run, as it would without a thread
+        threads.into_iter().map(|t| t.join().unwrap_or_else(|p| resume_unwind(p))).collect()
+    })
 }
 
 impl Observer for Outputs {

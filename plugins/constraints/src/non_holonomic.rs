@@ -74,6 +74,7 @@ impl SensorType for NonHolonomic {
             lever_arm,
             sigma: [self.lateral_noise.value().si(), self.vertical_noise.value().si()],
         };
+        composer.mounted(Mounting::at(lever_arm).pointed(model.pitch, model.yaw));
         let period = 1.0 / self.rate.value().si();
         composer.detected_by(Periodic { period, next: Time::MIN });
         Ok(Role::measurement(model))

@@ -24,7 +24,7 @@ mod tail;
 mod time;
 
 pub use bounded::beginning;
-pub use columns::EstimateColumns;
+pub use columns::{Axes, EstimateColumns};
 pub use config::Csv;
 pub use sink::CsvSink;
 pub use table::Table;

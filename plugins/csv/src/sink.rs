@@ -4,8 +4,9 @@
 //! estimate, its 1-sigma and, where the scenario has a truth or a reference, the estimate minus the
 //! truth: `dvl.misalignment.yaw_deg`, `dvl.misalignment.yaw_sigma_deg`,
 //! `dvl.misalignment.yaw_error_deg`. The units are those of the summary. A position is latitude,
-//! longitude and height; its sigma and error are north, east and down in metres. The cell of an
-//! error is empty where no truth is known. With `covariance = true`, columns such as
+//! longitude and height; its sigma and error are north, east and down in metres. With `axes = "enu"`
+//! these, and all vectors along north, east and down, are east, north and up. The cell of an error is
+//! empty where no truth is known. With `covariance = true`, columns such as
 //! `ins.attitude.yaw*ins.velocity.north_cov_deg*mps` follow, one for each pair of components: see
 //! [`EstimateColumns`].
 //!
@@ -15,7 +16,7 @@
 //! the innovation and its 1-sigma in SI: `dvl.vel_x_mps`, `dvl.vel_x_sigma_mps`. Cells that do not
 //! apply are empty.
 
-use crate::columns::{EstimateColumns, ending};
+use crate::columns::{Axes, EstimateColumns, ending};
 use crate::table::Table;
 use navfuse_core::model::record::{Epoch, Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
@@ -38,6 +39,10 @@ pub struct CsvSink {
     /// Adds the covariance of all components to estimate.csv. Default: false.
     #[serde(default)]
     pub covariance: bool,
+    /// Axes of vectors along north, east and down, such as the velocity and the error of the position:
+    /// `ned` (default), or `enu` for east, north, up. Angles stay as they are.
+    #[serde(default)]
+    pub axes: Axes,
 }
 
 impl SinkType for CsvSink {
@@ -56,6 +61,7 @@ impl SinkType for CsvSink {
             innovations,
             columns: EstimateColumns::default(),
             covariance: self.covariance,
+            axes: self.axes,
             sensors: Vec::new(),
             width: 0,
         }))
@@ -69,6 +75,7 @@ struct Tables {
     columns: EstimateColumns,
     /// Set if the table of the estimates has the covariance.
     covariance: bool,
+    axes: Axes,
     /// The sensors; a measuring one with the index of its first channel among all channels.
     sensors: Vec<(SensorInfo, Option<usize>)>,
     /// Number of channels of all measuring sensors.
@@ -102,7 +109,7 @@ impl Tables {
 
 impl Sink for Tables {
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
-        self.columns = EstimateColumns::new(run, self.covariance);
+        self.columns = EstimateColumns::new(run, self.covariance, self.axes);
         self.estimate.row(self.columns.headings().iter().map(String::as_str))?;
         self.innovations_header(&run.sensors)
     }

@@ -10,6 +10,7 @@ use navfuse_core::compose::calibration::{LengthBias, LeverArm};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::limits::Limit;
 use navfuse_core::model::measurement::{Jacobian, MeasurementModel};
+use navfuse_core::model::mounting::Mounting;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector};
 use navfuse_core::plugin::{Need, Plugin, Registry, SensorType};
@@ -52,7 +53,7 @@ impl SensorType for Depth {
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
-        Ok(Role::measurement(DepthModel {
+        let model = DepthModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
             bias: self.bias.block(composer, "bias", &[0.0], display::LENGTH)?,
             lever_arm: self.lever_arm.block(
@@ -62,7 +63,9 @@ impl SensorType for Depth {
                 display::LEVER_ARM,
             )?,
             sigma: self.noise.value().si(),
-        }))
+        };
+        composer.mounted(Mounting::at(model.lever_arm));
+        Ok(Role::measurement(model))
     }
 }
 

@@ -5,6 +5,7 @@ use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
 use navfuse_core::model::drawing::Drawing;
 use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::mounting;
 use navfuse_core::nalgebra::Vector3;
 use navfuse_core::state::display;
 use navfuse_core::state::manifold::{Rotation, Scalar, Vector};
@@ -67,6 +68,7 @@ impl Mounting<'_> {
                 self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
             ),
         };
+        composer.mounted(mounting::Mounting::at(lever_arm).turned(c_b_d));
         Ok(Instrument { navigation, scale, c_b_d, lever_arm, current })
     }
 

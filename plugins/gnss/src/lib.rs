@@ -14,6 +14,7 @@ use navfuse_core::compose::calibration::{Calibration, LeverArm};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::limits::Limit;
 use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::mounting::Mounting;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Scene;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
@@ -105,6 +106,7 @@ impl SensorType for Gnss {
             velocity: self.velocity_noise.map_or_else(Vector3::zeros, |noise| noise.value().si()),
             accuracy_factor: self.accuracy_factor.value().si(),
         };
+        composer.mounted(Mounting::at(model.lever_arm));
         Ok(match self.velocity_noise {
             Some(_) => Role::measurement::<_, 6>(model),
             None => Role::measurement::<_, 3>(model),

@@ -41,12 +41,14 @@ impl SensorType for DualAntenna {
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let heading = self.noise.value().si();
         let elevation = self.elevation_noise.map_or(2.0 * heading, |noise| noise.value().si());
-        Ok(Role::measurement(DualAntennaModel {
+        let model = DualAntennaModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
             azimuth: self.azimuth.block(composer, "azimuth", &[0.0], ANGLE)?,
             elevation: self.elevation.block(composer, "elevation", &[0.0], ANGLE)?,
             sigma: [heading, elevation],
-        }))
+        };
+        composer.mounted(Mounting::default().pointed(model.elevation, model.azimuth));
+        Ok(Role::measurement(model))
     }
 }
 

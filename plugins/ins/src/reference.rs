@@ -7,6 +7,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use navfuse_core::compose::Composer;
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::motion::Motion;
+use navfuse_core::model::mounting::Mounting;
 use navfuse_core::model::sensor::{Reference, Role};
 use navfuse_core::plugin::SensorType;
 use navfuse_core::state::geodesy::Geodetic;
@@ -60,6 +61,7 @@ impl SensorType for ReferenceSolution {
             found => found.ok(),
         };
         let lever_arm = self.lever_arm.map_or_else(Vector3::zeros, |l| l.si());
+        composer.mounted(Mounting::at_constant(lever_arm));
         Ok(Role::Reference(Arc::new(ReferenceModel { navigation, lever_arm })))
     }
 }

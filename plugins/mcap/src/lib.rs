@@ -12,11 +12,14 @@
 //! | `/state/OWNER/BLOCK` | `navfuse_msgs/BlockState` | every block at every epoch in its display unit: estimate, 1-sigma, and error where the truth is known |
 //! | `/estimate/odometry` | `nav_msgs/Odometry` | pose of `base_link_frd` in `ned`, velocity in body axes, covariances |
 //! | `/estimate/fix` | `sensor_msgs/NavSatFix` | geodetic position and its covariance (east, north, up, as that message requires) |
-//! | `/tf` | `tf2_msgs/TFMessage` | `ned` to `base_link_frd` |
+//! | `/tf` | `tf2_msgs/TFMessage` | `base_link_frd` in `ned`, and the frames of the sensors whose mounting the filter estimates |
+//! | `/tf_static` | `tf2_msgs/TFMessage` | `ned` in `map`, `base_link` and the frames of the other sensors in `base_link_frd`; once |
 //! | `/log` | `rcl_interfaces/Log` | events |
 //!
 //! **Frames.** `ned` is north, east, down in the tangent plane at the position of the first epoch.
-//! `base_link_frd` is the body, forward, right, down, at the point whose position is estimated. The
+//! `base_link_frd` is the body, forward, right, down, at the point whose position is estimated. `map`
+//! is `ned` with the axes east, north, up, and `base_link` is the body with the axes forward, left,
+//! up, as RViz expects them. The frame of a sensor has the sensor's name, its place and its axes. The
 //! orientation refers to north, east and down at the body. The odometry has no angular rate: the
 //! first element of the covariance of the angular rate is -1.
 //!
@@ -40,6 +43,11 @@
 //!
 //! The same run gives the same bytes. A log that was cut off is read up to the cut.
 
+mod background;
+mod chunk;
+mod file;
+mod format;
+mod frames;
 mod log;
 mod message;
 mod reader;

@@ -19,7 +19,7 @@ pub const VERDICT_ENTRY: &str = "json";
 pub const SCENARIO: &str = "scenario.toml";
 
 /// Length in bytes above which a record counts as damaged, also one that a few bytes unpack to.
-/// navfuse writes chunks of 1 MiB; a buffer grows to twice the length of a record.
+/// navfuse writes chunks of half a MiB; a buffer grows to twice the length of a record.
 const LONGEST_RECORD: usize = 1 << 26;
 /// Size in bytes of one read.
 const BLOCK: usize = 1 << 16;
@@ -36,6 +36,12 @@ pub enum StreamFailure {
     /// The message cannot be encoded.
     #[error(transparent)]
     Content(#[from] StreamError),
+}
+
+impl From<std::io::Error> for StreamFailure {
+    fn from(error: std::io::Error) -> Self {
+        Self::Io(error)
+    }
 }
 
 impl From<McapError> for StreamFailure {

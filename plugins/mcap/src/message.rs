@@ -1,5 +1,6 @@
 //! The messages of the log in CDR, little-endian. [`crate::schema`] has their definitions.
 
+use crate::frames::Link;
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
 use navfuse_core::model::record::{Event, Level, Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::stream::StreamError;
@@ -50,13 +51,12 @@ impl Stamp {
     }
 }
 
-/// Writes one message into a reusable buffer.
+/// Appends one message to a buffer.
 pub struct Encoder<'a>(CdrWriter<'a, LittleEndian>);
 
 impl<'a> Encoder<'a> {
     /// Begins a message.
     pub fn new(buffer: &'a mut Vec<u8>) -> Self {
-        buffer.clear();
         buffer.extend_from_slice(&[0, 1, 0, 0]); // plain CDR, little-endian
         Self(CdrWriter::new(buffer))
     }
@@ -151,13 +151,15 @@ impl<'a> Encoder<'a> {
         self.numbers(covariance.transpose().as_slice());
     }
 
-    /// `tf2_msgs/TFMessage`: [`BODY_FRAME`] in [`FIXED_FRAME`].
-    pub fn transform(mut self, stamp: Stamp, pose: &Pose) {
-        self.0.write_sequence_length(1);
-        self.header(stamp, FIXED_FRAME);
-        self.0.write_string(BODY_FRAME);
-        self.numbers(pose.position.as_slice());
-        self.quaternion(&pose.attitude);
+    /// `tf2_msgs/TFMessage`.
+    pub fn transforms<'l>(mut self, stamp: Stamp, links: impl Iterator<Item = Link<'l>> + Clone) {
+        self.0.write_sequence_length(links.clone().count());
+        for link in links {
+            self.header(stamp, link.parent);
+            self.0.write_string(link.child);
+            self.numbers(link.translation.as_slice());
+            self.quaternion(&link.rotation);
+        }
     }
 
     /// `navfuse_msgs/BlockState`.

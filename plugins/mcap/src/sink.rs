@@ -1,11 +1,11 @@
 //! The sink: every sample, estimate, innovation and event of a run in one MCAP file.
 
+use crate::background::Background;
+use crate::chunk::{Chunk, Definitions, LENGTH};
+use crate::file::LogFile;
 use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
 use crate::message::Encoder;
 use crate::topics::{Estimate, SensorTopics, Topic, Topics};
-use mcap::records::{MessageHeader, Metadata};
-use mcap::write::NoSeek;
-use mcap::{Attachment, WriteOptions, Writer};
 use navfuse_core::files::{WholeFile, part_of};
 use navfuse_core::model::record::{Epoch, Event, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -15,10 +15,8 @@ use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 /// Records the run in an MCAP file, which `navfuse replay`, ROS 2 tools, Foxglove and rerun read:
@@ -173,8 +171,7 @@ impl Sink for McapSink {
     fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
         let json = serde_json::to_string(verdict).map_err(|e| failure(&self.path, e))?;
         let metadata = BTreeMap::from([(VERDICT_ENTRY.to_owned(), json)]);
-        let record = Metadata { name: VERDICT.into(), metadata };
-        self.record(Time::default(), |r| Ok(r.log.writer.write_metadata(&record)?))
+        self.record(Time::default(), |r| r.metadata(VERDICT, metadata))
     }
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
@@ -186,43 +183,18 @@ impl Sink for McapSink {
     }
 }
 
-/// The file, and the state of its writer.
+/// The file, and the chunk that is being filled.
+#[derive(Debug)]
 pub(crate) struct LogWriter {
-    writer: Writer<NoSeek<BufWriter<WholeFile>>>,
-    buffer: Vec<u8>,
+    file: Background,
+    chunk: Chunk,
     /// Log time minus run time, ns.
     offset: i64,
     /// The latest time that was logged.
     latest: Time,
 }
 
-impl std::fmt::Debug for LogWriter {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("LogWriter").field("offset", &self.offset).finish_non_exhaustive()
-    }
-}
-
 impl LogWriter {
-    /// Opens a topic.
-    pub(crate) fn topic(
-        &mut self,
-        name: &str,
-        schema: &crate::schema::Schema,
-    ) -> Result<Topic, StreamFailure> {
-        self.described(name, schema, BTreeMap::new())
-    }
-
-    /// Opens a topic with metadata.
-    pub(crate) fn described(
-        &mut self,
-        name: &str,
-        schema: &crate::schema::Schema,
-        metadata: BTreeMap<String, String>,
-    ) -> Result<Topic, StreamFailure> {
-        let schema = self.writer.add_schema(schema.name, "ros2msg", schema.text.as_bytes())?;
-        Ok(Topic { channel: self.writer.add_channel(schema, name, "cdr", &metadata)?, sequence: 0 })
-    }
-
     /// Writes a message.
     pub(crate) fn send(
         &mut self,
@@ -230,17 +202,22 @@ impl LogWriter {
         time: Time,
         encode: impl FnOnce(Encoder<'_>),
     ) -> Result<(), StreamFailure> {
-        encode(Encoder::new(&mut self.buffer));
         let log_time = u64::try_from(time.nanos().saturating_add(self.offset)).unwrap_or(0);
-        let header = MessageHeader {
-            channel_id: topic.channel,
-            sequence: topic.sequence,
-            log_time,
-            publish_time: log_time,
-        };
+        self.chunk.message(topic, log_time, |out| encode(Encoder::new(out)));
         topic.sequence = topic.sequence.wrapping_add(1);
         self.latest = self.latest.max(time);
-        Ok(self.writer.write_to_known_channel(&header, &self.buffer)?)
+        if self.chunk.records.len() < LENGTH { Ok(()) } else { self.write_chunk() }
+    }
+
+    fn write_chunk(&mut self) -> Result<(), StreamFailure> {
+        if self.chunk.records.is_empty() { Ok(()) } else { self.file.write(&mut self.chunk) }
+    }
+}
+
+impl Drop for LogWriter {
+    /// Writes the messages so far: a run that was aborted leaves them in the part of the file.
+    fn drop(&mut self) {
+        self.write_chunk().ok();
     }
 }
 
@@ -260,22 +237,9 @@ impl Recording {
         run: &RunInfo,
         first: Time,
     ) -> Result<Self, StreamFailure> {
-        // without seeking, each chunk is written at once: a killed run leaves complete chunks
-        let options = WriteOptions::new()
-            .profile("ros2")
-            .library(format!("navfuse {}", run.version))
-            .compression(match compression {
-                Compression::Zstd => Some(mcap::Compression::Zstd),
-                Compression::Lz4 => Some(mcap::Compression::Lz4),
-                Compression::None => None,
-            })
-            .compression_threads(0)
-            .disable_seeking(true);
-        let writer = options.create(NoSeek::new(BufWriter::new(file)))?;
         // whole seconds, so that log times and stamps have the same fraction of a second
         let offset = (-first.nanos()).max(0).unsigned_abs().div_ceil(SECOND) * SECOND;
         let offset = i64::try_from(offset).unwrap_or(0);
-        let mut log = LogWriter { writer, buffer: Vec::new(), offset, latest: first };
         let mut entries = vec![
             ("name", run.name.clone()),
             ("version", run.version.clone()),
@@ -286,25 +250,35 @@ impl Recording {
         ];
         entries.extend(run.description.clone().map(|text| ("description", text)));
         let metadata = entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
-        log.writer.write_metadata(&Metadata { name: METADATA.into(), metadata })?;
-        log.writer.attach(&Attachment {
-            log_time: u64::try_from(first.nanos() + offset).unwrap_or(0),
-            create_time: 0,
-            name: SCENARIO.into(),
-            media_type: "application/toml".into(),
-            data: Cow::Borrowed(run.scenario.as_bytes()),
-        })?;
-        let Topics { sensors, estimate, events } = Topics::open(&mut log, run)?;
+        let mut definitions = Definitions::default();
+        let Topics { sensors, estimate, events } = Topics::open(&mut definitions, run);
+        let mut chunk = Chunk::default();
+        chunk.records.extend_from_slice(&definitions.schemas);
+        chunk.records.extend_from_slice(&definitions.channels);
+        let library = format!("navfuse {}", run.version);
+        let mut file = LogFile::begin(file, compression, &library, definitions)?;
+        file.metadata(METADATA, &metadata)?;
+        let start = u64::try_from(first.nanos().saturating_add(offset)).unwrap_or(0);
+        file.attach(SCENARIO, "application/toml", start, run.scenario.as_bytes())?;
+        let file = Background::start(file)?;
+        let log = LogWriter { file, chunk, offset, latest: first };
         Ok(Self { log, sensors, estimate, events })
     }
 
     /// Completes the file, which then takes its name.
-    fn finish(self) -> Result<(), StreamFailure> {
-        let mut writer = self.log.writer;
-        writer.finish()?;
-        let file = writer.into_inner().into_inner().into_inner();
-        let file = file.map_err(|e| StreamFailure::Io(e.into_error()))?;
-        file.finish().map_err(StreamFailure::Io)
+    fn finish(mut self) -> Result<(), StreamFailure> {
+        self.log.write_chunk()?;
+        self.log.file.finish()
+    }
+
+    /// Writes texts by their names, after all messages so far.
+    fn metadata(
+        &mut self,
+        name: &'static str,
+        entries: BTreeMap<String, String>,
+    ) -> Result<(), StreamFailure> {
+        self.log.write_chunk()?;
+        self.log.file.metadata(name, entries)
     }
 
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamFailure> {

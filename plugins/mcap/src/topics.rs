@@ -1,5 +1,7 @@
 //! The topics of a log, and the messages written to each.
 
+use crate::chunk::Definitions;
+use crate::frames::Frames;
 use crate::log::StreamFailure;
 use crate::message::{BlockValues, Pose, Stamp, Velocity};
 use crate::schema;
@@ -8,12 +10,12 @@ use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3};
 use navfuse_core::model::record::{Epoch, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::RunInfo;
+use navfuse_core::state::Block;
 use navfuse_core::state::display;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{
     MAX_TANGENT, Manifold, Position, Rotation, Vector, load_quaternion,
 };
-use navfuse_core::state::{Block, Layout};
 use navfuse_core::units::sample::{Channel, Sample};
 use std::any::TypeId;
 
@@ -39,14 +41,12 @@ pub struct Topics {
 
 impl Topics {
     /// Opens the topics of a run, in the order of its sensors and blocks.
-    pub fn open(log: &mut LogWriter, run: &RunInfo) -> Result<Self, StreamFailure> {
-        let sensors =
-            run.sensors.iter().map(|s| SensorTopics::open(log, s)).collect::<Result<_, _>>()?;
-        Ok(Self {
-            sensors,
-            estimate: Estimate::open(log, &run.layout)?,
-            events: log.topic("/log", &schema::LOG)?,
-        })
+    pub fn open(log: &mut Definitions, run: &RunInfo) -> Self {
+        Self {
+            sensors: run.sensors.iter().map(|s| SensorTopics::open(log, s)).collect(),
+            estimate: Estimate::open(log, run),
+            events: log.topic("/log", &schema::LOG),
+        }
     }
 }
 
@@ -104,7 +104,7 @@ enum Also {
 }
 
 impl SensorTopics {
-    fn open(log: &mut LogWriter, info: &SensorInfo) -> Result<Self, StreamFailure> {
+    fn open(log: &mut Definitions, info: &SensorInfo) -> Self {
         let name = &info.name;
         let imu = info.channels == RATES;
         let of = [(KIND, info.kind.clone()), (PURPOSE, purpose_word(info.purpose).to_owned())];
@@ -112,17 +112,17 @@ impl SensorTopics {
         let samples = log.described(
             &format!("/sensor/{name}"),
             if imu { &schema::IMU } else { &schema::SAMPLE },
-            of,
-        )?;
+            &of,
+        );
         let find = |name, unit| info.channels.iter().position(|c| *c == Channel::new(name, unit));
         let also = if info.channels == [Channel::new("depth", "m")] {
-            Also::Pressure(log.topic(&format!("/sensor/{name}/pressure"), &schema::PRESSURE)?)
+            Also::Pressure(log.topic(&format!("/sensor/{name}/pressure"), &schema::PRESSURE))
         } else if info.purpose == Purpose::Reference
             && let (Some(lat), Some(lon), Some(height)) =
                 (find("lat", "rad"), find("lon", "rad"), find("height", "m"))
         {
             Also::Fix(
-                log.topic(&format!("/reference/{name}/fix"), &schema::FIX)?,
+                log.topic(&format!("/reference/{name}/fix"), &schema::FIX),
                 [lat, lon, height],
             )
         } else {
@@ -130,12 +130,12 @@ impl SensorTopics {
         };
         let innovation = match info.purpose {
             Purpose::Measurement => {
-                Some(log.topic(&format!("/innovation/{name}"), &schema::INNOVATION)?)
+                Some(log.topic(&format!("/innovation/{name}"), &schema::INNOVATION))
             }
             Purpose::Input | Purpose::Reference => None,
         };
         let columns = info.channels.iter().map(Channel::column).collect();
-        Ok(Self { name: name.clone(), columns, imu, samples, also, innovation })
+        Self { name: name.clone(), columns, imu, samples, also, innovation }
     }
 
     pub fn sample(&mut self, log: &mut LogWriter, sample: &Sample) -> Result<(), StreamFailure> {
@@ -193,17 +193,14 @@ struct Navigation {
     origin: Option<Geodetic>,
     odometry: Topic,
     fix: Topic,
-    transform: Topic,
+    frames: Frames,
 }
 
 impl Estimate {
-    fn open(log: &mut LogWriter, layout: &Layout) -> Result<Self, StreamFailure> {
+    fn open(log: &mut Definitions, run: &RunInfo) -> Self {
+        let layout = &run.layout;
         let topic = |block: &Block| format!("/state/{}", block.name.replace('.', "/"));
-        let blocks = layout
-            .blocks
-            .iter()
-            .map(|b| log.topic(&topic(b), &schema::BLOCK))
-            .collect::<Result<_, _>>()?;
+        let blocks = layout.blocks.iter().map(|b| log.topic(&topic(b), &schema::BLOCK)).collect();
         let first = |kind: TypeId| layout.blocks.iter().position(|b| b.operations.kind == kind);
         let navigation = match (first(TypeId::of::<Position>()), first(TypeId::of::<Rotation>())) {
             (Some(position), Some(attitude)) => Some(Navigation {
@@ -214,13 +211,13 @@ impl Estimate {
                         && b.spec.display == display::VELOCITY
                 }),
                 origin: None,
-                odometry: log.topic("/estimate/odometry", &schema::ODOMETRY)?,
-                fix: log.topic("/estimate/fix", &schema::FIX)?,
-                transform: log.topic("/tf", &schema::TRANSFORMS)?,
+                odometry: log.topic("/estimate/odometry", &schema::ODOMETRY),
+                fix: log.topic("/estimate/fix", &schema::FIX),
+                frames: Frames::open(log, run),
             }),
             _ => None,
         };
-        Ok(Self { blocks, navigation })
+        Self { blocks, navigation }
     }
 
     pub fn epoch(&mut self, log: &mut LogWriter, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
@@ -277,7 +274,7 @@ impl Navigation {
         let of_position = pose.covariance.fixed_view::<3, 3>(0, 0).into_owned();
         log.send(&mut self.odometry, time, |m| m.odometry(stamp, &pose, &velocity))?;
         log.send(&mut self.fix, time, |m| m.fix(stamp, &position, Some(&of_position)))?;
-        log.send(&mut self.transform, time, |m| m.transform(stamp, &pose))
+        self.frames.epoch(log, stamp, epoch, &pose)
     }
 }
 

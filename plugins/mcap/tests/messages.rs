@@ -123,7 +123,8 @@ fn an_epoch_tells_pose_velocity_and_every_block() {
             sink.epoch(&Epoch { layout: &layout, state: &state, covariance: &p, truth }).unwrap();
         }
     });
-    let log = &log[log.len() / 2..];
+    // the first epoch has the frames that do not change as well
+    let (_, log) = log.split_at(log.len().div_ceil(2));
     let topics: Vec<(&str, &str)> =
         log.iter().map(|m| (m.topic.as_str(), m.schema.as_str())).collect();
     let block = "navfuse_msgs/msg/BlockState";

@@ -6,11 +6,13 @@ mod common;
 
 use common::{Logged, number, read};
 use navfuse_core::document::Document;
+use navfuse_core::nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_mcap::read_scenario;
+use serde_json::Value;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -124,6 +126,142 @@ fn every_error_state_of_the_run_is_in_its_log() {
     assert!(count("/innovation/dvl") > 50 && count("/innovation/depth") > 30);
     assert_eq!(count("/sensor/depth"), count("/sensor/depth/pressure"));
     assert_eq!(count("/sensor/reference"), count("/reference/reference/fix"));
+}
+
+/// The frames of a message: parent, child, and the pose of the child in its parent.
+fn frames(message: &Logged) -> Vec<(String, String, Isometry3<f64>)> {
+    let name = |value: &Value| value.as_str().unwrap()[2..].to_owned();
+    let transforms = message.fields["transforms"].as_array().unwrap();
+    let frames = transforms.iter().map(|t| {
+        let of = |part: &str, axes: &str| -> Vec<f64> {
+            axes.chars().map(|axis| number(&t["transform"][part][axis.to_string()])).collect()
+        };
+        let q = of("rotation", "wxyz");
+        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]));
+        let place = Translation3::from(Vector3::from_vec(of("translation", "xyz")));
+        let pose = Isometry3::from_parts(place, rotation);
+        (name(&t["header"]["frame_id"]), name(&t["child_frame_id"]), pose)
+    });
+    frames.collect()
+}
+
+/// The pose of a frame in the map, along the chain of its parents.
+fn in_map(frames: &[(String, String, Isometry3<f64>)], name: &str) -> Isometry3<f64> {
+    if name == "map" {
+        return Isometry3::identity();
+    }
+    let found: Vec<_> = frames.iter().filter(|(_, child, _)| child == name).collect();
+    assert_eq!(found.len(), 1, "{name} has one parent: {found:?}");
+    in_map(frames, &found[0].0) * found[0].2
+}
+
+#[test]
+fn the_frames_of_a_log_compose_to_the_places_and_axes_of_the_sensors() {
+    let folder = tempfile::tempdir().unwrap();
+    let angles = "[\"2 deg\", \"10 deg\", \"30 deg\"]";
+    let settings = [
+        format!(
+            "sensor.dvl.misalignment={{ initial = {angles}, truth = {angles}, sigma = \"1 mdeg\" }}"
+        ),
+        "sensor.depth.lever_arm=[\"0.3 m\", \"-0.4 m\", \"1.2 m\"]".to_owned(),
+    ];
+    run(SCENARIO, &settings, folder.path());
+    let log = read(&folder.path().join("run.mcap"));
+    let fixed: Vec<_> = log.iter().filter(|m| m.topic == "/tf_static").collect();
+    assert_eq!(fixed.len(), 1);
+    let fixed = frames(fixed[0]);
+    let names: Vec<&str> = fixed.iter().map(|f| f.1.as_str()).collect();
+    assert_eq!(names, ["ned", "base_link", "imu", "depth", "reference"]);
+
+    let field = |m: &Logged, key: &str, k: usize| number(&m.fields[key][k]);
+    let at = |m: &Logged, topic: &str| {
+        log.iter().find(|o| o.topic == topic && o.log_time == m.log_time).cloned()
+    };
+    let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+    for sample in log.iter().filter(|m| m.topic == "/sensor/dvl") {
+        let Some(tf) = at(sample, "/tf") else { continue };
+        let frames = [fixed.clone(), frames(&tf)].concat();
+        // the depth sensor beside the body, by the angles of the state
+        let attitude = at(&tf, "/state/ins/attitude").unwrap();
+        let [roll, pitch, yaw] = [0, 1, 2].map(|k| field(&attitude, "estimate", k).to_radians());
+        let down =
+            -0.3 * pitch.sin() - 0.4 * roll.sin() * pitch.cos() + 1.2 * roll.cos() * pitch.cos();
+        let [body, port] =
+            ["base_link", "depth"].map(|name| in_map(&frames, name).translation.vector);
+        // rounding of lengths of 30 m
+        assert!((body.z - port.z - down).abs() < 1e-13, "{}", body.z - port.z - down);
+        // forward, left and up of the vehicle, which is level to 0.1 deg
+        let ros = in_map(&frames, "base_link").rotation;
+        assert!((ros * Vector3::x() - Vector3::new(yaw.sin(), yaw.cos(), 0.0)).norm() < 2e-3);
+        assert!((ros * Vector3::z() - Vector3::z()).norm() < 2e-3);
+        // the velocity that the DVL reads in its axes is that of the truth in the map
+        let reference = at(sample, "/sensor/reference").unwrap();
+        let truth = [4, 3, 5].map(|k| field(&reference, "values", k));
+        let scale = field(&at(&tf, "/state/dvl/scale").unwrap(), "estimate", 0);
+        let read = Vector3::from([0, 1, 2].map(|k| field(sample, "values", k) / scale));
+        sum += in_map(&frames, "dvl").rotation * read - Vector3::new(truth[0], truth[1], -truth[2]);
+        count += 1.0;
+    }
+    assert!(count > 40.0, "{count}");
+    // 5 sigma of the mean of 3 axes with a noise of 2 cm/s, and 0.1 deg of 2 m/s
+    let mean = sum / count;
+    assert!(mean.amax() < 5.0 * 0.02 / f64::sqrt(count) + 0.0035, "{mean}");
+}
+
+/// All texts in a JSON value under one of these keys.
+fn texts<'v>(value: &'v Value, keys: &[&str], out: &mut Vec<&'v str>) {
+    match value {
+        Value::Object(fields) => fields.iter().for_each(|(key, value)| match value {
+            Value::String(text) if keys.contains(&key.as_str()) => out.push(text),
+            other => texts(other, keys, out),
+        }),
+        Value::Array(values) => values.iter().for_each(|v| texts(v, keys, out)),
+        _ => {}
+    }
+}
+
+#[test]
+fn the_layout_for_foxglove_shows_topics_fields_and_frames_of_a_log() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/src/how-to/foxglove.json");
+    let layout = std::fs::read_to_string(path).unwrap();
+    let layout: Value = serde_json::from_str(&layout).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let misaligned = "sensor.dvl.misalignment={ sigma = \"0.1 deg\" }".to_owned();
+    run(SCENARIO, &[misaligned], folder.path());
+    let log = read(&folder.path().join("run.mcap"));
+    let mut paths = Vec::new();
+    texts(&layout["configById"], &["value", "followTopic", "topicToRender"], &mut paths);
+    assert!(paths.len() > 30, "{paths:?}");
+    for path in paths {
+        let (topic, field) = path.split_once('.').unwrap_or((path, ""));
+        // `.error[1].@mul(3)` is a field, an index and a function
+        let mut parts = field.split('.').filter(|p| !p.is_empty() && !p.starts_with('@'));
+        let (name, index) = match parts.next() {
+            None => ("header", None),
+            Some(part) => match part.trim_end_matches(']').split_once('[') {
+                Some((name, index)) => (name, Some(index.parse::<usize>().unwrap())),
+                None => (part, None),
+            },
+        };
+        assert_eq!(parts.next(), None, "{path}");
+        let of_topic: Vec<_> = log.iter().filter(|m| m.topic == topic).collect();
+        assert!(!of_topic.is_empty(), "no {topic}");
+        let has = |m: &&Logged| match (&m.fields[name], index) {
+            (Value::Array(values), Some(index)) => values.get(index).is_some(),
+            (value, _) => name == "header" || !value.is_null(),
+        };
+        assert!(of_topic.iter().any(|m| has(m)), "no {path}");
+    }
+    let mut shown = Vec::new();
+    texts(&layout["configById"], &["followTf", "frameId"], &mut shown);
+    let tf = log.iter().filter(|m| m.topic == "/tf_static" || m.topic == "/tf");
+    let known: Vec<_> = tf.flat_map(frames).flat_map(|(a, b, _)| [a, b]).collect();
+    assert!(shown.len() == 2 && shown.iter().all(|f| known.iter().any(|k| k == f)), "{shown:?}");
+    // every panel of the arrangement is configured
+    let mut panels = Vec::new();
+    texts(&layout["layout"], &["first", "second"], &mut panels);
+    assert_eq!(panels.len(), layout["configById"].as_object().unwrap().len());
+    assert!(panels.iter().all(|p| layout["configById"].get(*p).is_some()), "{panels:?}");
 }
 
 #[test]

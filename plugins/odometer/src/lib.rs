@@ -9,6 +9,7 @@ use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{Calibration, LeverArm, ScaleFactor};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::mounting::Mounting;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
 use navfuse_core::plugin::{Need, Plugin, Registry, SensorType};
@@ -64,7 +65,7 @@ impl SensorType for Odometer {
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
-        Ok(Role::measurement(OdometerModel {
+        let model = OdometerModel {
             navigation: Navigation::find(composer, "navigation", &self.navigation)?,
             scale: self.scale.block(composer, "scale", &[1.0], display::RATIO)?,
             pitch: self.pitch.block(composer, "pitch", &[0.0], display::PITCH)?,
@@ -80,7 +81,10 @@ impl SensorType for Odometer {
                 self.lateral_noise.value().si(),
                 self.vertical_noise.value().si(),
             ),
-        }))
+        };
+        let mounting = Mounting::at(model.lever_arm).pointed(model.pitch, model.yaw);
+        composer.mounted(mounting);
+        Ok(Role::measurement(model))
     }
 }
 

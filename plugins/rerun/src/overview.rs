@@ -286,6 +286,7 @@ mod tests {
             channels: Vec::new(),
             purpose: Purpose::Measurement,
             drawing: Drawing::default(),
+            mounting: Default::default(),
         };
         let lane = |in_turns: [u64; 2]| {
             let mut lane = Lane::new(&info)?;

@@ -223,6 +223,7 @@ mod tests {
             channels: ["left", "right", "altitude"].map(|n| Channel::new(n, "m")).to_vec(),
             purpose: Purpose::Measurement,
             drawing: Drawing::default().with_beams([beam(-1.0, 0), beam(1.0, 1)]),
+            mounting: Default::default(),
         };
         let mut mount = Mount::new(&info, true).unwrap();
         let sample = |values: &[f64]| Sample::new(Time::from_nanos(0), SensorId(0), values);

@@ -11,6 +11,7 @@ mod table;
 mod track;
 mod trajectory;
 
+pub use navfuse_csv::Axes;
 pub use table::{Table, TableSink};
 pub use track::{Fix, Track};
 
@@ -75,16 +76,6 @@ impl Format {
     }
 }
 
-/// Axes of a trajectory in a local frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Axes {
-    /// North, east, down; the body forward, right, down.
-    #[default]
-    Ned,
-    /// East, north, up; the body forward, left, up.
-    Enu,
-}
-
 /// The clock of a run beside UTC.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct UtcClock {
@@ -120,7 +111,7 @@ impl UtcClock {
 pub struct Options {
     /// Name of the track.
     pub name: String,
-    /// Axes of TUM and KITTI trajectories.
+    /// Axes of TUM and KITTI trajectories, with the body forward, right, down or forward, left, up.
     pub axes: Axes,
     /// UTC, for the formats that have it.
     pub clock: UtcClock,

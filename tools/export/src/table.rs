@@ -3,7 +3,7 @@
 use navfuse_core::files::WholeFile;
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
-use navfuse_csv::{EstimateColumns, Table as CsvTable};
+use navfuse_csv::{Axes, EstimateColumns, Table as CsvTable};
 use parquet::basic::{Compression, Repetition, Type as Physical, ZstdLevel};
 use parquet::data_type::DoubleType;
 use parquet::errors::ParquetError;
@@ -39,6 +39,7 @@ impl Table {
 pub struct TableSink {
     path: PathBuf,
     format: Table,
+    axes: Axes,
     columns: EstimateColumns,
     /// From the start of the run until the file is whole.
     writer: Option<Writer>,
@@ -55,16 +56,16 @@ enum Writer {
 
 impl TableSink {
     /// A table in a new file, which the start of the run creates.
-    pub fn new(path: &Path, format: Table) -> Self {
+    pub fn new(path: &Path, format: Table, axes: Axes) -> Self {
         let columns = EstimateColumns::default();
         let path = path.to_path_buf();
-        Self { path, format, columns, writer: None, epochs: 0, whole: false }
+        Self { path, format, axes, columns, writer: None, epochs: 0, whole: false }
     }
 }
 
 impl Sink for TableSink {
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
-        self.columns = EstimateColumns::new(run, true);
+        self.columns = EstimateColumns::new(run, true, self.axes);
         let headings = self.columns.headings();
         self.writer = Some(match self.format {
             Table::Csv => {

@@ -6,7 +6,7 @@ use crate::look::{
 };
 use crate::scale::{Ruler, place, same_unit};
 use crate::svg::{Area, Drawn};
-use crate::{Curve, Look, Panel, Scale};
+use crate::{Axis, Curve, Look, Panel, Scale};
 use plotters::chart::ChartBuilder;
 use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -166,6 +166,36 @@ impl<'a> Prepared<'a> {
         Ok(())
     }
 
+    /// Describes the plot at a place in page pixels as JSON. An axis has its range in its own
+    /// measure, which is the decimal logarithm on a logarithmic axis.
+    pub fn description(&self, plot: [f64; 4]) -> String {
+        let axis = |axis: &Axis, ruler: &Ruler| {
+            format!(
+                "{{\"label\":{},\"low\":{:?},\"high\":{:?},\"log\":{},\"map\":{}}}",
+                quoted(&axis.label),
+                ruler.low,
+                ruler.high,
+                axis.scale == Scale::Logarithmic,
+                axis.scale == Scale::Map
+            )
+        };
+        let curve = |c: &Curve| {
+            let [red, green, blue] = c.look.colour();
+            let name = quoted(&c.name);
+            format!("{{\"name\":{name},\"colour\":\"#{red:02X}{green:02X}{blue:02X}\"}}")
+        };
+        let curves: Vec<String> = self.panel.curves.iter().map(curve).collect();
+        let bands: Vec<String> = self.panel.bands.iter().map(|b| quoted(&b.name)).collect();
+        format!(
+            "{{\"at\":{:?},\"x\":{},\"y\":{},\"curves\":[{}],\"bands\":[{}]}}",
+            plot.map(units),
+            axis(&self.panel.x, &self.x),
+            axis(&self.panel.y, &self.y),
+            curves.join(","),
+            bands.join(",")
+        )
+    }
+
     /// Splits a curve at points that do not lie on the axes.
     fn pieces(&self, curve: &Curve) -> Vec<Vec<(f64, f64)>> {
         let (x, y) = (self.panel.x.scale, self.panel.y.scale);
@@ -206,6 +236,16 @@ impl<'a> Prepared<'a> {
         };
         self.panel.bands.iter().map(pieces).collect()
     }
+}
+
+/// Returns a text as JSON.
+fn quoted(text: &str) -> String {
+    let escaped = |c: char| match c {
+        '"' | '\\' => format!("\\{c}"),
+        c if c.is_control() => format!("\\u{:04x}", u32::from(c)),
+        c => c.to_string(),
+    };
+    format!("\"{}\"", text.chars().map(escaped).collect::<String>())
 }
 
 /// Returns the runs of values that are present.

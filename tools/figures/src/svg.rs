@@ -49,7 +49,12 @@ pub fn svg(figure: &Figure) -> Result<String, FigureError> {
     let page = size.map(|s| f64::from(s) / UNITS);
     let svg = svg.replacen(
         &tag,
-        &format!("class=\"navfuse\" width=\"{}\" height=\"{}\"", page[0], page[1]),
+        &format!(
+            "class=\"navfuse\" width=\"{}\" height=\"{}\" data-plots=\"{}\"",
+            page[0],
+            page[1],
+            escaped(&layout.plots())
+        ),
         1,
     );
     let svg = svg.replacen(">\n", &format!(">\n{}", style_sheet()), 1);
@@ -74,6 +79,12 @@ struct Cell<'a> {
     plot: [f64; 4],
     /// Set if the horizontal axis has a label; the panel below has the same one otherwise.
     labelled: bool,
+}
+
+/// Escapes a text for an attribute.
+fn escaped(text: &str) -> String {
+    let replace = [('&', "&amp;"), ('"', "&quot;"), ('<', "&lt;"), ('>', "&gt;")];
+    replace.iter().fold(text.to_owned(), |text, (c, by)| text.replace(*c, by))
 }
 
 impl<'a> Layout<'a> {
@@ -123,6 +134,14 @@ impl<'a> Layout<'a> {
             y += TITLES[0];
         }
         Self { figure, width, height: (y + 0.5 * GAP).ceil(), legend, cells }
+    }
+
+    /// Describes the plots as JSON, for a script that shows values: the place in drawing units, the
+    /// axes, and the names and colours of the curves.
+    fn plots(&self) -> String {
+        let plots: Vec<String> =
+            self.cells.iter().map(|c| c.prepared.description(c.plot)).collect();
+        format!("[{}]", plots.join(","))
     }
 
     fn draw(&self, area: &Area<'_>) -> Drawn {

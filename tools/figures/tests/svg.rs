@@ -307,3 +307,37 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn the_description_of_a_plot_gives_the_values_of_its_points_back() {
+    // a logarithmic axis, and a name that JSON and XML both escape
+    let name = "a \"b\" <c> \\";
+    let values = [0.01, 3.0, 250.0, 0.5];
+    let curves = vec![curve(name, Look::Data(0), &values)];
+    let band = Band { name: "±3 sigma".into(), points: vec![[0.0, 0.1, 1.0], [3.0, 0.1, 1.0]] };
+    let picture =
+        svg(&figure(1, vec![panel(Axis::logarithmic("y [m]"), curves, vec![band])])).unwrap();
+    let document = Document::parse(&picture).unwrap();
+    let plots = document.root_element().attribute("data-plots").unwrap();
+    let plots: serde_json::Value = serde_json::from_str(plots).unwrap();
+    let plot = &plots[0];
+    assert_eq!((plots.as_array().unwrap().len(), &plot["curves"][0]["name"]), (1, &name.into()));
+    assert_eq!(
+        (&plot["curves"][0]["colour"], &plot["bands"][0]),
+        (&BLUE.into(), &"±3 sigma".into())
+    );
+    assert_eq!((&plot["y"]["label"], &plot["y"]["log"]), (&"y [m]".into(), &true.into()));
+    let [left, top, wide, high] = [0, 1, 2, 3].map(|k| plot["at"][k].as_f64().unwrap());
+    let range = |axis: &str| ["low", "high"].map(|end| plot[axis][end].as_f64().unwrap());
+    let ([x0, x1], [y0, y1]) = (range("x"), range("y"));
+    let line = &lines(&picture, BLUE)[0];
+    assert_eq!(line.len(), values.len());
+    for (k, ([px, py], value)) in line.iter().zip(values).enumerate() {
+        let x = x0 + (px - left) / wide * (x1 - x0);
+        let y = y1 - (py - top) / high * (y1 - y0);
+        // coordinates are whole units: of the point, and of the corner of the plot
+        let [dx, dy] = [(x1 - x0) / wide, (y1 - y0) / high];
+        assert!((x - k as f64).abs() <= 1.5 * dx, "{x} {k}");
+        assert!((y - f64::log10(value)).abs() <= 1.5 * dy, "{y} {value}");
+    }
+}

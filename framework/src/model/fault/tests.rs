@@ -4,6 +4,7 @@
 use super::{Fault, FaultType, Injector};
 use crate::document::Document;
 use crate::model::drawing::Drawing;
+use crate::model::mounting::Mounting;
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::units::sample::{Channel, Sample, SensorId};
 use crate::units::time::Time;
@@ -19,7 +20,8 @@ fn sensor() -> SensorInfo {
         Channel::new("depth", "m"),
     ];
     let (name, kind) = ("port".to_owned(), "instrument".to_owned());
-    SensorInfo { name, kind, channels, purpose: Purpose::Measurement, drawing: Drawing::default() }
+    let (purpose, mounting) = (Purpose::Measurement, Mounting::default());
+    SensorInfo { name, kind, channels, purpose, drawing: Drawing::default(), mounting }
 }
 
 fn faults(text: &str) -> Vec<Fault> {

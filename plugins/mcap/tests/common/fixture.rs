@@ -1,6 +1,7 @@
 //! A small run, told to a sink by hand.
 
 use super::Draw;
+use navfuse_core::model::mounting::Mounting;
 use navfuse_core::model::record::{Epoch, Event, Level, Outcome, Rejection, Truth, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{RunInfo, Sink};
@@ -29,6 +30,7 @@ pub fn sensors() -> Vec<SensorInfo> {
         channels: channels.iter().map(|(n, u)| Channel::new(n, u)).collect(),
         purpose,
         drawing: Default::default(),
+        mounting: Mounting::default(),
     };
     let rates = [
         ("gyro_x", "radps"),

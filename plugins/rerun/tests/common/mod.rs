@@ -1,6 +1,7 @@
 //! A run to record: a dive, then two rounds of a square, while biases and a calibration converge.
 
 use navfuse_core::model::drawing::{Beam, Drawing, Reach};
+use navfuse_core::model::mounting::Mounting;
 use navfuse_core::model::record::{Epoch, Event, Level, Outcome, Truth, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -61,7 +62,8 @@ fn add<M: Manifold>(
 fn sensor(name: &str, purpose: Purpose, channels: &[(&'static str, &'static str)]) -> SensorInfo {
     let channels = channels.iter().map(|(n, u)| Channel::new(n, u)).collect();
     let drawing = Drawing::default();
-    SensorInfo { name: name.into(), kind: name.into(), channels, purpose, drawing }
+    let (name, kind) = (name.to_owned(), name.to_owned());
+    SensorInfo { name, kind, channels, purpose, drawing, mounting: Mounting::default() }
 }
 
 /// Noise with a sigma of 1: the sum of twelve uniform numbers, minus six.

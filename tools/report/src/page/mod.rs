@@ -1,5 +1,5 @@
-//! The report of a run as one HTML page. Figures, tables and style are in the page, so that it
-//! opens offline and without a script.
+//! The report of a run as one HTML page. Figures, tables, style and script are in the page, so that
+//! it opens offline. Without the script it is complete.
 
 mod facts;
 pub(crate) mod tables;
@@ -11,6 +11,8 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use navfuse_figures::{Figure, FigureError, Look, svg};
 use navfuse_observability::ObservabilityReport;
 
+/// Script of every page, without which the page is complete: values under the pointer, and zoom.
+const SCRIPT: &str = include_str!("../page.js");
 /// Style of every page.
 const STYLE: &str = include_str!("../page.css");
 
@@ -40,7 +42,10 @@ pub(crate) fn document(title: &str, body: &Markup) -> String {
                 title { (title) }
                 style { (PreEscaped(STYLE)) }
             }
-            body { (body) }
+            body {
+                (body)
+                script { (PreEscaped(SCRIPT)) }
+            }
         }
     };
     page.into_string()

@@ -50,7 +50,7 @@ pub(super) fn end(blocks: &[&BlockHistory]) -> Markup {
         div.wide { table {
             thead { tr {
                 th { "state" } th {} th { "estimate" } th { "1-sigma" } th { "error" }
-                th { "error/sigma" } th.name { "unit" }
+                th { "error/" wbr; "sigma" } th.name { "unit" }
             } }
             tbody {
                 @for block in blocks {
@@ -83,7 +83,7 @@ pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Mark
             div.wide { table {
                 thead { tr {
                     th { "state" } th {} th { "before" } th { "after" }
-                    @if with_truth { th { (compared_with) } th { "error" } th { "error/sigma" } }
+                    @if with_truth { th { (compared_with) } th { "error" } th { "error/" wbr; "sigma" } }
                     th { "remaining sigma" } th.name { "unit" }
                 } }
                 tbody {

@@ -1,0 +1,107 @@
+//! The definitions of the topics, and chunks of messages.
+
+use crate::format::{bytes, record, text, texts, u16, u32, u64s};
+use crate::schema::Schema;
+use crate::topics::Topic;
+use mcap::records::op;
+use std::collections::BTreeMap;
+
+/// Length in bytes of the records at which a chunk is complete, before compression.
+///
+/// Longer chunks cost memory, and a run that is killed loses what is not written; shorter ones
+/// compress worse. `docs/src/explanation/performance.md` has the measurements.
+pub const LENGTH: usize = 1 << 19;
+
+/// The schemas and channels of a file, as records.
+#[derive(Debug, Default)]
+pub struct Definitions {
+    /// The schemas, in the order of their ids, which begin at 1: 0 is no schema.
+    pub schemas: Vec<u8>,
+    names: Vec<&'static str>,
+    /// The channels, in the order of their ids.
+    pub channels: Vec<u8>,
+    count: u16,
+}
+
+impl Definitions {
+    /// Number of schemas and of channels.
+    pub fn counts(&self) -> [u16; 2] {
+        [self.names.len() as u16, self.count]
+    }
+
+    /// Adds a topic.
+    pub fn topic(&mut self, name: &str, schema: &Schema) -> Topic {
+        self.described(name, schema, &BTreeMap::new())
+    }
+
+    /// Adds a topic with metadata.
+    pub fn described(
+        &mut self,
+        name: &str,
+        schema: &Schema,
+        metadata: &BTreeMap<String, String>,
+    ) -> Topic {
+        let id = self.schema(schema);
+        let channel = self.count;
+        record(&mut self.channels, op::CHANNEL, |out| {
+            u16(out, channel);
+            u16(out, id);
+            text(out, name);
+            text(out, "cdr");
+            texts(out, metadata);
+        });
+        self.count += 1;
+        Topic { channel, sequence: 0 }
+    }
+
+    fn schema(&mut self, schema: &Schema) -> u16 {
+        if let Some(known) = self.names.iter().position(|name| *name == schema.name) {
+            return known as u16 + 1;
+        }
+        self.names.push(schema.name);
+        let id = self.names.len() as u16;
+        record(&mut self.schemas, op::SCHEMA, |out| {
+            u16(out, id);
+            text(out, schema.name);
+            text(out, "ros2msg");
+            bytes(out, schema.text.as_bytes());
+        });
+        id
+    }
+}
+
+/// Messages that are compressed and written together.
+#[derive(Debug, Default)]
+pub struct Chunk {
+    /// The records, one after the other.
+    pub records: Vec<u8>,
+    /// The least and the greatest time.
+    pub span: Option<[u64; 2]>,
+    /// Time and offset of each message, 16 bytes each, by channel.
+    pub index: Vec<Vec<u8>>,
+}
+
+impl Chunk {
+    /// Appends a message.
+    pub fn message(&mut self, topic: &Topic, time: u64, encode: impl FnOnce(&mut Vec<u8>)) {
+        let channel = usize::from(topic.channel);
+        if self.index.len() <= channel {
+            self.index.resize(channel + 1, Vec::new());
+        }
+        u64s(&mut self.index[channel], [time, self.records.len() as u64]);
+        self.span = Some(self.span.map_or([time; 2], |[a, b]| [a.min(time), b.max(time)]));
+        record(&mut self.records, op::MESSAGE, |out| {
+            u16(out, topic.channel);
+            u32(out, topic.sequence);
+            u64s(out, [time, time]); // logged when it is published
+            encode(out);
+        });
+    }
+
+    /// Removes the content and keeps the memory.
+    pub fn clear(&mut self) {
+        self.records.clear();
+        self.span = None;
+        self.index.iter_mut().for_each(Vec::clear);
+    }
+}
