@@ -133,7 +133,7 @@ impl Source for Ticks {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
         let t = f64::from(self.0 / 2);
         let (id, values) = (self.1[self.0 as usize % 2], [t, 2.0 * t, 0.1 * t * t]);
-        let values = if self.0 % 2 == 0 { &[1.0][..] } else { &values[..] };
+        let values = if self.0.is_multiple_of(2) { &[1.0][..] } else { &values[..] };
         *sample = Sample::new(seconds(t), SensorId(id), values);
         self.0 += 1;
         Ok(self.0 <= 40)
