@@ -38,7 +38,8 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_dvl_files::DvlFilesPlugin)
         .add(&navfuse_nmea::NmeaPlugin)
         .add(&navfuse_vehicle_logs::VehicleLogsPlugin)
-        .add(&navfuse_mcap::McapPlugin);
+        .add(&navfuse_mcap::McapPlugin)
+        .add(&navfuse_ros2::Ros2Plugin);
     #[cfg(feature = "rerun")]
     registry.add(&navfuse_viewer::ViewerPlugin);
     registry

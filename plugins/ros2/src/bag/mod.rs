@@ -1,0 +1,267 @@
+//! A bag: its files in order, and the messages in them.
+
+mod chunk;
+mod faults;
+mod files;
+mod mcap;
+mod pages;
+mod sqlite;
+mod table;
+mod window;
+
+use crate::definition::{Definitions, short_name};
+use crate::error::DefinitionError;
+use chunk::LONGEST;
+pub use faults::Faults;
+use files::{Opened, Storage};
+use mcap::Mcap;
+use navfuse_core::model::stream::StreamError;
+use sqlite::Sqlite;
+use std::io::Read;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// First bytes of what zstd packed.
+const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
+/// Largest number of topics.
+const MOST_TOPICS: usize = 4096;
+
+/// A topic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Topic {
+    /// Its name, such as `/imu/data`.
+    pub name: String,
+    /// The type of its messages, such as `sensor_msgs/msg/Imu`.
+    pub kind: String,
+    /// Encoding of its messages; a bag of ROS 2 has `cdr`.
+    pub encoding: String,
+    /// Definition of the type in `ros2msg` form, where the bag has it.
+    pub definition: Option<String>,
+}
+
+impl Topic {
+    /// The type without the `msg` in its middle: `sensor_msgs/Imu`.
+    pub fn short_kind(&self) -> String {
+        short_name(&self.kind)
+    }
+
+    /// The definitions for its messages, with the built-in ones for those that the bag has not.
+    pub(crate) fn definitions(&self) -> Result<Definitions, DefinitionError> {
+        match &self.definition {
+            Some(text) => Definitions::parse(&self.kind, text),
+            None => Ok(Definitions::default()),
+        }
+    }
+}
+
+/// The topics that were seen so far.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Topics(Vec<Topic>);
+
+impl Topics {
+    /// The index of a topic, which is added if it is new; `None` if there are too many.
+    fn add(&mut self, topic: Topic) -> Option<usize> {
+        if let Some(index) = self.0.iter().position(|known| *known == topic) {
+            return Some(index);
+        }
+        (self.0.len() < MOST_TOPICS).then(|| self.0.push(topic))?;
+        Some(self.0.len() - 1)
+    }
+}
+
+/// The place of the bytes of a message.
+#[derive(Clone, Debug)]
+pub(crate) enum Place {
+    Chunk(Range<usize>),
+    Window(Range<usize>),
+    /// Column of a row.
+    Row(usize),
+}
+
+/// A message that was found.
+#[derive(Clone, Debug)]
+pub(crate) struct Found {
+    topic: usize,
+    received: i64,
+    offset: u64,
+    place: Place,
+}
+
+/// A message of a bag.
+#[derive(Clone, Copy, Debug)]
+pub struct Message<'a> {
+    /// Index of its topic in [`Bag::topics`].
+    pub topic: usize,
+    /// Time at which it was received, in nanoseconds since 1970.
+    pub received: i64,
+    /// Offset of the message, or of the chunk or page that holds it. Offsets count from the beginning
+    /// of the first file.
+    pub offset: u64,
+    /// The message in CDR; empty for a topic that is not wanted.
+    pub data: &'a [u8],
+}
+
+/// The file that is being read.
+enum Current {
+    Mcap(Box<Mcap>),
+    Sqlite(Box<Sqlite>),
+}
+
+/// A bag, read from its first message to its last in constant memory.
+///
+/// ```no_run
+/// use navfuse_ros2::Bag;
+/// let mut bag = Bag::open(&["dive".into()])?;
+/// while let Some(message) = bag.next(|_| true)? {
+///     println!("{} {}", message.received, message.data.len());
+/// }
+/// println!("{:?}", bag.faults());
+/// # Ok::<(), navfuse_core::model::stream::StreamError>(())
+/// ```
+pub struct Bag {
+    files: std::vec::IntoIter<PathBuf>,
+    /// The first file, for messages about the whole bag.
+    path: PathBuf,
+    current: Option<Current>,
+    /// The file that is being read, and the offset of the next one.
+    file: PathBuf,
+    base: u64,
+    topics: Topics,
+    faults: Faults,
+    unpacked: Vec<u8>,
+    unpacker: Option<zstd::bulk::Decompressor<'static>>,
+}
+
+impl Bag {
+    /// Opens a bag, given as its folder or as its files in their order.
+    ///
+    /// # Errors
+    /// When a file is missing, or the first one is neither MCAP nor SQLite.
+    pub fn open(paths: &[PathBuf]) -> Result<Self, StreamError> {
+        let files = files::find(paths)?;
+        let path = paths.first().cloned().unwrap_or_default();
+        let mut bag = Self {
+            files: files.into_iter(),
+            file: path.clone(),
+            path,
+            current: None,
+            base: 0,
+            topics: Topics::default(),
+            faults: Faults::default(),
+            unpacked: Vec::new(),
+            unpacker: None,
+        };
+        bag.next_file()?;
+        Ok(bag)
+    }
+
+    /// Path of the bag as it was given.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The topics that were found so far. MCAP has most of them where their first message is.
+    pub fn topics(&self) -> &[Topic] {
+        &self.topics.0
+    }
+
+    /// Describes what was damaged so far.
+    pub fn faults(&self) -> Option<String> {
+        self.faults.describe()
+    }
+
+    /// Opens the next file; `false` if there is none.
+    fn next_file(&mut self) -> Result<bool, StreamError> {
+        self.current = None;
+        let Some(path) = self.files.next() else { return Ok(false) };
+        self.file = path;
+        let Opened { storage, length, notes } = files::open(&self.file)?;
+        self.faults.notes.extend(notes);
+        let base = self.base;
+        self.base += length;
+        self.current = Some(match storage {
+            Storage::Mcap(window) => Current::Mcap(Box::new(Mcap::new(window, base))),
+            Storage::Sqlite(file) => {
+                let opened = Sqlite::open(file, base, &mut self.topics, &mut self.faults)
+                    .map_err(|e| StreamError::read(&self.file, e))?;
+                let bag = opened.map_err(|why| {
+                    StreamError::format(why).in_file(&self.file).with_remedy(
+                        "give the folder or the files of a bag that `ros2 bag record` wrote",
+                    )
+                })?;
+                Current::Sqlite(Box::new(bag))
+            }
+        });
+        Ok(true)
+    }
+
+    /// The next message; `None` at the end. The data of a topic that is not `wanted` is empty.
+    ///
+    /// # Errors
+    /// When a file cannot be read.
+    #[allow(clippy::should_implement_trait, reason = "a message borrows from the bag")]
+    pub fn next(
+        &mut self,
+        wanted: impl Fn(&Topic) -> bool,
+    ) -> Result<Option<Message<'_>>, StreamError> {
+        let found = loop {
+            let (topics, faults) = (&mut self.topics, &mut self.faults);
+            let found = match &mut self.current {
+                None => return Ok(None),
+                Some(Current::Mcap(file)) => file.advance(topics, faults),
+                Some(Current::Sqlite(file)) => {
+                    file.advance(|topic| topics.0.get(topic).is_some_and(&wanted), faults)
+                }
+            };
+            match found.map_err(|e| StreamError::read(&self.file, e))? {
+                Some(found) => break found,
+                None => {
+                    self.next_file()?;
+                }
+            }
+        };
+        let Found { topic, received, offset, place } = found;
+        if !self.topics.0.get(topic).is_some_and(&wanted) {
+            return Ok(Some(Message { topic, received, offset, data: &[] }));
+        }
+        let data = match (&self.current, &place) {
+            (Some(Current::Mcap(file)), place) => file.data(place),
+            (Some(Current::Sqlite(file)), Place::Row(column)) => file.data(*column),
+            _ => &[],
+        };
+        // a message that was packed by itself; plain CDR begins with a zero
+        if data.starts_with(ZSTD) {
+            unpack(&mut self.unpacker, data, &mut self.unpacked);
+            return Ok(Some(Message { topic, received, offset, data: &self.unpacked }));
+        }
+        Ok(Some(Message { topic, received, offset, data }))
+    }
+}
+
+/// Unpacks a message; nothing is left of one that is damaged.
+fn unpack(
+    unpacker: &mut Option<zstd::bulk::Decompressor<'static>>,
+    packed: &[u8],
+    out: &mut Vec<u8>,
+) {
+    out.clear();
+    if unpacker.is_none() {
+        *unpacker = zstd::bulk::Decompressor::new().ok();
+    }
+    let bound = zstd::bulk::Decompressor::upper_bound(packed).filter(|n| *n <= LONGEST);
+    match (unpacker, bound) {
+        (Some(unpacker), Some(bound)) => {
+            out.reserve(bound);
+            if unpacker.decompress_to_buffer(packed, out).is_err() {
+                out.clear();
+            }
+        }
+        _ => {
+            let decoder = zstd::Decoder::with_buffer(packed);
+            let read = decoder.map(|d| d.take(LONGEST as u64).read_to_end(out));
+            if !matches!(read, Ok(Ok(_))) {
+                out.clear();
+            }
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! The source: the samples of all sensors, from one pass through the bag.
+
+use crate::bag::Bag;
+use crate::config::Ros2;
+use crate::order::Order;
+use crate::route::{Reading, Route, routes};
+use navfuse_core::document::did_you_mean;
+use navfuse_core::model::stream::{Source, StreamError};
+use navfuse_core::plugin::{OpenContext, SourceType};
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
+
+/// Longest delay of messages, in seconds, where no key gives another.
+const WAIT: f64 = 10.0;
+/// Largest number of topics that a message lists.
+const LISTED: usize = 20;
+
+impl SourceType for Ros2 {
+    const TYPE: &'static str = "ros2";
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
+        let paths: Vec<_> =
+            std::iter::once(&self.path).chain(&self.more).map(|p| context.base.join(p)).collect();
+        if self.time.first_day.is_some() {
+            let text = "a bag has dates of its own";
+            return Err(StreamError::scenario(text)
+                .at_key("time.first_day")
+                .with_remedy("remove it, or set time.origin"));
+        }
+        let zero = self.time.zero()?;
+        let wait = self.wait.map_or(WAIT, |w| w.si());
+        let window = Time::from_seconds(wait).filter(|w| w.nanos() >= 0).ok_or_else(|| {
+            StreamError::scenario("it is a time from 0 s to 73 years").at_key("wait")
+        })?;
+        let sensors = &context.composition.sensors;
+        let mut all = Vec::new();
+        for (name, config) in &self.sensors {
+            if context.disabled_sensors.contains(name) {
+                continue;
+            }
+            let Some(index) = sensors.iter().position(|s| s.info.name == *name) else {
+                let names = sensors.iter().map(|s| s.info.name.as_str());
+                let near = did_you_mean(name, names.clone())
+                    .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+                let list = names.collect::<Vec<_>>().join(", ");
+                let message = format!("there is no [sensor.{name}]{near} (sensors: {list})");
+                return Err(StreamError::scenario(message).at_key(format!("sensors.{name}")));
+            };
+            all.extend(routes(&self, config, index, &sensors[index].info, zero)?);
+        }
+        if all.is_empty() && context.disabled_sensors.is_empty() {
+            let message = "no sensor receives a topic";
+            return Err(StreamError::scenario(message)
+                .at_key("sensors")
+                .with_remedy("name them, such as sensors.imu = { topic = \"/imu/data\" }"));
+        }
+        let mut stream = Stream {
+            bag: Bag::open(&paths)?,
+            routes: all,
+            readings: Vec::new(),
+            order: Order::new(window.nanos()),
+            ready: None,
+            ended: false,
+        };
+        if !stream.routes.is_empty() {
+            stream.start()?;
+        }
+        Ok(vec![Box::new(stream)])
+    }
+}
+
+/// The samples of a bag.
+struct Stream {
+    bag: Bag,
+    routes: Vec<Route>,
+    /// For each topic of the bag, the routes from it and how its messages are read.
+    readings: Vec<Vec<(usize, Reading)>>,
+    order: Order,
+    /// The first sample, which was read when the bag was opened.
+    ready: Option<Sample>,
+    ended: bool,
+}
+
+impl Stream {
+    /// Reads up to the first sample, so that a bag that does not fit is rejected at once.
+    fn start(&mut self) -> Result<(), StreamError> {
+        self.ready = self.advance()?;
+        if self.ready.is_some() {
+            return Ok(());
+        }
+        let wanted: Vec<&str> = self.routes.iter().map(|r| r.topic.as_str()).collect();
+        let topics: Vec<String> = self
+            .bag
+            .topics()
+            .iter()
+            .take(LISTED)
+            .map(|t| format!("{} ({})", t.name, t.kind))
+            .collect();
+        let why = self.warnings().map_or_else(String::new, |text| format!(" ({text})"));
+        let has = if topics.is_empty() { "none".to_owned() } else { topics.join(", ") };
+        Err(StreamError::format(format!(
+            "no sample from {}{why}; topics of the bag: {has}",
+            wanted.join(", ")
+        ))
+        .in_file(self.bag.path())
+        .with_remedy("name other topics with `sensors`"))
+    }
+
+    /// Reads up to the next sample; `None` at the end.
+    fn advance(&mut self) -> Result<Option<Sample>, StreamError> {
+        loop {
+            if let Some(sample) = self.order.pop() {
+                return Ok(Some(sample));
+            }
+            if self.ended {
+                return Ok(None);
+            }
+            let routes = &mut self.routes;
+            let wanted = |name: &str| routes.iter().any(|r| r.topic == name);
+            let Some(message) = self.bag.next(|topic| wanted(&topic.name))? else {
+                self.ended = true;
+                for route in routes {
+                    route.clock.finish();
+                    release(route, &mut self.order, 0);
+                }
+                self.order.finish();
+                continue;
+            };
+            self.order.now(message.received);
+            let topic = message.topic;
+            if let Some(readings) = self.readings.get(topic) {
+                for (k, reading) in readings {
+                    routes[*k].take(reading, &message);
+                    release(&mut routes[*k], &mut self.order, message.offset);
+                }
+                continue;
+            }
+            let message = (message.received, message.offset, message.data.to_vec());
+            self.describe_topics()?;
+            let data = crate::bag::Message {
+                topic,
+                received: message.0,
+                offset: message.1,
+                data: &message.2,
+            };
+            for (k, reading) in self.readings.get(topic).into_iter().flatten() {
+                self.routes[*k].take(reading, &data);
+                release(&mut self.routes[*k], &mut self.order, data.offset);
+            }
+        }
+    }
+
+    /// Finds the routes of the topics that are new.
+    fn describe_topics(&mut self) -> Result<(), StreamError> {
+        for topic in &self.bag.topics()[self.readings.len()..] {
+            let mut found = Vec::new();
+            for (k, route) in self.routes.iter().enumerate() {
+                if route.topic == topic.name {
+                    found.push((k, route.reading(topic).map_err(|e| e.in_file(self.bag.path()))?));
+                }
+            }
+            self.readings.push(found);
+        }
+        Ok(())
+    }
+
+    /// All that was wrong with the bag so far.
+    fn warnings(&self) -> Option<String> {
+        let mut parts = Vec::new();
+        parts.extend(self.bag.faults());
+        parts.extend(self.routes.iter().filter_map(Route::describe));
+        let late = "left out, received too long after messages with later stamps, raise `wait`,";
+        parts.extend(self.order.late.describe("message", late));
+        for route in self.routes.iter().filter(|r| r.messages == 0) {
+            parts.push(format!("{}: no message for {}", route.topic, route.name));
+        }
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
+}
+
+/// Passes on the samples whose time is known.
+fn release(route: &mut Route, order: &mut Order, offset: u64) {
+    while let Some((nanos, (received, mut sample))) = route.clock.pop() {
+        sample.time = Time::from_nanos(nanos);
+        route.samples += 1;
+        order.push(received, offset, sample);
+    }
+}
+
+impl Source for Stream {
+    fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
+        let next = match self.ready.take() {
+            Some(ready) => Some(ready),
+            None => self.advance()?,
+        };
+        if let Some(next) = next {
+            *sample = next;
+        }
+        Ok(next.is_some())
+    }
+
+    fn warning(&mut self) -> Option<String> {
+        self.warnings().map(|text| format!("{}: {text}", self.bag.path().display()))
+    }
+}

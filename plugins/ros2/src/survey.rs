@@ -1,0 +1,171 @@
+//! The content of a bag: its topics with their rates, stamps and frames.
+
+use crate::bag::Bag;
+use crate::cdr::{Cursor, body};
+use crate::form::Form;
+use crate::program::{Program, SLOTS};
+use crate::route::{Delay, stamp_path};
+use crate::transforms::Transforms;
+use navfuse_core::model::stream::StreamError;
+use std::path::PathBuf;
+
+/// The use of a topic that its type suggests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Use {
+    /// Inertial measurements.
+    Imu,
+    /// Fixes of GNSS.
+    Fix,
+    /// Velocities of a log.
+    VelocityLog,
+    /// Pressure.
+    Pressure,
+    /// Odometry of another program.
+    Odometry,
+}
+
+/// A topic of a bag.
+#[derive(Clone, Debug)]
+pub struct TopicSurvey {
+    /// Its name.
+    pub name: String,
+    /// The type of its messages.
+    pub kind: String,
+    /// The use that the type suggests.
+    pub usage: Option<Use>,
+    /// Number of messages.
+    pub messages: u64,
+    /// Times at which the first and the last message were received, nanoseconds since 1970.
+    pub span: [i64; 2],
+    /// Frame of the first message.
+    pub frame: String,
+    /// Number of messages whose stamp is zero.
+    pub unstamped: u64,
+    /// The time from the stamps to receiving.
+    delay: Delay,
+    /// How the stamp is read, if the type has one.
+    stamp: Option<Program>,
+}
+
+impl TopicSurvey {
+    /// Mean rate, Hz.
+    pub fn rate(&self) -> f64 {
+        let span = (self.span[1] - self.span[0]) as f64 * 1e-9;
+        if span > 0.0 { (self.messages - 1) as f64 / span } else { 0.0 }
+    }
+
+    /// Describes the time from the stamps to receiving.
+    pub fn delay(&self) -> Option<String> {
+        self.delay.describe()
+    }
+}
+
+/// The content of a bag.
+#[derive(Clone, Debug, Default)]
+pub struct Survey {
+    /// The topics in the order of the bag.
+    pub topics: Vec<TopicSurvey>,
+    /// The frames of `/tf_static`.
+    pub frames: Transforms,
+    /// What was damaged.
+    pub faults: Option<String>,
+}
+
+/// Reads a bag once and describes its content. Returns `None` if `stop` returned `true`.
+///
+/// # Errors
+/// When the bag cannot be read.
+pub fn survey(
+    paths: &[PathBuf],
+    mut stop: impl FnMut() -> bool,
+) -> Result<Option<Survey>, StreamError> {
+    let mut bag = Bag::open(paths)?;
+    let mut found = Survey::default();
+    let mut count = 0_u64;
+    while let Some(message) = bag.next(|_| true)? {
+        let (topic, received, data) = (message.topic, message.received, message.data);
+        count += 1;
+        if count.is_multiple_of(4096) && stop() {
+            return Ok(None);
+        }
+        if let Some(known) = found.topics.get_mut(topic) {
+            known.take(received, data);
+            if known.kind == "tf2_msgs/TFMessage" && known.name.ends_with("tf_static") {
+                let _ = found.frames.take(data); // a malformed message has no frames
+            }
+            continue;
+        }
+        let data = data.to_vec();
+        for new in &bag.topics()[found.topics.len()..] {
+            let kind = new.short_kind();
+            let usage = Form::of(&kind).and_then(|form| match form {
+                Form::Imu => Some(Use::Imu),
+                Form::Fix => Some(Use::Fix),
+                Form::MarineDvl | Form::WaterLinked | Form::Nortek => Some(Use::VelocityLog),
+                Form::Pressure => Some(Use::Pressure),
+                Form::Odometry => Some(Use::Odometry),
+                _ => None,
+            });
+            let definitions = new.definitions().unwrap_or_default();
+            let stamp = stamp_path(&definitions, &kind).and_then(|path| {
+                let paths = ["sec", "nanosec"].map(|part| format!("{path}.{part}"));
+                Program::new(&definitions, &kind, &[paths[0].as_str(), paths[1].as_str()]).ok()
+            });
+            found.topics.push(TopicSurvey {
+                name: new.name.clone(),
+                kind,
+                usage,
+                messages: 0,
+                span: [0; 2],
+                frame: String::new(),
+                unstamped: 0,
+                delay: Delay::default(),
+                stamp,
+            });
+        }
+        if let Some(new) = found.topics.get_mut(topic) {
+            new.frame = frame(&data).unwrap_or_default();
+            new.take(received, &data);
+            if new.kind == "tf2_msgs/TFMessage" && new.name.ends_with("tf_static") {
+                let _ = found.frames.take(&data);
+            }
+        }
+    }
+    found.faults = bag.faults();
+    Ok(Some(found))
+}
+
+/// The frame in the header at the beginning of a message.
+fn frame(message: &[u8]) -> Option<String> {
+    fn read<const LITTLE: bool>(bytes: &[u8]) -> Option<String> {
+        let mut at = Cursor::<LITTLE>::new(bytes);
+        at.take(4, 2).ok()?;
+        Some(String::from_utf8_lossy(at.text().ok()?).into_owned())
+    }
+    match body(message).ok()? {
+        (bytes, true) => read::<true>(bytes),
+        (bytes, false) => read::<false>(bytes),
+    }
+}
+
+impl TopicSurvey {
+    fn take(&mut self, received: i64, data: &[u8]) {
+        if self.messages == 0 {
+            self.span[0] = received;
+        }
+        self.messages += 1;
+        self.span[1] = received;
+        let Some(stamp) = &self.stamp else { return };
+        let mut slots = [f64::NAN; SLOTS];
+        if stamp.read(data, &mut slots).is_err() {
+            return;
+        }
+        if slots[0] == 0.0 && slots[1] == 0.0 {
+            self.unstamped += 1;
+        } else {
+            let stamp = slots[0] as i64 * 1_000_000_000 + slots[1] as i64;
+            self.delay.add(received.saturating_sub(stamp));
+        }
+    }
+}
