@@ -46,6 +46,8 @@ pub struct TopicSurvey {
     delay: Delay,
     /// How the stamp is read, if the type has one.
     stamp: Option<Program>,
+    /// Set if the message begins with a header.
+    headed: bool,
 }
 
 impl TopicSurvey {
@@ -112,6 +114,9 @@ pub fn survey(
                 let paths = ["sec", "nanosec"].map(|part| format!("{path}.{part}"));
                 Program::new(&definitions, &kind, &[paths[0].as_str(), paths[1].as_str()]).ok()
             });
+            let headed = definitions
+                .fields(&kind)
+                .is_ok_and(|fields| fields.first().is_some_and(|f| f.name == "header"));
             found.topics.push(TopicSurvey {
                 name: new.name.clone(),
                 kind,
@@ -122,10 +127,13 @@ pub fn survey(
                 unstamped: 0,
                 delay: Delay::default(),
                 stamp,
+                headed,
             });
         }
         if let Some(new) = found.topics.get_mut(topic) {
-            new.frame = frame(&data).unwrap_or_default();
+            if new.headed {
+                new.frame = frame(&data).unwrap_or_default();
+            }
             new.take(received, &data);
             if new.kind == "tf2_msgs/TFMessage" && new.name.ends_with("tf_static") {
                 let _ = found.frames.take(&data);

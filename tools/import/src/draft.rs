@@ -240,7 +240,7 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
             out.ask("noise = \"2 cm/s\"", "noise of the data sheet");
             out.ask("scale = { sigma = \"0.5 %\" }", "accuracy of the data sheet");
             out.ask("misalignment = { sigma = \"1 deg\" }", "accuracy of the mounting");
-            out.ask("lever_arm = [\"0 m\", \"0 m\", \"0 m\"]", "position from the IMU");
+            lever_arm(out, part, "position from the IMU");
         }
         "depth" => out.ask("noise = \"10 cm\"", "noise of the data sheet"),
         "gnss" => {
@@ -249,16 +249,23 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
             if part.found.velocity {
                 out.ask("velocity_noise = \"10 cm/s\"", "noise of the data sheet");
             }
-            out.ask(
-                "lever_arm = [\"0 m\", \"0 m\", \"0 m\"]",
-                "position of the antenna from the IMU",
-            );
+            lever_arm(out, part, "position of the antenna from the IMU");
         }
         "compass" => out.ask("noise = \"1 deg\"", "noise of the data sheet"),
         "reference" => {
-            out.ask("lever_arm = [\"0 m\", \"0 m\", \"0 m\"]", "its point from the IMU");
+            lever_arm(out, part, "its point from the IMU");
         }
         _ => {}
+    }
+}
+
+/// The lever arm of a sensor, where the recording has it, or a question.
+fn lever_arm(out: &mut Text, part: &Part, question: &str) {
+    match part.lever_arm {
+        Some([x, y, z]) => {
+            out.line(&format!("lever_arm = [\"{x} m\", \"{y} m\", \"{z} m\"]  # of /tf_static"));
+        }
+        None => out.ask("lever_arm = [\"0 m\", \"0 m\", \"0 m\"]", question),
     }
 }
 
@@ -290,6 +297,17 @@ fn sources(out: &mut Text, recording: &Recording) {
         }
     }
     vehicles(out, recording);
+    let bag = || recording.parts.iter().filter(|p| p.reader == Reader::Bag);
+    if let Some(first) = bag().next() {
+        out.line("[source.ros2]");
+        out.line(&format!("path = {}", path(first)));
+        for part in bag() {
+            out.line("");
+            out.line(&format!("[source.ros2.sensors.{}]", part.name));
+            part.found.source.iter().for_each(|key| out.line(key));
+            questions(out, part);
+        }
+    }
     let nmea: Vec<&Part> = recording.parts.iter().filter(|p| p.reader == Reader::Nmea).collect();
     if let Some(first) = nmea.first() {
         out.line("[source.nmea]");

@@ -1,9 +1,11 @@
 //! A scenario from the files of a recording.
 //!
-//! [`import`] recognises tables (CSV, RTKLIB, KF-GINS, SBG), files of Doppler velocity logs, NMEA 0183 and
-//! logs of vehicles, writes a first scenario, reads all samples through its sources, and writes the final scenario with what the
-//! samples show. What no sample shows is marked with [`MARK`].
+//! [`import`] recognises tables (CSV, RTKLIB, KF-GINS, SBG), files of Doppler velocity logs, NMEA 0183,
+//! logs of vehicles and bags of ROS 2, writes a first scenario, reads all samples through its sources,
+//! and writes the final scenario with what the samples show. What no sample shows is marked with
+//! [`MARK`].
 
+mod bag;
 mod clocks;
 mod draft;
 mod instrument;
@@ -74,7 +76,7 @@ pub fn import(
     answers: &Answers,
     stop: &AtomicBool,
 ) -> Result<Option<Imported>, ImportError> {
-    let mut recording = Recording::recognise(files)?;
+    let Some(mut recording) = Recording::recognise(files, stop)? else { return Ok(None) };
     let mut streams = None;
     // the second time with the axes that the first one showed
     for _ in 0..2 {

@@ -1,18 +1,18 @@
 //! The files of a recording and the sensors in them.
 
+use crate::bag::{self, InBag};
 use crate::instrument;
 use crate::stream::StreamSurvey;
 use crate::table;
 use crate::vehicle;
 use navfuse_core::model::stream::StreamError;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Size in bytes of the beginning of a file by which it is recognised.
 const BEGINNING: u64 = 256 * 1024;
 /// Size in bytes of the beginning of a log of a vehicle in which its messages are looked for.
 const MESSAGES: u64 = 16 * 1024 * 1024;
-/// First bytes of an MCAP file.
-const MCAP: &[u8] = b"\x89MCAP";
 
 /// A sensor that was found in a file.
 #[derive(Clone, Debug)]
@@ -38,6 +38,7 @@ pub enum Reader {
     Nmea,
     /// With the index of the file among the logs of vehicles.
     Vehicle(navfuse_vehicle_logs::Format, usize),
+    Bag,
 }
 
 /// A sensor with its file.
@@ -49,6 +50,8 @@ pub struct Part {
     pub reader: Reader,
     /// The file, absolute.
     pub file: PathBuf,
+    /// Position from the IMU along forward, right, down, m, where the recording has it.
+    pub lever_arm: Option<[f64; 3]>,
 }
 
 /// The sensors of a recording.
@@ -77,15 +80,17 @@ pub fn quote(text: &str) -> String {
 }
 
 impl Recording {
-    /// Recognises files.
+    /// Recognises files; `None` if `stop` was set.
     ///
     /// # Errors
     /// When a file cannot be read or recognised, two files have the same sensor, or no file has an
     /// IMU.
-    pub fn recognise(files: &[PathBuf]) -> Result<Self, StreamError> {
+    pub fn recognise(files: &[PathBuf], stop: &AtomicBool) -> Result<Option<Self>, StreamError> {
         let mut recording = Self::default();
         for file in files {
-            recording.add(file)?;
+            if !recording.add(file, stop)? {
+                return Ok(None);
+            }
         }
         if recording.part("imu").is_none() {
             let names: Vec<&str> = recording.parts.iter().map(|p| p.name).collect();
@@ -101,7 +106,7 @@ impl Recording {
         // the order of a scenario
         let order = ["imu", "dvl", "depth", "gnss", "compass", "reference"];
         recording.parts.sort_by_key(|part| order.iter().position(|name| *name == part.name));
-        Ok(recording)
+        Ok(Some(recording))
     }
 
     /// The sensor of a name.
@@ -109,15 +114,30 @@ impl Recording {
         self.parts.iter().find(|part| part.name == name)
     }
 
-    fn add(&mut self, file: &Path) -> Result<(), StreamError> {
-        let bytes =
-            navfuse_csv::beginning(file, BEGINNING).map_err(|e| StreamError::open(file, e))?;
+    fn add(&mut self, file: &Path, stop: &AtomicBool) -> Result<bool, StreamError> {
+        let bytes = match file.is_dir() {
+            true => Vec::new(),
+            false => {
+                navfuse_csv::beginning(file, BEGINNING).map_err(|e| StreamError::open(file, e))?
+            }
+        };
         let absolute = std::fs::canonicalize(file).map_err(|e| StreamError::open(file, e))?;
-        if bytes.starts_with(MCAP) {
-            return Err(StreamError::format("it is an MCAP file").in_file(file).with_remedy(
-                "`navfuse replay` runs a log of navfuse; for a ROS 2 bag write `[source.mcap]` into \
-                 a scenario",
-            ));
+        if bag::is_bag(file, &bytes) {
+            let paths = [file.to_owned()];
+            let Some(survey) = navfuse_ros2::survey(&paths, || stop.load(Ordering::Relaxed))?
+            else {
+                return Ok(false);
+            };
+            if let Some(other) = self.parts.iter().find(|p| p.reader == Reader::Bag) {
+                let text = format!("a second bag beside {}", other.file.display());
+                return Err(StreamError::format(text)
+                    .in_file(file)
+                    .with_remedy("give one bag, which may have several files in one folder"));
+            }
+            for InBag { found, lever_arm } in bag::sensors(&survey, file, &mut self.notes)? {
+                self.add_part(found, Reader::Bag, file, &absolute, lever_arm)?;
+            }
+            return Ok(true);
         }
         let (reader, found) = if let Some((stamp, found)) = instrument::velocity_log(&bytes) {
             (Reader::Dvl(stamp), found)
@@ -156,16 +176,29 @@ impl Recording {
             if found.kind == "gnss" && is_reference {
                 found.kind = "reference";
             }
-            let name = if found.kind == "dual-antenna" { "compass" } else { found.kind };
-            if let Some(other) = self.part(name) {
-                let message = format!(
-                    "it has the sensor {name}, as {} has: give one of the files",
-                    other.file.display()
-                );
-                return Err(StreamError::format(message).in_file(file));
-            }
-            self.parts.push(Part { name, found, reader, file: absolute.clone() });
+            self.add_part(found, reader, file, &absolute, None)?;
         }
+        Ok(true)
+    }
+
+    /// Adds a sensor of a file.
+    fn add_part(
+        &mut self,
+        found: Found,
+        reader: Reader,
+        file: &Path,
+        absolute: &Path,
+        lever_arm: Option<[f64; 3]>,
+    ) -> Result<(), StreamError> {
+        let name = if found.kind == "dual-antenna" { "compass" } else { found.kind };
+        if let Some(other) = self.part(name) {
+            let message = format!(
+                "it has the sensor {name}, as {} has: give one of the files",
+                other.file.display()
+            );
+            return Err(StreamError::format(message).in_file(file));
+        }
+        self.parts.push(Part { name, found, reader, file: absolute.to_owned(), lever_arm });
         Ok(())
     }
 
@@ -200,6 +233,15 @@ impl Recording {
 
     /// Turns an IMU with axes forward, left, up.
     fn turn_imu(&mut self) {
+        let bag = |p: &&mut Part| p.name == "imu" && p.reader == Reader::Bag;
+        if let Some(part) = self.parts.iter_mut().find(bag) {
+            // the source has turned the axes of ROS, which these were not
+            part.found.source.push("axes = \"frd\"".to_owned());
+            let text = "its axes are forward, right, down already, not those of ROS";
+            part.found.questions.push(format!("by the mean of accel_z, {text}"));
+            self.notes.push(format!("imu: {text}"));
+            return;
+        }
         let tables = |p: &&mut Part| p.name == "imu" && p.reader == Reader::Csv;
         let Some(part) = self.parts.iter_mut().find(tables) else {
             self.notes.push(

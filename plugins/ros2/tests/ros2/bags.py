@@ -139,10 +139,10 @@ messages = []  # received, topic, type, content
 expected = {}
 
 
-def add(sensor, topic, kind, stamp, latency, values, headless=False, **fields):
+def add(sensor, topic, kind, stamp, latency, values, headless=False, frame=None, **fields):
     if not headless:
         header = T["std_msgs/Header"](
-            T["builtin_interfaces/Time"](stamp // 10**9, stamp % 10**9), frame_id=topic[1:]
+            T["builtin_interfaces/Time"](stamp // 10**9, stamp % 10**9), frame_id=frame or topic[1:]
         )
         fields = {"header": header, **fields}
     messages.append((stamp + latency, topic, kind, T[kind](**fields)))
@@ -174,7 +174,7 @@ for k in range(200):
             status=T["sensor_msgs/NavSatStatus"](0 if valid else -1, 1), latitude=lat, longitude=lon,
             altitude=height, position_covariance=covariance, position_covariance_type=2)
         add("gnss", "/vel", "geometry_msgs/TwistStamped", t, 410 * ms,
-            {"vel_n": v[1], "vel_e": v[0], "vel_d": -v[2]},
+            {"vel_n": v[1], "vel_e": v[0], "vel_d": -v[2]}, frame="fix",
             twist=T["geometry_msgs/Twist"](vector(v), vector(three())))
         v = three()
         add("dvl", "/dvl", "marine_acoustic_msgs/Dvl", t + 1, 30 * ms,
@@ -238,6 +238,22 @@ for k in range(200):
             {"speed": -0.01 * (6 + k), "lateral": 3.5, "vertical": 7.0 + 1.0},
             label="wheel"[: k % 5], counts=np.array([1, 7], np.int16),
             flags=np.array([1, 2, 3], np.uint8), parts=parts)
+# the frames of three sensors; the velocity log looks down
+places = {
+    "imu": ([0.1, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]),
+    "dvl": ([1.0, 2.0, -3.0], [1.0, 0.0, 0.0, 0.0]),
+    "fix": ([0.0, 0.5, 1.5], [0.0, 0.0, 0.0, 1.0]),
+}
+transforms = [
+    T["geometry_msgs/TransformStamped"](
+        T["std_msgs/Header"](T["builtin_interfaces/Time"](0, 0), frame_id="base_link"),
+        child_frame_id=name,
+        transform=T["geometry_msgs/Transform"](
+            vector(p), T["geometry_msgs/Quaternion"](*q)),
+    )
+    for name, (p, q) in places.items()
+]
+messages.append((START, "/tf_static", "tf2_msgs/TFMessage", T["tf2_msgs/TFMessage"](transforms)))
 messages.sort(key=lambda m: m[0])
 
 KINDS = {

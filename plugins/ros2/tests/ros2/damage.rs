@@ -1,8 +1,8 @@
 //! Damaged bags: whatever is intact is used, the rest is reported with offset and number, and no
 //! input makes the reader panic or fill the memory.
 
-use crate::recorder::{SIZE, mcap, usual};
-use navfuse_ros2::Bag;
+use crate::recorder::{SIZE, mcap, sqlite, usual};
+use navfuse_ros2::{Bag, survey};
 use std::path::Path;
 
 /// Rates and faults of the bag in a file.
@@ -11,7 +11,7 @@ fn rates(path: &Path, bytes: &[u8]) -> (Vec<f64>, Option<String>) {
     let Ok(mut bag) = Bag::open(&[path.to_owned()]) else { return (Vec::new(), None) };
     let mut found = Vec::new();
     while let Some(message) = bag.next(|_| true).unwrap() {
-        if message.data.len() == SIZE {
+        if message.data.len() >= SIZE {
             let at = 20 + 13 * 8;
             found.push(f64::from_le_bytes(message.data[at..at + 8].try_into().unwrap()));
         }
@@ -96,4 +96,113 @@ fn garbage_between_records_is_skipped_and_counted() {
     let words =
         format!("1 place without an intact record at byte {at}, {} bytes skipped", garbage.len());
     assert!(faults.contains(&words), "{faults}");
+}
+
+#[test]
+fn a_database_cut_off_or_damaged_gives_the_rows_of_its_intact_pages() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bag.db3");
+    let bytes = sqlite(&usual(30));
+    let (all, faults) = rates(&path, &bytes);
+    assert_eq!((all, faults), ((0..30).map(f64::from).collect(), None));
+    let mut before = 0;
+    for cut in (0..bytes.len()).step_by(97) {
+        let (found, faults) = rates(&path, &bytes[..cut]);
+        let expected: Vec<f64> = (0..found.len()).map(|k| k as f64).collect();
+        assert_eq!(found, expected, "{cut}");
+        assert!(found.len() >= before, "{cut}");
+        before = found.len();
+        if cut > 2048 {
+            assert!(faults.unwrap().contains("skipped,"), "{cut}");
+        }
+    }
+    assert!(before >= 29);
+    // the type of one leaf: the page of the tenth row
+    let mut damaged = bytes.clone();
+    let leaf = 3 + 9 + 2;
+    damaged[leaf * 512] = 0x77;
+    let (found, faults) = rates(&path, &damaged);
+    assert_eq!(found.len(), 29, "{faults:?}");
+    assert!(faults.unwrap().contains(&format!("at byte {}", leaf * 512)));
+}
+
+/// Numbers that are the same on every run.
+struct Draw(u64);
+
+impl Draw {
+    fn below(&mut self, limit: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as usize % limit.max(1)
+    }
+}
+
+/// Changes a file as a bad disk, a bad cable or an attacker would.
+fn mutate(draw: &mut Draw, bytes: &mut Vec<u8>) {
+    for _ in 0..=draw.below(4) {
+        let (at, length) = (draw.below(bytes.len()), 1 + draw.below(64));
+        let end = (at + length).min(bytes.len());
+        match draw.below(7) {
+            0 if at < bytes.len() => bytes[at] ^= 1 << draw.below(8),
+            1 if at < bytes.len() => bytes[at] = draw.below(256) as u8,
+            2 => {
+                let large = [0, u64::MAX, 1 << 26, 1 << 40, 0x7fff_ffff, 255];
+                let number = large[draw.below(large.len())].to_le_bytes();
+                let fits = number.len().min(bytes.len() - at);
+                bytes[at..at + fits].copy_from_slice(&number[..fits]);
+            }
+            3 => bytes.truncate(at),
+            4 => drop(bytes.drain(at..end)),
+            5 => {
+                let part = bytes[at..end].to_vec();
+                let to = draw.below(bytes.len());
+                bytes.splice(to..to, part);
+            }
+            _ => {
+                let garbage: Vec<u8> = (0..length).map(|_| draw.below(256) as u8).collect();
+                bytes.splice(at..at, garbage);
+            }
+        }
+        if bytes.is_empty() {
+            return;
+        }
+    }
+}
+
+/// Most memory that this process has had, bytes.
+fn peak() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    Some(line.trim().strip_suffix(" kB")?.parse::<u64>().ok()? * 1024)
+}
+
+/// Mutations of bags of every storage. `NAVFUSE_ROS2_INPUTS` sets their number.
+#[test]
+fn no_mutation_of_a_bag_makes_the_reader_panic_or_fill_the_memory() {
+    let inputs = std::env::var("NAVFUSE_ROS2_INPUTS").ok().and_then(|n| n.parse().ok());
+    let inputs: u64 = inputs.unwrap_or(3000);
+    let mut seeds: Vec<Vec<u8>> =
+        kinds().iter().map(|(packing, chunk)| mcap(&usual(12), *packing, *chunk)).collect();
+    seeds.push(sqlite(&usual(12)));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bag");
+    let mut draw = Draw(0x9e37_79b9_7f4a_7c15);
+    let (before, mut messages) = (peak(), 0);
+    for k in 0..inputs {
+        let mut bytes = seeds[k as usize % seeds.len()].clone();
+        mutate(&mut draw, &mut bytes);
+        std::fs::write(&path, &bytes).unwrap();
+        if let Ok(found) = survey(std::slice::from_ref(&path), || false) {
+            messages += found.map_or(0, |s| s.topics.iter().map(|t| t.messages).sum::<u64>());
+        }
+    }
+    // a test that reads nothing would pass as well
+    assert!(messages > inputs, "{messages} messages of {inputs} bags");
+    if let (Some(before), Some(after)) = (before, peak()) {
+        // a chunk of 64 MiB, packed and unpacked, and the window on the file with it
+        let grown = (after - before) >> 20;
+        println!("{inputs} inputs, {messages} messages, {grown} MiB more");
+        assert!(grown < 300, "{grown} MiB");
+    }
 }

@@ -7,9 +7,11 @@
 )]
 
 mod damage;
+mod import;
 mod oracle;
 mod recorder;
 mod scenario;
+mod speed;
 
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;

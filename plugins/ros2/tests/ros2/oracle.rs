@@ -118,6 +118,7 @@ fn bags_of_another_program_give_the_samples_of_its_messages() {
         }
         assert!(!warning.contains("damaged") && !warning.contains("cut"), "{bag}: {warning}");
     }
+    crate::import::frames_of_the_bag(&folder.path().join("mcap-9"));
     // a type without a definition is an error with its name
     let error = read(folder.path(), SENSORS, &format!("path = \"sqlite-plain\"\n{KEYS}{WHEEL}"));
     let error = error.unwrap_err();

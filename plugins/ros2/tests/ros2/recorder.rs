@@ -78,3 +78,138 @@ pub fn usual(count: i64) -> Vec<Imu> {
         })
         .collect()
 }
+
+/// Size of a page of the databases that are written here.
+const PAGE: usize = 512;
+
+fn varint(mut n: u64) -> Vec<u8> {
+    let mut out = vec![(n & 0x7f) as u8];
+    n >>= 7;
+    while n > 0 {
+        out.insert(0, (n & 0x7f) as u8 | 0x80);
+        n >>= 7;
+    }
+    out
+}
+
+/// A row: null, integers and blobs or texts.
+fn row(values: &[Value<'_>]) -> Vec<u8> {
+    let (mut types, mut content) = (Vec::new(), Vec::new());
+    for value in values {
+        match value {
+            Value::Null => types.extend(varint(0)),
+            Value::Integer(n) => {
+                types.extend(varint(6));
+                content.extend(n.to_be_bytes());
+            }
+            Value::Text(text) => {
+                types.extend(varint(13 + 2 * text.len() as u64));
+                content.extend(text.as_bytes());
+            }
+            Value::Blob(bytes) => {
+                types.extend(varint(12 + 2 * bytes.len() as u64));
+                content.extend(*bytes);
+            }
+        }
+    }
+    [varint(types.len() as u64 + 1), types, content].concat()
+}
+
+#[derive(Clone, Copy)]
+enum Value<'a> {
+    Null,
+    Integer(i64),
+    Text(&'a str),
+    Blob(&'a [u8]),
+}
+
+/// A leaf with cells, whose content is at the end of the page.
+fn leaf(cells: &[Vec<u8>], head: usize) -> Vec<u8> {
+    let mut page = vec![0; PAGE];
+    let mut at = PAGE;
+    page[head] = 0x0d;
+    page[head + 3..head + 5].copy_from_slice(&(cells.len() as u16).to_be_bytes());
+    for (k, cell) in cells.iter().enumerate() {
+        at -= cell.len();
+        page[at..at + cell.len()].copy_from_slice(cell);
+        let pointer = head + 8 + 2 * k;
+        page[pointer..pointer + 2].copy_from_slice(&(at as u16).to_be_bytes());
+    }
+    page
+}
+
+/// A database of measurements, one to a leaf; every fifth row has a rest in further pages.
+pub fn sqlite(messages: &[Imu]) -> Vec<u8> {
+    let cell =
+        |number: u64, row: &[u8]| [varint(row.len() as u64), varint(number), row.to_vec()].concat();
+    let table = |name: &str, root: i64, columns: &str| {
+        let statement = format!("CREATE TABLE {name}({columns})");
+        row(&[
+            Value::Text("table"),
+            Value::Text(name),
+            Value::Text(name),
+            Value::Integer(root),
+            Value::Text(&statement),
+        ])
+    };
+    let mut first = leaf(
+        &[
+            cell(
+                1,
+                &table("topics", 2, "id INTEGER, name TEXT, type TEXT, serialization_format TEXT"),
+            ),
+            cell(
+                2,
+                &table("messages", 3, "id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB"),
+            ),
+        ],
+        100,
+    );
+    first[..16].copy_from_slice(b"SQLite format 3\0");
+    first[16..18].copy_from_slice(&(PAGE as u16).to_be_bytes());
+    let topic =
+        [Value::Null, Value::Text("/imu"), Value::Text("sensor_msgs/msg/Imu"), Value::Text("cdr")];
+    let mut pages = vec![first, leaf(&[cell(1, &row(&topic))], 0), vec![0; PAGE]];
+    let mut children = Vec::new();
+    for (k, m) in messages.iter().enumerate() {
+        let mut data = encode(m);
+        // zeros after a message are not read
+        data.resize(data.len() + if k % 5 == 4 { 700 } else { 0 }, 0);
+        let whole =
+            row(&[Value::Null, Value::Integer(1), Value::Integer(m.received), Value::Blob(&data)]);
+        let (most, least) = (PAGE - 35, (PAGE - 12) * 32 / 255 - 23);
+        let here = match whole.len() {
+            n if n <= most => n,
+            n => Some(least + (n - least) % (PAGE - 4)).filter(|k| *k <= most).unwrap_or(least),
+        };
+        children.push(pages.len() as u32 + 1);
+        let mut content =
+            [varint(whole.len() as u64), varint(k as u64 + 1), whole[..here].to_vec()].concat();
+        let rest: Vec<&[u8]> = whole[here..].chunks(PAGE - 4).collect();
+        if !rest.is_empty() {
+            content.extend((pages.len() as u32 + 2).to_be_bytes());
+        }
+        pages.push(leaf(&[content], 0));
+        for (n, part) in rest.iter().enumerate() {
+            let next = if n + 1 < rest.len() { pages.len() as u32 + 2 } else { 0 };
+            let mut page = next.to_be_bytes().to_vec();
+            page.extend(*part);
+            page.resize(PAGE, 0);
+            pages.push(page);
+        }
+    }
+    // the root of the messages: its children
+    let root = &mut pages[2];
+    root[0] = 0x05;
+    let (last, inner) = children.split_last().unwrap();
+    root[3..5].copy_from_slice(&(inner.len() as u16).to_be_bytes());
+    root[8..12].copy_from_slice(&last.to_be_bytes());
+    let mut at = PAGE;
+    for (k, child) in inner.iter().enumerate() {
+        let cell = [child.to_be_bytes().to_vec(), varint(k as u64 + 1)].concat();
+        at -= cell.len();
+        root[at..at + cell.len()].copy_from_slice(&cell);
+        root[12 + 2 * k..14 + 2 * k].copy_from_slice(&(at as u16).to_be_bytes());
+    }
+    pages.concat()
+}

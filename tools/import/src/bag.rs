@@ -1,0 +1,172 @@
+//! Bags of ROS 2: the sensors by the types of the topics.
+
+use crate::recording::{Found, quote};
+use navfuse_core::model::stream::StreamError;
+use navfuse_ros2::{Survey, TopicSurvey, Use};
+use std::path::Path;
+
+/// First bytes of MCAP and of SQLite, the storages of bags.
+const STORAGES: [&[u8]; 2] = [b"\x89MCAP", b"SQLite format 3\0"];
+/// The frame of the vehicle, where a bag has it.
+const BASE: &str = "base_link";
+/// Rotation, rad, below which two frames have the same axes.
+const ALIGNED: f64 = 1e-9;
+
+/// A sensor of a bag.
+pub struct InBag {
+    pub found: Found,
+    /// Its position from the IMU along forward, right, down, m, as the frames of the bag have it.
+    pub lever_arm: Option<[f64; 3]>,
+}
+
+/// Tests whether a file is a bag, by its first bytes. A folder is one, too.
+pub fn is_bag(file: &Path, beginning: &[u8]) -> bool {
+    file.is_dir() || STORAGES.iter().any(|magic| beginning.starts_with(magic))
+}
+
+/// The topic for a use: the one with most messages. A note names the others.
+fn choose<'a>(survey: &'a Survey, usage: Use, notes: &mut Vec<String>) -> Option<&'a TopicSurvey> {
+    let fits = |t: &&TopicSurvey| t.usage == Some(usage) && t.messages > 0;
+    let chosen = survey.topics.iter().filter(fits).max_by_key(|t| t.messages)?;
+    let others: Vec<String> = survey
+        .topics
+        .iter()
+        .filter(|t| fits(t) && t.name != chosen.name)
+        .map(|t| format!("{} ({:.1} Hz)", t.name, t.rate()))
+        .collect();
+    if !others.is_empty() {
+        notes.push(format!(
+            "the bag has several topics of type {}: {} ({:.1} Hz) is used, not {}; the key `topic` \
+             of the source chooses another",
+            chosen.kind,
+            chosen.name,
+            chosen.rate(),
+            others.join(", ")
+        ));
+    }
+    if let Some(delay) = chosen.delay() {
+        notes.push(format!("{}: {delay}", chosen.name));
+    }
+    Some(chosen)
+}
+
+/// The sensors of a bag, and notes about it.
+///
+/// # Errors
+/// When it is a log of navfuse.
+pub fn sensors(
+    survey: &Survey,
+    file: &Path,
+    notes: &mut Vec<String>,
+) -> Result<Vec<InBag>, StreamError> {
+    if survey.topics.iter().any(|t| t.kind.starts_with("navfuse_msgs/")) {
+        return Err(StreamError::format("it is a log of navfuse")
+            .in_file(file)
+            .with_remedy("`navfuse replay` runs it"));
+    }
+    notes.extend(survey.faults.clone());
+    let imu = choose(survey, Use::Imu, notes);
+    let base = match imu {
+        _ if survey.frames.has(BASE) => BASE,
+        Some(imu) => imu.frame.as_str(),
+        None => "",
+    };
+    let place = |topic: &TopicSurvey, marine| survey.frames.mounting(base, &topic.frame, marine);
+    let origin = imu.and_then(|imu| place(imu, false)).map_or([0.0; 3], |m| m.position);
+    let mut used: Vec<&str> = Vec::new();
+    let add = |topic: &TopicSurvey, kind: &'static str, more: Option<&TopicSurvey>| {
+        let marine = kind == "dvl";
+        let mut found = Found {
+            kind,
+            sensor: Vec::new(),
+            source: vec![format!("topic = {}", quote(&topic.name))],
+            questions: Vec::new(),
+            velocity: more.is_some(),
+        };
+        if let Some(more) = more {
+            found.source.push(format!("more = [{}]", quote(&more.name)));
+            found.questions.push(format!(
+                "{} is taken for the velocity of the receiver along east, north, up",
+                more.name
+            ));
+        }
+        if topic.unstamped == topic.messages {
+            found.source.push("stamp = \"receive\"".to_owned());
+            found.questions.push(format!(
+                "all stamps of {} are zero: the time of receiving is used, which is late",
+                topic.name
+            ));
+        }
+        let mounting = place(topic, marine);
+        if let Some(m) = mounting.filter(|_| matches!(kind, "imu" | "dvl")) {
+            let [roll, pitch, yaw] = m.rotation.map(|a| (a.to_degrees() * 1e9).round() / 1e9 + 0.0);
+            if m.rotation.iter().any(|a| a.abs() > ALIGNED) {
+                let line = format!("rotation = [\"{roll} deg\", \"{pitch} deg\", \"{yaw} deg\"]");
+                found.source.push(line);
+                if marine {
+                    found.questions.push(
+                        "the rotation is that of /tf_static; without it the velocities count as \
+                         forward, right, down"
+                            .to_owned(),
+                    );
+                }
+            }
+        }
+        // an IMU that turns with the vehicle is the origin of the lever arms
+        let arm = |m: navfuse_ros2::Mounting| -> [f64; 3] {
+            std::array::from_fn(|k| ((m.position[k] - origin[k]) * 1e6).round() / 1e6 + 0.0)
+        };
+        let connected = mounting.filter(|_| imu.is_some_and(|imu| place(imu, false).is_some()));
+        InBag { found, lever_arm: connected.map(arm) }
+    };
+    let mut sensors = Vec::new();
+    if let Some(imu) = imu {
+        used.push(&imu.name);
+        sensors.push(add(imu, "imu", None));
+    }
+    if let Some(dvl) = choose(survey, Use::VelocityLog, notes) {
+        used.push(&dvl.name);
+        sensors.push(add(dvl, "dvl", None));
+    }
+    if let Some(pressure) = choose(survey, Use::Pressure, notes) {
+        used.push(&pressure.name);
+        let mut depth = add(pressure, "depth", None);
+        depth.found.questions.push(
+            "the pressure is taken for that of sea water; a barometer is no depth sensor: remove \
+             the sensor then"
+                .to_owned(),
+        );
+        sensors.push(depth);
+    }
+    let fix = choose(survey, Use::Fix, notes);
+    if let Some(fix) = fix {
+        let velocity = survey.topics.iter().find(|t| {
+            t.kind.starts_with("geometry_msgs/Twist") && t.frame == fix.frame && !t.frame.is_empty()
+        });
+        used.extend([Some(fix), velocity].iter().flatten().map(|t| t.name.as_str()));
+        sensors.push(add(fix, "gnss", velocity));
+    }
+    if let Some(odometry) = choose(survey, Use::Odometry, notes).filter(|_| fix.is_none()) {
+        used.push(&odometry.name);
+        let mut reference = add(odometry, "reference", None);
+        reference.found.source.push(
+            "datum = { latitude = \"45 deg\", longitude = \"0 deg\", height = \"0 m\" }".to_owned(),
+        );
+        reference.found.questions.push(
+            "the position at which the odometry is zero; is it a reference, or one of the filters to \
+             compare with?"
+                .to_owned(),
+        );
+        sensors.push(reference);
+    }
+    let unused: Vec<String> = survey
+        .topics
+        .iter()
+        .filter(|t| !used.contains(&t.name.as_str()))
+        .map(|t| format!("{} ({}, {} messages)", t.name, t.kind, t.messages))
+        .collect();
+    if !unused.is_empty() {
+        notes.push(format!("topics that are not used: {}", unused.join(", ")));
+    }
+    Ok(sensors)
+}
