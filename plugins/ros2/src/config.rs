@@ -61,7 +61,7 @@ pub struct TopicConfig {
     pub more: Vec<String>,
     /// Fields of messages by the channel of the sensor: `speed = { field = "twist.linear.x" }`.
     /// They replace those that the type of the topic fills.
-    pub channels: BTreeMap<String, FieldConfig>,
+    pub channels: BTreeMap<String, MessageField>,
     /// Time of a message. Default: that of the source.
     pub stamp: Option<Stamping>,
     /// Axes of the vectors in the messages: `flu` (forward, left, up; with the world east, north, up)
@@ -97,7 +97,7 @@ pub struct Datum {
 /// A field of a message.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct FieldConfig {
+pub struct MessageField {
     /// Path of the field: `twist.twist.linear.x`, or `ranges[2]` for an element of a list.
     pub field: String,
     /// Topic, where it is not that of the sensor.

@@ -1,7 +1,7 @@
 //! The way from a topic to a sensor: what is read of its messages, and their clock.
 
 use crate::bag::{Message, Topic};
-use crate::config::{FieldConfig, Ros2, Stamping, TopicConfig};
+use crate::config::{MessageField, Ros2, Stamping, TopicConfig};
 use crate::definition::{Definitions, Kind};
 use crate::form::{Converter, Form, Unused};
 use crate::program::{Program, SLOTS, Slots};
@@ -30,7 +30,7 @@ pub struct Route {
     config: TopicConfig,
     channels: Vec<Channel>,
     /// Fields of this topic by channel; empty where the type decides.
-    fields: Vec<(usize, FieldConfig)>,
+    fields: Vec<(usize, MessageField)>,
     pub clock: Clock<(i64, Sample)>,
     delay: Delay,
     pub messages: u64,
@@ -114,7 +114,7 @@ pub fn routes(
     let key = format!("sensors.{}", info.name);
     let fail =
         |text: String, part: &str| StreamError::scenario(text).at_key(format!("{key}{part}"));
-    let mut topics: Vec<(String, Vec<(usize, FieldConfig)>)> = Vec::new();
+    let mut topics: Vec<(String, Vec<(usize, MessageField)>)> = Vec::new();
     for (name, field) in &config.channels {
         let Some(channel) = info.channels.iter().position(|c| c.name == *name) else {
             let has: Vec<&str> = info.channels.iter().map(|c| c.name).collect();
@@ -140,7 +140,7 @@ pub fn routes(
     if topics.is_empty() {
         return Err(fail("it needs a topic, such as topic = \"/imu/data\"".to_owned(), ""));
     }
-    let route = |(topic, fields): (String, Vec<(usize, FieldConfig)>)| Route {
+    let route = |(topic, fields): (String, Vec<(usize, MessageField)>)| Route {
         sensor: SensorId(sensor),
         name: info.name.clone(),
         topic,
@@ -226,7 +226,7 @@ impl Route {
     fn factor(
         &self,
         channel: usize,
-        field: &FieldConfig,
+        field: &MessageField,
     ) -> Result<(usize, f64, f64), StreamError> {
         let own = self.channels[channel];
         let fail = |text: String| {

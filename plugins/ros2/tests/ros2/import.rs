@@ -52,7 +52,7 @@ pub fn frames_of_the_bag(bag: &Path) {
 fn a_bag_of_two_imus_becomes_a_scenario_that_runs() {
     let folder = tempfile::tempdir().unwrap();
     let bag = folder.path().join("bag.mcap");
-    let still: Vec<Imu> = usual(3000).iter().map(|m| Imu { rate: 0.0, ..*m }).collect();
+    let still: Vec<Imu> = usual(3000).iter().map(|m| Imu { rate: 4.3e-5, ..*m }).collect();
     let slow = still.iter().step_by(2).map(|m| Imu { topic: "/slow", ..*m });
     let mut messages: Vec<Imu> = still.iter().copied().chain(slow).collect();
     messages.sort_by_key(|m| m.received);
@@ -62,7 +62,8 @@ fn a_bag_of_two_imus_becomes_a_scenario_that_runs() {
     assert_eq!((found.streams[0].samples, found.streams[0].rate().round()), (3000, 100.0));
     let name = folder.path().join("imported.toml").display().to_string();
     let document = Document::parse(name, found.scenario).unwrap();
-    let scenario = Scenario::new(&registry(), document, &[]).unwrap();
+    let registry = registry();
+    let scenario = Scenario::new(&registry, document, &[]).unwrap();
     let stop = AtomicBool::new(false);
     let finished = runner::run(scenario.assemble(None).unwrap(), &stop, |_| {});
     assert!(finished.error.is_none(), "{:?}", finished.error);
