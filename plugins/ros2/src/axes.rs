@@ -45,7 +45,8 @@ impl Axes {
 /// for a quaternion that is no rotation.
 pub fn attitude([x, y, z, w]: [f64; 4], axes: Axes) -> Option<Rotation3<f64>> {
     let q = Quaternion::new(w, x, y, z);
-    if !((q.norm() - 1.0).abs() < 0.01) {
+    let norm = q.norm();
+    if norm.is_nan() || (norm - 1.0).abs() > 0.01 {
         return None;
     }
     let c = UnitQuaternion::from_quaternion(q).to_rotation_matrix();
