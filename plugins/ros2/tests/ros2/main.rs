@@ -33,10 +33,15 @@ gyro_noise = "0.1 deg/h/sqrt(Hz)"
 accel_noise = "10 ug/sqrt(Hz)"
 "#;
 
+/// The samples of each sensor: time in ns, and values by channel.
+type Rows = BTreeMap<String, Vec<Row>>;
+/// A sample.
+type Row = (i64, BTreeMap<String, f64>);
+
 /// The samples of a bag by sensor, with the values of their channels, and the source's warning.
 #[derive(Debug, PartialEq)]
 struct Read {
-    samples: BTreeMap<String, Vec<(i64, BTreeMap<String, f64>)>>,
+    samples: Rows,
     /// The sensors in the order of the samples.
     order: Vec<(i64, String)>,
     warning: Option<String>,

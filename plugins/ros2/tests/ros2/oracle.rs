@@ -1,9 +1,8 @@
 //! Bags that `rosbags` wrote, in every storage and packing, give the samples that its messages stand
 //! for. Without Python or the package index, the tests print the reason and pass.
 
-use crate::{Read, read};
+use crate::{Read, Rows, read};
 use navfuse_testing::python::{Packages, output};
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
@@ -62,8 +61,6 @@ channels.speed = { field = "parts[2].ticks", unit = "cm/s", scale = -1 }
 channels.lateral = { field = "parts[1].speeds[1]" }
 channels.vertical = { field = "counts[1]", offset = 1.0 }
 "#;
-
-type Rows = BTreeMap<String, Vec<(i64, BTreeMap<String, f64>)>>;
 
 /// Compares samples: times to the nanosecond, values to 1e-12 of a radian, metre or their like. The
 /// formulas of the script differ from ours by rounding alone.
