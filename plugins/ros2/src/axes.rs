@@ -12,6 +12,7 @@ use serde::Deserialize;
 /// Axes of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
+#[schemars(rename = "BodyAxes")] // the schema of a scenario has other axes, too
 pub enum Axes {
     /// Forward, left, up, as REP 103 has them.
     Flu,
