@@ -130,7 +130,13 @@ impl Block {
             out[..n].fill(0.0);
             return;
         };
-        let jacobian = self.shown_jacobian(values);
+        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
+        if !self.coordinate_jacobian(values, &mut jacobian) {
+            for (i, out) in out[..n].iter_mut().enumerate() {
+                *out = covariance.get(t + i, t + i).max(0.0).sqrt() / self.spec.display.scale;
+            }
+            return;
+        }
         for i in 0..n {
             let row = &jacobian[n * i..n * i + n];
             let mut variance = 0.0;
@@ -147,11 +153,12 @@ impl Block {
     /// [`Self::show_sigma`] gives, in SI: row-major, one row for each component.
     pub fn shown_jacobian(&self, values: &[f64]) -> [f64; MAX_TANGENT * MAX_TANGENT] {
         let n = self.operations.tangent;
-        self.coordinate_jacobian(values).unwrap_or_else(|| {
-            let mut identity = [0.0; MAX_TANGENT * MAX_TANGENT];
-            (0..n).for_each(|i| identity[n * i + i] = 1.0);
-            identity
-        })
+        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
+        if !self.coordinate_jacobian(values, &mut jacobian) {
+            jacobian[..n * n].fill(0.0);
+            (0..n).for_each(|i| jacobian[n * i + i] = 1.0);
+        }
+        jacobian
     }
 
     /// Estimate minus reference in the display unit.
@@ -183,26 +190,29 @@ impl Block {
         if self.operations.reading != crate::state::manifold::Reading::Angles {
             return diagonal;
         }
-        let jacobian = self.coordinate_jacobian(values);
-        match jacobian.and_then(|j| DMatrix::from_row_slice(n, n, &j[..n * n]).try_inverse()) {
+        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
+        let curved = self.coordinate_jacobian(values, &mut jacobian);
+        let jacobian = || DMatrix::from_row_slice(n, n, &jacobian[..n * n]);
+        match curved.then(jacobian).and_then(|jacobian| jacobian.try_inverse()) {
             Some(inverse) => &inverse * diagonal * inverse.transpose(),
             None => diagonal,
         }
     }
 
-    /// Derivative of the coordinates with respect to the tangent, row-major. `None` where sigma
-    /// refers to the tangent, and at a pitch of 90 deg, where roll and yaw are one angle; the sigma
-    /// of the tangent then stands for that of the angles.
-    fn coordinate_jacobian(&self, values: &[f64]) -> Option<[f64; MAX_TANGENT * MAX_TANGENT]> {
+    /// Derivative of the coordinates with respect to the tangent, row-major. Returns `false` where
+    /// it is the identity, where sigma refers to the tangent, and at a pitch of 90 deg, where roll
+    /// and yaw are one angle; the sigma of the tangent then stands for that of the angles.
+    fn coordinate_jacobian(&self, values: &[f64], jacobian: &mut [f64]) -> bool {
         use crate::state::manifold::Reading;
         // at 1e6 the pitch is within 0.2 arc seconds of 90 deg
         let largest = match self.operations.reading {
-            Reading::Tangent => return None,
+            Reading::Tangent => return false,
+            _ if self.operations.flat => return false,
             Reading::Angles => 1e6,
             Reading::Coordinates => f64::MAX,
         };
-        let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
-        (self.operations.coordinate_jacobian)(&values[self.range()], &mut jacobian);
-        jacobian.iter().all(|j| j.abs() <= largest).then_some(jacobian)
+        let n = self.operations.tangent;
+        (self.operations.coordinate_jacobian)(&values[self.range()], jacobian);
+        jacobian[..n * n].iter().all(|j| j.abs() <= largest)
     }
 }

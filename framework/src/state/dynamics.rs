@@ -17,6 +17,8 @@ pub struct BlockDynamics {
 struct Moving {
     slot: usize,
     first: usize,
+    /// Interval of the step before, s, and the transition over it.
+    before: (f64, f64, f64),
 }
 
 impl BlockDynamics {
@@ -30,7 +32,7 @@ impl BlockDynamics {
             }
             let gauss_markov = matches!(block.spec.dynamics, Dynamics::GaussMarkov { .. });
             let first = transition.own_block(tangent, block.operations.tangent, gauss_markov);
-            moving.push(Moving { slot, first });
+            moving.push(Moving { slot, first, before: (0.0, 1.0, 0.0) });
         }
         transition.compile(layout);
         Self { moving, initial: layout.initial_state().values }
@@ -38,13 +40,13 @@ impl BlockDynamics {
 
     /// Propagates the blocks over `dt` seconds and fills their part of the transition.
     pub fn propagate(
-        &self,
+        &mut self,
         layout: &Layout,
         state: &mut State,
         dt: f64,
         transition: &mut Transition,
     ) {
-        for m in &self.moving {
+        for m in &mut self.moving {
             let block = &layout.blocks[m.slot];
             match &block.spec.dynamics {
                 Dynamics::Constant => {}
@@ -56,14 +58,12 @@ impl BlockDynamics {
                 Dynamics::GaussMarkov { sigma, time } => {
                     // Groves eqs 3.3 and 14.81: x(t+dt) = x exp(-dt/T), Q = sigma^2 (1 - exp(-2
                     // dt/T))
-                    let decay = (-dt / time).exp();
+                    if m.before.0 != dt {
+                        m.before = (dt, (-dt / time).exp(), (-2.0 * dt / time).exp_m1());
+                    }
+                    let (_, decay, lost) = m.before;
                     for (k, s) in sigma.iter().enumerate() {
-                        transition.set_own(
-                            m.first,
-                            k,
-                            Some(decay),
-                            -s * s * (-2.0 * dt / time).exp_m1(),
-                        );
+                        transition.set_own(m.first, k, Some(decay), -s * s * lost);
                     }
                     let mut delta = [0.0; MAX_TANGENT];
                     let delta = &mut delta[..sigma.len()];

@@ -52,6 +52,8 @@ pub trait Manifold: Send + Sync + 'static {
     const TANGENT: usize;
     /// Coordinates in which sigma and error are read, see [`Reading`].
     const READING: Reading = Reading::Coordinates;
+    /// `true` where the coordinates of `x [+] delta` are those of `x` plus `delta`.
+    const FLAT: bool = false;
     /// A value with scalars of type `T`.
     type Value<T: Real>: Clone;
 
@@ -93,6 +95,7 @@ pub struct Scalar;
 impl Manifold for Scalar {
     const AMBIENT: usize = 1;
     const TANGENT: usize = 1;
+    const FLAT: bool = true;
     type Value<T: Real> = T;
 
     fn load<T: Real>(ambient: &[f64]) -> T {
@@ -122,6 +125,7 @@ pub struct Vector<const N: usize>;
 impl<const N: usize> Manifold for Vector<N> {
     const AMBIENT: usize = N;
     const TANGENT: usize = N;
+    const FLAT: bool = true;
     type Value<T: Real> = SVector<T, N>;
 
     fn load<T: Real>(ambient: &[f64]) -> SVector<T, N> {
@@ -302,6 +306,8 @@ pub struct Operations {
     pub tangent: usize,
     /// [`Manifold::READING`].
     pub reading: Reading,
+    /// [`Manifold::FLAT`].
+    pub flat: bool,
     /// Identity of the manifold's type, with which a handle of another type is rejected.
     pub kind: std::any::TypeId,
     /// `x = x [+] delta`.
@@ -327,6 +333,7 @@ impl Operations {
             ambient: M::AMBIENT,
             tangent: M::TANGENT,
             reading: M::READING,
+            flat: M::FLAT,
             kind: std::any::TypeId::of::<M>(),
             retract: |x, delta| M::store(&M::retract(&M::load::<f64>(x), delta), x),
             local: |to, from, delta| M::local(&M::load(to), &M::load(from), delta),

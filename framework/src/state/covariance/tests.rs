@@ -204,7 +204,7 @@ proptest! {
         dt in 0.001..2.0_f64,
     ) {
         let mut u = Numbers(seed);
-        let (layout, mut transition, dynamics) = compose(&cases, &mut u);
+        let (layout, mut transition, mut dynamics) = compose(&cases, &mut u);
         let n = layout.tangent;
         prop_assume!(n > 0);
         let mut state = layout.initial_state();
