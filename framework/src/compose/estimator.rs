@@ -102,6 +102,10 @@ pub trait Estimator: Any + Send {
         self.state().time
     }
 
+    /// Brings a covariance that is computed less often than the estimate to the estimate's time, for
+    /// an epoch that is recorded.
+    fn settle(&mut self, _observer: &mut dyn Observer) {}
+
     /// Estimate at that time, with the truth where the scenario states it and no reference gives it.
     fn epoch(&mut self) -> Epoch<'_>;
 

@@ -47,6 +47,10 @@ pub struct EstimatorConfig {
     /// `ukf` (unscented). A sensor's own `update` has precedence.
     #[serde(default)]
     pub(crate) update: UpdateRule,
+    /// Rate of the covariance, below that of the driving sensor. The estimate takes every sample;
+    /// the covariance is propagated over several of them at once, and before each measurement.
+    /// Default: with every sample.
+    covariance_rate: Option<Positive<Frequency>>,
     /// Rate at which estimates are recorded.
     #[serde(default = "ten_hertz")]
     output_rate: Positive<Frequency>,
@@ -71,6 +75,7 @@ impl Default for EstimatorConfig {
             smooth: false,
             lag: None,
             update: UpdateRule::default(),
+            covariance_rate: None,
             output_rate: ten_hertz(),
         }
     }
@@ -110,6 +115,12 @@ impl EstimatorConfig {
     /// Nanoseconds between recorded estimates.
     pub fn output_period(&self) -> i64 {
         ((1e9 / self.output_rate.value().si()).round() as i64).max(1)
+    }
+
+    /// Time between propagations of the covariance, if it is not every sample.
+    pub(crate) fn covariance_period(&self) -> Option<Time> {
+        let rate = self.covariance_rate.as_ref()?.value().si();
+        Time::from_seconds(1.0 / rate)
     }
 
     /// Returns `true` if the filter starts from a reference.

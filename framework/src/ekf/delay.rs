@@ -110,10 +110,10 @@ impl History {
             moved[*slot] || composition.transition.moves(&layout.blocks[*slot].tangent_range())
         };
         let slots = (0..layout.blocks.len()).filter(moves);
-        let declared = composition.transition.places();
-        let places: Vec<(usize, usize, f64)> = (declared.iter().enumerate())
-            .map(|(n, &(i, j))| (i, j, f64::from(i == j && !declared[..n].contains(&(i, j)))))
-            .collect();
+        let identity = composition.transition.identity();
+        let declared = composition.transition.places().iter();
+        let places: Vec<(usize, usize, f64)> =
+            declared.zip(identity).map(|(&(i, j), identity)| (i, j, identity)).collect();
         let state = layout.initial_state();
         let entry = Entry {
             time: Time::MIN,

@@ -12,6 +12,7 @@ use super::inputs::Corrected;
 use super::iterated::Iterated;
 use super::passage::Passage;
 use super::points::SigmaPoints;
+use super::pool::Pool;
 use super::screen::Screen;
 use super::slot::SensorSlot;
 use super::stage::Stage;
@@ -61,6 +62,8 @@ pub(super) struct Memory {
     pub(super) state: State,
     pub(super) covariance: Covariance,
     pub(super) transition: Transition,
+    /// Steps that the covariance has not taken yet, where it has a rate of its own.
+    pub(super) pool: Option<Pool>,
     pub(super) dynamics: BlockDynamics,
     pub(super) processes: Vec<Box<dyn ProcessModel>>,
     /// Initial alignments, one place per process.
@@ -135,6 +138,7 @@ impl Ekf {
                 held: Held::of(&composition),
                 clones: Clones::of(&composition),
                 history: History::new(&composition),
+                pool: Pool::new(&composition, &transition),
                 transition,
                 dynamics,
                 processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),

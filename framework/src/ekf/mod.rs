@@ -16,6 +16,7 @@ mod lockout;
 mod passage;
 mod past;
 mod points;
+mod pool;
 mod repeats;
 mod screen;
 mod screened;

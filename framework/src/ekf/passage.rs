@@ -68,7 +68,7 @@ impl Passage {
 pub(super) fn propagate(
     composition: &Composition,
     corrected: &mut [Corrected],
-    (processes, dynamics): (&mut [Box<dyn ProcessModel>], &BlockDynamics),
+    (processes, dynamics): (&mut [Box<dyn ProcessModel>], &mut BlockDynamics),
     held: &[Held],
     state: &mut State,
     given: &Interval<'_>,
@@ -112,11 +112,11 @@ impl Ekf {
             layout.displace(state, &mut w.delta, point);
             // each point goes on from the memory that the processes have before the step
             let mut copies = processes.clone();
-            let parts = (&mut copies[..], &*dynamics);
+            let parts = (&mut copies[..], &mut *dynamics);
             propagate(composition, corrected, parts, held, point, interval, transition)?;
         }
         // the estimate comes last, so that Phi and Q are those at the estimate
-        let parts = (&mut processes[..], &*dynamics);
+        let parts = (&mut processes[..], &mut *dynamics);
         propagate(composition, corrected, parts, held, state, interval, transition)?;
         w.mean.fill(0.0);
         w.spread.fill(0.0);

@@ -252,21 +252,15 @@ impl Ekf {
         if self.passage.is_some() {
             self.pass(&interval)?;
         } else {
-            let m = &mut self.memory;
-            let parts = (&mut m.processes[..], &m.dynamics);
-            let (held, state, transition) = (&m.held, &mut m.state, &mut m.transition);
+            let Memory { processes, dynamics, held, state, transition, .. } = &mut self.memory;
+            let parts = (&mut processes[..], dynamics);
             let corrected = &mut self.corrected;
             propagate(&self.composition, corrected, parts, held, state, &interval, transition)?;
-            m.transition.propagate(&mut m.covariance);
         }
-        let m = &mut self.memory;
-        observer.transition(&m.transition);
-        for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
-            m.transition.carry_reach(&mut slot.reach);
-        }
-        m.state.time = to;
-        if let Some(history) = &mut m.history {
-            history.moved(&m.state, &m.transition);
+        let Memory { state, pool, transition, .. } = &mut self.memory;
+        state.time = to;
+        if pool.as_mut().is_none_or(|pool| pool.add(transition, from, to)) {
+            self.propagate_covariance(observer);
         }
         Ok(())
     }
@@ -277,6 +271,10 @@ impl Ekf {
         sample: &Sample,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
+        let role = &self.composition.sensors[sample.sensor.0].role;
+        if !matches!(role, Role::Input(_)) {
+            self.settle(observer);
+        }
         match &self.composition.sensors[sample.sensor.0].role {
             Role::Input(_) => {
                 self.hold(sample, observer);

@@ -177,6 +177,7 @@ impl Timeline {
         let (memory, start) = self.ahead.resume(&ekf.memory);
         let settled = std::mem::replace(&mut ekf.memory, memory);
         let replayed = self.replay(ekf, start);
+        ekf.settle(&mut ());
         let seen = ekf.running().then(|| look(&ekf.epoch()));
         let memory = std::mem::replace(&mut ekf.memory, settled);
         // after a gap, the next replay begins at a snapshot before it

@@ -71,6 +71,10 @@ macro_rules! estimator {
                 let $e = self;
                 $filter.covariance()
             }
+            fn settle(&mut self, observer: &mut dyn Observer) {
+                let $m = self;
+                $mutable.settle(observer);
+            }
             fn epoch(&mut self) -> Epoch<'_> {
                 let $m = self;
                 $mutable.epoch()
@@ -114,6 +118,11 @@ impl EstimatorType for Ukf {
             let message = "the smoother needs a linearised step, which the unscented filter does \
                            not have; remove `smooth` and `lag`, or set type = \"ekf\"";
             return Err(ComposeError::new("smooth", message));
+        }
+        if composition.estimator.covariance_period().is_some() {
+            let message = "the unscented filter propagates the covariance with every sample; \
+                           remove `covariance_rate`, or set type = \"ekf\"";
+            return Err(ComposeError::new("covariance_rate", message));
         }
         match composition.sensors.iter().find(|sensor| sensor.time_offset.is_some()) {
             None => Ok(()),

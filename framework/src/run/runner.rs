@@ -325,6 +325,7 @@ impl Run {
     /// Records the current estimate unless it is recorded already.
     fn record_last_epoch(&mut self) {
         if self.estimator.running() {
+            self.estimator.settle(&mut self.outputs);
             self.outputs.record(&self.estimator.epoch());
         }
     }

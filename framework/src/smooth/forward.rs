@@ -236,7 +236,10 @@ fn replay(
         match entry {
             // a failure of the filter has been reported in the forward pass
             Entry::Sample(sample) => drop(ekf.process(&sample, observer)),
-            Entry::Epoch => observer.epoch(&ekf.epoch()),
+            Entry::Epoch => {
+                ekf.settle(observer);
+                observer.epoch(&ekf.epoch());
+            }
             Entry::Finish => ekf.finish(observer),
         }
         Ok(())

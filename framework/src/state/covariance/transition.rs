@@ -189,6 +189,13 @@ impl Transition {
         self.kernel.carried = work;
     }
 
+    /// The share of the identity in each element of `Phi`, in the order of [`Self::places`].
+    pub(crate) fn identity(&self) -> Vec<f64> {
+        let places = self.places.iter().enumerate();
+        let first = |n: usize, place| !self.places[..n].contains(place);
+        places.map(|(n, place)| f64::from(place.0 == place.1 && first(n, place))).collect()
+    }
+
     /// `(row, column)` of each element of `Phi`, in the order of [`Self::add_to`].
     pub(crate) fn places(&self) -> &[(usize, usize)] {
         &self.places
@@ -198,6 +205,29 @@ impl Transition {
     pub fn moves(&self, rows: &std::ops::Range<usize>) -> bool {
         self.places.iter().any(|p| rows.contains(&p.0))
             || self.noise.iter().any(|n| rows.contains(&n.1))
+    }
+
+    /// Copies the step of a transition with the same places.
+    pub(crate) fn copy_step(&mut self, step: &Self) {
+        self.phi.copy_from_slice(&step.phi);
+        self.q.fill(0.0);
+        self.own.iter_mut().for_each(|own| own.q = 0.0);
+        self.add_step_noise(step);
+    }
+
+    /// Adds the step of a transition with the same places, to first order: the changes of the error
+    /// states add up, and so does the process noise.
+    pub(crate) fn add_step(&mut self, step: &Self, identity: &[f64]) {
+        for ((phi, step), identity) in self.phi.iter_mut().zip(&step.phi).zip(identity) {
+            *phi += step - identity;
+        }
+        self.add_step_noise(step);
+    }
+
+    fn add_step_noise(&mut self, step: &Self) {
+        let share = 1.0 + step.excess;
+        self.q.iter_mut().zip(&step.q).for_each(|(q, step)| *q += share * step);
+        self.own.iter_mut().zip(&step.own).for_each(|(own, step)| own.q += step.q);
     }
 
     /// Adds the elements of the last step's `Phi` to `sum`, as far as `sum` goes.

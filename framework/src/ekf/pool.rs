@@ -1,0 +1,77 @@
+//! A covariance rate below that of the driving sensor: the transitions of several steps as one.
+//!
+//! To first order, the product of the transitions `I + A_k` of short steps is `I + sum A_k`, and
+//! their process noise adds up. Products of two `A_k` are neglected: a tilt that turns into a
+//! velocity, which turns into a position, does so one pooled step later. The estimate itself takes
+//! every sample.
+
+use super::filter::Ekf;
+use crate::compose::Composition;
+use crate::model::record::Observer;
+use crate::state::covariance::Transition;
+use crate::units::time::Time;
+
+/// The steps since the covariance was propagated.
+#[derive(Clone)]
+pub(super) struct Pool {
+    /// Time between two propagations of the covariance.
+    period: Time,
+    /// Begin of the first step, if there is one.
+    since: Option<Time>,
+    /// The transition over all steps.
+    whole: Transition,
+    /// The share of the identity in its elements.
+    identity: Vec<f64>,
+}
+
+impl Pool {
+    /// The pool of a composition that sets a covariance rate.
+    pub(super) fn new(composition: &Composition, transition: &Transition) -> Option<Self> {
+        let period = composition.estimator.covariance_period()?;
+        let identity = transition.identity();
+        Some(Self { period, since: None, whole: transition.clone(), identity })
+    }
+
+    /// Adds the step of a transition from one time to another. Returns `true` when the covariance
+    /// is due.
+    pub(super) fn add(&mut self, transition: &Transition, from: Time, to: Time) -> bool {
+        match self.since {
+            None => self.whole.copy_step(transition),
+            Some(_) => self.whole.add_step(transition, &self.identity),
+        }
+        // the step after this one, if as long as this one, would end too late
+        to + (to - from) - *self.since.get_or_insert(from) > self.period
+    }
+}
+
+impl Ekf {
+    /// Propagates the covariance over the last step, or over all steps that the pool holds.
+    pub(super) fn propagate_covariance(&mut self, observer: &mut dyn Observer) {
+        let m = &mut self.memory;
+        let transition = match &mut m.pool {
+            None => &mut m.transition,
+            Some(pool) => {
+                pool.since = None;
+                &mut pool.whole
+            }
+        };
+        // the unscented filter has propagated the covariance with its points
+        if self.passage.is_none() {
+            transition.propagate(&mut m.covariance);
+        }
+        observer.transition(transition);
+        for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
+            transition.carry_reach(&mut slot.reach);
+        }
+        if let Some(history) = &mut m.history {
+            history.moved(&m.state, transition);
+        }
+    }
+
+    /// Propagates the covariance to the state's time.
+    pub(crate) fn settle(&mut self, observer: &mut dyn Observer) {
+        if self.memory.pool.as_ref().is_some_and(|pool| pool.since.is_some()) {
+            self.propagate_covariance(observer);
+        }
+    }
+}
