@@ -1,7 +1,6 @@
 //! The composer, with which process and sensor types build their models.
 
 use crate::model::detector::Detector;
-use crate::model::drawing::Drawing;
 use crate::model::error::ComposeError;
 use crate::model::mounting::Mounting;
 use crate::model::sensor::Role;
@@ -33,8 +32,7 @@ pub struct Composer {
     clones: Vec<[usize; 2]>,
     /// Places of the effect of driving sensors: the sensor, and the number of the place.
     input_places: Vec<(String, usize)>,
-    drawing: Option<Drawing>,
-    mounting: Mounting,
+    mounting: Option<Mounting>,
     folder: PathBuf,
 }
 
@@ -170,21 +168,6 @@ impl Composer {
         std::mem::take(&mut self.clones)
     }
 
-    /// Sets the geometry with which sinks draw the sensor that is being composed.
-    pub fn draw(&mut self, drawing: Drawing) {
-        self.drawing = Some(drawing);
-    }
-
-    /// Geometry of the sensor that is being composed; by default from its states `lever_arm` and
-    /// `misalignment`.
-    pub(crate) fn take_drawing(&mut self) -> Drawing {
-        self.drawing.take().unwrap_or_else(|| Drawing {
-            lever_arm: self.slot::<Vector<3>>("lever_arm"),
-            misalignment: self.slot::<Rotation>("misalignment"),
-            beams: Vec::new(),
-        })
-    }
-
     /// Slot of a block of the part that is being composed, if the part has it.
     fn slot<M: Manifold>(&self, name: &str) -> Option<usize> {
         let full = format!("{}.{name}", self.owner);
@@ -192,14 +175,17 @@ impl Composer {
         self.layout.blocks.iter().position(|b| b.name == full && b.operations.kind == kind)
     }
 
-    /// States the place and the axes of the sensor that is being composed. Default: at the origin of
-    /// the body, with its axes.
+    /// States the place, the axes and the beams of the sensor that is being composed. Default: at
+    /// its state `lever_arm`, turned by its state `misalignment`, where it has them.
     pub fn mounted(&mut self, mounting: Mounting) {
-        self.mounting = mounting;
+        self.mounting = Some(mounting);
     }
 
     pub(crate) fn take_mounting(&mut self) -> Mounting {
-        std::mem::take(&mut self.mounting)
+        self.mounting.take().unwrap_or_else(|| {
+            let lever_arm = self.slot::<Vector<3>>("lever_arm");
+            Mounting::of_slots(lever_arm, self.slot::<Rotation>("misalignment"))
+        })
     }
 
     /// Finds the block of that full name, such as `ins.velocity`; `key` is the parameter that names
@@ -251,7 +237,6 @@ impl Composer {
             kind: "constraint".to_owned(),
             channels: channels.to_vec(),
             purpose: Purpose::Measurement,
-            drawing: Drawing::default(),
             mounting: Mounting::default(),
         };
         self.constraints.push((self.owner.clone(), (info, Role::measurement(model))));

@@ -3,7 +3,6 @@
 pub mod chi_square;
 pub mod delivery;
 pub mod detector;
-pub mod drawing;
 pub mod error;
 pub mod estimator_error;
 pub mod fault;

@@ -1,23 +1,51 @@
-//! The place and the axes of a sensor on the vehicle.
+//! The place, the axes and the beams of a sensor on the vehicle.
 
 use crate::state::manifold::{Rotation, Scalar, Vector, load_quaternion};
 use crate::state::{Handle, Layout, State};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// The place and the axes of a sensor on the vehicle, as far as its model knows them. A sensor type
-/// states them with [`crate::compose::Composer::mounted`]; logs and viewers draw the sensor there.
+/// The place, the axes and the beams of a sensor on the vehicle, as far as its model knows them.
 ///
+/// A sensor type states them with [`crate::compose::Composer::mounted`]; logs and viewers draw the
+/// sensor there. Without that, a sensor is at its state `lever_arm`, turned by its state
+/// `misalignment`, where it has them:
 /// ```
 /// # use navfuse_core::prelude::*;
-/// # use navfuse_core::model::mounting::Mounting;
-/// fn build(composer: &mut Composer, lever_arm: Handle<Vector<3>>, c_b_s: Handle<Rotation>) {
-///     composer.mounted(Mounting::at(lever_arm).turned(c_b_s));
+/// # use navfuse_core::model::mounting::{Beam, Mounting, Reach};
+/// /// Mounts an echo sounder whose channel 0 is the range along its only beam.
+/// fn build(composer: &mut Composer, transducer: Handle<Vector<3>>, c_b_s: Handle<Rotation>) {
+///     let down = Beam { direction: [0.0, 0.0, 1.0], channel: None, reach: Reach::Range(0) };
+///     composer.mounted(Mounting::at(transducer).turned(c_b_s).with_beams([down]));
 /// }
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mounting {
     place: Place,
     axes: Axes,
+    beams: Vec<Beam>,
+}
+
+/// Beam of an instrument.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beam {
+    /// Unit vector in the axes of the instrument.
+    pub direction: [f64; 3],
+    /// Channel that a sample lacks if the beam was lost; `None` where no channel belongs to the
+    /// beam alone.
+    pub channel: Option<usize>,
+    /// Length of the beam.
+    pub reach: Reach,
+}
+
+/// Length of a beam, by the channel from which it follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reach {
+    /// No channel gives the length.
+    Unknown,
+    /// Range along the beam, m.
+    Range(usize),
+    /// Vertical distance of the instrument from the ground below it, m.
+    Altitude(usize),
 }
 
 /// The place of a sensor, from the origin of the body along its axes.
@@ -45,12 +73,22 @@ enum Axes {
 impl Mounting {
     /// A sensor at a lever arm, with the axes of the body.
     pub fn at(lever_arm: Handle<Vector<3>>) -> Self {
-        Self { place: Place::LeverArm(lever_arm.slot), axes: Axes::Body }
+        Self::of_slots(Some(lever_arm.slot), None)
     }
 
     /// A sensor at a constant lever arm (m), with the axes of the body.
     pub fn at_constant(lever_arm: Vector3<f64>) -> Self {
-        Self { place: Place::Constant(lever_arm), axes: Axes::Body }
+        Self { place: Place::Constant(lever_arm), ..Self::default() }
+    }
+
+    /// A sensor at the lever arm and with the misalignment that these slots of a layout hold, where
+    /// it has them.
+    pub fn of_slots(lever_arm: Option<usize>, misalignment: Option<usize>) -> Self {
+        Self {
+            place: lever_arm.map_or(Place::Origin, Place::LeverArm),
+            axes: misalignment.map_or(Axes::Body, Axes::Turned),
+            beams: Vec::new(),
+        }
     }
 
     /// Turns the axes by the rotation that maps from the body to the sensor, `C_b^s`.
@@ -63,6 +101,28 @@ impl Mounting {
     #[must_use]
     pub fn pointed(self, pitch: Handle<Scalar>, yaw: Handle<Scalar>) -> Self {
         Self { axes: Axes::Pointed([pitch.slot, yaw.slot]), ..self }
+    }
+
+    /// Adds beams.
+    #[must_use]
+    pub fn with_beams(mut self, beams: impl IntoIterator<Item = Beam>) -> Self {
+        self.beams.extend(beams);
+        self
+    }
+
+    /// Beams of the sensor.
+    pub fn beams(&self) -> &[Beam] {
+        &self.beams
+    }
+
+    /// Returns `true` if the model knows a place of the sensor.
+    pub fn is_placed(&self) -> bool {
+        self.place != Place::Origin
+    }
+
+    /// Returns `true` if the axes of the sensor are not simply those of the body.
+    pub fn is_turned(&self) -> bool {
+        self.axes != Axes::Body
     }
 
     /// Returns `true` if the filter estimates a part of the mounting.

@@ -2,7 +2,6 @@
 
 use crate::model::delivery::Delay;
 use crate::model::detector::Detector;
-use crate::model::drawing::Drawing;
 use crate::model::gate::{Action, Gate, Recovery};
 use crate::model::input::Correction;
 use crate::model::limits::Limit;
@@ -30,9 +29,7 @@ pub struct SensorInfo {
     pub channels: Vec<Channel>,
     /// Purpose.
     pub purpose: Purpose,
-    /// Geometry on the vehicle.
-    pub drawing: Drawing,
-    /// Place and axes on the vehicle.
+    /// Place, axes and beams on the vehicle.
     pub mounting: Mounting,
 }
 

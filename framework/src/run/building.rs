@@ -347,10 +347,9 @@ fn place_sensor(
     // a simulated pseudo-measurement has samples
     let detector = composer.take_detector().filter(|_| keys.simulation.is_none());
     let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
-    let drawing = composer.take_drawing();
     let mounting = composer.take_mounting();
     let channels = built.channels;
-    let info = SensorInfo { name, kind, channels, purpose, drawing, mounting };
+    let info = SensorInfo { name, kind, channels, purpose, mounting };
     Composition::check_channels(&info, &built.role).map_err(|e| e.at(&part.node))?;
     if let Some(simulation) = &keys.simulation {
         // a fault that does not fit the sensor is rejected here, with its place in the file

@@ -3,7 +3,6 @@
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
-use navfuse_core::model::drawing::Drawing;
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::mounting;
 use navfuse_core::nalgebra::Vector3;
@@ -68,7 +67,6 @@ impl Mounting<'_> {
                 self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?,
             ),
         };
-        composer.mounted(mounting::Mounting::at(lever_arm).turned(c_b_d));
         Ok(Instrument { navigation, scale, c_b_d, lever_arm, current })
     }
 
@@ -122,9 +120,9 @@ impl Tracking<'_> {
 }
 
 impl Instrument {
-    /// Geometry for a drawing, without beams.
-    pub fn drawing(&self) -> Drawing {
-        Drawing::at(self.lever_arm).turned(self.c_b_d)
+    /// Place and axes of the instrument.
+    pub fn mounting(&self) -> mounting::Mounting {
+        mounting::Mounting::at(self.lever_arm).turned(self.c_b_d)
     }
 
     /// Computes the height of the instrument above the ellipsoid, m.

@@ -9,9 +9,9 @@ use crate::keys::doppler_sensor;
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
-use navfuse_core::model::drawing::{self, Reach};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::mounting::{self, Reach};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Scene;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3, convert};
@@ -116,12 +116,12 @@ impl LaserDoppler {
         if N == 1 {
             note_unobservable(composer, &instrument, &beams[0]);
         }
-        let drawn = beams.iter().enumerate().map(|(k, b)| drawing::Beam {
+        let drawn = beams.iter().enumerate().map(|(k, b)| mounting::Beam {
             direction: [b.x, b.y, b.z],
             channel: Some(k),
             reach: Reach::Unknown,
         });
-        composer.draw(instrument.drawing().with_beams(drawn));
+        composer.mounted(instrument.mounting().with_beams(drawn));
         Ok(Role::measurement(LaserDopplerModel {
             instrument,
             beams,

@@ -274,7 +274,6 @@ fn short(x: f64) -> String {
 mod tests {
     use super::{bad, short};
     use crate::health::{Health, Lane, Stretch};
-    use navfuse_core::model::drawing::Drawing;
     use navfuse_core::model::sensor::{Purpose, SensorInfo};
     use navfuse_core::units::time::Time;
 
@@ -285,7 +284,6 @@ mod tests {
             kind: "dvl".into(),
             channels: Vec::new(),
             purpose: Purpose::Measurement,
-            drawing: Drawing::default(),
             mounting: Default::default(),
         };
         let lane = |in_turns: [u64; 2]| {

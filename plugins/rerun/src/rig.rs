@@ -4,11 +4,11 @@ use crate::columns::Thinned;
 use crate::history::Gaps;
 use crate::recording::Recording;
 use crate::style::{AXES, BEAM, BOUND, SENSOR, path};
-use navfuse_core::model::drawing::{Beam, Reach};
+use navfuse_core::model::mounting::{Beam, Mounting, Reach};
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::StreamError;
-use navfuse_core::nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use navfuse_core::nalgebra::{UnitQuaternion, Vector3};
 use navfuse_core::units::sample::Sample;
 use re_sdk_types::archetypes::{Arrows3D, LineStrips3D, Points3D};
 use re_sdk_types::components::Radius;
@@ -36,13 +36,11 @@ type Ends = (i64, [Option<[f32; 3]>; BEAMS]);
 pub struct Mount {
     /// Name of the sensor.
     sensor: String,
-    lever_arm: Option<usize>,
-    misalignment: Option<usize>,
+    mounting: Mounting,
     /// Position in body axes, m.
     place: Vector3<f64>,
     /// Rotation from the instrument to the body.
     turn: UnitQuaternion<f64>,
-    beams: Vec<Beam>,
     ends: Thinned<Ends>,
     gaps: Gaps,
 }
@@ -50,43 +48,39 @@ pub struct Mount {
 impl Mount {
     /// The mounting of a sensor; `None` for one without a place, an orientation and beams.
     pub fn new(info: &SensorInfo, full: bool) -> Option<Self> {
-        let drawing = &info.drawing;
-        let drawn = drawing.lever_arm.or(drawing.misalignment).is_some();
-        (drawn || !drawing.beams.is_empty()).then(|| Self {
+        let mounting = &info.mounting;
+        let known = mounting.is_placed() || mounting.is_turned();
+        (known || !mounting.beams().is_empty()).then(|| Self {
             sensor: info.name.clone(),
-            lever_arm: drawing.lever_arm,
-            misalignment: drawing.misalignment,
+            mounting: mounting.clone(),
             place: Vector3::zeros(),
             turn: UnitQuaternion::identity(),
-            beams: drawing.beams.iter().copied().take(BEAMS).collect(),
             ends: Thinned::new(if full { usize::MAX } else { SAMPLES }),
             gaps: Gaps::default(),
         })
     }
 
+    fn beams(&self) -> &[Beam] {
+        let beams = self.mounting.beams();
+        &beams[..beams.len().min(BEAMS)]
+    }
+
     /// Takes the place and orientation from an estimate.
     pub fn epoch(&mut self, epoch: &Epoch<'_>) {
-        let values = |slot: usize| &epoch.state.values[epoch.layout.blocks[slot].range()];
-        if let Some(&[x, y, z]) = self.lever_arm.map(values) {
-            self.place = Vector3::new(x, y, z);
-        }
-        if let Some(&[w, x, y, z]) = self.misalignment.map(values) {
-            // the block maps from the body to the instrument
-            self.turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).inverse();
-        }
+        (self.place, self.turn) = self.mounting.pose(epoch.layout, epoch.state);
     }
 
     /// Takes the lengths of the beams from a sample; `attitude` maps from the body to north, east,
     /// down.
     pub fn sample(&mut self, sample: &Sample, attitude: &UnitQuaternion<f64>) {
-        if self.beams.iter().all(|b| b.reach == Reach::Unknown) {
+        if self.beams().iter().all(|b| b.reach == Reach::Unknown) {
             return;
         }
         if let Some(middle) = self.gaps.after(sample.time) {
             self.ends.push((middle, [None; BEAMS]));
         }
         let mut ends = [None; BEAMS];
-        for (end, beam) in ends.iter_mut().zip(&self.beams) {
+        for (end, beam) in ends.iter_mut().zip(self.beams()) {
             *end = self.end(beam, sample, attitude);
         }
         self.ends.push((sample.time.nanos(), ends));
@@ -126,7 +120,7 @@ impl Mount {
             rows.push((last + SILENCE, [None; BEAMS]));
         }
         if rows.is_empty() {
-            let unknown = self.beams.iter().filter(|b| b.reach == Reach::Unknown);
+            let unknown = self.beams().iter().filter(|b| b.reach == Reach::Unknown);
             let strips = unknown.map(|b| {
                 let end = self.turn * Vector3::from(b.direction) * f64::from(UNKNOWN * vehicle);
                 from(end.map(|x| x as f32).into())
@@ -184,7 +178,7 @@ pub fn draw(recording: &Recording, mounts: &[Mount], vehicle: f32) -> Result<(),
         .with_radii([Radius::new_ui_points(3.5)]);
     recording.log_static(&body("sensors"), &sensors)?;
     let turned: Vec<(&Mount, [f32; 3])> =
-        mounts.iter().zip(ends).filter(|(m, _)| m.misalignment.is_some()).collect();
+        mounts.iter().zip(ends).filter(|(m, _)| m.mounting.is_turned()).collect();
     let axes = turned.iter().flat_map(|(m, _)| {
         let axes = m.turn.to_rotation_matrix();
         (0..3).map(move |k| axes.matrix().column(k).map(|x| x as f32 * AXIS * vehicle))
@@ -201,7 +195,6 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test ends where it fails")]
 
     use super::*;
-    use navfuse_core::model::drawing::Drawing;
     use navfuse_core::model::sensor::Purpose;
     use navfuse_core::units::sample::{Channel, SensorId};
     use navfuse_core::units::time::Time;
@@ -222,8 +215,7 @@ mod tests {
             kind: "dvl".into(),
             channels: ["left", "right", "altitude"].map(|n| Channel::new(n, "m")).to_vec(),
             purpose: Purpose::Measurement,
-            drawing: Drawing::default().with_beams([beam(-1.0, 0), beam(1.0, 1)]),
-            mounting: Default::default(),
+            mounting: Mounting::default().with_beams([beam(-1.0, 0), beam(1.0, 1)]),
         };
         let mut mount = Mount::new(&info, true).unwrap();
         let sample = |values: &[f64]| Sample::new(Time::from_nanos(0), SensorId(0), values);

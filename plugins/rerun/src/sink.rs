@@ -200,7 +200,8 @@ impl Run {
                 places.lane = Some(run.lanes.len());
                 run.lanes.push(lane);
             }
-            if let (Some(track), Some(mount)) = (&mut run.track, Mount::new(sensor, full)) {
+            let mount = Mount::new(sensor, full).filter(|_| sensor.purpose != Purpose::Reference);
+            if let (Some(track), Some(mount)) = (&mut run.track, mount) {
                 places.mount = Some(track.mounts.len());
                 track.mounts.push(mount);
             }

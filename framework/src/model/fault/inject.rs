@@ -12,7 +12,6 @@ use crate::units::time::Time;
 ///
 /// ```
 /// use navfuse_core::document::Document;
-/// use navfuse_core::model::drawing::Drawing;
 /// use navfuse_core::model::fault::{Fault, Injector};
 /// use navfuse_core::model::mounting::Mounting;
 /// use navfuse_core::model::sensor::{Purpose, SensorInfo};
@@ -23,9 +22,8 @@ use crate::units::time::Time;
 /// let fault: Fault = document.root().get("fault").unwrap().parse()?;
 /// let (name, kind) = ("depth".to_owned(), "depth".to_owned());
 /// let (channels, purpose) = (vec![Channel::new("depth", "m")], Purpose::Measurement);
-/// let drawing = Drawing::default();
 /// let mounting = Mounting::default();
-/// let sensor = SensorInfo { name, kind, channels, purpose, drawing, mounting };
+/// let sensor = SensorInfo { name, kind, channels, purpose, mounting };
 ///
 /// let mut injector = Injector::new(&[fault], &sensor, 1)?;
 /// for (second, depth) in [(9, 3.0), (10, 8.0), (19, 8.0), (20, 3.0)] {

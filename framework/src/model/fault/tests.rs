@@ -3,7 +3,6 @@
 
 use super::{Fault, FaultType, Injector};
 use crate::document::Document;
-use crate::model::drawing::Drawing;
 use crate::model::mounting::Mounting;
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::units::sample::{Channel, Sample, SensorId};
@@ -21,7 +20,7 @@ fn sensor() -> SensorInfo {
     ];
     let (name, kind) = ("port".to_owned(), "instrument".to_owned());
     let (purpose, mounting) = (Purpose::Measurement, Mounting::default());
-    SensorInfo { name, kind, channels, purpose, drawing: Drawing::default(), mounting }
+    SensorInfo { name, kind, channels, purpose, mounting }
 }
 
 fn faults(text: &str) -> Vec<Fault> {

@@ -1,8 +1,8 @@
 //! Height of a DVL above the bottom: a channel that the filter does not use.
 
 use crate::instrument::Instrument;
-use navfuse_core::model::drawing::{Beam, Reach};
 use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::mounting::{Beam, Reach};
 use navfuse_core::model::simulate::Scene;
 use navfuse_core::nalgebra::Vector3;
 use navfuse_core::state::View;

@@ -96,7 +96,7 @@ impl DvlBeams {
         let channel = N + usize::from(self.assumed_sound_speed.is_some());
         let altitude = Altitude::new(self.altitude, self.simulated_bottom, channel)?;
         let drawn = altitude::drawn(beams, true, altitude.as_ref());
-        composer.draw(instrument.drawing().with_beams(drawn));
+        composer.mounted(instrument.mounting().with_beams(drawn));
         Ok(Role::measurement(DvlBeamsModel {
             instrument,
             beams: *beams,

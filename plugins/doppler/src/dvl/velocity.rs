@@ -48,7 +48,7 @@ impl SensorType for Dvl {
         // the usual four beams: the instrument does not give its own
         let beams = directions(None, None, None)?;
         let beams = altitude::drawn(&beams, false, altitude.as_ref());
-        composer.draw(instrument.drawing().with_beams(beams));
+        composer.mounted(instrument.mounting().with_beams(beams));
         Ok(Role::measurement(DvlModel { instrument, sigma: self.noise.value().si(), altitude }))
     }
 }

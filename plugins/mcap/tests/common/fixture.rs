@@ -29,7 +29,6 @@ pub fn sensors() -> Vec<SensorInfo> {
         kind: name.into(),
         channels: channels.iter().map(|(n, u)| Channel::new(n, u)).collect(),
         purpose,
-        drawing: Default::default(),
         mounting: Mounting::default(),
     };
     let rates = [

@@ -1,7 +1,6 @@
 //! A run to record: a dive, then two rounds of a square, while biases and a calibration converge.
 
-use navfuse_core::model::drawing::{Beam, Drawing, Reach};
-use navfuse_core::model::mounting::Mounting;
+use navfuse_core::model::mounting::{Beam, Mounting, Reach};
 use navfuse_core::model::record::{Epoch, Event, Level, Outcome, Truth, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -61,9 +60,8 @@ fn add<M: Manifold>(
 
 fn sensor(name: &str, purpose: Purpose, channels: &[(&'static str, &'static str)]) -> SensorInfo {
     let channels = channels.iter().map(|(n, u)| Channel::new(n, u)).collect();
-    let drawing = Drawing::default();
     let (name, kind) = (name.to_owned(), name.to_owned());
-    SensorInfo { name, kind, channels, purpose, drawing, mounting: Mounting::default() }
+    SensorInfo { name, kind, channels, purpose, mounting: Mounting::default() }
 }
 
 /// Noise with a sigma of 1: the sum of twelve uniform numbers, minus six.
@@ -136,11 +134,8 @@ impl Synthetic {
             channel: None,
             reach: Reach::Altitude(3),
         });
-        sensors[1].drawing = Drawing {
-            lever_arm: slot("dvl.lever_arm"),
-            misalignment: slot("dvl.misalignment"),
-            beams: beams.to_vec(),
-        };
+        sensors[1].mounting =
+            Mounting::of_slots(slot("dvl.lever_arm"), slot("dvl.misalignment")).with_beams(beams);
         let name = "dive and square".to_owned();
         let scenario = "[sensor.dvl]\ntype = \"dvl\"\nnoise = \"1 cm/s\"".to_owned();
         let info = RunInfo {
