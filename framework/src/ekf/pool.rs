@@ -5,9 +5,7 @@
 //! velocity, which turns into a position, does so one pooled step later. The estimate itself takes
 //! every sample.
 
-use super::filter::Ekf;
 use crate::compose::Composition;
-use crate::model::record::Observer;
 use crate::state::covariance::Transition;
 use crate::units::time::Time;
 
@@ -17,9 +15,9 @@ pub(super) struct Pool {
     /// Time between two propagations of the covariance.
     period: Time,
     /// Begin of the first step, if there is one.
-    since: Option<Time>,
+    pub(super) since: Option<Time>,
     /// The transition over all steps.
-    whole: Transition,
+    pub(super) whole: Transition,
     /// The share of the identity in its elements.
     identity: Vec<f64>,
 }
@@ -41,37 +39,5 @@ impl Pool {
         }
         // the step after this one, if as long as this one, would end too late
         to + (to - from) - *self.since.get_or_insert(from) > self.period
-    }
-}
-
-impl Ekf {
-    /// Propagates the covariance over the last step, or over all steps that the pool holds.
-    pub(super) fn propagate_covariance(&mut self, observer: &mut dyn Observer) {
-        let m = &mut self.memory;
-        let transition = match &mut m.pool {
-            None => &mut m.transition,
-            Some(pool) => {
-                pool.since = None;
-                &mut pool.whole
-            }
-        };
-        // the unscented filter has propagated the covariance with its points
-        if self.passage.is_none() {
-            transition.propagate(&mut m.covariance);
-        }
-        observer.transition(transition);
-        for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
-            transition.carry_reach(&mut slot.reach);
-        }
-        if let Some(history) = &mut m.history {
-            history.moved(&m.state, transition);
-        }
-    }
-
-    /// Propagates the covariance to the state's time.
-    pub(crate) fn settle(&mut self, observer: &mut dyn Observer) {
-        if self.memory.pool.as_ref().is_some_and(|pool| pool.since.is_some()) {
-            self.propagate_covariance(observer);
-        }
     }
 }

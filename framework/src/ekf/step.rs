@@ -265,6 +265,36 @@ impl Ekf {
         Ok(())
     }
 
+    /// Propagates the covariance over the last step, or over all steps that the pool holds.
+    pub(super) fn propagate_covariance(&mut self, observer: &mut dyn Observer) {
+        let m = &mut self.memory;
+        let transition = match &mut m.pool {
+            None => &mut m.transition,
+            Some(pool) => {
+                pool.since = None;
+                &mut pool.whole
+            }
+        };
+        // the unscented filter has propagated the covariance with its points
+        if self.passage.is_none() {
+            transition.propagate(&mut m.covariance);
+        }
+        observer.transition(transition);
+        for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
+            transition.carry_reach(&mut slot.reach);
+        }
+        if let Some(history) = &mut m.history {
+            history.moved(&m.state, transition);
+        }
+    }
+
+    /// Propagates the covariance to the state's time.
+    pub(crate) fn settle(&mut self, observer: &mut dyn Observer) {
+        if self.memory.pool.as_ref().is_some_and(|pool| pool.since.is_some()) {
+            self.propagate_covariance(observer);
+        }
+    }
+
     /// Uses a measurement or reference at the state's time, or rejects it.
     pub(super) fn use_sample(
         &mut self,
