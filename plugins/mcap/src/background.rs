@@ -22,7 +22,7 @@ enum Job {
 }
 
 /// A file that can be completed.
-pub trait Whole: Write {
+pub(crate) trait Whole: Write {
     fn complete(self) -> io::Result<()>;
 }
 
