@@ -250,7 +250,7 @@ fn the_layout_for_foxglove_shows_topics_fields_and_frames_of_a_log() {
             (Value::Array(values), Some(index)) => values.get(index).is_some(),
             (value, _) => name == "header" || !value.is_null(),
         };
-        assert!(of_topic.iter().any(|m| has(m)), "no {path}");
+        assert!(of_topic.iter().any(has), "no {path}");
     }
     let mut shown = Vec::new();
     texts(&layout["configById"], &["followTf", "frameId"], &mut shown);

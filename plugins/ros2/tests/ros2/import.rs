@@ -63,7 +63,9 @@ fn a_bag_of_two_imus_becomes_a_scenario_that_runs() {
     let name = folder.path().join("imported.toml").display().to_string();
     let document = Document::parse(name, found.scenario).unwrap();
     let registry = registry();
-    let scenario = Scenario::new(&registry, document, &[]).unwrap();
+    // 30 s at rest give the heading to some 50 deg with the noise that the import assumes
+    let wide = ["process.ins.alignment.heading_gate='60 deg'".to_owned()];
+    let scenario = Scenario::new(&registry, document, &wide).unwrap();
     let stop = AtomicBool::new(false);
     let finished = runner::run(scenario.assemble(None).unwrap(), &stop, |_| {});
     assert!(finished.error.is_none(), "{:?}", finished.error);
