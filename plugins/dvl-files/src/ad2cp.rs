@@ -132,7 +132,7 @@ fn stamp(content: &[u8], at: usize) -> Stamp {
     let calendar = || {
         let (year, month) = (1900 + i32::from(field(0)?), field(1)?.checked_add(1)?);
         let (day, hour, minute, second) = (field(2)?, field(3)?, field(4)?, field(5)?);
-        let nanos = u32::from(u16_at(content, at + 6)?) * 100_000;
+        let nanos = u32::from(u16_at(content, at + 6)?).checked_mul(100_000)?;
         Calendar { year, month, day, hour, minute, second, nanos }.unix_nanos()
     };
     calendar().map_or(Stamp::Missing, Stamp::Date)
@@ -238,4 +238,16 @@ fn log(content: &[u8], water: bool) -> Option<Ping> {
         ping.bottom = Some(track)
     }
     Some(ping)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_date_with_more_than_a_second_of_fraction_is_missing() {
+        let date = |low, high| stamp(&[126, 0, 1, 0, 0, 0, low, high], 0);
+        assert!(matches!(date(0x0f, 0x27), Stamp::Date(_)), "9999 units of 100 us");
+        assert!(matches!(date(0xff, 0xff), Stamp::Missing), "65535 units");
+    }
 }
