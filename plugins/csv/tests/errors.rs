@@ -4,6 +4,7 @@
 mod common;
 
 use common::{DVL, DVL_HEADER, IMU, IMU_HEADER, assemble, folder, read_dvl};
+use navfuse_testing::damage::{Random, damaged, files};
 use proptest::prelude::*;
 
 /// Reads dvl.csv with these rows and returns the error, which follows one good sample.
@@ -292,6 +293,25 @@ fn a_missing_file_is_named_as_it_was_looked_for() {
 
 /// Keys with which the source skips faulty rows.
 const TOLERANT: &str = "nan = \"missing\"\ndisorder = \"skip\"";
+
+#[test]
+fn a_damaged_table_gives_increasing_times_or_an_error() {
+    let row = |k: u32| format!("{}.{:02},{}.5,-0.25,1e-3\r\n", k / 100, k % 100, k % 7);
+    let table = [DVL_HEADER.to_owned(), (0..60).map(row).collect()].concat();
+    let other = format!("# a comment\n\"1\";2\t3\n{IMU_HEADER}");
+    let (mut read, count) = (0, files(60));
+    for seed in 0..count {
+        let bytes = damaged(table.as_bytes(), other.as_bytes(), &mut Random(seed));
+        for keys in ["", TOLERANT] {
+            let Ok(found) = read_dvl(&bytes, keys) else { continue };
+            assert!(found.samples.is_sorted_by(|a, b| a.time < b.time), "seed {seed}");
+            assert!(found.samples.iter().all(|s| s.not_finite().is_none()), "seed {seed}");
+            read += found.samples.len() as u64;
+        }
+    }
+    // a test that reads nothing would pass as well
+    assert!(read > count, "{read} rows");
+}
 
 proptest! {
     #[test]

@@ -1,12 +1,13 @@
 //! The parameters of the source.
 
+use navfuse_core::units::Angle;
 use navfuse_frames::TimeConfig;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::PathBuf;
 
-/// Reads a recording of NMEA 0183 sentences: GGA, GST, RMC, VTG, ZDA, HDT, THS, DPT, PASHR, PSXN,
-/// PRVAT.
+/// Reads a recording of NMEA 0183 sentences: GGA, GST, RMC, VTG, ZDA, HDT, THS, HDG, HDM, DPT,
+/// PASHR, PSXN, PRVAT, PTSAG, PSONLLD.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Nmea {
@@ -17,6 +18,18 @@ pub struct Nmea {
     pub gnss: Option<String>,
     /// Name of the sensor that receives the true heading (HDT, THS). Default: none.
     pub heading: Option<String>,
+    /// Name of the sensor that receives the magnetic heading (HDG, HDM). A sensor of type
+    /// `magnetic-heading` receives it as it is and has a declination of its own; any other receives
+    /// the true heading. Default: none.
+    pub magnetic: Option<String>,
+    /// Declination that makes a magnetic heading true, east positive. Default: the variation in
+    /// HDG; a heading without one is left out.
+    pub declination: Option<Angle>,
+    /// Name of the sensor that receives the positions of an acoustic transponder (PTSAG, PSONLLD),
+    /// such as one of type `gnss`. Default: none.
+    pub usbl: Option<String>,
+    /// Number or name of that transponder, such as `"1"`.
+    pub beacon: Option<String>,
     /// Name of the sensor that receives the depth (DPT, PRVAT). Default: none.
     pub depth: Option<String>,
     /// Name of the reference that receives position, velocity and attitude (GGA, RMC, VTG, PASHR,

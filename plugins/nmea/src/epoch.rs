@@ -1,20 +1,46 @@
 //! Epochs: the sentences of one instant. A sentence without a time belongs to the instant before it.
 
+use crate::beacon::Beacon;
 use crate::sentence::Sentence;
 use navfuse_core::units::calendar::DAY;
-use navfuse_frames::Stamp;
+use navfuse_frames::{Count, Stamp};
+use std::f64::consts::TAU;
 
 /// The part of the sentences that a sensor receives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Part {
     /// Position and velocity with their accuracy.
     Gnss,
     /// True heading.
     Heading,
+    /// Magnetic heading, from this north.
+    Magnetic(North),
+    /// Positions of this transponder.
+    Usbl(Beacon),
     /// Depth.
     Depth,
     /// Position, velocity and attitude.
     Reference,
+}
+
+/// The north from which a sensor receives a heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum North {
+    /// Magnetic north.
+    Magnetic,
+    /// True north, by this declination, rad, or else by the variation in the sentence.
+    True(Option<f64>),
+}
+
+impl North {
+    /// Returns the heading from this north; `None` without a variation.
+    fn heading(self, magnetic: f64, variation: Option<f64>) -> Option<f64> {
+        let turn = match self {
+            Self::Magnetic => 0.0,
+            Self::True(declination) => declination.or(variation)?,
+        };
+        Some((magnetic + turn).rem_euclid(TAU))
+    }
 }
 
 /// The content of an epoch.
@@ -36,9 +62,20 @@ pub struct Epoch {
     pub value: Option<f64>,
     /// Set if a position was left out, since it is not from satellites.
     pub estimated: bool,
+    /// Quality of position, height, heading, and roll and pitch: set where it is invalid.
+    invalid: [bool; 4],
 }
 
 impl Epoch {
+    /// Leaves out what PSXN 20 declared invalid.
+    fn without_invalid(mut self) -> Self {
+        let [position, height, heading, tilt] = self.invalid;
+        self.position = self.position.filter(|_| !position);
+        self.height = self.height.filter(|_| !height);
+        self.attitude = self.attitude.filter(|_| !heading && !tilt);
+        self
+    }
+
     fn is_empty(&self) -> bool {
         let Self { position, height, velocity, attitude, value, .. } = self;
         position.is_none()
@@ -98,15 +135,29 @@ pub struct Gatherer {
     time: Option<i64>,
     /// The epoch that is being gathered, and its time.
     open: Option<(i64, Epoch)>,
+    /// Magnetic headings without a variation.
+    pub unreferenced: Count,
 }
 
 impl Gatherer {
     pub fn new(part: Part, estimated: bool, dates: Dates) -> Self {
-        Self { part, estimated, dates, time: None, open: None }
+        Self { part, estimated, dates, time: None, open: None, unreferenced: Count::default() }
     }
 
     /// Takes the next sentence; returns an epoch that it completes.
     pub fn take(&mut self, offset: u64, sentence: &Sentence) -> Option<(Stamp, Epoch)> {
+        if let Sentence::Transponder { time, date, beacon, position, depth } = *sentence {
+            // the time of validity, which is seconds before that of the sentences around it
+            if self.part != Part::Usbl(beacon) {
+                return None;
+            }
+            let stamp = match (date, time) {
+                (Some(date), Some(time)) => Stamp::Date(date.saturating_add(time)),
+                _ => self.dates.stamp(time),
+            };
+            let (position, height) = (Some(position), depth.map(|depth| -depth));
+            return Some((stamp, Epoch { offset, position, height, ..Epoch::default() }));
+        }
         if let Some(time) = sentence.time() {
             self.time = Some(time);
             self.dates.take(time, sentence.date());
@@ -114,6 +165,14 @@ impl Gatherer {
         match (self.part, sentence) {
             (Part::Heading, Sentence::Heading(value)) | (Part::Depth, Sentence::Depth(value)) => {
                 let epoch = Epoch { offset, value: Some(*value), ..Epoch::default() };
+                Some((self.dates.stamp(self.time), epoch))
+            }
+            (Part::Magnetic(north), Sentence::Magnetic { heading, variation }) => {
+                let value = north.heading(*heading, *variation);
+                if value.is_none() {
+                    self.unreferenced.add(offset);
+                }
+                let epoch = Epoch { offset, value: Some(value?), ..Epoch::default() };
                 Some((self.dates.stamp(self.time), epoch))
             }
             (Part::Gnss | Part::Reference, _) => self.gather(offset, sentence),
@@ -128,6 +187,7 @@ impl Gatherer {
 
     fn close(&mut self) -> Option<(Stamp, Epoch)> {
         let (time, epoch) = self.open.take()?;
+        let epoch = epoch.without_invalid();
         (!epoch.is_empty() || epoch.estimated).then(|| (self.dates.stamp(Some(time)), epoch))
     }
 
@@ -135,6 +195,7 @@ impl Gatherer {
         let wanted = match sentence {
             Sentence::Fix { .. } | Sentence::Minimum { .. } | Sentence::Accuracy { .. } => true,
             Sentence::Velocity { .. } => self.open.is_some(),
+            Sentence::Quality(_) => self.part == Part::Reference && self.open.is_some(),
             Sentence::Attitude { time, .. } => {
                 self.part == Part::Reference && (time.is_some() || self.open.is_some())
             }
@@ -168,6 +229,7 @@ impl Gatherer {
                 epoch.velocity = epoch.velocity.or(velocity);
             }
             Sentence::Accuracy { sigma, .. } => epoch.sigma = sigma.or(epoch.sigma),
+            Sentence::Quality(usable) => epoch.invalid = usable.map(|usable| !usable),
             Sentence::Attitude { angles, .. } => epoch.attitude = Some(angles),
             _ => {}
         }

@@ -16,11 +16,13 @@
 //! # Ok::<(), std::io::Error>(())
 //! ```
 
+mod beacon;
 mod config;
 mod epoch;
 mod sentence;
 mod source;
 
+pub use beacon::Beacon;
 pub use config::Nmea;
 pub use sentence::{Sentence, parse};
 

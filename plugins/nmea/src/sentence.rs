@@ -1,5 +1,6 @@
 //! The content of a sentence, in SI.
 
+use crate::beacon::Beacon;
 use navfuse_core::units::calendar::{Calendar, decimal_seconds, time_of_day, with_century};
 
 /// Metres per second of a knot.
@@ -61,6 +62,29 @@ pub enum Sentence {
     },
     /// HDT and THS: true heading.
     Heading(f64),
+    /// HDG and HDM: magnetic heading.
+    Magnetic {
+        /// Heading from magnetic north; for HDG the sum of reading and deviation.
+        heading: f64,
+        /// Variation: the direction of magnetic north from true north, east positive.
+        variation: Option<f64>,
+    },
+    /// PTSAG and PSONLLD: position of an acoustic transponder.
+    Transponder {
+        /// Time of the day.
+        time: Option<i64>,
+        /// Midnight of the date; PSONLLD has none.
+        date: Option<i64>,
+        /// The transponder.
+        beacon: Beacon,
+        /// Latitude and longitude.
+        position: [f64; 2],
+        /// Depth, m.
+        depth: Option<f64>,
+    },
+    /// PSXN 20: quality of position, height, heading, and roll and pitch. Each is true unless the
+    /// sentence declares it invalid.
+    Quality([bool; 4]),
     /// DPT and PRVAT: depth, m; for DPT the sum of depth and offset.
     Depth(f64),
     /// PASHR and PSXN 23: roll, pitch and heading.
@@ -80,15 +104,22 @@ impl Sentence {
             | Self::Minimum { time, .. }
             | Self::Accuracy { time, .. }
             | Self::Date { time, .. }
+            | Self::Transponder { time, .. }
             | Self::Attitude { time, .. } => time,
-            Self::Velocity { .. } | Self::Heading(_) | Self::Depth(_) => None,
+            Self::Velocity { .. }
+            | Self::Heading(_)
+            | Self::Magnetic { .. }
+            | Self::Quality(_)
+            | Self::Depth(_) => None,
         }
     }
 
     /// Midnight of the date, if the sentence has one.
     pub fn date(&self) -> Option<i64> {
         match *self {
-            Self::Minimum { date, .. } | Self::Date { date, .. } => date,
+            Self::Minimum { date, .. }
+            | Self::Date { date, .. }
+            | Self::Transponder { date, .. } => date,
             _ => None,
         }
     }
@@ -148,6 +179,27 @@ impl Fields<'_> {
         Some([self.angle(k, 2, ["N", "S"], 90.0)?, self.angle(k + 2, 3, ["E", "W"], 180.0)?])
     }
 
+    /// An angle in degrees with its direction, `7.5,W`, east positive; zero needs no direction.
+    /// `None` for a direction that is neither, and `Some(None)` for an empty field.
+    fn eastward(&self, k: usize) -> Option<Option<f64>> {
+        if self.text(k).is_empty() {
+            return Some(None);
+        }
+        let degrees = self.number(k)?;
+        let sign = match self.text(k + 1) {
+            "E" => 1.0,
+            "W" => -1.0,
+            "" if degrees == 0.0 => 0.0,
+            _ => return None,
+        };
+        Some(Some((sign * degrees).to_radians()))
+    }
+
+    /// Decimal degrees.
+    fn degrees(&self, k: usize, most: f64) -> Option<f64> {
+        self.number(k).filter(|d| d.abs() <= most).map(f64::to_radians)
+    }
+
     /// Speed and course; a vehicle at rest needs no course.
     fn velocity(&self, speed: Option<f64>, course: usize) -> Option<[f64; 2]> {
         let speed = speed.filter(|s| *s >= 0.0)?;
@@ -180,6 +232,21 @@ pub fn parse(content: &[u8]) -> Option<Sentence> {
         }
         "PSXN" if f.text(0) == "23" => {
             return attitude(None, [f.number(1)?, f.number(2)?, f.number(3)?]);
+        }
+        "PSXN" if f.text(0) == "20" => {
+            // 0 normal, 1 reduced performance, 2 invalid
+            let usable = |k: usize| Some(f.whole(k)? < 2);
+            return Some(Sentence::Quality([usable(1)?, usable(2)?, usable(3)?, usable(4)?]));
+        }
+        "PTSAG" => return absolute(&f),
+        "PSONLLD" if f.text(2) == "A" => {
+            return Some(Sentence::Transponder {
+                time: f.time(0),
+                date: None,
+                beacon: Beacon::new(f.text(1))?,
+                position: [f.degrees(3, 90.0)?, f.degrees(4, 180.0)?],
+                depth: f.number(5),
+            });
         }
         "PRVAT" => return Some(Sentence::Depth(f.number(0)?)),
         _ => {}
@@ -224,8 +291,29 @@ pub fn parse(content: &[u8]) -> Option<Sentence> {
         "HDT" => Sentence::Heading(f.number(0)?.to_radians()),
         // modes of THS: A autonomous, E estimated, M manual, S simulator, V invalid
         "THS" if matches!(f.text(1), "A" | "E") => Sentence::Heading(f.number(0)?.to_radians()),
+        "HDG" => {
+            let deviation = f.eastward(1)?.unwrap_or(0.0);
+            let heading = f.number(0)?.to_radians() + deviation;
+            Sentence::Magnetic { heading, variation: f.eastward(3)? }
+        }
+        "HDM" => Sentence::Magnetic { heading: f.number(0)?.to_radians(), variation: None },
         "DPT" => Sentence::Depth(f.number(0)? + f.number(1).unwrap_or(0.0)),
         _ => return None,
+    })
+}
+
+/// The position of a transponder as PTSAG has it.
+fn absolute(f: &Fields<'_>) -> Option<Sentence> {
+    // a bit for each hydrophone that received the transponder
+    let hydrophones = u8::from_str_radix(f.text(10), 16).ok()?;
+    // sources of the depth: 0 none, 1 computed, 2 the transponder's sensor
+    let depth = f.number(11).filter(|_| matches!(f.text(12), "1" | "2"));
+    (hydrophones != 0).then_some(Sentence::Transponder {
+        time: f.time(1),
+        date: midnight(f.whole(2), f.whole(3), f.text(4).parse().ok()),
+        beacon: Beacon::new(f.text(5))?,
+        position: f.position(6)?,
+        depth,
     })
 }
 

@@ -1,8 +1,9 @@
 //! The source: one stream of samples for each sensor that the scenario names.
 
+use crate::beacon::Beacon;
 use crate::config::Nmea;
-use crate::epoch::{Dates, Epoch, Gatherer, Part};
-use crate::sentence::{parse, talker};
+use crate::epoch::{Dates, Epoch, Gatherer, North, Part};
+use crate::sentence::{Sentence, parse, talker};
 use navfuse_core::document::did_you_mean;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::{Source, StreamError};
@@ -18,6 +19,10 @@ use std::path::{Path, PathBuf};
 const BEGINNING: u64 = 1024 * 1024;
 /// Largest number of addresses that a message lists.
 const LISTED: usize = 12;
+/// The type of sensor that receives headings from magnetic north.
+const MAGNETIC: &str = "magnetic-heading";
+/// The sentence of Kongsberg's acoustic positioning, whose positions are relative to the vessel.
+const RELATIVE: &str = "PSIMSSB";
 /// The word for a record in messages.
 const RECORD: &str = "sentence";
 
@@ -67,7 +72,9 @@ fn first_date(path: &Path) -> Result<Dates, StreamError> {
     let mut frames = Frames::new(open(path)?.take(BEGINNING), Sentences::NMEA);
     let mut dates = Dates::default();
     while let Some(frame) = frames.next().map_err(|e| StreamError::read(path, e))? {
-        let sentence = parse(Sentences::NMEA.content(frame.bytes));
+        // the dates of transponders are for their own positions alone
+        let sentence = parse(Sentences::NMEA.content(frame.bytes))
+            .filter(|s| !matches!(s, Sentence::Transponder { .. }));
         let stamp = sentence.and_then(|s| Some((s.time()?, s.date()?)));
         if let Some((time, date)) = stamp {
             dates.take(time, Some(date));
@@ -90,7 +97,8 @@ impl Target {
     fn names(part: Part) -> &'static [&'static str] {
         match part {
             Part::Gnss => &["lat", "lon", "height", "vel_n", "vel_e", "h_acc", "v_acc"],
-            Part::Heading => &["heading"],
+            Part::Heading | Part::Magnetic(_) => &["heading"],
+            Part::Usbl(_) => &["lat", "lon", "height"],
             Part::Depth => &["depth"],
             Part::Reference => &["lat", "lon", "height", "vel_n", "vel_e", "roll", "pitch", "yaw"],
         }
@@ -100,6 +108,8 @@ impl Target {
         match part {
             Part::Gnss => "gnss",
             Part::Heading => "heading",
+            Part::Magnetic(_) => "magnetic",
+            Part::Usbl(_) => "usbl",
             Part::Depth => "depth",
             Part::Reference => "reference",
         }
@@ -110,12 +120,27 @@ impl Target {
         match part {
             Part::Gnss => "GGA or RMC",
             Part::Heading => "HDT or THS",
+            Part::Magnetic(North::True(None)) => "HDG with a variation",
+            Part::Magnetic(_) => "HDG or HDM",
+            Part::Usbl(_) => "PTSAG or PSONLLD of the transponder",
             Part::Depth => "DPT or PRVAT",
             Part::Reference => "GGA, RMC, PASHR or PSXN",
         }
     }
 
     fn new(part: Part, index: usize, info: &SensorInfo) -> Result<Self, StreamError> {
+        let part = match part {
+            Part::Magnetic(North::True(declination)) if info.kind == MAGNETIC => {
+                if declination.is_some() {
+                    let message = format!("[sensor.{}] has a declination of its own", info.name);
+                    return Err(StreamError::scenario(message)
+                        .at_key("declination")
+                        .with_remedy("remove this key, and set the declination of the sensor"));
+                }
+                Part::Magnetic(North::Magnetic)
+            }
+            part => part,
+        };
         let names = Self::names(part);
         let channels: Vec<Option<usize>> =
             names.iter().map(|name| info.channels.iter().position(|c| c.name == *name)).collect();
@@ -146,7 +171,8 @@ impl Target {
         let values: &[Option<f64>] = match self.part {
             Part::Gnss => &[lat, lon, epoch.height, vel_n, vel_e, h_acc, v_acc],
             Part::Reference => &[lat, lon, epoch.height, vel_n, vel_e, roll, pitch, yaw],
-            Part::Heading | Part::Depth => &[epoch.value],
+            Part::Usbl(_) => &[lat, lon, epoch.height],
+            Part::Heading | Part::Magnetic(_) | Part::Depth => &[epoch.value],
         };
         let mut sample = Sample::empty(time, self.sensor);
         for (channel, value) in self.channels.iter().zip(values) {
@@ -162,17 +188,45 @@ fn split<const N: usize>(values: Option<[f64; N]>) -> [Option<f64>; N] {
     values.map_or([None; N], |values| values.map(Some))
 }
 
+/// The transponder whose positions a sensor receives; `None` without such a sensor.
+fn beacon(config: &Nmea) -> Result<Option<Beacon>, StreamError> {
+    let error =
+        |text: &str, remedy| Err(StreamError::scenario(text).at_key("beacon").with_remedy(remedy));
+    match (&config.usbl, &config.beacon) {
+        (None, None) => Ok(None),
+        (None, Some(_)) => {
+            error("no sensor receives the positions of the transponder", "name it with `usbl`")
+        }
+        (Some(_), None) => error(
+            "the transponder of `usbl` is not given",
+            "set `beacon` to its number or name, such as \"1\"",
+        ),
+        (Some(_), Some(text)) => match Beacon::new(text) {
+            Some(beacon) => Ok(Some(beacon)),
+            None => error(
+                &format!("{text:?} is no transponder"),
+                "give a number or a name of 1 to 16 bytes",
+            ),
+        },
+    }
+}
+
 /// Finds the sensors that the parameters name.
 fn targets(config: &Nmea, context: &OpenContext<'_>) -> Result<Vec<Target>, StreamError> {
     let sensors = &context.composition.sensors;
+    let north = North::True(config.declination.map(|angle| angle.si()));
+    let beacon = beacon(config)?;
     let named = [
         (Part::Gnss, &config.gnss),
         (Part::Heading, &config.heading),
+        (Part::Magnetic(north), &config.magnetic),
         (Part::Depth, &config.depth),
         (Part::Reference, &config.reference),
     ];
+    let named: Vec<(Part, &Option<String>)> =
+        named.into_iter().chain(beacon.map(|beacon| (Part::Usbl(beacon), &config.usbl))).collect();
     let mut targets = Vec::new();
-    for (part, name) in named {
+    for &(part, name) in &named {
         let Some(name) = name else { continue };
         if context.disabled_sensors.contains(name) {
             continue;
@@ -196,8 +250,8 @@ fn targets(config: &Nmea, context: &OpenContext<'_>) -> Result<Vec<Target>, Stre
                 _ => "the scenario has several sensors of type \"gnss\"",
             };
             return Err(StreamError::scenario(message).with_remedy(
-                "name the sensors that receive the sentences with `gnss`, `heading`, `depth` or \
-                 `reference`",
+                "name the sensors that receive the sentences with `gnss`, `heading`, `magnetic`, \
+                 `depth`, `usbl` or `reference`",
             ));
         };
         targets.push(Target::new(Part::Gnss, only, &sensors[only].info)?);
@@ -248,13 +302,31 @@ impl Stream {
         } else {
             (
                 format!("no valid {wanted} with a time; it has {}", self.addresses.join(", ")),
-                "HDT, THS, DPT and PSXN have no time of their own: record ZDA, RMC or GGA with them",
+                self.remedy(),
             )
         };
         Err(StreamError::format(format!("{text}{damage}"))
             .in_file(&self.path)
             .at_key(Target::key(self.target.part))
             .with_remedy(remedy))
+    }
+
+    /// The remedy where a file has sentences, but none that the sensor needs.
+    fn remedy(&self) -> &'static str {
+        match self.target.part {
+            Part::Usbl(_) if self.addresses.iter().any(|a| a == RELATIVE) => {
+                "PSIMSSB is relative to the vessel: let the USBL program write PTSAG or PSONLLD, \
+                 or make a table (CSV) of lat_deg, lon_deg and height_m"
+            }
+            Part::Usbl(_) => "set `beacon` to a transponder of the file",
+            Part::Magnetic(North::True(None)) if !self.gatherer.unreferenced.is_zero() => {
+                "set `declination`, or name a sensor of type \"magnetic-heading\", which has one"
+            }
+            _ => {
+                "HDT, THS, HDG, HDM, DPT and PSXN have no time of their own: record ZDA, RMC or \
+                 GGA with them"
+            }
+        }
     }
 
     /// Reads up to the next sample; `None` at the end.
@@ -309,6 +381,8 @@ impl Stream {
         parts.extend(self.clock.describe("epoch"));
         let estimated = "with a position that is not from satellites, set `estimated` to use it,";
         parts.extend(self.estimated.describe("epoch", estimated));
+        let magnetic = "without a variation, set `declination` to use it,";
+        parts.extend(self.gatherer.unreferenced.describe("magnetic heading", magnetic));
         (!parts.is_empty()).then(|| parts.join("; "))
     }
 }

@@ -1,5 +1,5 @@
 //! Scaffolding that the tests of navfuse share: a small laboratory, a judge of runs, readers written
-//! by others, and the scenarios that ship.
+//! by others, damage and speed of files, and the scenarios that ship.
 #![allow(
     missing_docs,
     clippy::unwrap_used,
@@ -8,12 +8,14 @@
     reason = "tests fail by panicking"
 )]
 
+pub mod damage;
 pub mod judge;
 pub mod lab;
 pub mod python;
 pub mod rts;
 #[cfg(feature = "plugins")]
 mod shipped;
+pub mod speed;
 
 #[cfg(feature = "plugins")]
 pub use shipped::{document, registry, scenario};

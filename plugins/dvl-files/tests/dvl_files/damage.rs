@@ -3,6 +3,7 @@
 use crate::generate::records;
 use crate::read;
 use navfuse_dvl_files::{Format, Ping};
+use navfuse_testing::damage::{Random, damaged, files};
 use proptest::prelude::*;
 
 /// The content of a ping without its place in the file.
@@ -145,62 +146,6 @@ fn a_report_that_was_logged_twice_is_used_once() {
     assert_eq!((found.len(), damage.gaps()), (2, 1));
 }
 
-/// A change of a file.
-#[derive(Clone, Debug)]
-enum Change {
-    Remove(usize, usize),
-    Repeat(usize, usize, usize),
-    Insert(usize, Vec<u8>),
-    Set(usize, u8),
-    Flip(usize, u8),
-    Cut(usize),
-}
-
-fn changes() -> impl Strategy<Value = Vec<Change>> {
-    let at = || any::<prop::sample::Index>().prop_map(|i| i.index(1 << 20));
-    let special = prop::sample::select(vec![
-        0_u8, 0xff, 0x7f, 0x79, 0x7d, 0xa5, b'$', b':', b'w', b'{', b'}', b'"', b'*', b',', b'\n',
-        b'-', b'9', 0x80,
-    ]);
-    let bytes = prop::collection::vec(prop_oneof![any::<u8>(), special.clone()], 0..40);
-    let one = prop_oneof![
-        (at(), 0..400_usize).prop_map(|(a, n)| Change::Remove(a, n)),
-        (at(), 0..400_usize, at()).prop_map(|(a, n, b)| Change::Repeat(a, n, b)),
-        (at(), bytes).prop_map(|(a, b)| Change::Insert(a, b)),
-        (at(), special).prop_map(|(a, b)| Change::Set(a, b)),
-        (at(), 0..8_u8).prop_map(|(a, b)| Change::Flip(a, b)),
-        at().prop_map(Change::Cut),
-    ];
-    prop::collection::vec(one, 1..6)
-}
-
-fn apply(bytes: &mut Vec<u8>, change: &Change) {
-    let length = bytes.len().max(1);
-    let clamp = |at: usize, n: usize, bytes: &Vec<u8>| {
-        let from = (at % length).min(bytes.len());
-        from..(from + n).min(bytes.len())
-    };
-    match change {
-        Change::Remove(at, n) => drop(bytes.drain(clamp(*at, *n, bytes))),
-        Change::Repeat(at, n, to) => {
-            let copy = bytes[clamp(*at, *n, bytes)].to_vec();
-            let to = clamp(*to, 0, bytes).start;
-            bytes.splice(to..to, copy);
-        }
-        Change::Insert(at, new) => {
-            let at = clamp(*at, 0, bytes).start;
-            bytes.splice(at..at, new.iter().copied());
-        }
-        Change::Set(at, byte) => {
-            bytes.iter_mut().skip(at % length).take(1).for_each(|b| *b = *byte)
-        }
-        Change::Flip(at, bit) => {
-            bytes.iter_mut().skip(at % length).take(1).for_each(|b| *b ^= 1 << bit);
-        }
-        Change::Cut(at) => bytes.truncate(at % length),
-    }
-}
-
 /// A checksum that fits again, so that a change reaches the reader behind the framing.
 fn repair(format: Format, record: &mut Vec<u8>) {
     match format {
@@ -243,26 +188,27 @@ fn sound(format: Format, bytes: &[u8]) {
     }
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 200, failure_persistence: None, ..ProptestConfig::default()
-    })]
-
-    #[test]
-    fn changed_files_and_records_are_read_to_their_end(
-        format in prop::sample::select(Format::ALL.to_vec()), changes in changes(), whole in any::<bool>()
-    ) {
+#[test]
+fn damaged_files_and_records_are_read_to_their_end() {
+    for seed in 0..files(200) {
+        let random = &mut Random(seed);
+        let format = Format::ALL[random.below(Format::ALL.len())];
+        let other = records(Format::ALL[random.below(Format::ALL.len())].name(), 1).concat();
         let mut records = records(format.name(), 4);
-        if whole {
-            let mut bytes = records.concat();
-            changes.iter().for_each(|change| apply(&mut bytes, change));
-            sound(format, &bytes);
+        if random.below(2) == 0 {
+            sound(format, &damaged(&records.concat(), &other, random));
         } else {
-            changes.iter().for_each(|change| apply(&mut records[1], change));
+            records[1] = damaged(&records[1], &other, random);
             repair(format, &mut records[1]);
             sound(format, &records.concat());
         }
     }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 200, failure_persistence: None, ..ProptestConfig::default()
+    })]
 
     #[test]
     fn any_bytes_are_read_to_their_end(

@@ -46,6 +46,11 @@ fn sentences() -> Vec<String> {
         "SDDPT,12.0,",
         "PASHR,085335.000,224.19,T,-01.26,+00.83,+00.00,0.101,0.113,0.267,1,0",
         "PSXN,23,0.14,-0.55,37.5,0.02",
+        "PSXN,20,0,1,2,0",
+        "HCHDG,101.1,1.5,W,7.1,E",
+        "HCHDG,359.25,0.75,E,12.5,W",
+        "HCHDG,12.5,,,,",
+        "HCHDM,274.07,M",
     ]
     .map(str::to_owned)
     .to_vec();
@@ -107,6 +112,12 @@ fn numbers(s: &Sentence) -> Vec<f64> {
         }
         Sentence::Date { time, date } => vec![seconds(time), days(date)],
         Sentence::Heading(heading) => vec![heading.to_degrees()],
+        Sentence::Magnetic { heading, variation } => {
+            vec![heading.to_degrees(), variation.map_or(NONE, f64::to_degrees)]
+        }
+        Sentence::Quality(usable) => usable.map(|u| f64::from(u8::from(u))).to_vec(),
+        // pynmea2 does not know the sentences of transponders
+        Sentence::Transponder { .. } => Vec::new(),
         Sentence::Depth(depth) => vec![depth],
         Sentence::Attitude { time, angles } => {
             [vec![seconds(time)], angles.map(f64::to_degrees).to_vec()].concat()

@@ -3,6 +3,7 @@
 
 mod foreign;
 mod mutated;
+mod vendors;
 
 use navfuse_core::document::Document;
 use navfuse_core::model::stream::Source;
@@ -11,6 +12,7 @@ use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_nmea::NmeaPlugin;
+use navfuse_testing::speed::measure;
 use std::fmt::Write;
 
 const FILTER: &str = r#"
@@ -231,4 +233,16 @@ fn what_cannot_be_read_is_an_error_with_a_remedy() {
         let error = read(file.as_bytes(), keys).err().unwrap();
         assert!(words.iter().all(|w| error.contains(w)), "{error}");
     }
+}
+
+#[test]
+#[ignore = "it measures"]
+fn speed_of_reading() {
+    let seconds = 1800;
+    let text = recording(seconds);
+    measure("nmea", text.len(), seconds as usize, || {
+        let mut source = assembled(text.as_bytes(), "gnss = \"gnss\"").unwrap().remove(0);
+        let mut sample = Sample::empty(Time::MIN, SensorId(0));
+        (0..).take_while(|_| source.next(&mut sample).unwrap()).count()
+    });
 }

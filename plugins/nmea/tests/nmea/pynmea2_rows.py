@@ -34,6 +34,10 @@ def motion(speed, course):
     return [0.0, 0.0] if speed == 0 else [NONE, NONE]
 
 
+def east(degrees, direction):
+    return number(degrees) * (-1 if direction == "W" else 1)
+
+
 def row(m, line):
     kind = type(m).__name__
     if kind == "GGA":
@@ -55,6 +59,13 @@ def row(m, line):
         return [time, days(datetime.date(m.year, m.month, m.day))]
     if kind == "HDT":
         return [m.heading]
+    if kind == "HDG":
+        deviation, variation = east(m.deviation, m.dev_dir), east(m.variation, m.var_dir)
+        return [float(m.heading) + (deviation if deviation == deviation else 0), variation]
+    if kind == "HDM":
+        return [m.heading, NONE]
+    if kind == "SXN20":
+        return [int(q) < 2 for q in (m.horiz_qual, m.hgt_qual, m.head_qual, m.rp_qual)]
     if kind == "DPT":
         offset = number(m.offset)
         return [float(m.depth) + (offset if offset == offset else 0)]

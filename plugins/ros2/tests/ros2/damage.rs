@@ -3,6 +3,7 @@
 
 use crate::recorder::{SIZE, mcap, sqlite, usual};
 use navfuse_ros2::{Bag, survey};
+use navfuse_testing::damage::{Random, damaged, files};
 use std::path::Path;
 
 /// Rates and faults of the bag in a file.
@@ -126,50 +127,6 @@ fn a_database_cut_off_or_damaged_gives_the_rows_of_its_intact_pages() {
     assert!(faults.unwrap().contains(&format!("at byte {}", leaf * 512)));
 }
 
-/// Numbers that are the same on every run.
-struct Draw(u64);
-
-impl Draw {
-    fn below(&mut self, limit: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as usize % limit.max(1)
-    }
-}
-
-/// Changes a file as a bad disk, a bad cable or an attacker would.
-fn mutate(draw: &mut Draw, bytes: &mut Vec<u8>) {
-    for _ in 0..=draw.below(4) {
-        let (at, length) = (draw.below(bytes.len()), 1 + draw.below(64));
-        let end = (at + length).min(bytes.len());
-        match draw.below(7) {
-            0 if at < bytes.len() => bytes[at] ^= 1 << draw.below(8),
-            1 if at < bytes.len() => bytes[at] = draw.below(256) as u8,
-            2 => {
-                let large = [0, u64::MAX, 1 << 26, 1 << 40, 0x7fff_ffff, 255];
-                let number = large[draw.below(large.len())].to_le_bytes();
-                let fits = number.len().min(bytes.len() - at);
-                bytes[at..at + fits].copy_from_slice(&number[..fits]);
-            }
-            3 => bytes.truncate(at),
-            4 => drop(bytes.drain(at..end)),
-            5 => {
-                let part = bytes[at..end].to_vec();
-                let to = draw.below(bytes.len());
-                bytes.splice(to..to, part);
-            }
-            _ => {
-                let garbage: Vec<u8> = (0..length).map(|_| draw.below(256) as u8).collect();
-                bytes.splice(at..at, garbage);
-            }
-        }
-        if bytes.is_empty() {
-            return;
-        }
-    }
-}
-
 /// Most memory that this process has had, bytes.
 fn peak() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
@@ -177,21 +134,18 @@ fn peak() -> Option<u64> {
     Some(line.trim().strip_suffix(" kB")?.parse::<u64>().ok()? * 1024)
 }
 
-/// Mutations of bags of every storage. `NAVFUSE_ROS2_INPUTS` sets their number.
 #[test]
-fn no_mutation_of_a_bag_makes_the_reader_panic_or_fill_the_memory() {
-    let inputs = std::env::var("NAVFUSE_ROS2_INPUTS").ok().and_then(|n| n.parse().ok());
-    let inputs: u64 = inputs.unwrap_or(3000);
+fn a_damaged_bag_makes_no_reader_panic_or_fill_the_memory() {
+    let inputs = files(3000);
     let mut seeds: Vec<Vec<u8>> =
         kinds().iter().map(|(packing, chunk)| mcap(&usual(12), *packing, *chunk)).collect();
     seeds.push(sqlite(&usual(12)));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bag");
-    let mut draw = Draw(0x9e37_79b9_7f4a_7c15);
     let (before, mut messages) = (peak(), 0);
     for k in 0..inputs {
-        let mut bytes = seeds[k as usize % seeds.len()].clone();
-        mutate(&mut draw, &mut bytes);
+        let (bag, other) = (k as usize % seeds.len(), (k as usize + 1) % seeds.len());
+        let bytes = damaged(&seeds[bag], &seeds[other], &mut Random(k));
         std::fs::write(&path, &bytes).unwrap();
         if let Ok(found) = survey(std::slice::from_ref(&path), || false) {
             messages += found.map_or(0, |s| s.topics.iter().map(|t| t.messages).sum::<u64>());

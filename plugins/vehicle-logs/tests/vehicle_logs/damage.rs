@@ -2,6 +2,7 @@
 
 use crate::generate::{flight, logs, telemetry_of_flight};
 use crate::read;
+use navfuse_testing::damage::{Random, damaged, files};
 use navfuse_vehicle_logs::Format;
 
 fn format(name: &str) -> Format {
@@ -83,53 +84,9 @@ fn a_lost_definition_costs_its_topic_alone() {
     assert_eq!(damage.gaps(), 2 + lost as u64);
 }
 
-/// Numbers that look random, the same in each run (SplitMix64).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self, below: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) % below.max(1) as u64) as usize
-    }
-}
-
-/// Changes a log as cables, disks and people do.
-fn mutate(log: &[u8], other: &[u8], random: &mut Random) -> Vec<u8> {
-    let mut bytes = log.to_vec();
-    for _ in 0..1 + random.next(6) {
-        let (at, length) = (random.next(bytes.len()), random.next(80));
-        let end = (at + length).min(bytes.len());
-        match random.next(7) {
-            0 if at < bytes.len() => bytes[at] = random.next(256) as u8,
-            1 if at < bytes.len() => bytes[at] ^= 1 << random.next(8),
-            2 => bytes.truncate(at),
-            3 => drop(bytes.drain(at..end)),
-            4 => {
-                let part = bytes[at..end].to_vec();
-                let to = random.next(bytes.len());
-                bytes.splice(to..to, part);
-            }
-            5 => {
-                let from = random.next(other.len());
-                let part = other[from..(from + length).min(other.len())].to_vec();
-                bytes.splice(at..at, part);
-            }
-            _ => {
-                let noise: Vec<u8> = (0..length).map(|_| random.next(256) as u8).collect();
-                bytes.splice(at..at, noise);
-            }
-        }
-    }
-    bytes
-}
-
-/// Logs with changed bytes: NAVFUSE_MUTATIONS of each format, otherwise 300.
 #[test]
-fn a_log_with_changed_bytes_is_read() {
-    let count = std::env::var("NAVFUSE_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(300);
+fn a_damaged_log_is_read_to_its_end() {
+    let count = files(300);
     // short logs, so that a change meets every part of them
     let logs: Vec<(&str, Vec<u8>)> = logs()
         .into_iter()
@@ -144,13 +101,13 @@ fn a_log_with_changed_bytes_is_read() {
         let (intact, ..) = read(format, log);
         let mut used = 0;
         for seed in 0..count {
-            let damaged = mutate(log, other, &mut Random(seed));
-            let (rows, _, damage) = read(format, &damaged);
+            let bytes = damaged(log, other, &mut Random(seed));
+            let (rows, _, damage) = read(format, &bytes);
             used += rows.len() as u64;
             // every byte is in a message, in a gap, or the end of a line
-            let ends = damaged.iter().filter(|b| b"\r\n".contains(b)).count() as u64;
+            let ends = bytes.iter().filter(|b| b"\r\n".contains(b)).count() as u64;
             let counted = damage.bytes() + damage.intact_bytes();
-            let size = damaged.len() as u64;
+            let size = bytes.len() as u64;
             assert!((size - ends..=size).contains(&counted), "{name}, seed {seed}");
         }
         // a cut leaves half on average, and a log has one or none of three changes

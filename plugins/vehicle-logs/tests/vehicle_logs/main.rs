@@ -7,8 +7,10 @@ mod generate;
 mod scenario;
 
 use navfuse_frames::Damage;
+use navfuse_testing::speed::measure;
 use navfuse_vehicle_logs::{Format, Options, Record, Topic};
 use std::io::Cursor;
+use std::sync::Arc;
 
 /// Messages with the values of their fields.
 type Rows = Vec<(Record, Vec<f64>)>;
@@ -21,4 +23,22 @@ fn read(format: Format, bytes: &[u8]) -> (Rows, Vec<Topic>, Damage) {
         rows.push((record, values.clone()));
     }
     (rows, decoder.topics().to_vec(), decoder.damage().clone())
+}
+
+#[test]
+#[ignore = "it measures"]
+fn speed_of_reading() {
+    for (name, log) in
+        [("ulog", generate::flight(600)), ("tlog", generate::telemetry_of_flight(600))]
+    {
+        let format = Format::ALL.into_iter().find(|f| f.name() == name).unwrap();
+        let (all, size) = (read(format, &log).0.len(), log.len());
+        let log: Arc<[u8]> = log.into();
+        measure(name, size, all, || {
+            let log = Cursor::new(Arc::clone(&log));
+            let mut decoder = format.decoder(log, &Options::default());
+            let mut values = Vec::new();
+            (0..).take_while(|_| decoder.next(&mut values).unwrap().is_some()).count()
+        });
+    }
 }
