@@ -5,11 +5,12 @@ use crate::execution::input::{document_of, missing_log};
 use crate::output;
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use clap::{Args, ValueEnum};
+use navfuse_core::model::stream::Sink;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::Date;
-use navfuse_export::{Axes, Format, Options, Table, TableSink, UtcClock};
+use navfuse_export::{Axes, BagSink, Format, Options, Table, TableSink, UtcClock};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,17 +22,18 @@ Examples:
   navfuse export runs/quickstart/run.mcap --to geojson       writes runs/quickstart/run.geojson
   navfuse export runs/quickstart/run.mcap --to csv           every state with its full covariance
   navfuse export dive.mcap --to sbet --origin 2026-06-01T08:00:00Z --out dive.sbet
+  navfuse export dive.mcap --to ros2 --origin 2026-06-01T08:00:00Z --out dive_bag
 
 geojson, kml, gpx, nmea, sbet, tum and kitti have position, velocity and attitude as the log has
-them. csv and parquet have every state with its full covariance: the filter runs again on the
-samples of the log, with the scenario in the log.")]
+them. csv and parquet have every state with its full covariance, and ros2 has pose and velocity with
+theirs: the filter runs again on the samples of the log, with the scenario in the log.")]
 pub struct Export {
     /// A log, which is an MCAP file that navfuse wrote
     pub log: PathBuf,
     /// The format
     #[arg(long, value_enum, value_name = "FORMAT")]
     pub to: To,
-    /// The file [default: beside the log, with the ending of the format]
+    /// The file, or the folder of ros2 [default: beside the log, with the ending of the format]
     #[arg(long, visible_alias = "output", value_name = "FILE")]
     pub out: Option<PathBuf>,
     /// UTC of the run's zero; without it, times of the run count from 1970, as in ROS 2
@@ -63,6 +65,8 @@ pub enum To {
     Sbet,
     /// Table as csv, in double precision
     Parquet,
+    /// Bag of ROS 2 with odometry, fix and transform, in the axes of REP 103
+    Ros2,
 }
 
 /// Axes of vectors.
@@ -87,6 +91,7 @@ impl ToAxes {
 enum Writer {
     Track(Format),
     Table(Table),
+    Bag,
 }
 
 impl To {
@@ -101,6 +106,7 @@ impl To {
             Self::Sbet => Writer::Track(Format::Sbet),
             Self::Csv => Writer::Table(Table::Csv),
             Self::Parquet => Writer::Table(Table::Parquet),
+            Self::Ros2 => Writer::Bag,
         }
     }
 }
@@ -121,7 +127,15 @@ pub fn export(registry: &Registry, arguments: &Export) -> Result<ExitCode> {
         }
         Writer::Table(format) => {
             let file = place(arguments, format.extension())?;
-            table(registry, arguments, format, &file, &stop)
+            let sink = TableSink::new(&file, format, arguments.axes.axes());
+            let epochs = |sink: &TableSink| sink.whole.then_some(sink.epochs);
+            again(registry, arguments, sink, epochs, &file, &stop)
+        }
+        Writer::Bag => {
+            let folder = place(arguments, "ros2")?;
+            let sink = BagSink::new(&folder, arguments.origin.map_or(0, |date| date.nanos));
+            let epochs = |sink: &BagSink| sink.whole.then_some(sink.epochs);
+            again(registry, arguments, sink, epochs, &folder, &stop)
         }
     }
 }
@@ -174,25 +188,26 @@ fn track(arguments: &Export, format: Format, file: &Path, stop: &AtomicBool) -> 
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs the filter again on the samples of the log, for every state with its covariance.
-fn table(
+/// Runs the filter again on the samples of the log, for states with their covariance. `epochs` gives
+/// the number of epochs in a sink whose result is whole.
+fn again<S: Sink>(
     registry: &Registry,
     arguments: &Export,
-    format: Table,
+    sink: S,
+    epochs: impl Fn(&S) -> Option<u64>,
     file: &Path,
     stop: &AtomicBool,
 ) -> Result<ExitCode> {
     let (document, settings) = document_of(&arguments.log)?;
     let scenario = Scenario::new(registry, document, &settings)?;
     let mut assembly = scenario.assemble(None)?;
-    let sink = TableSink::new(file, format, arguments.axes.axes());
     assembly.sinks.push(("export".to_owned(), Box::new(sink)));
     let bar = Bar::new(true);
     let mut finished = runner::run(assembly, stop, |progress| bar.run(progress));
     bar.done();
     output::run::events(&finished.events);
-    if let Some(sink) = finished.take_sink::<TableSink>().filter(|sink| sink.whole) {
-        output::line(format_args!("{}: {} epochs", file.display(), sink.epochs));
+    if let Some(epochs) = finished.take_sink::<S>().and_then(|sink| epochs(&sink)) {
+        output::line(format_args!("{}: {epochs} epochs", file.display()));
     } else {
         // the event of the sink that failed has been printed
         return Ok(ExitCode::FAILURE);

@@ -5,6 +5,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod foreign;
+mod ros2;
 
 use common::{navfuse, scenario, stderr, stdout};
 use std::path::{Path, PathBuf};

@@ -19,9 +19,9 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 /// The fixed frame of RViz and of Foxglove's 3D panel: east, north, up, at the origin of
 /// [`FIXED_FRAME`].
-const MAP_FRAME: &str = "map";
+pub const MAP_FRAME: &str = "map";
 /// The body with the axes of ROS (REP 103): forward, left, up.
-const ROS_BODY_FRAME: &str = "base_link";
+pub const ROS_BODY_FRAME: &str = "base_link";
 
 /// A frame in its parent.
 #[derive(Clone, Copy, Debug)]
@@ -36,13 +36,13 @@ pub struct Link<'a> {
 
 /// Half a turn about the bisector of two horizontal axes, which exchanges these and turns the third:
 /// from north, east, down to east, north, up.
-fn ned_in_map() -> UnitQuaternion<f64> {
+pub fn ned_in_map() -> UnitQuaternion<f64> {
     let (x, y) = (FRAC_1_SQRT_2, FRAC_1_SQRT_2);
     UnitQuaternion::new_unchecked(Quaternion::new(0.0, x, y, 0.0))
 }
 
 /// Half a turn about the forward axis: from forward, left, up to forward, right, down.
-fn ros_in_body() -> UnitQuaternion<f64> {
+pub fn ros_in_body() -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(0.0, 1.0, 0.0, 0.0))
 }
 

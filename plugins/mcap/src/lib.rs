@@ -41,21 +41,26 @@
 //! The channel of the samples of a sensor has the `type` and the `purpose` (`input`, `measurement`
 //! or `reference`) of the sensor in its metadata. [`LogReader`] reads the log for reports.
 //!
+//! [`BagSink`] writes the estimates as a bag of ROS 2, with the axes of REP 103.
+//!
 //! The same run gives the same bytes. A log that was cut off is read up to the cut.
 
 mod background;
+mod bag;
 mod chunk;
 mod file;
 mod format;
 mod frames;
 mod log;
 mod message;
+mod motion;
 mod reader;
 mod schema;
 mod sink;
 mod source;
 mod topics;
 
+pub use bag::BagSink;
 pub use log::{LogInfo, read_scenario};
 pub use message::reason;
 pub use reader::{BlockEntry, Entry, InnovationEntry, LogReader, SensorEntry};

@@ -1,6 +1,6 @@
 //! The messages of the log in CDR, little-endian. [`crate::schema`] has their definitions.
 
-use crate::frames::Link;
+use crate::frames::{Link, ned_in_map, ros_in_body};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
 use navfuse_core::model::record::{Event, Level, Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::stream::StreamError;
@@ -118,9 +118,16 @@ impl<'a> Encoder<'a> {
         self.numbers(&[ATMOSPHERE + PASCALS_PER_METRE * depth, 0.0]);
     }
 
-    /// `sensor_msgs/NavSatFix`, with the covariance of north, east, down (m^2) where it is known.
-    pub fn fix(mut self, stamp: Stamp, position: &Geodetic, covariance: Option<&Matrix3<f64>>) {
-        self.header(stamp, BODY_FRAME);
+    /// `sensor_msgs/NavSatFix` of a frame's origin, with the covariance of north, east, down (m^2)
+    /// where it is known.
+    pub fn fix(
+        mut self,
+        stamp: Stamp,
+        frame: &str,
+        position: &Geodetic,
+        covariance: Option<&Matrix3<f64>>,
+    ) {
+        self.header(stamp, frame);
         self.0.write_i8(0); // a fix
         self.0.write_u16(0); // of no satellite system
         self.numbers(&[
@@ -128,18 +135,23 @@ impl<'a> Encoder<'a> {
             position.longitude.to_degrees(),
             position.height,
         ]);
-        let to_enu = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
-        let enu = covariance.map_or_else(Matrix3::zeros, |p| to_enu * p * to_enu);
+        let enu = covariance.map_or_else(Matrix3::zeros, |p| ENU_NED * p * ENU_NED);
         self.numbers(enu.transpose().as_slice());
         self.0.write_u8(if covariance.is_some() { 3 } else { 0 });
     }
 
-    /// `nav_msgs/Odometry`: position (m) and attitude in [`FIXED_FRAME`], velocity (m/s) along the
-    /// axes of [`BODY_FRAME`], and their covariances. The angular rate is not given: the first
-    /// element of its covariance is -1.
-    pub fn odometry(mut self, stamp: Stamp, pose: &Pose, velocity: &Velocity) {
-        self.header(stamp, FIXED_FRAME);
-        self.0.write_string(BODY_FRAME);
+    /// `nav_msgs/Odometry`: position (m) and attitude in the first frame, velocity (m/s) along the
+    /// axes of the second, and their covariances. The angular rate is not given: the first element
+    /// of its covariance is -1.
+    pub fn odometry(
+        mut self,
+        stamp: Stamp,
+        [fixed, body]: [&str; 2],
+        pose: &Pose,
+        velocity: &Velocity,
+    ) {
+        self.header(stamp, fixed);
+        self.0.write_string(body);
         self.numbers(pose.position.as_slice());
         self.quaternion(&pose.attitude);
         self.numbers(pose.covariance.transpose().as_slice());
@@ -230,15 +242,41 @@ pub fn reason(why: Rejection, columns: &[String]) -> String {
     why.reason(columns)
 }
 
-/// The body in [`FIXED_FRAME`].
+/// North, east, down along east, north, up, and the other way round.
+const ENU_NED: Matrix3<f64> = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
+/// Forward, right, down along forward, left, up, and the other way round.
+const FLU_FRD: Matrix3<f64> = Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
+
+/// The body in a fixed frame: [`FIXED_FRAME`] unless it was turned.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose {
-    /// North, east, down, m.
+    /// Along the axes of the frame, m.
     pub position: Vector3<f64>,
-    /// Body to navigation frame.
+    /// Body to frame.
     pub attitude: UnitQuaternion<f64>,
-    /// Of position (m) and rotation (rad) about north, east, down.
+    /// Of position (m) and rotation (rad) about the axes of the frame.
     pub covariance: Matrix6<f64>,
+}
+
+impl Pose {
+    /// The covariance of the position.
+    pub fn position_covariance(&self) -> Matrix3<f64> {
+        self.covariance.fixed_view::<3, 3>(0, 0).into_owned()
+    }
+
+    /// The same pose in east, north, up, of the body forward, left, up (REP 103): with the rotation
+    /// `S` from north, east, down and the half turn `F` of the body, `C_flu^enu = S C_b^n F`. `S`
+    /// turns a rotation vector as it turns a position.
+    pub fn of_ros(&self) -> Self {
+        let mut turn = Matrix6::zeros();
+        turn.fixed_view_mut::<3, 3>(0, 0).copy_from(&ENU_NED);
+        turn.fixed_view_mut::<3, 3>(3, 3).copy_from(&ENU_NED);
+        Self {
+            position: ENU_NED * self.position,
+            attitude: ned_in_map() * self.attitude * ros_in_body(),
+            covariance: turn * self.covariance * turn.transpose(),
+        }
+    }
 }
 
 /// The velocity in body axes.
@@ -248,6 +286,13 @@ pub struct Velocity {
     pub body: Vector3<f64>,
     /// (m/s)^2; the first element is -1 where there is no velocity.
     pub covariance: Matrix3<f64>,
+}
+
+impl Velocity {
+    /// The same velocity along forward, left, up.
+    pub fn of_ros(&self) -> Self {
+        Self { body: FLU_FRD * self.body, covariance: FLU_FRD * self.covariance * FLU_FRD }
+    }
 }
 
 /// The values of a block in its display unit.

@@ -17,6 +17,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::error::Error;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Records the run in an MCAP file, which `navfuse replay`, ROS 2 tools, Foxglove and rerun read:
@@ -195,6 +196,37 @@ pub(crate) struct LogWriter {
 }
 
 impl LogWriter {
+    /// Begins a file whose log times are those of the run plus an offset in ns; `head` writes what
+    /// stands before the messages.
+    pub(crate) fn begin(
+        file: WholeFile,
+        compression: Compression,
+        version: &str,
+        definitions: Definitions,
+        offset: i64,
+        head: impl FnOnce(&mut LogFile<WholeFile>) -> io::Result<()>,
+    ) -> io::Result<Self> {
+        let mut chunk = Chunk::default();
+        chunk.records.extend_from_slice(&definitions.schemas);
+        chunk.records.extend_from_slice(&definitions.channels);
+        let library = format!("navfuse {version}");
+        let mut file = LogFile::begin(file, compression, &library, definitions)?;
+        head(&mut file)?;
+        let file = Background::start(file)?;
+        Ok(Self { file, chunk, offset, latest: Time::MIN })
+    }
+
+    /// The log time of a time of the run, in ns; zero for an earlier one.
+    pub(crate) fn log_time(&self, time: Time) -> u64 {
+        u64::try_from(time.nanos().saturating_add(self.offset)).unwrap_or(0)
+    }
+
+    /// Completes the file, which then takes its name.
+    pub(crate) fn finish(&mut self) -> Result<(), StreamFailure> {
+        self.write_chunk()?;
+        self.file.finish()
+    }
+
     /// Writes a message.
     pub(crate) fn send(
         &mut self,
@@ -202,7 +234,7 @@ impl LogWriter {
         time: Time,
         encode: impl FnOnce(Encoder<'_>),
     ) -> Result<(), StreamFailure> {
-        let log_time = u64::try_from(time.nanos().saturating_add(self.offset)).unwrap_or(0);
+        let log_time = self.log_time(time);
         self.chunk.message(topic, log_time, |out| encode(Encoder::new(out)));
         topic.sequence = topic.sequence.wrapping_add(1);
         self.latest = self.latest.max(time);
@@ -252,23 +284,19 @@ impl Recording {
         let metadata = entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         let mut definitions = Definitions::default();
         let Topics { sensors, estimate, events } = Topics::open(&mut definitions, run);
-        let mut chunk = Chunk::default();
-        chunk.records.extend_from_slice(&definitions.schemas);
-        chunk.records.extend_from_slice(&definitions.channels);
-        let library = format!("navfuse {}", run.version);
-        let mut file = LogFile::begin(file, compression, &library, definitions)?;
-        file.metadata(METADATA, &metadata)?;
         let start = u64::try_from(first.nanos().saturating_add(offset)).unwrap_or(0);
-        file.attach(SCENARIO, "application/toml", start, run.scenario.as_bytes())?;
-        let file = Background::start(file)?;
-        let log = LogWriter { file, chunk, offset, latest: first };
+        let head = |file: &mut LogFile<WholeFile>| {
+            file.metadata(METADATA, &metadata)?;
+            file.attach(SCENARIO, "application/toml", start, run.scenario.as_bytes())
+        };
+        let mut log = LogWriter::begin(file, compression, &run.version, definitions, offset, head)?;
+        log.latest = first;
         Ok(Self { log, sensors, estimate, events })
     }
 
     /// Completes the file, which then takes its name.
     fn finish(mut self) -> Result<(), StreamFailure> {
-        self.log.write_chunk()?;
-        self.log.file.finish()
+        self.log.finish()
     }
 
     /// Writes texts by their names, after all messages so far.

@@ -3,19 +3,16 @@
 use crate::chunk::Definitions;
 use crate::frames::Frames;
 use crate::log::StreamFailure;
-use crate::message::{BlockValues, Pose, Stamp, Velocity};
+use crate::message::{BODY_FRAME, BlockValues, FIXED_FRAME, Stamp};
+use crate::motion::{Motion, Moved};
 use crate::schema;
 use crate::sink::LogWriter;
-use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3};
 use navfuse_core::model::record::{Epoch, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::RunInfo;
 use navfuse_core::state::Block;
-use navfuse_core::state::display;
 use navfuse_core::state::geodesy::Geodetic;
-use navfuse_core::state::manifold::{
-    MAX_TANGENT, Manifold, Position, Rotation, Vector, load_quaternion,
-};
+use navfuse_core::state::manifold::{MAX_TANGENT, Position};
 use navfuse_core::units::sample::{Channel, Sample};
 use std::any::TypeId;
 
@@ -156,7 +153,7 @@ impl SensorTopics {
             Also::Fix(topic, channels) => match channels.map(|i| sample.get(i)) {
                 [Some(latitude), Some(longitude), Some(height)] => {
                     let position = Geodetic { latitude, longitude, height };
-                    log.send(topic, sample.time, |m| m.fix(stamp, &position, None))
+                    log.send(topic, sample.time, |m| m.fix(stamp, BODY_FRAME, &position, None))
                 }
                 _ => Ok(()),
             },
@@ -185,12 +182,7 @@ pub struct Estimate {
 /// The topics of a state that has a position and an attitude.
 #[derive(Debug)]
 struct Navigation {
-    /// Slots of the blocks.
-    position: usize,
-    attitude: usize,
-    velocity: Option<usize>,
-    /// Origin of [`crate::message::FIXED_FRAME`]: the position of the first epoch.
-    origin: Option<Geodetic>,
+    motion: Motion,
     odometry: Topic,
     fix: Topic,
     frames: Frames,
@@ -201,22 +193,12 @@ impl Estimate {
         let layout = &run.layout;
         let topic = |block: &Block| format!("/state/{}", block.name.replace('.', "/"));
         let blocks = layout.blocks.iter().map(|b| log.topic(&topic(b), &schema::BLOCK)).collect();
-        let first = |kind: TypeId| layout.blocks.iter().position(|b| b.operations.kind == kind);
-        let navigation = match (first(TypeId::of::<Position>()), first(TypeId::of::<Rotation>())) {
-            (Some(position), Some(attitude)) => Some(Navigation {
-                position,
-                attitude,
-                velocity: layout.blocks.iter().position(|b| {
-                    b.operations.kind == TypeId::of::<Vector<3>>()
-                        && b.spec.display == display::VELOCITY
-                }),
-                origin: None,
-                odometry: log.topic("/estimate/odometry", &schema::ODOMETRY),
-                fix: log.topic("/estimate/fix", &schema::FIX),
-                frames: Frames::open(log, run),
-            }),
-            _ => None,
-        };
+        let navigation = Motion::of(layout).map(|motion| Navigation {
+            motion,
+            odometry: log.topic("/estimate/odometry", &schema::ODOMETRY),
+            fix: log.topic("/estimate/fix", &schema::FIX),
+            frames: Frames::open(log, run),
+        });
         Self { blocks, navigation }
     }
 
@@ -260,51 +242,11 @@ impl Navigation {
         epoch: &Epoch<'_>,
     ) -> Result<(), StreamFailure> {
         let time = epoch.state.time;
-        let position = Position::load::<f64>(value(epoch, self.position));
-        let origin = *self.origin.get_or_insert(position);
-        let pose = Pose {
-            position: position.ned_from(&origin),
-            attitude: load_quaternion(value(epoch, self.attitude)),
-            covariance: covariance(epoch, self.position, self.attitude),
-        };
-        let velocity = match self.velocity {
-            Some(slot) => body_velocity(epoch, slot, self.attitude, &pose.attitude),
-            None => Velocity { body: Vector3::zeros(), covariance: Matrix3::from_element(-1.0) },
-        };
-        let of_position = pose.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-        log.send(&mut self.odometry, time, |m| m.odometry(stamp, &pose, &velocity))?;
-        log.send(&mut self.fix, time, |m| m.fix(stamp, &position, Some(&of_position)))?;
+        let Moved { position, pose, velocity } = self.motion.at(epoch);
+        let of_position = pose.position_covariance();
+        let frames = [FIXED_FRAME, BODY_FRAME];
+        log.send(&mut self.odometry, time, |m| m.odometry(stamp, frames, &pose, &velocity))?;
+        log.send(&mut self.fix, time, |m| m.fix(stamp, BODY_FRAME, &position, Some(&of_position)))?;
         self.frames.epoch(log, stamp, epoch, &pose)
     }
-}
-
-fn value<'a>(epoch: &'a Epoch<'_>, slot: usize) -> &'a [f64] {
-    &epoch.state.values[epoch.layout.blocks[slot].range()]
-}
-
-/// The joint covariance of two blocks of three components; zero for a fixed block.
-fn covariance(epoch: &Epoch<'_>, first: usize, second: usize) -> Matrix6<f64> {
-    let tangent = [first, second].map(|slot| epoch.layout.blocks[slot].tangent);
-    Matrix6::from_fn(|i, j| {
-        let (row, column) = (tangent[i / 3], tangent[j / 3]);
-        row.zip(column).map_or(0.0, |(r, c)| epoch.covariance.get(r + i % 3, c + j % 3))
-    })
-}
-
-/// The body velocity `v^b = C_n^b v^n` and its covariance. With the attitude error `phi` about the
-/// navigation axes, the first-order error is `dv^b = C_n^b (dv^n + v^n x phi)`, which is the
-/// Jacobian below.
-fn body_velocity(
-    epoch: &Epoch<'_>,
-    velocity: usize,
-    attitude: usize,
-    c_b_n: &UnitQuaternion<f64>,
-) -> Velocity {
-    let v = Vector3::from_column_slice(value(epoch, velocity));
-    let c_n_b = c_b_n.inverse().to_rotation_matrix().into_inner();
-    let mut jacobian = SMatrix::<f64, 3, 6>::zeros();
-    jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&c_n_b);
-    jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&(c_n_b * v.cross_matrix()));
-    let joint = covariance(epoch, velocity, attitude);
-    Velocity { body: c_n_b * v, covariance: jacobian * joint * jacobian.transpose() }
 }

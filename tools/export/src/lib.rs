@@ -2,7 +2,8 @@
 //!
 //! [`export`] reads position, velocity and attitude from a log and writes them as GeoJSON, KML, GPX,
 //! NMEA 0183, SBET, TUM or KITTI, in constant memory. [`TableSink`] writes every state with its full
-//! covariance as CSV or Parquet during a run, which may be the replay of a log.
+//! covariance as CSV or Parquet during a run, which may be the replay of a log. [`BagSink`] does the
+//! same for a bag of ROS 2, with pose and velocity.
 
 mod maps;
 mod nmea;
@@ -12,6 +13,7 @@ mod track;
 mod trajectory;
 
 pub use navfuse_csv::Axes;
+pub use navfuse_mcap::BagSink;
 pub use table::{Table, TableSink};
 pub use track::{Fix, Track};
 

@@ -1,0 +1,92 @@
+//! Position, attitude and velocity of the vehicle at an epoch, with their covariances.
+
+use crate::message::{Pose, Velocity};
+use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3};
+use navfuse_core::model::record::Epoch;
+use navfuse_core::state::geodesy::Geodetic;
+use navfuse_core::state::manifold::{Manifold, Position, Rotation, Vector, load_quaternion};
+use navfuse_core::state::{Layout, display};
+use std::any::TypeId;
+
+/// The blocks of a state that has a position and an attitude, by their slots.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion {
+    position: usize,
+    attitude: usize,
+    velocity: Option<usize>,
+    /// Origin of the local frame: the position of the first epoch.
+    origin: Option<Geodetic>,
+}
+
+/// The motion at an epoch.
+#[derive(Clone, Copy, Debug)]
+pub struct Moved {
+    pub position: Geodetic,
+    /// In the tangent at the origin, north, east, down.
+    pub pose: Pose,
+    /// Along forward, right, down.
+    pub velocity: Velocity,
+}
+
+impl Motion {
+    /// The blocks of a layout; `None` without a position or an attitude.
+    pub fn of(layout: &Layout) -> Option<Self> {
+        let first = |kind: TypeId| layout.blocks.iter().position(|b| b.operations.kind == kind);
+        Some(Self {
+            position: first(TypeId::of::<Position>())?,
+            attitude: first(TypeId::of::<Rotation>())?,
+            velocity: layout.blocks.iter().position(|b| {
+                b.operations.kind == TypeId::of::<Vector<3>>()
+                    && b.spec.display == display::VELOCITY
+            }),
+            origin: None,
+        })
+    }
+
+    /// The motion at an epoch; the first epoch gives the origin.
+    pub fn at(&mut self, epoch: &Epoch<'_>) -> Moved {
+        let position = Position::load::<f64>(value(epoch, self.position));
+        let origin = *self.origin.get_or_insert(position);
+        let pose = Pose {
+            position: position.ned_from(&origin),
+            attitude: load_quaternion(value(epoch, self.attitude)),
+            covariance: covariance(epoch, self.position, self.attitude),
+        };
+        let velocity = match self.velocity {
+            Some(slot) => body_velocity(epoch, slot, self.attitude, &pose.attitude),
+            None => Velocity { body: Vector3::zeros(), covariance: Matrix3::from_element(-1.0) },
+        };
+        Moved { position, pose, velocity }
+    }
+}
+
+fn value<'a>(epoch: &'a Epoch<'_>, slot: usize) -> &'a [f64] {
+    &epoch.state.values[epoch.layout.blocks[slot].range()]
+}
+
+/// The joint covariance of two blocks of three components; zero for a fixed block.
+fn covariance(epoch: &Epoch<'_>, first: usize, second: usize) -> Matrix6<f64> {
+    let tangent = [first, second].map(|slot| epoch.layout.blocks[slot].tangent);
+    Matrix6::from_fn(|i, j| {
+        let (row, column) = (tangent[i / 3], tangent[j / 3]);
+        row.zip(column).map_or(0.0, |(r, c)| epoch.covariance.get(r + i % 3, c + j % 3))
+    })
+}
+
+/// The body velocity `v^b = C_n^b v^n` and its covariance. With the attitude error `phi` about the
+/// navigation axes, the first-order error is `dv^b = C_n^b (dv^n + v^n x phi)`, which is the
+/// Jacobian below.
+fn body_velocity(
+    epoch: &Epoch<'_>,
+    velocity: usize,
+    attitude: usize,
+    c_b_n: &UnitQuaternion<f64>,
+) -> Velocity {
+    let v = Vector3::from_column_slice(value(epoch, velocity));
+    let c_n_b = c_b_n.inverse().to_rotation_matrix().into_inner();
+    let mut jacobian = SMatrix::<f64, 3, 6>::zeros();
+    jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&c_n_b);
+    jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&(c_n_b * v.cross_matrix()));
+    let joint = covariance(epoch, velocity, attitude);
+    Velocity { body: c_n_b * v, covariance: jacobian * joint * jacobian.transpose() }
+}
