@@ -241,6 +241,7 @@ fn the_example_of_every_plugin_composes() {
                     "dive.pd0: cannot be opened",
                     "nav.nmea: cannot be opened",
                     "flight.ulg: cannot be opened",
+                    "dive: cannot be opened",
                 ];
                 assert!(missing.iter().any(|m| error.to_string().contains(m)), "{error}");
             }
