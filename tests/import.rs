@@ -113,8 +113,9 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
     assert!(error.contains("it exists; give another file with --out"), "{error}");
 }
 
-/// Dead reckoning with the DVL as delivered ends 2.1 to 3.3 m off; without lever arms, which no file
-/// gives, and with the noise of the data sheet, the imported scenarios must not end twice as far off.
+/// Dead reckoning with the DVL as delivered ends 2.1 to 3.3 m off; without lever arms, which no
+/// file gives, and with the noise of the data sheet, the imported scenarios must not end twice as
+/// far off.
 #[test]
 fn the_snapir_dives_run_by_import() {
     let Some(data) = snapir() else { return };
@@ -144,8 +145,8 @@ fn the_ring_laser_at_rest_runs_by_import() {
     let (scenario, text, _) = import(folder.path(), &[&imu], &position);
     assert!(text.contains("output = \"increments\"") && text.contains("static"), "{text}");
     assert!(runs(&scenario).contains("ins.attitude"), "it runs at once");
-    // with the answers of the data sheet the heading is that of the recording's own header, 90.6 deg,
-    // within the scatter of blocks of 300 s, 8 deg
+    // with the answers of the data sheet the heading is that of the recording's own header, 90.6
+    // deg, within the scatter of blocks of 300 s, 8 deg
     let answers =
         ["process.ins.gyro_bias.sigma=0.01 deg/h", "sensor.imu.gyro_noise=0.1 deg/h/sqrt(Hz)"];
     let set: Vec<&str> = answers.iter().flat_map(|a| ["--set", a]).collect();
@@ -157,8 +158,8 @@ fn the_ring_laser_at_rest_runs_by_import() {
     assert!((yaw - 90.6).abs() < 8.0, "{yaw}");
 }
 
-/// The table of fixes in the data was made from this solution, with its velocity and on the clock of
-/// the recording.
+/// The table of fixes in the data was made from this solution, with its velocity and on the clock
+/// of the recording.
 #[test]
 fn a_solution_of_rtklib_is_recognised_with_its_positions() {
     let origin = "Its public original is rtklibexplorer/GNSS_IMU, data/drive_0708";
@@ -229,8 +230,8 @@ fn clock(printed: &str, sensor: &str) -> [f64; 2] {
     [if note.contains("ahead of") { -offset } else { offset }, sigma]
 }
 
-/// The stamps of the DVL are already those of the measurements, and its clock is that of the INS. The
-/// motion of T10 shows the clock to some 20 ms; a shift must appear with at most that error.
+/// The stamps of the DVL are already those of the measurements, and its clock is that of the INS.
+/// The motion of T10 shows the clock to some 20 ms; a shift must appear with at most that error.
 #[test]
 fn a_shifted_velocity_log_of_a_dive_is_found_by_its_motion() {
     let Some(data) = snapir() else { return };

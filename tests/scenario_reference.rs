@@ -1,7 +1,7 @@
 //! The page `docs/src/reference/scenario.md` is generated from the registered types.
 //!
-//! `UPDATE=1 cargo test --test scenario_reference` writes it anew, and the schema beside the shipped
-//! scenarios.
+//! `UPDATE=1 cargo test --test scenario_reference` writes it anew, and the schema beside the
+//! shipped scenarios.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::document::Document;

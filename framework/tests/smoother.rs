@@ -1,4 +1,5 @@
-//! The smoother against the textbook and against batch least squares, on the cart of the laboratory.
+//! The smoother against the textbook and against batch least squares, on the cart of the
+//! laboratory.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::model::stream::{Source, StreamError};

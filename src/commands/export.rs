@@ -188,8 +188,8 @@ fn track(arguments: &Export, format: Format, file: &Path, stop: &AtomicBool) -> 
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs the filter again on the samples of the log, for states with their covariance. `epochs` gives
-/// the number of epochs in a sink whose result is whole.
+/// Runs the filter again on the samples of the log, for states with their covariance. `epochs`
+/// gives the number of epochs in a sink whose result is whole.
 fn again<S: Sink>(
     registry: &Registry,
     arguments: &Export,

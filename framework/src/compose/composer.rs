@@ -126,11 +126,11 @@ impl Composer {
     }
 
     /// Adds the past of a block: a clone of its value and its covariance, taken at every sample of
-    /// the sensor that is being composed, or at those that `MeasurementModel::keyframe` names, after
-    /// the update. The model reads it with [`View::then`]:
-    /// the value at the previous sample, such as the pose from which visual odometry measures. The
-    /// first sample, and the first one after a sample that the filter rejects unseen, updates
-    /// nothing. A simulation takes the same clone of the truth.
+    /// the sensor that is being composed, or at those that `MeasurementModel::keyframe` names,
+    /// after the update. The model reads it with [`View::then`]: the value at the previous sample,
+    /// such as the pose from which visual odometry measures. The first sample, and the first one
+    /// after a sample that the filter rejects unseen, updates nothing. A simulation takes the same
+    /// clone of the truth.
     ///
     /// The past of a velocity that turns with the heading needs the past of its attitude, composed
     /// before it.

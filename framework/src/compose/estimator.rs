@@ -102,11 +102,12 @@ pub trait Estimator: Any + Send {
         self.state().time
     }
 
-    /// Brings a covariance that is computed less often than the estimate to the estimate's time, for
-    /// an epoch that is recorded.
+    /// Brings a covariance that is computed less often than the estimate to the estimate's time,
+    /// for an epoch that is recorded.
     fn settle(&mut self, _observer: &mut dyn Observer) {}
 
-    /// Estimate at that time, with the truth where the scenario states it and no reference gives it.
+    /// Estimate at that time, with the truth where the scenario states it and no reference gives
+    /// it.
     fn epoch(&mut self) -> Epoch<'_>;
 
     /// Last truth that a reference gave or the scenario states.
@@ -117,7 +118,8 @@ pub trait Estimator: Any + Send {
         Vec::new()
     }
 
-    /// Block without an initial value for which the estimator waits, although there were references.
+    /// Block without an initial value for which the estimator waits, although there were
+    /// references.
     fn lacking(&self) -> Option<&Block> {
         None
     }

@@ -275,8 +275,8 @@ pub(super) fn rejected(sample: &Sample, rejection: Rejection) -> UpdateRecord<'s
     }
 }
 
-/// Screening of the driving sensor; none for a simulated sensor without noise, whose channels repeat
-/// themselves without a fault.
+/// Screening of the driving sensor; none for a simulated sensor without noise, whose channels
+/// repeat themselves without a fault.
 fn screen(composition: &Composition) -> Option<Screen> {
     let process = composition.processes.iter().find(|p| p.input.is_some())?;
     let driver = process.input.map(|index| &composition.sensors[index])?;

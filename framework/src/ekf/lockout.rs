@@ -187,8 +187,8 @@ impl Lockout {
         verdict
     }
 
-    /// Ends a streak with a sample that passes, unless the innovation jumped and is still there: the
-    /// covariance has grown, and a jump does not become the filter's error by that.
+    /// Ends a streak with a sample that passes, unless the innovation jumped and is still there:
+    /// the covariance has grown, and a jump does not become the filter's error by that.
     fn agree(
         &mut self,
         sample: &Judged<'_>,

@@ -41,7 +41,8 @@ impl Ekf {
         }
     }
 
-    /// Forgets the past of a sensor, if the filter cannot use a sample at which the next one begins.
+    /// Forgets the past of a sensor, if the filter cannot use a sample at which the next one
+    /// begins.
     pub(super) fn lose_past(&mut self, sample: &Sample) {
         let sensor = sample.sensor.0;
         let role = &self.composition.sensors[sensor].role;

@@ -170,9 +170,10 @@ impl Timeline {
         Some(sample)
     }
 
-    /// Shows the estimate after all samples that have arrived, which a late sample may still change;
-    /// the filter itself stays where it is. Where samples on their way leave a gap that the process
-    /// cannot bridge, the estimate is that before the gap. Nothing is shown before the filter runs.
+    /// Shows the estimate after all samples that have arrived, which a late sample may still
+    /// change; the filter itself stays where it is. Where samples on their way leave a gap that the
+    /// process cannot bridge, the estimate is that before the gap. Nothing is shown before the
+    /// filter runs.
     pub fn newest<T>(&mut self, ekf: &mut Ekf, look: impl FnOnce(&Epoch<'_>) -> T) -> Option<T> {
         let (memory, start) = self.ahead.resume(&ekf.memory);
         let settled = std::mem::replace(&mut ekf.memory, memory);

@@ -13,10 +13,10 @@ use crate::state::covariance::Covariance;
 use crate::state::{Block, State};
 use crate::units::sample::Sample;
 
-/// An unscented Kalman filter: sigma points of the uncertainty pass through the processes, and every
-/// sensor has the update rule `ukf`. Gates, recovery, screening, alignments, past states and late
-/// samples are those of [`Ekf`]. A time offset and the smoother need the transition of a linearised
-/// step, which it does not have.
+/// An unscented Kalman filter: sigma points of the uncertainty pass through the processes, and
+/// every sensor has the update rule `ukf`. Gates, recovery, screening, alignments, past states and
+/// late samples are those of [`Ekf`]. A time offset and the smoother need the transition of a
+/// linearised step, which it does not have.
 pub struct Ukf(Ekf);
 
 impl Ukf {

@@ -45,14 +45,14 @@ pub trait MeasurementModel<const N: usize>: Send + 'static {
     fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, N, N>;
 
     /// Largest number of observations of one time, each a sample of its own: the satellites that a
-    /// receiver tracks, the landmarks in an image. The filter applies, gates and records them one by
-    /// one. Default: 1, so that a second sample of one time is rejected.
+    /// receiver tracks, the landmarks in an image. The filter applies, gates and records them one
+    /// by one. Default: 1, so that a second sample of one time is rejected.
     fn observations(&self) -> usize {
         1
     }
 
-    /// Returns `true` if a past state is taken at this sample. Default: at every sample. Odometry that
-    /// measures from keyframes names them, such as by a channel.
+    /// Returns `true` if a past state is taken at this sample. Default: at every sample. Odometry
+    /// that measures from keyframes names them, such as by a channel.
     fn keyframe(&self, _sample: &Sample) -> bool {
         true
     }

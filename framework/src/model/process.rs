@@ -124,9 +124,9 @@ pub trait ProcessModel: Send {
     /// This is how a simulation, or a recorded reference, becomes the truth of the estimated state.
     fn follow(&self, layout: &Layout, motion: &Motion, state: &mut State, known: &mut [bool]);
 
-    /// Moves the truth of the blocks that no trajectory gives over `dt` seconds, with the noise that
-    /// [`Self::propagate`] assumes, and marks these blocks as known: the clock of a receiver, a
-    /// current, a vehicle with dynamics of its own. The truth wanders where `estimator.draw` is
+    /// Moves the truth of the blocks that no trajectory gives over `dt` seconds, with the noise
+    /// that [`Self::propagate`] assumes, and marks these blocks as known: the clock of a receiver,
+    /// a current, a vehicle with dynamics of its own. The truth wanders where `estimator.draw` is
     /// "all". A block that a process moves, and whose truth neither a trajectory nor this function
     /// moves, has no truth: nobody judges its estimate.
     fn wander(
@@ -198,8 +198,8 @@ impl BuiltProcess {
         Self { input: Some(input), ..self }
     }
 
-    /// Hands over an input model, which corrects the samples of the driving sensor `name` with states
-    /// of this part: its scale factor, misalignment or other errors.
+    /// Hands over an input model, which corrects the samples of the driving sensor `name` with
+    /// states of this part: its scale factor, misalignment or other errors.
     #[must_use]
     pub fn correcting<M, const N: usize>(mut self, name: impl Into<String>, model: M) -> Self
     where

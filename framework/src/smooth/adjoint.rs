@@ -1,8 +1,8 @@
 //! The backward recursion of Bryson and Frazier.
 //!
-//! `e` is the error `truth [-] estimate` that the covariance `P` describes. Every step of the filter
-//! is a linear map of it. A transition gives `e = Phi e + w`, and a correction with the innovation
-//! `y = H e + v`, any gain `K` and the reset `G` after the injection gives
+//! `e` is the error `truth [-] estimate` that the covariance `P` describes. Every step of the
+//! filter is a linear map of it. A transition gives `e = Phi e + w`, and a correction with the
+//! innovation `y = H e + v`, any gain `K` and the reset `G` after the injection gives
 //! ```text
 //! e = G (e - K y) = G (I - K H) e - G K v
 //! ```
@@ -18,9 +18,10 @@
 //! Neither `Q` nor an inverse of a covariance appears, so a state that the run hardly observes does
 //! no harm, and an inflation of `P` needs no record: it is process noise.
 //!
-//! With considered states the gain is not optimal, and the innovations are not white: `y` correlates
-//! with the error after the correction by `C = G (P H' - K S)`. `lambda` stays a valid estimator, but
-//! its covariance is then `Omega` instead of `Lambda`, and the estimate of a considered state stays:
+//! With considered states the gain is not optimal, and the innovations are not white: `y`
+//! correlates with the error after the correction by `C = G (P H' - K S)`. `lambda` stays a valid
+//! estimator, but its covariance is then `Omega` instead of `Lambda`, and the estimate of a
+//! considered state stays:
 //! ```text
 //! Omega = A' Omega A + H' S^-1 H + A' Lambda C S^-1 H + (A' Lambda C S^-1 H)'
 //! P_s = P - D P Lambda P - P Lambda P D + D P Omega P D
@@ -215,7 +216,8 @@ impl Adjoint {
         let gained = h.tr_mul(&solved);
         let gain = DMatrix::from_row_slice(n, m, gain);
         self.congruence(&h, &gain, columns, false);
-        // C = P H' - K S, which is not zero in the rows of the considered states, whose gain is zero
+        // C = P H' - K S, which is not zero in the rows of the considered states, whose gain is
+        // zero
         let remaining = (!self.spread.is_empty()).then(|| {
             let cross = DMatrix::from_row_slice(n, m, cross);
             DMatrix::from_fn(n, m, |i, a| if self.considered[i] { cross[(i, a)] } else { 0.0 })
@@ -265,8 +267,8 @@ impl Adjoint {
     }
 
     /// Returns the square of the residual of a sample that the filter did not use, `u' M^-1 u` with
-    /// `u = y - H P lambda` and `M = S - H P Lambda P H' = R + H P_s H'`. `numbers` has `S`, `y` and
-    /// `P H'`. `None` where states are considered.
+    /// `u = y - H P lambda` and `M = S - H P Lambda P H' = R + H P_s H'`. `numbers` has `S`, `y`
+    /// and `P H'`. `None` where states are considered.
     pub(super) fn reconsider(&self, m: usize, numbers: &[f64]) -> Option<f64> {
         if !self.spread.is_empty() || self.products.is_some() {
             return None;

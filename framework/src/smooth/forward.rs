@@ -164,8 +164,8 @@ impl Forward {
     }
 
     /// Computes the segments again with their filter, the last one first, and passes the adjoint
-    /// over their records; `visit` sees each correction and each recorded estimate. The filter has to
-    /// be at the end of the pass, and is left in any state.
+    /// over their records; `visit` sees each correction and each recorded estimate. The filter has
+    /// to be at the end of the pass, and is left in any state.
     pub(super) fn backward(
         &mut self,
         ekf: &mut Ekf,

@@ -34,8 +34,8 @@ pub(super) struct Lagged {
     lag: Time,
     /// Steps since the boundary.
     stretch: Stretch,
-    /// Estimates before the boundary: each with the sums from its time to the boundary, the earliest
-    /// one last.
+    /// Estimates before the boundary: each with the sums from its time to the boundary, the
+    /// earliest one last.
     stack: Rows,
     /// Numbers of the earliest one, which has left the stack; empty if there is none.
     first: Vec<f64>,

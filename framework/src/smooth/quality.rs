@@ -103,7 +103,8 @@ pub struct SensorFit {
     pub sensor: String,
     /// Used samples.
     pub used: u64,
-    /// Mean of the normalised smoothed innovation squared for each channel: 1 if the noise is right.
+    /// Mean of the normalised smoothed innovation squared for each channel: 1 if the noise is
+    /// right.
     pub mean: Option<f64>,
     /// Used samples that the whole run contradicts.
     pub outliers: u64,
@@ -282,7 +283,8 @@ impl Quality {
         format!("from {:.0} to {:.0} s", time(from), time(to))
     }
 
-    /// Spans of parts that fulfil a condition; a part without an estimate fulfils none and ends none.
+    /// Spans of parts that fulfil a condition; a part without an estimate fulfils none and ends
+    /// none.
     fn spans(&self, holds: impl Fn(&Part) -> Option<bool>) -> Vec<(usize, usize)> {
         let mut spans: Vec<(usize, usize)> = Vec::new();
         let mut open = false;

@@ -35,8 +35,8 @@ impl Smoother {
         self.forward.sample(ekf, sample);
     }
 
-    /// Notes that the runner records the estimate. That of a filter that has failed has taken a part
-    /// of the last step, and is not smoothed.
+    /// Notes that the runner records the estimate. That of a filter that has failed has taken a
+    /// part of the last step, and is not smoothed.
     pub(crate) fn epoch_between(&mut self, time: Time) {
         if self.forward.failed_step {
             return;
@@ -105,7 +105,8 @@ impl Smoother {
         }
     }
 
-    /// Passes all other estimates to `each`, after the last sample. The filter is left in any state.
+    /// Passes all other estimates to `each`, after the last sample. The filter is left in any
+    /// state.
     pub(crate) fn end(
         mut self,
         ekf: &mut Ekf,

@@ -6,8 +6,9 @@ const WORD: usize = u64::BITS as usize;
 /// Words that a set holds without memory of its own.
 const INLINE: usize = 2;
 
-/// A set of blocks, by their slots in [`crate::state::Layout::blocks`], without a limit. Slots below
-/// 128 need no memory; with higher ones the set grows once, and keeps its memory when cleared.
+/// A set of blocks, by their slots in [`crate::state::Layout::blocks`], without a limit. Slots
+/// below 128 need no memory; with higher ones the set grows once, and keeps its memory when
+/// cleared.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BlockSet {
     first: [u64; INLINE],

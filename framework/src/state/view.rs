@@ -11,8 +11,8 @@ use std::cell::RefCell;
 /// Input of a measurement function: typed values of scalar type `T`, one block of which may carry a
 /// derivative.
 ///
-/// A view that is [`View::recording`] records which blocks are read, and the derivative is taken with
-/// respect to exactly those.
+/// A view that is [`View::recording`] records which blocks are read, and the derivative is taken
+/// with respect to exactly those.
 #[derive(Debug)]
 pub struct View<'a, T: Real> {
     layout: &'a Layout,

@@ -5,8 +5,9 @@
 //! and its unit, such as `vel_x_mps` or `vel_x_cmps`. The time is in `time_s`, `time_ms`, `time_us`
 //! or `time_ns`; it is exact to the nanosecond. An empty cell is a missing channel. A row in which
 //! all channels of a sensor are missing is not a sample of that sensor, so that several sensors can
-//! share a file. Lines that start with `#` are comments. Dates, weeks of GPS, other separators, files
-//! without headings, and files that gzip or zstd packed are read, too: see [`config::FileConfig`].
+//! share a file. Lines that start with `#` are comments. Dates, weeks of GPS, other separators,
+//! files without headings, and files that gzip or zstd packed are read, too: see
+//! [`config::FileConfig`].
 //!
 //! **Sink.** `estimate.csv` has one row for each epoch, `innovations.csv` one for each measurement;
 //! see [`sink`].

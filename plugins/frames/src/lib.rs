@@ -6,8 +6,8 @@
 //! intact frames, skips everything else, and counts what it skipped, with offsets. It reads in
 //! constant memory.
 //!
-//! A format implements [`Framing`]. Text formats use [`Sentences`]. [`Clock`] puts the records of an
-//! instrument on the clock of the run.
+//! A format implements [`Framing`]. Text formats use [`Sentences`]. [`Clock`] puts the records of
+//! an instrument on the clock of the run.
 
 mod clock;
 mod config;

@@ -1,8 +1,8 @@
 //! The file: its beginning, its chunks, and the summary at its end.
 //!
 //! The library `mcap` compresses while it writes, some bytes at a time: for messages of 100 to 800
-//! bytes this costs several times the compression of a whole chunk at once. Here a chunk is complete
-//! before it is compressed, so that another thread can do it.
+//! bytes this costs several times the compression of a whole chunk at once. Here a chunk is
+//! complete before it is compressed, so that another thread can do it.
 
 use crate::chunk::{Chunk, Definitions};
 use crate::format::{by_channel, record, text, texts, u16, u32, u64s};

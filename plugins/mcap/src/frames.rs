@@ -34,8 +34,8 @@ pub struct Link<'a> {
     pub rotation: UnitQuaternion<f64>,
 }
 
-/// Half a turn about the bisector of two horizontal axes, which exchanges these and turns the third:
-/// from north, east, down to east, north, up.
+/// Half a turn about the bisector of two horizontal axes, which exchanges these and turns the
+/// third: from north, east, down to east, north, up.
 pub fn ned_in_map() -> UnitQuaternion<f64> {
     let (x, y) = (FRAC_1_SQRT_2, FRAC_1_SQRT_2);
     UnitQuaternion::new_unchecked(Quaternion::new(0.0, x, y, 0.0))

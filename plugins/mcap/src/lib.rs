@@ -17,11 +17,11 @@
 //! | `/log` | `rcl_interfaces/Log` | events |
 //!
 //! **Frames.** `ned` is north, east, down in the tangent plane at the position of the first epoch.
-//! `base_link_frd` is the body, forward, right, down, at the point whose position is estimated. `map`
-//! is `ned` with the axes east, north, up, and `base_link` is the body with the axes forward, left,
-//! up, as RViz expects them. The frame of a sensor has the sensor's name, its place and its axes. The
-//! orientation refers to north, east and down at the body. The odometry has no angular rate: the
-//! first element of the covariance of the angular rate is -1.
+//! `base_link_frd` is the body, forward, right, down, at the point whose position is estimated.
+//! `map` is `ned` with the axes east, north, up, and `base_link` is the body with the axes forward,
+//! left, up, as RViz expects them. The frame of a sensor has the sensor's name, its place and its
+//! axes. The orientation refers to north, east and down at the body. The odometry has no angular
+//! rate: the first element of the covariance of the angular rate is -1.
 //!
 //! **Time.** The stamp of a message is the run time to the nanosecond, even if negative; replay
 //! reads this stamp. Log time and publish time are the run time plus `log_time_offset_ns` of the

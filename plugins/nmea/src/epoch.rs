@@ -1,4 +1,5 @@
-//! Epochs: the sentences of one instant. A sentence without a time belongs to the instant before it.
+//! Epochs: the sentences of one instant. A sentence without a time belongs to the instant before
+//! it.
 
 use crate::beacon::Beacon;
 use crate::sentence::Sentence;

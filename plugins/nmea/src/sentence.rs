@@ -220,8 +220,8 @@ fn midnight(day: Option<u8>, month: Option<u8>, year: Option<i32>) -> Option<i64
     Calendar { year, month, day, hour: 0, minute: 0, second: 0, nanos: 0 }.unix_nanos()
 }
 
-/// Parses the part of a sentence between `$` and `*`; `None` for a sentence that the source does not
-/// use, and for one of a form that the standard does not have.
+/// Parses the part of a sentence between `$` and `*`; `None` for a sentence that the source does
+/// not use, and for one of a form that the standard does not have.
 pub fn parse(content: &[u8]) -> Option<Sentence> {
     let text = std::str::from_utf8(content).ok()?;
     let (address, fields) = text.split_once(',')?;

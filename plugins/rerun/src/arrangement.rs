@@ -30,8 +30,8 @@ const EYE: f32 = 2.0;
 const GROUND: [u8; 3] = [14, 16, 20];
 /// Height of a lane of the viewer, and of what is above the lanes, pixels.
 const LANE: [f64; 2] = [40.0, 56.0];
-/// Least and greatest height of the lanes: beside the lowest ones the error from -4 to 4 sigma has a
-/// number at every sigma.
+/// Least and greatest height of the lanes: beside the lowest ones the error from -4 to 4 sigma has
+/// a number at every sigma.
 const LANES: [f64; 2] = [290.0, 340.0];
 /// Greatest number of components in a tab.
 const ROWS: usize = 4;

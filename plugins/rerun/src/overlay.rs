@@ -11,7 +11,8 @@ use re_sdk_types::archetypes::{
 };
 use re_sdk_types::components::Radius;
 
-/// Size of the mark where a run is at the time of the cursor, and of the marks of the legend, points.
+/// Size of the mark where a run is at the time of the cursor, and of the marks of the legend,
+/// points.
 const MARK: f32 = 4.0;
 /// Growth of lines and marks with each track that is drawn over them, so that all of them remain
 /// visible where runs agree.

@@ -1,7 +1,7 @@
 //! Bags of ROS 2: MCAP and SQLite, split, packed or damaged.
 //!
-//! The source type `ros2` gives the samples of a scenario's sensors. A [`Bag`] gives the messages to
-//! any program. Messages are read by the definitions in the bag, or by built-in ones for bags of
+//! The source type `ros2` gives the samples of a scenario's sensors. A [`Bag`] gives the messages
+//! to any program. Messages are read by the definitions in the bag, or by built-in ones for bags of
 //! versions before Iron. Damaged parts are skipped and reported with their offset and number.
 
 mod axes;

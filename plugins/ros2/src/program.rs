@@ -91,7 +91,8 @@ struct Compiler<'a> {
 }
 
 impl Program {
-    /// Compiles the reading of fields, the `k`-th into slot `k`; an empty path leaves its slot empty.
+    /// Compiles the reading of fields, the `k`-th into slot `k`; an empty path leaves its slot
+    /// empty.
     ///
     /// # Errors
     /// When a path names no number of the type, or a definition is missing.

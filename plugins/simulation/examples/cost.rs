@@ -1,6 +1,7 @@
 //! What the filter costs: the dive of `scenarios/auv.toml`, an update of each of its sensors, a fix
-//! that arrives 5 s late, and what a state adds, with the block-sparse kernel and with dense matrices
-//! in the same run; the states of a field, of which an update reads four. Prints the tables of docs/src/explanation/performance.md and draws its figure:
+//! that arrives 5 s late, and what a state adds, with the block-sparse kernel and with dense
+//! matrices in the same run; the states of a field, of which an update reads four. Prints the
+//! tables of docs/src/explanation/performance.md and draws its figure:
 //!
 //! `cargo run --release -p navfuse-simulation --example cost -- docs/src/images/performance.svg`
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot start has nothing to report")]
@@ -327,8 +328,8 @@ fn curve() -> Figure {
     }
 }
 
-/// Microseconds of an IMU step, and of an update by one channel that reads the INS and four states of
-/// a field: `n` states, of which `explored` are correlated with the INS.
+/// Microseconds of an IMU step, and of an update by one channel that reads the INS and four states
+/// of a field: `n` states, of which `explored` are correlated with the INS.
 fn field(n: usize, explored: usize) -> [f64; 2] {
     let (ekf, rest) = started(&composed(15, ""));
     let mut listener = Listener(None, true);

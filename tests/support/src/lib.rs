@@ -1,5 +1,5 @@
-//! Scaffolding that the tests of navfuse share: a small laboratory, a judge of runs, readers written
-//! by others, damage and speed of files, and the scenarios that ship.
+//! Scaffolding that the tests of navfuse share: a small laboratory, a judge of runs, readers
+//! written by others, damage and speed of files, and the scenarios that ship.
 #![allow(
     missing_docs,
     clippy::unwrap_used,

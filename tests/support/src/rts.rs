@@ -94,8 +94,8 @@ impl Records {
         covariances
     }
 
-    /// Goes back from the state after `end` steps, and shows the smoothed estimate after each number
-    /// of steps, until `show` returns `false`.
+    /// Goes back from the state after `end` steps, and shows the smoothed estimate after each
+    /// number of steps, until `show` returns `false`.
     fn backward(
         &self,
         covariances: &[DMatrix<f64>],
@@ -127,9 +127,9 @@ impl Records {
         }
     }
 
-    /// Covariance of the error of `x + D P lambda` at each estimate, from the sources of all errors:
-    /// the initial error, the noise of each step, and that of each measurement. `kept` marks the
-    /// states that are considered.
+    /// Covariance of the error of `x + D P lambda` at each estimate, from the sources of all
+    /// errors: the initial error, the noise of each step, and that of each measurement. `kept`
+    /// marks the states that are considered.
     pub fn covariances_of_the_errors(&self, kept: &[bool]) -> Vec<DMatrix<f64>> {
         let n = self.layout.tangent;
         let first = &self.filtered[0];

@@ -1,9 +1,9 @@
 //! The estimates of a log in the formats of other programs.
 //!
-//! [`export`] reads position, velocity and attitude from a log and writes them as GeoJSON, KML, GPX,
-//! NMEA 0183, SBET, TUM or KITTI, in constant memory. [`TableSink`] writes every state with its full
-//! covariance as CSV or Parquet during a run, which may be the replay of a log. [`BagSink`] does the
-//! same for a bag of ROS 2, with pose and velocity.
+//! [`export`] reads position, velocity and attitude from a log and writes them as GeoJSON, KML,
+//! GPX, NMEA 0183, SBET, TUM or KITTI, in constant memory. [`TableSink`] writes every state with
+//! its full covariance as CSV or Parquet during a run, which may be the replay of a log.
+//! [`BagSink`] does the same for a bag of ROS 2, with pose and velocity.
 
 mod maps;
 mod nmea;

@@ -25,8 +25,8 @@ pub const GRID: RGBColor = RGBColor(0xDC, 0xDC, 0xDC);
 /// Colour of grid lines between ticks of a logarithmic axis.
 pub const FINE_GRID: RGBColor = RGBColor(0xF0, 0xF0, 0xF0);
 
-// Okabe and Ito, "Color Universal Design"; the yellow, too bright for a line on white, fills bands. A
-// single curve is blue and the truth is orange, as in the viewer.
+// Okabe and Ito, "Color Universal Design"; the yellow, too bright for a line on white, fills bands.
+// A single curve is blue and the truth is orange, as in the viewer.
 const DATA: [RGBColor; 5] = [
     RGBColor(0x00, 0x72, 0xB2), // blue
     RGBColor(0xD5, 0x5E, 0x00), // vermillion

@@ -8,10 +8,10 @@
 //! v(t2) - v(t1) + [theta(t2 - tau) - theta(t1 - tau)] x v  =  A(t2 - tau) - A(t1 - tau) + noise
 //! ```
 //!
-//! Levelling by the specific force takes slow accelerations for gravity. The same filter acts on the
-//! accelerations of the log, so that both sides lack the same.
-//! Between two headings, `psi(t2) - psi(t1) = Y(t2 - tau) - Y(t1 - tau) + noise`. The offset `tau`
-//! has the least sum of squares of the noise. Blocks of the recording show the drift.
+//! Levelling by the specific force takes slow accelerations for gravity. The same filter acts on
+//! the accelerations of the log, so that both sides lack the same. Between two headings, `psi(t2) -
+//! psi(t1) = Y(t2 - tau) - Y(t1 - tau) + noise`. The offset `tau` has the least sum of squares of
+//! the noise. Blocks of the recording show the drift.
 
 use std::f64::consts::{PI, TAU};
 
@@ -27,8 +27,8 @@ const SAMPLES: usize = 1 << 15;
 const LARGEST: f64 = 5.0;
 /// Step of the search, s, which is less than the time over which a vehicle changes its motion.
 const STEP: f64 = 0.1;
-/// Share of the residuals at other offsets that the least ones must not exceed: otherwise the motion
-/// does not show the clock.
+/// Share of the residuals at other offsets that the least ones must not exceed: otherwise the
+/// motion does not show the clock.
 const SHARE: f64 = 0.5;
 /// Shortest block by which the drift is found, s, and the largest number of blocks.
 const BLOCK: f64 = 100.0;
@@ -160,7 +160,8 @@ impl Measured {
         }
     }
 
-    /// The change of velocity, in space, between the samples `k` and `k + 1`, and that of the angle.
+    /// The change of velocity, in space, between the samples `k` and `k + 1`, and that of the
+    /// angle.
     fn change(
         rows: &[[f64; 4]],
         k: usize,
@@ -196,7 +197,8 @@ impl Measured {
             .collect()
     }
 
-    /// The difference of the samples `k` and `k + 1` from that of the IMU, on a clock behind by `tau`.
+    /// The difference of the samples `k` and `k + 1` from that of the IMU, on a clock behind by
+    /// `tau`.
     fn residual(
         &self,
         imu: &Inertial,
@@ -336,8 +338,8 @@ pub fn compare(imu: &Inertial, measured: &Measured) -> Option<ClockOffset> {
     })
 }
 
-/// The line through offsets of blocks: offset at time zero with its sigma, slope with its sigma, and
-/// the factor, at least one, by which the blocks scatter beyond their sigmas.
+/// The line through offsets of blocks: offset at time zero with its sigma, slope with its sigma,
+/// and the factor, at least one, by which the blocks scatter beyond their sigmas.
 fn line(blocks: &[(f64, Fit)]) -> Option<([f64; 4], f64)> {
     if blocks.len() < 3 {
         return None;

@@ -162,8 +162,9 @@ fn at_rest(imu: &StreamSurvey) -> bool {
     imu.samples > 0 && imu.wander[3..6].iter().all(|w| w * scale < REST)
 }
 
-/// The noise densities of an IMU: deg/h/sqrt(Hz) and ug/sqrt(Hz), the largest of the three axes. They
-/// are measured from sample to sample; at rest from second to second, where rounding has averaged out.
+/// The noise densities of an IMU: deg/h/sqrt(Hz) and ug/sqrt(Hz), the largest of the three axes.
+/// They are measured from sample to sample; at rest from second to second, where rounding has
+/// averaged out.
 fn noise(imu: &StreamSurvey) -> [f64; 2] {
     let increments = imu.channel("dvel_x").is_some();
     // a rate has the density s sqrt(dt), an increment over dt has s / sqrt(dt)

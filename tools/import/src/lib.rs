@@ -1,9 +1,9 @@
 //! A scenario from the files of a recording.
 //!
-//! [`import`] recognises tables (CSV, RTKLIB, KF-GINS, SBG), files of Doppler velocity logs, NMEA 0183,
-//! logs of vehicles and bags of ROS 2, writes a first scenario, reads all samples through its sources,
-//! and writes the final scenario with what the samples show. What no sample shows is marked with
-//! [`MARK`].
+//! [`import`] recognises tables (CSV, RTKLIB, KF-GINS, SBG), files of Doppler velocity logs, NMEA
+//! 0183, logs of vehicles and bags of ROS 2, writes a first scenario, reads all samples through its
+//! sources, and writes the final scenario with what the samples show. What no sample shows is
+//! marked with [`MARK`].
 
 mod bag;
 mod clocks;

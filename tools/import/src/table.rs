@@ -42,8 +42,8 @@ const TIMES: [&str; 5] = ["timestamp", "stamp", "t", "gps_time", "utc"];
 /// Largest number of rows by which a table without headings is recognised.
 const PLAIN_ROWS: usize = 50;
 
-/// The titles of RTKLIB with the headings of the channels. The deviation to the north stands for both
-/// horizontal ones; `vu` points up and is turned.
+/// The titles of RTKLIB with the headings of the channels. The deviation to the north stands for
+/// both horizontal ones; `vu` points up and is turned.
 const RTKLIB: [(&str, &str); 7] = [
     ("latitude(deg)", "lat_deg"),
     ("longitude(deg)", "lon_deg"),

@@ -179,7 +179,8 @@ impl Stage {
         }
     }
 
-    /// Repeats the values before the fault; a channel that was missing then repeats its first value.
+    /// Repeats the values before the fault; a channel that was missing then repeats its first
+    /// value.
     fn hold(&mut self, sample: &mut Sample) {
         let before = self.before.get_or_insert(*sample);
         for k in &self.channels {

@@ -1,8 +1,8 @@
 //! The products of an update: rows of the covariance with the few rows of `H` and of the gain.
 //!
-//! A state that is not correlated with the innovation keeps its row and column. Where the covariance
-//! is sparse, as that of a map before it is explored, the products therefore pass over the *reach* of
-//! the innovation alone: the groups of columns in which `H P` is not zero.
+//! A state that is not correlated with the innovation keeps its row and column. Where the
+//! covariance is sparse, as that of a map before it is explored, the products therefore pass over
+//! the *reach* of the innovation alone: the groups of columns in which `H P` is not zero.
 //!
 //! As in [`super::kernel`], the loops are written once and compiled twice, with the same bits.
 

@@ -2,7 +2,8 @@
 
 use navfuse_frames::Count;
 
-/// The parts of a bag that could not be read. An offset counts from the beginning of the first file.
+/// The parts of a bag that could not be read. An offset counts from the beginning of the first
+/// file.
 #[derive(Clone, Debug, Default)]
 pub struct Faults {
     /// Chunks whose checksum differs, or that do not unpack.

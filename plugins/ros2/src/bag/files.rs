@@ -1,4 +1,5 @@
-//! The files of a bag: found by its `metadata.yaml` or its folder, and recognised by their first bytes.
+//! The files of a bag: found by its `metadata.yaml` or its folder, and recognised by their first
+//! bytes.
 
 use super::window::Window;
 use super::{mcap, sqlite};

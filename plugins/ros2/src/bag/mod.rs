@@ -94,8 +94,8 @@ pub struct Message<'a> {
     pub topic: usize,
     /// Time at which it was received, in nanoseconds since 1970.
     pub received: i64,
-    /// Offset of the message, or of the chunk or page that holds it. Offsets count from the beginning
-    /// of the first file.
+    /// Offset of the message, or of the chunk or page that holds it. Offsets count from the
+    /// beginning of the first file.
     pub offset: u64,
     /// The message in CDR; empty for a topic that is not wanted.
     pub data: &'a [u8],

@@ -1,5 +1,5 @@
-//! Bags in SQLite: the tables `topics` and `messages`, read without the SQLite library. It is half a
-//! minute of C code to compile, refuses a file that is cut off, and a bag needs two tables of it.
+//! Bags in SQLite: the tables `topics` and `messages`, read without the SQLite library, which is a
+//! large program in C and refuses a file that is cut off. A bag needs two tables of it.
 
 use super::faults::Faults;
 use super::pages::Pages;

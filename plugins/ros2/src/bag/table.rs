@@ -1,8 +1,8 @@
 //! The rows of a table of an SQLite database, in the order of their numbers.
 //!
-//! The format is that of <https://www.sqlite.org/fileformat2.html>: a tree of pages, whose leaves hold
-//! the rows, with the rest of a long row in a chain of pages. A page that is damaged or missing costs
-//! the rows in it.
+//! The format is that of <https://www.sqlite.org/fileformat2.html>: a tree of pages, whose leaves
+//! hold the rows, with the rest of a long row in a chain of pages. A page that is damaged or
+//! missing costs the rows in it.
 
 use super::chunk::LONGEST;
 use super::faults::Faults;

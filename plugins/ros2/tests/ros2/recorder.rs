@@ -9,7 +9,8 @@ const IMU: &str = "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\
     float64[9] angular_velocity_covariance\ngeometry_msgs/Vector3 linear_acceleration\n\
     float64[9] linear_acceleration_covariance\n";
 
-/// An inertial measurement: topic, stamp and time of receiving in ns, and the rate about its x axis.
+/// An inertial measurement: topic, stamp and time of receiving in ns, and the rate about its x
+/// axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Imu {
     pub topic: &'static str,

@@ -1,5 +1,5 @@
-//! The messages of MAVLink: checksums of all that the common and the vendors' dialects define, and the
-//! fields of those with measurements.
+//! The messages of MAVLink: checksums of all that the common and the vendors' dialects define, and
+//! the fields of those with measurements.
 
 use std::collections::HashMap;
 
@@ -49,8 +49,9 @@ const EXTRAS: [u8; 353] = [
 ];
 
 /// Identifier, name and fields of the messages that are decoded. The fields are in the order of the
-/// wire, each with its type and the number of its elements: `Q` is an unsigned integer of eight bytes, `I`
-/// and `i` are integers of four, `H` and `h` of two, `B` and `b` of one, `f` is a number of four bytes.
+/// wire, each with its type and the number of its elements: `Q` is an unsigned integer of eight
+/// bytes, `I` and `i` are integers of four, `H` and `h` of two, `B` and `b` of one, `f` is a number
+/// of four bytes.
 const MESSAGES: [(u32, &str, &str); 20] = [
     (
         24,

@@ -18,8 +18,8 @@ const SIGNED: u8 = 1;
 const PAYLOAD: usize = 255;
 /// Largest number of topics: messages of several systems.
 const TOPICS: usize = 1024;
-/// Difference of the clock of a vehicle from the time of reception, in nanoseconds, beyond which the
-/// clock was set or restarted.
+/// Difference of the clock of a vehicle from the time of reception, in nanoseconds, beyond which
+/// the clock was set or restarted.
 const STEP: i64 = 5_000_000_000;
 /// Microseconds beyond which a time counts from 1970, not from the start of the vehicle: 2001.
 const SINCE_1970: i64 = 1_000_000_000_000_000;
@@ -135,8 +135,8 @@ impl<R: Read> Tlog<R> {
         Some(self.keys.len() - 1)
     }
 
-    /// The time of a message on the clock of the log. The first message of a vehicle's clock fixes the
-    /// offset between the two, so that intervals are those of the vehicle.
+    /// The time of a message on the clock of the log. The first message of a vehicle's clock fixes
+    /// the offset between the two, so that intervals are those of the vehicle.
     fn time(&mut self, topic: usize, values: &[f64], received: i64, offset: u64) -> Stamp {
         let fields = &self.topics[topic].fields;
         let find = |name: &str| fields.iter().position(|f| f == name).and_then(|k| values.get(k));

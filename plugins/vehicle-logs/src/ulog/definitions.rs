@@ -94,7 +94,8 @@ struct Declared {
     count: Option<usize>,
 }
 
-/// Sizes of a message in bytes: without the padding at its end, which writers may omit, and with it.
+/// Sizes of a message in bytes: without the padding at its end, which writers may omit, and with
+/// it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
     pub least: usize,
@@ -120,7 +121,8 @@ impl Formats {
         }
     }
 
-    /// The sizes of a message of this format; `None` for an unknown format or one that is too large.
+    /// The sizes of a message of this format; `None` for an unknown format or one that is too
+    /// large.
     pub fn sizes(&self, name: &str) -> Option<Sizes> {
         let fields = self.0.get(name)?;
         let most = self.size(name, 0)?;

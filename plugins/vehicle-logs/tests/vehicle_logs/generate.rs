@@ -45,8 +45,9 @@ pub fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// A flight of this many seconds, to the north at 5 m/s and turning right at 0.1 rad/s: two receivers, an
-/// inertial unit at 50 Hz, attitude, local position, a nested message and a dropout of the logger.
+/// A flight of this many seconds, to the north at 5 m/s and turning right at 0.1 rad/s: two
+/// receivers, an inertial unit at 50 Hz, attitude, local position, a nested message and a dropout
+/// of the logger.
 pub fn flight(seconds: u32) -> Vec<u8> {
     let mut log = Ulog::new();
     for text in [

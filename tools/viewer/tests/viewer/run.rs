@@ -250,10 +250,10 @@ fn a_viewer_shows_a_run_that_is_sent_and_served_to_it() {
 /// The scenarios whose tabs are looked at one by one, and a campaign's figures.
 const SHOWN: [&str; 5] = ["pan-wu-3d", "auv", "surface-dive", "land-odometer", "snapir"];
 
-/// Makes pictures of every tab in the folder `rerun-pictures/NAME` of the build:
-/// `cargo test --workspace --test viewer -- --ignored`, after `cargo build`. `NAVFUSE_RECORDINGS`
-/// names other recordings instead of the shipped scenarios: `runs/dive/run.rrd,runs/b/run.rrd`;
-/// `NAVFUSE_DATA` is the folder with the recorded dive `snapir/T10`, without which that is left out.
+/// Makes pictures of every tab in the folder `rerun-pictures/NAME` of the build: `cargo test
+/// --workspace --test viewer -- --ignored`, after `cargo build`. `NAVFUSE_RECORDINGS` names other
+/// recordings instead of the shipped scenarios: `runs/dive/run.rrd,runs/b/run.rrd`; `NAVFUSE_DATA`
+/// is the folder with the recorded dive `snapir/T10`, without which that is left out.
 #[test]
 #[ignore = "makes pictures, tests nothing"]
 fn pictures_of_every_tab() {
@@ -281,7 +281,8 @@ fn pictures_of_every_tab() {
     }
 }
 
-/// Runs a shipped scenario, and returns the recording; `None` for a recorded dive that is not there.
+/// Runs a shipped scenario, and returns the recording; `None` for a recorded dive that is not
+/// there.
 fn run(root: &Path, name: &str) -> Option<PathBuf> {
     let out = driver::target(&format!("rerun-pictures/runs/{name}"));
     let scenario = format!("scenarios/{name}.toml");

@@ -212,8 +212,8 @@ impl Viewer {
         std::thread::sleep(Duration::from_millis(1200));
     }
 
-    /// A picture of the whole window once it no longer changes: on a busy machine the plots of a tab
-    /// appear one after the other.
+    /// A picture of the whole window once it no longer changes: on a busy machine the plots of a
+    /// tab appear one after the other.
     pub fn settled(&mut self, file: &str) -> image::RgbImage {
         let begun = Instant::now();
         let mut before = self.screenshot(None, file);
