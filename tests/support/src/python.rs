@@ -2,6 +2,10 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Mutex, PoisonError};
+
+/// Held while an environment is made: the tests of a process run at the same time.
+static MAKING: Mutex<()> = Mutex::new(());
 
 /// Packages of the Python package index, in a virtual environment of their own.
 #[derive(Debug)]
@@ -35,6 +39,7 @@ impl Packages<'_> {
             assert!(found, "{} of {variable} lacks {}", python.display(), self.names);
             return Some(python);
         }
+        let _one_at_a_time = MAKING.lock().unwrap_or_else(PoisonError::into_inner);
         let python = self.folder.join("bin/python");
         if self.works(&python) {
             return Some(python);
