@@ -5,6 +5,7 @@
 use navfuse_core::document::Document;
 use navfuse_core::ekf::Ekf;
 use navfuse_core::model::finding::{Finding, Severity};
+use navfuse_core::model::record::{Outcome, Rejection};
 use navfuse_core::model::simulate::Random;
 use navfuse_core::nalgebra::{DMatrix, DVector, Rotation3, SMatrix, SVector, Vector2, Vector3};
 use navfuse_core::prelude::*;
@@ -96,6 +97,9 @@ sensor!(Product, ProductModel, "product", [("product", "1")], 1,
 sensor!(Square, SquareModel, "square", [("square", "1")], 1,
     { a: Scalar = "unknowns.a" },
     |x, m| SVector::from([x.get(m.a) * x.get(m.a)]));
+sensor!(Root, RootModel, "root", [("root", "1")], 1,
+    { a: Scalar = "unknowns.a" },
+    |x, m| SVector::from([(x.get(m.a) - convert::<f64, T>(1.0)).sqrt()]));
 sensor!(Sum, SumModel, "sum", [("sum", "1"), ("difference", "1")], 2,
     { a: Scalar = "unknowns.a", b: Scalar = "unknowns.b" },
     |x, m| SVector::from([x.get(m.a) + x.get(m.b), x.get(m.a) - x.get(m.b)]));
@@ -115,6 +119,7 @@ impl Plugin for Mine {
         registry.sensor::<Ranges>();
         registry.sensor::<Product>();
         registry.sensor::<Square>();
+        registry.sensor::<Root>();
         registry.sensor::<Sum>();
         registry.sensor::<Directions>();
     }
@@ -133,6 +138,9 @@ noise = 0.01
 gate = "off"
 [sensor.square]
 noise = 0.1
+gate = "off"
+[sensor.root]
+noise = 1e-9
 gate = "off"
 [sensor.sum]
 noise = 0.1
@@ -338,6 +346,43 @@ fn a_sensor_has_its_own_rule_and_a_gate_under_each() {
         assert_eq!(b.values("unknowns.a"), [2.0], "{rule}: gated");
         b.give("square", &[6.0]);
         assert!(b.values("unknowns.a")[0] > 2.2, "{rule}: used");
+    }
+}
+
+/// A weight of `5 / e^2` makes the noise of a sample `1e154` sigma off infinite. The iteration of
+/// `sqrt(a - 1) = 0` from `a = 2` steps to 0, where there is no root, and half as far to 1, where
+/// the slope is infinite.
+#[test]
+fn a_sample_whose_refined_update_is_singular_is_recorded_once_as_rejected() {
+    let cases = [
+        (
+            "square",
+            1e157,
+            "ekf",
+            &["sensor.square.robust=student-t", "sensor.square.noise=1e3"][..],
+        ),
+        ("root", 0.0, "iekf", &[]),
+    ];
+    for (sensor, value, rule, settings) in cases {
+        let mut b = Bench::new(rule, settings);
+        b.give(sensor, &[value]);
+        assert_eq!(b.log.outcomes(), [Outcome::Rejected(Rejection::Singular)], "{sensor}");
+        assert_eq!(b.values("unknowns.a"), [2.0], "{sensor}");
+        assert_eq!(b.covariance("unknowns.a")[(0, 0)], 0.25, "{sensor}: the prior");
+    }
+}
+
+/// The gate judges the linear update, and the record holds what it judged.
+#[test]
+fn the_record_of_a_refined_update_holds_the_innovation_of_the_gate() {
+    for (rule, robust) in [("ekf", "off"), ("ekf", "huber"), ("iekf", "off"), ("iekf", "huber")] {
+        let mut b = Bench::new(rule, &[&format!("sensor.square.robust={robust}")]);
+        b.give("square", &[10.0]);
+        // S = 4^2 / 4 + 0.01
+        let (innovation, nis) = (b.log.innovation[0], b.log.updates[0].2);
+        assert_eq!(innovation, 6.0, "{rule} {robust}");
+        assert!((nis - 36.0 / 4.01).abs() < 1e-9, "{rule} {robust}: {nis}");
+        assert_eq!(b.log.outcomes(), [Outcome::Accepted], "{rule} {robust}");
     }
 }
 

@@ -9,7 +9,6 @@ use crate::model::estimator_error::EstimatorError;
 use crate::model::gate::Action;
 use crate::model::measurement::{AnyMeasurement, At};
 use crate::model::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};
-use crate::model::robust::Robust;
 use crate::model::sensor::{Role, Sensor};
 use crate::model::update_rule::UpdateRule;
 use crate::state::covariance::{Covariance, Update};
@@ -148,6 +147,26 @@ impl Ekf {
             Verdict::Isolate => Outcome::Rejected(Rejection::Isolated),
             Verdict::Pass | Verdict::Inflate => Outcome::Accepted,
         };
+        let slot = &mut m.sensors[index];
+        if outcome == Outcome::Accepted {
+            slot.reach.clear();
+            if let Some(test) = &mut slot.bias
+                && verdict == Verdict::Pass
+                && let Some(shift) = test.take(sample.time, update, present)
+            {
+                let info = &self.composition.sensors[index].info;
+                observer.finding(shift.finding(sample.time, info));
+            }
+            let how = (rule, slot.robust);
+            if !self.refinement.run((&at, model), how, &m.covariance, &self.considered, update) {
+                self.reject(sample, Rejection::Singular, observer);
+                return Ok(());
+            }
+        }
+        let (innovation, covariance) = match outcome {
+            Outcome::Accepted => self.refinement.judged(update),
+            _ => (&update.innovation[..], &update.s[..]),
+        };
         observer.update(&UpdateRecord {
             time: sample.time,
             sensor: sample.sensor,
@@ -155,8 +174,8 @@ impl Ekf {
             nis,
             threshold,
             present,
-            innovation: &update.innovation,
-            covariance: &update.s,
+            innovation,
+            covariance,
         });
         if outcome == Outcome::Gated {
             observer.gated(update);
@@ -174,28 +193,6 @@ impl Ekf {
             }
             return Ok(());
         }
-        slot.reach.clear();
-        if let Some(test) = &mut slot.bias
-            && verdict == Verdict::Pass
-            && let Some(shift) = test.take(sample.time, update, present)
-        {
-            let info = &self.composition.sensors[index].info;
-            observer.finding(shift.finding(sample.time, info));
-        }
-        if slot.robust != Robust::Off
-            && update.weigh(|e| slot.robust.weight(e))
-            && update.innovate(&m.covariance).is_none()
-        {
-            self.reject(sample, Rejection::Singular, observer);
-            return Ok(());
-        }
-        if rule == UpdateRule::Iekf {
-            self.iterated.iterate(&at, model, &m.covariance, &self.considered, update);
-            if update.innovate(&m.covariance).is_none() {
-                self.reject(sample, Rejection::Singular, observer);
-                return Ok(());
-            }
-        }
         // an unscented update takes the curvature for noise, and an iterated one linearises at its
         // end
         let mut curved = None;
@@ -206,7 +203,7 @@ impl Ekf {
         }
         update.apply(&mut m.covariance, &self.considered);
         if rule == UpdateRule::Iekf {
-            self.iterated.correct(&mut update.delta);
+            self.refinement.correct(&mut update.delta);
         }
         if let Some(repeats) = &mut slot.repeats {
             repeats.keep(update, present, true);

@@ -9,10 +9,10 @@ use super::clones::Clones;
 use super::delay::History;
 use super::held::Held;
 use super::inputs::Corrected;
-use super::iterated::Iterated;
 use super::passage::Passage;
 use super::points::SigmaPoints;
 use super::pool::Pool;
+use super::refine::Refinement;
 use super::screen::Screen;
 use super::slot::SensorSlot;
 use super::stage::Stage;
@@ -46,7 +46,7 @@ pub struct Ekf {
     pub(super) considered: Vec<bool>,
     pub(super) update: Update,
     pub(super) points: SigmaPoints,
-    pub(super) iterated: Iterated,
+    pub(super) refinement: Refinement,
     /// Driving sensors with input models.
     pub(super) corrected: Vec<Corrected>,
     /// Set for the unscented filter.
@@ -126,7 +126,7 @@ impl Ekf {
             considered,
             update: Update::with_capacity(n, MAX_CHANNELS),
             points: SigmaPoints::default(),
-            iterated: Iterated::default(),
+            refinement: Refinement::default(),
             corrected: Corrected::of(&composition),
             passage: None,
             memory: Memory {

@@ -17,6 +17,7 @@ mod passage;
 mod past;
 mod points;
 mod pool;
+mod refine;
 mod repeats;
 mod screen;
 mod screened;
