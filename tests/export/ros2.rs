@@ -3,11 +3,8 @@
 
 use crate::common::{navfuse, root, stderr};
 use crate::{Run, csv, run};
-use navfuse_core::document::Document;
-use navfuse_core::run::scenario::Scenario;
-use navfuse_core::units::sample::{Sample, SensorId};
-use navfuse_core::units::time::Time;
-use navfuse_testing::python::{Packages, output};
+use navfuse_testing::python::{output, rosbags};
+use navfuse_testing::recording::{self, INERTIAL, Values};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
@@ -15,16 +12,8 @@ use std::process::Command;
 /// UTC of the run's zero.
 const ORIGIN: &str = "2026-06-01T08:00:00Z";
 
-/// A filter whose samples the bag gives: odometry and fix.
-const SCENARIO: &str = r#"
-name = "back"
-[process.ins]
-attitude = { sigma = "1 deg", initial = "0 deg" }
-velocity = { sigma = "1 cm/s", initial = "0 m/s" }
-position = { sigma = "1 m", latitude = "43 deg", longitude = "5 deg", height = "0 m" }
-[sensor.imu]
-gyro_noise = "0.1 deg/h/sqrt(Hz)"
-accel_noise = "10 ug/sqrt(Hz)"
+/// The sensors whose samples the bag gives: odometry and fix.
+const SENSORS: &str = r#"
 [sensor.odometry]
 type = "reference"
 [sensor.fix]
@@ -34,7 +23,7 @@ vertical_noise = "1 m"
 "#;
 
 /// A sample: time in ns, and values by channel.
-type Row = (i64, BTreeMap<String, f64>);
+type Row = (i64, Values);
 
 /// Reads the bag by the source for bags; the datum is that of its coordinates.
 fn read(bag: &Path, [latitude, longitude, height]: [f64; 3]) -> BTreeMap<String, Vec<Row>> {
@@ -43,26 +32,19 @@ fn read(bag: &Path, [latitude, longitude, height]: [f64; 3]) -> BTreeMap<String,
          height = \"{height:e} m\" }}"
     );
     let text = format!(
-        "{SCENARIO}[source.ros2]\npath = {:?}\ntime = {{ origin = \"{ORIGIN}\" }}\n\
+        "{INERTIAL}{SENSORS}[source.ros2]\npath = {:?}\ntime = {{ origin = \"{ORIGIN}\" }}\n\
          sensors.odometry = {{ topic = \"/odometry\", datum = {datum} }}\n\
          sensors.fix = {{ topic = \"/fix\" }}\n",
         bag.display().to_string()
     );
-    let document = Document::parse("back.toml", text).expect("it is TOML");
     let registry = navfuse::standard_plugins();
-    let scenario = Scenario::new(&registry, document, &[]).unwrap_or_else(|e| panic!("{e}"));
-    let mut assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
-    let infos: Vec<_> = assembly.composition.sensors.iter().map(|s| s.info.clone()).collect();
-    let source = &mut assembly.sources[0].1;
+    let reading =
+        recording::read(&registry, Path::new("."), &text).unwrap_or_else(|e| panic!("{e}"));
     let mut samples = BTreeMap::<String, Vec<Row>>::new();
-    let mut sample = Sample::empty(Time::MIN, SensorId(0));
-    while source.next(&mut sample).unwrap_or_else(|e| panic!("{e}")) {
-        let info = &infos[sample.sensor.0];
-        let values = info.channels.iter().enumerate();
-        let values = values.filter_map(|(k, c)| Some((c.name.to_owned(), sample.get(k)?)));
-        samples.entry(info.name.clone()).or_default().push((sample.time.nanos(), values.collect()));
+    for (sample, sensor, values) in reading.rows(0) {
+        samples.entry(sensor.to_owned()).or_default().push((sample.time.nanos(), values));
     }
-    assert_eq!(source.warning(), None);
+    assert_eq!(reading.warnings, [None]);
     samples
 }
 
@@ -120,15 +102,7 @@ fn our_own_source_reads_the_estimates_back_from_the_bag() {
 
 #[test]
 fn rosbags_reads_odometry_fix_and_transform_of_every_epoch() {
-    // the packages of the tests of the source for bags
-    let packages = Packages {
-        names: "rosbags",
-        folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("rosbags"),
-        variable: Some("NAVFUSE_ROSBAGS_PYTHON"),
-        check: "import lz4, rosbags",
-        install: &[&["rosbags==0.11.9", "lz4"]],
-    };
-    let Some(python) = packages.python() else { return };
+    let Some(python) = rosbags(env!("CARGO_TARGET_TMPDIR")).python() else { return };
     let run = run();
     let (table, bag) = (run.export("csv", &[]), bag(&run));
     let script = root().join("tests/export/ros2.py");

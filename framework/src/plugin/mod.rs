@@ -1,5 +1,6 @@
 //! Plugins, and the types that they register.
 
+mod context;
 mod error;
 mod need;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
@@ -7,6 +8,7 @@ mod plugin;
 mod registry;
 mod simulation_keys;
 
+pub use context::OpenContext;
 pub use error::{PluginConflict, PluginError};
 pub use need::Need;
 pub use plugin::Plugin;

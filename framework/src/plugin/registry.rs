@@ -1,7 +1,7 @@
 //! The types that a scenario can name, and their registry.
 
+use crate::compose::Composer;
 use crate::compose::estimator::{Creator, EstimatorType};
-use crate::compose::{Composer, Composition};
 use crate::document::{DocumentError, Node};
 use crate::files::FolderError;
 use crate::model::error::ComposeError;
@@ -18,7 +18,7 @@ use std::path::PathBuf;
 
 use crate::plugin::plugin::Members;
 use crate::plugin::simulation_keys;
-pub use crate::plugin::{Plugin, PluginError};
+pub use crate::plugin::{OpenContext, Plugin, PluginError};
 
 /// A type of sensor. Its fields are the parameters in TOML, with their documentation, units and
 /// defaults.
@@ -109,22 +109,6 @@ pub trait ProcessType: DeserializeOwned + JsonSchema + 'static {
     /// # Errors
     /// When a parameter does not fit, or its driving sensor is missing.
     fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError>;
-}
-
-/// The context in which a source or sink is opened.
-#[derive(Debug)]
-#[non_exhaustive]
-pub struct OpenContext<'a> {
-    /// Composition that the source feeds or the sink records.
-    pub composition: &'a Composition,
-    /// The folder of the scenario, at which relative paths of inputs start.
-    pub base: PathBuf,
-    /// The output folder of the run, at which relative paths of outputs start.
-    pub output: PathBuf,
-    /// Names of the sensors that the scenario disables.
-    pub disabled_sensors: Vec<String>,
-    /// Number of sources of the scenario.
-    pub sources: usize,
 }
 
 /// A type of source.

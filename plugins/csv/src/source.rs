@@ -7,7 +7,6 @@ use crate::stamp::TimeCell;
 use crate::tail;
 use crate::time::{self, TimeError};
 use csv::{ByteRecord, Reader, ReaderBuilder};
-use navfuse_core::document::did_you_mean;
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{Source, StreamError, StreamErrorKind};
@@ -27,17 +26,8 @@ impl SourceType for Csv {
 
     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
         let sensors = &context.composition.sensors;
-        let names: Vec<&str> = sensors.iter().map(|s| s.info.name.as_str()).collect();
-        // a sensor that is in the scenario but not enabled may keep its table
-        let known = |name: &&String| {
-            context.disabled_sensors.contains(name) || names.contains(&name.as_str())
-        };
-        if let Some(name) = self.files.keys().find(|name| !known(name)) {
-            let near = did_you_mean(name, names.iter().copied())
-                .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
-            let names = names.join(", ");
-            let message = format!("there is no [sensor.{name}]{near} (sensors: {names})");
-            return Err(StreamError::scenario(message).at_key(format!("files.{name}")));
+        for name in self.files.keys() {
+            context.sensor(name).map_err(|e| e.at_key(format!("files.{name}")))?;
         }
         let alone = context.sources < 2;
         let folder = context.base.join(&self.directory);
@@ -59,7 +49,8 @@ impl SourceType for Csv {
             }
         }
         if streams.is_empty() {
-            let wanted = names.iter().map(|n| format!("{n}.csv")).collect::<Vec<_>>().join(", ");
+            let wanted = sensors.iter().map(|s| format!("{}.csv", s.info.name));
+            let wanted = wanted.collect::<Vec<_>>().join(", ");
             let message = format!("there is none of {wanted}");
             return Err(StreamError::of(StreamErrorKind::Open, message)
                 .in_file(absolute(&folder))

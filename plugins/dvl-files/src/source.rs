@@ -8,14 +8,9 @@ use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
-use navfuse_frames::{Clock, Count, TimeConfig};
+use navfuse_frames::{Clock, Count, TimeConfig, open, recognise};
 use std::collections::VecDeque;
-use std::fs::File;
-use std::io::Read;
-use std::path::{Path, PathBuf};
-
-/// Size in bytes of the beginning of a file by which its format is recognised.
-const BEGINNING: u64 = 256 * 1024;
+use std::path::PathBuf;
 
 impl SourceType for DvlFile {
     const TYPE: &'static str = "dvl-file";
@@ -25,7 +20,7 @@ impl SourceType for DvlFile {
         let path = context.base.join(&self.file);
         let format = match self.format {
             Some(format) => format,
-            None => recognise(&path)?,
+            None => recognise(&path, &Format::ALL.map(Format::name), Format::recognise)?,
         };
         let file = open(&path)?;
         let mut stream = Stream {
@@ -49,30 +44,6 @@ impl SourceType for DvlFile {
         }
         Ok(vec![Box::new(stream)])
     }
-}
-
-fn open(path: &Path) -> Result<File, StreamError> {
-    File::open(path).map_err(|e| {
-        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        StreamError::open(absolute, e).at_key("file")
-    })
-}
-
-/// Recognises the format of a file.
-fn recognise(path: &Path) -> Result<Format, StreamError> {
-    let mut beginning = Vec::new();
-    let read = open(path)?.take(BEGINNING).read_to_end(&mut beginning);
-    read.map_err(|e| StreamError::read(path, e))?;
-    Format::recognise(&beginning).ok_or_else(|| {
-        let names = Format::ALL.map(Format::name).join(", ");
-        let text = match beginning.len() {
-            0 => "the file is empty".to_owned(),
-            n => format!("no intact record of a known format in its first {n} bytes"),
-        };
-        StreamError::format(text)
-            .in_file(path)
-            .with_remedy(format!("name the format with `format`: {names}"))
-    })
 }
 
 /// The samples of one file.

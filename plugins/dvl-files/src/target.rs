@@ -2,7 +2,6 @@
 
 use crate::config::{AttitudeUse, DvlFile, Screen};
 use crate::ping::{Coordinates, Ping, Track};
-use navfuse_core::document::did_you_mean;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::OpenContext;
@@ -94,25 +93,17 @@ pub fn targets(config: &DvlFile, context: &OpenContext<'_>) -> Result<Vec<Target
     let mut targets = Vec::new();
     for (part, name) in named {
         let Some(name) = name else { continue };
-        if context.disabled_sensors.iter().any(|s| s == name) {
-            continue;
+        let sensor = context.sensor(name).map_err(|e| e.at_key(part.key()))?;
+        if let Some((sensor, info)) = sensor {
+            targets.push(Target::new(part, sensor, info)?);
         }
-        let Some(index) = sensors.iter().position(|s| s.info.name == name) else {
-            let names = sensors.iter().map(|s| s.info.name.as_str());
-            let near = did_you_mean(name, names.clone())
-                .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
-            let list = names.collect::<Vec<_>>().join(", ");
-            let message = format!("there is no [sensor.{name}]{near} (sensors: {list})");
-            return Err(StreamError::scenario(message).at_key(part.key()));
-        };
-        targets.push(Target::new(part, index, &sensors[index].info)?);
     }
     let wanted = [&config.bottom_track, &config.water_track, &config.depth];
     if wanted.iter().all(|name| name.is_none()) {
         let fits = |k: &usize| TYPES.contains(&sensors[*k].info.kind.as_str());
         let found: Vec<usize> = (0..sensors.len()).filter(fits).collect();
         match *found.as_slice() {
-            [only] => targets.push(Target::new(Part::Bottom, only, &sensors[only].info)?),
+            [only] => targets.push(Target::new(Part::Bottom, SensorId(only), &sensors[only].info)?),
             [] => {
                 let message = "the scenario has no sensor of type \"dvl\" or \"dvl-beams\"";
                 return Err(StreamError::scenario(message)
@@ -131,7 +122,7 @@ pub fn targets(config: &DvlFile, context: &OpenContext<'_>) -> Result<Vec<Target
 }
 
 impl Target {
-    fn new(part: Part, index: usize, info: &SensorInfo) -> Result<Self, StreamError> {
+    fn new(part: Part, sensor: SensorId, info: &SensorInfo) -> Result<Self, StreamError> {
         let channel = |name: &str| info.channels.iter().position(|c| c.name == name);
         let beams = ["beam_1", "beam_2", "beam_3", "beam_4"].map(channel);
         let axes = || Some([channel("vel_x")?, channel("vel_y")?, channel("vel_z")?]);
@@ -156,7 +147,7 @@ impl Target {
             ))
             .at_key(part.key()));
         };
-        Ok(Self { part, sensor: SensorId(index), channels, samples: 0 })
+        Ok(Self { part, sensor, channels, samples: 0 })
     }
 
     /// Gives a ping to the sensor.

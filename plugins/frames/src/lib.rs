@@ -12,11 +12,15 @@
 mod clock;
 mod config;
 mod damage;
+mod file;
+mod number;
 mod sentences;
 
 pub use clock::{Clock, Count, Stamp, Zero};
 pub use config::TimeConfig;
 pub use damage::{Damage, Gap};
+pub use file::{open, recognise};
+pub use number::Number;
 pub use sentences::{Check, Sentences, crc8};
 
 use std::io::{ErrorKind, Read, Result};

@@ -4,13 +4,12 @@ use crate::beacon::Beacon;
 use crate::config::Nmea;
 use crate::epoch::{Dates, Epoch, Gatherer, North, Part};
 use crate::sentence::{Sentence, parse, talker};
-use navfuse_core::document::did_you_mean;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
-use navfuse_frames::{Clock, Count, Frames, Sentences, TimeConfig};
+use navfuse_frames::{Clock, Count, Frames, Sentences, TimeConfig, open};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -58,13 +57,6 @@ impl SourceType for Nmea {
         }
         Ok(sources)
     }
-}
-
-fn open(path: &Path) -> Result<File, StreamError> {
-    File::open(path).map_err(|e| {
-        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        StreamError::open(absolute, e).at_key("file")
-    })
 }
 
 /// The first date in a file, by which sentences before it have dates, too.
@@ -128,7 +120,7 @@ impl Target {
         }
     }
 
-    fn new(part: Part, index: usize, info: &SensorInfo) -> Result<Self, StreamError> {
+    fn new(part: Part, sensor: SensorId, info: &SensorInfo) -> Result<Self, StreamError> {
         let part = match part {
             Part::Magnetic(North::True(declination)) if info.kind == MAGNETIC => {
                 if declination.is_some() {
@@ -155,7 +147,7 @@ impl Target {
             );
             return Err(StreamError::scenario(message).at_key(Self::key(part)));
         }
-        Ok(Self { part, sensor: SensorId(index), channels })
+        Ok(Self { part, sensor, channels })
     }
 
     fn sample(&self, time: Time, epoch: &Epoch) -> Option<Sample> {
@@ -228,18 +220,10 @@ fn targets(config: &Nmea, context: &OpenContext<'_>) -> Result<Vec<Target>, Stre
     let mut targets = Vec::new();
     for &(part, name) in &named {
         let Some(name) = name else { continue };
-        if context.disabled_sensors.contains(name) {
-            continue;
+        let sensor = context.sensor(name).map_err(|e| e.at_key(Target::key(part)))?;
+        if let Some((sensor, info)) = sensor {
+            targets.push(Target::new(part, sensor, info)?);
         }
-        let Some(index) = sensors.iter().position(|s| s.info.name == *name) else {
-            let names = sensors.iter().map(|s| s.info.name.as_str());
-            let near = did_you_mean(name, names.clone())
-                .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
-            let list = names.collect::<Vec<_>>().join(", ");
-            let message = format!("there is no [sensor.{name}]{near} (sensors: {list})");
-            return Err(StreamError::scenario(message).at_key(Target::key(part)));
-        };
-        targets.push(Target::new(part, index, &sensors[index].info)?);
     }
     if named.iter().all(|(_, name)| name.is_none()) {
         let found: Vec<usize> =
@@ -254,7 +238,7 @@ fn targets(config: &Nmea, context: &OpenContext<'_>) -> Result<Vec<Target>, Stre
                  `depth`, `usbl` or `reference`",
             ));
         };
-        targets.push(Target::new(Part::Gnss, only, &sensors[only].info)?);
+        targets.push(Target::new(Part::Gnss, SensorId(only), &sensors[only].info)?);
     }
     Ok(targets)
 }
@@ -389,14 +373,8 @@ impl Stream {
 
 impl Source for Stream {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
-        let next = match self.ready.take() {
-            Some(ready) => Some(ready),
-            None => self.advance()?,
-        };
-        if let Some(next) = next {
-            *sample = next;
-        }
-        Ok(next.is_some())
+        let next = self.ready.take().map_or_else(|| self.advance(), |s| Ok(Some(s)))?;
+        Ok(next.map(|next| *sample = next).is_some())
     }
 
     fn warning(&mut self) -> Option<String> {

@@ -1,6 +1,7 @@
 //! Values in CDR, the encoding of messages on the wire and in bags.
 
 use crate::error::MessageError;
+use navfuse_frames::Number;
 
 /// Bytes before the body of a message: the representation and its options.
 const ENCAPSULATION: usize = 4;
@@ -16,34 +17,6 @@ pub fn body(message: &[u8]) -> Result<(&[u8], bool), MessageError> {
         Some(([0, 1, ..], body)) => Ok((body, true)),
         Some((head, _)) => {
             Err(MessageError::Representation(u16::from_be_bytes([head[0], head[1]])))
-        }
-    }
-}
-
-/// A primitive type of a fixed size.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Number {
-    Bool,
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
-
-impl Number {
-    /// Size in bytes, which is also the alignment.
-    pub const fn size(self) -> usize {
-        match self {
-            Self::Bool | Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
         }
     }
 }
@@ -80,38 +53,10 @@ impl<'a, const LITTLE: bool> Cursor<'a, LITTLE> {
         Ok(bytes)
     }
 
-    /// The value of a number in its own bytes.
-    #[inline]
-    pub fn value(number: Number, bytes: &[u8]) -> f64 {
-        macro_rules! read {
-            ($type:ty) => {{
-                let bytes = bytes.try_into().unwrap_or_default();
-                let value = if LITTLE {
-                    <$type>::from_le_bytes(bytes)
-                } else {
-                    <$type>::from_be_bytes(bytes)
-                };
-                value as f64
-            }};
-        }
-        match number {
-            Number::Bool | Number::U8 => read!(u8),
-            Number::I8 => read!(i8),
-            Number::I16 => read!(i16),
-            Number::U16 => read!(u16),
-            Number::I32 => read!(i32),
-            Number::U32 => read!(u32),
-            Number::I64 => read!(i64),
-            Number::U64 => read!(u64),
-            Number::F32 => read!(f32),
-            Number::F64 => read!(f64),
-        }
-    }
-
     /// Reads a number.
     #[inline]
     pub fn number(&mut self, number: Number) -> Result<f64, MessageError> {
-        Ok(Self::value(number, self.take(number.size(), 1)?))
+        Ok(number.read::<LITTLE>(self.take(number.size(), 1)?))
     }
 
     /// Reads the number of elements of a sequence. Each element has at least one byte.

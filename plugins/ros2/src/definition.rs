@@ -1,7 +1,7 @@
 //! Definitions of message types, as bags carry them in `ros2msg` form.
 
-use crate::cdr::Number;
 use crate::error::DefinitionError;
+use navfuse_frames::Number;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 

@@ -3,8 +3,7 @@
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
 use navfuse_core::units::time::Time;
 use navfuse_frames::Count;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::BTreeMap;
 
 /// Largest number of samples that wait.
 const MOST: usize = 1 << 16;
@@ -12,31 +11,9 @@ const MOST: usize = 1 << 16;
 /// A sample that waits for earlier ones.
 #[derive(Debug)]
 struct Waiting {
-    /// Time, order of arrival.
-    key: (Time, u64),
     received: i64,
     offset: u64,
     sample: Sample,
-}
-
-impl PartialEq for Waiting {
-    fn eq(&self, other: &Self) -> bool {
-        self.key == other.key
-    }
-}
-
-impl Eq for Waiting {}
-
-impl PartialOrd for Waiting {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Waiting {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.key.cmp(&other.key)
-    }
 }
 
 /// Puts samples in order. Each waits until messages are received that are later by a window.
@@ -44,7 +21,8 @@ impl Ord for Waiting {
 pub struct Order {
     /// Nanoseconds.
     window: i64,
-    heap: BinaryHeap<Reverse<Waiting>>,
+    /// By time and order of arrival.
+    waiting: BTreeMap<(Time, u64), Waiting>,
     arrivals: u64,
     newest: i64,
     last: Option<Time>,
@@ -58,7 +36,7 @@ impl Order {
     pub fn new(window: i64) -> Self {
         Self {
             window,
-            heap: BinaryHeap::new(),
+            waiting: BTreeMap::new(),
             arrivals: 0,
             newest: i64::MIN,
             last: None,
@@ -72,7 +50,7 @@ impl Order {
         self.now(received);
         let key = (sample.time, self.arrivals);
         self.arrivals += 1;
-        self.heap.push(Reverse(Waiting { key, received, offset, sample }));
+        self.waiting.insert(key, Waiting { received, offset, sample });
     }
 
     /// Takes the time of a message without a sample.
@@ -88,26 +66,27 @@ impl Order {
     /// The next sample in order, if it need not wait.
     pub fn pop(&mut self) -> Option<Sample> {
         loop {
-            let first = &self.heap.peek()?.0;
+            let (_, first) = self.waiting.first_key_value()?;
             let due = first.received.saturating_add(self.window) <= self.newest;
-            if !due && !self.ended && self.heap.len() < MOST {
+            if !due && !self.ended && self.waiting.len() < MOST {
                 return None;
             }
-            let Reverse(Waiting { mut sample, offset, .. }) = self.heap.pop()?;
+            let (_, Waiting { mut sample, offset, .. }) = self.waiting.pop_first()?;
             if self.last.is_some_and(|last| sample.time < last) {
                 self.late.add(offset);
                 continue;
             }
             self.last = Some(sample.time);
             // two topics of one sensor with the same stamp are one sample
-            while let Some(Reverse(next)) = self.heap.peek() {
-                let same = next.sample.time == sample.time && next.sample.sensor == sample.sensor;
-                if !same || next.sample.present() & sample.present() != 0 {
+            while let Some(next) = self.waiting.first_entry() {
+                let other = &next.get().sample;
+                let same = other.time == sample.time && other.sensor == sample.sensor;
+                if !same || other.present() & sample.present() != 0 {
                     break;
                 }
-                let Some(Reverse(next)) = self.heap.pop() else { break };
+                let other = next.remove().sample;
                 for k in 0..MAX_CHANNELS {
-                    if let Some(value) = next.sample.get(k) {
+                    if let Some(value) = other.get(k) {
                         sample.set(k, value);
                     }
                 }
@@ -181,7 +160,7 @@ mod tests {
         for k in 0..2 * MOST as i64 {
             order.push(0, 0, sample(k, 0, 0));
             while order.pop().is_some() {}
-            longest = longest.max(order.heap.len());
+            longest = longest.max(order.waiting.len());
         }
         assert!(longest < MOST);
     }

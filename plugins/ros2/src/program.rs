@@ -1,9 +1,10 @@
 //! The numbers of a message: a definition and the wanted fields compiled to a list of steps, which
 //! reads a message from front to back and ends after the last wanted field.
 
-use crate::cdr::{Cursor, Number, body};
+use crate::cdr::{Cursor, body};
 use crate::definition::{Definitions, Field, Kind, Shape};
 use crate::error::{DefinitionError, MessageError};
+use navfuse_frames::Number;
 
 /// Largest number of steps; a type that contains many others many times would have any number.
 const MOST_STEPS: usize = 1 << 14;
@@ -330,7 +331,7 @@ fn run<const LITTLE: bool>(
                 for (index, slot) in wanted {
                     let from = (*index as usize).saturating_mul(size);
                     if let Some(bytes) = bytes.get(from..from.saturating_add(size)) {
-                        set(slots, *slot, Cursor::<LITTLE>::value(*number, bytes));
+                        set(slots, *slot, number.read::<LITTLE>(bytes));
                     }
                 }
             }

@@ -107,7 +107,7 @@ pub fn stamp_path(definitions: &Definitions, kind: &str) -> Option<&'static str>
 pub fn routes(
     source: &Ros2,
     config: &TopicConfig,
-    sensor: usize,
+    sensor: SensorId,
     info: &SensorInfo,
     zero: Zero,
 ) -> Result<Vec<Route>, StreamError> {
@@ -141,7 +141,7 @@ pub fn routes(
         return Err(fail("it needs a topic, such as topic = \"/imu/data\"".to_owned(), ""));
     }
     let route = |(topic, fields): (String, Vec<(usize, MessageField)>)| Route {
-        sensor: SensorId(sensor),
+        sensor,
         name: info.name.clone(),
         topic,
         stamping: config.stamp.unwrap_or(source.stamp),

@@ -4,7 +4,6 @@ use crate::bag::Bag;
 use crate::config::Ros2;
 use crate::order::Order;
 use crate::route::{Reading, Route, routes};
-use navfuse_core::document::did_you_mean;
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::Sample;
@@ -32,21 +31,12 @@ impl SourceType for Ros2 {
         let window = Time::from_seconds(wait).filter(|w| w.nanos() >= 0).ok_or_else(|| {
             StreamError::scenario("it is a time from 0 s to 73 years").at_key("wait")
         })?;
-        let sensors = &context.composition.sensors;
         let mut all = Vec::new();
         for (name, config) in &self.sensors {
-            if context.disabled_sensors.contains(name) {
-                continue;
+            let sensor = context.sensor(name).map_err(|e| e.at_key(format!("sensors.{name}")))?;
+            if let Some((sensor, info)) = sensor {
+                all.extend(routes(&self, config, sensor, info, zero)?);
             }
-            let Some(index) = sensors.iter().position(|s| s.info.name == *name) else {
-                let names = sensors.iter().map(|s| s.info.name.as_str());
-                let near = did_you_mean(name, names.clone())
-                    .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
-                let list = names.collect::<Vec<_>>().join(", ");
-                let message = format!("there is no [sensor.{name}]{near} (sensors: {list})");
-                return Err(StreamError::scenario(message).at_key(format!("sensors.{name}")));
-            };
-            all.extend(routes(&self, config, index, &sensors[index].info, zero)?);
         }
         if all.is_empty() && context.disabled_sensors.is_empty() {
             let message = "no sensor receives a topic";
@@ -189,14 +179,8 @@ fn release(route: &mut Route, order: &mut Order, offset: u64) {
 
 impl Source for Stream {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
-        let next = match self.ready.take() {
-            Some(ready) => Some(ready),
-            None => self.advance()?,
-        };
-        if let Some(next) = next {
-            *sample = next;
-        }
-        Ok(next.is_some())
+        let next = self.ready.take().map_or_else(|| self.advance(), |s| Ok(Some(s)))?;
+        Ok(next.map(|next| *sample = next).is_some())
     }
 
     fn warning(&mut self) -> Option<String> {

@@ -1,9 +1,10 @@
 //! The frames of `/tf_static`: where the sensors are on the vehicle.
 
 use crate::axes::flip;
-use crate::cdr::{Cursor, Number, body};
+use crate::cdr::{Cursor, body};
 use crate::error::MessageError;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use navfuse_frames::Number;
 use std::collections::BTreeMap;
 
 /// Largest number of frames, and of frames above each other.

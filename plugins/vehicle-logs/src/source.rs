@@ -9,13 +9,9 @@ use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
-use navfuse_frames::{Clock, Count, Stamp, TimeConfig};
-use std::fs::File;
-use std::io::Read;
-use std::path::{Path, PathBuf};
+use navfuse_frames::{Clock, Count, Stamp, TimeConfig, open, recognise};
+use std::path::PathBuf;
 
-/// Size in bytes of the beginning of a file by which its format is recognised.
-const BEGINNING: u64 = 256 * 1024;
 /// Largest number of messages that an error lists.
 const LISTED: usize = 40;
 
@@ -27,7 +23,7 @@ impl SourceType for VehicleLog {
         let path = context.base.join(&self.file);
         let format = match self.format {
             Some(format) => format,
-            None => recognise(&path)?,
+            None => recognise(&path, &Format::ALL.map(Format::name), Format::recognise)?,
         };
         self.check(format)?;
         let mut sources: Vec<Box<dyn Source>> = Vec::new();
@@ -91,30 +87,6 @@ impl VehicleLog {
         };
         Err(StreamError::scenario(message).at_key(key).with_remedy(remedy))
     }
-}
-
-fn open(path: &Path) -> Result<File, StreamError> {
-    File::open(path).map_err(|e| {
-        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        StreamError::open(absolute, e).at_key("file")
-    })
-}
-
-/// Recognises the format of a file.
-fn recognise(path: &Path) -> Result<Format, StreamError> {
-    let mut beginning = Vec::new();
-    let read = open(path)?.take(BEGINNING).read_to_end(&mut beginning);
-    read.map_err(|e| StreamError::read(path, e))?;
-    Format::recognise(&beginning).ok_or_else(|| {
-        let names = Format::ALL.map(Format::name).join(", ");
-        let text = match beginning.len() {
-            0 => "the file is empty".to_owned(),
-            n => format!("no known format has most of its first {n} bytes"),
-        };
-        StreamError::format(text)
-            .in_file(path)
-            .with_remedy(format!("name the format with `format`: {names}"))
-    })
 }
 
 /// The samples of one sensor.
@@ -271,14 +243,8 @@ impl Stream {
 
 impl Source for Stream {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
-        let next = match self.ready.take() {
-            Some(ready) => Some(ready),
-            None => self.advance()?,
-        };
-        if let Some(next) = next {
-            *sample = next;
-        }
-        Ok(next.is_some())
+        let next = self.ready.take().map_or_else(|| self.advance(), |s| Ok(Some(s)))?;
+        Ok(next.map(|next| *sample = next).is_some())
     }
 
     fn warning(&mut self) -> Option<String> {

@@ -49,26 +49,15 @@ pub struct Filling {
 /// # Errors
 /// When there is no such sensor.
 pub fn targets(config: &VehicleLog, context: &OpenContext<'_>) -> Result<Vec<Target>, StreamError> {
-    let sensors = &context.composition.sensors;
     let mut targets = Vec::new();
     for (name, config) in &config.sensors {
-        if context.disabled_sensors.contains(name) {
-            continue;
-        }
-        let Some(index) = sensors.iter().position(|s| s.info.name == *name) else {
-            let names = sensors.iter().map(|s| s.info.name.as_str());
-            let near = did_you_mean(name, names.clone())
-                .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
-            let list = names.collect::<Vec<_>>().join(", ");
-            let message = format!("there is no [sensor.{name}]{near} (sensors: {list})");
-            return Err(StreamError::scenario(message).at_key(format!("sensors.{name}")));
-        };
-        targets.push(Target {
+        let sensor = context.sensor(name).map_err(|e| e.at_key(format!("sensors.{name}")))?;
+        targets.extend(sensor.map(|(sensor, info)| Target {
             name: name.clone(),
-            sensor: SensorId(index),
+            sensor,
             config: config.clone(),
-            info: sensors[index].info.clone(),
-        });
+            info: info.clone(),
+        }));
     }
     if config.sensors.is_empty() {
         let message = "it names no sensor";

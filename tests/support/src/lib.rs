@@ -1,5 +1,5 @@
 //! Scaffolding that the tests of navfuse share: a small laboratory, a judge of runs, readers
-//! written by others, damage and speed of files, and the scenarios that ship.
+//! written by others, readings of recordings, damage and speed of files, and the scenarios that ship.
 #![allow(
     missing_docs,
     clippy::unwrap_used,
@@ -12,6 +12,7 @@ pub mod damage;
 pub mod judge;
 pub mod lab;
 pub mod python;
+pub mod recording;
 pub mod rts;
 #[cfg(feature = "plugins")]
 mod shipped;

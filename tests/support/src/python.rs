@@ -29,6 +29,17 @@ pub fn output(command: &mut Command) -> Result<String, String> {
     if output.status.success() { Ok(text(&output.stdout)) } else { Err(text(&output.stderr)) }
 }
 
+/// The reader and writer of bags of ROS 2, in a folder for temporary files.
+pub fn rosbags(folder: &str) -> Packages<'static> {
+    Packages {
+        names: "rosbags",
+        folder: Path::new(folder).join("rosbags"),
+        variable: Some("NAVFUSE_ROSBAGS_PYTHON"),
+        check: "import lz4, rosbags",
+        install: &[&["rosbags==0.11.9", "lz4"]],
+    }
+}
+
 impl Packages<'_> {
     /// Returns an interpreter with the packages, or prints the reason why the test is skipped.
     pub fn python(&self) -> Option<PathBuf> {

@@ -7,17 +7,8 @@ use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_dvl_files::{DvlFilesPlugin, Format};
+use navfuse_testing::recording::{self, INERTIAL};
 
-const FILTER: &str = r#"
-name = "test"
-[process.ins]
-attitude = { sigma = "1 deg", initial = "0 deg" }
-velocity = { sigma = "1 cm/s", initial = "0 m/s" }
-position = { sigma = "1 m", latitude = "32 deg", longitude = "34 deg", height = "0 m" }
-[sensor.imu]
-gyro_noise = "0.1 deg/h/sqrt(Hz)"
-accel_noise = "10 ug/sqrt(Hz)"
-"#;
 const DVL: &str = "[sensor.dvl]\nnoise = \"2 cm/s\"\n";
 const BEAMS: &str = "[sensor.dvl]\ntype = \"dvl-beams\"\nnoise = \"2 cm/s\"\n";
 
@@ -47,19 +38,9 @@ fn registry() -> Registry {
 fn read(file: &[u8], sensors: &str, keys: &str) -> Result<Read, String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("dive.bin"), file).unwrap();
-    let without = |text: String| text.replace(&format!("{}/", folder.path().display()), "");
-    let text = format!("{FILTER}{sensors}[source.dvl-file]\nfile = \"dive.bin\"\n{keys}\n");
-    let name = folder.path().join("test.toml").display().to_string();
-    let registry = registry();
-    let document = Document::parse(name, text).unwrap();
-    let scenario = Scenario::new(&registry, document, &[]).map_err(|e| without(e.to_string()))?;
-    let mut assembly = scenario.assemble(None).map_err(|e| without(e.to_string()))?;
-    let source = &mut assembly.sources[0].1;
-    let (mut samples, mut sample) = (Vec::new(), Sample::empty(Time::MIN, SensorId(0)));
-    while source.next(&mut sample).map_err(|e| without(e.to_string()))? {
-        samples.push(sample);
-    }
-    Ok(Read { samples, warning: source.warning().map(without) })
+    let text = format!("{INERTIAL}{sensors}[source.dvl-file]\nfile = \"dive.bin\"\n{keys}\n");
+    let mut reading = recording::read(&registry(), folder.path(), &text)?;
+    Ok(Read { samples: reading.samples.remove(0), warning: reading.warnings.remove(0) })
 }
 
 fn error(file: &[u8], sensors: &str, keys: &str) -> String {
@@ -202,7 +183,7 @@ fn a_mounting_of_45_deg_is_a_misalignment_in_yaw() {
     let file = Ensemble { bottom: [x, y, 0, 0], ..Ensemble::default() }.bytes();
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("dive.pd0"), file).unwrap();
-    let filter = FILTER.replace("\"0 m/s\"", "[\"1 m/s\", \"0 m/s\", \"0 m/s\"]");
+    let filter = INERTIAL.replace("\"0 m/s\"", "[\"1 m/s\", \"0 m/s\", \"0 m/s\"]");
     let text = format!(
         "{filter}{DVL}misalignment = {{ initial = [\"0 deg\", \"0 deg\", \"-45 deg\"] }}\n\
          [source.dvl-file]\nfile = \"dive.pd0\"\ntime.origin = \"2022-06-01T08:30:00\"\n"
@@ -310,7 +291,7 @@ fn the_source_conforms() {
     let path = folder.path().join("dive.pd0");
     std::fs::write(&path, records("pd0", 60).concat()).unwrap();
     let text = format!(
-        "{FILTER}simulation = {{ rate = \"10 Hz\" }}\n{DVL}\
+        "{INERTIAL}simulation = {{ rate = \"10 Hz\" }}\n{DVL}\
          [source.simulation]\n\
          segments = [{{ type = \"surge\", duration = \"31 s\", speed = \"1 m/s\" }}]\n\
          [source.dvl-file]\nfile = {:?}\ntime.origin = \"2022-06-01T08:30:00\"\n",

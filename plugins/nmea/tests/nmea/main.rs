@@ -5,25 +5,16 @@ mod foreign;
 mod mutated;
 mod vendors;
 
-use navfuse_core::document::Document;
-use navfuse_core::model::stream::Source;
 use navfuse_core::plugin::Registry;
-use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_nmea::NmeaPlugin;
+use navfuse_testing::recording::{self, INERTIAL, Reading};
 use navfuse_testing::speed::measure;
 use std::fmt::Write;
+use tempfile::TempDir;
 
-const FILTER: &str = r#"
-name = "test"
-[process.ins]
-attitude = { sigma = "1 deg", initial = "0 deg" }
-velocity = { sigma = "1 cm/s", initial = "0 m/s" }
-position = { sigma = "1 m", latitude = "32 deg", longitude = "34 deg", height = "0 m" }
-[sensor.imu]
-gyro_noise = "0.1 deg/h/sqrt(Hz)"
-accel_noise = "10 ug/sqrt(Hz)"
+const SENSORS: &str = r#"
 [sensor.gnss]
 horizontal_noise = "2 m"
 vertical_noise = "3 m"
@@ -63,17 +54,12 @@ fn recording(seconds: u32) -> String {
     text
 }
 
-/// The samples of each source and its warning.
-struct Read {
-    samples: Vec<Vec<Sample>>,
-    warnings: Vec<Option<String>>,
+fn scenario(folder: &TempDir, file: &[u8], keys: &str) -> String {
+    std::fs::write(folder.path().join("nav.nmea"), file).unwrap();
+    format!("{INERTIAL}{SENSORS}[source.nmea]\nfile = \"nav.nmea\"\n{keys}\n")
 }
 
-fn assembled(file: &[u8], keys: &str) -> Result<Vec<Box<dyn Source>>, String> {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("nav.nmea"), file).unwrap();
-    let without = |text: String| text.replace(&format!("{}/", folder.path().display()), "");
-    let text = format!("{FILTER}[source.nmea]\nfile = \"nav.nmea\"\n{keys}\n");
+fn registry() -> Registry {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
@@ -81,26 +67,18 @@ fn assembled(file: &[u8], keys: &str) -> Result<Vec<Box<dyn Source>>, String> {
         .add(&navfuse_heading::HeadingPlugin)
         .add(&navfuse_depth::DepthPlugin)
         .add(&NmeaPlugin);
-    let name = folder.path().join("test.toml").display().to_string();
-    let document = Document::parse(name, text).unwrap();
-    let scenario = Scenario::new(&registry, document, &[]).map_err(|e| without(e.to_string()))?;
-    let assembly = scenario.assemble(None).map_err(|e| without(e.to_string()))?;
-    Ok(assembly.sources.into_iter().map(|(_, source)| source).collect())
+    registry
 }
 
 /// Reads a file with the keys of its source.
-fn read(file: &[u8], keys: &str) -> Result<Read, String> {
-    let mut read = Read { samples: Vec::new(), warnings: Vec::new() };
-    for mut source in assembled(file, keys)? {
-        let (mut samples, mut sample) = (Vec::new(), Sample::empty(Time::MIN, SensorId(0)));
-        while source.next(&mut sample).map_err(|e| e.to_string())? {
-            samples.push(sample);
-        }
-        read.samples.push(samples);
-        let short = |text: String| text.split_once("nav.nmea: ").unwrap().1.to_owned();
-        read.warnings.push(source.warning().map(short));
+fn read(file: &[u8], keys: &str) -> Result<Reading, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let text = scenario(&folder, file, keys);
+    let mut reading = recording::read(&registry(), folder.path(), &text)?;
+    for warning in reading.warnings.iter_mut().flatten() {
+        *warning = warning.strip_prefix("nav.nmea: ").unwrap().to_owned();
     }
-    Ok(read)
+    Ok(reading)
 }
 
 fn near(sample: &Sample, expected: &[f64]) {
@@ -241,8 +219,10 @@ fn speed_of_reading() {
     let seconds = 1800;
     let text = recording(seconds);
     measure("nmea", text.len(), seconds as usize, || {
-        let mut source = assembled(text.as_bytes(), "gnss = \"gnss\"").unwrap().remove(0);
-        let mut sample = Sample::empty(Time::MIN, SensorId(0));
+        let folder = tempfile::tempdir().unwrap();
+        let scenario = scenario(&folder, text.as_bytes(), "gnss = \"gnss\"");
+        let (mut sources, _) = recording::open(&registry(), folder.path(), &scenario).unwrap();
+        let (source, mut sample) = (&mut sources[0], Sample::empty(Time::MIN, SensorId(0)));
         (0..).take_while(|_| source.next(&mut sample).unwrap()).count()
     });
 }

@@ -1,9 +1,10 @@
 //! Recordings with changed bytes: no panic, times in order, and bounded time.
 
-use crate::{ALL, assembled, recording, vendors};
+use crate::{ALL, recording, registry, scenario, vendors};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_testing::damage::{Random, damaged, files};
+use navfuse_testing::recording::open;
 
 /// Replaces a field of the sentence around a byte by an odd one, and repairs the checksum.
 fn change_field(bytes: &mut Vec<u8>, at: usize, random: &mut Random) {
@@ -44,6 +45,7 @@ fn a_damaged_recording_is_read_or_rejected() {
     let file = [recording(4), vendors::recording(4)].concat().into_bytes();
     let other = vendors::recording(2).into_bytes();
     let keys = [ALL, vendors::KEYS].concat();
+    let registry = registry();
     let (mut used, count) = (0, files(100));
     for seed in 0..count {
         let random = &mut Random(seed);
@@ -53,7 +55,9 @@ fn a_damaged_recording_is_read_or_rejected() {
             let at = random.below(bytes.len());
             change_field(&mut bytes, at, random);
         }
-        let Ok(sources) = assembled(&bytes, &keys) else { continue };
+        let folder = tempfile::tempdir().unwrap();
+        let text = scenario(&folder, &bytes, &keys);
+        let Ok((sources, _)) = open(&registry, folder.path(), &text) else { continue };
         for mut source in sources {
             let mut sample = Sample::empty(Time::MIN, SensorId(0));
             let mut last = Time::MIN;

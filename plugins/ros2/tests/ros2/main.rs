@@ -13,30 +13,16 @@ mod recorder;
 mod scenario;
 mod speed;
 
-use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
-use navfuse_core::run::scenario::Scenario;
-use navfuse_core::units::sample::{Sample, SensorId};
-use navfuse_core::units::time::Time;
 use navfuse_ros2::Ros2Plugin;
+use navfuse_testing::recording::{self, INERTIAL, Values};
 use std::collections::BTreeMap;
 use std::path::Path;
-
-const FILTER: &str = r#"
-name = "test"
-[process.ins]
-attitude = { sigma = "1 deg", initial = "0 deg" }
-velocity = { sigma = "1 cm/s", initial = "0 m/s" }
-position = { sigma = "1 m", latitude = "54 deg", longitude = "10 deg", height = "0 m" }
-[sensor.imu]
-gyro_noise = "0.1 deg/h/sqrt(Hz)"
-accel_noise = "10 ug/sqrt(Hz)"
-"#;
 
 /// The samples of each sensor: time in ns, and values by channel.
 type Rows = BTreeMap<String, Vec<Row>>;
 /// A sample.
-type Row = (i64, BTreeMap<String, f64>);
+type Row = (i64, Values);
 
 /// The samples of a bag by sensor, with the values of their channels, and the source's warning.
 #[derive(Debug, PartialEq)]
@@ -72,24 +58,13 @@ fn registry() -> Registry {
 
 /// Reads a bag in a folder with the keys of its source. Errors omit the path of the folder.
 fn read(folder: &Path, sensors: &str, keys: &str) -> Result<Read, String> {
-    let without = |text: String| text.replace(&format!("{}/", folder.display()), "");
-    let text = format!("{FILTER}{sensors}[source.ros2]\n{keys}\n");
-    let name = folder.join("test.toml").display().to_string();
-    let registry = registry();
-    let document = Document::parse(name, text).unwrap();
-    let scenario = Scenario::new(&registry, document, &[]).map_err(|e| without(e.to_string()))?;
-    let mut assembly = scenario.assemble(None).map_err(|e| without(e.to_string()))?;
-    let infos: Vec<_> = assembly.composition.sensors.iter().map(|s| s.info.clone()).collect();
-    let source = &mut assembly.sources[0].1;
-    let (mut samples, mut order) = (BTreeMap::<String, Vec<_>>::new(), Vec::new());
-    let mut sample = Sample::empty(Time::MIN, SensorId(0));
-    while source.next(&mut sample).map_err(|e| without(e.to_string()))? {
-        let info = &infos[sample.sensor.0];
-        let values = info.channels.iter().enumerate();
-        let values = values.filter_map(|(k, c)| Some((c.name.to_owned(), sample.get(k)?)));
+    let text = format!("{INERTIAL}{sensors}[source.ros2]\n{keys}\n");
+    let mut reading = recording::read(&registry(), folder, &text)?;
+    let (mut samples, mut order) = (Rows::new(), Vec::new());
+    for (sample, sensor, values) in reading.rows(0) {
         let time = sample.time.nanos();
-        samples.entry(info.name.clone()).or_default().push((time, values.collect()));
-        order.push((time, info.name.clone()));
+        samples.entry(sensor.to_owned()).or_default().push((time, values));
+        order.push((time, sensor.to_owned()));
     }
-    Ok(Read { samples, order, warning: source.warning().map(without) })
+    Ok(Read { samples, order, warning: reading.warnings.remove(0) })
 }

@@ -2,7 +2,7 @@
 //! stand for. Without Python or the package index, the tests print the reason and pass.
 
 use crate::{Read, Rows, read};
-use navfuse_testing::python::{Packages, output};
+use navfuse_testing::python::{output, rosbags};
 use std::path::Path;
 use std::process::Command;
 
@@ -83,14 +83,7 @@ fn agree(found: &Read, expected: &Rows, skipped: &[&str], bag: &str) {
 
 #[test]
 fn bags_of_another_program_give_the_samples_of_its_messages() {
-    let packages = Packages {
-        names: "rosbags",
-        folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("rosbags"),
-        variable: Some("NAVFUSE_ROSBAGS_PYTHON"),
-        check: "import lz4, rosbags",
-        install: &[&["rosbags==0.11.9", "lz4"]],
-    };
-    let Some(python) = packages.python() else { return };
+    let Some(python) = rosbags(env!("CARGO_TARGET_TMPDIR")).python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/ros2/bags.py");
     let printed = output(Command::new(&python).arg(script).arg(folder.path()));

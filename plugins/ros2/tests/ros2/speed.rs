@@ -1,11 +1,12 @@
 //! Speed and memory of the source on a long bag.
 
 use crate::recorder::{Imu, mcap, usual};
-use crate::{FILTER, registry};
+use crate::registry;
 use navfuse_core::document::Document;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
+use navfuse_testing::recording::INERTIAL;
 use std::path::Path;
 
 /// Processor time of this process, s, and its memory that is not a file's, bytes.
@@ -23,7 +24,7 @@ fn usage() -> Option<(f64, i64)> {
 fn read(folder: &Path, count: u64) -> (u64, f64, i64) {
     let name = folder.join("test.toml").display().to_string();
     let keys = "[source.ros2]\npath = \"bag.mcap\"\nsensors.imu = { topic = \"/imu\" }\n";
-    let document = Document::parse(name, format!("{FILTER}{keys}")).unwrap();
+    let document = Document::parse(name, format!("{INERTIAL}{keys}")).unwrap();
     let registry = registry();
     let mut assembly = Scenario::new(&registry, document, &[]).unwrap().assemble(None).unwrap();
     let source = &mut assembly.sources[0].1;

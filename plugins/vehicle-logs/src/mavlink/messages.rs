@@ -1,6 +1,7 @@
 //! The messages of MAVLink: checksums of all that the common and the vendors' dialects define, and
 //! the fields of those with measurements.
 
+use navfuse_frames::Number;
 use std::collections::HashMap;
 
 /// Identifiers of the messages, in order.
@@ -149,51 +150,12 @@ const MESSAGES: [(u32, &str, &str); 20] = [
     ),
 ];
 
-/// The type of a number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    U64,
-    U32,
-    I32,
-    U16,
-    I16,
-    U8,
-    I8,
-    F32,
-}
-
-impl Kind {
-    fn size(self) -> usize {
-        match self {
-            Self::U64 => 8,
-            Self::U32 | Self::I32 | Self::F32 => 4,
-            Self::U16 | Self::I16 => 2,
-            Self::U8 | Self::I8 => 1,
-        }
-    }
-
-    /// The number at the beginning of eight bytes.
-    pub fn read(self, bytes: [u8; 8]) -> f64 {
-        let [a, b, c, d, ..] = bytes;
-        match self {
-            Self::U64 => u64::from_le_bytes(bytes) as f64,
-            Self::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
-            Self::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
-            Self::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
-            Self::U16 => f64::from(u16::from_le_bytes([a, b])),
-            Self::I16 => f64::from(i16::from_le_bytes([a, b])),
-            Self::U8 => f64::from(a),
-            Self::I8 => f64::from(i8::from_le_bytes([a])),
-        }
-    }
-}
-
 /// A message that is decoded.
 #[derive(Clone, Debug)]
 pub struct Message {
     pub name: &'static str,
     /// Name, offset and type of each number.
-    pub fields: Vec<(String, usize, Kind)>,
+    pub fields: Vec<(String, usize, Number)>,
 }
 
 /// The messages by their identifier.
@@ -225,14 +187,14 @@ fn message(name: &'static str, text: &str) -> Message {
         let (field, kind) = field.split_once(':').unwrap_or((field, "B"));
         let (kind, count) = kind.split_at(1);
         let kind = match kind {
-            "Q" => Kind::U64,
-            "I" => Kind::U32,
-            "i" => Kind::I32,
-            "H" => Kind::U16,
-            "h" => Kind::I16,
-            "b" => Kind::I8,
-            "f" => Kind::F32,
-            _ => Kind::U8,
+            "Q" => Number::U64,
+            "I" => Number::U32,
+            "i" => Number::I32,
+            "H" => Number::U16,
+            "h" => Number::I16,
+            "b" => Number::I8,
+            "f" => Number::F32,
+            _ => Number::U8,
         };
         let count: Option<usize> = count.parse().ok();
         for k in 0..count.unwrap_or(1) {

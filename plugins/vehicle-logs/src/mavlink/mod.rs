@@ -176,7 +176,7 @@ impl<R: Read + Send> Decoder for Tlog<R> {
             let Some(frame) = self.frames.next()? else { return Ok(None) };
             let (offset, Some(h)) = (frame.offset, header(frame.bytes)) else { continue };
             // a message of version 2 ends before its last zeros, and an old one before newer fields
-            let mut payload = [0; PAYLOAD + 8];
+            let mut payload = [0; PAYLOAD];
             let from = STAMP + h.payload;
             payload[..h.size].copy_from_slice(&frame.bytes[from..from + h.size]);
             let micros = frame.bytes.first_chunk().map_or(0, |b| u64::from_be_bytes(*b));
@@ -184,10 +184,10 @@ impl<R: Read + Send> Decoder for Tlog<R> {
             let Some(topic) = self.topic(h.id, h.system) else { continue };
             let Some(message) = self.frames.framing().0.message(h.id) else { continue };
             values.clear();
-            values.extend(message.fields.iter().map(|(_, at, kind)| {
-                let bytes = payload.get(*at..).and_then(|b| b.first_chunk()).copied();
-                kind.read(bytes.unwrap_or_default())
-            }));
+            let fields = message.fields.iter();
+            values.extend(
+                fields.map(|(_, at, kind)| kind.read::<true>(payload.get(*at..).unwrap_or(&[]))),
+            );
             let stamp = self.time(topic, values, received.unwrap_or(0), offset);
             return Ok(Some(Record { offset, topic, stamp }));
         }

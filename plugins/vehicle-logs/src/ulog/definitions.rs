@@ -1,79 +1,35 @@
 //! The formats that a log defines for itself, and the places of their fields.
 
+use navfuse_frames::Number;
 use std::collections::HashMap;
 
 /// Largest number of formats; PX4 has about 250.
 const FORMATS: usize = 4096;
+/// Largest number of fields of all formats.
+const DECLARED: usize = 1 << 18;
+/// Largest size of a field's name in bytes.
+const NAME: usize = 128;
 /// Deepest nesting of formats.
 const DEPTH: usize = 8;
 /// Largest size of a message in bytes: its length has two bytes.
 const SIZE: usize = 65_535;
 
-/// A number of a basic type.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Basic {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-    Bool,
-    Char,
-}
-
-impl Basic {
-    fn parse(name: &str) -> Option<Self> {
-        Some(match name {
-            "int8_t" => Self::I8,
-            "uint8_t" => Self::U8,
-            "int16_t" => Self::I16,
-            "uint16_t" => Self::U16,
-            "int32_t" => Self::I32,
-            "uint32_t" => Self::U32,
-            "int64_t" => Self::I64,
-            "uint64_t" => Self::U64,
-            "float" => Self::F32,
-            "double" => Self::F64,
-            "bool" => Self::Bool,
-            "char" => Self::Char,
-            _ => return None,
-        })
-    }
-
-    fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 | Self::Bool | Self::Char => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-
-    /// The number at the beginning of some bytes; NaN beyond their end. Integers beyond 2^53 are
-    /// rounded.
-    pub fn read(self, bytes: &[u8]) -> f64 {
-        fn first<const N: usize>(bytes: &[u8]) -> Option<[u8; N]> {
-            bytes.first_chunk().copied()
-        }
-        let value = match self {
-            Self::I8 => first(bytes).map(|b| f64::from(i8::from_le_bytes(b))),
-            Self::U8 | Self::Bool | Self::Char => first::<1>(bytes).map(|[b]| f64::from(b)),
-            Self::I16 => first(bytes).map(|b| f64::from(i16::from_le_bytes(b))),
-            Self::U16 => first(bytes).map(|b| f64::from(u16::from_le_bytes(b))),
-            Self::I32 => first(bytes).map(|b| f64::from(i32::from_le_bytes(b))),
-            Self::U32 => first(bytes).map(|b| f64::from(u32::from_le_bytes(b))),
-            Self::I64 => first(bytes).map(|b| i64::from_le_bytes(b) as f64),
-            Self::U64 => first(bytes).map(|b| u64::from_le_bytes(b) as f64),
-            Self::F32 => first(bytes).map(|b| f64::from(f32::from_le_bytes(b))),
-            Self::F64 => first(bytes).map(f64::from_le_bytes),
-        };
-        value.unwrap_or(f64::NAN)
-    }
+/// The type that ULog calls `name`. A `char` is the number of its byte.
+fn number(name: &str) -> Option<Number> {
+    Some(match name {
+        "int8_t" => Number::I8,
+        "uint8_t" | "char" => Number::U8,
+        "int16_t" => Number::I16,
+        "uint16_t" => Number::U16,
+        "int32_t" => Number::I32,
+        "uint32_t" => Number::U32,
+        "int64_t" => Number::I64,
+        "uint64_t" => Number::U64,
+        "float" => Number::F32,
+        "double" => Number::F64,
+        "bool" => Number::Bool,
+        _ => return None,
+    })
 }
 
 /// A number of a message.
@@ -82,7 +38,7 @@ pub struct Field {
     pub name: String,
     /// Offset in the message.
     pub at: usize,
-    pub basic: Basic,
+    pub number: Number,
 }
 
 /// A field as its format writes it.
@@ -104,7 +60,11 @@ pub struct Sizes {
 
 /// The formats of a log.
 #[derive(Debug, Default)]
-pub struct Formats(HashMap<String, Vec<Declared>>);
+pub struct Formats {
+    formats: HashMap<String, Vec<Declared>>,
+    /// Number of fields of all formats.
+    declared: usize,
+}
 
 impl Formats {
     /// Takes a format, `name:type field;type[3] field;`; `false` if it is none.
@@ -112,19 +72,21 @@ impl Formats {
         let Some((name, fields)) = text.split_once(':') else { return false };
         let declared: Option<Vec<Declared>> =
             fields.split(';').filter(|f| !f.trim().is_empty()).map(declare).collect();
-        match declared {
-            Some(declared) if self.0.len() < FORMATS || self.0.contains_key(name) => {
-                self.0.insert(name.to_owned(), declared);
+        let room = self.formats.len() < FORMATS || self.formats.contains_key(name);
+        match declared.filter(|d| room && self.declared + d.len() <= DECLARED) {
+            Some(declared) => {
+                self.declared += declared.len();
+                self.formats.insert(name.to_owned(), declared);
                 true
             }
-            _ => false,
+            None => false,
         }
     }
 
     /// The sizes of a message of this format; `None` for an unknown format or one that is too
     /// large.
     pub fn sizes(&self, name: &str) -> Option<Sizes> {
-        let fields = self.0.get(name)?;
+        let fields = self.formats.get(name)?;
         let most = self.size(name, 0)?;
         let padding = fields.last().filter(|f| f.name.starts_with("_padding"));
         let omitted = padding.map_or(Some(0), |f| self.extent(f, 0))?;
@@ -136,25 +98,26 @@ impl Formats {
             return None;
         }
         let mut total = 0_usize;
-        for field in self.0.get(name)? {
+        for field in self.formats.get(name)? {
             total = total.checked_add(self.extent(field, depth)?).filter(|t| *t <= SIZE)?;
         }
-        Some(total)
+        // each field has a byte or more, so that the limit of the size bounds the time, too
+        (total > 0).then_some(total)
     }
 
     fn extent(&self, field: &Declared, depth: usize) -> Option<usize> {
-        let one = match Basic::parse(&field.kind) {
-            Some(basic) => basic.size(),
+        let one = match number(&field.kind) {
+            Some(number) => number.size(),
             None => self.size(&field.kind, depth + 1)?,
         };
         one.checked_mul(field.count.unwrap_or(1)).filter(|size| *size <= SIZE)
     }
 
-    /// The numbers of a message of this format, without padding and texts; `None` if they are more
-    /// than `most`.
-    pub fn fields(&self, name: &str, most: usize) -> Option<Vec<Field>> {
+    /// The numbers of a message of this format, without padding and texts. Their memory is taken
+    /// from `room`, in bytes; `None` if they need more.
+    pub fn fields(&self, name: &str, room: &mut usize) -> Option<Vec<Field>> {
         let mut fields = Vec::new();
-        self.flatten(name, "", &mut 0, &mut fields, most)?;
+        self.flatten(name, "", &mut 0, &mut fields, room)?;
         Some(fields)
     }
 
@@ -164,11 +127,11 @@ impl Formats {
         prefix: &str,
         at: &mut usize,
         out: &mut Vec<Field>,
-        most: usize,
+        room: &mut usize,
     ) -> Option<()> {
-        for field in self.0.get(name)? {
-            let basic = Basic::parse(&field.kind);
-            let text = basic == Some(Basic::Char) && field.count.is_some();
+        for field in self.formats.get(name)? {
+            let basic = number(&field.kind);
+            let text = field.kind == "char" && field.count.is_some();
             if text || field.name.starts_with("_padding") {
                 *at += self.extent(field, 0)?;
                 continue;
@@ -179,14 +142,12 @@ impl Formats {
                     path.push_str(&format!("[{k}]"));
                 }
                 match basic {
-                    Some(basic) => {
-                        if out.len() >= most {
-                            return None;
-                        }
-                        out.push(Field { name: path, at: *at, basic });
-                        *at += basic.size();
+                    Some(number) => {
+                        *room = room.checked_sub(size_of::<Field>() + path.len())?;
+                        out.push(Field { name: path, at: *at, number });
+                        *at += number.size();
                     }
-                    None => self.flatten(&field.kind, &format!("{path}."), at, out, most)?,
+                    None => self.flatten(&field.kind, &format!("{path}."), at, out, room)?,
                 }
             }
         }
@@ -201,9 +162,56 @@ fn declare(text: &str) -> Option<Declared> {
         Some((kind, count)) => (kind, Some(count.strip_suffix(']')?.parse().ok()?)),
         None => (kind, None),
     };
-    (!name.is_empty() && count.is_none_or(|n| n <= SIZE)).then(|| Declared {
+    let fits = count.is_none_or(|n| (1..=SIZE).contains(&n));
+    (fits && (1..=NAME).contains(&name.len())).then(|| Declared {
         name: name.to_owned(),
         kind: kind.to_owned(),
         count,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn formats(definitions: &[&str]) -> Formats {
+        let mut formats = Formats::default();
+        definitions.iter().for_each(|text| assert!(formats.define(text), "{text}"));
+        formats
+    }
+
+    #[test]
+    fn formats_within_formats_are_numbers_with_their_offsets() {
+        let formats = formats(&["pair:float x;int16_t y;", "two:pair[2] p;char[3] text;bool on;"]);
+        let fields = formats.fields("two", &mut 4096).unwrap_or_default();
+        let found: Vec<_> = fields.iter().map(|f| (f.name.as_str(), f.at)).collect();
+        let wanted = [("p[0].x", 0), ("p[0].y", 4), ("p[1].x", 6), ("p[1].y", 10), ("on", 15)];
+        assert_eq!(found, wanted);
+        assert_eq!(formats.sizes("two"), Some(Sizes { least: 16, most: 16 }));
+    }
+
+    /// Both would take hours if each field were visited.
+    #[test]
+    fn formats_without_bytes_are_rejected_whatever_their_counts() {
+        let arrays = formats(&["a:b[65535] x;", "b:c[65535] x;", "c:d[65535] x;", "d:"]);
+        assert_eq!(arrays.sizes("a"), None);
+        let many = |name: &str, kind: &str| {
+            let fields: String = (0..4000).map(|k| format!("{kind} f{k};")).collect();
+            format!("{name}:{fields}")
+        };
+        let texts = [many("a", "b"), many("b", "c"), many("c", "d"), many("d", "e")];
+        let mut formats = formats(&["e:"]);
+        texts.iter().for_each(|text| assert!(formats.define(text)));
+        assert_eq!(formats.sizes("a"), None);
+        assert!(!formats.define("zero:float[0] x;"), "an array without elements");
+    }
+
+    #[test]
+    fn names_take_no_more_memory_than_there_is_room_for() {
+        let name = "n".repeat(NAME);
+        let formats = formats(&[&format!("a:uint8_t[65535] {name};")]);
+        let mut room = 1 << 20;
+        assert!(formats.fields("a", &mut room).is_none() && room < 1 << 20);
+        assert!(!Formats::default().define(&format!("a:float {name}n;")), "a longer name");
+    }
 }

@@ -22,8 +22,8 @@ const BEGINNING: usize = 32;
 const TEXT: usize = 24;
 /// Largest number of selected topics.
 const TOPICS: usize = 1024;
-/// Largest number of fields of all selected topics.
-const FIELDS: usize = 1 << 18;
+/// Memory in bytes of the fields of all selected topics.
+const FIELDS: usize = 32 * 1024 * 1024;
 
 /// The framing of messages.
 #[derive(Debug, Default)]
@@ -115,7 +115,8 @@ pub struct Ulog<R> {
     layouts: Vec<Layout>,
     /// Index of the topic of each subscription, by its identifier.
     selected: Vec<Option<usize>>,
-    fields: usize,
+    /// Memory in bytes that is left for fields.
+    room: usize,
     dropouts: Count,
     /// Milliseconds of all dropouts.
     dropped: u64,
@@ -133,7 +134,7 @@ impl<R: Read> Ulog<R> {
             topics: Vec::new(),
             layouts: Vec::new(),
             selected: Vec::new(),
-            fields: 0,
+            room: FIELDS,
             dropouts: Count::default(),
             dropped: 0,
             incompatible: Count::default(),
@@ -200,8 +201,7 @@ impl<R: Read> Ulog<R> {
         if self.topics.len() >= TOPICS {
             return None;
         }
-        let fields = self.formats.fields(name, FIELDS - self.fields)?;
-        self.fields += fields.len();
+        let fields = self.formats.fields(name, &mut self.room)?;
         let names = fields.iter().map(|f| f.name.clone()).collect();
         let time = fields.iter().find(|f| f.name == "timestamp").map(|f| f.at);
         self.topics.push(Topic { name: name.to_owned(), instance, fields: names });
@@ -229,7 +229,7 @@ impl<R: Read + Send> Decoder for Ulog<R> {
             let id = usize::from(u16::from_le_bytes([id[0], id[1]]));
             let Some(topic) = self.selected.get(id).copied().flatten() else { continue };
             let layout = &self.layouts[topic];
-            let number = |f: &Field| f.basic.read(data.get(f.at..).unwrap_or_default());
+            let number = |f: &Field| f.number.read::<true>(data.get(f.at..).unwrap_or_default());
             values.clear();
             values.extend(layout.fields.iter().map(number));
             let time = layout.time.and_then(|at| data.get(at..)?.first_chunk().copied());

@@ -1,22 +1,13 @@
 //! The source in a scenario: sensors, units, clocks, and errors with remedies.
 
 use crate::generate::{flight, increments, sbet, span, telemetry_of_flight, vectornav};
-use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
-use navfuse_core::run::scenario::Scenario;
-use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
+use navfuse_testing::recording::{self, INERTIAL, Reading};
 use navfuse_vehicle_logs::VehicleLogsPlugin;
 
-const FILTER: &str = r#"
-name = "test"
-[process.ins]
-attitude = { sigma = "1 deg", initial = "0 deg" }
-velocity = { sigma = "1 cm/s", initial = "0 m/s" }
-position = { sigma = "1 m", latitude = "47 deg", longitude = "8 deg", height = "0 m" }
-[sensor.imu]
-gyro_noise = "0.1 deg/h/sqrt(Hz)"
-accel_noise = "10 ug/sqrt(Hz)"
+const SENSORS: &str = r#"
 [sensor.gnss]
 horizontal_noise = "2 m"
 vertical_noise = "3 m"
@@ -29,21 +20,14 @@ noise = "10 cm"
 [sensor.reference]
 "#;
 
-/// The samples of each source and its warning.
-struct Read {
-    samples: Vec<Vec<Sample>>,
-    warnings: Vec<Option<String>>,
-}
-
-fn read(log: &[u8], keys: &str) -> Result<Read, String> {
+fn read(log: &[u8], keys: &str) -> Result<Reading, String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("log.bin"), log).unwrap();
-    let without = |text: String| text.replace(&format!("{}/", folder.path().display()), "");
     let filter = match keys.contains("increments") {
-        true => FILTER.replace("[sensor.imu]", "[sensor.imu]\noutput = \"increments\""),
-        false => FILTER.to_owned(),
+        true => INERTIAL.replace("[sensor.imu]", "[sensor.imu]\noutput = \"increments\""),
+        false => INERTIAL.to_owned(),
     };
-    let text = format!("{filter}[source.vehicle-log]\nfile = \"log.bin\"\n{keys}\n");
+    let text = format!("{filter}{SENSORS}[source.vehicle-log]\nfile = \"log.bin\"\n{keys}\n");
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)
@@ -51,21 +35,11 @@ fn read(log: &[u8], keys: &str) -> Result<Read, String> {
         .add(&navfuse_heading::HeadingPlugin)
         .add(&navfuse_depth::DepthPlugin)
         .add(&VehicleLogsPlugin);
-    let name = folder.path().join("test.toml").display().to_string();
-    let document = Document::parse(name, text).unwrap();
-    let scenario = Scenario::new(&registry, document, &[]).map_err(|e| without(e.to_string()))?;
-    let assembly = scenario.assemble(None).map_err(|e| without(e.to_string()))?;
-    let mut read = Read { samples: Vec::new(), warnings: Vec::new() };
-    for (_, mut source) in assembly.sources {
-        let (mut samples, mut sample) = (Vec::new(), Sample::empty(Time::MIN, SensorId(0)));
-        while source.next(&mut sample).map_err(|e| e.to_string())? {
-            samples.push(sample);
-        }
-        read.samples.push(samples);
-        let short = |text: String| text.split_once("log.bin: ").unwrap().1.to_owned();
-        read.warnings.push(source.warning().map(short));
+    let mut reading = recording::read(&registry, folder.path(), &text)?;
+    for warning in reading.warnings.iter_mut().flatten() {
+        *warning = warning.strip_prefix("log.bin: ").unwrap().to_owned();
     }
-    Ok(read)
+    Ok(reading)
 }
 
 fn near(sample: &Sample, expected: &[f64], tolerance: f64) {
