@@ -7,14 +7,16 @@
 //! constant memory.
 //!
 //! A format implements [`Framing`]. Text formats use [`Sentences`]. [`Clock`] puts the records of
-//! an instrument on the clock of the run.
+//! an instrument on the clock of the run. [`mcap`] has the outer form of MCAP files, for logs and bags.
 
 mod clock;
 mod config;
 mod damage;
 mod file;
+pub mod mcap;
 mod number;
 mod sentences;
+mod window;
 
 pub use clock::{Clock, Count, Stamp, Zero};
 pub use config::TimeConfig;
@@ -22,6 +24,7 @@ pub use damage::{Damage, Gap};
 pub use file::{open, recognise};
 pub use number::Number;
 pub use sentences::{Check, Sentences, crc8};
+pub use window::Window;
 
 use std::io::{ErrorKind, Read, Result};
 

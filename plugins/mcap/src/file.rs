@@ -8,6 +8,7 @@ use crate::chunk::{Chunk, Definitions};
 use crate::format::{by_channel, record, text, texts, u16, u32, u64s};
 use crate::sink::Compression;
 use crc32fast::Hasher;
+use lz4_flex::frame::FrameEncoder;
 use mcap::MAGIC;
 use mcap::records::op;
 use std::collections::BTreeMap;
@@ -84,11 +85,9 @@ impl Packer {
                 compressor.compress_to_buffer(records, out)?;
             }
             Self::Lz4 => {
-                let mut encoder = lz4::EncoderBuilder::new().build(std::mem::take(out))?;
-                let written = encoder.write_all(records);
-                let (packed, finished) = encoder.finish();
-                *out = packed;
-                written.and(finished)?;
+                let mut encoder = FrameEncoder::new(std::mem::take(out));
+                encoder.write_all(records)?;
+                *out = encoder.finish()?;
             }
             Self::None => out.extend_from_slice(records),
         }

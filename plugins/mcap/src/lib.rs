@@ -55,6 +55,7 @@ mod log;
 mod message;
 mod motion;
 mod reader;
+mod records;
 mod schema;
 mod sink;
 mod source;

@@ -1,13 +1,14 @@
-//! The metadata of a log, and the reader of its records.
+//! The metadata of a log, and its summary.
 
+use crate::records::{Chunks, Records, Step};
 use mcap::records::{Metadata, Record, op};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader};
 use mcap::{McapError, Summary};
 use navfuse_core::model::stream::StreamError;
+use navfuse_frames::mcap::ChunkError;
 use std::fs::File;
-use std::io::{ErrorKind, Read, Seek};
-use std::path::{Path, PathBuf};
+use std::io::{Read, Seek};
+use std::path::Path;
 
 /// The name of the metadata record.
 pub const METADATA: &str = "navfuse";
@@ -18,12 +19,6 @@ pub const VERDICT_ENTRY: &str = "json";
 /// The name of the attachment with the scenario.
 pub const SCENARIO: &str = "scenario.toml";
 
-/// Length in bytes above which a record counts as damaged, also one that a few bytes unpack to.
-/// navfuse writes chunks of half a MiB; a buffer grows to twice the length of a record.
-const LONGEST_RECORD: usize = 1 << 26;
-/// Size in bytes of one read.
-const BLOCK: usize = 1 << 16;
-
 /// The reason why a log cannot be written, without the path of the log.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamFailure {
@@ -33,6 +28,9 @@ pub enum StreamFailure {
     /// The content violates the format.
     #[error("{0}")]
     Format(McapError),
+    /// A chunk cannot be unpacked.
+    #[error(transparent)]
+    Chunk(#[from] ChunkError),
     /// The message cannot be encoded.
     #[error(transparent)]
     Content(#[from] StreamError),
@@ -109,7 +107,7 @@ pub fn read_scenario(path: &Path) -> Result<LogInfo, StreamError> {
 
 /// Reads the metadata of the run, if there are any; with `at_start` only before the first message.
 pub(crate) fn read_info(path: &Path, at_start: bool) -> Result<Option<LogInfo>, StreamError> {
-    let mut records = Records::open(path, true)?;
+    let mut records = Records::open(path, Chunks::Passed)?;
     let found = records.find(|opcode, data| match opcode {
         op::METADATA => Ok(match mcap::parse_record(opcode, data) {
             Ok(Record::Metadata(m)) if m.name == METADATA => Some(LogInfo::new(m)),
@@ -135,94 +133,4 @@ pub fn summary(path: &Path) -> Option<Summary> {
         }
     }
     reader.finish()
-}
-
-/// The result of a search in a log.
-#[derive(Debug, PartialEq)]
-pub enum Step<T> {
-    /// The search found something.
-    Found(T),
-    /// The log has ended.
-    End,
-    /// The log ends within a record.
-    Cut,
-}
-
-/// The records of a file in their order, including those in chunks. The memory needed does not
-/// depend on the length of the file.
-pub struct Records {
-    path: PathBuf,
-    file: File,
-    reader: LinearReader,
-    /// Number of bytes that were read.
-    pub position: u64,
-    /// Set once a record was found, so that the file is an MCAP file.
-    begun: bool,
-}
-
-impl Records {
-    /// Opens a file; with `whole_chunks`, a chunk is one record.
-    pub fn open(path: &Path, whole_chunks: bool) -> Result<Self, StreamError> {
-        let file = File::open(path).map_err(|e| StreamError::open(path, e))?;
-        let options = LinearReaderOptions::default()
-            .with_emit_chunks(whole_chunks)
-            .with_validate_chunk_crcs(true)
-            .with_record_length_limit(LONGEST_RECORD);
-        let reader = LinearReader::new_with_options(options);
-        Ok(Self { path: path.to_path_buf(), file, reader, position: 0, begun: false })
-    }
-
-    /// The path of this file.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Reads records until `take` returns a result for one of them.
-    pub fn find<T>(
-        &mut self,
-        mut take: impl FnMut(u8, &[u8]) -> Result<Option<T>, StreamError>,
-    ) -> Result<Step<T>, StreamError> {
-        loop {
-            let want = match self.reader.next_event() {
-                None => return Ok(Step::End),
-                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                    self.begun = true;
-                    match take(opcode, data).map_err(|e| e.in_file(&self.path))? {
-                        Some(found) => return Ok(Step::Found(found)),
-                        None => continue,
-                    }
-                }
-                Some(Ok(LinearReadEvent::ReadRequest(n))) => n,
-                Some(Err(McapError::UnexpectedEof))
-                    if self.position >= mcap::MAGIC.len() as u64 =>
-                {
-                    return Ok(Step::Cut);
-                }
-                Some(Err(McapError::BadMagic | McapError::UnexpectedEof)) if !self.begun => {
-                    return Err(StreamError::format("this is not an MCAP file")
-                        .in_file(&self.path)
-                        .with_remedy("a log of navfuse is called run.mcap"));
-                }
-                Some(Err(e)) => {
-                    let cause = StreamFailure::from(e);
-                    let message = format!("damaged at or before byte {}: {cause}", self.position);
-                    return Err(StreamError::format(message)
-                        .in_file(&self.path)
-                        .with_source(cause));
-                }
-            };
-            // blocks of a fixed size: a damaged length allocates no memory for bytes that do not
-            // exist
-            let buffer = self.reader.insert(want.clamp(BLOCK, 16 * BLOCK));
-            let read = loop {
-                match self.file.read(buffer) {
-                    Err(e) if e.kind() == ErrorKind::Interrupted => {}
-                    other => break other,
-                }
-            };
-            let read = read.map_err(|e| StreamError::read(&self.path, e))?;
-            self.reader.notify_read(read);
-            self.position += read as u64;
-        }
-    }
 }

@@ -1,7 +1,8 @@
 //! Reads a log without composing its scenario, for reports and tables.
 
-use crate::log::{LogInfo, Records, Step, VERDICT, VERDICT_ENTRY, damaged, read_info};
+use crate::log::{LogInfo, VERDICT, VERDICT_ENTRY, damaged, read_info};
 use crate::message::Stamp;
+use crate::records::{Chunks, Records, Step};
 use crate::schema;
 use crate::source::{read_imu, read_sample, read_time};
 use crate::topics::{KIND, PURPOSE, RATES, purpose};
@@ -116,7 +117,7 @@ impl LogReader {
     /// # Errors
     /// When the file cannot be read, is not an MCAP file, or was not recorded by navfuse.
     pub fn open(path: &Path) -> Result<Self, StreamError> {
-        let records = Records::open(path, false)?;
+        let records = Records::open(path, Chunks::Unpacked)?;
         let length = std::fs::metadata(path).map_or(0, |m| m.len());
         let info = read_info(path, true)?.ok_or_else(|| {
             StreamError::format("navfuse did not record it: it holds no scenario")
@@ -134,7 +135,7 @@ impl LogReader {
 
     /// Number of bytes read, and length of the file.
     pub fn progress(&self) -> [u64; 2] {
-        [self.records.position.min(self.length), self.length]
+        [self.records.position().min(self.length), self.length]
     }
 
     /// Passes the next entry to `take`; returns `false` at the end.
@@ -207,7 +208,7 @@ impl LogReader {
         self.cut.then(|| {
             format!(
                 "the log was cut off at byte {}; everything before was read",
-                self.records.position
+                self.records.position()
             )
         })
     }

@@ -1,7 +1,8 @@
 //! The source: the samples of a log, in the order in which they were recorded.
 
-use crate::log::{LogInfo, Records, Step, damaged, read_info, summary};
+use crate::log::{LogInfo, damaged, read_info, summary};
 use crate::message::{MISSING, Stamp};
+use crate::records::{Chunks, Records, Step};
 use crate::schema;
 use crate::topics::RATES;
 use mcap::records::{Record, op};
@@ -60,7 +61,7 @@ impl McapSource {
         topics: BTreeMap<String, String>,
     ) -> Result<Self, StreamError> {
         let info = read_info(path, true)?;
-        let records = Records::open(path, false)?;
+        let records = Records::open(path, Chunks::Unpacked)?;
         let mut source = Self {
             records,
             router: Router::new(sensors, topics),
@@ -115,7 +116,7 @@ impl Source for McapSource {
             let after = self
                 .last
                 .map_or_else(|| "before the first sample".into(), |t| format!("after t = {t}"));
-            let position = self.records.position;
+            let position = self.records.position();
             warnings
                 .push(format!("cut off at byte {position} {after}; everything before was read"));
         }

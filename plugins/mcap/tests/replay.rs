@@ -278,19 +278,17 @@ fn a_damaged_log_is_an_error_or_a_cut_and_never_a_panic() {
     }
 }
 
-/// The packed logs alone: in a build with checks of overflow, version 0.26 of the crate mcap panics
-/// at a record that is longer than its chunk, where the chunk is not packed. Without these checks
-/// the log ends there.
 #[test]
-fn a_damaged_packed_log_is_an_error_or_a_cut_and_never_a_panic() {
+fn a_log_with_many_damaged_places_is_an_error_or_a_cut_and_never_a_panic() {
     let folder = tempfile::tempdir().unwrap();
-    let logs = [Compression::Zstd, Compression::Lz4].map(|compression| {
+    let logs = ALL.map(|compression| {
         let path = folder.path().join("run.mcap");
         record(&path, compression, Time::default(), 200);
         std::fs::read(&path).unwrap()
     });
     let (mut read, count) = (0, files(200));
-    for (log, other) in [(&logs[0], &logs[1]), (&logs[1], &logs[0])] {
+    for (k, log) in logs.iter().enumerate() {
+        let other = &logs[(k + 1) % logs.len()];
         for seed in 0..count {
             let path = file(&folder, &damaged(log, other, &mut Random(seed)));
             let samples = open(&path).and_then(|mut s| drain(&mut s));

@@ -1,9 +1,9 @@
 //! The files of a bag: found by its `metadata.yaml` or its folder, and recognised by their first
 //! bytes.
 
-use super::window::Window;
-use super::{mcap, sqlite};
+use super::sqlite;
 use navfuse_core::model::stream::StreamError;
+use navfuse_frames::{Window, mcap};
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Component, Path, PathBuf};

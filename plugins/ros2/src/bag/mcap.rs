@@ -1,16 +1,11 @@
 //! MCAP, read from front to back: messages in chunks and outside, with damaged parts skipped.
 
-use super::chunk::{LONGEST, Unpacker};
 use super::faults::Faults;
-use super::window::Window;
 use super::{Found, Place, Topic, Topics};
+use navfuse_frames::Window;
+use navfuse_frames::mcap::{CHUNK_HEAD, Fields, HEAD, LONGEST, MAGIC, PackedChunk, Unpacker, head};
 use std::collections::BTreeMap;
 use std::io::Result;
-
-/// First bytes of the file, and last.
-pub const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
-/// Bytes of a record before its content: opcode and length.
-const HEAD: usize = 9;
 
 const HEADER: u8 = 0x01;
 const FOOTER: u8 = 0x02;
@@ -23,8 +18,6 @@ const METADATA: u8 = 0x0c;
 const DATA_END: u8 = 0x0f;
 /// Bytes of a message before its data.
 const MESSAGE_HEAD: usize = 22;
-/// Bytes of a chunk beside the name of its compression and its records.
-const CHUNK_HEAD: usize = 40;
 /// Largest size in bytes of a definition, and largest number of them.
 const LONGEST_DEFINITION: usize = 1 << 17;
 const MOST_DEFINITIONS: usize = 2048;
@@ -50,78 +43,13 @@ pub struct Mcap {
     ended: bool,
 }
 
-/// The parts of a record, read from front to back.
-struct Fields<'a>(&'a [u8]);
-
-impl<'a> Fields<'a> {
-    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
-        let (now, later) = self.0.split_at_checked(count)?;
-        self.0 = later;
-        Some(now)
-    }
-
-    fn u16(&mut self) -> Option<u16> {
-        Some(u16::from_le_bytes(self.take(2)?.try_into().ok()?))
-    }
-
-    fn u32(&mut self) -> Option<u32> {
-        Some(u32::from_le_bytes(self.take(4)?.try_into().ok()?))
-    }
-
-    fn u64(&mut self) -> Option<u64> {
-        Some(u64::from_le_bytes(self.take(8)?.try_into().ok()?))
-    }
-
-    fn bytes(&mut self) -> Option<&'a [u8]> {
-        let count = self.u32()? as usize;
-        self.take(count)
-    }
-
-    fn text(&mut self) -> Option<String> {
-        Some(String::from_utf8_lossy(self.bytes()?).into_owned())
-    }
-}
-
-/// A chunk without its records.
-struct ChunkHead<'a> {
-    size: u64,
-    crc: u32,
-    compression: &'a [u8],
-    /// Length of its records as they are packed, and the bytes of them that are there.
-    length: u64,
-    packed: &'a [u8],
-}
-
-impl ChunkHead<'_> {
-    /// Tests whether the length of the chunk's record is that of its parts.
-    fn fits(&self, length: usize) -> bool {
-        let records = length.checked_sub(CHUNK_HEAD + self.compression.len());
-        records.is_some_and(|n| n as u64 == self.length)
-    }
-}
-
-fn chunk_head(content: &[u8]) -> Option<ChunkHead<'_>> {
-    let mut fields = Fields(content);
-    fields.take(16)?;
-    let (size, crc) = (fields.u64()?, fields.u32()?);
-    let compression = fields.bytes()?;
-    let length = fields.u64()?;
-    Some(ChunkHead { size, crc, compression, length, packed: fields.0 })
-}
-
-/// Opcode and length of the record at the beginning of some bytes.
-fn head(bytes: &[u8]) -> Option<(u8, u64)> {
-    let mut fields = Fields(bytes.get(1..)?);
-    Some((bytes[0], fields.u64()?))
-}
-
 impl Mcap {
     /// A file that begins with [`MAGIC`], at an offset of its bag.
     pub fn new(mut window: Window, base: u64) -> Self {
         window.skip(MAGIC.len());
         Self {
             window,
-            unpacker: Unpacker::new(),
+            unpacker: Unpacker::default(),
             base,
             chunk: Vec::new(),
             at: 0,
@@ -229,7 +157,7 @@ impl Mcap {
         let offset = self.offset();
         let there = self.window.bytes().len().min(HEAD + length);
         let content = &self.window.bytes()[HEAD..there];
-        let chunk = chunk_head(content).filter(|c| c.fits(length));
+        let chunk = PackedChunk::new(content).filter(|c| c.fits(length));
         if chunk.is_none() {
             // the length is damaged, or the file ends
             return self.resume(faults);
@@ -237,15 +165,14 @@ impl Mcap {
         (self.at, self.chunk_offset) = (0, offset);
         match chunk {
             Some(c) if whole => {
-                let size = usize::try_from(c.size).unwrap_or(usize::MAX);
-                if !self.unpacker.whole(c.compression, c.packed, size, c.crc, &mut self.chunk) {
+                if self.unpacker.unpack(&c, &mut self.chunk).is_err() {
                     self.chunk.clear();
                     faults.chunks.add(offset);
                 }
                 self.used = HEAD + length;
             }
             Some(c) => {
-                Unpacker::beginning(c.compression, c.packed, &mut self.chunk);
+                c.unpack_beginning(&mut self.chunk);
                 self.end(offset + there as u64, faults);
             }
             None => {}
@@ -367,7 +294,7 @@ impl Mcap {
             CHUNK => {
                 self.window.need(HEAD + CHUNK_HEAD + 4)?;
                 let content = &self.window.bytes()[HEAD..];
-                return Ok(chunk_head(content).is_some_and(|c| {
+                return Ok(PackedChunk::new(content).is_some_and(|c| {
                     matches!(c.compression, b"" | b"zstd" | b"lz4") && c.fits(length)
                 }));
             }

@@ -1,21 +1,19 @@
 //! A bag: its files in order, and the messages in them.
 
-mod chunk;
 mod faults;
 mod files;
 mod mcap;
 mod pages;
 mod sqlite;
 mod table;
-mod window;
 
 use crate::definition::{Definitions, short_name};
 use crate::error::DefinitionError;
-use chunk::LONGEST;
 pub use faults::Faults;
 use files::{Opened, Storage};
 use mcap::Mcap;
 use navfuse_core::model::stream::StreamError;
+use navfuse_frames::mcap::LONGEST;
 use sqlite::Sqlite;
 use std::io::Read;
 use std::ops::Range;

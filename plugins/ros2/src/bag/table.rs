@@ -4,9 +4,9 @@
 //! hold the rows, with the rest of a long row in a chain of pages. A page that is damaged or
 //! missing costs the rows in it.
 
-use super::chunk::LONGEST;
 use super::faults::Faults;
 use super::pages::Pages;
+use navfuse_frames::mcap::LONGEST;
 use std::io::Result;
 
 /// Depth beyond which a tree is damaged: each inner page has at least two children.

@@ -2,7 +2,8 @@
 
 use std::io::{ErrorKind, Read, Result};
 
-/// Smallest number of bytes that one call reads from the stream.
+/// Smallest number of bytes that the first call reads from the stream, and every later one.
+const FIRST: usize = 16 * 1024;
 const BLOCK: usize = 256 * 1024;
 
 /// The bytes of a stream from a place on.
@@ -27,6 +28,11 @@ impl Window {
         self.base + self.start as u64
     }
 
+    /// Number of bytes that were read from the stream.
+    pub fn read(&self) -> u64 {
+        self.base + self.end as u64
+    }
+
     /// The bytes that are there.
     pub fn bytes(&self) -> &[u8] {
         &self.buffer[self.start..self.end]
@@ -36,14 +42,15 @@ impl Window {
     /// with the bytes that exist, whatever their number is claimed to be.
     pub fn need(&mut self, count: usize) -> Result<bool> {
         while self.end - self.start < count && !self.ended {
-            if self.start > 0 && self.buffer.len() - self.end < BLOCK {
+            let block = self.buffer.len().clamp(FIRST, BLOCK);
+            if self.start > 0 && self.buffer.len() - self.end < block {
                 self.buffer.copy_within(self.start..self.end, 0);
                 self.base += self.start as u64;
                 self.end -= self.start;
                 self.start = 0;
             }
-            if self.buffer.len() - self.end < BLOCK {
-                self.buffer.resize(self.end + BLOCK.max(self.end / 2), 0);
+            if self.buffer.len() - self.end < block {
+                self.buffer.resize(self.end + block.max(self.end / 2), 0);
             }
             match self.reader.read(&mut self.buffer[self.end..]) {
                 Ok(0) => self.ended = true,
