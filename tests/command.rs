@@ -67,6 +67,7 @@ fn json_has_every_documented_key_and_nothing_else_is_on_standard_output() {
     }
     assert_eq!(result["states"]["ins.attitude"]["components"][2], "yaw");
     assert_eq!(result["states"]["ins.position"]["error_components"][2], "down");
+    assert_eq!(result["frame"], "ned");
     assert_eq!((&result["seed"], &result["verdict"]["level"]), (&1.into(), &"consistent".into()));
     assert_eq!(result["version"], env!("CARGO_PKG_VERSION"));
     let log = result["paths"].as_array().and_then(|p| p.iter().find(|p| p["sink"] == "mcap"));

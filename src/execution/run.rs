@@ -164,9 +164,11 @@ fn print(finished: &Finished, text: bool) -> Result<()> {
     Ok(())
 }
 
-/// The summary, the places of the files, and the warnings and errors.
+/// The summary, its frame, the places of the files, and the warnings and errors.
 fn in_json(finished: &Finished) -> Result<Value> {
     let mut value = serde_json::to_value(&finished.summary)?;
+    // `axes = "enu"` is a choice of a table; the state of the filter is always north, east, down
+    value["frame"] = "ned".into();
     let path = |r: &Recorded| json!({ "sink": r.sink, "path": r.place });
     value["paths"] = finished.recorded.iter().map(path).collect();
     let warning = |e: &Event| {

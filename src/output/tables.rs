@@ -11,9 +11,11 @@ use std::sync::OnceLock;
 
 /// Width beyond which the cells of a column are texts, which may be broken at their spaces.
 /// Narrower cells are numbers and names, which are never broken.
-const TEXT: u16 = 24;
+const TEXT: u16 = 20;
 /// Smallest width of a column of texts.
 const NARROWEST: u16 = 14;
+/// Length of a word in a text up to which the column has room for it, where the table allows it.
+const WORD: u16 = 32;
 
 /// The first error of standard output.
 static FAILED: OnceLock<io::Error> = OnceLock::new();
@@ -168,10 +170,21 @@ impl Table {
         if least(&table) + contents.len() + separators > width {
             table.set_header(self.headings.iter().enumerate().map(broken).collect::<Vec<_>>());
         }
-        let space = u16::from(least(&table) + contents.len() + separators <= width);
-        for (k, column) in table.column_iter_mut().enumerate() {
+        let words = longest_words(&table, contents.len());
+        let widths = table.column_max_content_widths().into_iter().zip(words).enumerate();
+        let bound = |(k, (width, word)): (usize, (u16, u16))| match is_text(k) {
+            true => word.clamp(NARROWEST, WORD),
+            false => width,
+        };
+        let bounds: Vec<u16> = widths.map(bound).collect();
+        // names that leave no room for the rest are broken
+        let whole = content(&bounds) + separators <= width;
+        let needed = if whole { content(&bounds) } else { least(&table) };
+        let space = u16::from(needed + contents.len() + separators <= width);
+        for ((k, column), bound) in table.column_iter_mut().enumerate().zip(bounds) {
             column.set_padding((0, space)).set_constraint(if is_text(k) {
-                ColumnConstraint::LowerBoundary(Width::Fixed(NARROWEST))
+                let bound = if whole { bound } else { NARROWEST };
+                ColumnConstraint::LowerBoundary(Width::Fixed(bound))
             } else {
                 ColumnConstraint::ContentWidth
             });
@@ -179,6 +192,19 @@ impl Table {
         table.set_width(u16::try_from(width).unwrap_or(u16::MAX));
         table
     }
+}
+
+/// The longest word of each column.
+fn longest_words(table: &comfy_table::Table, columns: usize) -> Vec<u16> {
+    let mut longest = vec![0; columns];
+    for row in table.row_iter() {
+        for (most, cell) in longest.iter_mut().zip(row.cell_iter()) {
+            let content = cell.content();
+            let words = content.split_whitespace().map(|w| w.chars().count());
+            *most = words.fold(*most, |a, b| a.max(u16::try_from(b).unwrap_or(u16::MAX)));
+        }
+    }
+    longest
 }
 
 impl fmt::Display for Table {

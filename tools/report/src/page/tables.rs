@@ -92,7 +92,7 @@ pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Mark
                             @let (before, after) = (&block.first, &block.last);
                             @let error = last_error(block, k);
                             tr class=[(k == 0).then_some("first")] {
-                                th { @if k == 0 { (block.name) } }
+                                th { @if k == 0 { (breakable(&block.name)) } }
                                 td.name { (block.components[k]) }
                                 @if block.uncertain() {
                                     td { (estimate(before, k)) }
@@ -124,10 +124,20 @@ pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Mark
     }
 }
 
-/// Formats an estimate with its 1-sigma.
+/// A name that a narrow screen may break behind its dot.
+fn breakable(name: &str) -> Markup {
+    html! {
+        @match name.split_once('.') {
+            Some((owner, rest)) => { (owner) "." wbr; (rest) }
+            None => { (name) }
+        }
+    }
+}
+
+/// Formats an estimate with its 1-sigma; a line may end before the sign, not behind it.
 fn estimate(row: &Row, k: usize) -> String {
     let sigma = row.sigma[k];
-    format!("{} ± {}", number(row.estimate[k], sigma), number(sigma, sigma))
+    format!("{} ±\u{a0}{}", number(row.estimate[k], sigma), number(sigma, sigma))
 }
 
 /// Formats a ratio with two digits.
@@ -147,7 +157,7 @@ pub(super) fn sensors(history: &History) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "sensor" } th.name { "type" } th.name { "for" } th { "read" }
+                th { "sensor" } th.name.more { "type" } th.name { "for" } th { "read" }
                 th { "used" }
                 th { "gated" } th { "rejected" } th { "mean NIS" } th { "expected" } th { "band" }
             } }
@@ -159,7 +169,7 @@ pub(super) fn sensors(history: &History) -> Markup {
                     @let bad = judged.is_some_and(|s| !s.inside).then_some("bad");
                     tr.first {
                         th { (sensor.name) }
-                        td.name { (sensor.kind.as_deref().unwrap_or_default()) }
+                        td.name.more { (sensor.kind.as_deref().unwrap_or_default()) }
                         td.name { (word(sensor)) }
                         td { (sensor.read) }
                         @if measures(sensor) {
