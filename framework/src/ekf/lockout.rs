@@ -43,7 +43,7 @@ const RETURN: u32 = 5;
 pub(super) const GONE: f64 = 0.25;
 
 /// Decision on a measured sample.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
     Pass,
     Gate,
