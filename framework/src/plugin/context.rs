@@ -23,7 +23,13 @@ pub struct OpenContext<'a> {
     pub sources: usize,
 }
 
-impl OpenContext<'_> {
+impl<'a> OpenContext<'a> {
+    /// The context of a scenario with one source, whose files are in a folder.
+    pub fn new(composition: &'a Composition, base: PathBuf) -> Self {
+        let output = base.clone();
+        Self { composition, base, output, disabled_sensors: Vec::new(), sources: 1 }
+    }
+
     /// Finds a sensor that a source names. `None` for a sensor that the scenario disables: such a
     /// sensor may keep the keys by which a source fills it.
     ///

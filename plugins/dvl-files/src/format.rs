@@ -72,6 +72,11 @@ impl Format {
         Self::WaterLinkedSerial,
     ];
 
+    /// Tests whether the ranges of the beams are along the vertical.
+    pub(crate) fn has_vertical_ranges(self) -> bool {
+        self != Self::WaterLinkedJson
+    }
+
     /// The name in a scenario.
     pub fn name(self) -> &'static str {
         match self {

@@ -62,14 +62,26 @@ pub struct Track {
     pub beams: Option<[Option<f64>; 4]>,
     /// Error velocity, m/s: the contradiction between the two pairs of beams.
     pub error_velocity: Option<f64>,
-    /// Distance to the bottom as the format gives it for each beam, m.
+    /// Distance to the bottom as the format gives it for each beam, m: along the vertical, but
+    /// along the beam in JSON of Water Linked.
     pub range: [Option<f64>; 4],
+    /// Height of the instrument above the bottom, m: the one that it reports, or else the mean of
+    /// the vertical ranges.
+    pub altitude: Option<f64>,
     /// Correlation of each beam as a share of full scale.
     pub correlation: [Option<f64>; 4],
     /// Share of good pings of each beam.
     pub percent_good: [Option<f64>; 4],
     /// Figure of merit, m/s: the accuracy that the instrument claims.
     pub figure_of_merit: Option<f64>,
+}
+
+impl Track {
+    /// The mean of the ranges of the beams that have one.
+    pub(crate) fn mean_range(&self) -> Option<f64> {
+        let count = self.range.iter().flatten().count();
+        (count > 0).then(|| self.range.iter().flatten().sum::<f64>() / count as f64)
+    }
 }
 
 /// Heading, pitch and roll in an instrument's own convention, rad.

@@ -95,8 +95,13 @@ impl Stream {
             return Ok(false);
         }
         match self.decoder.next().map_err(|e| StreamError::read(&self.path, e))? {
-            Some(ping) => {
+            Some(mut ping) => {
                 self.pings += 1;
+                if let Some(track) =
+                    ping.bottom.as_mut().filter(|_| self.format.has_vertical_ranges())
+                {
+                    track.altitude = track.altitude.or_else(|| track.mean_range());
+                }
                 if self.pings == 1 {
                     self.config.check(ping.stamp).map_err(|e| e.in_file(&self.path))?;
                 }

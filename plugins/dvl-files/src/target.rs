@@ -63,6 +63,8 @@ pub struct Target {
     pub part: Part,
     sensor: SensorId,
     channels: Channels,
+    /// The channel of the height above the bottom.
+    altitude: Option<usize>,
     /// Number of samples.
     pub samples: u64,
 }
@@ -147,7 +149,8 @@ impl Target {
             ))
             .at_key(part.key()));
         };
-        Ok(Self { part, sensor, channels, samples: 0 })
+        let altitude = channel("altitude").filter(|_| part == Part::Bottom);
+        Ok(Self { part, sensor, channels, altitude, samples: 0 })
     }
 
     /// Gives a ping to the sensor.
@@ -198,6 +201,9 @@ impl Target {
                 }
             }
             Channels::Depth(_) => {}
+        }
+        if let Some((channel, altitude)) = self.altitude.zip(track.altitude) {
+            sample.set(channel, altitude);
         }
         Given::Sample(sample)
     }

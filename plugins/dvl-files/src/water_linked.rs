@@ -81,6 +81,7 @@ struct Report {
     vy: Option<f64>,
     vz: Option<f64>,
     fom: Option<f64>,
+    altitude: Option<f64>,
     velocity_valid: Option<bool>,
     time_of_validity: Option<i64>,
     transducers: Option<Vec<Transducer>>,
@@ -133,7 +134,11 @@ impl<R: Read + Send> Decoder for Json<R> {
                 Some(micros) => micros.checked_mul(MICROSECOND).map_or(Stamp::Missing, Stamp::Date),
                 None => elapsed(report.time),
             };
-            return Ok(Some(ping(frame.offset, stamp, velocity, valid, range, report.fom)));
+            let mut ping = ping(frame.offset, stamp, velocity, valid, report.altitude, report.fom);
+            if let Some(track) = &mut ping.bottom {
+                track.range = range;
+            }
+            return Ok(Some(ping));
         }
         Ok(None)
     }
@@ -155,7 +160,7 @@ fn ping(
     stamp: Stamp,
     velocity: [Option<f64>; 3],
     valid: bool,
-    range: [Option<f64>; 4],
+    altitude: Option<f64>,
     merit: Option<f64>,
 ) -> Ping {
     let [x, y, z] = velocity.map(|v| v.filter(|_| valid));
@@ -163,7 +168,8 @@ fn ping(
         coordinates: Coordinates::Instrument,
         recorded: [x, y, z, None],
         axes: x.zip(y).zip(z).map(|((x, y), z)| [x, y, z]),
-        range,
+        // without the bottom it reports -1
+        altitude: altitude.filter(|a| valid && *a > 0.0),
         figure_of_merit: merit,
         ..Track::default()
     };
@@ -228,12 +234,12 @@ fn velocity<'a>(fields: &mut impl Iterator<Item = &'a str>, offset: u64) -> Opti
     let mut axis = || number(fields);
     let velocity = [Some(axis()?), Some(axis()?), Some(axis()?)];
     let valid = validity(fields.next()?)?;
-    let (_altitude, merit) = (number(fields)?, number(fields)?);
+    let (altitude, merit) = (number(fields)?, number(fields)?);
     let _covariance = fields.next()?;
     let micros: i64 = value(fields)?;
     let stamp = Some(micros).filter(|t| *t > 0).and_then(|t| t.checked_mul(MICROSECOND));
     let stamp = stamp.map_or(Stamp::Missing, Stamp::Date);
-    Some(ping(offset, stamp, velocity, valid, [None; 4], Some(merit)))
+    Some(ping(offset, stamp, velocity, valid, Some(altitude), Some(merit)))
 }
 
 /// Reads `wrx,time,vx,vy,vz,fom,altitude,valid,status`.
@@ -241,7 +247,7 @@ fn old_velocity<'a>(fields: &mut impl Iterator<Item = &'a str>, offset: u64) -> 
     let stamp = elapsed(number(fields));
     let mut axis = || number(fields);
     let velocity = [Some(axis()?), Some(axis()?), Some(axis()?)];
-    let (merit, _altitude) = (number(fields)?, number(fields)?);
+    let (merit, altitude) = (number(fields)?, number(fields)?);
     let valid = validity(fields.next()?)?;
-    Some(ping(offset, stamp, velocity, valid, [None; 4], Some(merit)))
+    Some(ping(offset, stamp, velocity, valid, Some(altitude), Some(merit)))
 }

@@ -28,8 +28,10 @@ pub use window::Window;
 
 use std::io::{ErrorKind, Read, Result};
 
-/// Smallest number of bytes that one call reads from the stream.
+/// Smallest number of bytes that one call reads from a long stream.
 const CHUNK: usize = 128 * 1024;
+/// Number of bytes that the buffer has at first.
+const LEAST: usize = 4096;
 
 /// Rules by which a format marks, measures and checks its frames.
 ///
@@ -111,7 +113,7 @@ pub struct Frame<'a> {
 pub struct Frames<R, F> {
     reader: R,
     framing: F,
-    buffer: Box<[u8]>,
+    buffer: Vec<u8>,
     /// The bytes of the buffer that are read but not yet used.
     start: usize,
     end: usize,
@@ -129,7 +131,7 @@ impl<R: Read, F: Framing> Frames<R, F> {
         Self {
             reader,
             framing,
-            buffer: vec![0; F::MAX + CHUNK].into_boxed_slice(),
+            buffer: vec![0; LEAST],
             start: 0,
             end: 0,
             base: 0,
@@ -224,6 +226,11 @@ impl<R: Read, F: Framing> Frames<R, F> {
             self.base += self.start as u64;
             self.end -= self.start;
             self.start = 0;
+            // a short file needs little memory; a long one soon has the full size
+            let (size, full) = (self.buffer.len(), F::MAX + CHUNK);
+            if size < full && size - self.end < size / 2 {
+                self.buffer.resize((2 * size).min(full), 0);
+            }
         }
         loop {
             match self.reader.read(&mut self.buffer[self.end..]) {

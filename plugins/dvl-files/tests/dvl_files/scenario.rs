@@ -162,6 +162,30 @@ fn beams_go_to_a_sensor_of_beams_and_axes_to_one_of_axes() {
     assert_eq!(read(&nortek, BEAMS, "").unwrap().samples[0].present(), 0b1111);
 }
 
+/// The mean of vertical ranges, or the height that an instrument of Water Linked reports: its ranges
+/// are along the beams.
+#[test]
+fn the_altitude_is_the_height_above_the_bottom_where_the_sensor_has_the_channel() {
+    let sensor = format!("{DVL}altitude = true\n");
+    for (format, altitude) in [
+        ("pd0", Some(186.35)),
+        ("pd4", Some(12.015)),
+        ("pd6", None),
+        ("ad2cp", Some(20.15)),
+        ("nortek-nmea", Some(23.45)),
+        ("water-linked-json", Some(0.49)),
+        ("water-linked-serial", Some(1.3)),
+    ] {
+        let file = records(format, 2).concat();
+        let found = read(&file, &sensor, "").unwrap().samples[0].get(3);
+        // the ranges of AD2CP are numbers of 32 bits
+        let near = |(a, b): (f64, f64)| (a - b).abs() < 1e-6;
+        assert_eq!(found.is_some(), altitude.is_some(), "{format}");
+        assert!(found.zip(altitude).is_none_or(near), "{format}: {found:?}");
+        assert_eq!(read(&file, DVL, "").unwrap().samples[0].get(3), None, "{format}");
+    }
+}
+
 /// The 45 deg mounting: beam 3 points 45 deg to starboard. The misalignment is the attitude of the
 /// body from the instrument, whose bow is then 45 deg to port: a yaw of -45 deg. A filter that moves
 /// forward at 1 m/s predicts the velocities in the file.
