@@ -118,7 +118,7 @@ fn wrong(registry: &Registry) -> String {
 /// Whether the sonar is the one with beams.
 fn better(registry: &Registry) -> bool {
     let schema =
-        serde_json::to_string(&registry.get(Kind::Sensor, "sonar").unwrap().schema).unwrap();
+        serde_json::to_string(&*registry.get(Kind::Sensor, "sonar").unwrap().schema).unwrap();
     schema.contains("beams")
 }
 

@@ -15,6 +15,7 @@ use serde::de::DeserializeOwned;
 use std::any::TypeId;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use crate::plugin::plugin::Members;
 use crate::plugin::simulation_keys;
@@ -270,10 +271,10 @@ pub struct Entry {
     pub kind: Kind,
     /// Name of the type in TOML.
     pub name: &'static str,
-    /// JSON Schema of its parameters.
-    pub schema: Schema,
+    /// JSON Schema of its parameters, made when it is first read: most runs need few of them.
+    pub schema: LazyLock<Schema>,
     /// Keys by which a type of sensor extends the table `simulation`.
-    pub(crate) simulation_keys: Vec<String>,
+    pub(crate) simulation_keys: LazyLock<Vec<String>>,
     pub(crate) make: Make,
     /// Plugin that registered the type, if a plugin did.
     owner: Option<TypeId>,
@@ -422,14 +423,17 @@ impl Registry {
     }
 
     fn insert<T: JsonSchema>(&mut self, kind: Kind, name: &'static str, make: Make) {
-        let schema = SchemaGenerator::default().into_root_schema_for::<T>();
-        let simulation_keys = simulation_keys::own(schema.as_value());
+        let schema: fn() -> Schema = || SchemaGenerator::default().into_root_schema_for::<T>();
+        let simulation_keys: fn() -> Vec<String> = || {
+            let schema = SchemaGenerator::default().into_root_schema_for::<T>();
+            simulation_keys::own(schema.as_value())
+        };
         let owner = self.members.current();
         self.entries.entry((kind, name)).or_default().push(Entry {
             kind,
             name,
-            schema,
-            simulation_keys,
+            schema: LazyLock::new(schema),
+            simulation_keys: LazyLock::new(simulation_keys),
             make,
             owner,
         });

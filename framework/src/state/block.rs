@@ -125,28 +125,32 @@ impl Block {
         covariance: &crate::state::covariance::Covariance,
         out: &mut [f64],
     ) {
+        let [shown] = self.show_sigmas(values, [covariance]);
         let n = self.operations.tangent;
-        let Some(t) = self.tangent else {
-            out[..n].fill(0.0);
-            return;
-        };
+        out[..n].copy_from_slice(&shown[..n]);
+    }
+
+    /// [`Self::show_sigma`] of several covariances about the same value.
+    pub fn show_sigmas<const K: usize>(
+        &self,
+        values: &[f64],
+        covariances: [&crate::state::covariance::Covariance; K],
+    ) -> [[f64; MAX_TANGENT]; K] {
+        let n = self.operations.tangent;
+        let Some(t) = self.tangent else { return [[0.0; MAX_TANGENT]; K] };
         let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
-        if !self.coordinate_jacobian(values, &mut jacobian) {
+        let curved = self.coordinate_jacobian(values, &mut jacobian);
+        covariances.map(|covariance| {
+            let mut out = [0.0; MAX_TANGENT];
             for (i, out) in out[..n].iter_mut().enumerate() {
-                *out = covariance.get(t + i, t + i).max(0.0).sqrt() / self.spec.display.scale;
+                let variance = match curved {
+                    true => variance(&jacobian[n * i..n * i + n], covariance, t),
+                    false => covariance.get(t + i, t + i),
+                };
+                *out = variance.max(0.0).sqrt() / self.spec.display.scale;
             }
-            return;
-        }
-        for i in 0..n {
-            let row = &jacobian[n * i..n * i + n];
-            let mut variance = 0.0;
-            for (a, &ja) in row.iter().enumerate().filter(|(_, j)| **j != 0.0) {
-                for (b, &jb) in row.iter().enumerate().filter(|(_, j)| **j != 0.0) {
-                    variance += ja * jb * covariance.get(t + a, t + b);
-                }
-            }
-            out[i] = variance.max(0.0).sqrt() / self.spec.display.scale;
-        }
+            out
+        })
     }
 
     /// Derivative, with respect to the error, of the components whose 1-sigma
@@ -215,4 +219,15 @@ impl Block {
         (self.operations.coordinate_jacobian)(&values[self.range()], jacobian);
         jacobian[..n * n].iter().all(|j| j.abs() <= largest)
     }
+}
+
+/// Variance of `g x`, with `g` a row of a Jacobian and `x` the error states from `first` on.
+fn variance(g: &[f64], covariance: &crate::state::covariance::Covariance, first: usize) -> f64 {
+    let mut variance = 0.0;
+    for (a, &ga) in g.iter().enumerate().filter(|(_, g)| **g != 0.0) {
+        for (b, &gb) in g.iter().enumerate().filter(|(_, g)| **g != 0.0) {
+            variance += ga * gb * covariance.get(first + a, first + b);
+        }
+    }
+    variance
 }

@@ -17,7 +17,7 @@
 //! information that the measurements would hold on each component if all others were known.
 
 use navfuse_core::state::Layout;
-use navfuse_core::state::covariance::{Transition, Update};
+use navfuse_core::state::covariance::{Chain, Transition, Update};
 
 /// Fixed-point smoother of the initial error. Rows are indices of the error state, columns are
 /// components of the initial error in units of their prior.
@@ -33,7 +33,8 @@ pub struct InitialError {
     left: Vec<f64>,
     /// Diagonal of the Gramian of `F`.
     alone: Vec<f64>,
-    work: Vec<f64>,
+    /// Transitions that `G` and `F` have not taken yet.
+    chain: Chain,
     rows: Vec<f64>,
 }
 
@@ -56,20 +57,30 @@ impl InitialError {
             carried,
             left,
             alone: vec![0.0; n],
-            work: Vec::new(),
+            chain: Chain::default(),
             rows: Vec::new(),
         }
     }
 
-    /// Propagates `G` and `F` with `Phi`.
+    /// Takes a transition. `G` and `F` follow with [`Self::settle`].
     pub fn transition(&mut self, transition: &Transition) {
-        transition.carry(&mut self.carried, self.stride, &mut self.work);
-        transition.carry(&mut self.free, self.stride, &mut self.work);
+        if !self.chain.append(transition) {
+            self.settle();
+            self.chain.append(transition);
+        }
+    }
+
+    /// Propagates `G` and `F` with the product of the transitions since the last call.
+    pub fn settle(&mut self) {
+        self.chain.carry(&mut self.carried, self.stride);
+        self.chain.carry(&mut self.free, self.stride);
+        self.chain.restart();
     }
 
     /// Applies an update. `reduction` receives the factor by which the update reduced the remaining
     /// variance of each component.
     pub fn correction(&mut self, layout: &Layout, update: &Update, reduction: &mut [f64]) {
+        self.settle();
         let (n, m) = (self.n, update.m);
         let (s, r) = (Lower::of(&update.s, m), Lower::of(&update.r, m));
         let mut rows = std::mem::take(&mut self.rows);
@@ -124,8 +135,8 @@ impl InitialError {
         &self.alone
     }
 
-    /// Returns the element `(i, j)` of `G`: the present error in the state `i` for an initial error
-    /// of one prior sigma in the component `j`.
+    /// Returns the element `(i, j)` of `G`: the error in the state `i` at the last
+    /// [`Self::settle`], for an initial error of one prior sigma in the component `j`.
     pub fn carried(&self, i: usize, j: usize) -> f64 {
         self.carried[i * self.stride + j]
     }

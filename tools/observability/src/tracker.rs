@@ -253,6 +253,7 @@ impl Tracker {
             self.started = Some(Propagation::new(&self.layout, values, epoch.covariance));
         }
         let Some(started) = &mut self.started else { return false };
+        started.error.settle();
         if self.begin == Time::MIN {
             self.begin = time;
         }
@@ -265,13 +266,9 @@ impl Tracker {
             if range.is_empty() {
                 continue;
             }
-            let shown = |covariance: &Covariance| {
-                let mut out = [0.0; MAX_TANGENT];
-                block.show_sigma(values, covariance, &mut out);
-                out
-            };
-            let (sigma, prior) = (shown(epoch.covariance), shown(started.reference.prior()));
-            let reference = shown(started.reference.carried());
+            let reference = &started.reference;
+            let covariances = [epoch.covariance, reference.prior(), reference.carried()];
+            let [sigma, prior, reference] = block.show_sigmas(values, covariances);
             let driven = started.reference.driven(slot);
             let mut carried = [0.0; MAX_TANGENT];
             if driven {
@@ -280,7 +277,7 @@ impl Tracker {
                     let product = |k| started.error.carried(i, k) * started.error.carried(j, k);
                     started.work.set(i, j, range.clone().map(product).sum());
                 }
-                carried = shown(&started.work);
+                [carried] = block.show_sigmas(values, [&started.work]);
             }
             for k in 0..range.len() {
                 let weight = match (driven, reference[k] > 0.0) {

@@ -7,12 +7,13 @@
 use super::Covariance;
 use crate::units::sample::MAX_CHANNELS;
 use pulp::{Arch, Simd, WithSimd};
+use std::sync::Arc;
 
 /// The pattern of `Phi` in the kernel's order, and its work space.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Kernel {
-    /// Rows of `Phi` that differ from the identity, ascending.
-    rows: Vec<usize>,
+    /// Rows of `Phi` that differ from the identity, ascending. All copies share them.
+    rows: Arc<[usize]>,
     /// Consecutive rows of these.
     runs: Vec<Run>,
     /// Rows of the identity.
@@ -67,6 +68,24 @@ impl WithSimd for Propagation<'_> {
     }
 }
 
+/// A product with the rows of a matrix on the instructions that the processor has.
+struct Carry<'a> {
+    kernel: &'a Kernel,
+    phi: &'a [f64],
+    g: &'a [f64],
+    stride: usize,
+    out: &'a mut [f64],
+}
+
+impl WithSimd for Carry<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.kernel.terms.product(self.phi, self.g, self.stride, self.out, false);
+    }
+}
+
 impl Kernel {
     /// Orders the `(row, column)` of each element of `Phi` for an error state of dimension `n`.
     pub(super) fn new(n: usize, places: &[(usize, usize)]) -> Self {
@@ -102,14 +121,14 @@ impl Kernel {
             y: vec![0.0; rows.len() * width],
             carried: Vec::with_capacity(rows.len() * MAX_CHANNELS.next_multiple_of(4)),
             processor: Arch::new(),
-            rows,
+            rows: rows.into(),
             runs,
             declared,
         }
     }
 
     /// Rows of `Phi` that differ from the identity, ascending.
-    pub(super) fn rows(&self) -> &[usize] {
+    pub(super) fn rows(&self) -> &Arc<[usize]> {
         &self.rows
     }
 
@@ -184,7 +203,8 @@ impl Kernel {
     /// [`super::Transition::carry`].
     pub(super) fn carry(&self, phi: &[f64], g: &mut [f64], stride: usize, work: &mut Vec<f64>) {
         work.resize(self.rows.len() * stride, 0.0);
-        self.terms.product(phi, g, stride, work, false);
+        let carry = Carry { kernel: self, phi, g, stride, out: &mut work[..] };
+        self.processor.dispatch(carry);
         for (row, new) in self.rows.iter().zip(work.chunks_exact(stride)) {
             g[row * stride..][..stride].copy_from_slice(new);
         }

@@ -4,6 +4,7 @@
 //! therefore a sparse pattern, found once, and one kernel, `y_i = sum_k a_ik x_k` over rows of `x`,
 //! does all the work.
 
+mod chain;
 mod inputs;
 mod kernel;
 mod matrix;
@@ -14,6 +15,7 @@ mod update;
 #[cfg(test)]
 mod tests;
 
+pub use chain::Chain;
 pub use inputs::InputSlot;
 pub use matrix::Covariance;
 pub use transition::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};

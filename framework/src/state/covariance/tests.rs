@@ -1,7 +1,7 @@
 //! The structured covariance equals the textbook's dense form, on random compositions.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use super::{Covariance, NoiseSlot, PhiDiagonal, PhiSlot, Transition, Update};
+use super::{Chain, Covariance, NoiseSlot, PhiDiagonal, PhiSlot, Transition, Update};
 use crate::compose::Composer;
 use crate::state::dynamics::BlockDynamics;
 use crate::state::manifold::Vector;
@@ -232,13 +232,33 @@ proptest! {
         dense = p.to_dense();
         let (mut portable, mut same_p) = (transition.clone(), p.clone());
         portable.kernel.processor = Arch::Scalar;
+        let stride = n.next_multiple_of(4);
+        let mut g: Vec<f64> = (0..n * stride).map(|_| u.next()).collect();
+        let (mut same_g, mut chained, mut work) = (g.clone(), g.clone(), Vec::new());
+        let mut chain = Chain::default();
         for _ in 0..3 {
             transition.propagate(&mut p);
             portable.propagate(&mut same_p);
             prop_assert_eq!(bits(&p), bits(&same_p));
             dense = &phi * &dense * phi.transpose() + &q;
             same(&p, &dense)?;
+            transition.carry(&mut g, stride, &mut work);
+            portable.carry(&mut same_g, stride, &mut work);
+            prop_assert_eq!(&g, &same_g);
+            prop_assert!(chain.append(&transition));
         }
+        chain.carry(&mut chained, stride);
+        // three products of n terms, rounded in another order
+        let (apart, size) = g.iter().zip(&chained).fold((0.0_f64, 1.0_f64), |(apart, size), (a, b)| {
+            (apart.max((a - b).abs()), size.max(a.abs()))
+        });
+        prop_assert!(apart <= 1e-12 * size, "{} of {}", apart, size);
+        // the places of another transition may be others
+        let mut other = transition.clone();
+        other.compile(&layout);
+        prop_assert!(!chain.append(&other));
+        chain.restart();
+        prop_assert!(chain.append(&other));
     }
 
     #[test]

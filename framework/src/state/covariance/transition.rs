@@ -276,7 +276,7 @@ impl Transition {
     /// `Phi` as a dense matrix: the identity, except in the rows with declared elements.
     pub fn phi_dense(&self, n: usize) -> nalgebra::DMatrix<f64> {
         let mut phi = nalgebra::DMatrix::identity(n, n);
-        for &row in self.kernel.rows() {
+        for &row in self.kernel.rows().iter() {
             phi[(row, row)] = 0.0;
         }
         self.elements().for_each(|(i, j, value)| phi[(i, j)] += value);

@@ -1,0 +1,87 @@
+//! Products of transitions, for a tool that carries errors over many steps.
+
+use super::Transition;
+use std::sync::Arc;
+
+/// Product `Psi = Phi_k ... Phi_1` of the transitions since the last [`Self::restart`].
+///
+/// Many steps follow each other between two updates, and each of them would carry every column of
+/// a wide matrix. `Psi` has the few columns that the transitions read; [`Self::carry`] applies it
+/// once, when the matrix is needed.
+#[derive(Clone, Debug, Default)]
+pub struct Chain {
+    /// Rows that the transitions change, which copies of one transition share.
+    rows: Arc<[usize]>,
+    /// Columns in which `Psi` may differ from the identity, ascending.
+    columns: Vec<usize>,
+    stride: usize,
+    /// These columns of `Psi`, row-major.
+    psi: Vec<f64>,
+    /// Set once the product has a factor.
+    moved: bool,
+    work: Vec<f64>,
+}
+
+impl Chain {
+    /// Multiplies the product by a transition from the left. Returns `false`, and leaves the
+    /// product as it is, for a transition with other places than those before: carry the product
+    /// and restart it first.
+    pub fn append(&mut self, transition: &Transition) -> bool {
+        if !Arc::ptr_eq(&self.rows, transition.kernel.rows()) {
+            if self.moved {
+                return false;
+            }
+            self.begin(transition);
+        }
+        transition.carry(&mut self.psi, self.stride, &mut self.work);
+        self.moved = true;
+        true
+    }
+
+    /// Applies the product: `G = Psi G`, row-major with rows of `stride`.
+    pub fn carry(&mut self, g: &mut [f64], stride: usize) {
+        if !self.moved {
+            return;
+        }
+        self.work.clear();
+        self.work.resize(self.rows.len() * stride, 0.0);
+        for (&row, new) in self.rows.iter().zip(self.work.chunks_exact_mut(stride)) {
+            let psi = &self.psi[row * self.stride..][..self.columns.len()];
+            for (&column, &by) in self.columns.iter().zip(psi).filter(|(_, by)| **by != 0.0) {
+                let from = &g[column * stride..][..stride];
+                new.iter_mut().zip(from).for_each(|(new, g)| *new += by * g);
+            }
+        }
+        for (&row, new) in self.rows.iter().zip(self.work.chunks_exact(stride)) {
+            g[row * stride..][..stride].copy_from_slice(new);
+        }
+    }
+
+    /// Sets the product to the identity.
+    pub fn restart(&mut self) {
+        self.moved = false;
+        for &row in self.rows.iter() {
+            let psi = &mut self.psi[row * self.stride..][..self.stride];
+            psi.fill(0.0);
+            if let Ok(k) = self.columns.binary_search(&row) {
+                psi[k] = 1.0;
+            }
+        }
+    }
+
+    /// Sets the product to the identity, for transitions with the places of this one.
+    fn begin(&mut self, transition: &Transition) {
+        self.columns.clear();
+        self.columns.extend(transition.places().iter().flat_map(|place| [place.0, place.1]));
+        self.columns.sort_unstable();
+        self.columns.dedup();
+        self.stride = self.columns.len().max(1).next_multiple_of(4);
+        let rows = self.columns.last().map_or(0, |last| last + 1);
+        self.psi.clear();
+        self.psi.resize(rows * self.stride, 0.0);
+        for (k, column) in self.columns.iter().enumerate() {
+            self.psi[column * self.stride + k] = 1.0;
+        }
+        self.rows = Arc::clone(transition.kernel.rows());
+    }
+}
