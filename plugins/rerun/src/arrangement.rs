@@ -24,8 +24,8 @@ const MAP_PIXELS: f64 = 350.0;
 /// over the 256 pixels of the one tile.
 const MAP_SCALE: f64 = 40_075_016.7 / 256.0;
 /// Distance of the eye from the middle of the track, in radii of the sphere around it: the sphere
-/// fits into a view of 60 degrees, and the flat track of a vehicle into a narrower one.
-const EYE: f32 = 2.0;
+/// fits into a view of 2 asin(1 / 2.3), 52 degrees.
+const EYE: f32 = 2.3;
 /// Background of the views in three dimensions.
 const GROUND: [u8; 3] = [14, 16, 20];
 /// Height of a lane of the viewer, and of what is above the lanes, pixels.
