@@ -11,6 +11,7 @@ pub use crate::model::measurement::{Jacobian, MeasurementModel};
 pub use crate::model::motion::Motion;
 pub use crate::model::mounting::Mounting;
 pub use crate::model::process::{BuiltProcess, Interval, OwnDynamics, ProcessError, ProcessModel};
+pub use crate::model::roster::Roster;
 pub use crate::model::sensor::Role;
 pub use crate::model::simulate::Scene;
 pub use crate::model::stream::{RunInfo, Sink, Source, StreamError};
@@ -21,7 +22,9 @@ pub use crate::state::covariance::{InputSlot, NoiseSlot, PhiDiagonal, PhiSlot, T
 pub use crate::state::display;
 pub use crate::state::geodesy::Geodetic;
 pub use crate::state::manifold::{Manifold, Position, Reading, Rotation, Scalar, Vector};
-pub use crate::state::{BlockSpec, Display, Dynamics, Handle, Layout, Mode, Past, State, View};
+pub use crate::state::{
+    BlockSpec, Display, Dynamics, Handle, Layout, Mode, Past, State, Transients, View,
+};
 pub use crate::units::sample::{Channel, Sample, SensorId};
 pub use crate::units::time::Time;
 pub use crate::units::{

@@ -55,6 +55,7 @@ fn block<M: Manifold>(coordinates: &[f64], sigma: &[f64], display: Display) -> (
         offset: 0,
         tangent: Some(0),
         wanders: false,
+        label: None,
     };
     (block, values::<M>(coordinates))
 }

@@ -7,6 +7,7 @@ use navfuse_core::plugin::{Kind, Registry};
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::run::schema::parameters;
 use navfuse_testing::judge::judged;
+use navfuse_testing::steps::allocations;
 
 fn registry() -> Registry {
     let mut registry = navfuse_testing::registry();
@@ -159,6 +160,123 @@ fn pseudoranges_of_4_to_40_satellites_are_consistent_with_a_clock_that_wanders()
         assert!((least..most).contains(&each), "{each}");
         assert!((nees - 1.0).abs() < 0.21, "{nees}");
         assert!((nis - 1.0).abs() < 3.3 * (2.0 / f64::from(count as u32)).sqrt(), "{nis}");
+    }
+}
+
+/// A vehicle without fixes drives two loops among 18 landmarks, 30 m apart, of which it sees those
+/// within 25 m and maps five.
+const CAMERA: &str = r#"
+[estimator]
+draw = "all"
+[process.ins]
+attitude = { sigma = ["0.3 deg", "0.3 deg", "1 deg"] }
+velocity = { sigma = "0.1 m/s" }
+position = { sigma = "1 m" }
+gyro_bias = { sigma = "20 deg/h" }
+accel_bias = { sigma = "500 ug" }
+[sensor.imu]
+gyro_noise = "10 deg/h/sqrt(Hz)"
+accel_noise = "100 ug/sqrt(Hz)"
+simulation = { rate = "20 Hz" }
+[sensor.landmarks]
+noise = "10 cm"
+states = 5
+gate = "off"
+[sensor.landmarks.simulation]
+rate = "2 Hz"
+origin = ["43 deg", "0 deg"]
+sight = "25 m"
+landmarks = [
+    ["10 m", "-8 m", "2 m"], ["10 m", "22 m", "-1 m"], ["10 m", "52 m", "1 m"],
+    ["40 m", "-8 m", "2 m"], ["40 m", "22 m", "-1 m"], ["40 m", "52 m", "1 m"],
+    ["70 m", "-8 m", "2 m"], ["70 m", "22 m", "-1 m"], ["70 m", "52 m", "1 m"],
+    ["100 m", "-8 m", "2 m"], ["100 m", "22 m", "-1 m"], ["100 m", "52 m", "1 m"],
+    ["130 m", "-8 m", "2 m"], ["130 m", "22 m", "-1 m"], ["130 m", "52 m", "1 m"],
+    ["160 m", "-8 m", "2 m"], ["160 m", "22 m", "-1 m"], ["160 m", "52 m", "1 m"],
+]
+[sensor.reference]
+simulation = { rate = "1 Hz" }
+[source.simulation]
+start = { latitude = "43 deg", heading = "0 deg" }
+segments = [
+    { type = "surge", duration = "10 s", speed = "3 m/s" },
+    { type = "turn", duration = "120 s", angle = "720 deg" },
+]
+"#;
+
+/// 30 runs of `n` error states: the mean NEES over `n` has a sigma of sqrt(2 / (30 n)), and the
+/// mean NIS of `m` channels one of sqrt(2 / m); 3.3 sigma.
+#[test]
+fn landmarks_that_come_and_go_are_consistent_under_each_estimator() {
+    for (estimator, runs) in [("ekf", 30), ("ukf", 30)] {
+        let (mut nees, mut freedom, mut nis, mut channels) = (0.0, 0, 0.0, 0);
+        let (mut added, mut removed) = (0, 0);
+        for seed in 1..=runs {
+            let settings = [format!("estimator.type=\"{estimator}\""), format!("seed={seed}")];
+            let (finished, judge) = judged(&registry(), CAMERA, &settings);
+            assert!(finished.error.is_none(), "seed {seed}: {:?}", finished.error);
+            // the vehicle, and the landmarks that are there at the end
+            assert_eq!(judge.freedom, 15 + 3 * 5, "seed {seed}: {}", judge.freedom);
+            nees += judge.nees;
+            freedom += judge.freedom;
+            let accepted = || judge.nis.iter().map(|(_, nis)| nis).filter(|nis| nis.is_finite());
+            nis += accepted().sum::<f64>();
+            channels += 3 * accepted().count();
+            let count =
+                |text: &str| judge.events.iter().filter(|event| event.contains(text)).count();
+            added += count(" added: landmarks.landmark_");
+            removed += count(" removed: landmarks.landmark_");
+        }
+        let (freedom, channels) = (f64::from(freedom as u32), f64::from(channels as u32));
+        let (nees, nis) = (nees / freedom, nis / channels);
+        println!("{estimator}: ANEES {nees:.3}, ANIS {nis:.4}, {added} added, {removed} removed");
+        assert!((nees - 1.0).abs() < 3.3 * (2.0 / freedom).sqrt(), "{nees}");
+        assert!((nis - 1.0).abs() < 3.3 * (2.0 / channels).sqrt(), "{nis}");
+        // it passes more than twice as many as it maps, and five are there at the end
+        assert!(added > 12 * runs as usize && added == removed + 5 * runs as usize, "{added}");
+    }
+}
+
+/// Bits of the final estimate, without the values of absent blocks, and the texts of all events
+/// about landmarks.
+fn end(settings: &[&str]) -> (Vec<u64>, Vec<String>) {
+    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
+    let (finished, judge) = judged(&registry(), CAMERA, &settings);
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let rows = finished.summary.rows.iter().flat_map(|row| [&row.estimate, &row.sigma]);
+    let landmarks = judge.events.into_iter().filter(|event| event.contains("landmark"));
+    (rows.flatten().map(|v| v.to_bits()).collect(), landmarks.collect())
+}
+
+#[test]
+fn late_sights_of_landmarks_give_the_run_in_order_to_the_bit() {
+    let late = "sensor.landmarks.late=\"2 s\"";
+    let delay = "sensor.landmarks.delay={ mean = \"0.6 s\", sigma = \"0.3 s\" }";
+    // with `late`, samples of one time come in the order of their channels
+    let ordered = end(&[late]);
+    assert!(ordered.1.len() > 20, "{:?}", ordered.1);
+    assert_eq!(end(&[late, delay]), ordered);
+}
+
+#[test]
+fn a_smoothed_run_with_landmarks_is_refused() {
+    let error = refused(&CAMERA.replace("draw = ", "smooth = true\ndraw = "));
+    assert!(error.contains("landmarks.landmark_1") && error.contains("estimator"), "{error}");
+}
+
+/// A step in which a landmark comes or goes logs an event, whose text is allocated.
+#[test]
+fn a_step_with_input_models_several_observations_or_landmarks_allocates_nothing() {
+    let cases =
+        [("input models", IMU, 100), ("pseudoranges", RECEIVER, 400), ("camera", CAMERA, 250)];
+    for (name, text, least) in cases {
+        let found = allocations(&registry(), text, 8.0, |step| {
+            allocation_counter::measure(step).count_total
+        });
+        println!("{name}: {found:?}");
+        assert!(found.accepted > least, "{name}: {found:?}");
+        assert_eq!(found.silent.1, 0, "{name}: {found:?}");
+        assert_eq!(found.reporting > 0, name == "camera", "{name}: {found:?}");
     }
 }
 

@@ -121,6 +121,7 @@ impl Composer {
             offset,
             tangent,
             wanders: false,
+            label: None,
         });
         Ok(Handle { slot, manifold: PhantomData })
     }
@@ -161,6 +162,14 @@ impl Composer {
         self.layout.clones.push([of.slot, past.slot]);
         self.clones.push([of.slot, past.slot]);
         Ok(Past(past))
+    }
+
+    pub(super) fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    pub(super) fn layout_mut(&mut self) -> &mut Layout {
+        &mut self.layout
     }
 
     /// Clones of the sensor that is being composed.

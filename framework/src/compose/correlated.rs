@@ -9,6 +9,7 @@ use crate::compose::Composer;
 use crate::document::unknown;
 use crate::model::error::ComposeError;
 use crate::model::measurement::{AnyMeasurement, At};
+use crate::model::roster::Roster;
 use crate::model::simulate::Scene;
 use crate::state::covariance::Update;
 use crate::state::manifold::Scalar;
@@ -123,6 +124,10 @@ impl Correlated {
 }
 
 impl AnyMeasurement for Correlated {
+    fn admit(&self, at: &At<'_>, roster: &mut Roster<'_>) {
+        self.inner.admit(at, roster);
+    }
+
     fn channels(&self) -> usize {
         self.inner.channels()
     }

@@ -44,7 +44,7 @@ pub(crate) fn draw(layout: &mut Layout, moved: &[bool], seed: u64) {
     let (initial, truth) = (layout.initial_state(), layout.true_state().0);
     let past: Vec<bool> = (0..layout.blocks.len()).map(|slot| layout.is_past(slot)).collect();
     for ((block, moved), past) in layout.blocks.iter_mut().zip(moved).zip(past) {
-        if block.tangent.is_none() || past {
+        if block.tangent.is_none() || block.label.is_some() || past {
             continue;
         }
         let stated = block.spec.truth.is_some();

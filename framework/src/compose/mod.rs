@@ -9,6 +9,7 @@ pub mod estimator;
 pub mod keys;
 pub mod settings;
 pub(crate) mod time_offset;
+mod transients;
 pub mod truth;
 
 pub use composer::Composer;

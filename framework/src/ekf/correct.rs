@@ -2,6 +2,7 @@
 
 use super::filter::Ekf;
 use super::lockout::Verdict;
+use super::presence::Presence;
 use super::unscented::regress;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::measurement::{AnyMeasurement, At};
@@ -36,6 +37,10 @@ impl Ekf {
         let Some(attempt) = self.linearise(sample, model) else {
             return Ok(()); // its time less the offset is before the start
         };
+        if self.reads_absent() {
+            self.reject(sample, Rejection::Absent, observer);
+            return Ok(());
+        }
         let Some(nis) = self.update.innovate(&self.memory.covariance) else {
             self.reject(sample, Rejection::Singular, observer);
             return Ok(());
@@ -58,26 +63,37 @@ impl Ekf {
         self.verify(sample.time)
     }
 
-    /// Predicts the sample and its derivative, with the noise that the scenario states.
-    fn linearise<'a>(
-        &mut self,
-        sample: &'a Sample,
-        model: &'a dyn AnyMeasurement,
-    ) -> Option<Attempt<'a>> {
+    /// Computes innovation, Jacobian and noise of a sample. Returns `false` where a sensor with a
+    /// time offset measures a state before the start.
+    pub(super) fn evaluate(&mut self, sample: &Sample, model: &dyn AnyMeasurement) -> bool {
         let (m, update) = (&mut self.memory, &mut self.update);
-        let index = sample.sensor.0;
-        let &Sensor { noise, time_offset, update: rule, .. } = &self.composition.sensors[index];
+        let &Sensor { noise, time_offset, .. } = &self.composition.sensors[sample.sensor.0];
         match time_offset.zip(m.history.as_mut()) {
             None => model.linearise(&At { layout: &self.layout, state: &m.state, sample }, update),
             Some((offset, history)) => {
                 if !history.linearise(model, offset, (&self.layout, &m.state), sample, update) {
-                    return None;
+                    return false;
                 }
             }
         }
         if noise != 1.0 {
             update.r.iter_mut().for_each(|r| *r *= noise * noise);
         }
+        true
+    }
+
+    /// Predicts the sample and its derivative, with the noise that the scenario states.
+    fn linearise<'a>(
+        &mut self,
+        sample: &'a Sample,
+        model: &'a dyn AnyMeasurement,
+    ) -> Option<Attempt<'a>> {
+        if !self.evaluate(sample, model) {
+            return None;
+        }
+        let (m, update) = (&mut self.memory, &mut self.update);
+        let index = sample.sensor.0;
+        let rule = self.composition.sensors[index].update;
         let slot = &mut m.sensors[index];
         let present = sample.present() & slot.channels;
         let repeated = slot.repeats.as_mut().map_or(1.0, |repeats| repeats.take(sample, present));
@@ -173,6 +189,7 @@ impl Ekf {
         }
         // the injected error, since a velocity that turns moves by more than the gain alone gives
         observer.correction(update);
+        m.presence.note(&self.layout, update, sample.time);
         if let Some(history) = &mut m.history {
             history.corrected(&update.delta);
         }
@@ -180,7 +197,8 @@ impl Ekf {
 
     /// Checks the covariance, and shows the monitor the estimate where the sensors agree.
     fn verify(&mut self, time: Time) -> Result<(), EstimatorError> {
-        if let Some(i) = self.memory.covariance.first_invalid() {
+        let m = &self.memory;
+        if let Some(i) = Presence::first_invalid(&self.layout, &m.state, &m.covariance) {
             let block = self.layout.blocks.iter().find(|b| b.tangent_range().contains(&i));
             let block = block.map_or_else(String::new, |b| b.name.clone());
             return Err(EstimatorError::Covariance { time, block });

@@ -241,6 +241,7 @@ impl History {
         let (k, to, share) = self.piece(state.time, back);
         out.time = state.time - Time::from_seconds(back).unwrap_or_default();
         out.values.copy_from_slice(&state.values);
+        out.labels.copy_from_slice(&state.labels);
         for &Moving { slot, estimated } in &self.moving {
             let block = &layout.blocks[slot];
             let mut delta = [0.0; MAX_TANGENT];

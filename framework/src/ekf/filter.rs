@@ -12,6 +12,7 @@ use super::inputs::Corrected;
 use super::passage::Passage;
 use super::points::SigmaPoints;
 use super::pool::Pool;
+use super::presence::Presence;
 use super::refine::Refinement;
 use super::screen::Screen;
 use super::slot::SensorSlot;
@@ -23,6 +24,7 @@ use crate::model::detector::Detector;
 use crate::model::monitor::Monitor;
 use crate::model::process::ProcessModel;
 use crate::model::record::{Epoch, Outcome, Rejection, Truth, UpdateRecord};
+use crate::model::roster::Changes;
 use crate::model::sensor::Role;
 use crate::model::simulate::Random;
 use crate::model::start::InitialAlignment;
@@ -51,6 +53,8 @@ pub struct Ekf {
     pub(super) corrected: Vec<Corrected>,
     /// Set for the unscented filter.
     pub(super) passage: Option<Box<Passage>>,
+    /// Work space for the blocks that come and go.
+    pub(super) changes: Changes,
     pub(super) memory: Memory,
 }
 
@@ -73,6 +77,8 @@ pub(super) struct Memory {
     pub(super) detectors: Vec<(usize, Box<dyn Detector>)>,
     /// Driving sensors beside the first.
     pub(super) held: Vec<Held>,
+    /// Blocks that come and go.
+    pub(super) presence: Presence,
     /// Past states that sensors read.
     pub(super) clones: Vec<Clones>,
     /// Recent states, kept where some sensor has a time offset.
@@ -129,6 +135,7 @@ impl Ekf {
             refinement: Refinement::default(),
             corrected: Corrected::of(&composition),
             passage: None,
+            changes: Changes::default(),
             memory: Memory {
                 stage: if from_reference { Stage::FromReference(start) } else { Stage::At(start) },
                 draws: (composition.estimator.draw != Draw::Nothing)
@@ -137,6 +144,7 @@ impl Ekf {
                 covariance: Covariance::zero(n),
                 held: Held::of(&composition),
                 clones: Clones::of(&composition),
+                presence: Presence::new(layout.labels),
                 history: History::new(&composition),
                 pool: Pool::new(&composition, &transition),
                 transition,

@@ -102,6 +102,7 @@ impl Iterated {
         self.at.time = at.state.time;
         self.at.values.clone_from(&at.state.values);
         self.at.signals.clone_from(&at.state.signals);
+        self.at.labels.clone_from(&at.state.labels);
         self.delta.resize(at.layout.tangent, 0.0);
         self.here.resize(w);
         self.next.resize(w);

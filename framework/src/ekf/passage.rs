@@ -101,6 +101,8 @@ impl Ekf {
         let Memory { state, covariance, transition, dynamics, processes, held, .. } = memory;
         let n = layout.tangent;
         factor(covariance, &w.columns, &mut w.root);
+        let slots = w.known.iter_mut().enumerate();
+        slots.for_each(|(slot, known)| *known = !layout.is_absent(state, slot));
         for (k, point) in w.points.iter_mut().enumerate() {
             let (i, side) = (k / 2, if k % 2 == 0 { SQUARE.sqrt() } else { -SQUARE.sqrt() });
             if w.root[i * n + i] == 0.0 {
@@ -109,6 +111,7 @@ impl Ekf {
             w.delta.iter_mut().enumerate().for_each(|(j, d)| *d = side * w.root[j * n + i]);
             point.time = state.time;
             point.signals.clone_from(&state.signals);
+            point.labels.clone_from(&state.labels);
             layout.displace(state, &mut w.delta, point);
             // each point goes on from the memory that the processes have before the step
             let mut copies = processes.clone();

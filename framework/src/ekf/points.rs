@@ -57,6 +57,7 @@ impl SigmaPoints {
         self.at.time = at.state.time;
         self.at.values.clone_from(&at.state.values);
         self.at.signals.clone_from(&at.state.signals);
+        self.at.labels.clone_from(&at.state.labels);
         self.delta.resize(at.layout.tangent, 0.0);
         factor(covariance, columns, &mut self.root);
         model.predict(at, &mut self.centre[..model.channels()]);

@@ -27,7 +27,7 @@ impl Ekf {
                 m.state.values[block.range()].copy_from_slice(&m.truth.values[block.range()]);
             }
             let range = block.tangent_range();
-            if range.is_empty() {
+            if range.is_empty() || block.label.is_some() {
                 continue;
             }
             let prior = block.prior(&m.state.values);

@@ -325,7 +325,10 @@ impl Ekf {
                 let (model, mut completed) = (Arc::clone(model), *sample);
                 model.complete(&mut completed);
                 if self.has_past(sample.sensor.0) {
-                    self.correct(&completed, model.as_ref(), observer)?;
+                    match self.admit(&completed, model.as_ref(), observer) {
+                        Some(slot) => self.place(slot, &completed, model.as_ref(), observer),
+                        None => self.correct(&completed, model.as_ref(), observer)?,
+                    }
                 }
                 if model.keyframe(&completed) {
                     self.take_past(sample.sensor.0, observer);

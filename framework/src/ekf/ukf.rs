@@ -105,6 +105,21 @@ estimator!(Ukf, |e| e.0, |e| e.0);
 impl EstimatorType for Ekf {
     const TYPE: &'static str = "ekf";
 
+    fn check(composition: &Composition) -> Result<(), ComposeError> {
+        let transient = composition.layout.blocks.iter().find(|block| block.label.is_some());
+        match transient.filter(|_| composition.estimator.smooths()) {
+            None => Ok(()),
+            Some(block) => {
+                let message = format!(
+                    "the smoother does not support blocks that come and go, such as {}; remove \
+                     `smooth` and `lag`, or the sensor that has them",
+                    block.name
+                );
+                Err(ComposeError::new("smooth", message))
+            }
+        }
+    }
+
     fn create(composition: Composition) -> Box<dyn Estimator> {
         Box::new(Self::new(composition))
     }

@@ -1,6 +1,7 @@
 //! Measurement models: one generic function, its Jacobian by dual numbers.
 
 use crate::Real;
+use crate::model::roster::Roster;
 use crate::model::simulate::Scene;
 use crate::state::covariance::Update;
 use crate::state::manifold::{MAX_TANGENT, Manifold, Position};
@@ -56,6 +57,12 @@ pub trait MeasurementModel<const N: usize>: Send + 'static {
     fn keyframe(&self, _sample: &Sample) -> bool {
         true
     }
+
+    /// Adds and removes blocks that come and go, before a sample is used at the state `x`: a landmark
+    /// that is seen for the first time, a beacon that has not been heard for long. `x` reads the
+    /// sample as in [`Self::predict`]. A sample whose prediction is NaN, since its block is absent,
+    /// is rejected. Default: nothing.
+    fn admit(&self, _x: &View<'_, f64>, _roster: &mut Roster<'_>) {}
 
     /// `z [-] h(x)` of one channel. Default: the difference. A model of an angle wraps it into
     /// +-pi.
@@ -136,6 +143,8 @@ pub trait AnyMeasurement: Send {
     fn keyframe(&self, _sample: &Sample) -> bool {
         true
     }
+    /// Adds and removes blocks that come and go, before a sample is used.
+    fn admit(&self, _at: &At<'_>, _roster: &mut Roster<'_>) {}
     /// Computes `h(x)` into `out`.
     fn predict(&self, at: &At<'_>, out: &mut [f64]);
     /// Computes `R`, row-major, into `out`.
@@ -199,6 +208,10 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
 
     fn keyframe(&self, sample: &Sample) -> bool {
         self.0.keyframe(sample)
+    }
+
+    fn admit(&self, at: &At<'_>, roster: &mut Roster<'_>) {
+        self.0.admit(&at.view(), roster);
     }
 
     fn predict(&self, at: &At<'_>, out: &mut [f64]) {

@@ -18,6 +18,7 @@ pub mod process;
 mod process_error;
 pub mod record;
 pub mod robust;
+pub mod roster;
 pub mod screening;
 pub mod sensor;
 pub mod simulate;

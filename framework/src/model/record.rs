@@ -12,6 +12,8 @@ use serde::Serialize;
 pub enum Outcome {
     /// The state was corrected.
     Accepted,
+    /// The sample placed a block that was absent; it has no innovation and corrected no other state.
+    Placed,
     /// The innovation was outside the gate; the state is unchanged.
     Gated,
     /// The sample could not be used; the state is unchanged.
@@ -43,6 +45,8 @@ pub enum Rejection {
     TooFast(usize),
     /// The scenario excludes samples of this time.
     Excluded,
+    /// The sample observes a block that is absent.
+    Absent,
 }
 
 impl Rejection {
@@ -61,6 +65,7 @@ impl Rejection {
             Self::OutOfRange(i) => format!("{} is out of range", column(i)),
             Self::TooFast(i) => format!("{} changes too fast", column(i)),
             Self::Excluded => "the scenario excludes this time".into(),
+            Self::Absent => "observes an absent state".into(),
         }
     }
 }

@@ -67,7 +67,7 @@ impl Scene<'_> {
         model: &M,
         sample: &mut Sample,
     ) {
-        let x = View::new(self.layout, self.truth).with(sample);
+        let x = View::new(self.layout, self.truth).of_truth().with(sample);
         let (predicted, noise) = (model.predict(&x), model.noise(&x));
         // some channels may have a noise of zero, which has no Cholesky factor
         let factor = match noise.cholesky() {

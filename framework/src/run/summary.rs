@@ -46,7 +46,7 @@ pub struct Summary {
     /// Verdict on the run, with its reasons.
     pub verdict: Verdict,
     /// Numbers of each sensor's samples: read, accepted, gated, rejected, and rejected for each
-    /// reason; excluded, where the scenario excludes any.
+    /// reason; placed, where samples placed a block; excluded, where the scenario excludes any.
     pub samples: Map<String, Value>,
     /// Initial alignments by the name of their process; left out where there is none.
     #[serde(skip_serializing_if = "Map::is_empty")]
@@ -92,6 +92,8 @@ pub struct StateRow {
 struct Counts {
     read: u64,
     used: u64,
+    /// Samples that placed a block, which have no innovation.
+    placed: u64,
     gated: u64,
     rejected: u64,
     excluded: u64,
@@ -175,6 +177,7 @@ impl Statistics {
                 counts.used += 1;
                 counts.nis += update.nis;
             }
+            Outcome::Placed => counts.placed += 1,
             Outcome::Gated => counts.gated += 1,
             Outcome::Rejected(why) => counts.unused(why),
         }
@@ -263,7 +266,7 @@ impl Statistics {
         for ((name, _, c), sensor) in self.sensors.iter().zip(&estimator.composition().sensors) {
             let mean_nis = if c.used > 0 { json!(c.nis / c.used as f64) } else { Value::Null };
             // no source gives the samples of a constraint
-            let applied = c.used + c.gated + c.rejected + c.excluded;
+            let applied = c.used + c.placed + c.gated + c.rejected + c.excluded;
             let read = if sensor.constraint { applied } else { c.read };
             let mut value = match sensor.role {
                 Role::Input(_) => json!({ "read": c.read, "used": c.used, "rejected": c.rejected }),
@@ -273,6 +276,9 @@ impl Statistics {
             };
             if c.rejected > 0 {
                 value["rejected_for"] = c.rejected_for(&sensor.info.channels);
+            }
+            if c.placed > 0 {
+                value["placed"] = json!(c.placed);
             }
             if !sensor.exclude.is_empty() {
                 value["excluded"] = json!(c.excluded);

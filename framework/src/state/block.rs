@@ -88,6 +88,8 @@ pub struct Block {
     pub tangent: Option<usize>,
     /// Set if the truth moves by the dynamics of the block.
     pub wanders: bool,
+    /// Place of its label in [`crate::state::State::labels`], if the block comes and goes.
+    pub label: Option<usize>,
 }
 
 impl Block {
@@ -118,7 +120,7 @@ impl Block {
         }
     }
 
-    /// 1-sigma of the components in the display unit; zero when fixed.
+    /// 1-sigma of the components in the display unit; zero when fixed, NaN when absent.
     pub fn show_sigma(
         &self,
         values: &[f64],
@@ -138,6 +140,9 @@ impl Block {
     ) -> [[f64; MAX_TANGENT]; K] {
         let n = self.operations.tangent;
         let Some(t) = self.tangent else { return [[0.0; MAX_TANGENT]; K] };
+        if self.label.is_some() && values[self.offset].is_nan() {
+            return [[f64::NAN; MAX_TANGENT]; K];
+        }
         let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
         let curved = self.coordinate_jacobian(values, &mut jacobian);
         covariances.map(|covariance| {

@@ -48,6 +48,11 @@ impl BlockDynamics {
     ) {
         for m in &mut self.moving {
             let block = &layout.blocks[m.slot];
+            if layout.is_absent(state, m.slot) {
+                (0..block.operations.tangent)
+                    .for_each(|k| transition.set_own(m.first, k, None, 0.0));
+                continue;
+            }
             match &block.spec.dynamics {
                 Dynamics::Constant => {}
                 Dynamics::RandomWalk(density) => {

@@ -2,6 +2,7 @@
 
 use crate::state::block::Block;
 use crate::state::manifold::Manifold;
+use crate::state::transient::Pool;
 use crate::units::time::Time;
 use std::marker::PhantomData;
 
@@ -66,6 +67,10 @@ pub struct Layout {
     pub signals: usize,
     /// Source and past of each clone, a pair of slots.
     pub(crate) clones: Vec<[usize; 2]>,
+    /// Pools of blocks that come and go.
+    pub(crate) pools: Vec<Pool>,
+    /// Length of [`State::labels`].
+    pub(crate) labels: usize,
     /// Velocities that turn with the heading.
     pub(crate) turning: Vec<Turning>,
 }
@@ -94,11 +99,15 @@ impl Layout {
         }
     }
 
-    /// State with every block at its initial value.
+    /// State with every block at its initial value; those that come and go are absent.
     pub fn initial_state(&self) -> State {
         let (values, signals) = (vec![0.0; self.ambient], vec![0.0; self.signals]);
-        let mut state = State { time: Time::MIN, values, signals };
+        let mut state = State { time: Time::MIN, values, signals, labels: vec![None; self.labels] };
         for block in &self.blocks {
+            if block.label.is_some() {
+                state.values[block.range()].fill(f64::NAN);
+                continue;
+            }
             (block.operations.from_coordinates)(
                 &block.spec.initial,
                 &mut state.values[block.range()],
@@ -132,6 +141,8 @@ pub struct State {
     pub values: Vec<f64>,
     /// The signals that process models publish.
     pub signals: Vec<f64>,
+    /// Label of each block that comes and goes; `None` where the block is absent.
+    pub labels: Vec<Option<u32>>,
 }
 
 impl State {

@@ -10,9 +10,11 @@ pub mod error;
 pub mod geodesy;
 pub mod layout;
 pub mod manifold;
+pub mod transient;
 pub mod view;
 
 pub use block::{Block, BlockSpec, Display, Dynamics, Mode};
 pub use block_set::BlockSet;
 pub use layout::{Handle, Layout, Past, Signal, State};
+pub use transient::Transients;
 pub use view::View;

@@ -4,6 +4,7 @@ use crate::Real;
 use crate::state::block_set::BlockSet;
 use crate::state::layout::{Handle, Layout, Past, Signal, State};
 use crate::state::manifold::{MAX_TANGENT, Manifold};
+use crate::state::transient::Transients;
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::cell::RefCell;
@@ -21,6 +22,8 @@ pub struct View<'a, T: Real> {
     seeded: usize,
     delta: [T; MAX_TANGENT],
     read: Option<&'a RefCell<BlockSet>>,
+    /// Set if the state is the truth, which knows every label with a true value.
+    truth: bool,
 }
 
 impl<'a> View<'a, f64> {
@@ -33,6 +36,7 @@ impl<'a> View<'a, f64> {
             seeded: usize::MAX,
             delta: [0.0; MAX_TANGENT],
             read: None,
+            truth: false,
         }
     }
 }
@@ -45,7 +49,7 @@ impl<'a, T: Real> View<'a, T> {
         slot: usize,
         delta: [T; MAX_TANGENT],
     ) -> Self {
-        Self { layout, state, sample: None, seeded: slot, delta, read: None }
+        Self { layout, state, sample: None, seeded: slot, delta, read: None, truth: false }
     }
 
     /// Adds access to the sample's channels.
@@ -58,6 +62,12 @@ impl<'a, T: Real> View<'a, T> {
     #[must_use]
     pub fn recording(self, read: &'a RefCell<BlockSet>) -> Self {
         Self { read: Some(read), ..self }
+    }
+
+    /// Makes the state the truth: [`Self::transient`] then finds every label with a true value.
+    #[must_use]
+    pub(crate) fn of_truth(self) -> Self {
+        Self { truth: true, ..self }
     }
 
     /// Channel of the predicted sample, if it is present: additional data of a sensor, such as the
@@ -84,6 +94,16 @@ impl<'a, T: Real> View<'a, T> {
     /// [`crate::compose::Composer::past`].
     pub fn then<M: Manifold>(&self, past: Past<M>) -> M::Value<T> {
         self.get(past.handle())
+    }
+
+    /// The value of the block with a label in a pool of blocks that come and go; `None` while it is
+    /// absent. See [`crate::compose::Composer::transients`].
+    pub fn transient<M: Manifold>(&self, of: Transients<M>, label: u32) -> Option<M::Value<T>> {
+        match self.layout.holder(self.state, of.pool, label) {
+            Some(slot) => Some(self.get(Layout::transient::<M>(slot))),
+            None if self.truth => self.layout.pools[of.pool].truth(label).map(M::load),
+            None => None,
+        }
     }
 
     /// The value of a signal.

@@ -127,6 +127,7 @@ impl Sink for Tables {
         table.bytes(info.name.as_bytes())?;
         match update.outcome {
             Outcome::Accepted => table.bytes(b"accepted")?,
+            Outcome::Placed => table.bytes(b"placed")?,
             Outcome::Gated => table.bytes(b"gated")?,
             Outcome::Rejected(why) => table.bytes(rejection(why).as_bytes())?,
         }
@@ -163,5 +164,6 @@ fn rejection(why: Rejection) -> &'static str {
         Rejection::OutOfRange(_) => "rejected_out_of_range",
         Rejection::TooFast(_) => "rejected_too_fast",
         Rejection::Excluded => "excluded",
+        Rejection::Absent => "rejected_absent",
     }
 }

@@ -206,6 +206,7 @@ impl<'a> Encoder<'a> {
         self.header(stamp, sensor);
         match update.outcome {
             Outcome::Accepted => self.0.write_string("accepted"),
+            Outcome::Placed => self.0.write_string("placed"),
             Outcome::Gated => self.0.write_string("gated"),
             Outcome::Rejected(why) => {
                 self.0.write_string(&format!("rejected: {}", reason(why, columns)))

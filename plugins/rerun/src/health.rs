@@ -180,6 +180,10 @@ impl Lane {
                 self.accepted += 1;
                 self.consistent(update)
             }
+            Outcome::Placed => {
+                self.accepted += 1;
+                Health::Used
+            }
             Outcome::Gated => {
                 self.gated += 1;
                 Health::Gated

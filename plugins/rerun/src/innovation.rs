@@ -112,6 +112,7 @@ impl SensorSeries {
     ) -> Result<(), StreamError> {
         let time = update.time.nanos();
         let gated = match update.outcome {
+            Outcome::Placed => return Ok(()),
             Outcome::Accepted => false,
             Outcome::Gated => true,
             Outcome::Rejected(reason) => {
@@ -299,5 +300,6 @@ pub fn words(reason: Rejection, channels: &[&str]) -> String {
         Rejection::OutOfRange(k) => format!("{} is out of range", channel(k)),
         Rejection::TooFast(k) => format!("{} changes too fast", channel(k)),
         Rejection::Excluded => "excluded by the scenario".into(),
+        Rejection::Absent => "observes an absent state".into(),
     }
 }

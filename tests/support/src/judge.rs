@@ -1,7 +1,7 @@
 //! A sink that judges the estimate by the truth.
 
 use navfuse_core::document::Document;
-use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Event, Outcome, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::nalgebra::{DMatrix, DVector};
 use navfuse_core::plugin::Registry;
@@ -23,6 +23,8 @@ pub struct Judge {
     pub nis: Vec<(f64, f64)>,
     /// Number of samples that were not used.
     pub refused: usize,
+    /// Texts of all events.
+    pub events: Vec<String>,
     /// Truth of the first value at each epoch.
     pub truths: Vec<f64>,
 }
@@ -51,6 +53,11 @@ impl Sink for Judge {
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
         self.nis.push((update.time.seconds(), update.nis));
         self.refused += usize::from(update.outcome != Outcome::Accepted);
+        Ok(())
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
+        self.events.push(event.text.clone());
         Ok(())
     }
 

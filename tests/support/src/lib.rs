@@ -17,6 +17,7 @@ pub mod rts;
 #[cfg(feature = "plugins")]
 mod shipped;
 pub mod speed;
+pub mod steps;
 
 #[cfg(feature = "plugins")]
 pub use shipped::{document, registry, scenario};

@@ -115,7 +115,8 @@ impl Collector {
             let (mut error, mut sigma) = ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);
             block.show_sigma(&epoch.state.values, epoch.covariance, &mut sigma);
             (0..n).for_each(|k| values[2 * (first + k) + 1] = sigma[k]);
-            if !truth.known[slot] {
+            // the number of degrees of freedom of a campaign is that of the states that stay
+            if !truth.known[slot] || epoch.layout.is_transient(slot) {
                 continue;
             }
             block.show_error(&epoch.state.values, &truth.state.values, &mut error);
@@ -201,7 +202,7 @@ impl Sink for Collector {
         let Some(k) = self.places.sensors[update.sensor.0] else { return Ok(()) };
         let sums = &mut self.sums[k];
         match update.outcome {
-            Outcome::Rejected(_) => {}
+            Outcome::Rejected(_) | Outcome::Placed => {}
             Outcome::Gated => sums[1] += 1.0,
             Outcome::Accepted => {
                 let m = update.innovation.len();

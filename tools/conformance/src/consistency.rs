@@ -143,7 +143,7 @@ impl Sink for Run {
                 self.nis[update.sensor.0].push((update.nis, update.innovation.len()));
             }
             Outcome::Gated => self.gated[update.sensor.0] += 1,
-            Outcome::Rejected(_) => {}
+            Outcome::Rejected(_) | Outcome::Placed => {}
         }
         Ok(())
     }

@@ -360,7 +360,9 @@ impl Observer for Heard {
     fn update(&mut self, update: &UpdateRecord<'_>) {
         match update.outcome {
             Outcome::Rejected(rejection) => self.rejection = Some(rejection),
-            Outcome::Accepted | Outcome::Gated => self.used = Some(update.innovation.len()),
+            Outcome::Accepted | Outcome::Placed | Outcome::Gated => {
+                self.used = Some(update.innovation.len())
+            }
         }
     }
     fn input(&mut self, _: &Sample, rejected: Option<Rejection>) {

@@ -146,6 +146,8 @@ impl Merge for Envelope {
 pub struct Updates {
     /// Samples that updated the state.
     pub accepted: u64,
+    /// Samples that placed a block, and have no innovation.
+    pub placed: u64,
     /// Samples outside the gate.
     pub gated: u64,
     /// Rejected samples: the reason and the number.
@@ -214,6 +216,8 @@ pub struct BlockInfo<'a, C> {
 #[derive(Clone, Copy, Debug)]
 pub enum Fate<'a> {
     Accepted,
+    /// It placed a block, and has no innovation.
+    Placed,
     Gated,
     Rejected(&'a str),
 }
@@ -304,6 +308,7 @@ impl History {
                 updates.consistency.push(Consistency { span: [time; 2], nis, expected: freedom });
                 updates.innovations.push(row);
             }
+            Fate::Placed => updates.placed += 1,
             Fate::Gated => {
                 updates.gated += 1;
                 updates.outliers.push(row);

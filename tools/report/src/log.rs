@@ -73,6 +73,7 @@ fn innovation(history: &mut History, update: &InnovationEntry<'_>) {
     let Some(index) = history.sensors.iter().position(|s| s.name == update.sensor) else { return };
     let fate = match update.outcome {
         "accepted" => Fate::Accepted,
+        "placed" => Fate::Placed,
         "gated" => Fate::Gated,
         other => Fate::Rejected(other.strip_prefix("rejected: ").unwrap_or(other)),
     };

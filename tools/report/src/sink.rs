@@ -101,6 +101,7 @@ impl Sink for Recorder {
         let sensor = update.sensor.0;
         let fate = match update.outcome {
             Outcome::Accepted => Fate::Accepted,
+            Outcome::Placed => Fate::Placed,
             Outcome::Gated => Fate::Gated,
             Outcome::Rejected(rejection) => {
                 why = navfuse_mcap::reason(rejection, &self.columns[sensor]);

@@ -181,7 +181,10 @@ impl SensorStatistics {
             // it contradicts the filter like a gated sample; the filter reports it as a finding
             Outcome::Rejected(Rejection::Isolated) => self.gated += 1,
             // a missing channel and a silent driving sensor leave sigma as true as it was
-            Outcome::Rejected(Rejection::Missing | Rejection::NoInput | Rejection::Excluded) => {}
+            Outcome::Rejected(
+                Rejection::Missing | Rejection::NoInput | Rejection::Excluded | Rejection::Absent,
+            )
+            | Outcome::Placed => {}
             Outcome::Gated => {
                 self.gated += 1;
                 self.streak.add(update.time);

@@ -87,6 +87,31 @@ impl Transition {
         }))
     }
 
+    /// Transition that gives the error states of `rows` the errors `phi` of `columns` (row-major)
+    /// and the noise `q`, and keeps all others.
+    pub(crate) fn replacing(
+        layout: &Layout,
+        rows: std::ops::Range<usize>,
+        columns: &[usize],
+        phi: &[f64],
+        q: &nalgebra::DMatrix<f64>,
+    ) -> Self {
+        let mut transition = Self::default();
+        for (row, phi) in rows.clone().zip(phi.chunks_exact(columns.len().max(1))) {
+            transition.places.extend(columns.iter().map(|column| (row, *column)));
+            transition.phi.extend_from_slice(phi);
+        }
+        if columns.is_empty() {
+            // an element of zero makes the row differ from the identity
+            transition.places.extend(rows.clone().map(|row| (row, row)));
+            transition.phi.resize(rows.len(), 0.0);
+        }
+        transition.noise.push((0, rows.start, rows.len()));
+        transition.q.extend_from_slice(q.as_slice());
+        transition.compile(layout);
+        transition
+    }
+
     /// Writes a block of `Phi`.
     #[inline]
     pub fn set<const R: usize, const C: usize>(

@@ -74,6 +74,7 @@ fn block<M: Manifold>(layout: &mut Layout, name: &str, mode: Mode, display: Disp
         offset: layout.ambient,
         tangent,
         wanders: false,
+        label: None,
     });
     layout.ambient += operations.ambient;
     layout.tangent += tangent.map_or(0, |_| operations.tangent);

@@ -54,6 +54,7 @@ fn add<M: Manifold>(
         offset: layout.ambient,
         tangent,
         wanders: false,
+        label: None,
     });
     layout.ambient += operations.ambient;
 }

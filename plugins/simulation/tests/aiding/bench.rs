@@ -62,6 +62,7 @@ impl Sink for Errors {
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
         let outcome = match update.outcome {
             Outcome::Accepted => "accepted".to_owned(),
+            Outcome::Placed => "placed".to_owned(),
             Outcome::Gated => "gated".to_owned(),
             Outcome::Rejected(why) => format!("{why:?}"),
         };

@@ -173,7 +173,7 @@ pub(super) fn sensors(history: &History) -> Markup {
                         td.name { (word(sensor)) }
                         td { (sensor.read) }
                         @if measures(sensor) {
-                            td { (updates.accepted) } td { (updates.gated) }
+                            td { (updates.accepted + updates.placed) } td { (updates.gated) }
                             td { (updates.rejected.iter().map(|r| r.1).sum::<u64>()) }
                         } @else { td {} td {} td {} }
                         td class=[bad] {
