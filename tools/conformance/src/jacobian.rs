@@ -1,7 +1,10 @@
 //! `H` against central differences of `h` on the manifold, also for samples with missing channels.
+//!
+//! A model may read other blocks at another state, as a field is read near the vehicle alone, if the
+//! prediction is continuous where they change.
 
 use crate::lab::{Lab, Moment, all_estimated};
-use crate::{Failure, Report, lab};
+use crate::{Failure, Report, lab, seams};
 use navfuse_core::model::measurement::{AnyMeasurement, At};
 use navfuse_core::state::covariance::Update;
 use navfuse_core::state::manifold::MAX_TANGENT;
@@ -37,12 +40,12 @@ fn of_model(
     names: &[&str],
 ) -> Result<String, Failure> {
     let (n, mut worst, mut used, mut finite) = (model.channels(), 0.0_f64, 0, 0);
-    let mut reads: Option<BlockSet> = None;
     // channels that were present, and those that depend on a state
     let (mut seen, mut sensitive) = (0_u16, 0_u16);
     let mut update = Update::with_capacity(layout.tangent, MAX_CHANNELS);
     for Moment { state, sample: all } in moments {
         let mut whole = false; // true once the prediction of the whole sample is finite
+        let mut reads: Option<BlockSet> = None;
         for sample in subsets(all, names.len()) {
             let at = At { layout, state, sample: &sample };
             let (mut z, present) =
@@ -76,7 +79,7 @@ fn of_model(
                     .filter(|&s| before.contains(s) != read.contains(s))
                     .map(|s| layout.blocks[s].name.as_str());
                 return Err(Failure::new(format!(
-                    "predict reads {} at some states and not at others, so its \
+                    "predict reads {} with some channels of a sample and not with others, so its \
                      derivative is lost there; read every state with x.get(...) before the first \
                      branch",
                     other.collect::<Vec<_>>().join(", ")
@@ -135,6 +138,7 @@ fn of_model(
             }
         }
     }
+    seams::check(model, layout, moments, names)?;
     if let Some(blind) = (0..n).find(|i| (seen & !sensitive) >> i & 1 == 1) {
         return Err(Failure::new(format!(
             "the prediction of channel {} depends on no state: its row of H is zero everywhere; \

@@ -35,6 +35,7 @@ mod lab;
 mod noise;
 mod parameters;
 mod repeat;
+mod seams;
 mod sigma;
 mod streams;
 mod transition;

@@ -102,7 +102,20 @@ fn a_wrong_jacobian() {
 
 #[test]
 fn a_state_that_is_read_in_a_branch() {
-    finds(&sensor("branch"), "jacobian", "predict reads bad.bias at some states and not at others");
+    let report = sensor("branch");
+    finds(
+        &report,
+        "jacobian",
+        "predict reads bad.bias at some states and not at others, and jumps",
+    );
+}
+
+/// The nodes of a field that a sensor reads change with its place, and the field does not jump.
+#[test]
+fn a_state_that_is_read_near_it_alone_and_without_a_jump() {
+    let report = sensor("ramp");
+    assert!(report.failures().all(|f| f.check != "jacobian"), "{report}");
+    assert!(report.findings.iter().any(|f| f.check == "jacobian"), "{report}");
 }
 
 #[test]

@@ -120,6 +120,11 @@ impl MeasurementModel<2> for BadModel {
         if self.fault == "branch" && height > T::zero() {
             return Vector2::new(-height, -height);
         }
+        if self.fault == "ramp" {
+            // without a jump where the bias begins to count
+            let above = if height > T::zero() { height * x.get(self.bias) } else { T::zero() };
+            return Vector2::repeat(above - height);
+        }
         let mut z = Vector2::repeat(-height + x.get(self.bias));
         match self.fault.as_str() {
             "needs" => {
