@@ -237,27 +237,6 @@ fn landmarks_that_come_and_go_are_consistent_under_each_estimator() {
     }
 }
 
-/// Bits of the final estimate, without the values of absent blocks, and the texts of all events
-/// about landmarks.
-fn end(settings: &[&str]) -> (Vec<u64>, Vec<String>) {
-    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
-    let (finished, judge) = judged(&registry(), CAMERA, &settings);
-    assert!(finished.error.is_none(), "{:?}", finished.error);
-    let rows = finished.summary.rows.iter().flat_map(|row| [&row.estimate, &row.sigma]);
-    let landmarks = judge.events.into_iter().filter(|event| event.contains("landmark"));
-    (rows.flatten().map(|v| v.to_bits()).collect(), landmarks.collect())
-}
-
-#[test]
-fn late_sights_of_landmarks_give_the_run_in_order_to_the_bit() {
-    let late = "sensor.landmarks.late=\"2 s\"";
-    let delay = "sensor.landmarks.delay={ mean = \"0.6 s\", sigma = \"0.3 s\" }";
-    // with `late`, samples of one time come in the order of their channels
-    let ordered = end(&[late]);
-    assert!(ordered.1.len() > 20, "{:?}", ordered.1);
-    assert_eq!(end(&[late, delay]), ordered);
-}
-
 #[test]
 fn a_smoothed_run_with_landmarks_is_refused() {
     let error = refused(&CAMERA.replace("draw = ", "smooth = true\ndraw = "));
