@@ -181,15 +181,16 @@ impl Recording {
         Ok(())
     }
 
-    /// Sends a layout to the file and to the viewers. The file shows it; a viewer that watched the
-    /// run keeps the user's layout, and shows this one after a reset.
-    pub fn layout(&self, messages: &[LogMsg]) {
-        self.streams.iter().enumerate().for_each(|(k, s)| send_layout(s, messages, k == 0));
+    /// Sends the layout of a run that begins. A viewer shows it at once, and while it loads the
+    /// file; the file of a run that was killed has no other.
+    pub fn first_layout(&self, messages: &[LogMsg]) {
+        self.streams.iter().for_each(|s| send_layout(s, messages, true));
     }
 
-    /// Sends a layout to the viewers, which show it at once.
-    pub fn layout_to_viewers(&self, messages: &[LogMsg]) {
-        self.viewers().iter().for_each(|s| send_layout(s, messages, true));
+    /// Sends the layout of a run that has ended to the file and to the viewers. The file shows it;
+    /// a viewer that watched the run keeps the user's layout, and shows this one after a reset.
+    pub fn last_layout(&self, messages: &[LogMsg]) {
+        self.streams.iter().enumerate().for_each(|(k, s)| send_layout(s, messages, k == 0));
     }
 
     /// Waits until everything is written, and drops viewers that no longer answer.

@@ -165,7 +165,7 @@ impl RerunSink {
             run.write_overview(&self.recording, self.verdict.as_ref())?;
             let layout = arrangement::messages(run, &self.tabs, true)
                 .map_err(|e| self.recording.error(e))?;
-            self.recording.layout(&layout);
+            self.recording.last_layout(&layout);
         }
         self.recording.flush()?;
         self.recording.close()
@@ -267,11 +267,9 @@ impl Sink for RerunSink {
         for tab in &mut self.tabs {
             tab.start(info, &self.recording)?;
         }
-        if self.recording.is_live() {
-            let layout = arrangement::messages(&run, &self.tabs, false)
-                .map_err(|e| self.recording.error(e))?;
-            self.recording.layout_to_viewers(&layout);
-        }
+        let layout =
+            arrangement::messages(&run, &self.tabs, false).map_err(|e| self.recording.error(e))?;
+        self.recording.first_layout(&layout);
         self.run = Some(run);
         self.recording.flush()
     }

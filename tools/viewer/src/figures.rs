@@ -91,7 +91,7 @@ pub fn record(
         }
     }
     let messages = layout.messages(Tabs::new(tabs).into()).map_err(|e| recording.error(e))?;
-    recording.layout(&messages);
+    recording.last_layout(&messages);
     recording.close().map(drop)
 }
 
