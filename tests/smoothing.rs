@@ -5,7 +5,7 @@ mod common;
 
 use common::{navfuse, scenario, snapir, stderr, stdout};
 use navfuse_core::document::Document;
-use navfuse_core::nalgebra::{DMatrix, DVector};
+use navfuse_core::nalgebra::DVector;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::state::Layout;
@@ -29,54 +29,6 @@ fn records(name: &str, settings: &[&str]) -> Records {
     finished.take_sink().expect("the sink is there")
 }
 
-/// The covariance of the error about the smoothed estimate, from that about the filter's.
-fn about_the_smoothed(
-    layout: &Layout,
-    p: &DMatrix<f64>,
-    moved: &DVector<f64>,
-    from: &Estimate,
-    to: &Estimate,
-) -> DMatrix<f64> {
-    let n = layout.tangent;
-    let mut delta = moved.as_slice().to_vec();
-    // the reset takes the change of the velocity itself
-    let velocity = layout.find("ins.velocity").expect("an INS");
-    for (row, at) in velocity.tangent_range().zip(velocity.range()) {
-        delta[row] = to.state.values[at] - from.state.values[at];
-    }
-    let mut reset = vec![0.0; n * n];
-    (0..n).for_each(|i| reset[i * n + i] = 1.0);
-    layout.reset_rows(&delta, &mut reset, n);
-    let reset = DMatrix::from_row_slice(n, n, &reset);
-    &reset * p * reset.transpose()
-}
-
-/// Largest difference of the smoothed estimates from those of the textbook, in sigma, and of their
-/// covariances, relative to the variances.
-fn differences(records: &Records, textbook: Vec<(DVector<f64>, DMatrix<f64>)>) -> (f64, f64) {
-    let layout = &records.layout;
-    let n = layout.tangent;
-    let known = vec![true; layout.blocks.len()];
-    assert!(records.filtered.len() >= 40 && records.filtered.len() == records.smoothed.len());
-    let (mut worst, mut spread) = (0.0_f64, 0.0_f64);
-    let pairs = records.filtered.iter().zip(&records.smoothed).zip(textbook);
-    for ((filtered, smoothed), (moved, p)) in pairs {
-        let mut change = vec![0.0; n];
-        layout.error(&smoothed.state, &filtered.state, &known, &mut change);
-        let expected = about_the_smoothed(layout, &p, &moved, filtered, smoothed);
-        for i in 0..n {
-            worst = worst.max((change[i] - moved[i]).abs() / p[(i, i)].sqrt());
-            for j in 0..n {
-                let scale = (expected[(i, i)] * expected[(j, j)]).sqrt();
-                let difference = smoothed.covariance[(i, j)] - expected[(i, j)];
-                spread = spread.max(difference.abs() / scale);
-            }
-        }
-    }
-    println!("largest difference {worst:.1e} sigma, of the covariance {spread:.1e}");
-    (worst, spread)
-}
-
 /// 40 s of an INS that calibrates its DVL, whose lag is a state: attitudes, resets, time offsets.
 const CALIBRATES: [&str; 6] = [
     "estimator.stop=\"100 s\"",
@@ -90,7 +42,7 @@ const CALIBRATES: [&str; 6] = [
 #[test]
 fn a_smoothed_ins_is_that_of_rauch_tung_and_striebel() {
     let records = records("quickstart", &CALIBRATES);
-    let (worst, spread) = differences(&records, records.rts());
+    let (worst, spread) = records.differences(records.rts());
     // the textbook inverts a covariance at every step, and has most of the rounding
     assert!(worst < 1e-6 && spread < 1e-6, "{worst} {spread}");
 }
@@ -106,7 +58,7 @@ fn an_ins_that_is_smoothed_with_a_lag_is_that_of_the_samples_within_the_lag() {
     let ends: Vec<usize> = times.iter().map(complete).collect();
     let given: Vec<usize> = records.smoothed.iter().map(|e| e.after).collect();
     assert_eq!(given, ends, "each is given while the run goes on, as soon as it is complete");
-    let (worst, spread) = differences(&records, records.rts_until(&ends));
+    let (worst, spread) = records.differences(records.rts_until(&ends));
     assert!(worst < 1e-6 && spread < 1e-6, "{worst} {spread}");
 }
 
@@ -201,4 +153,96 @@ fn a_log_that_was_cut_off_is_smoothed_up_to_there_and_what_is_none_is_refused() 
     );
     assert!(!output.status.success());
     assert!(stderr(&output).contains("never started"), "{}", stderr(&output));
+}
+
+/// Mean over some time of the normalised error squared of the velocity.
+fn nees_of_the_velocity(records: &Records, from: f64, to: f64) -> f64 {
+    let layout = &records.layout;
+    let (known, mut error) = (vec![true; layout.blocks.len()], vec![0.0; layout.tangent]);
+    let velocity = layout.find("ins.velocity").expect("an INS").tangent_range();
+    let inside = records.smoothed.iter().filter(|e| (from..=to).contains(&e.state.time.seconds()));
+    let nees = inside.filter_map(|e| {
+        layout.error(e.truth.as_ref()?, &e.state, &known, &mut error);
+        let error = DVector::from_column_slice(&error[velocity.clone()]);
+        let p = e.covariance.view((velocity.start, velocity.start), (3, 3)).into_owned();
+        Some(error.dot(&p.cholesky()?.solve(&error)))
+    });
+    let nees: Vec<f64> = nees.collect();
+    nees.iter().sum::<f64>() / nees.len() as f64
+}
+
+/// A DVL that shows 20 % too little speed, turned by 5 deg, late by 50 ms, and a heading that is
+/// known to 30 deg: the filter linearises far from the truth for the first minute, and keeps what
+/// it concludes there.
+const FAR: [&str; 8] = [
+    "estimator.stop=\"700 s\"",
+    "sensor.imu.simulation.rate=\"20 Hz\"",
+    "sensor.reference.simulation.rate=\"1 Hz\"",
+    "estimator.output_rate=\"1 Hz\"",
+    "sensor.dvl.scale={ sigma = \"20 %\", truth = 0.8 }",
+    "sensor.dvl.misalignment={ sigma = \"5 deg\", truth = [\"3 deg\", \"-4 deg\", \"5 deg\"] }",
+    "sensor.dvl.time_offset={ sigma = \"100 ms\", truth = \"50 ms\" }",
+    "process.ins.attitude={ sigma = [\"0.1 deg\", \"0.1 deg\", \"30 deg\"] }",
+];
+
+/// The mean of 3 degrees of freedom over two runs, with the errors of the first minute as one draw
+/// each, exceeds 8.4 with a probability of 1 % (chi-square with 6 degrees of freedom, 16.8).
+#[test]
+fn further_passes_repair_a_run_that_began_far_from_the_truth() {
+    let of = |passes: &str| {
+        let nees = ["seed=1000000", "seed=1000001"].map(|seed| {
+            let records = records("calibration", &[&FAR[..], &[seed, passes]].concat());
+            nees_of_the_velocity(&records, 300.0, 360.0)
+        });
+        println!("{passes}: NEES of the velocity {nees:.2?}");
+        0.5 * nees.iter().sum::<f64>()
+    };
+    let (one, more) = (of("estimator.passes=1"), of("estimator.passes=8"));
+    assert!(one > 8.4 && more < 8.4, "{one} {more}");
+}
+
+#[test]
+fn the_command_reports_the_passes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let of = |passes: &str| {
+        let set = ["--set", "estimator.stop=100 s", "--passes", passes];
+        json(&smooth(&scenario("quickstart"), &folder.path().join(passes), &set))
+    };
+    let passes = of("8")["smoothing"]["passes"].clone();
+    assert_eq!(passes["converged"], true, "{passes}");
+    let count = passes["count"].as_u64().expect("a number");
+    assert!((2..=7).contains(&count), "{passes}");
+    let changes: Vec<f64> = serde_json::from_value(passes["changes"].clone()).expect("numbers");
+    assert!(changes.len() as u64 == count - 1 && changes.last().is_some_and(|c| *c <= 1e-3));
+    // at most as many as given
+    if changes[0] > 1e-3 {
+        let passes = of("2")["smoothing"]["passes"].clone();
+        assert_eq!((&passes["count"], &passes["converged"]), (&2.into(), &false.into()));
+        assert!(passes["text"].as_str().is_some_and(|t| t.contains("not converged after 2")));
+    }
+    assert!(of("1")["smoothing"]["passes"].is_null());
+}
+
+#[test]
+fn the_log_of_another_version_is_smoothed_with_a_warning_that_names_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let whole = folder.path().join("whole");
+    json(&smooth(&scenario("quickstart"), &whole, &["--set", "estimator.stop=65 s"]));
+    let log = std::fs::read(whole.join("run.mcap")).expect("a log");
+    let own = env!("CARGO_PKG_VERSION").as_bytes();
+    let other = vec![b'9'; own.len()];
+    let mut changed = log.clone();
+    let at: Vec<usize> =
+        (0..log.len() - own.len()).filter(|at| log[*at..].starts_with(own)).collect();
+    assert!(!at.is_empty());
+    at.iter().for_each(|at| changed[*at..][..own.len()].copy_from_slice(&other));
+    let path = folder.path().join("other.mcap");
+    std::fs::write(&path, &changed).expect("the test can write");
+    let output = smooth(&path, &folder.path().join("again"), &[]);
+    let (text, other) = (stderr(&output), String::from_utf8_lossy(&other).into_owned());
+    assert!(text.contains(&other) && text.contains("another version"), "{text}");
+    json(&output);
+    assert_eq!(std::fs::read(&path).expect("the log"), changed, "it is as it was");
+    let output = smooth(&whole.join("run.mcap"), &folder.path().join("own"), &[]);
+    assert!(!stderr(&output).contains("another version"), "{}", stderr(&output));
 }

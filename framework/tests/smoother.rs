@@ -317,3 +317,139 @@ fn a_filter_that_fails_leaves_the_smoothed_estimates_of_the_samples_before() {
         }
     }
 }
+
+/// The place by its square alone for 3 s, from a start that is 1.2 sigma off, where the square has
+/// no slope; then the place itself.
+fn squares() -> Vec<Sample> {
+    let mut samples = samples(6.0, 4, true);
+    for (k, sample) in samples.iter_mut().filter(|s| s.sensor.0 == 1).enumerate() {
+        let p = 1.2 + sample.get(0).unwrap();
+        let channel = if sample.time > seconds(3.0) { 0 } else { 2 };
+        let value = if channel == 0 { p } else { 0.1 * p * p + 0.1 * scatter(31 * k) };
+        *sample = Sample::empty(sample.time, sample.sensor);
+        sample.set(channel, value);
+    }
+    samples
+}
+
+/// Gauss-Newton steps on the whole run, with the place at every speed, the drift and the bias as
+/// unknowns. Each step gives the estimate and its covariance.
+fn gauss_newton(samples: &[Sample], mut x: DVector<f64>) -> impl FnMut() -> Batch {
+    let (drift, bias) = (x.len() - 2, x.len() - 1);
+    move || {
+        let mut rows: Vec<Equation> = vec![
+            (vec![(0, 1.0)], -x[0], 1.0),
+            (vec![(drift, 1.0)], -x[drift], 0.5),
+            (vec![(bias, 1.0)], -x[bias], 0.3),
+        ];
+        for sample in samples {
+            let k = (sample.time.seconds() * 10.0).round() as usize;
+            if sample.sensor.0 == 0 {
+                let terms = vec![(k, 1.0), (k.max(1) - 1, -1.0), (drift, 0.1)];
+                let moved = sample.get(0).unwrap() * 0.1;
+                let left = moved - terms.iter().map(|(c, f)| f * x[*c]).sum::<f64>();
+                rows.extend((k > 0).then_some((terms, left, (DENSITY * 0.1).sqrt())));
+            } else if let Some(value) = sample.get(0) {
+                rows.push((vec![(k, 1.0), (bias, 1.0)], value - x[k] - x[bias], 0.1));
+            } else {
+                let left = sample.get(2).unwrap() - 0.1 * x[k] * x[k] - x[bias];
+                rows.push((vec![(k, 0.2 * x[k]), (bias, 1.0)], left, 0.1));
+            }
+        }
+        let mut a = DMatrix::zeros(rows.len(), x.len());
+        let mut b = DVector::zeros(rows.len());
+        for (r, (terms, left, sigma)) in rows.into_iter().enumerate() {
+            terms.into_iter().for_each(|(c, factor)| a[(r, c)] = factor / sigma);
+            b[r] = left / sigma;
+        }
+        let covariance = (a.tr_mul(&a)).cholesky().unwrap().inverse();
+        let step = &covariance * a.tr_mul(&b);
+        x += &step;
+        Batch { x: x.clone(), covariance, step }
+    }
+}
+
+struct Batch {
+    x: DVector<f64>,
+    covariance: DMatrix<f64>,
+    step: DVector<f64>,
+}
+
+#[test]
+fn each_further_pass_is_a_gauss_newton_step_on_the_whole_run() {
+    let samples = squares();
+    let of =
+        |passes: u32| smoothed(&[BIAS, &format!("estimator.passes={passes}")], samples.clone());
+    let (first, finished) = of(1);
+    assert!(finished.summary.smoothing.unwrap().passes.is_none());
+    let count = 61;
+    let at = |e: &Estimate| (e.state.time.seconds() * 10.0).round() as usize;
+    let mut start = DVector::zeros(count + 2);
+    for found in &first.smoothed {
+        start[at(found)] = found.state.values[0];
+        start.rows_mut(count, 2).copy_from_slice(&found.state.values[1..3]);
+    }
+    let mut batch = gauss_newton(&samples, start);
+    let mut converged = None;
+    for pass in 2..=12 {
+        let Batch { x, covariance, step } = batch();
+        let (records, finished) = of(pass);
+        for found in &records.smoothed {
+            for (i, unknown) in [at(found), count, count + 1].into_iter().enumerate() {
+                let sigma = covariance[(unknown, unknown)].sqrt();
+                let error = (found.state.values[i] - x[unknown]).abs() / sigma;
+                let ratio = found.covariance[(i, i)].sqrt() / sigma;
+                assert!(error < 1e-6 && (ratio - 1.0).abs() < 1e-6, "{pass}: {error} {ratio}");
+            }
+        }
+        let passes = finished.summary.smoothing.unwrap().passes.unwrap();
+        let sizes = (0..x.len()).map(|i| step[i].abs() / covariance[(i, i)].sqrt());
+        let largest = sizes.fold(0.0, f64::max);
+        println!("pass {pass}: {largest:.3e} sigma; {}", passes.text);
+        assert!((passes.changes[pass as usize - 2] - largest).abs() < 1e-6 * (1.0 + largest));
+        assert_eq!((passes.count, passes.converged), (pass, largest <= 1e-3));
+        if passes.converged {
+            converged = Some(pass);
+            break;
+        }
+        assert!(passes.text.contains(&format!("not converged after {pass} passes")));
+    }
+    // the first pass is wrong by more than a sigma, and more passes than needed change nothing
+    assert!(converged.is_some_and(|pass| pass > 2), "{converged:?}");
+    let (last, _) = of(converged.unwrap());
+    let (more, _) = of(40);
+    let moved =
+        first.smoothed.iter().zip(&last.smoothed).map(|(a, b)| {
+            (a.state.values[0] - b.state.values[0]).abs() / b.covariance[(0, 0)].sqrt()
+        });
+    let moved = moved.fold(0.0, f64::max);
+    assert!(moved > 1.0, "{moved}");
+    assert!(more.smoothed.iter().zip(&last.smoothed).all(|(a, b)| a.state == b.state));
+}
+
+/// Consider states, past segments of memory and a bias: a linear run is solved by the first pass.
+#[test]
+fn a_further_pass_changes_nothing_in_a_linear_run() {
+    let considered = "sensor.fix.bias={ mode = \"consider\", sigma = \"30 cm\" }";
+    for setting in [BIAS, considered] {
+        let (one, _) = smoothed(&[setting], samples(200.0, 5, true));
+        let (two, finished) = smoothed(&[setting, "estimator.passes=2"], samples(200.0, 5, true));
+        let passes = finished.summary.smoothing.unwrap().passes.unwrap();
+        assert!(passes.converged && passes.changes[0] < 1e-6, "{setting} {passes:?}");
+        assert_eq!(one.smoothed.len(), two.smoothed.len());
+        for (one, two) in one.smoothed.iter().zip(&two.smoothed) {
+            for i in 0..3 {
+                let (p, q) = (one.covariance[(i, i)], two.covariance[(i, i)]);
+                let moved = (one.state.values[i] - two.state.values[i]).abs();
+                assert!(moved < 1e-6 * p.sqrt() && (p - q).abs() < 1e-6 * p, "{i} {moved} {p} {q}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_further_pass_beside_a_lag_is_refused() {
+    let text =
+        navfuse_testing::lab::refused(SCENARIO, &["estimator.lag=\"2 s\"", "estimator.passes=2"]);
+    assert!(text.contains("remove `passes` or `lag`"), "{text}");
+}

@@ -5,6 +5,7 @@ use crate::execution::input::{document_of, runs_folder};
 use crate::execution::run::{RunOptions, execute};
 use clap::Args;
 use navfuse_core::plugin::Registry;
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -16,6 +17,7 @@ Examples:
   navfuse smooth runs/tactical/run.mcap --out runs/tactical-best
   navfuse smooth scenarios/snapir.toml --set source.csv.directory=/data/snapir/T10
   navfuse smooth scenarios/auv.toml --lag \"30 s\"             while the run goes on
+  navfuse smooth scenarios/calibration.toml --passes 5       relinearised, Gauss-Newton
 
 The filter runs to the end, and a second pass goes back to the beginning. The log, the recording
 and the tables have the smoothed estimates with their sigma, and the recording shows the track of
@@ -28,6 +30,10 @@ pub struct Smooth {
     /// after it, such as "30 s"
     #[arg(long, value_name = "TIME")]
     pub lag: Option<String>,
+    /// Largest number of passes; each one after the first linearises at the smoothed trajectory of
+    /// the one before, until no component changes by more than 0.001 sigma
+    #[arg(long, value_name = "N", conflicts_with = "lag")]
+    pub passes: Option<NonZeroU32>,
     #[command(flatten)]
     pub options: RunOptions,
 }
@@ -38,6 +44,9 @@ pub fn smooth(registry: &Registry, arguments: &Smooth) -> Result<ExitCode> {
     settings.push("estimator.smooth=true".to_owned());
     if let Some(lag) = &arguments.lag {
         settings.push(format!("estimator.lag={lag:?}"));
+    }
+    if let Some(passes) = arguments.passes {
+        settings.push(format!("estimator.passes={passes}"));
     }
     let mut options = arguments.options.clone();
     if options.out.is_none() && !options.no_output {

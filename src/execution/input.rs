@@ -1,6 +1,7 @@
 //! The scenario of a command: a TOML file, or a log that holds one.
 
 use crate::error::{CommandError, Result};
+use crate::output::warn;
 use navfuse_core::document::Document;
 use navfuse_core::files::part_of;
 use navfuse_core::plugin::Kind;
@@ -53,6 +54,15 @@ pub fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)>
         Some(path) => self::document(path)?,
         None => {
             let info = navfuse_mcap::read_scenario(log)?;
+            let own = env!("CARGO_PKG_VERSION");
+            if info.version != own {
+                warn(format_args!(
+                    "warning: {}: recorded by another version, navfuse {}; this one is {own}, whose results \
+                     may differ",
+                    log.display(),
+                    info.version
+                ));
+            }
             let name = path.with_file_name(format!("{}.toml", folder_name(&info.name)));
             let name = name.display().to_string();
             let mut document = Document::parse(name.clone(), info.scenario)?;

@@ -88,6 +88,7 @@ fn smoothing(quality: &QualityReport) {
     }
     right(&mut fits, 1..7);
     line(format_args!("\n{fits}\n"));
+    quality.passes.iter().for_each(|passes| line(format_args!("passes: {}", passes.text)));
     quality.weak.iter().for_each(|text| line(format_args!("weak: {text}")));
     quality.contradictions.iter().for_each(|text| line(format_args!("contradiction: {text}")));
     quality.reconsidered.iter().for_each(|text| line(format_args!("reconsidered: {text}")));

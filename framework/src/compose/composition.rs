@@ -127,7 +127,8 @@ impl Composition {
         }
         self.layout = Arc::new(layout);
         self.estimator.draw = Draw::Nothing;
-        (self.estimator.smooth, self.estimator.lag) = (false, None);
+        let estimator = &mut self.estimator;
+        (estimator.smooth, estimator.lag, estimator.passes) = (false, None, None);
         // samples without noise repeat themselves at rest
         for process in &mut self.processes {
             process.searches = false;

@@ -6,6 +6,7 @@ use crate::units::time::Time;
 use crate::units::{Frequency, Positive, Time as Duration};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::num::NonZeroU32;
 
 /// Origin of the initial values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -43,6 +44,10 @@ pub struct EstimatorConfig {
     /// Smooths the run with a fixed lag while it goes on: an estimate is recorded once the filter is
     /// this time ahead of it, as the samples until then determine it.
     pub(crate) lag: Option<Positive<Duration>>,
+    /// Smooths the run in up to this many passes. Each pass after the first linearises all models at
+    /// the smoothed trajectory of the one before (Gauss-Newton on the whole run), until no component
+    /// changes by more than 0.001 sigma.
+    pub(crate) passes: Option<NonZeroU32>,
     /// Rule by which samples correct the estimate: `ekf` (one linearisation), `iekf` (iterated) or
     /// `ukf` (unscented). A sensor's own `update` has precedence.
     #[serde(default)]
@@ -74,6 +79,7 @@ impl Default for EstimatorConfig {
             draw: Draw::Nothing,
             smooth: false,
             lag: None,
+            passes: None,
             update: UpdateRule::default(),
             covariance_rate: None,
             output_rate: ten_hertz(),
@@ -109,7 +115,12 @@ impl EstimatorConfig {
 
     /// Returns `true` if the run is smoothed, with or without a fixed lag.
     pub fn smooths(&self) -> bool {
-        self.smooth || self.lag.is_some()
+        self.smooth || self.lag.is_some() || self.passes.is_some()
+    }
+
+    /// Largest number of passes of the smoother.
+    pub fn passes(&self) -> u32 {
+        self.passes.map_or(1, NonZeroU32::get)
     }
 
     /// Nanoseconds between recorded estimates.

@@ -102,6 +102,8 @@ impl Ekf {
             let before = self.snapshot();
             let stage = std::mem::replace(&mut self.memory.stage, Stage::Running);
             let Stage::Searching(buffer) = stage else { break };
+            // the prior that a trial finds is that of the first pass
+            self.memory.offset = None;
             self.begin(&mut ());
             let ended = buffer.iter().try_for_each(|sample| self.process(sample, &mut ()));
             let after = self.snapshot();

@@ -93,7 +93,14 @@ impl Ekf {
         }
         let (m, update) = (&mut self.memory, &mut self.update);
         let index = sample.sensor.0;
-        let rule = self.composition.sensors[index].update;
+        // a given trajectory is the point of linearisation, whatever the rule
+        let rule = match &m.offset {
+            Some(offset) => {
+                offset.innovation(update);
+                UpdateRule::Ekf
+            }
+            None => self.composition.sensors[index].update,
+        };
         let slot = &mut m.sensors[index];
         let present = sample.present() & slot.channels;
         let repeated = slot.repeats.as_mut().map_or(1.0, |repeats| repeats.take(sample, present));
@@ -158,8 +165,9 @@ impl Ekf {
         // an unscented update takes the curvature for noise, and an iterated one linearises at its
         // end
         let mut curved = None;
+        let own = m.offset.is_none();
         let slot = &mut m.sensors[index];
-        if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Ekf)
+        if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Ekf && own)
             && check.is_due(update, &m.covariance)
         {
             let at = At { layout: &self.layout, state: &m.state, sample };
@@ -175,7 +183,12 @@ impl Ekf {
         for other in m.sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
             update.correct(&mut other.reach);
         }
-        self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
+        if let Some(offset) = &mut m.offset {
+            offset.correct(&mut update.delta);
+            observer.corrected(&offset.d);
+        } else {
+            self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
+        }
         let slot = &mut m.sensors[index];
         if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Iekf)
             && check.is_due(update, &m.covariance)

@@ -7,6 +7,7 @@
 use super::cadence::Cadence;
 use super::clones::Clones;
 use super::delay::History;
+use super::guide::{Guide, Offset};
 use super::held::Held;
 use super::inputs::Corrected;
 use super::passage::Passage;
@@ -55,6 +56,8 @@ pub struct Ekf {
     pub(super) passage: Option<Box<Passage>>,
     /// Work space for the blocks that come and go.
     pub(super) changes: Changes,
+    /// Trajectory at which a further pass of the smoother linearises.
+    pub(super) guide: Option<Box<Guide>>,
     pub(super) memory: Memory,
 }
 
@@ -65,6 +68,8 @@ pub(super) struct Memory {
     pub(super) draws: Option<Random>,
     pub(super) state: State,
     pub(super) covariance: Covariance,
+    /// Estimate relative to the state, where the state is that of a given trajectory.
+    pub(super) offset: Option<Offset>,
     pub(super) transition: Transition,
     /// Steps that the covariance has not taken yet, where it has a rate of its own.
     pub(super) pool: Option<Pool>,
@@ -109,6 +114,11 @@ impl Snapshot {
     pub(crate) fn state(&self) -> &State {
         &self.0.state
     }
+
+    /// Estimate relative to the state in a further pass of the smoother; empty otherwise.
+    pub(crate) fn offset(&self) -> &[f64] {
+        self.0.offset.as_ref().map_or(&[], |offset| &offset.d)
+    }
 }
 
 impl Ekf {
@@ -136,12 +146,14 @@ impl Ekf {
             corrected: Corrected::of(&composition),
             passage: None,
             changes: Changes::default(),
+            guide: None,
             memory: Memory {
                 stage: if from_reference { Stage::FromReference(start) } else { Stage::At(start) },
                 draws: (composition.estimator.draw != Draw::Nothing)
                     .then(|| Random::new(composition.seed, "initial")),
                 state: layout.initial_state(),
                 covariance: Covariance::zero(n),
+                offset: None,
                 held: Held::of(&composition),
                 clones: Clones::of(&composition),
                 presence: Presence::new(layout.labels),

@@ -9,6 +9,8 @@ mod curvature;
 mod delay;
 mod drivers;
 mod filter;
+mod guide;
+mod guided;
 mod held;
 mod inputs;
 mod iterated;
@@ -37,5 +39,6 @@ mod usual;
 
 pub use crate::model::estimator_error::EstimatorError;
 pub use filter::{Ekf, Snapshot};
+pub(crate) use guide::Course;
 pub use timeline::Timeline;
 pub use ukf::Ukf;

@@ -26,6 +26,10 @@ impl Ekf {
         clones.take(&self.layout, &mut m.state.values, &mut m.covariance);
         clones.taken = true;
         observer.transition(&clones.transition);
+        if let Some((guide, offset)) = self.guide.as_mut().zip(m.offset.as_mut()) {
+            guide.carry(offset, &clones.transition);
+            observer.corrected(&offset.d);
+        }
         for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
             clones.transition.carry_reach(&mut slot.reach);
         }

@@ -54,12 +54,14 @@ impl Ekf {
     /// Begins to run.
     pub(super) fn begin(&mut self, observer: &mut dyn Observer) {
         self.begin_past();
+        self.begin_course();
         let m = &mut self.memory;
         m.processes.iter_mut().for_each(|p| p.restart());
         if let Some(history) = &mut m.history {
             history.begin(&m.state);
         }
         m.stage = Stage::Running;
+        observer.moved(&m.state, &m.covariance, m.offset.as_ref().map_or(&[], |o| &o.d));
         let time = m.state.time;
         let text = format!("started with {} states", self.layout.tangent);
         observer.event(Event { time, level: Level::Info, about: "estimator".into(), text });

@@ -280,6 +280,10 @@ impl Ekf {
             transition.propagate(&mut m.covariance);
         }
         observer.transition(transition);
+        if let Some((guide, offset)) = self.guide.as_mut().zip(m.offset.as_mut()) {
+            guide.propagate(&self.layout, &mut m.state, offset, transition);
+        }
+        observer.moved(&m.state, &m.covariance, m.offset.as_ref().map_or(&[], |o| &o.d));
         for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
             transition.carry_reach(&mut slot.reach);
         }

@@ -131,7 +131,7 @@ impl EstimatorType for Ukf {
     fn check(composition: &Composition) -> Result<(), ComposeError> {
         if composition.estimator.smooths() {
             let message = "the smoother needs a linearised step, which the unscented filter does \
-                           not have; remove `smooth` and `lag`, or set type = \"ekf\"";
+                           not have; remove `smooth`, `lag` and `passes`, or set type = \"ekf\"";
             return Err(ComposeError::new("smooth", message));
         }
         if composition.estimator.covariance_period().is_some() {

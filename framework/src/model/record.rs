@@ -175,6 +175,12 @@ pub trait Observer {
     /// Receives a correction: Jacobian, gain and innovation covariance in the update's work space.
     /// Its `delta` is the injected error, as [`crate::state::Layout::reset_rows`] takes it.
     fn correction(&mut self, _update: &Update) {}
+    /// Receives state and covariance at the start and after each propagation. In a further pass of
+    /// the smoother, the state is that at which the filter linearises, and `offset` the estimate
+    /// relative to it; otherwise `offset` is empty.
+    fn moved(&mut self, _state: &State, _covariance: &Covariance, _offset: &[f64]) {}
+    /// Receives the offset of [`Self::moved`] after a correction or a clone.
+    fn corrected(&mut self, _offset: &[f64]) {}
     /// Receives the innovation of a gated sample, its covariance and that with the error, after
     /// [`Self::update`].
     fn gated(&mut self, _update: &Update) {}

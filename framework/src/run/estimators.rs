@@ -30,6 +30,10 @@ pub(crate) fn find(
 /// Rejects a composition that its estimator cannot run.
 pub(crate) fn check(composition: &Composition, root: &Node<'_>) -> Result<(), DocumentError> {
     let place = root.get("estimator").unwrap_or_else(|| root.clone());
+    if composition.estimator.lag().is_some() && composition.estimator.passes() > 1 {
+        let message = "a further pass needs the whole run; remove `passes` or `lag`";
+        return Err(ComposeError::new("passes", message).at(&place));
+    }
     let creator = composition.creator;
     if creator.name == Creator::of::<Ukf>().name {
         check_rules(root)?;

@@ -390,7 +390,10 @@ impl Run {
         let weak = quality.weak.iter().map(|text| (Level::Info, text));
         let wrong = quality.contradictions.iter().map(|text| (Level::Warning, text));
         let samples = quality.reconsidered.iter().map(|text| (Level::Info, text));
-        for (level, text) in weak.chain(wrong).chain(samples) {
+        let passes = quality.passes.as_ref().map(|passes| {
+            (if passes.converged { Level::Info } else { Level::Warning }, &passes.text)
+        });
+        for (level, text) in passes.into_iter().chain(weak).chain(wrong).chain(samples) {
             let (about, text) = ("smoother".to_owned(), text.clone());
             self.outputs.event(Event { time, level, about, text });
         }

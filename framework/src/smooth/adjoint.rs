@@ -316,6 +316,20 @@ impl Adjoint {
         }
     }
 
+    /// Computes the correction `delta = P lambda` of an estimate from the lower triangle of its
+    /// covariance.
+    pub(super) fn project(&self, triangle: &[f64], delta: &mut [f64]) {
+        delta.fill(0.0);
+        for ((i, j), p) in lower(self.n).zip(triangle) {
+            delta[i] += p * self.lambda[j];
+            if i != j {
+                delta[j] += p * self.lambda[i];
+            }
+        }
+        let kept = delta.iter_mut().zip(&self.considered).filter(|(_, kept)| **kept);
+        kept.for_each(|(delta, _)| *delta = 0.0);
+    }
+
     /// Computes the correction `delta` of an estimate by all later samples, and the covariance of
     /// the error that is left. `smoothed` has the covariance of the filter first.
     pub(super) fn smooth(&mut self, smoothed: &mut Covariance, delta: &mut [f64]) {

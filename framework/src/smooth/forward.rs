@@ -7,13 +7,14 @@
 //! more than a segment, every second one is dropped and the length doubles.
 
 use super::adjoint::Adjoint;
+use super::course;
 use super::error::SmoothError;
 use super::estimate::Row;
 use super::map::Map;
 use super::segment::{Kind, Recorder, Segment, correction_length, gated_length, step_length};
 use super::tape::{Entry, Steps};
-use crate::ekf::{Ekf, Snapshot};
-use crate::model::record::Observer;
+use crate::ekf::{Course, Ekf, EstimatorError, Snapshot};
+use crate::model::record::{Epoch, Observer};
 use crate::state::Layout;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::{Sample, SensorId};
@@ -32,19 +33,83 @@ struct Checkpoint {
     epochs: usize,
 }
 
+/// Snapshots of one pass.
+struct Checkpoints {
+    list: Vec<Checkpoint>,
+    /// Length of the records of a segment, bytes.
+    longest: usize,
+}
+
+impl Checkpoints {
+    fn new() -> Self {
+        Self { list: Vec::new(), longest: SHORTEST }
+    }
+
+    fn add(&mut self, ekf: &Ekf, at: u64, epochs: usize) {
+        self.list.push(Checkpoint { snapshot: ekf.snapshot(), at, epochs });
+        // an odd number, so that the last one stays
+        let count = self.list.len();
+        if count % 2 == 1 && count * ekf.snapshot_size() > self.longest {
+            let mut number = 0;
+            self.list.retain(|_| {
+                number += 1;
+                number % 2 == 1
+            });
+            self.longest *= 2;
+        }
+    }
+}
+
+/// Length of the records since the last snapshot.
+struct Counter {
+    n: usize,
+    considers: bool,
+    /// Numbers of an estimate, and those of the end of a step for a further pass.
+    row: usize,
+    course: usize,
+    /// For each estimate of the filter, `true` if the run records it, and the number of those that
+    /// the pass has met.
+    recorded: Vec<bool>,
+    epochs: usize,
+    /// Length, bytes.
+    since: usize,
+}
+
+impl Counter {
+    fn add(&mut self, numbers: usize) {
+        self.since += 8 * numbers;
+    }
+}
+
+impl Observer for Counter {
+    fn epoch(&mut self, _: &Epoch<'_>) {
+        if self.recorded.get(self.epochs) == Some(&true) {
+            self.add(self.row + self.n);
+        }
+        self.epochs += 1;
+    }
+    fn transition(&mut self, transition: &Transition) {
+        self.add(step_length(transition) + self.course);
+    }
+    fn correction(&mut self, update: &Update) {
+        self.add(correction_length(update, self.n, self.considers));
+    }
+    fn gated(&mut self, update: &Update) {
+        self.add(gated_length(update, self.n));
+    }
+}
+
 /// The forward pass: the steps of the run, and snapshots between them.
 pub(super) struct Forward {
     layout: Arc<Layout>,
     considers: bool,
     steps: Steps,
-    checkpoints: Vec<Checkpoint>,
-    /// For each estimate of the filter, `true` if the run records it.
-    recorded: Vec<bool>,
+    checkpoints: Checkpoints,
+    counter: Counter,
     /// Estimates before the last step.
     recorded_before: usize,
-    /// Length of the records since the last snapshot, and the longest one, bytes.
-    since: usize,
-    longest: usize,
+    /// The filter before the first step, for further passes.
+    first: Snapshot,
     /// Start of the filter.
     pub(super) start: Option<Time>,
     /// Set if the filter failed in the last step.
@@ -53,18 +118,27 @@ pub(super) struct Forward {
 }
 
 impl Forward {
-    /// Begins the pass at the present of the filter.
-    pub(super) fn new(ekf: &Ekf) -> Result<Self, SmoothError> {
+    /// Begins the pass at the present of the filter, with or without records for a further pass.
+    pub(super) fn new(ekf: &Ekf, further: bool) -> Result<Self, SmoothError> {
         let layout = Arc::clone(&ekf.composition().layout);
+        let considers = ekf.considered().contains(&true);
+        let counter = Counter {
+            n: layout.tangent,
+            considers,
+            row: Row::new(&layout).width(),
+            course: if further { course::length(&layout) } else { 0 },
+            recorded: Vec::new(),
+            epochs: 0,
+            since: 0,
+        };
         let mut forward = Self {
-            considers: ekf.considered().contains(&true),
+            considers,
             layout,
             steps: Steps::new()?,
-            checkpoints: Vec::new(),
-            recorded: Vec::new(),
+            checkpoints: Checkpoints::new(),
+            counter,
             recorded_before: 0,
-            since: 0,
-            longest: SHORTEST,
+            first: ekf.snapshot(),
             start: None,
             failed_step: false,
             error: None,
@@ -76,32 +150,21 @@ impl Forward {
     /// Forgets the steps, and begins again at the present of the filter.
     pub(super) fn restart(&mut self, ekf: &Ekf) -> Result<(), SmoothError> {
         self.steps.clear()?;
-        self.checkpoints.clear();
-        self.recorded.clear();
+        self.checkpoints = Checkpoints::new();
+        self.counter.recorded.clear();
+        self.counter.epochs = 0;
         self.recorded_before = 0;
-        self.longest = SHORTEST;
         self.checkpoint(ekf);
         Ok(())
     }
 
     fn checkpoint(&mut self, ekf: &Ekf) {
-        let (at, epochs) = (self.steps.end, self.recorded.len());
-        self.checkpoints.push(Checkpoint { snapshot: ekf.snapshot(), at, epochs });
-        self.since = 0;
-        // an odd number, so that the last one stays
-        let count = self.checkpoints.len();
-        if count % 2 == 1 && count * ekf.snapshot_size() > self.longest {
-            let mut number = 0;
-            self.checkpoints.retain(|_| {
-                number += 1;
-                number % 2 == 1
-            });
-            self.longest *= 2;
-        }
+        self.checkpoints.add(ekf, self.steps.end, self.counter.recorded.len());
+        self.counter.since = 0;
     }
 
     fn push(&mut self, entry: &Entry) {
-        self.recorded_before = self.recorded.len();
+        self.recorded_before = self.counter.recorded.len();
         if let Err(error) = self.steps.push(entry) {
             self.error.get_or_insert(error);
         }
@@ -109,7 +172,7 @@ impl Forward {
 
     /// Notes a sample that the filter takes next.
     pub(super) fn sample(&mut self, ekf: &Ekf, sample: &Sample) {
-        if self.since >= self.longest && ekf.running() {
+        if self.counter.since >= self.checkpoints.longest && ekf.running() {
             self.checkpoint(ekf);
         }
         if ekf.running() {
@@ -135,27 +198,58 @@ impl Forward {
             self.error.get_or_insert(error);
         }
         self.failed_step = true;
-        self.recorded.truncate(self.recorded_before);
+        self.counter.recorded.truncate(self.recorded_before);
     }
 
     /// Notes an estimate, and whether the run records it.
     pub(super) fn epoch(&mut self, recorded: bool) {
-        self.recorded.push(recorded);
+        self.counter.recorded.push(recorded);
         if recorded {
-            self.since += 8 * Row::new(&self.layout).width();
+            self.counter.add(self.counter.row);
         }
     }
 
     pub(super) fn transition(&mut self, transition: &Transition) {
-        self.since += 8 * step_length(transition);
+        self.counter.transition(transition);
     }
 
     pub(super) fn correction(&mut self, update: &Update) {
-        self.since += 8 * correction_length(update, self.layout.tangent, self.considers);
+        self.counter.correction(update);
     }
 
     pub(super) fn gated(&mut self, update: &Update) {
-        self.since += 8 * gated_length(update, self.layout.tangent);
+        self.counter.gated(update);
+    }
+
+    /// Lets the filter take all steps again, linearised at a trajectory. Returns the error of a
+    /// filter that fails.
+    pub(super) fn repeat(
+        &mut self,
+        ekf: &mut Ekf,
+        course: Box<dyn Course>,
+    ) -> Result<Result<(), EstimatorError>, SmoothError> {
+        ekf.restore(&self.first);
+        ekf.follow_course(course);
+        let Self { steps, checkpoints, counter, .. } = self;
+        (counter.epochs, counter.since) = (0, 0);
+        *checkpoints = Checkpoints::new();
+        checkpoints.add(ekf, 0, 0);
+        let mut taken = Ok(());
+        steps.read(0, steps.end, |at, entry| {
+            if taken.is_err() {
+                return Ok::<(), SmoothError>(());
+            }
+            if counter.since >= checkpoints.longest && ekf.running() {
+                checkpoints.add(ekf, at, counter.epochs);
+                counter.since = 0;
+            }
+            taken = take(ekf, &entry, counter);
+            Ok(())
+        })?;
+        match ekf.course_failed() {
+            Some(error) => Err(error.into()),
+            None => Ok(taken),
+        }
     }
 
     /// Error of the temporary file, if there was one.
@@ -164,25 +258,32 @@ impl Forward {
     }
 
     /// Computes the segments again with their filter, the last one first, and passes the adjoint
-    /// over their records; `visit` sees each correction and each recorded estimate. The filter has
-    /// to be at the end of the pass, and is left in any state.
+    /// over their records; `visit` sees each correction and each recorded estimate, and the end of
+    /// each step for a `further` pass. The filter has to be at the end of the pass, and is left in
+    /// any state.
     pub(super) fn backward(
         &mut self,
         ekf: &mut Ekf,
         adjoint: &mut Adjoint,
+        further: bool,
         mut visit: impl FnMut(&mut Adjoint, Visit<'_>) -> Result<(), SmoothError>,
     ) -> Result<(), SmoothError> {
         let mut segment = Segment::new(&self.layout, self.considers);
         let mut map = Map::identity(self.layout.tangent);
-        let mut end = (self.steps.end, (!self.failed_step).then(|| ekf.state().clone()));
-        while let Some(begin) = self.checkpoints.pop() {
+        let present = |ekf: &Ekf| (ekf.state().clone(), ekf.offset().to_vec());
+        let mut end = (self.steps.end, (!self.failed_step).then(|| present(ekf)));
+        while let Some(begin) = self.checkpoints.list.pop() {
             segment.clear();
             ekf.restore(&begin.snapshot);
-            let recorded = self.recorded[begin.epochs..].iter();
-            let source = (SensorId(0), Time::MIN, 0.0);
-            let mut recorder = Recorder { segment: &mut segment, recorded, source };
+            let mut recorder = Recorder {
+                segment: &mut segment,
+                recorded: self.counter.recorded[begin.epochs..].iter(),
+                source: (SensorId(0), Time::MIN, 0.0),
+                offset: ekf.offset().to_vec(),
+                course: further.then_some(&*self.layout),
+            };
             replay(&mut self.steps, (begin.at, end.0), ekf, &mut recorder)?;
-            if end.1.is_some_and(|end| end != *ekf.state()) {
+            if end.1.is_some_and(|end| end != present(ekf)) {
                 return Err(SmoothError::NotRepeatable { time: ekf.state().time });
             }
             for (kind, values, columns) in segment.reversed() {
@@ -204,9 +305,11 @@ impl Forward {
                         visit(adjoint, Visit::Sample { sensor, time, m, square })?;
                     }
                     Kind::Epoch => visit(adjoint, Visit::Epoch(values))?,
+                    Kind::Course => visit(adjoint, Visit::Course(values))?,
                 }
             }
-            end = (begin.at, Some(begin.snapshot.state().clone()));
+            let snapshot = &begin.snapshot;
+            end = (begin.at, Some((snapshot.state().clone(), snapshot.offset().to_vec())));
         }
         Ok(())
     }
@@ -218,7 +321,7 @@ impl Forward {
         ekf: &mut Ekf,
         observer: &mut dyn Observer,
     ) -> Result<(), SmoothError> {
-        let Some(begin) = self.checkpoints.first() else { return Ok(()) };
+        let Some(begin) = self.checkpoints.list.first() else { return Ok(()) };
         ekf.restore(&begin.snapshot);
         let steps = (begin.at, self.steps.end);
         replay(&mut self.steps, steps, ekf, observer)
@@ -232,18 +335,24 @@ fn replay(
     ekf: &mut Ekf,
     observer: &mut dyn Observer,
 ) -> Result<(), SmoothError> {
-    steps.read(from, to, |entry| {
-        match entry {
-            // a failure of the filter has been reported in the forward pass
-            Entry::Sample(sample) => drop(ekf.process(&sample, observer)),
-            Entry::Epoch => {
-                ekf.settle(observer);
-                observer.epoch(&ekf.epoch());
-            }
-            Entry::Finish => ekf.finish(observer),
-        }
+    steps.read(from, to, |_, entry| {
+        // a failure of the filter has been reported in the forward pass
+        drop(take(ekf, &entry, observer));
         Ok(())
     })
+}
+
+/// Lets the filter take a step.
+fn take(ekf: &mut Ekf, entry: &Entry, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
+    match entry {
+        Entry::Sample(sample) => ekf.process(sample, observer)?,
+        Entry::Epoch => {
+            ekf.settle(observer);
+            observer.epoch(&ekf.epoch());
+        }
+        Entry::Finish => ekf.finish(observer),
+    }
+    Ok(())
 }
 
 /// A record that the backward pass meets.
@@ -254,4 +363,6 @@ pub(super) enum Visit<'a> {
     Gated { sensor: SensorId, time: Time, square: Option<f64>, threshold: f64 },
     /// An estimate that the run records.
     Epoch(&'a [f64]),
+    /// The end of a step, if there is a further pass.
+    Course(&'a [f64]),
 }

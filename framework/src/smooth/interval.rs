@@ -1,6 +1,8 @@
 //! Fixed-interval smoothing: every estimate from all samples of the run.
 
 use super::adjoint::Adjoint;
+use super::change::Change;
+use super::course::{Trajectory, Writer};
 use super::error::SmoothError;
 use super::estimate::{self, Estimate, Row};
 use super::forward::{Forward, Visit};
@@ -19,11 +21,19 @@ pub(super) struct Smoothed {
     rows: Rows,
     layout: Arc<Layout>,
     pub(super) quality: QualityReport,
+    /// Smoothed trajectory for a further pass, and the change by this one.
+    pub(super) course: Option<Trajectory>,
+    pub(super) change: Change,
 }
 
 impl Smoothed {
-    /// Passes backward over the run with its filter, which is left in any state.
-    pub(super) fn of(forward: &mut Forward, ekf: &mut Ekf) -> Result<Self, SmoothError> {
+    /// Passes backward over the run with its filter, which is left in any state. The smoothed
+    /// trajectory is there for a `further` pass.
+    pub(super) fn of(
+        forward: &mut Forward,
+        ekf: &mut Ekf,
+        further: bool,
+    ) -> Result<Self, SmoothError> {
         let composition = ekf.composition();
         let layout = Arc::clone(&composition.layout);
         let (start, end) = (forward.start.unwrap_or_default(), ekf.state().time);
@@ -36,9 +46,11 @@ impl Smoothed {
             estimate: Estimate::new(&layout),
             delta: vec![0.0; row.n],
             differences: vec![0.0; row.n],
+            sigmas: vec![0.0; row.n],
         };
+        let mut course = if further { Some(Writer::new(&layout)?) } else { None };
         let mut written = Vec::with_capacity(row.width());
-        forward.backward(ekf, &mut adjoint, |adjoint, visit| {
+        forward.backward(ekf, &mut adjoint, further, |adjoint, visit| {
             match visit {
                 Visit::Sample { sensor, time, m, square } => {
                     quality.sample(sensor.0, time, m, square);
@@ -54,11 +66,18 @@ impl Smoothed {
                     estimate::write(&epoch, &mut written);
                     rows.push(&written)?;
                 }
+                Visit::Course(values) => {
+                    if let Some(course) = &mut course {
+                        course.push(adjoint, values, &smoother.sigmas)?;
+                    }
+                }
             }
             Ok(())
         })?;
         let quality = quality.report(ekf.composition());
-        Ok(Self { rows, layout, quality })
+        let change = course.as_ref().map(|course| course.change).unwrap_or_default();
+        let course = course.map(Writer::finish).transpose()?;
+        Ok(Self { rows, layout, quality, course, change })
     }
 
     /// Passes the estimates to `each` in order of time.
@@ -81,11 +100,14 @@ struct Smoother {
     delta: Vec<f64>,
     /// Difference of each error state from the filter, in its sigma.
     differences: Vec<f64>,
+    /// Smoothed sigmas.
+    sigmas: Vec<f64>,
 }
 
 impl Smoother {
     fn smooth(&mut self, layout: &Layout, adjoint: &mut Adjoint, values: &[f64]) {
-        let Self { row, estimate, delta, differences } = self;
+        let Self { row, estimate, delta, differences, sigmas } = self;
+        let (values, offset) = values.split_at(row.width());
         estimate.read(row, values);
         for (i, variance) in differences.iter_mut().enumerate() {
             *variance = estimate.covariance.get(i, i);
@@ -95,6 +117,11 @@ impl Smoother {
             let known = *value - estimate.covariance.get(i, i);
             // later samples that change nothing leave rounding alone
             *value = if known > UNCHANGED * *value { delta / known.sqrt() } else { 0.0 };
+        }
+        // a further pass has linearised at the state, and the estimate is the state and its offset
+        delta.iter_mut().zip(offset).for_each(|(delta, d)| *delta += d);
+        for (i, sigma) in sigmas.iter_mut().enumerate() {
+            *sigma = estimate.covariance.get(i, i).sqrt();
         }
         layout.inject(&mut estimate.state, delta, &mut estimate.covariance);
     }

@@ -138,7 +138,7 @@ impl Lagged {
         let mut adjoint = Adjoint::at_boundary(&self.layout, ekf.considered());
         self.stack.clear()?;
         let (stack, numbers) = (&mut self.stack, &mut self.first);
-        forward.backward(ekf, &mut adjoint, |adjoint, visit| {
+        forward.backward(ekf, &mut adjoint, false, |adjoint, visit| {
             if let Visit::Epoch(values) = visit {
                 numbers.clear();
                 numbers.extend_from_slice(values);

@@ -6,22 +6,28 @@
 //! estimates are recorded, and the backward recursion of `adjoint.rs` passes over the records. So
 //! the records of one segment are in memory at a time, however long the run.
 //!
+//! A further pass linearises at the smoothed trajectory of the one before (`passes.rs`).
+//!
 //! The recursion needs only what every filter run gives, and nothing from models or plugins: each
 //! step is a linear map of the error, and each correction one with an innovation.
 
 mod adjoint;
+mod change;
+mod course;
 mod error;
 mod estimate;
 mod forward;
 mod interval;
 mod lag;
 mod map;
+mod passes;
 mod quality;
 mod segment;
 mod smoother;
 mod stretch;
 mod tape;
 
+pub use change::Passes;
 pub use error::SmoothError;
 pub use quality::{QualityReport, SensorFit};
 pub(crate) use smoother::Smoother;

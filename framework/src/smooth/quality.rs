@@ -11,6 +11,7 @@
 //! channel (de Jong, J. Am. Stat. Assoc. 84, 1989). `R u` is the residual of the sample from the
 //! smoothed run.
 
+use super::change::Passes;
 use crate::compose::Composition;
 use crate::model::chi_square::band;
 use crate::model::record::Epoch;
@@ -94,6 +95,9 @@ pub struct QualityReport {
     pub reconsidered: Vec<String>,
     /// Fit of the samples of each sensor.
     pub sensors: Vec<SensorFit>,
+    /// Passes, where more than one was allowed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub passes: Option<Passes>,
 }
 
 /// Fit of a sensor's used samples to the smoothed run.
@@ -271,6 +275,7 @@ impl Quality {
             sensors: judged.collect(),
             weak: words(weak),
             contradictions: words(contradictions),
+            passes: None,
         }
     }
 

@@ -1,11 +1,12 @@
 //! Records of one segment of the run, which the backward recursion reads.
 
 use super::adjoint::Correction;
+use super::course;
 use super::estimate;
 use super::map::Map;
 use crate::model::record::{Epoch, Observer, UpdateRecord};
-use crate::state::Layout;
-use crate::state::covariance::{Transition, Update};
+use crate::state::covariance::{Covariance, Transition, Update};
+use crate::state::{Layout, State};
 use crate::units::sample::SensorId;
 use crate::units::time::Time;
 use std::slice::Iter;
@@ -20,8 +21,10 @@ pub(super) enum Kind {
     /// A gated sample with that many components, and its number in the segment: the gate, and what
     /// [`super::adjoint::Adjoint::reconsider`] takes.
     Gated(usize, usize),
-    /// An estimate that the run records: see `estimate.rs`.
+    /// An estimate that the run records, see `estimate.rs`, and the offset of a further pass.
     Epoch,
+    /// The end of a step, at which a further pass linearises: see `course.rs`.
+    Course,
 }
 
 /// Length of the record of a transition.
@@ -113,9 +116,15 @@ impl Segment {
         self.data.extend(update.cross_covariance());
     }
 
-    fn epoch(&mut self, epoch: &Epoch<'_>) {
+    fn epoch(&mut self, epoch: &Epoch<'_>, offset: &[f64]) {
         self.begin(Kind::Epoch);
         estimate::write(epoch, &mut self.data);
+        self.data.extend_from_slice(offset);
+    }
+
+    fn course(&mut self, layout: &Layout, state: &State, covariance: &Covariance, offset: &[f64]) {
+        self.begin(Kind::Course);
+        course::write(layout, state, covariance, offset, &mut self.data);
     }
 
     /// Records, the last one first: each with its numbers and columns.
@@ -156,12 +165,16 @@ pub(super) struct Recorder<'a> {
     pub(super) recorded: Iter<'a, bool>,
     /// Sensor, time and gate of the last judged sample.
     pub(super) source: (SensorId, Time, f64),
+    /// Offset of a further pass; empty in the first one.
+    pub(super) offset: Vec<f64>,
+    /// Layout of the states that are recorded for the next pass, if there is one.
+    pub(super) course: Option<&'a Layout>,
 }
 
 impl Observer for Recorder<'_> {
     fn epoch(&mut self, epoch: &Epoch<'_>) {
         if self.recorded.next().is_some_and(|recorded| *recorded) {
-            self.segment.epoch(epoch);
+            self.segment.epoch(epoch, &self.offset);
         }
     }
     fn update(&mut self, update: &UpdateRecord<'_>) {
@@ -173,6 +186,16 @@ impl Observer for Recorder<'_> {
     fn correction(&mut self, update: &Update) {
         let (sensor, time, _) = self.source;
         self.segment.correction(update, (sensor, time));
+    }
+    fn moved(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
+        self.corrected(offset);
+        if let Some(layout) = self.course {
+            self.segment.course(layout, state, covariance, offset);
+        }
+    }
+    fn corrected(&mut self, offset: &[f64]) {
+        self.offset.clear();
+        self.offset.extend_from_slice(offset);
     }
     fn gated(&mut self, update: &Update) {
         let (sensor, time, threshold) = self.source;

@@ -2,8 +2,8 @@
 
 use super::error::SmoothError;
 use super::forward::Forward;
-use super::interval::Smoothed;
 use super::lag::Lagged;
+use super::passes;
 use super::quality::QualityReport;
 use crate::ekf::Ekf;
 use crate::model::record::Epoch;
@@ -25,7 +25,7 @@ impl Smoother {
         if !estimator.smooths() {
             return Ok(None);
         }
-        let forward = Forward::new(ekf)?;
+        let forward = Forward::new(ekf, estimator.passes() > 1)?;
         let lagged = estimator.lag().map(|lag| Lagged::new(ekf, lag)).transpose()?;
         Ok(Some(Self { forward, lagged, error: None }))
     }
@@ -119,7 +119,8 @@ impl Smoother {
             lagged.finish(&mut self.forward, ekf, each)?;
             return Ok(None);
         }
-        let mut smoothed = Smoothed::of(&mut self.forward, ekf)?;
+        let passes = ekf.composition().estimator.passes();
+        let mut smoothed = passes::smooth(&mut self.forward, ekf, passes)?;
         let quality = std::mem::take(&mut smoothed.quality);
         smoothed.each(&mut each)?;
         Ok(Some(quality))

@@ -73,24 +73,30 @@ impl Steps {
         restart(&mut self.file)
     }
 
-    /// Passes the entries between two places to `each`.
+    /// Passes the entries between two places to `each`, with the place of each.
     pub(super) fn read<E: From<io::Error>>(
         &mut self,
         from: u64,
         to: u64,
-        mut each: impl FnMut(Entry) -> Result<(), E>,
+        mut each: impl FnMut(u64, Entry) -> Result<(), E>,
     ) -> Result<(), E> {
         self.file.flush()?;
         let file = self.file.get_mut();
         file.seek(SeekFrom::Start(from))?;
         let mut bytes = BufReader::with_capacity(1 << 16, file.take(to - from));
         let mut mark = [0; 1];
+        let mut at = from;
         while bytes.read(&mut mark)? == 1 {
-            each(match mark[0] {
-                EPOCH => Entry::Epoch,
-                FINISH => Entry::Finish,
-                _ => Entry::Sample(read_sample(&mut bytes)?),
-            })?;
+            let (entry, length) = match mark[0] {
+                EPOCH => (Entry::Epoch, 1),
+                FINISH => (Entry::Finish, 1),
+                _ => {
+                    let sample = read_sample(&mut bytes)?;
+                    (Entry::Sample(sample), 13 + 8 * u64::from(sample.present().count_ones()))
+                }
+            };
+            each(at, entry)?;
+            at += length;
         }
         Ok(())
     }
@@ -144,6 +150,11 @@ impl Rows {
         }
         self.count += 1;
         Ok(())
+    }
+
+    /// The file and the number of rows.
+    pub(super) fn into_file(self) -> io::Result<(File, u64)> {
+        Ok((self.file.into_inner().map_err(io::IntoInnerError::into_error)?, self.count))
     }
 
     /// Takes the last row; `false` if there is none. No row may be added afterwards, unless all are

@@ -82,6 +82,33 @@ impl Records {
         self.filtered.iter().zip(ends).map(one).collect()
     }
 
+    /// Largest difference of the smoothed estimates from those of a textbook, in sigma, and of
+    /// their covariances, relative to the variances.
+    pub fn differences(&self, textbook: Vec<(DVector<f64>, DMatrix<f64>)>) -> (f64, f64) {
+        let layout = &self.layout;
+        let n = layout.tangent;
+        let known = vec![true; layout.blocks.len()];
+        assert!(self.filtered.len() >= 40 && self.filtered.len() == self.smoothed.len());
+        let (mut worst, mut spread) = (0.0_f64, 0.0_f64);
+        for ((filtered, smoothed), (moved, p)) in
+            self.filtered.iter().zip(&self.smoothed).zip(textbook)
+        {
+            let mut change = vec![0.0; n];
+            layout.error(&smoothed.state, &filtered.state, &known, &mut change);
+            let expected = about_the_smoothed(layout, &p, &moved, filtered, smoothed);
+            for i in 0..n {
+                worst = worst.max((change[i] - moved[i]).abs() / p[(i, i)].sqrt());
+                for j in 0..n {
+                    let scale = (expected[(i, i)] * expected[(j, j)]).sqrt();
+                    let difference = smoothed.covariance[(i, j)] - expected[(i, j)];
+                    spread = spread.max(difference.abs() / scale);
+                }
+            }
+        }
+        println!("largest difference {worst:.1e} sigma, of the covariance {spread:.1e}");
+        (worst, spread)
+    }
+
     /// Covariances before and after each step, from the first estimate on.
     fn covariances(&self) -> Vec<DMatrix<f64>> {
         let first = &self.filtered[0];
@@ -188,6 +215,28 @@ impl Records {
         }
         found
     }
+}
+
+/// The covariance of the error about the smoothed estimate, from that about the filter's.
+fn about_the_smoothed(
+    layout: &Layout,
+    p: &DMatrix<f64>,
+    moved: &DVector<f64>,
+    from: &Estimate,
+    to: &Estimate,
+) -> DMatrix<f64> {
+    let n = layout.tangent;
+    let mut delta = moved.as_slice().to_vec();
+    // the reset takes the change of the velocity itself
+    let velocity = layout.find("ins.velocity").expect("an INS");
+    for (row, at) in velocity.tangent_range().zip(velocity.range()) {
+        delta[row] = to.state.values[at] - from.state.values[at];
+    }
+    let mut reset = vec![0.0; n * n];
+    (0..n).for_each(|i| reset[i * n + i] = 1.0);
+    layout.reset_rows(&delta, &mut reset, n);
+    let reset = DMatrix::from_row_slice(n, n, &reset);
+    &reset * p * reset.transpose()
 }
 
 /// Inverse of a covariance, scaled to a diagonal of ones first.
