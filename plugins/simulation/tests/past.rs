@@ -6,11 +6,13 @@ use navfuse_core::document::Document;
 use navfuse_core::model::simulate::Random;
 use navfuse_core::nalgebra::Matrix2;
 use navfuse_core::prelude::*;
-use navfuse_core::run::runner::Finished;
+use navfuse_core::run::runner::{self, Finished};
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::Time as Duration;
 use navfuse_ins::Navigation;
 use navfuse_testing::judge::{Judge, judged};
+use navfuse_testing::rts::Records;
+use std::sync::atomic::AtomicBool;
 
 // ANCHOR: odometry
 /// Visual odometry: translation and rotation of the camera since its previous image.
@@ -187,13 +189,20 @@ impl MeasurementModel<1> for Offset {
     }
 }
 
-/// Runs a scenario with the plugins of this file.
-fn run(text: &str, settings: &[String]) -> (Finished, Judge) {
+/// The plugins of this file.
+fn registry() -> Registry {
     let mut registry = Registry::new();
     registry.add(&navfuse_ins::InsPlugin).add(&navfuse_simulation::SimulationPlugin);
+    registry.add(&navfuse_gnss::GnssPlugin);
     registry.sensor::<VisualOdometry>();
     registry.sensor::<Comparison>();
     registry.process::<Clock>();
+    registry
+}
+
+/// Runs a scenario with the plugins of this file.
+fn run(text: &str, settings: &[String]) -> (Finished, Judge) {
+    let registry = registry();
     let (finished, judge) = judged(&registry, text, settings);
     assert!(finished.error.is_none(), "{:?}", finished.error);
     (finished, judge)
@@ -346,4 +355,58 @@ fn a_block_without_a_truth_is_judged_by_nobody() {
     // without the draw, its truth is at rest as well, and nobody takes that for its truth
     let (finished, _) = run(RECEIVER, &["estimator.draw=\"nothing\"".to_owned()]);
     assert!(finished.summary.rows.iter().all(|row| row.error.is_none()));
+}
+
+const SLOW_GNSS: &str = r#"
+[sensor.gnss]
+horizontal_noise = "1 m"
+vertical_noise = "2 m"
+time_offset = { sigma = "100 ms", truth = "60 ms" }
+late = "3 s"
+simulation = { rate = "2 Hz" }
+"#;
+
+/// Steps, estimates and smoothed estimates.
+fn smoothed(text: &str, settings: &[&str]) -> (Records, Finished) {
+    let document = Document::parse("past.toml", text).unwrap();
+    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
+    let registry = registry();
+    let scenario = Scenario::new(&registry, document, &settings).unwrap();
+    let mut assembly = scenario.assemble(None).unwrap();
+    assembly.sinks.push(("records".into(), Box::<Records>::default()));
+    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    (finished.take_sink().unwrap(), finished)
+}
+
+/// A camera that measures from its previous image, and a GNSS receiver whose fixes show the place of
+/// 60 ms ago and arrive 1 s late.
+#[test]
+fn past_states_beside_late_samples_and_a_time_offset_are_smoothed_as_in_the_textbook() {
+    let short = ["estimator.stop=\"20 s\"", "estimator.output_rate=\"2 Hz\""];
+    let slow =
+        ["sensor.imu.simulation.rate=\"20 Hz\"", "sensor.reference.simulation.rate=\"0.1 Hz\""];
+    let base = [&short[..], &slow, &["estimator.initial=\"reference\""]].concat();
+    let delay = "sensor.gnss.delay={ mean = \"1 s\", sigma = \"0.3 s\" }";
+    let keyframes = "sensor.camera.keyframes=\"1 s\"";
+    let text = format!("{CAMERA}{SLOW_GNSS}");
+    for camera in [&[][..], &[keyframes]] {
+        let with = |more: &[&str]| smoothed(&text, &[&base[..], camera, more].concat());
+        let (records, finished) = with(&["estimator.smooth=true", delay]);
+        let [gnss, camera] = ["gnss", "camera"].map(|name| &finished.summary.samples[name]);
+        assert!(gnss["accepted"].as_u64() > Some(30) && camera["accepted"].as_u64() > Some(60));
+        let (worst, spread) = records.differences(records.projected());
+        assert!(worst < 1e-6 && spread < 1e-6, "{worst} {spread}");
+        // late samples take their place before they are smoothed
+        let (in_order, _) = with(&["estimator.smooth=true"]);
+        assert_eq!(in_order.smoothed.len(), records.smoothed.len());
+        for (one, other) in in_order.smoothed.iter().zip(&records.smoothed) {
+            assert_eq!((&one.state, &one.covariance), (&other.state, &other.covariance));
+        }
+        let (further, finished) = with(&["estimator.passes=10", delay]);
+        let passes = finished.summary.smoothing.unwrap().passes.unwrap();
+        assert!(passes.converged, "{passes:?}");
+        // the past of an image is the smoothed pose of the image before, in the last pass too
+        assert_eq!(further.smoothed.len(), records.smoothed.len());
+    }
 }

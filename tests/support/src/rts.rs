@@ -82,6 +82,29 @@ impl Records {
         self.filtered.iter().zip(ends).map(one).collect()
     }
 
+    /// Projection of the error at each estimate on all later innovations, with the product of all maps
+    /// in between: `x_s [-] x = P sum B' S^-1 y` and `P_s = P - P (sum B' S^-1 B) P` with
+    /// `B = H A ... A`. It inverts no covariance of the state, which a clone makes singular.
+    pub fn projected(&self) -> Vec<(DVector<f64>, DMatrix<f64>)> {
+        let n = self.layout.tangent;
+        let one = |estimate: &Estimate| {
+            let mut map = DMatrix::identity(n, n);
+            let (mut lambda, mut known) = (DVector::zeros(n), DMatrix::zeros(n, n));
+            for step in &self.steps[estimate.after..] {
+                if let Some(c) = &step.correction {
+                    let seen = &c.h * &map;
+                    let s = c.s.clone().cholesky().expect("S is positive definite");
+                    lambda += seen.tr_mul(&s.solve(&c.innovation));
+                    known += seen.tr_mul(&s.solve(&seen));
+                }
+                map = &step.map * map;
+            }
+            let p = &estimate.covariance;
+            (p * lambda, p - p * known * p)
+        };
+        self.filtered.iter().map(one).collect()
+    }
+
     /// Largest difference of the smoothed estimates from those of a textbook, in sigma, and of
     /// their covariances, relative to the variances.
     pub fn differences(&self, textbook: Vec<(DVector<f64>, DMatrix<f64>)>) -> (f64, f64) {
