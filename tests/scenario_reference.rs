@@ -55,7 +55,11 @@ fn keys(schema: &Value) -> Vec<Parameter> {
     let text = |v: &Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
     let takes = |v: &Value| {
         let example = v.get("examples").and_then(|e| e.get(0)).map(|e| format!("e.g. {e}"));
-        let kind = || v.get("type").and_then(Value::as_str).map(str::to_owned);
+        // an optional key takes its type or null
+        let kind = || {
+            let kind = v.get("type")?;
+            kind.as_str().or_else(|| kind.as_array()?.first()?.as_str()).map(str::to_owned)
+        };
         example.or_else(kind).unwrap_or_else(|| "a choice".into())
     };
     let required =

@@ -1,14 +1,29 @@
 //! Damages the files of the corpus, reads each by its reader, and counts: inputs, panics, the
 //! longest time of an input, the largest memory. Without a fuzzer, on a stable compiler.
-//!
-//! `navfuse-fuzzing INPUTS [FIRST_SEED [TARGET...]]` spreads the inputs over the targets by their
-//! weights. An input that makes a reader panic is written to `TARGET-SEED.bin`.
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "it reports to a person")]
 
+use clap::Parser;
+use clap::builder::PossibleValuesParser;
 use navfuse_fuzzing::{TARGETS, Target, corpus, named};
 use navfuse_testing::damage::{Random, damaged};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
+
+/// Damages the files of the corpus and reads each by its reader. Counts inputs and panics, and
+/// prints the longest time of an input and the largest memory. An input that makes a reader panic
+/// is written to TARGET-SEED.bin.
+#[derive(Parser)]
+struct Arguments {
+    /// Number of inputs, spread over the targets by their weights.
+    #[arg(default_value_t = 100_000)]
+    inputs: u64,
+    /// The first seed: the same seed gives the same input.
+    #[arg(default_value_t = 0)]
+    first: u64,
+    /// The readers; all without one.
+    #[arg(value_parser = PossibleValuesParser::new(TARGETS.map(|target| target.name)))]
+    targets: Vec<String>,
+}
 
 /// The result of a target.
 struct Outcome {
@@ -72,10 +87,8 @@ fn peak() -> f64 {
 }
 
 fn main() {
-    let mut arguments = std::env::args().skip(1);
-    let mut number = |or: u64| arguments.next().map_or(or, |text| text.parse().unwrap());
-    let (inputs, first) = (number(100_000), number(0));
-    let named: Vec<Target> = arguments.map(|name| named(&name)).collect();
+    let Arguments { inputs, first, targets } = Arguments::parse();
+    let named: Vec<Target> = targets.iter().map(|name| named(name)).collect();
     let targets = if named.is_empty() { TARGETS.to_vec() } else { named };
     let weights: u64 = targets.iter().map(|t| t.weight).sum();
     let (mut total, mut panics) = (0, 0);

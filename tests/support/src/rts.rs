@@ -111,7 +111,8 @@ impl Records {
         let layout = &self.layout;
         let n = layout.tangent;
         let known = vec![true; layout.blocks.len()];
-        assert!(self.filtered.len() >= 40 && self.filtered.len() == self.smoothed.len());
+        assert_eq!(self.filtered.len(), self.smoothed.len());
+        assert!(self.filtered.len() >= 40, "{} epochs", self.filtered.len());
         let (mut worst, mut spread) = (0.0_f64, 0.0_f64);
         for ((filtered, smoothed), (moved, p)) in
             self.filtered.iter().zip(&self.smoothed).zip(textbook)
