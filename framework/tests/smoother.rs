@@ -182,6 +182,18 @@ fn gated_samples_and_an_inflated_covariance_change_nothing_in_that() {
 /// Unknowns with their factors, value and sigma of a weighted equation.
 type Equation = (Vec<(usize, f64)>, f64, f64);
 
+/// Solution and covariance of the normal equations of that many unknowns.
+fn least_squares(equations: Vec<Equation>, width: usize) -> (DVector<f64>, DMatrix<f64>) {
+    let mut a = DMatrix::zeros(equations.len(), width);
+    let mut b = DVector::zeros(equations.len());
+    for (r, (terms, value, sigma)) in equations.into_iter().enumerate() {
+        terms.into_iter().for_each(|(c, factor)| a[(r, c)] = factor / sigma);
+        b[r] = value / sigma;
+    }
+    let covariance = (a.tr_mul(&a)).cholesky().unwrap().inverse();
+    (&covariance * a.tr_mul(&b), covariance)
+}
+
 #[test]
 fn the_smoothed_places_are_those_of_least_squares_over_the_whole_run() {
     let (records, _) = smoothed(&[BIAS], samples(5.0, 4, true));
@@ -203,14 +215,7 @@ fn the_smoothed_places_are_those_of_least_squares_over_the_whole_run() {
             rows.push((terms, value * 0.1, (DENSITY * 0.1).sqrt()));
         }
     }
-    let mut a = DMatrix::zeros(rows.len(), width);
-    let mut b = DVector::zeros(rows.len());
-    for (r, (terms, value, sigma)) in rows.into_iter().enumerate() {
-        terms.into_iter().for_each(|(c, factor)| a[(r, c)] = factor / sigma);
-        b[r] = value / sigma;
-    }
-    let covariance = (a.tr_mul(&a)).cholesky().unwrap().inverse();
-    let best = &covariance * a.tr_mul(&b);
+    let (best, covariance) = least_squares(rows, width);
     assert!(records.smoothed.len() >= count, "{}", records.smoothed.len());
     for found in &records.smoothed {
         let k = (found.state.time.seconds() * 10.0).round() as usize;
@@ -356,14 +361,7 @@ fn gauss_newton(samples: &[Sample], mut x: DVector<f64>) -> impl FnMut() -> Batc
                 rows.push((vec![(k, 0.2 * x[k]), (bias, 1.0)], left, 0.1));
             }
         }
-        let mut a = DMatrix::zeros(rows.len(), x.len());
-        let mut b = DVector::zeros(rows.len());
-        for (r, (terms, left, sigma)) in rows.into_iter().enumerate() {
-            terms.into_iter().for_each(|(c, factor)| a[(r, c)] = factor / sigma);
-            b[r] = left / sigma;
-        }
-        let covariance = (a.tr_mul(&a)).cholesky().unwrap().inverse();
-        let step = &covariance * a.tr_mul(&b);
+        let (step, covariance) = least_squares(rows, x.len());
         x += &step;
         Batch { x: x.clone(), covariance, step }
     }

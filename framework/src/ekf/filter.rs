@@ -12,7 +12,7 @@ use super::held::Held;
 use super::inputs::Corrected;
 use super::passage::Passage;
 use super::points::SigmaPoints;
-use super::pool::Pool;
+use super::pooled::PooledSteps;
 use super::presence::Presence;
 use super::refine::Refinement;
 use super::screen::Screen;
@@ -72,7 +72,7 @@ pub(super) struct Memory {
     pub(super) offset: Option<Offset>,
     pub(super) transition: Transition,
     /// Steps that the covariance has not taken yet, where it has a rate of its own.
-    pub(super) pool: Option<Pool>,
+    pub(super) pool: Option<PooledSteps>,
     pub(super) dynamics: BlockDynamics,
     pub(super) processes: Vec<Box<dyn ProcessModel>>,
     /// Initial alignments, one place per process.
@@ -158,7 +158,7 @@ impl Ekf {
                 clones: Clones::of(&composition),
                 presence: Presence::new(layout.labels),
                 history: History::new(&composition),
-                pool: Pool::new(&composition, &transition),
+                pool: PooledSteps::new(&composition, &transition),
                 transition,
                 dynamics,
                 processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),

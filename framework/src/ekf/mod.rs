@@ -19,7 +19,7 @@ mod lockout;
 mod passage;
 mod past;
 mod points;
-mod pool;
+mod pooled;
 mod presence;
 mod refine;
 mod reject;

@@ -55,6 +55,13 @@ pub fn head(bytes: &[u8]) -> Option<(u8, u64)> {
     Some((bytes[0], fields.u64()?))
 }
 
+/// Opcode and length of the record at the beginning of some bytes, if they hold all of it.
+pub fn whole_head(bytes: &[u8]) -> Option<(u8, usize)> {
+    let (opcode, length) = head(bytes)?;
+    let length = usize::try_from(length).ok()?;
+    (length <= bytes.len() - HEAD).then_some((opcode, length))
+}
+
 /// A chunk as it is packed.
 #[derive(Clone, Copy, Debug)]
 pub struct PackedChunk<'a> {

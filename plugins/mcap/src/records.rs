@@ -5,7 +5,7 @@ use mcap::McapError;
 use mcap::records::op;
 use navfuse_core::model::stream::StreamError;
 use navfuse_frames::Window;
-use navfuse_frames::mcap::{HEAD, LONGEST, MAGIC, PackedChunk, Unpacker, head};
+use navfuse_frames::mcap::{HEAD, LONGEST, MAGIC, PackedChunk, Unpacker, head, whole_head};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -51,7 +51,6 @@ pub struct Records {
     cut: bool,
     /// Number of bytes of the window up to the next record of the file.
     used: usize,
-    begun: bool,
     ended: bool,
 }
 
@@ -75,7 +74,6 @@ impl Records {
             at: 0,
             cut: false,
             used: 0,
-            begun: false,
             ended: false,
         })
     }
@@ -126,7 +124,7 @@ impl Records {
                 return Ok(None);
             }
             self.window.skip(std::mem::take(&mut self.used));
-            if !self.begun {
+            if self.window.offset() == 0 {
                 self.begin()?;
             }
             if !self.need(HEAD)? {
@@ -175,7 +173,6 @@ impl Records {
             ));
         }
         self.window.skip(MAGIC.len());
-        self.begun = true;
         Ok(())
     }
 
@@ -218,11 +215,7 @@ impl Records {
 
     /// Finds the next record of the chunk.
     fn in_chunk(&mut self) -> Result<(u8, Place), Stop> {
-        let rest = &self.chunk[self.at..];
-        let record = head(rest)
-            .and_then(|(opcode, length)| Some((opcode, usize::try_from(length).ok()?)))
-            .filter(|(_, length)| *length <= rest.len() - HEAD);
-        let Some((opcode, length)) = record else {
+        let Some((opcode, length)) = whole_head(&self.chunk[self.at..]) else {
             self.at = self.chunk.len();
             return Err(if self.cut { Stop::Cut } else { self.damaged(McapError::UnexpectedEoc) });
         };

@@ -10,6 +10,7 @@ use navfuse_core::run::scenario::Scenario;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_mcap::{LogReader, McapSource, read_scenario};
+use navfuse_testing::recording::{AIDS, INERTIAL};
 use serde_json::{Value, from_value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,20 +18,6 @@ use std::sync::OnceLock;
 
 /// Samples that are read of one file.
 const SAMPLES: usize = 100_000;
-
-/// A vehicle whose sensors every source can fill.
-const SENSORS: &str = r#"
-[sensor.gnss]
-horizontal_noise = "2 m"
-vertical_noise = "3 m"
-velocity_noise = "10 cm/s"
-[sensor.compass]
-type = "dual-antenna"
-noise = "0.5 deg"
-[sensor.depth]
-noise = "10 cm"
-[sensor.reference]
-"#;
 
 /// The scenario of the quickstart, whose samples are simulated.
 const QUICKSTART: &str = include_str!("../../../scenarios/quickstart.toml");
@@ -51,7 +38,8 @@ pub fn registry() -> Registry {
 
 fn composition() -> &'static Composition {
     fn compose() -> &'static Composition {
-        let text = format!("{}{SENSORS}", navfuse_testing::recording::INERTIAL);
+        // a vehicle whose sensors every source can fill
+        let text = format!("{INERTIAL}{AIDS}");
         let document = Document::parse("fuzz.toml", text).unwrap();
         let composition = Scenario::new(&registry(), document, &[]).unwrap().compose().unwrap();
         Box::leak(Box::new(composition))
@@ -68,15 +56,18 @@ fn samples<S: SourceType>(keys: Value, name: &str, bytes: &[u8]) -> usize {
         std::fs::write(folder.join(name), bytes).unwrap();
         let source: S = from_value(keys).unwrap();
         let opened = source.open(&OpenContext::new(composition(), folder.to_owned()));
-        let (mut sample, mut count) = (Sample::empty(Time::MIN, SensorId(0)), 0);
-        for mut source in opened.unwrap_or_default() {
-            while count < SAMPLES && source.next(&mut sample).unwrap_or(false) {
-                count += 1;
-            }
-            drop(source.warning());
-        }
-        count
+        opened.unwrap_or_default().into_iter().map(|mut source| drain(&mut *source)).sum()
     })
+}
+
+/// The number of samples that a source gives.
+fn drain(source: &mut dyn Source) -> usize {
+    let (mut sample, mut count) = (Sample::empty(Time::MIN, SensorId(0)), 0);
+    while count < SAMPLES && source.next(&mut sample).unwrap_or(false) {
+        count += 1;
+    }
+    drop(source.warning());
+    count
 }
 
 /// A recording of NMEA 0183, whose sentences fill four sensors.
@@ -116,11 +107,7 @@ pub fn mcap(bytes: &[u8]) -> usize {
         }
         let sensors = composition().sensors.iter().map(|s| s.info.clone()).collect();
         if let Ok(mut source) = McapSource::open(&path, sensors, BTreeMap::new()) {
-            let mut sample = Sample::empty(Time::MIN, SensorId(0));
-
-            while source.next(&mut sample).unwrap_or(false) {
-                count += 1;
-            }
+            count += drain(&mut source);
         }
         count
     })
@@ -159,7 +146,8 @@ fn campaign_in(folder: &Path, bytes: &[u8]) -> usize {
     // the bytes as frames, and as the content of one frame with its checksum
     let head = frames.len();
     let mut count = 0;
-    let content = [&(bytes.len() as u32).to_le_bytes()[..], &crc(bytes).to_le_bytes(), bytes];
+    let content =
+        [&(bytes.len() as u32).to_le_bytes()[..], &crc32fast::hash(bytes).to_le_bytes(), bytes];
     for behind in [bytes, &content.concat()] {
         frames.truncate(head);
         frames.extend_from_slice(behind);
@@ -183,13 +171,4 @@ fn quickstart() -> &'static Campaign {
 pub fn write_campaign(folder: &Path) {
     let folder = Folder::create(Some(folder), quickstart(), None).unwrap();
     drop(folder.finish(JobCount { done: 0, asked: 0 }).unwrap());
-}
-
-/// CRC-32 (IEEE 802.3), bit by bit.
-fn crc(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
-            if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 }
-        })
-    })
 }

@@ -21,6 +21,20 @@ gyro_noise = "0.1 deg/h/sqrt(Hz)"
 accel_noise = "10 ug/sqrt(Hz)"
 "#;
 
+/// Sensors that most recordings fill: GNSS, heading, depth and a reference.
+pub const AIDS: &str = r#"
+[sensor.gnss]
+horizontal_noise = "2 m"
+vertical_noise = "3 m"
+velocity_noise = "10 cm/s"
+[sensor.compass]
+type = "dual-antenna"
+noise = "0.5 deg"
+[sensor.depth]
+noise = "10 cm"
+[sensor.reference]
+"#;
+
 /// The samples of each source, its warning, and the sensors of the scenario.
 #[derive(Debug)]
 pub struct Reading {

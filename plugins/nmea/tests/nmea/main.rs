@@ -9,23 +9,10 @@ use navfuse_core::plugin::Registry;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_nmea::NmeaPlugin;
-use navfuse_testing::recording::{self, INERTIAL, Reading};
+use navfuse_testing::recording::{self, AIDS, INERTIAL, Reading};
 use navfuse_testing::speed::measure;
 use std::fmt::Write;
 use tempfile::TempDir;
-
-const SENSORS: &str = r#"
-[sensor.gnss]
-horizontal_noise = "2 m"
-vertical_noise = "3 m"
-velocity_noise = "10 cm/s"
-[sensor.compass]
-type = "dual-antenna"
-noise = "0.5 deg"
-[sensor.depth]
-noise = "10 cm"
-[sensor.reference]
-"#;
 
 /// The sentence with this content and its checksum.
 fn sentence(content: &str) -> String {
@@ -56,7 +43,7 @@ fn recording(seconds: u32) -> String {
 
 fn scenario(folder: &TempDir, file: &[u8], keys: &str) -> String {
     std::fs::write(folder.path().join("nav.nmea"), file).unwrap();
-    format!("{INERTIAL}{SENSORS}[source.nmea]\nfile = \"nav.nmea\"\n{keys}\n")
+    format!("{INERTIAL}{AIDS}[source.nmea]\nfile = \"nav.nmea\"\n{keys}\n")
 }
 
 fn registry() -> Registry {

@@ -3,7 +3,9 @@
 use super::faults::Faults;
 use super::{Found, Place, Topic, Topics};
 use navfuse_frames::Window;
-use navfuse_frames::mcap::{CHUNK_HEAD, Fields, HEAD, LONGEST, MAGIC, PackedChunk, Unpacker, head};
+use navfuse_frames::mcap::{
+    CHUNK_HEAD, Fields, HEAD, LONGEST, MAGIC, PackedChunk, Unpacker, head, whole_head,
+};
 use std::collections::BTreeMap;
 use std::io::Result;
 
@@ -182,11 +184,7 @@ impl Mcap {
 
     /// Reads the next record of the chunk.
     fn in_chunk(&mut self, topics: &mut Topics, faults: &mut Faults) -> Option<Found> {
-        let rest = &self.chunk[self.at..];
-        let size = head(rest)
-            .and_then(|(opcode, length)| Some((opcode, usize::try_from(length).ok()?)))
-            .filter(|(_, length)| *length <= rest.len() - HEAD);
-        let Some((opcode, length)) = size else {
+        let Some((opcode, length)) = whole_head(&self.chunk[self.at..]) else {
             // the rest of a chunk that was cut off; a whole one has a checksum
             self.at = self.chunk.len();
             return None;

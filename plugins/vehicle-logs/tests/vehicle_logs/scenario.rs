@@ -4,21 +4,8 @@ use crate::generate::{flight, increments, sbet, span, telemetry_of_flight, vecto
 use navfuse_core::plugin::Registry;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
-use navfuse_testing::recording::{self, INERTIAL, Reading};
+use navfuse_testing::recording::{self, AIDS, INERTIAL, Reading};
 use navfuse_vehicle_logs::VehicleLogsPlugin;
-
-const SENSORS: &str = r#"
-[sensor.gnss]
-horizontal_noise = "2 m"
-vertical_noise = "3 m"
-velocity_noise = "10 cm/s"
-[sensor.compass]
-type = "dual-antenna"
-noise = "0.5 deg"
-[sensor.depth]
-noise = "10 cm"
-[sensor.reference]
-"#;
 
 fn read(log: &[u8], keys: &str) -> Result<Reading, String> {
     let folder = tempfile::tempdir().unwrap();
@@ -27,7 +14,7 @@ fn read(log: &[u8], keys: &str) -> Result<Reading, String> {
         true => INERTIAL.replace("[sensor.imu]", "[sensor.imu]\noutput = \"increments\""),
         false => INERTIAL.to_owned(),
     };
-    let text = format!("{filter}{SENSORS}[source.vehicle-log]\nfile = \"log.bin\"\n{keys}\n");
+    let text = format!("{filter}{AIDS}[source.vehicle-log]\nfile = \"log.bin\"\n{keys}\n");
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)

@@ -11,7 +11,7 @@ use crate::units::time::Time;
 
 /// The steps since the covariance was propagated.
 #[derive(Clone)]
-pub(super) struct Pool {
+pub(super) struct PooledSteps {
     /// Time between two propagations of the covariance.
     period: Time,
     /// Begin of the first step, if there is one.
@@ -22,7 +22,7 @@ pub(super) struct Pool {
     identity: Vec<f64>,
 }
 
-impl Pool {
+impl PooledSteps {
     /// The pool of a composition that sets a covariance rate.
     pub(super) fn new(composition: &Composition, transition: &Transition) -> Option<Self> {
         let period = composition.estimator.covariance_period()?;
