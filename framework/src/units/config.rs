@@ -127,17 +127,34 @@ impl<Q: JsonSchema> JsonSchema for Triple<Q> {
         true
     }
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let mut axis = generator.subschema_for::<Q>();
-        let taken = ["title", "examples"].map(|key| axis.remove(key));
-        let mut schema = json_schema!({
-            "anyOf": [axis, { "type": "array", "items": axis, "minItems": 3, "maxItems": 3 }],
-            "description": "one value for all three axes, or an array of three",
-        });
-        for (key, value) in ["title", "examples"].into_iter().zip(taken) {
-            schema.insert(key.to_owned(), value.unwrap_or_default());
-        }
-        schema
+        one_or_three(generator.subschema_for::<Q>())
     }
+}
+
+/// JSON schema of one value or an array of three.
+fn one_or_three(mut axis: Schema) -> Schema {
+    let taken = ["title", "examples"].map(|key| axis.remove(key));
+    let mut schema = json_schema!({
+        "anyOf": [axis, { "type": "array", "items": axis, "minItems": 3, "maxItems": 3 }],
+        "description": "one value for all three axes, or an array of three",
+    });
+    for (key, value) in ["title", "examples"].into_iter().zip(taken) {
+        schema.insert(key.to_owned(), value.unwrap_or_default());
+    }
+    schema
+}
+
+/// Adds a bound at zero to a JSON schema, whose example may be negative.
+fn bounded(mut schema: Schema, bound: &str) -> Schema {
+    schema.insert(bound.to_owned(), 0.into());
+    if let Some(examples) = schema.get_mut("examples").and_then(|e| e.as_array_mut()) {
+        for example in examples {
+            if let Some(text) = example.as_str() {
+                *example = text.trim_start_matches('-').to_owned().into();
+            }
+        }
+    }
+    schema
 }
 
 /// Defines a wrapper that rejects a value of the wrong sign where it is read.
@@ -200,17 +217,7 @@ macro_rules! checked {
                 true
             }
             fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-                let mut schema = V::json_schema(generator);
-                schema.insert($bound.to_owned(), 0.into());
-                // the example of a quantity may be negative
-                if let Some(examples) = schema.get_mut("examples").and_then(|e| e.as_array_mut()) {
-                    for example in examples {
-                        if let Some(text) = example.as_str() {
-                            *example = text.trim_start_matches('-').to_owned().into();
-                        }
-                    }
-                }
-                schema
+                bounded(V::json_schema(generator), $bound)
             }
         }
     };

@@ -8,6 +8,7 @@ use crate::units::unit::parse_unit;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::json;
 use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
@@ -46,7 +47,6 @@ pub(super) fn split_number(text: &str) -> Option<(f64, &str)> {
 
 impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Quantity<L, M, T, A, K> {
     const EXPONENTS: Exponents = [L, M, T, A, K];
-    const RATIO: bool = matches!(Self::EXPONENTS, [0, 0, 0, 0, 0]);
 
     /// The value in SI.
     pub const fn si(self) -> f64 {
@@ -57,32 +57,90 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Quantity<L
     pub const fn from_si(si: f64) -> Self {
         Self(si)
     }
+}
 
-    fn finite(si: f64, text: impl fmt::Display) -> Result<Self, UnitError> {
-        if si.is_finite() {
-            Ok(Self(si))
-        } else {
-            Err(UnitError::NotFinite { text: text.to_string() })
+// A quantity is read, checked and described by functions of its exponents, which are compiled once and
+// not again for each type in each crate.
+
+/// Returns `true` for the exponents of a number without a unit.
+fn ratio(exponents: Exponents) -> bool {
+    exponents == [0; 5]
+}
+
+/// Value in SI, unless it is infinite or no number.
+fn finite(si: f64, text: impl fmt::Display) -> Result<f64, UnitError> {
+    if si.is_finite() { Ok(si) } else { Err(UnitError::NotFinite { text: text.to_string() }) }
+}
+
+/// Value in SI, unless it is too large to be meant: its square, and sums of such squares, have to be
+/// numbers.
+fn plausible(si: f64, exponents: Exponents) -> Result<f64, UnitError> {
+    if si.abs() <= LARGEST {
+        return Ok(si);
+    }
+    let limit = if ratio(exponents) {
+        "1e12".to_owned()
+    } else {
+        format!("1e12 {}", dimension::si_unit(exponents))
+    };
+    Err(UnitError::TooLarge { text: print(si, exponents), limit })
+}
+
+/// Value in SI of a number without a unit.
+fn bare(number: f64, text: impl fmt::Display, exponents: Exponents) -> Result<f64, UnitError> {
+    if ratio(exponents) {
+        finite(number, text)
+    } else {
+        let (dimension, example) = (dimension::name(exponents), dimension::example(exponents));
+        Err(UnitError::Missing { dimension, example })
+    }
+}
+
+/// Value in SI of `NUMBER UNIT`.
+fn parse(text: &str, exponents: Exponents) -> Result<f64, UnitError> {
+    let text = text.trim();
+    let Some((number, unit)) = split_number(text) else {
+        let word = text.trim_start_matches(['+', '-']).to_ascii_lowercase();
+        if ["nan", "inf"].iter().any(|n| word.starts_with(n)) {
+            return Err(UnitError::NotFinite { text: text.to_owned() });
         }
+        let (needed, example) = (dimension::name(exponents), dimension::example(exponents));
+        return Err(UnitError::Number { text: text.to_owned(), needed, example });
+    };
+    if unit.is_empty() {
+        return bare(number, text, exponents);
     }
-
-    /// The quantity, unless it is too large to be meant: its square, and sums of such squares, have
-    /// to be numbers.
-    fn plausible(self) -> Result<Self, UnitError> {
-        if self.0.abs() <= LARGEST {
-            Ok(self)
-        } else {
-            let unit = dimension::si_unit(Self::EXPONENTS);
-            let limit = if Self::RATIO { "1e12".to_owned() } else { format!("1e12 {unit}") };
-            Err(UnitError::TooLarge { text: self.to_string(), limit })
+    let parsed = parse_unit(unit).map_err(|e| match e {
+        UnitError::Unknown { unit, remedy: None } => {
+            let (name, usual) = (dimension::name(exponents), dimension::usual_units(exponents));
+            UnitError::Unknown { unit, remedy: Some(format!("{name} is needed, e.g. {usual}")) }
         }
+        other => other,
+    })?;
+    if parsed.exponents() != exponents {
+        return Err(UnitError::Dimension {
+            unit: unit.to_owned(),
+            found: parsed.dimension(),
+            needed: dimension::name(exponents),
+            examples: dimension::usual_units(exponents),
+        });
     }
+    finite(parsed.to_si(number), text)
+}
 
-    fn missing_unit() -> UnitError {
-        let (dimension, example) =
-            (dimension::name(Self::EXPONENTS), dimension::example(Self::EXPONENTS));
-        UnitError::Missing { dimension, example }
-    }
+/// JSON schema of a quantity. The doc comment of a field replaces the description; the title stays.
+fn schema(exponents: Exponents) -> Schema {
+    let (example, title) = (dimension::example(exponents), dimension::title(exponents));
+    let usual = dimension::usual_units(exponents);
+    let (kind, description) = if ratio(exponents) {
+        (json!(["number", "string"]), format!("{title} as a number or text: {usual}"))
+    } else {
+        (json!("string"), format!("{title} with its unit: {usual}"))
+    };
+    json_schema!({
+        "type": kind, "title": title, "pattern": pattern(exponents),
+        "description": description, "examples": [example]
+    })
 }
 
 impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> FromStr
@@ -91,40 +149,7 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> FromStr
     type Err = UnitError;
 
     fn from_str(text: &str) -> Result<Self, UnitError> {
-        let text = text.trim();
-        let Some((number, unit)) = split_number(text) else {
-            let word = text.trim_start_matches(['+', '-']).to_ascii_lowercase();
-            if ["nan", "inf"].iter().any(|n| word.starts_with(n)) {
-                return Err(UnitError::NotFinite { text: text.to_owned() });
-            }
-            let (needed, example) =
-                (dimension::name(Self::EXPONENTS), dimension::example(Self::EXPONENTS));
-            return Err(UnitError::Number { text: text.to_owned(), needed, example });
-        };
-        if unit.is_empty() {
-            return if Self::RATIO {
-                Self::finite(number, text)
-            } else {
-                Err(Self::missing_unit())
-            };
-        }
-        let parsed = parse_unit(unit).map_err(|e| match e {
-            UnitError::Unknown { unit, remedy: None } => {
-                let (name, usual) =
-                    (dimension::name(Self::EXPONENTS), dimension::usual_units(Self::EXPONENTS));
-                UnitError::Unknown { unit, remedy: Some(format!("{name} is needed, e.g. {usual}")) }
-            }
-            other => other,
-        })?;
-        if parsed.exponents() != Self::EXPONENTS {
-            return Err(UnitError::Dimension {
-                unit: unit.to_owned(),
-                found: parsed.dimension(),
-                needed: dimension::name(Self::EXPONENTS),
-                examples: dimension::usual_units(Self::EXPONENTS),
-            });
-        }
-        Self::finite(parsed.to_si(number), text)
+        parse(text, Self::EXPONENTS).map(Self)
     }
 }
 
@@ -145,7 +170,7 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Serialize
         }
         let text = self.to_string();
         match text.parse() {
-            Ok(number) if Self::RATIO => serializer.serialize_f64(number),
+            Ok(number) if ratio(Self::EXPONENTS) => serializer.serialize_f64(number),
             _ => serializer.serialize_str(&text),
         }
     }
@@ -172,15 +197,14 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Visitor<'_
         write!(f, "{}, e.g. \"{}\"", dimension::name(exponents), dimension::example(exponents))
     }
     fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
-        text.parse().and_then(Self::Value::plausible).map_err(E::custom)
+        let exponents = Self::Value::EXPONENTS;
+        let si = parse(text, exponents).and_then(|si| plausible(si, exponents));
+        si.map(Quantity).map_err(E::custom)
     }
     fn visit_f64<E: Error>(self, number: f64) -> Result<Self::Value, E> {
-        if Self::Value::RATIO {
-            let ratio = Self::Value::finite(number, number);
-            ratio.and_then(Self::Value::plausible).map_err(E::custom)
-        } else {
-            Err(E::custom(Self::Value::missing_unit()))
-        }
+        let exponents = Self::Value::EXPONENTS;
+        let si = bare(number, number, exponents).and_then(|si| plausible(si, exponents));
+        si.map(Quantity).map_err(E::custom)
     }
     fn visit_i64<E: Error>(self, number: i64) -> Result<Self::Value, E> {
         self.visit_f64(number as f64)
@@ -200,23 +224,6 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> JsonSchema
         true
     }
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let (example, title) =
-            (dimension::example(Self::EXPONENTS), dimension::title(Self::EXPONENTS));
-        let usual = dimension::usual_units(Self::EXPONENTS);
-        let pattern = pattern(Self::EXPONENTS);
-        // the doc comment of a field replaces the description; the title stays
-        if Self::RATIO {
-            let description = format!("{title} as a number or text: {usual}");
-            json_schema!({
-                "type": ["number", "string"], "title": title, "pattern": pattern,
-                "description": description, "examples": [example]
-            })
-        } else {
-            let description = format!("{title} with its unit: {usual}");
-            json_schema!({
-                "type": "string", "title": title, "pattern": pattern,
-                "description": description, "examples": [example]
-            })
-        }
+        schema(Self::EXPONENTS)
     }
 }
