@@ -31,6 +31,7 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_gnss::GnssPlugin)
         .add(&navfuse_odometer::OdometerPlugin)
+        .add(&navfuse_relative_pose::RelativePosePlugin)
         .add(&navfuse_constraints::ConstraintsPlugin)
         .add(&navfuse_heading::HeadingPlugin)
         .add(&navfuse_simulation::SimulationPlugin)

@@ -130,7 +130,13 @@ fn the_snapir_dives_run_by_import() {
         let text = stdout(&output);
         let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         let error = json["horizontal_error_m"]["final"].as_f64().expect("a reference");
-        println!("{dive}: {error:.2} m");
+        // the noises are guesses, so the verdict may be doubtful, but there is one with its reasons
+        let verdict = &json["verdict"];
+        let level = verdict["level"].as_str().expect("a verdict");
+        assert!(matches!(level, "consistent" | "doubtful"), "{dive}: {verdict}");
+        let reasons = verdict["reasons"].as_array().expect("reasons");
+        assert_eq!(level == "doubtful", !reasons.is_empty(), "{dive}: {verdict}");
+        println!("{dive}: {error:.2} m, {level}");
         assert!(error < 6.6, "{dive}: {error} m");
     }
 }
@@ -156,6 +162,7 @@ fn the_ring_laser_at_rest_runs_by_import() {
     let json: serde_json::Value = serde_json::from_str(&stdout(&output)).expect("JSON");
     let yaw = json["states"]["ins.attitude"]["estimate"][2].as_f64().expect("an attitude");
     assert!((yaw - 90.6).abs() < 8.0, "{yaw}");
+    assert_eq!(json["verdict"]["level"], "consistent", "{}", json["verdict"]);
 }
 
 /// The table of fixes in the data was made from this solution, with its velocity and on the clock

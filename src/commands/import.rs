@@ -3,9 +3,9 @@
 use crate::error::{CommandError, Result};
 use crate::output;
 use crate::output::progress::{INTERRUPTED, stop_on_signal};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use navfuse_core::plugin::Registry;
-use navfuse_import::{Answers, Imported, StreamSurvey};
+use navfuse_import::{Answers, Imported, OdometryUse, StreamSurvey};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -32,6 +32,19 @@ pub struct Import {
     /// Latitude and longitude (deg) and height (m) at the start, where no file gives them
     #[arg(long, value_name = "LAT,LON,HEIGHT", allow_hyphen_values = true)]
     pub position: Option<String>,
+    /// Use of an odometry in a bag: a sensor of the motion between its messages, or the reference
+    /// [default: relative-pose where the files have GNSS or a reference, else reference]
+    #[arg(long, value_name = "USE")]
+    pub odometry: Option<Odometry>,
+}
+
+/// Use of an odometry in a bag.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Odometry {
+    /// Sensor of the motion since the previous message
+    RelativePose,
+    /// Reference, from which the filter starts and with which it is compared
+    Reference,
 }
 
 /// Looks at the files of a recording, and writes a scenario for them.
@@ -43,7 +56,11 @@ pub fn import(registry: &Registry, arguments: &Import) -> Result<ExitCode> {
     }
     let name = out.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let position = arguments.position.as_deref().map(position).transpose()?;
-    let answers = Answers { name, position };
+    let odometry = arguments.odometry.map(|usage| match usage {
+        Odometry::RelativePose => OdometryUse::RelativePose,
+        Odometry::Reference => OdometryUse::Reference,
+    });
+    let answers = Answers { name, position, odometry };
     let stop = stop_on_signal();
     let imported = navfuse_import::import(registry, &arguments.files, &out, &answers, &stop)?;
     let Some(imported) = imported else { return Ok(ExitCode::from(INTERRUPTED)) };

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use std::path::PathBuf;
 
 /// Reads a recording of NMEA 0183 sentences: GGA, GST, RMC, VTG, ZDA, HDT, THS, HDG, HDM, DPT,
-/// PASHR, PSXN, PRVAT, PTSAG, PSONLLD.
+/// PASHR, PSXN, PRVAT, PTSAG, PSONLLD, PSIMSSB.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Nmea {
@@ -25,8 +25,8 @@ pub struct Nmea {
     /// Declination that makes a magnetic heading true, east positive. Default: the variation in
     /// HDG; a heading without one is left out.
     pub declination: Option<Angle>,
-    /// Name of the sensor that receives the positions of an acoustic transponder (PTSAG, PSONLLD),
-    /// such as one of type `gnss`. Default: none.
+    /// Name of the sensor that receives the positions of an acoustic transponder (PTSAG, PSONLLD,
+    /// PSIMSSB), such as one of type `gnss`. Default: none.
     pub usbl: Option<String>,
     /// Number or name of that transponder, such as `"1"`.
     pub beacon: Option<String>,

@@ -3,6 +3,7 @@
 
 use crate::beacon::Beacon;
 use crate::sentence::Sentence;
+use crate::vessel::Vessel;
 use navfuse_core::units::calendar::DAY;
 use navfuse_frames::{Count, Stamp};
 use std::f64::consts::TAU;
@@ -77,6 +78,17 @@ impl Epoch {
         self
     }
 
+    /// The position of a transponder, with the same 1-sigma along each axis, m.
+    fn of_transponder(
+        offset: u64,
+        position: Option<[f64; 2]>,
+        depth: Option<f64>,
+        sigma: Option<f64>,
+    ) -> Self {
+        let height = depth.map(|depth| -depth);
+        Self { offset, position, height, sigma: sigma.map(|s| [s; 3]), ..Self::default() }
+    }
+
     fn is_empty(&self) -> bool {
         let Self { position, height, velocity, attitude, value, .. } = self;
         position.is_none()
@@ -138,16 +150,43 @@ pub struct Gatherer {
     open: Option<(i64, Epoch)>,
     /// Magnetic headings without a variation.
     pub unreferenced: Count,
+    /// The vessel of a transponder that is measured from it.
+    vessel: Vessel,
+    /// Positions of the transponder without one of the vessel.
+    pub unplaced: Count,
 }
 
 impl Gatherer {
     pub fn new(part: Part, estimated: bool, dates: Dates) -> Self {
-        Self { part, estimated, dates, time: None, open: None, unreferenced: Count::default() }
+        Self {
+            part,
+            estimated,
+            dates,
+            time: None,
+            open: None,
+            unreferenced: Count::default(),
+            vessel: Vessel::default(),
+            unplaced: Count::default(),
+        }
     }
 
     /// Takes the next sentence; returns an epoch that it completes.
     pub fn take(&mut self, offset: u64, sentence: &Sentence) -> Option<(Stamp, Epoch)> {
-        if let Sentence::Transponder { time, date, beacon, position, depth } = *sentence {
+        if let Sentence::Relative { time, beacon, axes, offset: from_vessel, depth, sigma } =
+            *sentence
+        {
+            if self.part != Part::Usbl(beacon) {
+                return None;
+            }
+            let stamp = self.dates.stamp(time);
+            let position = self.vessel.transponder(stamp, axes, from_vessel);
+            if position.is_none() {
+                self.unplaced.add(offset);
+                return None;
+            }
+            return Some((stamp, Epoch::of_transponder(offset, position, depth, sigma)));
+        }
+        if let Sentence::Transponder { time, date, beacon, position, depth, sigma } = *sentence {
             // the time of validity, which is seconds before that of the sentences around it
             if self.part != Part::Usbl(beacon) {
                 return None;
@@ -156,12 +195,15 @@ impl Gatherer {
                 (Some(date), Some(time)) => Stamp::Date(date.saturating_add(time)),
                 _ => self.dates.stamp(time),
             };
-            let (position, height) = (Some(position), depth.map(|depth| -depth));
-            return Some((stamp, Epoch { offset, position, height, ..Epoch::default() }));
+            return Some((stamp, Epoch::of_transponder(offset, Some(position), depth, sigma)));
         }
         if let Some(time) = sentence.time() {
             self.time = Some(time);
             self.dates.take(time, sentence.date());
+        }
+        if matches!(self.part, Part::Usbl(_)) {
+            self.follow(sentence);
+            return None;
         }
         match (self.part, sentence) {
             (Part::Heading, Sentence::Heading(value)) | (Part::Depth, Sentence::Depth(value)) => {
@@ -178,6 +220,20 @@ impl Gatherer {
             }
             (Part::Gnss | Part::Reference, _) => self.gather(offset, sentence),
             _ => None,
+        }
+    }
+
+    /// Takes the position and the heading of the vessel.
+    fn follow(&mut self, sentence: &Sentence) {
+        match *sentence {
+            Sentence::Fix { time, position: Some(position), quality: 1.., .. }
+            | Sentence::Minimum { time, position: Some(position), valid: true, .. } => {
+                self.vessel.position(self.dates.stamp(time), position);
+            }
+            Sentence::Heading(heading) => {
+                self.vessel.heading(self.dates.stamp(self.time), heading);
+            }
+            _ => {}
         }
     }
 

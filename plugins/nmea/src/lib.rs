@@ -21,10 +21,12 @@ mod config;
 mod epoch;
 mod sentence;
 mod source;
+mod vessel;
 
 pub use beacon::Beacon;
 pub use config::Nmea;
 pub use sentence::{Sentence, parse};
+pub use vessel::Axes;
 
 use navfuse_core::plugin::{Plugin, Registry};
 

@@ -1,12 +1,16 @@
 //! The content of a sentence, in SI.
 
 use crate::beacon::Beacon;
+use crate::vessel::Axes;
 use navfuse_core::units::calendar::{Calendar, decimal_seconds, time_of_day, with_century};
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Metres per second of a knot.
 const KNOT: f64 = 1852.0 / 3600.0;
 /// Metres per second of a kilometre per hour.
 const KMH: f64 = 1.0 / 3.6;
+/// Largest horizontal distance of a transponder from its vessel, m.
+const FARTHEST: f64 = 1e5;
 
 /// A sentence that the source uses. An angle is in radians, a time in nanoseconds since midnight, a
 /// date in nanoseconds since 1970. An empty field is `None`.
@@ -69,7 +73,7 @@ pub enum Sentence {
         /// Variation: the direction of magnetic north from true north, east positive.
         variation: Option<f64>,
     },
-    /// PTSAG and PSONLLD: position of an acoustic transponder.
+    /// PTSAG, PSONLLD, and PSIMSSB with latitude and longitude: position of an acoustic transponder.
     Transponder {
         /// Time of the day.
         time: Option<i64>,
@@ -81,6 +85,23 @@ pub enum Sentence {
         position: [f64; 2],
         /// Depth, m.
         depth: Option<f64>,
+        /// Expected 1-sigma, m, of PSIMSSB.
+        sigma: Option<f64>,
+    },
+    /// PSIMSSB with Cartesian coordinates: position of an acoustic transponder from the vessel.
+    Relative {
+        /// Time of the day.
+        time: Option<i64>,
+        /// The transponder.
+        beacon: Beacon,
+        /// The axes of the offset.
+        axes: Axes,
+        /// Offset from the vessel, m.
+        offset: [f64; 2],
+        /// Depth, m.
+        depth: Option<f64>,
+        /// Expected 1-sigma, m.
+        sigma: Option<f64>,
     },
     /// PSXN 20: quality of position, height, heading, and roll and pitch. Each is true unless the
     /// sentence declares it invalid.
@@ -105,6 +126,7 @@ impl Sentence {
             | Self::Accuracy { time, .. }
             | Self::Date { time, .. }
             | Self::Transponder { time, .. }
+            | Self::Relative { time, .. }
             | Self::Attitude { time, .. } => time,
             Self::Velocity { .. }
             | Self::Heading(_)
@@ -246,8 +268,10 @@ pub fn parse(content: &[u8]) -> Option<Sentence> {
                 beacon: Beacon::new(f.text(1))?,
                 position: [f.degrees(3, 90.0)?, f.degrees(4, 180.0)?],
                 depth: f.number(5),
+                sigma: None,
             });
         }
+        "PSIMSSB" => return kongsberg(&f),
         "PRVAT" => return Some(Sentence::Depth(f.number(0)?)),
         _ => {}
     }
@@ -314,7 +338,42 @@ fn absolute(f: &Fields<'_>) -> Option<Sentence> {
         beacon: Beacon::new(f.text(5))?,
         position: f.position(6)?,
         depth,
+        sigma: None,
     })
+}
+
+/// The position of a transponder as PSIMSSB has it: Cartesian from the vessel, or latitude and
+/// longitude in radians. Polar coordinates and UTM, which lacks its zone, are not used, nor are
+/// predictions, and fixes with an error code, whose coordinates may be zero.
+fn kongsberg(f: &Fields<'_>) -> Option<Sentence> {
+    if f.text(2) != "A" || !f.text(3).is_empty() || !matches!(f.text(6), "M" | "F") {
+        return None;
+    }
+    let (time, beacon, depth) = (f.time(0), Beacon::new(f.text(1))?, f.number(9));
+    // programs without an accuracy write zero
+    let sigma = f.number(10).filter(|sigma| *sigma > 0.0);
+    let place = [f.number(7)?, f.number(8)?];
+    let axes = match (f.text(4), f.text(5)) {
+        ("R", _) => {
+            let [lat, lon] = place;
+            let inside = lat.abs() <= FRAC_PI_2 && lon.abs() <= PI;
+            let date = None;
+            return inside.then_some(Sentence::Transponder {
+                time,
+                date,
+                beacon,
+                position: place,
+                depth,
+                sigma,
+            });
+        }
+        ("C", "H") => Axes::HeadUp,
+        ("C", "N") => Axes::NorthEast,
+        ("C", "E") => Axes::EastNorth,
+        _ => return None,
+    };
+    let near = place.iter().all(|x| x.abs() < FARTHEST);
+    near.then_some(Sentence::Relative { time, beacon, axes, offset: place, depth, sigma })
 }
 
 /// Modes estimated, manual and simulated.

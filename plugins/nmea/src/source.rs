@@ -20,8 +20,8 @@ const BEGINNING: u64 = 1024 * 1024;
 const LISTED: usize = 12;
 /// The type of sensor that receives headings from magnetic north.
 const MAGNETIC: &str = "magnetic-heading";
-/// The sentence of Kongsberg's acoustic positioning, whose positions are relative to the vessel.
-const RELATIVE: &str = "PSIMSSB";
+/// The sentence of Kongsberg's acoustic positioning.
+const KONGSBERG: &str = "PSIMSSB";
 /// The word for a record in messages.
 const RECORD: &str = "sentence";
 
@@ -90,7 +90,7 @@ impl Target {
         match part {
             Part::Gnss => &["lat", "lon", "height", "vel_n", "vel_e", "h_acc", "v_acc"],
             Part::Heading | Part::Magnetic(_) => &["heading"],
-            Part::Usbl(_) => &["lat", "lon", "height"],
+            Part::Usbl(_) => &["lat", "lon", "height", "h_acc"],
             Part::Depth => &["depth"],
             Part::Reference => &["lat", "lon", "height", "vel_n", "vel_e", "roll", "pitch", "yaw"],
         }
@@ -114,7 +114,7 @@ impl Target {
             Part::Heading => "HDT or THS",
             Part::Magnetic(North::True(None)) => "HDG with a variation",
             Part::Magnetic(_) => "HDG or HDM",
-            Part::Usbl(_) => "PTSAG or PSONLLD of the transponder",
+            Part::Usbl(_) => "PTSAG, PSONLLD or PSIMSSB of the transponder",
             Part::Depth => "DPT or PRVAT",
             Part::Reference => "GGA, RMC, PASHR or PSXN",
         }
@@ -163,7 +163,7 @@ impl Target {
         let values: &[Option<f64>] = match self.part {
             Part::Gnss => &[lat, lon, epoch.height, vel_n, vel_e, h_acc, v_acc],
             Part::Reference => &[lat, lon, epoch.height, vel_n, vel_e, roll, pitch, yaw],
-            Part::Usbl(_) => &[lat, lon, epoch.height],
+            Part::Usbl(_) => &[lat, lon, epoch.height, h_acc],
             Part::Heading | Part::Magnetic(_) | Part::Depth => &[epoch.value],
         };
         let mut sample = Sample::empty(time, self.sensor);
@@ -298,9 +298,14 @@ impl Stream {
     /// The remedy where a file has sentences, but none that the sensor needs.
     fn remedy(&self) -> &'static str {
         match self.target.part {
-            Part::Usbl(_) if self.addresses.iter().any(|a| a == RELATIVE) => {
-                "PSIMSSB is relative to the vessel: let the USBL program write PTSAG or PSONLLD, \
-                 or make a table (CSV) of lat_deg, lon_deg and height_m"
+            Part::Usbl(_) if !self.gatherer.unplaced.is_zero() => {
+                "PSIMSSB is relative to the vessel: record its GGA or RMC with it and, for PSIMSSB \
+                 with heading up, HDT or THS and ZDA"
+            }
+            Part::Usbl(_) if self.addresses.iter().any(|a| a == KONGSBERG) => {
+                "set `beacon` to a transponder of the file; of PSIMSSB, positions that are Cartesian \
+                 (C) or in radians (R) are used: let the USBL program write these in place of polar \
+                 coordinates (P) or UTM (U)"
             }
             Part::Usbl(_) => "set `beacon` to a transponder of the file",
             Part::Magnetic(North::True(None)) if !self.gatherer.unreferenced.is_zero() => {
@@ -367,6 +372,8 @@ impl Stream {
         parts.extend(self.estimated.describe("epoch", estimated));
         let magnetic = "without a variation, set `declination` to use it,";
         parts.extend(self.gatherer.unreferenced.describe("magnetic heading", magnetic));
+        let vessel = "left out, without a position, or for heading up a heading, of the vessel,";
+        parts.extend(self.gatherer.unplaced.describe("acoustic position", vessel));
         (!parts.is_empty()).then(|| parts.join("; "))
     }
 }

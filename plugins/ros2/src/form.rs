@@ -5,7 +5,8 @@ use crate::config::{TopicConfig, Track};
 use crate::definition::Definitions;
 use crate::error::DefinitionError;
 use crate::program::{Program, has_field};
-use nalgebra::{Rotation3, Vector3};
+use crate::relative::{CHANNELS as MOTION, Chain, pose};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use navfuse_core::state::geodesy::Geodetic;
 
 /// Standard atmosphere, Pa.
@@ -49,7 +50,7 @@ pub enum Unused {
 }
 
 /// The values of a message by the names of the channels; NaN where it has none.
-pub type Values = [f64; 16];
+pub type Values = [f64; 22];
 
 const RATES: [&str; 6] = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"];
 
@@ -197,9 +198,13 @@ impl Form {
             }
             Self::Odometry => &[
                 BODY[0], BODY[1], BODY[2], BODY[3], BODY[4], BODY[5], "vel_n", "vel_e", "vel_d",
-                "lat", "lon", "height", "roll", "pitch", "yaw", "heading",
+                "lat", "lon", "height", "roll", "pitch", "yaw", "heading", MOTION[0], MOTION[1],
+                MOTION[2], MOTION[3], MOTION[4], MOTION[5],
             ],
-            Self::Pose => &["lat", "lon", "height", "roll", "pitch", "yaw", "heading", "depth"],
+            Self::Pose => &[
+                "lat", "lon", "height", "roll", "pitch", "yaw", "heading", "depth", MOTION[0],
+                MOTION[1], MOTION[2], MOTION[3], MOTION[4], MOTION[5],
+            ],
             Self::Orientation => &["roll", "pitch", "yaw", "heading"],
             Self::Pressure => &["depth"],
             Self::Magnetic => &["heading", "mag_x", "mag_y", "mag_z"],
@@ -260,6 +265,18 @@ impl Converter {
         self.rotation.map_or(vector, |r| (r * Vector3::from(vector)).into())
     }
 
+    /// The chain of the poses of a sensor with these channels, if it measures relative poses.
+    pub fn chain(&self, channels: &[Option<usize>]) -> Option<Chain> {
+        let first = self.form.channels().iter().position(|name| *name == MOTION[0])?;
+        let mut found = [0; MOTION.len()];
+        for (found, channel) in found.iter_mut().zip(channels.get(first..)?) {
+            *found = (*channel)?;
+        }
+        let unit =
+            |k| Vector3::from(self.body(std::array::from_fn(|i| f64::from(u8::from(i == k)))));
+        Some(Chain::new(found, Matrix3::from_columns(&[unit(0), unit(1), unit(2)])))
+    }
+
     /// A vector along the axes of the world.
     fn world(&self, vector: [f64; 3]) -> [f64; 3] {
         if self.axes == Axes::Flu { swap(vector) } else { vector }
@@ -275,7 +292,7 @@ impl Converter {
     pub fn values(&self, slots: &[f64]) -> Result<Values, Unused> {
         let three = |k: usize| [slots[k], slots[k + 1], slots[k + 2]];
         let four = |k: usize| [slots[k], slots[k + 1], slots[k + 2], slots[k + 3]];
-        let mut out = [f64::NAN; 16];
+        let mut out = [f64::NAN; 22];
         let mut put = |k: usize, values: &[f64]| out[k..k + values.len()].copy_from_slice(values);
         let angles = |c: Rotation3<f64>| {
             let (roll, pitch, yaw) = c.euler_angles();
@@ -320,6 +337,7 @@ impl Converter {
                     put(12, &angles(c));
                 }
                 put(9, &self.position(three(0)));
+                put(16, &pose(three(0), four(3)).unwrap_or([f64::NAN; 6]));
             }
             Form::Pose => {
                 put(0, &self.position(three(0)));
@@ -327,6 +345,7 @@ impl Converter {
                     put(3, &angles(c));
                 }
                 put(7, &[self.world(three(0))[2]]);
+                put(8, &pose(three(0), four(3)).unwrap_or([f64::NAN; 6]));
             }
             Form::Orientation => {
                 if let Some(c) = self.attitude(four(0)) {
@@ -382,71 +401,4 @@ impl Converter {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::program::SLOTS;
-
-    fn convert(form: Form, config: &TopicConfig, slots: &[f64]) -> Result<Values, Unused> {
-        Converter::new(form, config).values(&[slots, &[f64::NAN; SLOTS]].concat())
-    }
-
-    #[test]
-    fn the_axes_of_ros_become_those_of_navfuse() {
-        let own = TopicConfig::default();
-        let level = [0.0, 0.0, 0.0, 1.0];
-        let imu = [[0.1, 0.2, 0.3].as_slice(), &[0.0, 0.0, 9.8], &level].concat();
-        let v = convert(Form::Imu, &own, &imu).unwrap_or_default();
-        assert_eq!(v[..6], [0.1, -0.2, -0.3, 0.0, 0.0, -9.8]);
-        // level, forward to the east
-        assert!((v[8] - 90_f64.to_radians()).abs() < 1e-12 && v[6].abs() < 1e-12);
-        let twist = convert(Form::Twist, &own, &[1.0, 2.0, 3.0]).unwrap_or_default();
-        assert_eq!(twist[..9], [1.0, -2.0, -3.0, 1.0, -2.0, -3.0, 2.0, 1.0, -3.0]);
-        // forward to the east: a velocity to the left is one to the north
-        let odometry = [[0.0; 3].as_slice(), &level, &[1.0, 2.0, 0.0]].concat();
-        let v = convert(Form::Odometry, &own, &odometry).unwrap_or_default();
-        assert!((v[6] - 2.0).abs() < 1e-12 && (v[7] - 1.0).abs() < 1e-12, "{v:?}");
-        assert!(v[9].is_nan(), "a position without a datum is not used");
-    }
-
-    #[test]
-    fn what_a_message_declares_invalid_is_not_used() {
-        let own = TopicConfig::default();
-        let level = [0.0, 0.0, 0.0, 1.0];
-        let imu = [[0.1; 6].as_slice(), &level, &[-1.0, 0.0, -1.0]].concat();
-        let v = convert(Form::Imu, &own, &imu).unwrap_or_default();
-        assert!(v[0].is_nan() && v[3] == 0.1 && v[8].is_nan());
-        assert_eq!(convert(Form::Fix, &own, &[50.0, 8.0, 100.0, -1.0]), Err(Unused::NoFix));
-        assert_eq!(convert(Form::WaterLinked, &own, &[1.0, 1.0, 1.0, 0.0]), Err(Unused::Invalid));
-        assert_eq!(
-            convert(Form::MarineDvl, &own, &[1.0, 1.0, 1.0, 1.0, 2.0]),
-            Err(Unused::Invalid)
-        );
-        assert_eq!(
-            convert(Form::MarineDvl, &own, &[1.0, 1.0, 1.0, 2.0, 4.0]),
-            Err(Unused::OtherTrack)
-        );
-        let nortek = [1.0, 1.0, 1.0, 1.0, 1.0, 0.0];
-        assert_eq!(convert(Form::Nortek, &own, &nortek), Err(Unused::Invalid));
-    }
-
-    #[test]
-    fn ten_metres_of_sea_water_are_ten_metres_deep() {
-        let pressure = 101_325.0 + 10.0 * 1025.0 * 9.806_65;
-        let v = convert(Form::Pressure, &TopicConfig::default(), &[pressure]).unwrap_or_default();
-        assert!((v[0] - 10.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn a_magnetometer_that_points_east_sees_north_to_its_left() {
-        let v = convert(Form::Magnetic, &TopicConfig::default(), &[0.0, 2e-5, -4e-5]);
-        assert!((v.unwrap_or_default()[0] - 90_f64.to_radians()).abs() < 1e-12);
-    }
-
-    #[test]
-    fn the_accuracy_of_a_fix_is_that_of_its_covariance() {
-        let fix = [50.0, 8.0, 100.0, 0.0, 4.0, 16.0, 25.0, 2.0];
-        let v = convert(Form::Fix, &TopicConfig::default(), &fix).unwrap_or_default();
-        assert_eq!((v[0], v[2], v[4]), (50_f64.to_radians(), 100.0, 5.0));
-        assert!((v[3] - 10_f64.sqrt()).abs() < 1e-12);
-    }
-}
+mod tests;

@@ -13,6 +13,7 @@ mod error;
 mod form;
 mod order;
 mod program;
+mod relative;
 mod route;
 mod source;
 mod survey;

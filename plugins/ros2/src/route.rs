@@ -5,6 +5,7 @@ use crate::config::{MessageField, Ros2, Stamping, TopicConfig};
 use crate::definition::{Definitions, Kind};
 use crate::form::{Converter, Form, Unused};
 use crate::program::{Program, SLOTS, Slots};
+use crate::relative::Chain;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::parse_unit;
@@ -54,6 +55,16 @@ enum Content {
     Form(Converter, Vec<Option<usize>>),
     /// Fields: channel, factor and offset.
     Fields(Vec<(usize, f64, f64)>),
+}
+
+impl Reading {
+    /// The chain of the poses that are read, if the sensor measures relative poses.
+    pub fn chain(&self) -> Option<Chain> {
+        match &self.content {
+            Content::Form(converter, channels) => converter.chain(channels),
+            Content::Fields(_) => None,
+        }
+    }
 }
 
 /// The time from the stamp of a message until it was received, s.

@@ -3,6 +3,7 @@
 use crate::bag::Bag;
 use crate::config::Ros2;
 use crate::order::Order;
+use crate::relative::Chains;
 use crate::route::{Reading, Route, routes};
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
@@ -49,6 +50,7 @@ impl SourceType for Ros2 {
             routes: all,
             readings: Vec::new(),
             order: Order::new(window.nanos()),
+            chains: Chains::default(),
             ready: None,
             ended: false,
         };
@@ -66,6 +68,7 @@ struct Stream {
     /// For each topic of the bag, the routes from it and how its messages are read.
     readings: Vec<Vec<(usize, Reading)>>,
     order: Order,
+    chains: Chains,
     /// The first sample, which was read when the bag was opened.
     ready: Option<Sample>,
     ended: bool,
@@ -99,8 +102,10 @@ impl Stream {
     /// Reads up to the next sample; `None` at the end.
     fn advance(&mut self) -> Result<Option<Sample>, StreamError> {
         loop {
-            if let Some(sample) = self.order.pop() {
-                return Ok(Some(sample));
+            while let Some(mut sample) = self.order.pop() {
+                if self.chains.increment(&mut sample) {
+                    return Ok(Some(sample));
+                }
             }
             if self.ended {
                 return Ok(None);
@@ -145,9 +150,22 @@ impl Stream {
         for topic in &self.bag.topics()[self.readings.len()..] {
             let mut found = Vec::new();
             for (k, route) in self.routes.iter().enumerate() {
-                if route.topic == topic.name {
-                    found.push((k, route.reading(topic).map_err(|e| e.in_file(self.bag.path()))?));
+                if route.topic != topic.name {
+                    continue;
                 }
+                let reading = route.reading(topic).map_err(|e| e.in_file(self.bag.path()))?;
+                if let Some(chain) = reading.chain() {
+                    self.chains.add(route.sensor, &topic.name, chain).map_err(|other| {
+                        let text = format!(
+                            "the poses of {other} and {} have no motion in common",
+                            topic.name
+                        );
+                        StreamError::scenario(text)
+                            .at_key(format!("sensors.{}.more", route.name))
+                            .with_remedy("give each topic a sensor of its own")
+                    })?;
+                }
+                found.push((k, reading));
             }
             self.readings.push(found);
         }

@@ -23,6 +23,8 @@ pub enum Use {
     Pressure,
     /// Odometry of another program.
     Odometry,
+    /// Poses with a covariance.
+    Pose,
 }
 
 /// A topic of a bag.
@@ -38,7 +40,8 @@ pub struct TopicSurvey {
     pub messages: u64,
     /// Times at which the first and the last message were received, nanoseconds since 1970.
     pub span: [i64; 2],
-    /// Frame of the first message.
+    /// Frame of the sensor, as the first message names it. That of an odometry is its child frame,
+    /// whose pose it gives.
     pub frame: String,
     /// Number of messages whose stamp is zero.
     pub unstamped: u64,
@@ -107,6 +110,7 @@ pub fn survey(
                 Form::MarineDvl | Form::WaterLinked | Form::Nortek => Some(Use::VelocityLog),
                 Form::Pressure => Some(Use::Pressure),
                 Form::Odometry => Some(Use::Odometry),
+                Form::Pose if kind.contains("Covariance") => Some(Use::Pose),
                 _ => None,
             });
             let definitions = new.definitions().unwrap_or_default();
@@ -132,7 +136,8 @@ pub fn survey(
         }
         if let Some(new) = found.topics.get_mut(topic) {
             if new.headed {
-                new.frame = frame(&data).unwrap_or_default();
+                let of_child = new.usage == Some(Use::Odometry);
+                new.frame = frame(&data, of_child).unwrap_or_default();
             }
             new.take(received, &data);
             if new.kind == "tf2_msgs/TFMessage" && new.name.ends_with("tf_static") {
@@ -144,16 +149,19 @@ pub fn survey(
     Ok(Some(found))
 }
 
-/// The frame in the header at the beginning of a message.
-fn frame(message: &[u8]) -> Option<String> {
-    fn read<const LITTLE: bool>(bytes: &[u8]) -> Option<String> {
+/// The frame in the header at the beginning of a message, or the child frame after it.
+fn frame(message: &[u8], of_child: bool) -> Option<String> {
+    fn read<const LITTLE: bool>(bytes: &[u8], of_child: bool) -> Option<String> {
         let mut at = Cursor::<LITTLE>::new(bytes);
         at.take(4, 2).ok()?;
+        if of_child {
+            at.text().ok()?;
+        }
         Some(String::from_utf8_lossy(at.text().ok()?).into_owned())
     }
     match body(message).ok()? {
-        (bytes, true) => read::<true>(bytes),
-        (bytes, false) => read::<false>(bytes),
+        (bytes, true) => read::<true>(bytes, of_child),
+        (bytes, false) => read::<false>(bytes, of_child),
     }
 }
 

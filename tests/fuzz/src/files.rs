@@ -90,10 +90,23 @@ pub fn bag(bytes: &[u8]) -> usize {
     count + survey
 }
 
-/// A recording in CSV.
+/// A recording in CSV, as it is; with the separator that it has, rows out of order skipped and text
+/// as missing values; and, if it has a colon, with dates.
 pub fn csv(bytes: &[u8]) -> usize {
-    let keys = json!({ "files": { "imu": { "path": "imu.csv" } } });
-    samples::<navfuse_csv::Csv>(keys, "imu.csv", bytes)
+    let plain = json!({ "path": "imu.csv" });
+    let first = bytes.split(|b| *b == b'\n').next().unwrap_or_default();
+    let delimiter = [",", ";", "\t"].into_iter().find(|d| first.contains(&d.as_bytes()[0]));
+    let lenient = json!({
+        "path": "imu.csv", "disorder": "skip", "nan": "missing",
+        "delimiter": delimiter.unwrap_or("whitespace"),
+    });
+    let dated = json!({ "path": "imu.csv", "time": { "column": "time_s", "format": "date-time" } });
+    let forms = [Some(plain), Some(lenient), bytes.contains(&b':').then_some(dated)];
+    let count = |file| {
+        let keys = json!({ "files": { "imu": file } });
+        samples::<navfuse_csv::Csv>(keys, "imu.csv", bytes)
+    };
+    forms.into_iter().flatten().map(count).sum()
 }
 
 /// A log of a run: its scenario, its entries for a report, and its samples for a replay.

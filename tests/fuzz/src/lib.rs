@@ -6,9 +6,11 @@
 
 mod files;
 mod memory;
+mod structured;
 
 pub use files::{registry, write_campaign};
 
+use navfuse_testing::damage::{Random, damaged};
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -22,10 +24,18 @@ pub struct Target {
     pub weight: u64,
     /// Reads the bytes; returns how much was understood, from 0 for nothing.
     pub read: fn(&[u8]) -> usize,
+    /// Damages a file of the corpus, with parts of another one.
+    pub damage: fn(&[u8], &[u8], &mut Random) -> Vec<u8>,
 }
 
 const fn target(name: &'static str, weight: u64, read: fn(&[u8]) -> usize) -> Target {
-    Target { name, weight, read }
+    Target { name, weight, read, damage: damaged }
+}
+
+impl Target {
+    const fn damaged_by(self, damage: fn(&[u8], &[u8], &mut Random) -> Vec<u8>) -> Self {
+        Self { damage, ..self }
+    }
 }
 
 /// All targets. Those with a large weight read in memory, the others read a file.
@@ -46,10 +56,10 @@ pub const TARGETS: [Target; 20] = [
     target("nmea-sentences", 100, memory::nmea_sentences),
     target("nmea", 4, files::nmea),
     target("bag", 4, files::bag),
-    target("csv", 4, files::csv),
+    target("csv", 4, files::csv).damaged_by(structured::table),
     target("mcap", 4, files::mcap),
-    target("toml", 2, files::toml),
-    target("campaign", 1, files::campaign),
+    target("toml", 2, files::toml).damaged_by(structured::scenario),
+    target("campaign", 1, files::campaign).damaged_by(structured::definition),
 ];
 
 /// The target of this name.

@@ -5,7 +5,7 @@
 use clap::Parser;
 use clap::builder::PossibleValuesParser;
 use navfuse_fuzzing::{TARGETS, Target, corpus, named};
-use navfuse_testing::damage::{Random, damaged};
+use navfuse_testing::damage::Random;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
@@ -52,7 +52,7 @@ fn run(target: Target, inputs: u64, first: u64) -> Outcome {
         let random = &mut Random(seed);
         let file = &files[random.below(files.len())];
         let other = &files[random.below(files.len())];
-        let bytes = damaged(file, other, random);
+        let bytes = (target.damage)(file, other, random);
         let begun = Instant::now();
         match catch_unwind(AssertUnwindSafe(|| (target.read)(&bytes))) {
             Ok(count) => outcome.understood += u64::from(count > 0),

@@ -15,6 +15,7 @@ pub fn registry() -> Registry {
         .add(&navfuse_depth::DepthPlugin)
         .add(&navfuse_gnss::GnssPlugin)
         .add(&navfuse_odometer::OdometerPlugin)
+        .add(&navfuse_relative_pose::RelativePosePlugin)
         .add(&navfuse_constraints::ConstraintsPlugin)
         .add(&navfuse_heading::HeadingPlugin)
         .add(&navfuse_simulation::SimulationPlugin);

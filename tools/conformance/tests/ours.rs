@@ -135,6 +135,23 @@ fn the_odometer_conforms() -> Result<(), Failed> {
 }
 
 #[test]
+fn relative_poses_conform() -> Result<(), Failed> {
+    conforms(
+        &navfuse_relative_pose::RelativePosePlugin,
+        r#"
+        [sensor.relative-pose]
+        translation_noise = "2 cm"
+        rotation_noise = "0.1 deg"
+        scale = { sigma = "1 %" }
+        misalignment = { sigma = "0.5 deg" }
+        lever_arm = { initial = ["1 m", "0.2 m", "-0.3 m"], sigma = "10 cm" }
+        simulated_keyframes = "1 s"
+        simulation = { rate = "2 Hz" }
+        "#,
+    )
+}
+
+#[test]
 fn the_constraints_of_land_vehicles_conform() -> Result<(), Failed> {
     conforms(
         &navfuse_constraints::ConstraintsPlugin,

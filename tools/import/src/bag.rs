@@ -1,6 +1,6 @@
 //! Bags of ROS 2: the sensors by the types of the topics.
 
-use crate::recording::{Found, quote};
+use crate::recording::{Found, OdometryUse, quote};
 use navfuse_core::model::stream::StreamError;
 use navfuse_ros2::{Survey, TopicSurvey, Use};
 use std::path::Path;
@@ -13,6 +13,7 @@ const BASE: &str = "base_link";
 const ALIGNED: f64 = 1e-9;
 
 /// A sensor of a bag.
+#[derive(Clone, Debug)]
 pub struct InBag {
     pub found: Found,
     /// Its position from the IMU along forward, right, down, m, as the frames of the bag have it.
@@ -50,7 +51,35 @@ fn choose<'a>(survey: &'a Survey, usage: Use, notes: &mut Vec<String>) -> Option
     Some(chosen)
 }
 
-/// The sensors of a bag, and notes about it.
+/// Adds the keys and questions of a use of the odometry.
+pub fn use_odometry(found: &mut Found, usage: OdometryUse) {
+    match usage {
+        OdometryUse::Reference => {
+            found.kind = "reference";
+            found.source.push(
+                "datum = { latitude = \"45 deg\", longitude = \"0 deg\", height = \"0 m\" }"
+                    .to_owned(),
+            );
+            found.questions.push(
+                "the position at which the odometry is zero; is it a reference, or one of the \
+                 filters to compare with? `--odometry relative-pose` makes it a sensor"
+                    .to_owned(),
+            );
+        }
+        OdometryUse::RelativePose => {
+            found.kind = "relative-pose";
+            found.questions.push(
+                "each message is used as the motion since the message before; is it an odometry of \
+                 its own, without the IMU and GNSS of this scenario? `--odometry reference` makes \
+                 it the reference"
+                    .to_owned(),
+            );
+        }
+    }
+}
+
+/// The sensors of a bag, its odometry, whose use depends on the rest of the recording, and notes
+/// about it.
 ///
 /// # Errors
 /// When it is a log of navfuse.
@@ -58,7 +87,7 @@ pub fn sensors(
     survey: &Survey,
     file: &Path,
     notes: &mut Vec<String>,
-) -> Result<Vec<InBag>, StreamError> {
+) -> Result<(Vec<InBag>, Option<InBag>), StreamError> {
     if survey.topics.iter().any(|t| t.kind.starts_with("navfuse_msgs/")) {
         return Err(StreamError::format("it is a log of navfuse")
             .in_file(file)
@@ -146,19 +175,13 @@ pub fn sensors(
         used.extend([Some(fix), velocity].iter().flatten().map(|t| t.name.as_str()));
         sensors.push(add(fix, "gnss", velocity));
     }
-    if let Some(odometry) = choose(survey, Use::Odometry, notes).filter(|_| fix.is_none()) {
-        used.push(&odometry.name);
-        let mut reference = add(odometry, "reference", None);
-        reference.found.source.push(
-            "datum = { latitude = \"45 deg\", longitude = \"0 deg\", height = \"0 m\" }".to_owned(),
-        );
-        reference.found.questions.push(
-            "the position at which the odometry is zero; is it a reference, or one of the filters to \
-             compare with?"
-                .to_owned(),
-        );
-        sensors.push(reference);
-    }
+    let odometry = match choose(survey, Use::Odometry, notes) {
+        Some(odometry) => Some(odometry),
+        None => choose(survey, Use::Pose, notes),
+    };
+    used.extend(odometry.map(|odometry| odometry.name.as_str()));
+    // its kind follows from its use
+    let odometry = odometry.map(|odometry| add(odometry, "reference", None));
     let unused: Vec<String> = survey
         .topics
         .iter()
@@ -168,5 +191,5 @@ pub fn sensors(
     if !unused.is_empty() {
         notes.push(format!("topics that are not used: {}", unused.join(", ")));
     }
-    Ok(sensors)
+    Ok((sensors, odometry))
 }

@@ -214,7 +214,7 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
     part.found.sensor.iter().for_each(|key| out.line(key));
     if let Some(clock) = stream.and_then(|s| s.clock) {
         out.line(&format!("# {}", clock.describe()));
-        if clock.matters() && part.name != "reference" {
+        if clock.matters() && !matches!(part.name, "reference" | "odometry") {
             let [offset, sigma] = clock.offset;
             let sigma = (2.0 * sigma).max(0.005);
             out.line(&format!(
@@ -253,6 +253,13 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
             lever_arm(out, part, "position of the antenna from the IMU");
         }
         "compass" => out.ask("noise = \"1 deg\"", "noise of the data sheet"),
+        "odometry" => {
+            let why = "noise of the motion between two messages";
+            out.ask("translation_noise = \"1 cm\"", why);
+            out.ask("rotation_noise = \"0.1 deg\"", why);
+            out.line("# a single camera does not know its scale: scale = { sigma = \"20 %\" }");
+            lever_arm(out, part, "its point from the IMU");
+        }
         "reference" => {
             lever_arm(out, part, "its point from the IMU");
         }

@@ -17,6 +17,7 @@ mod vehicle;
 
 pub use clocks::ClockOffset;
 pub use draft::MARK;
+pub use recording::OdometryUse;
 pub use stream::StreamSurvey;
 
 use navfuse_core::document::{Document, DocumentError};
@@ -49,6 +50,9 @@ pub struct Answers {
     pub name: String,
     /// Latitude and longitude (deg) and height (m) at the start.
     pub position: Option<[f64; 3]>,
+    /// Use of an odometry in a bag. Default: relative poses where the recording has GNSS or a
+    /// reference, else the reference.
+    pub odometry: Option<OdometryUse>,
 }
 
 /// The result of an import.
@@ -76,7 +80,9 @@ pub fn import(
     answers: &Answers,
     stop: &AtomicBool,
 ) -> Result<Option<Imported>, ImportError> {
-    let Some(mut recording) = Recording::recognise(files, stop)? else { return Ok(None) };
+    let Some(mut recording) = Recording::recognise(files, answers.odometry, stop)? else {
+        return Ok(None);
+    };
     let mut streams = None;
     // the second time with the axes that the first one showed
     for _ in 0..2 {

@@ -29,6 +29,16 @@ pub struct Found {
     pub velocity: bool,
 }
 
+/// The use of an odometry in a bag.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum OdometryUse {
+    /// The reference, from which the filter starts and with which it is compared.
+    Reference,
+    /// A sensor that measures the motion since its previous message.
+    RelativePose,
+}
+
 /// The source type that reads a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reader {
@@ -61,6 +71,10 @@ pub struct Recording {
     pub notes: Vec<String>,
     /// Zero of the run's clock for pings with dates, where the other files count from elsewhere.
     pub origin: Option<i64>,
+    /// Use of an odometry, as answered.
+    odometry: Option<OdometryUse>,
+    /// Odometry of a bag, whose use depends on the other files.
+    undecided: Option<(InBag, PathBuf)>,
     /// Set once the axes were turned.
     turned: bool,
 }
@@ -85,13 +99,18 @@ impl Recording {
     /// # Errors
     /// When a file cannot be read or recognised, two files have the same sensor, or no file has an
     /// IMU.
-    pub fn recognise(files: &[PathBuf], stop: &AtomicBool) -> Result<Option<Self>, StreamError> {
-        let mut recording = Self::default();
+    pub fn recognise(
+        files: &[PathBuf],
+        odometry: Option<OdometryUse>,
+        stop: &AtomicBool,
+    ) -> Result<Option<Self>, StreamError> {
+        let mut recording = Self { odometry, ..Self::default() };
         for file in files {
             if !recording.add(file, stop)? {
                 return Ok(None);
             }
         }
+        recording.use_odometry()?;
         if recording.part("imu").is_none() {
             let names: Vec<&str> = recording.parts.iter().map(|p| p.name).collect();
             return Err(StreamError::format(format!(
@@ -104,7 +123,7 @@ impl Recording {
             ));
         }
         // the order of a scenario
-        let order = ["imu", "dvl", "depth", "gnss", "compass", "reference"];
+        let order = ["imu", "dvl", "depth", "gnss", "compass", "odometry", "reference"];
         recording.parts.sort_by_key(|part| order.iter().position(|name| *name == part.name));
         Ok(Some(recording))
     }
@@ -134,9 +153,11 @@ impl Recording {
                     .in_file(file)
                     .with_remedy("give one bag, which may have several files in one folder"));
             }
-            for InBag { found, lever_arm } in bag::sensors(&survey, file, &mut self.notes)? {
+            let (sensors, odometry) = bag::sensors(&survey, file, &mut self.notes)?;
+            for InBag { found, lever_arm } in sensors {
                 self.add_part(found, Reader::Bag, file, &absolute, lever_arm)?;
             }
+            self.undecided = odometry.map(|odometry| (odometry, file.to_owned()));
             return Ok(true);
         }
         let (reader, found) = if let Some((stamp, found)) = instrument::velocity_log(&bytes) {
@@ -181,6 +202,17 @@ impl Recording {
         Ok(true)
     }
 
+    /// Adds the odometry of a bag: as answered, or as relative poses where the recording has GNSS or
+    /// a reference.
+    fn use_odometry(&mut self) -> Result<(), StreamError> {
+        let Some((mut odometry, file)) = self.undecided.take() else { return Ok(()) };
+        let known = ["gnss", "reference"].iter().any(|name| self.part(name).is_some());
+        let default = if known { OdometryUse::RelativePose } else { OdometryUse::Reference };
+        bag::use_odometry(&mut odometry.found, self.odometry.unwrap_or(default));
+        let absolute = std::fs::canonicalize(&file).map_err(|e| StreamError::open(&file, e))?;
+        self.add_part(odometry.found, Reader::Bag, &file, &absolute, odometry.lever_arm)
+    }
+
     /// Adds a sensor of a file.
     fn add_part(
         &mut self,
@@ -190,7 +222,11 @@ impl Recording {
         absolute: &Path,
         lever_arm: Option<[f64; 3]>,
     ) -> Result<(), StreamError> {
-        let name = if found.kind == "dual-antenna" { "compass" } else { found.kind };
+        let name = match found.kind {
+            "dual-antenna" => "compass",
+            "relative-pose" => "odometry",
+            kind => kind,
+        };
         if let Some(other) = self.part(name) {
             let message = format!(
                 "it has the sensor {name}, as {} has: give one of the files",

@@ -117,7 +117,7 @@ fn numbers(s: &Sentence) -> Vec<f64> {
         }
         Sentence::Quality(usable) => usable.map(|u| f64::from(u8::from(u))).to_vec(),
         // pynmea2 does not know the sentences of transponders
-        Sentence::Transponder { .. } => Vec::new(),
+        Sentence::Transponder { .. } | Sentence::Relative { .. } => Vec::new(),
         Sentence::Depth(depth) => vec![depth],
         Sentence::Attitude { time, angles } => {
             [vec![seconds(time)], angles.map(f64::to_degrees).to_vec()].concat()

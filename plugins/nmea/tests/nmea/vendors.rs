@@ -103,7 +103,7 @@ fn sentences_of_makers_are_read_as_their_manuals_have_them() {
         (gaps, "01", 45_944.449, Some(17_518), [43.087_559_166_666, 6.529_475_333_333, 1013.1]),
         (ranger, "ALVIN 914", 61_204.53, None, [28.811_480_7, -87.809_256_96, 1951.156]),
     ] {
-        let Some(Sentence::Transponder { time, date, beacon, position, depth: found }) =
+        let Some(Sentence::Transponder { time, date, beacon, position, depth: found, sigma: None }) =
             parse(content.as_bytes())
         else {
             panic!("{content}");
@@ -122,16 +122,115 @@ fn sentences_of_makers_are_read_as_their_manuals_have_them() {
     assert_eq!(parse(ranger.replace(",A,", ",V,").as_bytes()), None);
 }
 
+/// A vessel that sails north by 2 m/s on the meridian of 10 deg, heading 60 deg, and a transponder
+/// that is measured at half seconds, 1 s before its sentence.
+fn vessel(seconds: u32, measured: &str) -> String {
+    let mut text = String::new();
+    for k in 0..seconds {
+        let minutes = 30.0 + METRES * 2.0 * f64::from(k);
+        text +=
+            &sentence(&format!("GPGGA,1000{k:02}.00,54{minutes:09.6},N,01000.0,E,1,9,1,5,M,0,M,,"));
+        text += &sentence(&format!("GPZDA,1000{k:02}.00,01,06,2022,00,00"));
+        text += &sentence("HEHDT,60.0,T");
+        if k >= 2 {
+            text += &sentence(&format!("PSIMSSB,1000{:02}.50,{measured}", k - 2));
+        }
+    }
+    text
+}
+
+/// Minutes of latitude of one metre at 54.5 deg: the radius of curvature of the meridian there is
+/// 6 377 839 m.
+const METRES: f64 = 60.0 * 180.0 / PI / 6_377_839.0;
+
+/// 100 m to starboard and 50 m forward of a vessel with the heading 60 deg are
+/// 50 cos 60 - 100 sin 60 = -61.6 m north and 50 sin 60 + 100 cos 60 = 93.3 m east. The radius of the
+/// normal is 6 392 334 m.
+#[test]
+fn a_transponder_from_the_vessel_has_the_position_of_the_vessel_at_its_time() {
+    let keys = KEYS.replace("\"1\"", "\"B42\"").replace("magnetic = \"magnetic\"", "");
+    let (north, east) = (-61.602_540_378, 93.301_270_189);
+    let place = |north: f64, east: f64| {
+        let latitude = 54.5_f64.to_radians();
+        let longitude = 10_f64.to_radians() + east / (6_392_334.0 * latitude.cos());
+        [latitude + north / 6_377_839.0, longitude]
+    };
+    for (measured, [n, e], sigma) in [
+        ("B42,A,,C,H,M,100,50,120.5,1.5,N,,", [north, east], Some(1.5)),
+        ("B42,A,,C,N,F,-30,40,120.5,0.0,N,,", [-30.0, 40.0], None),
+        ("B42,A,,C,E,M,40,-30,120.5,,,,", [-30.0, 40.0], None),
+    ] {
+        let file = vessel(8, measured);
+        let read = read(file.as_bytes(), &keys).unwrap();
+        assert_eq!((read.samples[0].len(), &read.warnings[0]), (6, &None), "{measured}");
+        for (k, sample) in read.samples[0].iter().enumerate() {
+            // at half seconds the vessel has sailed one metre further
+            let expected = place(n + 1.0 + 2.0 * k as f64, e);
+            for (channel, expected) in expected.iter().enumerate() {
+                // 2 cm: positions of the vessel are written to 1e-6 minutes, 2 mm
+                let error = (sample.get(channel).unwrap() - expected).abs() * 6.38e6;
+                assert!(error < 0.02, "{measured}: {channel}: {error} m");
+            }
+            assert_eq!((sample.get(2), sample.get(3)), (Some(-120.5), sigma), "{measured}");
+        }
+    }
+    // without a heading, or before the first position
+    let file = vessel(8, "B42,A,,C,H,M,100,50,120.5,1.5,N,,");
+    let headless = file.lines().filter(|l| !l.contains("HEHDT")).collect::<Vec<_>>().join("\r\n");
+    let error = read(headless.as_bytes(), &keys).err().unwrap();
+    assert!(error.contains("6 acoustic positions left out, without a position"), "{error}");
+    let early = sentence("PSIMSSB,095900.50,B42,A,,C,N,M,1,2,3,,,,");
+    let late = read(format!("{early}{file}").as_bytes(), &keys).unwrap();
+    let warning = late.warnings[0].clone().unwrap();
+    assert!(warning.contains("1 acoustic position left out"), "{warning}");
+    assert_eq!(late.samples[0].len(), 6);
+}
+
+#[test]
+fn kongsberg_positions_in_radians_are_absolute_and_doubtful_ones_are_not_used() {
+    let good = "PSIMSSB,085405.61,B42,A,,R,N,M,0.951204,0.174533,120.0,2.5,N,,";
+    let found = parse(good.as_bytes());
+    let Some(Sentence::Transponder { time, date: None, beacon, position, depth, sigma }) = found
+    else {
+        panic!("{found:?}");
+    };
+    assert_eq!((time, beacon), (Some(32_045_610_000_000), Beacon::new("B42").unwrap()));
+    assert_eq!((position, depth, sigma), ([0.951_204, 0.174_533], Some(120.0), Some(2.5)));
+    for (from, to) in [
+        // status, an error code such as no reply, a prediction, polar, UTM, off the Earth, no number
+        (",A,,", ",V,,"),
+        (",A,,", ",A,NRy,"),
+        (",M,", ",P,"),
+        (",R,N", ",P,H"),
+        (",R,N", ",U,N"),
+        ("0.951204", "1.951204"),
+        ("0.174533", ""),
+    ] {
+        assert_eq!(parse(good.replacen(from, to, 1).as_bytes()), None, "{to}");
+    }
+    let far = good.replace(",R,N", ",C,N").replace("0.951204", "200000");
+    assert_eq!(parse(far.as_bytes()), None);
+}
+
 #[test]
 fn a_transponder_that_cannot_be_read_is_an_error_with_a_remedy() {
-    let relative = sentence("PSIMSSB,085405.61,B42,A,,C,H,M,134.5,114.5,120.0,,,,");
+    let alone = sentence("PSIMSSB,085405.61,B42,A,,C,H,M,134.5,114.5,120.0,,,,");
+    let relative = KEYS.replace("\"1\"", "\"B42\"");
+    let error =
+        read(alone.as_bytes(), &relative.replace("magnetic = \"magnetic\"", "")).err().unwrap();
+    for words in ["it has PSIMSSB", "1 acoustic position left out", "record its GGA or RMC"] {
+        assert!(error.contains(words), "{error}");
+    }
+    let utm = alone.replace("C,H", "U,N");
+    let content = utm.trim_start_matches('$').split('*').next().unwrap();
+    let utm = sentence(content);
     let good = recording(2);
     for (file, from, to, words) in [
         (&good, "beacon = \"1\"", "", ["the transponder of `usbl` is not given", "set `beacon`"]),
         (&good, "usbl = \"usbl\"", "", ["no sensor receives", "name it with `usbl`"]),
-        (&good, "\"1\"", "\"7\"", ["PTSAG or PSONLLD of the transponder", "set `beacon` to a"]),
+        (&good, "\"1\"", "\"7\"", ["PSIMSSB of the transponder with", "set `beacon` to a"]),
         (&good, "\"1\"", "\" \"", ["is no transponder", "1 to 16 bytes"]),
-        (&relative, "magnetic = \"magnetic\"", "", ["it has PSIMSSB", "relative to the vessel"]),
+        (&utm, "magnetic = \"magnetic\"", "", ["it has PSIMSSB", "in place of polar"]),
     ] {
         let error = read(file.as_bytes(), &KEYS.replacen(from, to, 1)).err().unwrap();
         assert!(words.iter().all(|w| error.contains(w)), "{error}");

@@ -113,8 +113,30 @@ def matrix(q):
     ])
 
 
+previous = {}
+
+
+def motion(sensor, p, q, to_body):
+    """The motion since the pose before, along the axes of the body then."""
+    p, q = np.array(p), np.array(q)
+    before, previous[sensor] = previous.get(sensor), (p, q)
+    if before is None:
+        return None
+    # the product of the conjugate of the quaternion before with this one
+    (v, w), (v_before, w_before) = (q[:3], q[3]), (before[1][:3], before[1][3])
+    vector = w_before * v - w * v_before - np.cross(v_before, v)
+    scalar = w_before * w + v_before @ v
+    sine = np.linalg.norm(vector)
+    turned = 2 * math.atan2(sine, abs(scalar)) / math.copysign(sine, scalar) * vector
+    moved = matrix(before[1]).T @ (p - before[0])
+    names = ["move_x", "move_y", "move_z", "turn_x", "turn_y", "turn_z"]
+    return dict(zip(names, [*(to_body @ moved), *(to_body @ turned)]))
+
+
 ENU_NED = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])
 FLU_FRD = np.diag([1.0, -1.0, -1.0])
+# of a sensor whose forward is the right of the vehicle
+RIGHT = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
 SEMI_MAJOR, FLATTENING = 6378137.0, 1 / 298.257223563
 DATUM = math.radians(54.0), math.radians(10.0), 5.0
 
@@ -139,6 +161,11 @@ messages = []  # received, topic, type, content
 expected = {}
 
 
+def expect(sensor, time, values):
+    if values:
+        expected.setdefault(sensor, {}).setdefault(time, {}).update(values)
+
+
 def add(sensor, topic, kind, stamp, latency, values, headless=False, frame=None, **fields):
     if not headless:
         header = T["std_msgs/Header"](
@@ -146,10 +173,8 @@ def add(sensor, topic, kind, stamp, latency, values, headless=False, frame=None,
         )
         fields = {"header": header, **fields}
     messages.append((stamp + latency, topic, kind, T[kind](**fields)))
-    if values:
-        # a type without a header has the time at which it was received
-        time = stamp + latency if headless else stamp
-        expected.setdefault(sensor, {}).setdefault(time, {}).update(values)
+    # a type without a header has the time at which it was received
+    expect(sensor, stamp + latency if headless else stamp, values)
 
 
 for k in range(200):
@@ -215,12 +240,14 @@ for k in range(200):
             child_frame_id="base", pose=cov,
             twist=T["geometry_msgs/TwistWithCovariance"](
                 T["geometry_msgs/Twist"](vector(v), vector(three())), np.zeros(36)))
+        expect("motion", t + 5, motion("motion", p, q, FLU_FRD))
         q = rotation()
         c = ENU_NED @ matrix(q) @ FLU_FRD
         pose = T["geometry_msgs/Pose"](T["geometry_msgs/Point"](*p), T["geometry_msgs/Quaternion"](*q))
         add("pose", "/pose", "geometry_msgs/PoseWithCovarianceStamped", t + 6, 5 * ms,
             {**position(p[1], p[0], -p[2]), **dict(zip(["roll", "pitch", "yaw"], angles(c)))},
             pose=T["geometry_msgs/PoseWithCovariance"](pose, np.zeros(36)))
+        expect("turned", t + 6, motion("turned", p, q, RIGHT @ FLU_FRD))
         pressure = 101325 + draw.uniform(0, 1e6)
         add("depth", "/pressure", "sensor_msgs/FluidPressure", t + 7, 5 * ms,
             {"depth": (pressure - 101325) / (1025 * 9.80665)}, fluid_pressure=pressure, variance=0.0)
@@ -242,6 +269,7 @@ for k in range(200):
 places = {
     "imu": ([0.1, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]),
     "dvl": ([1.0, 2.0, -3.0], [1.0, 0.0, 0.0, 0.0]),
+    "base": ([0.3, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]),
     "fix": ([0.0, 0.5, 1.5], [0.0, 0.0, 0.0, 1.0]),
 }
 transforms = [

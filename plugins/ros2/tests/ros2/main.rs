@@ -10,6 +10,7 @@ mod damage;
 mod import;
 mod oracle;
 mod recorder;
+mod relative;
 mod scenario;
 mod speed;
 
@@ -52,6 +53,7 @@ fn registry() -> Registry {
         .add(&navfuse_gnss::GnssPlugin)
         .add(&navfuse_heading::HeadingPlugin)
         .add(&navfuse_odometer::OdometerPlugin)
+        .add(&navfuse_relative_pose::RelativePosePlugin)
         .add(&Ros2Plugin);
     registry
 }

@@ -25,6 +25,14 @@ noise = "1 cm/s"
 [sensor.reference]
 [sensor.pose]
 type = "reference"
+[sensor.motion]
+type = "relative-pose"
+translation_noise = "1 cm"
+rotation_noise = "1 deg"
+[sensor.turned]
+type = "relative-pose"
+translation_noise = "1 cm"
+rotation_noise = "1 deg"
 [sensor.depth]
 noise = "1 cm"
 [sensor.compass]
@@ -49,6 +57,8 @@ sensors.nucleus = { topic = "/nucleus" }
 sensors.body = { topic = "/body" }
 sensors.reference = { topic = "/odom", datum = { latitude = "54 deg", longitude = "10 deg", height = "5 m" } }
 sensors.pose = { topic = "/pose", datum = { latitude = "54 deg", longitude = "10 deg", height = "5 m" } }
+sensors.motion = { topic = "/odom" }
+sensors.turned = { topic = "/pose", rotation = ["0 deg", "0 deg", "90 deg"] }
 sensors.depth = { topic = "/pressure" }
 sensors.compass = { topic = "/mag" }
 sensors.echo = { channels.depth = { topic = "/range", field = "range" } }

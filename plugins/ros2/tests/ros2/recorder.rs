@@ -37,9 +37,56 @@ pub fn encode(imu: &Imu) -> Vec<u8> {
 /// Bytes of a message without its record.
 pub const SIZE: usize = 4 + 8 + 8 + 37 * 8;
 
+const ODOMETRY: &str = "std_msgs/Header header\nstring child_frame_id\n\
+    geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist\n";
+
+/// A message of any type.
+#[derive(Clone, Debug)]
+pub struct Raw {
+    pub topic: &'static str,
+    /// Name and definition of its type.
+    kind: [&'static str; 2],
+    pub received: i64,
+    data: Vec<u8>,
+}
+
+impl From<&Imu> for Raw {
+    fn from(imu: &Imu) -> Self {
+        let kind = ["sensor_msgs/msg/Imu", IMU];
+        Self { topic: imu.topic, kind, received: imu.received, data: encode(imu) }
+    }
+}
+
+/// The odometry of a pose: time in ns, position, and quaternion x, y, z, w.
+pub fn odometry(stamp: i64, position: [f64; 3], quaternion: [f64; 4]) -> Raw {
+    let mut data = vec![0, 1, 0, 0];
+    data.extend((stamp.div_euclid(1_000_000_000) as i32).to_le_bytes());
+    data.extend((stamp.rem_euclid(1_000_000_000) as u32).to_le_bytes());
+    for (name, padding) in [(b"odom\0", 3), (b"base\0", 3)] {
+        data.extend(5_u32.to_le_bytes());
+        data.extend(name);
+        data.extend(std::iter::repeat_n(0, padding));
+    }
+    let mut numbers = [0.0; 7 + 36 + 6 + 36];
+    numbers[..3].copy_from_slice(&position);
+    numbers[3..7].copy_from_slice(&quaternion);
+    numbers.iter().for_each(|n: &f64| data.extend(n.to_le_bytes()));
+    let kind = ["nav_msgs/msg/Odometry", ODOMETRY];
+    Raw { topic: "/odom", kind, received: stamp + 1_000_000, data }
+}
+
 /// An MCAP file of measurements.
 pub fn mcap(
     messages: &[Imu],
+    compression: Option<mcap::Compression>,
+    chunk: Option<u64>,
+) -> Vec<u8> {
+    raw(&messages.iter().map(Raw::from).collect::<Vec<_>>(), compression, chunk)
+}
+
+/// An MCAP file of messages of any type.
+pub fn raw(
+    messages: &[Raw],
     compression: Option<mcap::Compression>,
     chunk: Option<u64>,
 ) -> Vec<u8> {
@@ -49,10 +96,11 @@ pub fn mcap(
         .use_chunks(chunk.is_some())
         .chunk_size(chunk);
     let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
-    let schema = writer.add_schema("sensor_msgs/msg/Imu", "ros2msg", IMU.as_bytes()).unwrap();
     let mut channels = BTreeMap::new();
     for m in messages {
         let channel = *channels.entry(m.topic).or_insert_with(|| {
+            let [name, text] = m.kind;
+            let schema = writer.add_schema(name, "ros2msg", text.as_bytes()).unwrap();
             writer.add_channel(schema, m.topic, "cdr", &BTreeMap::new()).unwrap()
         });
         let header = mcap::records::MessageHeader {
@@ -61,7 +109,7 @@ pub fn mcap(
             log_time: m.received as u64,
             publish_time: m.received as u64,
         };
-        writer.write_to_known_channel(&header, &encode(m)).unwrap();
+        writer.write_to_known_channel(&header, &m.data).unwrap();
     }
     let metadata = Metadata { name: "rosbag2".into(), metadata: BTreeMap::new() };
     writer.write_metadata(&metadata).unwrap();
