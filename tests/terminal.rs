@@ -152,6 +152,14 @@ fn check_reports_all_mistakes_at_once_each_with_its_line_and_a_caret() {
     assert!(said.contains(&first), "{first}");
 }
 
+#[test]
+fn check_reports_a_mistake_of_a_source_beside_a_sensor_that_lacks_a_key() {
+    let text = "[process.ins]\ntype = \"ins\"\n[sensor.imu]\ntype = \"imu\"\n[source.csv]\ndirektory = \"d\"\n";
+    let said = stderr(&with_input(&["check", "-"], text));
+    assert!(said.contains("stdin:3: sensor.imu: missing key"), "{said}");
+    assert!(said.contains("stdin:6: source.csv.direktory: unknown key"), "{said}");
+}
+
 /// Calls the command with a text in standard input.
 fn with_input(arguments: &[&str], text: &str) -> Output {
     let mut command = command();

@@ -239,17 +239,16 @@ pub enum BuildError {
 
 type ForComposer<T> =
     Box<dyn for<'a, 'b> Fn(&Node<'a>, &'b mut Composer) -> Result<T, BuildError> + Send + Sync>;
-type ForContext<T> =
-    Box<dyn for<'a, 'b> Fn(&Node<'a>, &OpenContext<'b>) -> Result<T, BuildError> + Send + Sync>;
-
-type OpenSink =
-    Box<dyn for<'a, 'b> FnOnce(&'a OpenContext<'b>) -> Result<Box<dyn Sink>, StreamError>>;
-type PrepareSink = Box<dyn for<'a> Fn(&Node<'a>) -> Result<PreparedSink, BuildError> + Send + Sync>;
+/// Reads the table of a source or sink, without opening anything.
+type Prepare<T> = Box<dyn for<'a> Fn(&Node<'a>) -> Result<T, BuildError> + Send + Sync>;
+/// Opens a source or sink whose table is read.
+pub(crate) type Open<T> =
+    Box<dyn for<'a, 'b> FnOnce(&'a OpenContext<'b>) -> Result<T, StreamError>>;
 
 /// A sink that is configured but not open.
 pub(crate) struct PreparedSink {
     pub files: Vec<PathBuf>,
-    pub open: OpenSink,
+    pub open: Open<Box<dyn Sink>>,
 }
 
 pub(crate) struct BuiltSensor {
@@ -261,8 +260,8 @@ pub(crate) struct BuiltSensor {
 pub(crate) enum Make {
     Process(ForComposer<BuiltProcess>),
     Sensor { make: ForComposer<BuiltSensor>, input: bool },
-    Source { make: ForContext<Vec<Box<dyn Source>>>, simulates: bool },
-    Sink { prepare: PrepareSink, default: bool },
+    Source { prepare: Prepare<Open<Vec<Box<dyn Source>>>>, simulates: bool },
+    Sink { prepare: Prepare<PreparedSink>, default: bool },
 }
 
 /// A registered type.
@@ -396,15 +395,16 @@ impl Registry {
 
     /// Registers a type of source.
     pub fn source<S: SourceType>(&mut self) {
-        let make: ForContext<Vec<Box<dyn Source>>> = Box::new(|node, context| {
-            Ok(node.parse::<S>()?.open(context).map_err(|e| node.error(e))?)
+        let prepare: Prepare<Open<Vec<Box<dyn Source>>>> = Box::new(|node| {
+            let config = node.parse::<S>()?;
+            Ok(Box::new(|context| config.open(context)))
         });
-        self.insert::<S>(Kind::Source, S::TYPE, Make::Source { make, simulates: S::SIMULATES });
+        self.insert::<S>(Kind::Source, S::TYPE, Make::Source { prepare, simulates: S::SIMULATES });
     }
 
     /// Registers a type of sink.
     pub fn sink<S: SinkType>(&mut self) {
-        let prepare: PrepareSink = Box::new(|node| {
+        let prepare: Prepare<PreparedSink> = Box::new(|node| {
             let config = node.parse::<S>()?;
             let files = config.files();
             Ok(PreparedSink { files, open: Box::new(|context| config.open(context)) })

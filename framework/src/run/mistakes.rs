@@ -22,7 +22,7 @@ impl Scenario<'_> {
         let mut repairs = Repairs::default();
         let mut mistakes = Vec::new();
         while mistakes.len() < MOST {
-            let checked = repaired.check_sinks();
+            let checked = repaired.check_streams();
             let Err(error) = checked.and_then(|()| repaired.assemble(None).map(drop)) else {
                 break;
             };

@@ -137,8 +137,14 @@ impl<'a> Scenario<'a> {
         &mut self.document
     }
 
-    /// Reads the tables of the sinks, which are opened only with an output folder.
-    pub(crate) fn check_sinks(&self) -> Result<(), BuildError> {
+    /// Reads the tables of sources and sinks. A run opens its sources once it is composed, and its sinks
+    /// only with an output folder.
+    pub(crate) fn check_streams(&self) -> Result<(), BuildError> {
+        for part in self.parts(Kind::Source)? {
+            if let Make::Source { prepare, .. } = &part.entry.make {
+                drop(prepare(&part.own_keys())?);
+            }
+        }
         let empty = Document::parse("default", "")?;
         sinks::prepare(&self.parts(Kind::Sink)?, &self.default_sinks()?, &empty).map(drop)
     }
@@ -240,8 +246,9 @@ fn open_sources(
 ) -> Result<Vec<NamedSource>, BuildError> {
     let mut sources = Vec::new();
     for part in parts {
-        let Make::Source { make, .. } = &part.entry.make else { continue };
-        let streams = make(&part.own_keys(), context)?;
+        let Make::Source { prepare, .. } = &part.entry.make else { continue };
+        let node = part.own_keys();
+        let streams = prepare(&node)?(context).map_err(|e| node.error(e))?;
         sources.extend(streams.into_iter().map(|s| (part.name.to_owned(), s)));
     }
     Ok(sources)

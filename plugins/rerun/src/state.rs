@@ -204,7 +204,7 @@ impl BlockSeries {
     }
 
     /// Writes the whole run, and chooses units and ranges from it. The components of a block have
-    /// the same units.
+    /// the same units, except those that a unit larger than the block's own would make small.
     pub fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
         let rows: Vec<_> = self.components.iter().map(|c| c.history.rows()).collect();
         let mut plots: Vec<Option<Plots>> = rows.iter().map(|rows| Plots::new(rows)).collect();
@@ -342,7 +342,10 @@ impl Plots {
     fn in_units(mut self, unit: &'static str, value: f64, error: f64) -> Self {
         // a ratio near one is read as a number
         let one = Scale { unit, size: 1.0 };
-        self.value = if unit.is_empty() { one } else { axis::scale(unit, value) };
+        let large = axis::scale(unit, value);
+        // a depth of 45 m is not read in the kilometres of north and east
+        let small = large.size > 1.0 && axis::scale(unit, self.sizes()[0]).size < large.size;
+        self.value = if unit.is_empty() || small { one } else { large };
         self.error = axis::scale(unit, error);
         let (v, e) = (self.value.size, self.error.size);
         self.values.iter_mut().flatten().for_each(|x| *x /= v);
