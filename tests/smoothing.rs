@@ -5,10 +5,13 @@ mod common;
 
 use common::{navfuse, scenario, snapir, stderr, stdout};
 use navfuse_core::document::Document;
+use navfuse_core::model::record::{Epoch, Event};
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::nalgebra::DVector;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::state::Layout;
+use navfuse_core::state::covariance::Covariance;
+use navfuse_core::state::{Layout, State};
 use navfuse_testing::rts::{Estimate, Records};
 use serde_json::Value;
 use std::path::Path;
@@ -245,4 +248,111 @@ fn the_log_of_another_version_is_smoothed_with_a_warning_that_names_it() {
     assert_eq!(std::fs::read(&path).expect("the log"), changed, "it is as it was");
     let output = smooth(&whole.join("run.mcap"), &folder.path().join("own"), &[]);
     assert!(!stderr(&output).contains("another version"), "{}", stderr(&output));
+}
+
+/// Keeps the last estimate and the texts of the events.
+#[derive(Default)]
+struct Last(Option<(State, Covariance)>, Vec<String>);
+
+impl Sink for Last {
+    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
+        Ok(())
+    }
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        self.0 = Some((epoch.state.clone(), epoch.covariance.clone()));
+        Ok(())
+    }
+    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
+        self.1.push(event.text.clone());
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(None)
+    }
+}
+
+/// Last estimate of a run, and the texts of its events.
+fn last(name: &str, settings: &[&str]) -> (Layout, State, Covariance, Vec<String>) {
+    let document = Document::from_file(scenario(name)).unwrap_or_else(|e| panic!("{e}"));
+    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
+    let registry = navfuse::standard_plugins();
+    let scenario = Scenario::new(&registry, document, &settings);
+    let scenario = scenario.unwrap_or_else(|e| panic!("{e}"));
+    let mut assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
+    let layout = (*assembly.composition.layout).clone();
+    assembly.sinks.push(("last".into(), Box::<Last>::default()));
+    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let Last(estimate, events) = finished.take_sink().expect("the sink is there");
+    let (state, covariance) = estimate.expect("an estimate");
+    (layout, state, covariance, events)
+}
+
+/// The last estimate of a smoothed run has used every sample once, as that of a filter has. A pass
+/// ends within 0.001 sigma of its limit, and the filter makes one more. Both end between samples of
+/// the DVL, which the filter would linearise at its own estimate.
+#[test]
+fn a_filter_that_linearises_its_samples_again_ends_where_the_passes_end() {
+    let of = |more: &[&str]| last("calibration", &[&FAR[..], &["seed=1000000"], more].concat());
+    let stop = "estimator.stop=\"359.96 s\"";
+    let (layout, passes, p, _) = of(&[stop, "estimator.passes=12"]);
+    let (_, plain, _, _) = of(&[stop]);
+    let (_, again, found, events) = of(&[stop, "estimator.relinearise=\"59.9 s\""]);
+    let known = vec![true; layout.blocks.len()];
+    let mut error = vec![0.0; layout.tangent];
+    let mut sigmas = |state: &State| {
+        layout.error(&passes, state, &known, &mut error);
+        (0..layout.tangent).map(|i| error[i].abs() / p.get(i, i).sqrt()).fold(0.0, f64::max)
+    };
+    let (near, far) = (sigmas(&again), sigmas(&plain));
+    println!("{near:.2e} sigma from the passes, and without them {far:.2}");
+    assert_eq!(passes.time, again.time);
+    assert!(near < 1e-3 && far > 0.5, "{near} {far}");
+    for i in 0..layout.tangent {
+        let ratio = found.get(i, i) / p.get(i, i);
+        assert!((ratio - 1.0).abs() < 1e-3, "{i}: {ratio}");
+    }
+    let made: Vec<&String> = events.iter().filter(|e| e.contains("linearised")).collect();
+    assert!(made.len() == 5 && made.iter().all(|e| e.contains("converged after")), "{made:?}");
+}
+
+/// Nothing in this run observes a rotation of the DVL about the velocity, so its prior of 5 deg
+/// stays. A filter that linearises each sample once ends below 4 deg.
+#[test]
+fn samples_that_are_linearised_again_do_not_inform_about_what_nothing_observes() {
+    let roll = |more: &[&str]| {
+        let settings = [
+            "estimator.stop=\"400 s\"",
+            "sensor.imu.simulation.rate=\"20 Hz\"",
+            "sensor.dvl.misalignment.sigma=\"5 deg\"",
+            "sensor.reference.simulation.rate=\"1 Hz\"",
+        ];
+        let (layout, _, p, _) = last("alignment-in-motion", &[&settings[..], more].concat());
+        let roll = layout.find("dvl.misalignment").expect("a DVL").tangent_range().start;
+        p.get(roll, roll).sqrt().to_degrees()
+    };
+    let (plain, again) = (roll(&[]), roll(&["estimator.relinearise=\"240 s\""]));
+    println!("sigma of the roll: {plain:.2} deg, and linearised again {again:.2} deg");
+    assert!(plain < 4.0 && (4.7..=5.0).contains(&again), "{plain} {again}");
+}
+
+#[test]
+fn what_excludes_that_samples_are_linearised_again_is_refused_with_the_remedy() {
+    let refused = |name: &str, more: &str| {
+        let document = Document::from_file(scenario(name)).unwrap_or_else(|e| panic!("{e}"));
+        let settings = ["estimator.relinearise=\"60 s\"".to_owned(), more.to_owned()];
+        let registry = navfuse::standard_plugins();
+        let scenario = Scenario::new(&registry, document, &settings);
+        let assembly = scenario.unwrap_or_else(|e| panic!("{e}")).assemble(None);
+        assembly.err().expect("an error").to_string()
+    };
+    for (more, remedy) in [
+        ("estimator.type=\"ukf\"", "type = \"ekf\""),
+        ("estimator.smooth=true", "remove `relinearise` and set `passes`"),
+        ("estimator.passes=3", "remove `relinearise` and set `passes`"),
+        ("sensor.dvl.late=\"1 s\"", "`late` of [sensor.dvl]"),
+    ] {
+        let error = refused("quickstart", more);
+        assert!(error.contains("estimator.relinearise") && error.contains(remedy), "{error}");
+    }
 }

@@ -2,11 +2,12 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use navfuse_core::document::Document;
-use navfuse_core::ekf::Ekf;
+use navfuse_core::ekf::{Ekf, Timeline};
 use navfuse_core::model::record::{Outcome, Rejection};
 use navfuse_core::nalgebra::{DMatrix, DVector};
 use navfuse_core::prelude::*;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::state::covariance::Covariance;
 use navfuse_testing::lab::{Log, seconds};
 
 /// Sigma of the walker's place at the start and of a sight, m.
@@ -259,4 +260,45 @@ fn a_snapshot_holds_who_is_there() {
         assert_eq!(ekf.state().labels, [Some(1), Some(2)]);
     }
     assert_eq!(ends[0], ends[1]);
+}
+
+/// Posts that are placed, seen and removed, with sights that arrive up to 3 s late: what comes and
+/// goes is replayed in its own order, also in the newest estimate of a live run.
+#[test]
+fn late_sights_of_posts_that_come_and_go_give_the_run_in_order_to_the_bit() {
+    let keys = "posts = 2\nlate = \"3 s\"";
+    let mut all: Vec<(f64, [f64; 3])> = sights().collect();
+    // post 1 goes after it was seen the last time, and another takes its place
+    all.extend([(9.5, [0.0, 0.0, -1.0]), (10.0, [1.0, 2.0, 3.0]), (11.0, [1.1, 2.1, 3.0])]);
+    let sample = |(t, s): &(f64, [f64; 3])| Sample::new(seconds(*t), SensorId(0), s);
+    let bits = |state: &State, p: &Covariance| {
+        let values: Vec<u64> = state.values.iter().map(|v| v.to_bits()).collect();
+        (values, p.clone(), state.labels.clone())
+    };
+    let mut straight = filter(keys);
+    let mut first = Log::default();
+    all.iter().for_each(|s| straight.process(&sample(s), &mut first).unwrap());
+    let end = bits(straight.state(), straight.covariance());
+    assert_eq!(end.2, [Some(3), Some(2)]);
+    // each third sight arrives first, up to 2.5 s before its turn: the others are late
+    let mut arrivals = all.clone();
+    arrivals.chunks_mut(3).for_each(|three| three.rotate_right(1));
+    let mut ekf = filter(keys);
+    let mut timeline = Timeline::new(ekf.composition()).unwrap();
+    let (mut log, mut newest) = (Log::default(), None);
+    for arrival in &arrivals {
+        assert!(timeline.arrive(&sample(arrival), &mut ekf, &mut log));
+        while let Some(next) = timeline.release(ekf.running()) {
+            ekf.process(&next, &mut log).unwrap();
+        }
+        newest = timeline.newest(&mut ekf, |epoch| bits(epoch.state, epoch.covariance));
+    }
+    assert_eq!(newest.as_ref(), Some(&end), "the newest estimate has taken all of them");
+    assert_ne!(bits(ekf.state(), ekf.covariance()), end, "the settled one waits");
+    timeline.close();
+    while let Some(next) = timeline.release(ekf.running()) {
+        ekf.process(&next, &mut log).unwrap();
+    }
+    assert_eq!(bits(ekf.state(), ekf.covariance()), end);
+    assert_eq!((log.outcomes(), log.events.len()), (first.outcomes(), first.events.len()));
 }

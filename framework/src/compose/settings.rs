@@ -48,6 +48,10 @@ pub struct EstimatorConfig {
     /// the smoothed trajectory of the one before (Gauss-Newton on the whole run), until no component
     /// changes by more than 0.001 sigma.
     pub(crate) passes: Option<NonZeroU32>,
+    /// Linearises the samples of this time after the start again, at their smoothed trajectory,
+    /// while the filter runs: after a 16th of this time, an 8th, and so on up to the whole of it. For a
+    /// wide prior, such as a heading known to 30 deg; see the explanation of update rules.
+    pub(crate) relinearise: Option<Positive<Duration>>,
     /// Rule by which samples correct the estimate: `ekf` (one linearisation), `iekf` (iterated) or
     /// `ukf` (unscented). A sensor's own `update` has precedence.
     #[serde(default)]
@@ -80,6 +84,7 @@ impl Default for EstimatorConfig {
             smooth: false,
             lag: None,
             passes: None,
+            relinearise: None,
             update: UpdateRule::default(),
             covariance_rate: None,
             output_rate: ten_hertz(),
@@ -91,7 +96,9 @@ impl EstimatorConfig {
     /// Key of a time beyond the range of [`Time`].
     pub(crate) fn beyond_the_clock(&self) -> Option<&'static str> {
         let lag = self.lag.map(|lag| lag.value());
-        let times = [("start", self.start), ("stop", self.stop), ("lag", lag)];
+        let span = self.relinearise.map(|span| span.value());
+        let times =
+            [("start", self.start), ("stop", self.stop), ("lag", lag), ("relinearise", span)];
         times
             .into_iter()
             .find(|(_, time)| time.is_some_and(|t| Time::from_seconds(t.si()).is_none()))
@@ -121,6 +128,16 @@ impl EstimatorConfig {
     /// Largest number of passes of the smoother.
     pub fn passes(&self) -> u32 {
         self.passes.map_or(1, NonZeroU32::get)
+    }
+
+    /// Time after the start whose samples are linearised again.
+    pub(crate) fn relinearise(&self) -> Option<Time> {
+        self.relinearise.and_then(|span| Time::from_seconds(span.value().si()))
+    }
+
+    /// Returns `true` if samples are linearised at their smoothed trajectory.
+    pub(crate) fn linearises_again(&self) -> bool {
+        self.relinearise.is_some() || self.passes() > 1
     }
 
     /// Nanoseconds between recorded estimates.

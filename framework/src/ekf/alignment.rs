@@ -189,7 +189,8 @@ impl Ekf {
                 .supervise(&view)
                 .map_err(|e| self.process_error(k, self.memory.state.time, e))?;
             let time = self.memory.state.time;
-            if let Some((text, remedy)) = supervision.doubt {
+            let again = self.composition.estimator.linearises_again();
+            if let Some((text, remedy)) = supervision.doubt.filter(|_| !again) {
                 let about = self.composition.processes[k].name.clone();
                 let severity = Severity::Doubtful;
                 observer.finding(Finding { time, about, severity, text, remedy });

@@ -18,6 +18,19 @@ impl Ekf {
         self.memory.offset = None;
     }
 
+    /// Leaves the trajectory: the state becomes the estimate, and the filter linearises at it from
+    /// now on.
+    pub(crate) fn join_course(&mut self) {
+        self.guide = None;
+        let m = &mut self.memory;
+        if let Some(mut offset) = m.offset.take() {
+            self.layout.inject(&mut m.state, &mut offset.d, &mut m.covariance);
+            if let Some(history) = &mut m.history {
+                history.corrected(&offset.d);
+            }
+        }
+    }
+
     /// Returns the estimate relative to the trajectory; empty without one.
     pub(crate) fn offset(&self) -> &[f64] {
         self.memory.offset.as_ref().map_or(&[], |offset| &offset.d)

@@ -43,7 +43,8 @@ pub struct Supervision {
     pub constrain: bool,
     /// Message for the log.
     pub message: Option<(Level, String)>,
-    /// Doubt about the alignment: evidence and remedy.
+    /// Doubt about the alignment, whose samples are linearised far from the truth: evidence and
+    /// remedy. It is no finding where the samples are linearised again.
     pub doubt: Option<(String, String)>,
 }
 

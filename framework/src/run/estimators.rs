@@ -8,6 +8,7 @@ use crate::model::error::ComposeError;
 use crate::model::sensor::Role;
 use crate::model::update_rule::UpdateRule;
 use crate::plugin::Registry;
+use crate::smooth::Relinearised;
 use std::any::Any;
 
 /// Finds the type of estimator of that name.
@@ -34,6 +35,7 @@ pub(crate) fn check(composition: &Composition, root: &Node<'_>) -> Result<(), Do
         let message = "a further pass needs the whole run; remove `passes` or `lag`";
         return Err(ComposeError::new("passes", message).at(&place));
     }
+    check_relinearise(composition).map_err(|e| e.at(&place))?;
     let creator = composition.creator;
     if creator.name == Creator::of::<Ukf>().name {
         check_rules(root)?;
@@ -55,6 +57,44 @@ pub(crate) fn check(composition: &Composition, root: &Node<'_>) -> Result<(), Do
         })
     };
     lacks.map_or(Ok(()), |message| Err(ComposeError::new("type", message).at(&place)))
+}
+
+/// Creates the estimator of a composition.
+pub(crate) fn create(composition: Composition) -> Box<dyn Estimator> {
+    match composition.estimator.relinearise() {
+        Some(span) => Box::new(Relinearised::new(composition, span)),
+        None => (composition.creator.create)(composition),
+    }
+}
+
+/// Rejects what excludes that the first samples are linearised again.
+fn check_relinearise(composition: &Composition) -> Result<(), ComposeError> {
+    if composition.estimator.relinearise().is_none() {
+        return Ok(());
+    }
+    let message = if composition.creator.name != Creator::of::<Ekf>().name {
+        "only the filter of type = \"ekf\" linearises samples again; remove it, or set that type"
+            .to_owned()
+    } else if composition.estimator.smooths() {
+        "a smoothed run linearises all its samples again with `passes`; remove `relinearise` and \
+         set `passes`, or remove `smooth`, `lag` and `passes`"
+            .to_owned()
+    } else if let Some(block) = composition.layout.blocks.iter().find(|b| b.label.is_some()) {
+        format!(
+            "no sample is linearised again with blocks that come and go, such as {}; remove it, \
+             or the sensor that has them",
+            block.name
+        )
+    } else if let Some(sensor) = composition.sensors.iter().find(|s| s.late.is_some()) {
+        format!(
+            "no sample is linearised again where samples may be late; remove it, or `late` of \
+             [sensor.{}]",
+            sensor.info.name
+        )
+    } else {
+        return Ok(());
+    };
+    Err(ComposeError::new("relinearise", message))
 }
 
 /// Rejects another update rule than that of the unscented filter.

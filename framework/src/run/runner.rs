@@ -184,7 +184,7 @@ impl Run {
             until: composition.estimator.stop(),
             merge: Merge::new(delayed(sources, &composition), &sensors),
             timeline: Timeline::new(&composition),
-            estimator: (composition.creator.create)(composition),
+            estimator: estimators::create(composition),
             silence: SilenceMonitor::new(timeouts, &sensors),
             outputs,
             newest: rate,

@@ -221,15 +221,18 @@ impl Forward {
         self.counter.gated(update);
     }
 
-    /// Lets the filter take all steps again, linearised at a trajectory. Returns the error of a
-    /// filter that fails.
+    /// Lets the filter take all steps again, linearised at a trajectory or at its estimate. Returns
+    /// the error of a filter that fails.
     pub(super) fn repeat(
         &mut self,
         ekf: &mut Ekf,
-        course: Box<dyn Course>,
+        course: Option<Box<dyn Course>>,
     ) -> Result<Result<(), EstimatorError>, SmoothError> {
         ekf.restore(&self.first);
-        ekf.follow_course(course);
+        match course {
+            Some(course) => ekf.follow_course(course),
+            None => ekf.leave_course(),
+        }
         let Self { steps, checkpoints, counter, .. } = self;
         (counter.epochs, counter.since) = (0, 0);
         *checkpoints = Checkpoints::new();

@@ -6,7 +6,8 @@
 //! estimates are recorded, and the backward recursion of `adjoint.rs` passes over the records. So
 //! the records of one segment are in memory at a time, however long the run.
 //!
-//! A further pass linearises at the smoothed trajectory of the one before (`passes.rs`).
+//! A further pass linearises at the smoothed trajectory of the one before (`passes.rs`); a filter
+//! makes such passes over its first samples while it runs (`relinearised.rs`).
 //!
 //! The recursion needs only what every filter run gives, and nothing from models or plugins: each
 //! step is a linear map of the error, and each correction one with an innovation.
@@ -22,6 +23,7 @@ mod lag;
 mod map;
 mod passes;
 mod quality;
+mod relinearised;
 mod segment;
 mod smoother;
 mod stretch;
@@ -30,4 +32,5 @@ mod tape;
 pub use change::Passes;
 pub use error::SmoothError;
 pub use quality::{QualityReport, SensorFit};
+pub(crate) use relinearised::Relinearised;
 pub(crate) use smoother::Smoother;

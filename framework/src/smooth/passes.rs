@@ -26,7 +26,7 @@ pub(super) fn smooth(
         && let Some(course) = best.course.take()
     {
         let number = report.count + 1;
-        if let Err(error) = forward.repeat(ekf, Box::new(course))? {
+        if let Err(error) = forward.repeat(ekf, Some(Box::new(course)))? {
             report.text = format!(
                 "pass {number} failed: {error}; the estimates are those of the pass before it"
             );

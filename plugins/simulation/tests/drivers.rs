@@ -8,6 +8,7 @@ use navfuse_core::prelude::*;
 use navfuse_core::run::runner::Finished;
 use navfuse_ins::Navigation;
 use navfuse_testing::judge::{Judge, judged};
+use navfuse_testing::steps::allocations;
 use std::fmt::Write;
 
 /// Thrust over mass: the command, which holds until the next one.
@@ -166,14 +167,19 @@ impl MeasurementModel<3> for TieModel {
     }
 }
 
-/// Runs a scenario with the plugins of this file; the updates are those with an innovation.
-fn run(text: &str, settings: &[String]) -> (Finished, Judge) {
+/// The plugins of this file.
+fn registry() -> Registry {
     let mut registry = Registry::new();
     registry.add(&navfuse_ins::InsPlugin).add(&navfuse_simulation::SimulationPlugin);
     registry.sensor::<Thruster>();
     registry.sensor::<Tie>();
     registry.process::<Surge>();
-    let (finished, mut judge) = judged(&registry, text, settings);
+    registry
+}
+
+/// Runs a scenario; the updates are those with an innovation.
+fn run(text: &str, settings: &[String]) -> (Finished, Judge) {
+    let (finished, mut judge) = judged(&registry(), text, settings);
     judge.nis.retain(|(_, nis)| nis.is_finite());
     (finished, judge)
 }
@@ -291,8 +297,7 @@ fn without_coast_the_gap_ends_the_run_and_with_it_the_imu_takes_over_again() {
 }
 
 /// A second IMU of its own rate drives a second INS; the tie holds the two together.
-#[test]
-fn a_second_imu_drives_a_second_process() {
+fn two_imus() -> String {
     let mut text = INS.replace("[sensor.tie]", "[sensor.tie]\nsecond = true");
     text += r#"
 [process.other]
@@ -309,7 +314,22 @@ gyro_noise = "10 deg/h/sqrt(Hz)"
 accel_noise = "100 ug/sqrt(Hz)"
 simulation = { rate = "80 Hz" }
 "#;
-    text += MOTION;
+    text + MOTION
+}
+
+#[test]
+fn a_step_with_a_second_driver_allocates_nothing() {
+    let found = allocations(&registry(), &two_imus(), 5.0, |step| {
+        allocation_counter::measure(step).count_total
+    });
+    assert!(found.accepted > 60 && found.reporting == 0, "{found:?}");
+    assert!(found.silent.0 > 4500, "both IMUs, 50 and 80 Hz over 35 s: {found:?}");
+    assert_eq!(found.silent.1, 0, "{found:?}");
+}
+
+#[test]
+fn a_second_imu_drives_a_second_process() {
+    let text = two_imus();
     let (mut nees, mut nis, mut count) = (0.0, 0.0, 0);
     for seed in 1..=30 {
         let (finished, judge) = run(&text, &settings(&[], seed));

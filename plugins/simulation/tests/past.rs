@@ -12,6 +12,7 @@ use navfuse_core::units::Time as Duration;
 use navfuse_ins::Navigation;
 use navfuse_testing::judge::{Judge, judged};
 use navfuse_testing::rts::Records;
+use navfuse_testing::steps::allocations;
 use std::sync::atomic::AtomicBool;
 
 // ANCHOR: odometry
@@ -355,6 +356,15 @@ fn a_block_without_a_truth_is_judged_by_nobody() {
     // without the draw, its truth is at rest as well, and nobody takes that for its truth
     let (finished, _) = run(RECEIVER, &["estimator.draw=\"nothing\"".to_owned()]);
     assert!(finished.summary.rows.iter().all(|row| row.error.is_none()));
+}
+
+/// A camera whose previous image is a clone of attitude and position, taken anew at each image.
+#[test]
+fn a_step_with_past_states_allocates_nothing() {
+    let found =
+        allocations(&registry(), CAMERA, 5.0, |step| allocation_counter::measure(step).count_total);
+    assert!(found.accepted > 200 && found.reporting == 0, "{found:?}");
+    assert_eq!(found.silent.1, 0, "{found:?}");
 }
 
 const SLOW_GNSS: &str = r#"

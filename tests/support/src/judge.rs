@@ -3,7 +3,6 @@
 use navfuse_core::document::Document;
 use navfuse_core::model::record::{Epoch, Event, Outcome, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::nalgebra::{DMatrix, DVector};
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::{self, Finished};
 use navfuse_core::run::scenario::Scenario;
@@ -41,11 +40,8 @@ impl Sink for Judge {
         layout.error(truth.state, epoch.state, truth.known, &mut error);
         let known = layout.blocks.iter().zip(truth.known).filter(|(_, known)| **known);
         let rows: Vec<usize> = known.flat_map(|(block, _)| block.tangent_range()).collect();
-        let m = rows.len();
-        let e = DVector::from_fn(m, |i, _| error[rows[i]]);
-        let p = DMatrix::from_fn(m, m, |i, j| epoch.covariance.get(rows[i], rows[j]));
-        self.nees = p.cholesky().map_or(f64::NAN, |c| e.dot(&c.solve(&e)));
-        (self.freedom, self.last) = (m, epoch.state.time.seconds());
+        self.nees = epoch.covariance.nees(&error, &rows).unwrap_or(f64::NAN);
+        (self.freedom, self.last) = (rows.len(), epoch.state.time.seconds());
         self.truths.push(truth.state.values[0]);
         Ok(())
     }

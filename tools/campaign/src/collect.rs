@@ -3,7 +3,6 @@
 use crate::columns::{Columns, Places};
 use crate::grid::Grid;
 use crate::record::{Row, RunRecord, SENSOR};
-use nalgebra::{DMatrix, DVector};
 use navfuse_core::model::chi_square::gated_moments;
 use navfuse_core::model::record::{Epoch, Level, Outcome, Truth, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -107,8 +106,8 @@ impl Collector {
         let columns = &self.columns;
         let nees_at = Row::nees_at(columns);
         let mut indices = Vec::with_capacity(epoch.layout.tangent);
-        let mut errors = DVector::zeros(epoch.layout.tangent);
-        epoch.layout.error(truth.state, epoch.state, truth.known, errors.as_mut_slice());
+        let mut errors = vec![0.0; epoch.layout.tangent];
+        epoch.layout.error(truth.state, epoch.state, truth.known, &mut errors);
         for &(slot, at, first) in &self.places.blocks {
             let block = &epoch.layout.blocks[slot];
             let n = block.operations.tangent;
@@ -158,13 +157,10 @@ impl Collector {
     }
 }
 
-/// Normalised estimation error squared, `e' P^-1 e`, of the components in `indices`. It is infinite
-/// if `P` is not positive definite, so that the verdict reports such a filter.
-fn nees(errors: &DVector<f64>, covariance: &Covariance, indices: &[usize]) -> f64 {
-    let n = indices.len();
-    let p = DMatrix::from_fn(n, n, |i, j| covariance.get(indices[i], indices[j]));
-    let e = DVector::from_fn(n, |i, _| errors[indices[i]]);
-    p.cholesky().map_or(f64::INFINITY, |c| e.dot(&c.solve(&e)))
+/// NEES of the components in `indices`. It is infinite if their covariance is not positive definite,
+/// so that the verdict reports such a filter.
+fn nees(errors: &[f64], covariance: &Covariance, indices: &[usize]) -> f64 {
+    covariance.nees(errors, indices).unwrap_or(f64::INFINITY)
 }
 
 impl Sink for Collector {

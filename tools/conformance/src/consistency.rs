@@ -4,8 +4,8 @@ use crate::lab::{Lab, Types, assemble};
 use crate::{Failure, Report};
 use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::nalgebra::{DMatrix, DVector};
 use navfuse_core::run::runner;
+use navfuse_core::state::covariance::Covariance;
 use navfuse_core::state::{Block, Dynamics, Layout};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -60,7 +60,7 @@ struct Run {
     gated: Vec<usize>,
     layout: Layout,
     /// Errors and covariance at the last epoch with a truth, and the blocks whose truth is known.
-    last: Option<(Vec<f64>, DMatrix<f64>, Vec<bool>)>,
+    last: Option<(Vec<f64>, Covariance, Vec<bool>)>,
 }
 
 /// Runs the scenario with every seed, on all cores; the results are in the order of the seeds.
@@ -132,7 +132,7 @@ impl Sink for Run {
         if let Some(truth) = epoch.truth {
             let mut error = vec![0.0; epoch.layout.tangent];
             epoch.layout.error(truth.state, epoch.state, truth.known, &mut error);
-            self.last = Some((error, epoch.covariance.to_dense(), truth.known.to_vec()));
+            self.last = Some((error, epoch.covariance.clone(), truth.known.to_vec()));
         }
         Ok(())
     }
@@ -222,12 +222,13 @@ fn nees(runs: &[Run], blocks: &[&Block], may_be_less: bool) -> Result<String, Fa
                 continue;
             };
             let columns: Vec<usize> = block.tangent_range().collect();
-            own.1 += normalised(error, covariance, &columns)
+            own.1 += covariance
+                .nees(error, &columns)
                 .ok_or_else(|| singular(&run.layout.blocks[slot].name))?;
             own.2 += columns.len();
             all.extend(columns);
         }
-        let squared = normalised(error, covariance, &all);
+        let squared = covariance.nees(error, &all);
         sum += squared.ok_or_else(|| singular("its states"))?;
         freedom += all.len();
     }
@@ -263,12 +264,4 @@ fn singular(name: &str) -> String {
         "the covariance of {name} is singular at the end; set its noise and its prior sigma above \
          zero"
     )
-}
-
-/// Normalised squared error `e' P^-1 e` of the given axes.
-fn normalised(error: &[f64], covariance: &DMatrix<f64>, columns: &[usize]) -> Option<f64> {
-    let e = DVector::from_iterator(columns.len(), columns.iter().map(|&i| error[i]));
-    let p =
-        DMatrix::from_fn(columns.len(), columns.len(), |i, j| covariance[(columns[i], columns[j])]);
-    Some(e.dot(&p.cholesky()?.solve(&e)))
 }

@@ -1,6 +1,7 @@
 //! The symmetric covariance of the error state.
 
 use crate::state::manifold::MAX_TANGENT;
+use nalgebra::{DMatrix, DVector};
 
 /// A symmetric covariance, row-major, with rows padded to a multiple of four so that the kernel
 /// runs on whole vectors.
@@ -45,8 +46,24 @@ impl Covariance {
     }
 
     /// A dense copy.
-    pub fn to_dense(&self) -> nalgebra::DMatrix<f64> {
-        nalgebra::DMatrix::from_fn(self.n, self.n, |i, j| self.get(i, j))
+    pub fn to_dense(&self) -> DMatrix<f64> {
+        DMatrix::from_fn(self.n, self.n, |i, j| self.get(i, j))
+    }
+
+    /// Normalised estimation error squared, `e' P^-1 e`, of the error states `rows`; `None` if their
+    /// covariance is not positive definite.
+    ///
+    /// ```
+    /// # use navfuse_core::state::covariance::Covariance;
+    /// let mut p = Covariance::zero(3);
+    /// (0..3).for_each(|i| p.set(i, i, 4.0));
+    /// assert_eq!(p.nees(&[2.0, 9.0, 4.0], &[0, 2]), Some(5.0));
+    /// ```
+    pub fn nees(&self, errors: &[f64], rows: &[usize]) -> Option<f64> {
+        let n = rows.len();
+        let p = DMatrix::from_fn(n, n, |i, j| self.get(rows[i], rows[j]));
+        let e = DVector::from_fn(n, |i, _| errors[rows[i]]);
+        Some(e.dot(&p.cholesky()?.solve(&e)))
     }
 
     /// `P = G P G'` with `G` the identity but for the block `g` (row-major) on the range.

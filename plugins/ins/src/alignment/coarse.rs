@@ -193,8 +193,8 @@ impl CoarseAlignment {
             VERIFIED.to_degrees(),
         );
         let remedy = format!(
-            "measure the mounting, or take value and sigma from an earlier dive \
-             (sensor.{name}.initial and .sigma)"
+            "give [estimator] relinearise = \"240 s\", measure the mounting, or take value and \
+             sigma from an earlier dive (sensor.{name}.initial and .sigma)"
         );
         Some((evidence, remedy))
     }
