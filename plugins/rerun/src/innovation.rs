@@ -18,6 +18,8 @@ use re_sdk_types::components::MarkerShape;
 
 /// Probability outside the band of the NIS.
 const OUTSIDE: f64 = 0.05;
+/// Bound over the usual one from which on an innovation is that of a wide prior.
+const WIDE: f64 = 3.0;
 /// Level of a rejected sample without a gate, decimal logarithm of the NIS.
 const REJECTED_LEVEL: f64 = 1.5;
 
@@ -253,23 +255,25 @@ impl Innovations {
         let bounds = [("+3σ".to_owned(), BOUND, 1.2), ("-3σ".to_owned(), BOUND, 1.2)];
         let mut bounds = Series::lines(entity("bounds"), &bounds);
         let mut marks = Series::marked(entity("gated"), "gated", GATED, 4.5, MarkerShape::Diamond);
-        let mut size = 0.0_f64;
-        let mut limits = Vec::with_capacity(accepted.len());
+        // the priors, and the first samples after an outage, have wide bounds: one in twenty
+        let bound = |sigma: &f64| 3.0 * sigma / scale.size;
+        let mut limits: Vec<f64> = accepted.iter().map(|r| bound(&r.1[1])).collect();
+        limits.retain(|limit| limit.is_finite());
+        limits.sort_by(f64::total_cmp);
+        let usual = limits.get(limits.len() * 19 / 20).copied();
+        let mut size = usual.unwrap_or(0.0);
         for (time, [value, sigma]) in &accepted {
-            let (time, value, bound) =
-                (Time::from_nanos(*time), value / scale.size, 3.0 * sigma / scale.size);
+            let (time, value, bound) = (Time::from_nanos(*time), value / scale.size, bound(sigma));
             line.push(recording, time, &[value])?;
             bounds.push(recording, time, &[bound, -bound])?;
-            // max ignores NaN
-            size = size.max(value.abs());
-            limits.extend(bound.is_finite().then_some(bound));
+            // an innovation of a wide prior would flatten the others; max ignores NaN
+            if usual.is_none_or(|usual| bound <= WIDE * usual) {
+                size = size.max(value.abs());
+            }
         }
         for (time, [value]) in &gated {
             marks.push(recording, Time::from_nanos(*time), &[value / scale.size])?;
         }
-        // the priors, and the first samples after an outage, have wide bounds: one in twenty
-        limits.sort_by(f64::total_cmp);
-        size = size.max(limits.get(limits.len() * 19 / 20).copied().unwrap_or(0.0));
         // an outlier far away would flatten the plot: the NIS shows its size
         let far = gated.iter().map(|r| (r.1[0] / scale.size).abs()).fold(0.0, f64::max);
         let size = if size > 0.0 { size.max(far.min(3.0 * size)) } else { far };
