@@ -109,6 +109,22 @@ fn a_long_run_of_many_segments_is_that_too_and_its_covariance_stays_positive() {
     assert!(records.smoothed.iter().all(|e| e.covariance.clone().cholesky().is_some()));
 }
 
+/// Without the fix nothing observes the cart, so its uncertainty only grows; with the fix the place
+/// is known to 5 cm.
+#[test]
+fn a_run_that_never_converges_names_what_the_run_does_not_observe() {
+    let unobserved = |kept: Vec<Sample>| {
+        let (_, finished) = smoothed(&[], kept);
+        assert!(finished.error.is_none(), "{:?}", finished.error);
+        finished.summary.smoothing.unwrap().unobserved
+    };
+    let all = samples(200.0, 5, true);
+    let place = |names: &[String]| names.iter().any(|name| name.starts_with("cart.place"));
+    let inputs: Vec<_> = all.iter().filter(|s| s.sensor.0 != 1).copied().collect();
+    assert!(inputs.len() < all.len() && !place(&unobserved(all)));
+    assert!(place(&unobserved(inputs)));
+}
+
 /// The fix is silent from 100 to 130 s. The noise of the place has the density 0.01 m^2/s, so the
 /// place is uncertain by `sqrt(0.01 * 30 / 4)`, 27 cm, in the middle, and by 5 cm otherwise. The
 /// scatter of the samples is uniform in -1..1 times their sigma, with a variance of 1/3.

@@ -90,6 +90,10 @@ fn smoothing(quality: &QualityReport) {
     line(format_args!("\n{fits}\n"));
     quality.passes.iter().for_each(|passes| line(format_args!("passes: {}", passes.text)));
     quality.weak.iter().for_each(|text| line(format_args!("weak: {text}")));
+    if !quality.unobserved.is_empty() {
+        let names = quality.unobserved.join(", ");
+        line(format_args!("not observed: {names}: 1-sigma never below 90 % of that at the start"));
+    }
     quality.contradictions.iter().for_each(|text| line(format_args!("contradiction: {text}")));
     quality.reconsidered.iter().for_each(|text| line(format_args!("reconsidered: {text}")));
 }

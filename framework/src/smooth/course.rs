@@ -22,16 +22,10 @@ pub(super) fn length(layout: &Layout) -> usize {
 }
 
 /// Adds the record of a step to a row of numbers.
-pub(super) fn write(
-    layout: &Layout,
-    state: &State,
-    covariance: &Covariance,
-    offset: &[f64],
-    out: &mut Vec<f64>,
-) {
+pub(super) fn write(state: &State, covariance: &Covariance, offset: &[f64], out: &mut Vec<f64>) {
     out.push(f64::from_bits(state.time.nanos().cast_unsigned()));
     out.extend_from_slice(&state.values);
-    out.extend((0..layout.tangent).flat_map(|i| (0..=i).map(move |j| covariance.get(i, j))));
+    covariance.rows().enumerate().for_each(|(i, row)| out.extend_from_slice(&row[..=i]));
     out.extend_from_slice(offset);
 }
 

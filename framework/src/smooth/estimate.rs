@@ -44,8 +44,7 @@ pub(super) fn write(epoch: &Epoch<'_>, out: &mut Vec<f64>) {
     out.push(f64::from_bits(state.time.nanos().cast_unsigned()));
     out.extend_from_slice(&state.values);
     out.extend_from_slice(&state.signals);
-    let n = layout.tangent;
-    out.extend((0..n).flat_map(|i| (0..=i).map(move |j| covariance.get(i, j))));
+    covariance.rows().enumerate().for_each(|(i, row)| out.extend_from_slice(&row[..=i]));
     match truth {
         None => {
             out.extend(std::iter::repeat_n(0.0, 1 + layout.ambient + layout.blocks.len()));
@@ -80,7 +79,7 @@ impl Estimate {
 
     /// Takes the numbers of a row.
     pub(super) fn read(&mut self, row: &Row, numbers: &[f64]) {
-        let Row { values, signals, n, .. } = *row;
+        let Row { values, signals, .. } = *row;
         self.state.time = time_of(numbers).unwrap_or_default();
         self.truth.time = self.state.time;
         let (state, rest) = numbers[1..].split_at(values);
@@ -88,8 +87,7 @@ impl Estimate {
         let (triangle, truth) = rest.split_at(row.triangle());
         self.state.values.copy_from_slice(state);
         self.state.signals.copy_from_slice(given);
-        let places = (0..n).flat_map(|i| (0..=i).map(move |j| (i, j)));
-        places.zip(triangle).for_each(|((i, j), value)| self.covariance.set(i, j, *value));
+        self.covariance.set_lower(triangle);
         self.compared = truth[0] != 0.0;
         self.truth.values.copy_from_slice(&truth[1..=values]);
         self.known.iter_mut().zip(&truth[1 + values..]).for_each(|(k, v)| *k = *v != 0.0);

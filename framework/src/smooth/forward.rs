@@ -10,7 +10,6 @@ use super::adjoint::Adjoint;
 use super::course;
 use super::error::SmoothError;
 use super::estimate::Row;
-use super::map::Map;
 use super::segment::{Kind, Recorder, Segment, correction_length, gated_length, step_length};
 use super::tape::{Entry, Steps};
 use crate::ekf::{Course, Ekf, EstimatorError, Snapshot};
@@ -272,7 +271,6 @@ impl Forward {
         mut visit: impl FnMut(&mut Adjoint, Visit<'_>) -> Result<(), SmoothError>,
     ) -> Result<(), SmoothError> {
         let mut segment = Segment::new(&self.layout, self.considers);
-        let mut map = Map::identity(self.layout.tangent);
         let present = |ekf: &Ekf| (ekf.state().clone(), ekf.offset().to_vec());
         let mut end = (self.steps.end, (!self.failed_step).then(|| present(ekf)));
         while let Some(begin) = self.checkpoints.list.pop() {
@@ -283,18 +281,16 @@ impl Forward {
                 recorded: self.counter.recorded[begin.epochs..].iter(),
                 source: (SensorId(0), Time::MIN, 0.0),
                 offset: ekf.offset().to_vec(),
-                course: further.then_some(&*self.layout),
+                course: further,
             };
             replay(&mut self.steps, (begin.at, end.0), ekf, &mut recorder)?;
             if end.1.is_some_and(|end| end != present(ekf)) {
                 return Err(SmoothError::NotRepeatable { time: ekf.state().time });
             }
+            let mut patterns = segment.take_patterns();
             for (kind, values, columns) in segment.reversed() {
                 match kind {
-                    Kind::Step(pattern) => {
-                        segment.set_map(&mut map, pattern, values);
-                        adjoint.pass(&mut map);
-                    }
+                    Kind::Step(pattern) => adjoint.pass(&mut patterns[pattern], values),
                     Kind::Gated(m, number) => {
                         let square = adjoint.reconsider(m, &values[1..]);
                         let (sensor, time) = segment.sources[number];
@@ -311,6 +307,7 @@ impl Forward {
                     Kind::Course => visit(adjoint, Visit::Course(values))?,
                 }
             }
+            segment.keep_patterns(patterns);
             let snapshot = &begin.snapshot;
             end = (begin.at, Some((snapshot.state().clone(), snapshot.offset().to_vec())));
         }

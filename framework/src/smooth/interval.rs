@@ -74,6 +74,8 @@ impl Smoothed {
             }
             Ok(())
         })?;
+        // the first estimate of the run is the last one that the backward pass has met
+        quality.begin(&layout, &smoother.estimate.state, adjoint.filtered());
         let quality = quality.report(ekf.composition());
         let change = course.as_ref().map(|course| course.change).unwrap_or_default();
         let course = course.map(Writer::finish).transpose()?;

@@ -20,7 +20,6 @@ mod estimate;
 mod forward;
 mod interval;
 mod lag;
-mod map;
 mod passes;
 mod quality;
 mod relinearised;

@@ -15,8 +15,9 @@ use super::change::Passes;
 use crate::compose::Composition;
 use crate::model::chi_square::band;
 use crate::model::record::Epoch;
+use crate::state::covariance::Covariance;
 use crate::state::manifold::MAX_TANGENT;
-use crate::state::{Block, Layout};
+use crate::state::{Block, Layout, State};
 use crate::units::time::Time;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -26,6 +27,10 @@ const PARTS: usize = 500;
 
 /// Ratio of a sigma to its median over the run from which a part counts as weak.
 const WEAK: f64 = 2.5;
+
+/// Share of the sigma at the start below which the smoothed one has to fall somewhere in the run,
+/// unless the component counts as not observed.
+const UNOBSERVED: f64 = 0.9;
 
 /// Share of the usual number of used samples below which a sensor is named.
 const RARE: f64 = 0.5;
@@ -88,6 +93,8 @@ pub struct QualityReport {
     /// Spans in which the smoothed sigma of a component is far above its median, with the sensors
     /// that were used less than usual.
     pub weak: Vec<String>,
+    /// Components whose smoothed sigma is at no time below 90 % of that at the start of the run.
+    pub unobserved: Vec<String>,
     /// Components in which filter and smoothed run contradict each other.
     pub contradictions: Vec<String>,
     /// Gated samples that fit the smoothed run, and used samples that contradict it, for each
@@ -134,6 +141,9 @@ pub(super) struct Quality {
     start: Time,
     length: i64,
     parts: Vec<Part>,
+    /// Sigma of each shown component before the first sample, and its smallest smoothed one.
+    priors: Vec<f64>,
+    smallest: Vec<f64>,
     /// Sums of each sensor.
     fits: Vec<Fit>,
     /// Bound of the statistic for each number of channels, found on first use.
@@ -167,20 +177,23 @@ impl Quality {
             start,
             length,
             parts: vec![part; PARTS],
+            priors: vec![0.0; components],
+            smallest: vec![f64::INFINITY; components],
             fits: vec![Fit::default(); sensors],
             bounds: Vec::new(),
         }
     }
 
-    fn part(&mut self, time: Time) -> &mut Part {
-        let at = ((time - self.start).nanos() / self.length).clamp(0, PARTS as i64 - 1);
-        &mut self.parts[at as usize]
+    /// Index of the part of a time.
+    fn at(&self, time: Time) -> usize {
+        ((time - self.start).nanos() / self.length).clamp(0, PARTS as i64 - 1) as usize
     }
 
     /// Takes a smoothed estimate, and the differences of each error state from the filter in their
     /// sigma.
     pub(super) fn epoch(&mut self, epoch: &Epoch<'_>, differences: &[f64]) {
-        let part = self.part(epoch.state.time);
+        let at = self.at(epoch.state.time);
+        let part = &mut self.parts[at];
         for (first, block) in judged(epoch.layout) {
             let mut sigma = [0.0; MAX_TANGENT];
             block.show_sigma(&epoch.state.values, epoch.covariance, &mut sigma);
@@ -189,13 +202,25 @@ impl Quality {
                     (&mut part.sigmas[first + k], &mut part.differences[first + k]);
                 *most = most.max(sigma[k]);
                 *largest = largest.max(differences[row].abs());
+                self.smallest[first + k] = self.smallest[first + k].min(sigma[k]);
             }
+        }
+    }
+
+    /// Takes the state and the covariance with which the filter began.
+    pub(super) fn begin(&mut self, layout: &Layout, state: &State, covariance: &Covariance) {
+        for (first, block) in judged(layout) {
+            let mut sigma = [0.0; MAX_TANGENT];
+            block.show_sigma(&state.values, covariance, &mut sigma);
+            let tangent = block.operations.tangent;
+            self.priors[first..first + tangent].copy_from_slice(&sigma[..tangent]);
         }
     }
 
     /// Takes a sample that corrected the filter, and the square of its smoothed innovation.
     pub(super) fn sample(&mut self, sensor: usize, time: Time, m: usize, square: Option<f64>) {
-        let [samples, channels] = &mut self.part(time).samples[sensor];
+        let at = self.at(time);
+        let [samples, channels] = &mut self.parts[at].samples[sensor];
         *samples += 1.0;
         *channels += m as f64;
         let Some(square) = square else { return };
@@ -223,7 +248,7 @@ impl Quality {
 
     /// Sums the run up.
     pub(super) fn report(self, composition: &Composition) -> QualityReport {
-        let (mut weak, mut contradictions) = (Vec::new(), Vec::new());
+        let (mut weak, mut contradictions, mut unobserved) = (Vec::new(), Vec::new(), Vec::new());
         for (first, block) in judged(&composition.layout) {
             for k in 0..block.operations.tangent {
                 let component = block.spec.display.components.get(k).copied().unwrap_or("");
@@ -235,6 +260,10 @@ impl Quality {
                     composition,
                 ));
                 contradictions.extend(self.contradiction(first + k, name.trim_end()));
+                let (prior, smallest) = (self.priors[first + k], self.smallest[first + k]);
+                if smallest.is_finite() && smallest >= UNOBSERVED * prior {
+                    unobserved.push(name.trim_end().to_owned());
+                }
             }
         }
         // the worst first
@@ -274,6 +303,7 @@ impl Quality {
             reconsidered: reconsidered.collect(),
             sensors: judged.collect(),
             weak: words(weak),
+            unobserved,
             contradictions: words(contradictions),
             passes: None,
         }

@@ -3,9 +3,8 @@
 use super::adjoint::Correction;
 use super::course;
 use super::estimate;
-use super::map::Map;
 use crate::model::record::{Epoch, Observer, UpdateRecord};
-use crate::state::covariance::{Covariance, Transition, Update};
+use crate::state::covariance::{BackwardStep, Covariance, Transition, Update};
 use crate::state::{Layout, State};
 use crate::units::sample::SensorId;
 use crate::units::time::Time;
@@ -14,7 +13,7 @@ use std::slice::Iter;
 /// A record.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Kind {
-    /// Values of the declared elements of a map, with the number of its pattern.
+    /// Values of the declared elements of a transition, with the number of its pattern.
     Step(usize),
     /// A correction with that many components and columns, and its number in the segment.
     Update(usize, usize, usize),
@@ -52,8 +51,8 @@ pub(super) struct Segment {
     index: Vec<(Kind, usize, usize)>,
     /// Sensor and time of each correction and gated sample.
     pub(super) sources: Vec<(SensorId, Time)>,
-    /// Row and column of each declared element: the pattern of `Phi`, and those of the clones.
-    patterns: Vec<Vec<(usize, usize)>>,
+    /// The pattern of `Phi`, and those of the clones.
+    patterns: Vec<BackwardStep>,
 }
 
 impl Segment {
@@ -69,6 +68,16 @@ impl Segment {
         }
     }
 
+    /// Patterns of the transitions, without which the records can be read meanwhile.
+    pub(super) fn take_patterns(&mut self) -> Vec<BackwardStep> {
+        std::mem::take(&mut self.patterns)
+    }
+
+    /// Returns the patterns of [`Self::take_patterns`].
+    pub(super) fn keep_patterns(&mut self, patterns: Vec<BackwardStep>) {
+        self.patterns = patterns;
+    }
+
     pub(super) fn clear(&mut self) {
         self.data.clear();
         self.columns.clear();
@@ -82,12 +91,13 @@ impl Segment {
 
     fn transition(&mut self, transition: &Transition) {
         let places = transition.places();
-        let pattern = self.patterns.iter().position(|p| p == places).unwrap_or_else(|| {
-            self.patterns.push(places.to_vec());
-            self.patterns.len() - 1
-        });
+        let pattern =
+            self.patterns.iter().position(|p| p.places() == places).unwrap_or_else(|| {
+                self.patterns.push(BackwardStep::new(self.n, places));
+                self.patterns.len() - 1
+            });
         self.begin(Kind::Step(pattern));
-        self.data.extend(transition.elements().map(|(_, _, value)| value));
+        self.data.extend_from_slice(transition.values());
     }
 
     fn correction(&mut self, update: &Update, source: (SensorId, Time)) {
@@ -122,9 +132,9 @@ impl Segment {
         self.data.extend_from_slice(offset);
     }
 
-    fn course(&mut self, layout: &Layout, state: &State, covariance: &Covariance, offset: &[f64]) {
+    fn course(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
         self.begin(Kind::Course);
-        course::write(layout, state, covariance, offset, &mut self.data);
+        course::write(state, covariance, offset, &mut self.data);
     }
 
     /// Records, the last one first: each with its numbers and columns.
@@ -134,11 +144,6 @@ impl Segment {
         self.index.iter().zip(ends).rev().map(|(&(kind, at, column), (end, last))| {
             (kind, &self.data[at..end], &self.columns[column..last])
         })
-    }
-
-    /// Sets a map to the transition of a record.
-    pub(super) fn set_map(&self, map: &mut Map, pattern: usize, values: &[f64]) {
-        map.set(self.patterns[pattern].iter().zip(values).map(|(&(i, j), &value)| (i, j, value)));
     }
 
     /// The correction of a record.
@@ -167,8 +172,8 @@ pub(super) struct Recorder<'a> {
     pub(super) source: (SensorId, Time, f64),
     /// Offset of a further pass; empty in the first one.
     pub(super) offset: Vec<f64>,
-    /// Layout of the states that are recorded for the next pass, if there is one.
-    pub(super) course: Option<&'a Layout>,
+    /// Set if the state at the end of each step is recorded for the next pass.
+    pub(super) course: bool,
 }
 
 impl Observer for Recorder<'_> {
@@ -189,8 +194,8 @@ impl Observer for Recorder<'_> {
     }
     fn moved(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
         self.corrected(offset);
-        if let Some(layout) = self.course {
-            self.segment.course(layout, state, covariance, offset);
+        if self.course {
+            self.segment.course(state, covariance, offset);
         }
     }
     fn corrected(&mut self, offset: &[f64]) {

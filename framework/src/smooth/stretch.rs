@@ -15,9 +15,8 @@
 //! with the products `M-` before and `M+` after each sample, and its `C = G (P H' - K S)`.
 
 use super::adjoint::Correction;
-use super::map::{Map, add};
 use crate::state::Layout;
-use crate::state::covariance::{Transition, Update, backward, cholesky, forward};
+use crate::state::covariance::{BackwardStep, Transition, Update, backward, cholesky, forward};
 use nalgebra::DMatrix;
 
 /// Products of the maps from a time to the boundary, in the backward pass.
@@ -37,11 +36,20 @@ impl Products {
         Self { n, map, mixed: vec![0.0; if considers { n * n } else { 0 }] }
     }
 
-    /// Passes over a linear map of the error.
-    pub(super) fn pass(&mut self, map: &mut Map) {
-        for square in [&mut self.map, &mut self.mixed].into_iter().filter(|s| !s.is_empty()) {
-            map.carry(square, self.n);
-        }
+    fn squares(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
+        [&mut self.map, &mut self.mixed].into_iter().filter(|square| !square.is_empty())
+    }
+
+    /// Passes over a transition.
+    pub(super) fn pass(&mut self, step: &mut BackwardStep, phi: &[f64]) {
+        let n = self.n;
+        self.squares().for_each(|square| step.carry(phi, square, n));
+    }
+
+    /// Passes over the reset after the injection of `delta`.
+    pub(super) fn reset(&mut self, layout: &Layout, delta: &[f64]) {
+        let n = self.n;
+        self.squares().for_each(|square| layout.reset_back(delta, square, n));
     }
 
     /// Passes over a correction whose reset has been passed: `M' = A' M'` and
@@ -219,5 +227,13 @@ fn correct(x: &mut [f64], gain: &[f64], seen: &[f64], stride: usize) {
         for (seen, k) in seen.chunks_exact(stride).zip(gain) {
             add(row, -k, seen);
         }
+    }
+}
+
+/// `a += f b`.
+#[inline]
+fn add(a: &mut [f64], f: f64, b: &[f64]) {
+    for (a, b) in a.iter_mut().zip(b) {
+        *a += f * b;
     }
 }

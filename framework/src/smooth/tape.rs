@@ -145,9 +145,10 @@ impl Rows {
     }
 
     pub(super) fn push(&mut self, row: &[f64]) -> io::Result<()> {
-        for value in row {
-            self.file.write_all(&value.to_le_bytes())?;
+        for (bytes, value) in self.bytes.as_chunks_mut::<8>().0.iter_mut().zip(row) {
+            *bytes = value.to_le_bytes();
         }
+        self.file.write_all(&self.bytes)?;
         self.count += 1;
         Ok(())
     }

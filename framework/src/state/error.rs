@@ -47,7 +47,7 @@ fn turn(phi: &Vector3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
 
 impl Layout {
     /// Velocities that turn with the heading when a correction moves both.
-    fn corrected(&self) -> impl Iterator<Item = &Turning> {
+    pub(super) fn corrected(&self) -> impl DoubleEndedIterator<Item = &Turning> {
         self.turning
             .iter()
             .filter(|t| self.blocks[t.velocity].estimated() && self.blocks[t.attitude].estimated())

@@ -1,6 +1,7 @@
 //! The state: blocks on manifolds, their layout in one flat vector, the error state and its
 //! covariance.
 
+mod back;
 pub mod block;
 pub mod block_set;
 pub mod covariance;

@@ -116,6 +116,67 @@ impl Covariance {
         self.symmetrise_rows(rows);
     }
 
+    /// `X = G' X G` with the `G` of [`Self::shear`].
+    pub(crate) fn shear_back(
+        &mut self,
+        rows: std::ops::Range<usize>,
+        k: usize,
+        g: &nalgebra::Vector3<f64>,
+    ) {
+        let stride = self.stride;
+        for (row, g) in rows.clone().zip(g) {
+            for j in 0..self.n {
+                self.p[k * stride + j] += g * self.p[row * stride + j];
+            }
+        }
+        for row in self.p.chunks_exact_mut(stride) {
+            row[k] += row[rows.clone()].iter().zip(g).map(|(x, g)| g * x).sum::<f64>();
+        }
+        self.symmetrise_rows(k..k + 1);
+    }
+
+    /// Rows of the matrix.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = &[f64]> {
+        self.p.chunks_exact(self.stride).map(|row| &row[..self.n])
+    }
+
+    /// Elements of the lower triangle, row by row.
+    pub(crate) fn lower(&self) -> impl Iterator<Item = f64> + '_ {
+        self.rows().enumerate().flat_map(|(i, row)| row[..=i].iter().copied())
+    }
+
+    /// Sets the elements from those of the lower triangle, row by row.
+    pub(crate) fn set_lower(&mut self, mut triangle: &[f64]) {
+        for i in 0..self.n {
+            let Some((row, rest)) = triangle.split_at_checked(i + 1) else { return };
+            self.p[i * self.stride..][..=i].copy_from_slice(row);
+            triangle = rest;
+        }
+        self.mirror();
+    }
+
+    /// `X = X - Y`, of one dimension.
+    pub(crate) fn subtract(&mut self, other: &Self) {
+        self.p.iter_mut().zip(&other.p).for_each(|(x, y)| *x -= y);
+    }
+
+    /// Adds a column to column `c`, and to row `c`.
+    pub(crate) fn add_both(&mut self, c: usize, column: &[f64]) {
+        for (i, v) in column.iter().enumerate() {
+            self.p[i * self.stride + c] += v;
+            self.p[c * self.stride + i] += v;
+        }
+    }
+
+    /// Copies the lower triangle to the upper one.
+    pub(super) fn mirror(&mut self) {
+        for i in 0..self.n {
+            for j in 0..i {
+                self.p[j * self.stride + i] = self.p[i * self.stride + j];
+            }
+        }
+    }
+
     /// Replaces the matrix by the mean of it and its transpose.
     pub(super) fn symmetrise(&mut self) {
         (0..self.n).for_each(|i| self.symmetrise_row(i, 0..i));

@@ -4,6 +4,7 @@
 //! therefore a sparse pattern, found once, and one kernel, `y_i = sum_k a_ik x_k` over rows of `x`,
 //! does all the work.
 
+mod back;
 mod chain;
 mod inputs;
 mod kernel;
@@ -15,6 +16,7 @@ mod update;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use back::{BackwardCorrection, BackwardStep, sandwich};
 pub use chain::Chain;
 pub use inputs::InputSlot;
 pub use matrix::Covariance;
