@@ -35,7 +35,8 @@ pub struct Compare {
     /// first; one scenario with --vary
     #[arg(required = true, value_name = "RUN")]
     pub of: Vec<PathBuf>,
-    /// A key and its values, one run for each; may be given again, for every combination
+    /// A key and its values, one run for each; may be given again, for every combination. One value
+    /// alone is compared with the scenario as it is
     #[arg(long, value_name = "KEY.PATH=V1,V2,...")]
     pub vary: Vec<String>,
     /// Change a value of every scenario; may be given again
@@ -121,6 +122,11 @@ fn requests(arguments: &Compare) -> Result<Vec<Request>> {
         requests.extend(
             grid.iter().map(|settings| Request { path: path.clone(), settings: settings.clone() }),
         );
+    }
+    if let [varied] = &requests[..]
+        && !varied.settings.is_empty()
+    {
+        requests.insert(0, Request { path: varied.path.clone(), settings: Vec::new() });
     }
     match requests.len() {
         0 | 1 => Err(CommandError::Request(
