@@ -26,15 +26,18 @@ pub struct Target {
     pub read: fn(&[u8]) -> usize,
     /// Damages a file of the corpus, with parts of another one.
     pub damage: fn(&[u8], &[u8], &mut Random) -> Vec<u8>,
+    /// Set if mostly good files of the corpus are damaged. A text without sense stays one.
+    pub mostly_good: bool,
 }
 
 const fn target(name: &'static str, weight: u64, read: fn(&[u8]) -> usize) -> Target {
-    Target { name, weight, read, damage: damaged }
+    Target { name, weight, read, damage: damaged, mostly_good: false }
 }
 
 impl Target {
+    /// A target of texts, whose structure the damage keeps.
     const fn damaged_by(self, damage: fn(&[u8], &[u8], &mut Random) -> Vec<u8>) -> Self {
-        Self { damage, ..self }
+        Self { damage, mostly_good: true, ..self }
     }
 }
 

@@ -38,7 +38,14 @@ struct Outcome {
 }
 
 fn run(target: Target, inputs: u64, first: u64) -> Outcome {
-    let files: Vec<Vec<u8>> = corpus(target.name).into_iter().map(|(_, bytes)| bytes).collect();
+    let (mut files, mut good) = (Vec::new(), Vec::new());
+    for (path, bytes) in corpus(target.name) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if name.starts_with("good") {
+            good.push(bytes.clone());
+        }
+        files.push(bytes);
+    }
     let mut outcome = Outcome {
         inputs,
         understood: 0,
@@ -50,7 +57,8 @@ fn run(target: Target, inputs: u64, first: u64) -> Outcome {
     let started = processor_time();
     for seed in first..first + inputs {
         let random = &mut Random(seed);
-        let file = &files[random.below(files.len())];
+        let pool = if target.mostly_good && random.below(8) > 0 { &good } else { &files };
+        let file = &pool[random.below(pool.len())];
         let other = &files[random.below(files.len())];
         let bytes = (target.damage)(file, other, random);
         let begun = Instant::now();
