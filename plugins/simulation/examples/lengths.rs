@@ -3,7 +3,7 @@
 //! own, filter and smoother in turn, with its processor time and its largest memory. Prints the
 //! table of docs/src/explanation/smoothing.md and draws its figure:
 //!
-//! `cargo run --release -p navfuse-simulation --example lengths -- docs/src/images/lengths.svg`
+//! `cargo run -p navfuse-simulation --example lengths -- docs/src/images/lengths.svg`
 //!
 //! With `day` instead of the file: 24 h with an IMU of 10 Hz and estimates at 1 Hz, and a check that
 //! every smoothed covariance is positive definite. The folder for temporary files (`TMPDIR`) needs
