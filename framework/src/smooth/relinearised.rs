@@ -75,7 +75,7 @@ impl Relinearised {
     fn relinearise(&mut self, observer: &mut dyn Observer) {
         let Self { ekf, record: place, failed } = self;
         let time = ekf.state().time;
-        let mut tell = |level, text| {
+        let mut report = |level, text| {
             observer.event(Event { time, level, about: "estimator".into(), text });
         };
         if let Some(record) = place
@@ -90,12 +90,12 @@ impl Relinearised {
             }
             match made {
                 Ok(Ok(text)) => {
-                    tell(
+                    report(
                         Level::Info,
                         format!("linearised the samples since {start} again: {text}"),
                     );
                 }
-                Ok(Err(text)) => tell(
+                Ok(Err(text)) => report(
                     Level::Warning,
                     format!(
                         "the samples since {start} were not linearised again, and the estimate \
@@ -112,7 +112,7 @@ impl Relinearised {
         }
         if let Some(error) = failed.take() {
             *place = None;
-            tell(Level::Error, format!("samples are no longer linearised again: {error}"));
+            report(Level::Error, format!("samples are no longer linearised again: {error}"));
         }
     }
 }
