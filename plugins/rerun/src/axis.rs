@@ -9,8 +9,8 @@
 const TICK_PIXELS: f64 = 24.0;
 /// Distance of a tick from the edge of the plot below which its number is cut off, pixels.
 const EDGE_PIXELS: f64 = 8.0;
-/// Least size of a value in its unit.
-const LEAST: f64 = 0.2;
+/// Least size of a value in its unit; in a unit larger than the block's own it is 1.
+pub const LEAST: f64 = 0.2;
 /// Greatest number of rounds in the search for a range.
 const ROUNDS: usize = 20;
 /// Number of ticks that a plot shows at least.
@@ -39,7 +39,8 @@ const UNITS: &[&[(&str, f64)]] = &[
     &[("", 1.0), ("ppm", 1e-6)],
 ];
 
-/// The unit in which a size is at least 0.2, or else the smallest one. A unit that is not known stays.
+/// The unit in which a size is at least [`LEAST`], or else the smallest one. A unit that is not known
+/// stays.
 pub fn scale(unit: &'static str, size: f64) -> Scale {
     let base = Scale { unit, size: 1.0 };
     let Some(units) = UNITS.iter().find(|units| units.iter().any(|u| u.0 == unit)) else {
@@ -49,7 +50,8 @@ pub fn scale(unit: &'static str, size: f64) -> Scale {
     if !(size.is_finite() && size > 0.0) {
         return base;
     }
-    let fits = units.iter().find(|u| size >= LEAST * u.1 / own);
+    let least = |u: &(&str, f64)| if u.1 > own { 1.0 } else { LEAST };
+    let fits = units.iter().find(|u| size >= least(u) * u.1 / own);
     fits.or(units.last()).map_or(base, |u| Scale { unit: u.0, size: u.1 / own })
 }
 
@@ -139,6 +141,7 @@ mod tests {
         is("ug", 30.0, "ug", 1.0);
         is("", 2e-4, "ppm", 1e-6);
         is("m", 5200.0, "km", 1e3);
+        is("m", 300.0, "m", 1.0);
         is("deg", 1e-12, "udeg", 1e-6);
         is("furlong", 1e-3, "furlong", 1.0);
         is("deg", f64::NAN, "deg", 1.0);

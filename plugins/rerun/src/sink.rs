@@ -13,7 +13,7 @@ use crate::scene;
 use crate::state::{self, BlockSeries};
 use crate::style::path;
 use crate::tab::Tab;
-use crate::tally::Excursion;
+use crate::tally::{Excursion, Excursions};
 use crate::track::Track;
 use navfuse_core::model::record::{Epoch, Event, Level, UpdateRecord};
 use navfuse_core::model::sensor::Purpose;
@@ -73,6 +73,7 @@ pub struct RerunSink {
     last: Option<Time>,
     waiting: Vec<Event>,
     left: Vec<(String, Excursion)>,
+    excursions: Excursions,
     verdict: Option<Verdict>,
     refreshed: Instant,
     place: Option<String>,
@@ -92,6 +93,7 @@ impl RerunSink {
             last: None,
             waiting: Vec::new(),
             left: Vec::new(),
+            excursions: Excursions::default(),
             verdict: None,
             refreshed: Instant::now(),
             place: None,
@@ -140,15 +142,10 @@ impl RerunSink {
 
     /// Writes the excursions of errors that ended.
     fn write_excursions(&mut self) -> Result<(), StreamError> {
-        for (about, Excursion { from, to, worst }) in std::mem::take(&mut self.left) {
-            let text = format!(
-                "leaves its 3 sigma at {:.1} s, until {:.1} s, by up to {worst:.1} sigma",
-                from.seconds(),
-                to.seconds()
-            );
-            self.write(&Event { time: from, level: Level::Warning, about, text }, from)?;
-        }
-        Ok(())
+        let left = std::mem::take(&mut self.left);
+        let events = left.into_iter().filter_map(|(about, e)| self.excursions.add(about, e));
+        let events: Vec<Event> = events.collect();
+        events.iter().try_for_each(|event| self.write(event, event.time))
     }
 
     fn close(&mut self) -> Result<String, StreamError> {
@@ -159,6 +156,7 @@ impl RerunSink {
             run.finish(end, &mut self.left);
         }
         self.write_excursions()?;
+        self.excursions.finish().iter().try_for_each(|event| self.write(event, event.time))?;
         self.refresh()?;
         if let Some(run) = &mut self.run {
             run.write(&self.recording)?;

@@ -344,7 +344,7 @@ impl Plots {
         let one = Scale { unit, size: 1.0 };
         let large = axis::scale(unit, value);
         // a depth of 45 m is not read in the kilometres of north and east
-        let small = large.size > 1.0 && axis::scale(unit, self.sizes()[0]).size < large.size;
+        let small = large.size > 1.0 && self.sizes()[0] < axis::LEAST * large.size;
         self.value = if unit.is_empty() || small { one } else { large };
         self.error = axis::scale(unit, error);
         let (v, e) = (self.value.size, self.error.size);

@@ -1,7 +1,9 @@
 //! What is known of a component at the end of a run: its first and last values, and where its error
 //! left its bounds.
 
+use navfuse_core::model::record::{Event, Level};
 use navfuse_core::units::time::Time;
+use std::collections::BTreeMap;
 
 /// Size of an error, in sigma, from which on it is an excursion.
 const EXCURSION: f64 = 3.0;
@@ -9,6 +11,8 @@ const EXCURSION: f64 = 3.0;
 const SHORTEST: f64 = 10.0;
 /// Size of an error, in sigma, that is reported however short it is.
 const LARGE: f64 = 4.5;
+/// Largest number of excursions of a component that have an event each.
+const SINGLE: u32 = 3;
 
 /// Stretch in which an error was outside its bounds of 3 sigma.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +29,50 @@ impl Excursion {
     /// Set where noise does not explain the excursion.
     fn counts(&self) -> bool {
         self.to.since(self.from) >= SHORTEST || self.worst >= LARGE
+    }
+}
+
+/// The events about excursions. A component that leaves its bounds again and again has one for the
+/// first few each, and one for all others.
+#[derive(Debug, Default)]
+pub struct Excursions {
+    seen: BTreeMap<String, u32>,
+    further: BTreeMap<String, Excursion>,
+}
+
+impl Excursions {
+    /// Counts an excursion of a component, and returns its event if it is one of the first.
+    pub fn add(&mut self, about: String, excursion: Excursion) -> Option<Event> {
+        let seen = self.seen.entry(about.clone()).or_default();
+        *seen += 1;
+        if *seen > SINGLE {
+            let all = self.further.entry(about).or_insert(excursion);
+            (all.to, all.worst) = (excursion.to, all.worst.max(excursion.worst));
+            return None;
+        }
+        let Excursion { from, to, worst } = excursion;
+        let text = format!(
+            "leaves its 3 sigma at {:.1} s, until {:.1} s, by up to {worst:.1} sigma",
+            from.seconds(),
+            to.seconds()
+        );
+        Some(Event { time: from, level: Level::Warning, about, text })
+    }
+
+    /// Events of the excursions that have none yet.
+    pub fn finish(&mut self) -> Vec<Event> {
+        let further = std::mem::take(&mut self.further);
+        let event = |(about, Excursion { from, to, worst }): (String, Excursion)| {
+            let count = self.seen.get(&about).map_or(0, |seen| seen - SINGLE);
+            let text = format!(
+                "leaves its 3 sigma {count} more times from {:.1} s on, until {:.1} s, by up to \
+                 {worst:.1} sigma",
+                from.seconds(),
+                to.seconds()
+            );
+            Event { time: from, level: Level::Warning, about, text }
+        };
+        further.into_iter().map(event).collect()
     }
 }
 
@@ -120,5 +168,20 @@ mod tests {
         assert_eq!((tally.compared, tally.outside), (35, 17));
         assert_eq!(tally.worst.map(|w| w.1.seconds()), Some(7.0));
         assert_eq!(tally.left.map(|e| e.from.seconds()), Some(7.0));
+    }
+
+    #[test]
+    fn a_component_that_leaves_its_bounds_again_and_again_has_one_event_for_the_rest() {
+        let time = |k: i64| Time::from_nanos(k * 1_000_000_000);
+        let mut excursions = Excursions::default();
+        let single = |k: i64| Excursion { from: time(k), to: time(k + 1), worst: 4.0 + k as f64 };
+        let events: Vec<_> =
+            (0..5).filter_map(|k| excursions.add("ins.attitude roll".into(), single(k))).collect();
+        assert!(excursions.add("dvl.scale".into(), single(7)).is_some());
+        assert_eq!(events.len(), 3);
+        let rest = excursions.finish();
+        let rest: Vec<_> = rest.iter().map(|e| (e.about.as_str(), e.text.as_str())).collect();
+        let text = "leaves its 3 sigma 2 more times from 3.0 s on, until 5.0 s, by up to 8.0 sigma";
+        assert_eq!(rest, [("ins.attitude roll", text)]);
     }
 }
