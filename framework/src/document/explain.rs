@@ -81,7 +81,6 @@ fn plainly(expected: &str) -> &str {
         "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, not negative",
         "a boolean" => "true or false",
         "a sequence" => "an array",
-        "string only" => "a string",
         "a map" => "a table",
         structure if structure.starts_with("struct ") => "a table",
         other => other,

@@ -9,6 +9,7 @@ mod include;
 mod location;
 mod node;
 mod places;
+mod reader;
 #[cfg(test)]
 mod tests;
 

@@ -4,8 +4,8 @@ use crate::document::error::{DocumentError, Fault};
 use crate::document::explain::{Complaint, complaint, did_you_mean, unknown};
 use crate::document::location::Location;
 use crate::document::places::{Part, Places, join};
+use crate::document::reader::{Mistake, Reader};
 use serde::de::DeserializeOwned;
-use serde_path_to_error::Segment;
 use toml::Value;
 
 /// The keys of a table that [`Node::parse`] reads.
@@ -182,26 +182,19 @@ impl<'a> Node<'a> {
                 inner.retain(|key, _| inside.reads(key));
             }
         }
-        serde_path_to_error::deserialize(value)
-            .map_err(|e| self.explain(e.path(), e.inner().message()))
+        T::deserialize(Reader(&value)).map_err(|mistake| self.explain(&mistake))
     }
 
-    /// The error that serde reports at a path below this node.
-    fn explain(&self, path: &serde_path_to_error::Path, message: &str) -> DocumentError {
+    /// The error about a value at or below this node.
+    fn explain(&self, mistake: &Mistake) -> DocumentError {
         let mut place = self.clone();
-        for segment in path {
-            let inner = match segment {
-                Segment::Map { key } => place.get(key),
-                Segment::Enum { variant } => place.get(variant),
-                Segment::Seq { index } => place.get(&index.to_string()),
-                Segment::Unknown => None,
-            };
-            match inner {
+        for key in mistake.path.iter().rev() {
+            match place.get(key) {
                 Some(inner) => place = inner,
                 None => break,
             }
         }
-        match complaint(message, kind(place.value)) {
+        match complaint(&mistake.message, kind(place.value)) {
             Complaint::MissingKey(key) => {
                 let fault = Fault::Missing(key.to_owned());
                 place.mistake(format_args!("missing key {key:?}"), fault)
@@ -223,7 +216,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// The table with the unknown key. The path of serde ends at that key or at its table.
+    /// The table with the unknown key. The path ends at that key or at its table.
     fn table_of(&self, place: &Self, key: &str) -> Self {
         let parent = (place.path.strip_suffix(&join("", key)))
             .map(|p| p.strip_suffix('.').unwrap_or(p))
