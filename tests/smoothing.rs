@@ -52,7 +52,26 @@ fn a_smoothed_ins_is_that_of_rauch_tung_and_striebel() {
 
 #[test]
 fn an_ins_that_is_smoothed_with_a_lag_is_that_of_the_samples_within_the_lag() {
-    let records = records("quickstart", &[&CALIBRATES[..], &["estimator.lag=\"5 s\""]].concat());
+    let settings = [&CALIBRATES[..], &["estimator.lag=\"5 s\""]].concat();
+    is_that_of_the_samples_within_5_s(&records("quickstart", &settings));
+}
+
+/// The samples of the search are taken once more, one by one: estimates within the alignment are
+/// given as soon as they are complete, not all at its end.
+#[test]
+fn an_alignment_that_is_smoothed_with_a_lag_is_that_of_the_samples_within_the_lag() {
+    let settings = [
+        "estimator.stop=\"60 s\"",
+        "estimator.lag=\"5 s\"",
+        "sensor.imu.simulation.rate=\"20 Hz\"",
+        "process.ins.alignment.coarse_duration=\"40 s\"",
+        "process.ins.alignment.duration=\"50 s\"",
+        "process.ins.alignment.heading_gate=\"5 deg\"",
+    ];
+    is_that_of_the_samples_within_5_s(&records("alignment-static", &settings));
+}
+
+fn is_that_of_the_samples_within_5_s(records: &Records) {
     let times: Vec<f64> = records.filtered.iter().map(|e| e.state.time.seconds()).collect();
     let complete = |t: &f64| {
         let ahead = times.iter().position(|later| later - t > 5.0 - 1e-6);

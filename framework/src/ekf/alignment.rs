@@ -40,12 +40,9 @@ fn roots(covariance: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
 
 impl Ekf {
     /// Buffers a sample during a search and passes it to the alignment. When the initial values are
-    /// found, the filter starts at the beginning of the search and processes the buffered samples.
-    pub(super) fn search(
-        &mut self,
-        sample: &Sample,
-        observer: &mut dyn Observer,
-    ) -> Result<(), EstimatorError> {
+    /// found, the filter is ready to begin at the start of the search, and to take the buffered
+    /// samples.
+    pub(super) fn search(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
         let good = self.refuse(sample, self.driver == Some(sample.sensor.0)).is_none();
         let m = &mut self.memory;
         let Stage::Searching(buffer) = &mut m.stage else { return Ok(()) };
@@ -65,13 +62,32 @@ impl Ekf {
         let corrected = correction.map(|c| c.correct(&self.layout, &m.state, sample));
         let sample = corrected.as_ref().unwrap_or(sample);
         let progress = alignment.search(&self.layout, &mut m.state, sample);
-        match progress.map_err(|e| self.process_error(k, sample.time, e))? {
-            Progress::Searching => return Ok(()),
-            Progress::Trial => self.trials(k, sample.time)?,
-            Progress::Found => {}
+        let progress = progress.map_err(|e| self.process_error(k, sample.time, e))?;
+        if progress == Progress::Searching {
+            return Ok(());
         }
         let stage = std::mem::replace(&mut self.memory.stage, Stage::Running);
         let Stage::Searching(buffer) = stage else { return Ok(()) };
+        let tried = match progress {
+            Progress::Trial => self.trials(k, sample.time, &buffer),
+            Progress::Searching | Progress::Found => Ok(()),
+        };
+        self.memory.stage =
+            if tried.is_ok() { Stage::Found(buffer) } else { Stage::Searching(buffer) };
+        tried
+    }
+
+    /// Samples of a search that has just ended, which the filter has to take next, one by one. The
+    /// filter is left as it is before it begins.
+    pub(crate) fn take_found(&mut self) -> Option<Vec<Sample>> {
+        match &mut self.memory.stage {
+            Stage::Found(samples) if !samples.is_empty() => Some(std::mem::take(samples)),
+            _ => None,
+        }
+    }
+
+    /// Begins to run with the initial values that a search has found.
+    pub(super) fn begin_found(&mut self, observer: &mut dyn Observer) {
         self.begin(observer);
         let m = &self.memory;
         let known = m.truth.time == m.state.time;
@@ -82,30 +98,38 @@ impl Ekf {
             covariance: &m.covariance,
             truth,
         });
+    }
+
+    /// Takes the samples of a search, with an estimate in each period of the output rate. With a
+    /// reference, its samples give the estimates.
+    pub(super) fn catch_up(
+        &mut self,
+        samples: &[Sample],
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
         let period = self.composition.estimator.output_period();
-        let mut next = self.memory.state.time;
-        for sample in &buffer {
+        let after = |time: Time| Time::from_nanos((time.nanos().div_euclid(period) + 1) * period);
+        let mut next = after(self.memory.state.time);
+        for sample in samples {
             let now = self.memory.state.time;
-            // with a reference, its samples give the epochs
             if !self.has_reference() && now >= next && sample.time > now {
-                next = Time::from_nanos((now.nanos().div_euclid(period) + 1) * period);
+                next = after(now);
+                self.settle(observer);
                 observer.epoch(&self.epoch());
             }
-            self.process(sample, observer)?;
+            self.take(sample, observer)?;
         }
         Ok(())
     }
 
     /// Runs through the buffered samples until the alignment accepts the initial values.
-    fn trials(&mut self, k: usize, time: Time) -> Result<(), EstimatorError> {
+    fn trials(&mut self, k: usize, time: Time, buffer: &[Sample]) -> Result<(), EstimatorError> {
         for _ in 0..TRIALS {
             let before = self.snapshot();
-            let stage = std::mem::replace(&mut self.memory.stage, Stage::Running);
-            let Stage::Searching(buffer) = stage else { break };
             // the prior that a trial finds is that of the first pass
             self.memory.offset = None;
             self.begin(&mut ());
-            let ended = buffer.iter().try_for_each(|sample| self.process(sample, &mut ()));
+            let ended = buffer.iter().try_for_each(|sample| self.take(sample, &mut ()));
             let after = self.snapshot();
             self.restore(&before);
             // a trial that fails before its end gives no estimate

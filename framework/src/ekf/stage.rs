@@ -14,6 +14,9 @@ pub(super) enum Stage {
     /// Searches for the initial values from the time of the state on. The buffer holds the samples
     /// since that time.
     Searching(Vec<Sample>),
+    /// Has found the initial values, and begins with the next sample. The samples since the time of
+    /// the state, which the filter takes next, are here until [`super::Ekf::take_found`].
+    Found(Vec<Sample>),
     /// Runs.
     Running,
 }

@@ -80,7 +80,7 @@ impl Ekf {
         let (starts, compares) = match m.stage {
             // a reference behind the driving sensor comes too late: its driving samples are used up
             Stage::FromReference(start) => (sample.time >= start && !behind, false),
-            Stage::At(_) | Stage::Searching(_) => (false, false),
+            Stage::At(_) | Stage::Searching(_) | Stage::Found(_) => (false, false),
             Stage::Running => (false, sample.time == m.state.time),
         };
         if !starts && !compares {

@@ -5,6 +5,7 @@ use super::cadence::Cadence;
 use super::filter::{Ekf, MAX_PENDING, Memory, rejected};
 use super::inputs::{correct, replace};
 use super::passage::propagate;
+use super::stage::Stage;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::finding::Finding;
 use crate::model::monitor::Monitor;
@@ -27,8 +28,24 @@ impl Ekf {
         sample: &Sample,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
-        if self.searching() {
-            return self.search(sample, observer);
+        self.take(sample, observer)?;
+        match self.take_found() {
+            Some(samples) => self.catch_up(&samples, observer),
+            None => Ok(()),
+        }
+    }
+
+    /// Takes a sample as [`Self::process`] does, except that the samples of a search that ends are
+    /// left to the caller: see [`Self::take_found`].
+    pub(crate) fn take(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        match self.memory.stage {
+            Stage::Searching(_) => return self.search(sample),
+            Stage::Found(_) => self.begin_found(observer),
+            _ => {}
         }
         let index = sample.sensor.0;
         let is_input = matches!(self.composition.sensors[index].role, Role::Input(_));
@@ -169,7 +186,7 @@ impl Ekf {
             // the search began within the interval of this sample, which is the first one that it
             // sees
             self.memory.sensors[sample.sensor.0].last = self.memory.input.unwrap_or(Time::MIN);
-            return self.search(sample, observer);
+            return self.search(sample);
         }
         self.memory.input = Some(sample.time);
         self.advance(sample.time, Some(input), observer)?;

@@ -297,19 +297,39 @@ impl Run {
         self.merge.log_schedule(sample.time, &mut self.outputs);
         self.outputs.each(sample.time, |sink| sink.sample(sample));
         self.outputs.statistics.read(sample);
-        if let Some(smoother) = &mut self.outputs.smoother
-            && let Some(filter) = estimators::filter(self.estimator.as_ref())
+        self.estimate(sample)?;
+        if let Some(filter) = estimators::filter_mut(self.estimator.as_mut())
+            && let Some(samples) = filter.take_found()
         {
+            if let Some(smoother) = &mut self.outputs.smoother {
+                smoother.begin(filter);
+            }
+            for sample in &samples {
+                self.record_epoch(sample.time);
+                self.release(sample.time);
+                self.estimate(sample)?;
+            }
+        }
+        self.silence.sample(sample, &self.sensors, &mut self.outputs);
+        Ok(())
+    }
+
+    /// Passes one sample on to the estimator. A filter leaves the samples of a search that ends to
+    /// the runner, so that the smoother may keep the filter between them.
+    fn estimate(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
+        let Self { estimator, outputs, .. } = self;
+        let Some(filter) = estimators::filter_mut(estimator.as_mut()) else {
+            return estimator.process(sample, outputs);
+        };
+        if let Some(smoother) = &mut outputs.smoother {
             smoother.sample(filter, sample);
         }
-        let processed = self.estimator.process(sample, &mut self.outputs);
-        if let (Err(_), Some(smoother)) = (&processed, &mut self.outputs.smoother) {
+        let taken = filter.take(sample, outputs);
+        if let (Err(_), Some(smoother)) = (&taken, &mut outputs.smoother) {
             // the estimate before the sample is the last good one
             smoother.take_back();
         }
-        processed?;
-        self.silence.sample(sample, &self.sensors, &mut self.outputs);
-        Ok(())
+        taken
     }
 
     /// Records the estimate when one is due and every sample of the state's time has been used,

@@ -146,6 +146,13 @@ impl Forward {
         Ok(forward)
     }
 
+    /// Begins at a start that the filter has just found, and forgets the steps until now.
+    pub(super) fn begin(&mut self, ekf: &Ekf) -> Result<(), SmoothError> {
+        self.first = ekf.snapshot();
+        self.start = Some(ekf.state().time);
+        self.restart(ekf)
+    }
+
     /// Forgets the steps, and begins again at the present of the filter.
     pub(super) fn restart(&mut self, ekf: &Ekf) -> Result<(), SmoothError> {
         self.steps.clear()?;

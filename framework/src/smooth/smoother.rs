@@ -30,6 +30,12 @@ impl Smoother {
         Ok(Some(Self { forward, lagged, error: None }))
     }
 
+    /// Begins at the start of the filter, which a search has found: the samples until now do not
+    /// belong to the smoothed run.
+    pub(crate) fn begin(&mut self, ekf: &Ekf) {
+        self.error = self.forward.begin(ekf).err();
+    }
+
     /// Notes a sample that the filter takes next.
     pub(crate) fn sample(&mut self, ekf: &Ekf, sample: &Sample) {
         self.forward.sample(ekf, sample);
