@@ -406,17 +406,8 @@ impl Run {
             Ok(quality) => self.quality = quality,
             Err(error) => drop(self.error.get_or_insert(error.into())),
         }
-        let Some(quality) = &self.quality else { return };
-        let weak = quality.weak.iter().map(|text| (Level::Info, text));
-        let wrong = quality.contradictions.iter().map(|text| (Level::Warning, text));
-        let samples = quality.reconsidered.iter().map(|text| (Level::Info, text));
-        let passes = quality.passes.as_ref().map(|passes| {
-            (if passes.converged { Level::Info } else { Level::Warning }, &passes.text)
-        });
-        for (level, text) in passes.into_iter().chain(weak).chain(wrong).chain(samples) {
-            let (about, text) = ("smoother".to_owned(), text.clone());
-            self.outputs.event(Event { time, level, about, text });
-        }
+        let events = self.quality.as_ref().map(|quality| quality.events(time));
+        events.into_iter().flatten().for_each(|event| self.outputs.event(event));
     }
 
     /// Warns of sensors that gave no sample at all.

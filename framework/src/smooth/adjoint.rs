@@ -327,15 +327,19 @@ fn add_transposed(x: &mut Covariance, a: &[f64], b: &[f64], n: usize, both: bool
 /// covariance `p`.
 fn keep_positive(smoothed: &mut Covariance, p: &Covariance, scales: &mut [f64]) {
     let n = smoothed.dimension();
-    scales.iter_mut().enumerate().for_each(|(i, scale)| *scale = p.get(i, i).sqrt());
-    let scaled = DMatrix::from_fn(n, n, |i, j| smoothed.get(i, j) / (scales[i] * scales[j]));
-    if Cholesky::<f64, Dyn>::new(scaled.clone()).is_some() || scaled.iter().any(|v| v.is_nan()) {
+    scales.iter_mut().enumerate().for_each(|(i, scale)| *scale = p.get(i, i).sqrt().recip());
+    let scaled = || DMatrix::from_fn(n, n, |i, j| smoothed.get(i, j) * scales[i] * scales[j]);
+    if Cholesky::<f64, Dyn>::new(scaled()).is_some() {
+        return;
+    }
+    let scaled = scaled();
+    if scaled.iter().any(|v| v.is_nan()) {
         return;
     }
     let SymmetricEigen { eigenvectors, eigenvalues } = scaled.symmetric_eigen();
     let kept = DMatrix::from_diagonal(&eigenvalues.map(|value| value.max(ROUNDING)));
     let positive = &eigenvectors * kept * eigenvectors.transpose();
     for (i, j) in lower(n) {
-        smoothed.set(i, j, positive[(i, j)] * scales[i] * scales[j]);
+        smoothed.set(i, j, positive[(i, j)] / (scales[i] * scales[j]));
     }
 }

@@ -10,12 +10,12 @@ use super::adjoint::Adjoint;
 use super::course;
 use super::error::SmoothError;
 use super::estimate::Row;
-use super::segment::{Kind, Recorder, Segment, correction_length, gated_length, step_length};
+use super::segment::{Kind, Recorder, Segment, correction_length, gated_length};
 use super::tape::{Entry, Steps};
 use crate::ekf::{Course, Ekf, EstimatorError, Snapshot};
 use crate::model::record::{Epoch, Observer};
 use crate::state::Layout;
-use crate::state::covariance::{Transition, Update};
+use crate::state::covariance::{Closure, Transition, Update};
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
 use std::io;
@@ -66,6 +66,10 @@ struct Counter {
     /// Numbers of an estimate, and those of the end of a step for a further pass.
     row: usize,
     course: usize,
+    /// Elements of the record of a step, and `true` if the last record is one, to which the next
+    /// step belongs.
+    closure: Closure,
+    in_step: bool,
     /// For each estimate of the filter, `true` if the run records it, and the number of those that
     /// the pass has met.
     recorded: Vec<bool>,
@@ -76,6 +80,7 @@ struct Counter {
 
 impl Counter {
     fn add(&mut self, numbers: usize) {
+        self.in_step = false;
         self.since += 8 * numbers;
     }
 }
@@ -88,7 +93,14 @@ impl Observer for Counter {
         self.epochs += 1;
     }
     fn transition(&mut self, transition: &Transition) {
-        self.add(step_length(transition) + self.course);
+        let other = self.closure.find(transition);
+        if other || !self.in_step {
+            self.add(self.closure.len());
+        }
+        if self.course > 0 {
+            self.add(self.course);
+        }
+        self.in_step = self.course == 0;
     }
     fn correction(&mut self, update: &Update) {
         self.add(correction_length(update, self.n, self.considers));
@@ -126,6 +138,8 @@ impl Forward {
             considers,
             row: Row::new(&layout).width(),
             course: if further { course::length(&layout) } else { 0 },
+            closure: Closure::default(),
+            in_step: false,
             recorded: Vec::new(),
             epochs: 0,
             since: 0,
@@ -166,7 +180,7 @@ impl Forward {
 
     fn checkpoint(&mut self, ekf: &Ekf) {
         self.checkpoints.add(ekf, self.steps.end, self.counter.recorded.len());
-        self.counter.since = 0;
+        (self.counter.since, self.counter.in_step) = (0, false);
     }
 
     fn push(&mut self, entry: &Entry) {
@@ -240,7 +254,7 @@ impl Forward {
             None => ekf.leave_course(),
         }
         let Self { steps, checkpoints, counter, .. } = self;
-        (counter.epochs, counter.since) = (0, 0);
+        (counter.epochs, counter.since, counter.in_step) = (0, 0, false);
         *checkpoints = Checkpoints::new();
         checkpoints.add(ekf, 0, 0);
         let mut taken = Ok(());
@@ -250,7 +264,7 @@ impl Forward {
             }
             if counter.since >= checkpoints.longest && ekf.running() {
                 checkpoints.add(ekf, at, counter.epochs);
-                counter.since = 0;
+                (counter.since, counter.in_step) = (0, false);
             }
             taken = take(ekf, &entry, counter);
             Ok(())
@@ -294,6 +308,7 @@ impl Forward {
             if end.1.is_some_and(|end| end != present(ekf)) {
                 return Err(SmoothError::NotRepeatable { time: ekf.state().time });
             }
+            segment.end_product();
             let mut patterns = segment.take_patterns();
             for (kind, values, columns) in segment.reversed() {
                 match kind {

@@ -4,7 +4,7 @@ use super::adjoint::Correction;
 use super::course;
 use super::estimate;
 use crate::model::record::{Epoch, Observer, UpdateRecord};
-use crate::state::covariance::{BackwardStep, Covariance, Transition, Update};
+use crate::state::covariance::{BackwardStep, Covariance, Product, Transition, Update};
 use crate::state::{Layout, State};
 use crate::units::sample::SensorId;
 use crate::units::time::Time;
@@ -13,7 +13,7 @@ use std::slice::Iter;
 /// A record.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Kind {
-    /// Values of the declared elements of a transition, with the number of its pattern.
+    /// Elements of a transition, or of the product of several, with the number of its pattern.
     Step(usize),
     /// A correction with that many components and columns, and its number in the segment.
     Update(usize, usize, usize),
@@ -24,11 +24,6 @@ pub(super) enum Kind {
     Epoch,
     /// The end of a step, at which a further pass linearises: see `course.rs`.
     Course,
-}
-
-/// Length of the record of a transition.
-pub(super) fn step_length(transition: &Transition) -> usize {
-    transition.places().len()
 }
 
 /// Length of the record of a correction.
@@ -51,8 +46,10 @@ pub(super) struct Segment {
     index: Vec<(Kind, usize, usize)>,
     /// Sensor and time of each correction and gated sample.
     pub(super) sources: Vec<(SensorId, Time)>,
-    /// The pattern of `Phi`, and those of the clones.
+    /// The pattern of the steps, and those of the clones.
     patterns: Vec<BackwardStep>,
+    /// Transitions since the last record.
+    product: Product,
 }
 
 impl Segment {
@@ -65,6 +62,7 @@ impl Segment {
             index: Vec::new(),
             sources: Vec::new(),
             patterns: Vec::new(),
+            product: Product::default(),
         }
     }
 
@@ -89,18 +87,33 @@ impl Segment {
         self.index.push((kind, self.data.len(), self.columns.len()));
     }
 
+    /// Adds a step. The steps between two other records have one record: their product changes few
+    /// columns, while the backward recursion passes each record over the whole information.
     fn transition(&mut self, transition: &Transition) {
-        let places = transition.places();
-        let pattern =
-            self.patterns.iter().position(|p| p.places() == places).unwrap_or_else(|| {
-                self.patterns.push(BackwardStep::new(self.n, places));
-                self.patterns.len() - 1
-            });
+        if !self.product.append(transition) {
+            self.end_product();
+            self.product.append(transition);
+        }
+    }
+
+    /// Records the steps since the last record.
+    pub(super) fn end_product(&mut self) {
+        if self.product.is_empty() {
+            return;
+        }
+        let places = self.product.places();
+        let known = self.patterns.iter().position(|p| p.places() == places);
+        let pattern = known.unwrap_or(self.patterns.len());
+        if known.is_none() {
+            self.patterns.push(BackwardStep::new(self.n, places));
+        }
         self.begin(Kind::Step(pattern));
-        self.data.extend_from_slice(transition.values());
+        self.data.extend(self.product.values());
+        self.product.restart();
     }
 
     fn correction(&mut self, update: &Update, source: (SensorId, Time)) {
+        self.end_product();
         self.begin(Kind::Update(update.m, update.columns.len(), self.sources.len()));
         self.sources.push(source);
         self.columns.extend_from_slice(&update.columns);
@@ -118,6 +131,7 @@ impl Segment {
     }
 
     fn gated(&mut self, update: &Update, source: (SensorId, Time), threshold: f64) {
+        self.end_product();
         self.begin(Kind::Gated(update.m, self.sources.len()));
         self.sources.push(source);
         self.data.push(threshold);
@@ -127,12 +141,14 @@ impl Segment {
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>, offset: &[f64]) {
+        self.end_product();
         self.begin(Kind::Epoch);
         estimate::write(epoch, &mut self.data);
         self.data.extend_from_slice(offset);
     }
 
     fn course(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
+        self.end_product();
         self.begin(Kind::Course);
         course::write(state, covariance, offset, &mut self.data);
     }

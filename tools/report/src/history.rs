@@ -4,6 +4,7 @@ use crate::thin::{Merge, Thin};
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::verdict::Verdict;
+use navfuse_core::smooth::SMOOTHER;
 use navfuse_core::state::Mode;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::sample::Sample;
@@ -327,6 +328,11 @@ impl History {
         } else {
             self.events_left_out += 1;
         }
+    }
+
+    /// Returns what the smoother reports about the run; nothing if the run is not smoothed.
+    pub fn smoothed(&self) -> impl Iterator<Item = &Event> {
+        self.events.iter().filter(|event| event.about == SMOOTHER)
     }
 
     /// Returns the highest level of all events.

@@ -256,6 +256,22 @@ fn a_run_without_truth_and_without_measurements_has_a_page_too() {
     assert!(page.contains("id=\"state-ins.position\"") && !page.contains("NaN"));
 }
 
+/// IMU, DVL and depth observe no horizontal position.
+#[test]
+fn the_page_of_a_smoothed_run_reports_in_words_where_the_run_is_weak() {
+    let folder = tempfile::tempdir().unwrap();
+    let (history, _) = run(&["estimator.smooth=true"], folder.path());
+    let page = page::report(&history, None).unwrap();
+    let (_, section) = page.split_once("<section id=\"smoothing\">").unwrap();
+    let section = section.split_once("</section>").unwrap().0;
+    assert!(
+        section.contains("not observed: ") && section.contains("ins.position longitude"),
+        "{section}"
+    );
+    let (plain, _) = run(&[], folder.path());
+    assert!(!page::report(&plain, None).unwrap().contains("#smoothing"));
+}
+
 #[test]
 fn a_simulation_of_any_name_is_a_simulated_run_and_a_replay_is_not() {
     let folder = tempfile::tempdir().unwrap();

@@ -69,6 +69,21 @@ impl Chain {
         }
     }
 
+    /// Returns `true` if there is a factor.
+    pub(super) fn moved(&self) -> bool {
+        self.moved
+    }
+
+    /// Place of an element in [`Self::values`], if it may differ from the identity.
+    pub(super) fn place(&self, row: usize, column: usize) -> Option<usize> {
+        Some(row * self.stride + self.columns.binary_search(&column).ok()?)
+    }
+
+    /// Elements of the product, see [`Self::place`].
+    pub(super) fn values(&self) -> &[f64] {
+        &self.psi
+    }
+
     /// Sets the product to the identity, for transitions with the places of this one.
     fn begin(&mut self, transition: &Transition) {
         self.columns.clear();

@@ -1,7 +1,9 @@
 //! The structured covariance equals the textbook's dense form, on random compositions.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use super::{Chain, Covariance, NoiseSlot, PhiDiagonal, PhiSlot, Transition, Update};
+use super::{
+    BackwardStep, Chain, Covariance, NoiseSlot, PhiDiagonal, PhiSlot, Product, Transition, Update,
+};
 use crate::compose::Composer;
 use crate::state::dynamics::BlockDynamics;
 use crate::state::manifold::Vector;
@@ -235,7 +237,7 @@ proptest! {
         let stride = n.next_multiple_of(4);
         let mut g: Vec<f64> = (0..n * stride).map(|_| u.next()).collect();
         let (mut same_g, mut chained, mut work) = (g.clone(), g.clone(), Vec::new());
-        let mut chain = Chain::default();
+        let (mut chain, mut product) = (Chain::default(), Product::default());
         for _ in 0..3 {
             transition.propagate(&mut p);
             portable.propagate(&mut same_p);
@@ -245,7 +247,7 @@ proptest! {
             transition.carry(&mut g, stride, &mut work);
             portable.carry(&mut same_g, stride, &mut work);
             prop_assert_eq!(&g, &same_g);
-            prop_assert!(chain.append(&transition));
+            prop_assert!(chain.append(&transition) && product.append(&transition));
         }
         chain.carry(&mut chained, stride);
         // three products of n terms, rounded in another order
@@ -253,12 +255,21 @@ proptest! {
             (apart.max((a - b).abs()), size.max(a.abs()))
         });
         prop_assert!(apart <= 1e-12 * size, "{} of {}", apart, size);
+        // the elements of the product are all that differ from the identity
+        let values: Vec<f64> = product.values().collect();
+        let whole = phi.pow(3);
+        let expected = whole.transpose() * dense.clone() * &whole;
+        let mut back = covariance_of(&dense);
+        BackwardStep::new(n, product.places()).pass(&values, &mut back);
+        let symmetric = 0.5 * (&expected + expected.transpose());
+        same(&back, &symmetric)?;
         // the places of another transition may be others
         let mut other = transition.clone();
         other.compile(&layout);
-        prop_assert!(!chain.append(&other));
+        prop_assert!(!chain.append(&other) && !product.append(&other));
         chain.restart();
-        prop_assert!(chain.append(&other));
+        product.restart();
+        prop_assert!(chain.append(&other) && product.append(&other) && !product.is_empty());
     }
 
     #[test]

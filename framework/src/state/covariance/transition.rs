@@ -226,11 +226,6 @@ impl Transition {
         &self.places
     }
 
-    /// Values of the elements of `Phi`, in the order of [`Self::places`].
-    pub(crate) fn values(&self) -> &[f64] {
-        &self.phi
-    }
-
     /// Returns `true` if a process fills a row in this range.
     pub fn moves(&self, rows: &std::ops::Range<usize>) -> bool {
         self.places.iter().any(|p| rows.contains(&p.0))

@@ -17,8 +17,9 @@ const SCRIPT: &str = include_str!("../page.js");
 const STYLE: &str = include_str!("../page.css");
 
 /// Sections of the report: the anchor and the name.
-const SECTIONS: [(&str, &str); 10] = [
+const SECTIONS: [(&str, &str); 11] = [
     ("result", "Result"),
+    (SMOOTHING, "Smoothed run"),
     ("trajectory", "Trajectory"),
     ("calibration", "Calibration"),
     ("sensors", "Sensors"),
@@ -29,6 +30,9 @@ const SECTIONS: [(&str, &str); 10] = [
     ("events", "Events"),
     ("scenario", "Scenario"),
 ];
+
+/// Anchor of the section of a smoothed run.
+const SMOOTHING: &str = "smoothing";
 
 /// Creates a page with a title and a content.
 pub(crate) fn document(title: &str, body: &Markup) -> String {
@@ -89,7 +93,9 @@ pub fn report(
             (facts(history))
             nav {
                 @for (id, name) in SECTIONS {
-                    a href={ "#" (id) } { (name) }
+                    @if id != SMOOTHING || history.smoothed().next().is_some() {
+                        a href={ "#" (id) } { (name) }
+                    }
                 }
             }
         }
@@ -100,6 +106,7 @@ pub fn report(
                 h3 { "Navigation at the end" }
                 (tables::end(&moving))
             }
+            (tables::smoothing(history, SMOOTHING))
             @if let Some(figure) = plots::trajectory(history) {
                 section {
                     h2 { "Trajectory" }

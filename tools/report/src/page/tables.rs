@@ -273,6 +273,27 @@ pub(super) fn shown(sensor: &SensorHistory) -> Markup {
     }
 }
 
+/// Creates the section of a smoothed run: where it is weak, and what contradicts it.
+pub(super) fn smoothing(history: &History, anchor: &str) -> Markup {
+    html! {
+        @if history.smoothed().next().is_some() {
+            section id=(anchor) {
+                h2 { "Smoothed run" }
+                ul {
+                    @for event in history.smoothed() {
+                        li class=[(event.level > Level::Info).then_some("bad")] { (event.text) }
+                    }
+                }
+                p.note {
+                    "Every estimate of this page has all samples of the run. Weak: a 1-sigma far "
+                    "above its median over the run, with the sensors that were used less than "
+                    "usual."
+                }
+            }
+        }
+    }
+}
+
 /// Creates the table of the events.
 pub(super) fn events(history: &History) -> Markup {
     let word = |level| match level {
