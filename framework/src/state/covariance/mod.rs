@@ -5,6 +5,7 @@
 //! does all the work.
 
 mod back;
+mod bands;
 mod chain;
 mod inputs;
 mod kernel;

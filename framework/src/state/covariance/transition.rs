@@ -190,10 +190,9 @@ impl Transition {
         let (stride, p) = (covariance.stride, &mut covariance.p);
         let share = 1.0 + self.excess;
         for &(at, row, size) in &self.noise {
-            for i in 0..size {
-                for j in 0..size {
-                    p[(row + i) * stride + row + j] += share * self.q[at + i * size + j];
-                }
+            let q = self.q[at..at + size * size].chunks_exact(size.max(1));
+            for (q, row_of_p) in q.zip(p[row * stride..].chunks_exact_mut(stride)) {
+                row_of_p[row..].iter_mut().zip(q).for_each(|(p, q)| *p += share * q);
             }
         }
         for own in &self.own {
