@@ -11,7 +11,7 @@ use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_observability::plan::{self, Options};
 use navfuse_observability::{ObservabilityReport, Tracker, TrackerSink, Verdict};
-use navfuse_segments::Recording;
+use navfuse_segments::{Gatherer, Recording, Settings, find};
 use serde_json::Value;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -37,14 +37,38 @@ fn tracked(name: &str, settings: &[String], at_truth: bool) -> Tracker {
 
 fn report(name: &str, settings: &[&str]) -> ObservabilityReport {
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
-    let tracker = tracked(name, &settings, false);
     let registry = navfuse::standard_plugins();
     let document = Document::from_file(path(name)).expect("the scenario is there");
-    let recording =
-        Recording::read(&Scenario::new(&registry, document, &settings).expect("the settings fit"));
+    let scenario = Scenario::new(&registry, document, &settings).expect("the settings fit");
+    let mut assembly = scenario.assemble(None).unwrap_or_else(|e| panic!("{e}"));
+    assembly.sinks.push(("tracker".into(), Box::new(TrackerSink::new(1.0))));
+    assembly.sinks.push(("gatherer".into(), Box::new(Gatherer::new(&assembly.composition))));
+    let mut finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let composition = scenario.compose().unwrap_or_else(|e| panic!("{e}"));
+    let recording = Gatherer::take(&mut finished, &composition);
+    let tracker = TrackerSink::take(&mut finished).expect("the run is over");
     let mut report = ObservabilityReport::new(name, &tracker);
     report.judge(recording, &tracker);
     report
+}
+
+/// The gathered samples of the IMU are joined by fours, to 25 Hz.
+#[test]
+fn gathered_samples_give_the_segments_of_all_samples() {
+    let registry = navfuse::standard_plugins();
+    let document = Document::from_file(path("pan-wu-3d")).expect("the scenario is there");
+    let scenario = Scenario::new(&registry, document, &[]).expect("there are no settings");
+    let all = Recording::read(&scenario).unwrap_or_else(|e| panic!("{e}"));
+    let (segments, _) = find(&all, &Settings::of(&all)).unwrap_or_else(|e| panic!("{e}"));
+    let report = report("pan-wu-3d", &[]);
+    let gathered = &report.segments.as_ref().expect("there are segments").segments;
+    assert_eq!(gathered.len(), segments.len());
+    for (a, b) in gathered.iter().zip(&segments) {
+        assert_eq!(a.kind, b.kind);
+        // bins of a second, which begin at the first sample in both
+        assert!((a.from_s - b.from).abs() < 1e-6 && (a.to_s - b.to).abs() < 1e-6, "{a:?} {b:?}");
+    }
 }
 
 /// Reports of several seeds.

@@ -10,7 +10,7 @@ use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_observability::{ObservabilityReport, TrackerSink, Verdict, plan, words};
-use navfuse_segments::{Kind, Recording};
+use navfuse_segments::{Gatherer, Kind, SegmentError};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -68,6 +68,8 @@ pub fn observability(registry: &Registry, arguments: &Observability) -> Result<E
     let name = scenario.name();
     let mut assembly = scenario.assemble(None)?;
     assembly.sinks.push(("observability".into(), Box::new(TrackerSink::new(EVERY))));
+    let gatherer = Gatherer::new(&assembly.composition);
+    assembly.sinks.push(("segments".into(), Box::new(gatherer)));
     let stop = stop_on_signal();
     let text = arguments.format == Format::Text;
     let bar = Bar::new(text);
@@ -76,13 +78,8 @@ pub fn observability(registry: &Registry, arguments: &Observability) -> Result<E
     let tracker = TrackerSink::take(&mut finished);
     if let (Some(tracker), None) = (tracker.as_ref().filter(|t| t.started()), &finished.error) {
         let mut report = ObservabilityReport::new(&name, tracker);
-        report.judge(
-            scenario
-                .assemble(None)
-                .map_err(Into::into)
-                .and_then(|a| Recording::gather(a, |_, _| {})),
-            tracker,
-        );
+        let composed = scenario.compose().map_err(SegmentError::from);
+        report.judge(composed.and_then(|c| Gatherer::take(&mut finished, &c)), tracker);
         if text {
             show(&report);
         } else {

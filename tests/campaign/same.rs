@@ -1,6 +1,12 @@
 //! Threads and shards do not change the written files.
 
+use crate::common::scenario;
 use crate::{SHORT, output, path};
+use navfuse_core::document::Document;
+use navfuse_core::plugin::Shared;
+use navfuse_core::run::scenario::Scenario;
+use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::units::time::Time;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -132,4 +138,34 @@ fn another_seed_gives_other_runs_and_the_same_bound() {
     let (a, b) = (run("1"), run("2"));
     assert!(a["runs.parquet"] != b["runs.parquet"]);
     assert!(a["bounds.parquet"] == b["bounds.parquet"]);
+}
+
+/// First samples of each simulated sensor.
+fn samples(scenario: Scenario<'_>) -> Vec<Sample> {
+    let mut samples = Vec::new();
+    for (_, mut source) in scenario.assemble(None).expect("the scenario composes").sources {
+        let mut sample = Sample::empty(Time::MIN, SensorId(0));
+        for _ in 0..5000 {
+            if !source.next(&mut sample).expect("a simulation does not fail") {
+                break;
+            }
+            samples.push(sample);
+        }
+    }
+    samples
+}
+
+/// The sensors of `auv` lose samples, have outages, and lag by offsets that each run draws.
+#[test]
+fn runs_that_share_the_error_free_readings_have_the_samples_of_runs_that_do_not() {
+    let registry = navfuse::standard_plugins();
+    let document = Document::from_file(scenario("auv")).expect("the scenario is there");
+    let shared = Shared::default();
+    for seed in [1, 1, 2, 3] {
+        let settings = [format!("seed={seed}"), "estimator.draw=all".to_owned()];
+        let run = || Scenario::new(&registry, document.clone(), &settings).expect("it is TOML");
+        let alone = samples(run());
+        assert!(alone.len() > 20_000, "{}", alone.len());
+        assert_eq!(samples(run().sharing(&shared)), alone, "seed {seed}");
+    }
 }

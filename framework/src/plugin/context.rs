@@ -4,6 +4,7 @@ use crate::compose::Composition;
 use crate::document::did_you_mean;
 use crate::model::sensor::SensorInfo;
 use crate::model::stream::StreamError;
+use crate::plugin::Shared;
 use crate::units::sample::SensorId;
 use std::path::PathBuf;
 
@@ -21,13 +22,16 @@ pub struct OpenContext<'a> {
     pub disabled_sensors: Vec<String>,
     /// Number of sources of the scenario.
     pub sources: usize,
+    /// Values that this run shares with others, in a campaign.
+    pub shared: Option<Shared>,
 }
 
 impl<'a> OpenContext<'a> {
     /// The context of a scenario with one source, whose files are in a folder.
     pub fn new(composition: &'a Composition, base: PathBuf) -> Self {
         let output = base.clone();
-        Self { composition, base, output, disabled_sensors: Vec::new(), sources: 1 }
+        let disabled_sensors = Vec::new();
+        Self { composition, base, output, disabled_sensors, sources: 1, shared: None }
     }
 
     /// Finds a sensor that a source names. `None` for a sensor that the scenario disables: such a

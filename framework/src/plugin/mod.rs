@@ -6,6 +6,7 @@ mod need;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod plugin;
 mod registry;
+mod shared;
 mod simulation_keys;
 
 pub use context::OpenContext;
@@ -13,3 +14,4 @@ pub use error::{PluginConflict, PluginError};
 pub use need::Need;
 pub use plugin::Plugin;
 pub use registry::*;
+pub use shared::Shared;

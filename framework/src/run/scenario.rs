@@ -5,7 +5,7 @@ use crate::compose::estimator::Creator;
 use crate::document::{Document, DocumentError};
 use crate::ekf::Ekf;
 use crate::model::stream::{NamedSink, NamedSource};
-use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry};
+use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry, Shared};
 use crate::run::building::{Building, Header};
 use crate::run::estimators;
 pub use crate::run::parts::common_keys;
@@ -31,6 +31,7 @@ pub const TOP_KEYS: [&str; 9] =
 pub struct Scenario<'a> {
     registry: &'a Registry,
     document: Document,
+    shared: Option<Shared>,
 }
 
 impl<'a> Scenario<'a> {
@@ -58,7 +59,14 @@ impl<'a> Scenario<'a> {
         for o in overrides {
             document.set(o)?;
         }
-        Ok(Self { registry, document })
+        Ok(Self { registry, document, shared: None })
+    }
+
+    /// Shares values with the other runs that have the same `shared`: runs of one scenario, which
+    /// differ in seed and draw.
+    #[must_use]
+    pub fn sharing(self, shared: &Shared) -> Self {
+        Self { shared: Some(shared.clone()), ..self }
     }
 
     /// Changes a value, as `key.path=value`.
@@ -129,7 +137,8 @@ impl<'a> Scenario<'a> {
 
     /// A copy that can be changed.
     pub(crate) fn copy(&self) -> Self {
-        Self { registry: self.registry, document: self.document.clone() }
+        let (document, shared) = (self.document.clone(), self.shared.clone());
+        Self { registry: self.registry, document, shared }
     }
 
     /// The document, with its overrides.
@@ -161,6 +170,7 @@ impl<'a> Scenario<'a> {
             output: output.map_or_else(PathBuf::new, Into::into),
             disabled_sensors: parts::disabled(&self.document.root(), Kind::Sensor)?,
             sources: sources.len(),
+            shared: self.shared.clone(),
         };
         let sources = open_sources(&sources, &context)?;
         let sinks = match output {

@@ -232,7 +232,7 @@ impl Statistics {
                     block.show_error(&state.values, &truth.state.values, &mut error);
                     (Some(error[..n].to_vec()), sigma[..n].to_vec())
                 }
-                Some(compared) => (Some(compared.error.clone()), compared.sigma.clone()),
+                Some(compared) => (Some(compared.error()), compared.sigma()),
                 None => (None, sigma[..n].to_vec()),
             };
             let row = StateRow {

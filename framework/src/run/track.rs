@@ -1,8 +1,9 @@
 //! Path of the estimates, and their errors against the reference.
 
 use crate::model::record::Epoch;
-use crate::state::Layout;
+use crate::state::covariance::Covariance;
 use crate::state::manifold::Position;
+use crate::state::{Block, Layout};
 use crate::units::time::Time;
 use serde::Serialize;
 use std::any::TypeId;
@@ -19,20 +20,66 @@ pub struct HorizontalError {
     pub percent_of_distance: Option<f64>,
 }
 
-/// A block's estimate compared with the last reference.
+/// A block's estimate beside the last reference. Error and sigma in the display unit are computed on
+/// request: a run compares its estimates thousands of times, and its summary shows the last one.
 #[derive(Clone, Debug)]
 pub(crate) struct Compared {
     time: Time,
     /// Time since the comparison before, s.
     interval: f64,
-    pub(crate) error: Vec<f64>,
-    pub(crate) sigma: Vec<f64>,
+    /// The block as the only one of a state.
+    block: Block,
+    value: Vec<f64>,
+    truth: Vec<f64>,
+    covariance: Covariance,
 }
 
 impl Compared {
+    fn new(block: &Block, time: Time) -> Self {
+        let states = block.tangent_range().len();
+        let alone = Block { offset: 0, tangent: block.tangent.map(|_| 0), ..block.clone() };
+        Self {
+            time,
+            interval: 0.0,
+            value: vec![0.0; block.operations.ambient],
+            truth: vec![0.0; block.operations.ambient],
+            covariance: Covariance::zero(states),
+            block: alone,
+        }
+    }
+
+    /// Replaces the comparison by that of another epoch.
+    fn replace(&mut self, block: &Block, epoch: &Epoch<'_>, truth: &[f64]) {
+        let time = epoch.state.time;
+        self.interval = time.since(std::mem::replace(&mut self.time, time));
+        self.value.copy_from_slice(&epoch.state.values[block.range()]);
+        self.truth.copy_from_slice(&truth[block.range()]);
+        let own = block.tangent_range();
+        for i in 0..own.len() {
+            for j in 0..=i {
+                let value = epoch.covariance.get(own.start + i, own.start + j);
+                self.covariance.set(i, j, value);
+            }
+        }
+    }
+
     /// True if the comparison is recent enough to hold at the end.
     pub(crate) fn holds_at(&self, end: Time) -> bool {
         end.since(self.time) <= (2.0 * self.interval).max(2.0)
+    }
+
+    /// Error of the estimate, in the display unit.
+    pub(crate) fn error(&self) -> Vec<f64> {
+        let mut error = vec![0.0; self.block.operations.tangent];
+        self.block.show_error(&self.value, &self.truth, &mut error);
+        error
+    }
+
+    /// 1-sigma of the estimate, in the display unit.
+    pub(crate) fn sigma(&self) -> Vec<f64> {
+        let mut sigma = vec![0.0; self.block.operations.tangent];
+        self.block.show_sigma(&self.value, &self.covariance, &mut sigma);
+        sigma
     }
 }
 
@@ -91,16 +138,12 @@ impl Track {
             for (slot, block) in
                 epoch.layout.blocks.iter().enumerate().filter(|(slot, _)| truth.known[*slot])
             {
-                let (time, n) = (epoch.state.time, block.operations.tangent);
-                let compared = self.compared[slot].get_or_insert_with(|| Compared {
-                    time,
-                    interval: 0.0,
-                    error: vec![0.0; n],
-                    sigma: vec![0.0; n],
-                });
-                compared.interval = time.since(std::mem::replace(&mut compared.time, time));
-                block.show_error(&epoch.state.values, &truth.state.values, &mut compared.error);
-                block.show_sigma(&epoch.state.values, epoch.covariance, &mut compared.sigma);
+                let time = epoch.state.time;
+                self.compared[slot].get_or_insert_with(|| Compared::new(block, time)).replace(
+                    block,
+                    epoch,
+                    &truth.state.values,
+                );
             }
         }
     }

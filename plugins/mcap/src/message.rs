@@ -71,8 +71,20 @@ impl<'a> Encoder<'a> {
         self.0.write_string(frame);
     }
 
-    fn numbers<'n>(&mut self, values: impl IntoIterator<Item = &'n f64>) {
-        values.into_iter().for_each(|v| self.0.write_f64(*v));
+    /// Numbers, which are aligned once and copied by eights: a message of an IMU has 37 of them.
+    fn numbers(&mut self, values: &[f64]) {
+        if values.is_empty() {
+            return;
+        }
+        self.0.align(size_of::<f64>());
+        let buffer = self.0.buffer_mut();
+        for values in values.chunks(8) {
+            let mut bytes = [0; 8 * size_of::<f64>()];
+            for (bytes, value) in bytes.as_chunks_mut().0.iter_mut().zip(values) {
+                *bytes = value.to_le_bytes();
+            }
+            buffer.extend_from_slice(&bytes[..size_of_val(values)]);
+        }
     }
 
     fn sequence(&mut self, values: &[f64]) {

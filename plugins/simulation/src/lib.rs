@@ -3,6 +3,7 @@
 
 mod course;
 pub mod cursor;
+mod ideal;
 mod phase;
 mod profile;
 pub mod segment;

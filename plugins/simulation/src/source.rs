@@ -1,5 +1,6 @@
 //! The simulated source, which simulates every sensor of the scenario on one trajectory.
 
+use crate::ideal::{Ideal, IdealReader};
 use crate::phase::Piece;
 use crate::{Cursor, Trajectory, TrajectoryConfig};
 use nalgebra::Vector3;
@@ -43,7 +44,12 @@ impl SourceType for Simulation {
         let config = TrajectoryConfig { start: self.start, segments: self.segments };
         let trajectory = Trajectory::new(&config)
             .map_err(|e| StreamError::scenario(e.to_string()).with_source(e))?;
-        simulate(&trajectory, context)
+        let sensors = context.composition.sensors.len();
+        let ideal = context.shared.as_ref().map(|shared| {
+            let made = || Ideal::new(trajectory.clone(), sensors);
+            shared.find(|ideal: &Ideal| ideal.trajectory == trajectory, made)
+        });
+        streams(&trajectory, context, ideal.as_deref())
     }
 }
 
@@ -54,6 +60,15 @@ impl SourceType for Simulation {
 pub fn simulate<P: Piece>(
     trajectory: &Trajectory<P>,
     context: &OpenContext<'_>,
+) -> Result<Vec<Box<dyn Source>>, StreamError> {
+    streams(trajectory, context, None)
+}
+
+/// As [`simulate`], with the error-free readings that other runs share.
+fn streams<P: Piece>(
+    trajectory: &Trajectory<P>,
+    context: &OpenContext<'_>,
+    ideal: Option<&Ideal>,
 ) -> Result<Vec<Box<dyn Source>>, StreamError> {
     let composition = context.composition;
     let mut streams: Vec<Box<dyn Source>> = Vec::new();
@@ -68,7 +83,14 @@ pub fn simulate<P: Piece>(
         };
         let injector = Injector::new(&faults.faults, &sensor.info, composition.seed)
             .map_err(|e| StreamError::scenario(e.to_string()).of_sensor(&sensor.info.name))?;
-        let stream = SensorStream::new(composition, index, (faults, injector), kind, trajectory);
+        let path = Path {
+            cursor: trajectory.cursor(),
+            number: 0,
+            shared: ideal.and_then(|ideal| ideal.reader(index)),
+        };
+        let end = Time::from_seconds(trajectory.duration()).unwrap_or(Time::MAX);
+        let mut stream = SensorStream::new(composition, index, (faults, injector), kind, path, end);
+        stream.announce(trajectory);
         streams.push(Box::new(stream));
     }
     if streams.is_empty() {
@@ -140,23 +162,41 @@ enum Simulated {
 }
 
 /// A cursor as the framework's trajectory.
-struct Path<P: Piece>(Cursor<P>);
+struct Path<P: Piece> {
+    cursor: Cursor<P>,
+    /// Number of the sample that is simulated.
+    number: usize,
+    /// Readings that the run shares with others.
+    shared: Option<IdealReader>,
+}
 
 impl<P: Piece> navfuse_core::model::motion::Trajectory for Path<P> {
     fn at(&mut self, time: Time) -> Motion {
-        let k = self.0.at(time.seconds());
-        Motion {
-            time,
-            position: k.position,
-            velocity: k.velocity,
-            c_b_n: k.c_b_n,
-            w_ib_b: k.w_ib_b,
-            f_ib_b: k.specific_force,
+        let Self { cursor, number, shared } = self;
+        let mut compute = || {
+            let k = cursor.at(time.seconds());
+            Motion {
+                time,
+                position: k.position,
+                velocity: k.velocity,
+                c_b_n: k.c_b_n,
+                w_ib_b: k.w_ib_b,
+                f_ib_b: k.specific_force,
+            }
+        };
+        match shared {
+            Some(shared) => shared.motions.value(*number, time, compute),
+            None => compute(),
         }
     }
 
     fn increments(&mut self, from: Time, to: Time) -> (Vector3<f64>, Vector3<f64>) {
-        self.0.increments(from.seconds(), to.seconds())
+        let Self { cursor, number, shared } = self;
+        let mut compute = || cursor.increments(from.seconds(), to.seconds());
+        match shared {
+            Some(shared) => shared.increments.value(*number, (from, to), compute),
+            None => compute(),
+        }
     }
 }
 
@@ -194,16 +234,17 @@ impl<P: Piece> SensorStream<P> {
         index: usize,
         (faults, injector): (&Faults, Injector),
         kind: Simulated,
-        trajectory: &Trajectory<P>,
+        path: Path<P>,
+        end: Time,
     ) -> Self {
         let name = &composition.sensors[index].info.name;
         let truth = TrueState::of(composition);
-        let mut stream = Self {
+        Self {
             layout: Arc::clone(&composition.layout),
             processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
             lag: composition.sensors[index].time_offset.map(|offset| (offset, truth.clone())),
             truth,
-            path: Path(trajectory.cursor()),
+            path,
             random: Random::new(composition.seed, name),
             faults: faults.clone(),
             injector,
@@ -219,11 +260,15 @@ impl<P: Piece> SensorStream<P> {
             },
             gone: false,
             kind,
-            end: Time::from_seconds(trajectory.duration()).unwrap_or(Time::MAX),
+            end,
             schedule: Vec::new(),
-        };
-        if matches!(stream.kind, Simulated::Driving(_)) {
-            stream.schedule = (trajectory.segments())
+        }
+    }
+
+    /// Announces the parts of the trajectory in the log, once: with the driving sensor.
+    fn announce(&mut self, trajectory: &Trajectory<P>) {
+        if matches!(self.kind, Simulated::Driving(_)) {
+            self.schedule = (trajectory.segments())
                 .filter_map(|s| {
                     let text = format!("{} from {:.0} s to {:.0} s", s.label, s.start, s.end);
                     Time::from_seconds(s.start).map(|time| Event {
@@ -235,7 +280,6 @@ impl<P: Piece> SensorStream<P> {
                 })
                 .collect();
         }
-        stream
     }
 
     /// The time of the sample of that number.
@@ -267,6 +311,7 @@ impl<P: Piece> Source for SensorStream<P> {
             if to > self.end {
                 return Ok(false);
             }
+            self.path.number = usize::try_from(self.count).unwrap_or(usize::MAX);
             let observation = self.observation;
             self.observation += 1;
             if self.observation >= self.observations {

@@ -6,10 +6,11 @@ use crate::campaign::{Campaign, Job, Shard};
 use crate::collect;
 use crate::record::Record;
 use navfuse_core::document::Document;
-use navfuse_core::plugin::Registry;
+use navfuse_core::plugin::{Registry, Shared};
+use navfuse_core::run::scenario::Scenario;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, mpsc};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 
 /// Number of jobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,17 +70,23 @@ pub fn execute_rest(
     let failed = AtomicBool::new(false);
     let over = || stop.load(Ordering::Relaxed) || failed.load(Ordering::Relaxed);
     let next = AtomicUsize::new(0);
+    let point = PointValues::default();
     progress(count);
     std::thread::scope(|scope| {
         // the channel is bounded: a slow reader makes the workers wait, and memory stays small
         let (sender, receiver) = mpsc::sync_channel(2 * threads);
         for _ in 0..threads {
             let (sender, jobs, next, columns) = (sender.clone(), &jobs, &next, &columns);
+            let point = &point;
             scope.spawn(move || {
                 while !over() {
                     let at = next.fetch_add(1, Ordering::Relaxed);
                     let Some(&job) = jobs.get(at) else { break };
-                    let record = do_job(campaign, registry, document, columns, job, stop);
+                    let scenario = campaign
+                        .scenario(registry, document, job)
+                        .map(|scenario| scenario.sharing(&point.of(job.point)));
+                    let record = scenario
+                        .and_then(|scenario| do_job(&scenario, columns, job, campaign.every, stop));
                     if sender.send((at, record)).is_err() {
                         break;
                     }
@@ -127,20 +134,33 @@ pub fn execute_rest(
     })
 }
 
+/// Values that the runs of the present point share. Those of a point before it are freed with its
+/// last run.
+#[derive(Default)]
+struct PointValues(Mutex<(usize, Shared)>);
+
+impl PointValues {
+    fn of(&self, point: usize) -> Shared {
+        let mut present = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if present.0 != point {
+            *present = (point, Shared::default());
+        }
+        present.1.clone()
+    }
+}
+
 /// Executes one job; `None` if it was stopped.
 fn do_job(
-    campaign: &Campaign,
-    registry: &Registry,
-    document: &Document,
+    scenario: &Scenario<'_>,
     columns: &Arc<crate::Columns>,
     job: Job,
+    every: i64,
     stop: &AtomicBool,
 ) -> Result<Option<Record>, CampaignError> {
-    let scenario = campaign.scenario(registry, document, job)?;
     if job.run == 0 {
-        return Ok(bound(scenario.assemble_at_truth()?, columns, job.point, campaign.every, stop)?
+        return Ok(bound(scenario.assemble_at_truth()?, columns, job.point, every, stop)?
             .map(Record::Bound));
     }
     let assembly = scenario.assemble(None)?;
-    Ok(collect::run(assembly, columns, (job.point, job.run), campaign.every, stop).map(Record::Run))
+    Ok(collect::run(assembly, columns, (job.point, job.run), every, stop).map(Record::Run))
 }

@@ -3,6 +3,7 @@
 use crate::{Attitude, AttitudeStart, Recording, SegmentError};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::Serialize;
+use std::ops::Range;
 
 /// Kind of motion on a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -172,15 +173,25 @@ fn label(recording: &Recording, settings: &Settings, attitude: &Attitude) -> Vec
 
 /// Averages the IMU's samples over bins; a bin without samples is left out.
 fn bins(recording: &Recording, settings: &Settings, attitude: &Attitude) -> Vec<Bin> {
+    bins_of(recording, settings, attitude, 0..recording.imu.samples.time.len())
+}
+
+/// The bins of some samples, of which the first and the last may lack a part.
+fn bins_of(
+    recording: &Recording,
+    settings: &Settings,
+    attitude: &Attitude,
+    samples: Range<usize>,
+) -> Vec<Bin> {
     let imu = &recording.imu.samples;
     let mut bins: Vec<Bin> = Vec::new();
-    let mut k = 0;
+    let (mut k, last) = (samples.start, samples.end);
     let begin = imu.time.first().map_or(0.0, |t| t - imu.value[0].dt);
-    while k < imu.time.len() {
+    while k < last {
         let index = ((imu.time[k] - 0.5 * imu.value[k].dt - begin) / settings.bin).floor();
         let end = begin + (index + 1.0) * settings.bin;
         let (mut rate, mut force, mut dt) = (Vector3::zeros(), Vector3::zeros(), 0.0);
-        while k < imu.time.len() && imu.time[k] - 0.5 * imu.value[k].dt < end {
+        while k < last && imu.time[k] - 0.5 * imu.value[k].dt < end {
             let s = &imu.value[k];
             let middle = attitude.c_b_n[k]
                 * UnitQuaternion::from_scaled_axis(attitude.w_nb_b[k] * (-0.5 * s.dt));
@@ -307,7 +318,10 @@ pub(crate) fn body_slopes(
     attitude: &Attitude,
     segment: &Segment,
 ) -> Vec<Vector3<f64>> {
-    let bins = bins(recording, settings, attitude);
+    // the bins inside are whole, those at the ends are left out
+    let (from, to) = (segment.from - 2.0 * settings.bin, segment.to + 2.0 * settings.bin);
+    let samples = recording.imu.samples.within(from, to);
+    let bins = bins_of(recording, settings, attitude, samples);
     let inside: Vec<Bin> =
         bins.into_iter().filter(|b| b.time > segment.from && b.time < segment.to).collect();
     let slopes = slopes(&inside, settings);

@@ -18,6 +18,25 @@ use navfuse_ins::Output;
 /// Largest time, s, that stays on the run's own clock; a double resolves it to a nanosecond.
 const NEAR_ZERO: f64 = 1e6;
 
+/// The IMU that drives a process: its index among the sensors, and its configuration.
+pub(crate) fn imu_of(composition: &Composition) -> Option<(usize, &navfuse_ins::Imu)> {
+    let index = imu_index(composition)?;
+    match &composition.sensors[index].role {
+        Role::Input(config) => Some((index, config.downcast_ref()?)),
+        _ => None,
+    }
+}
+
+/// Index of the sensor with the channels of an IMU that drives a process.
+fn imu_index(composition: &Composition) -> Option<usize> {
+    composition.processes.iter().find_map(|p| p.input).filter(|index| {
+        let channels = &composition.sensors[*index].info.channels;
+        let names = channels.iter().map(|c| c.name);
+        names.eq(["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"])
+            || channels.iter().any(|c| c.name == "dtheta_x")
+    })
+}
+
 /// Builder of a [`Recording`] from the samples of a composition's sensors.
 pub(crate) struct Builder<'a> {
     composition: &'a Composition,
@@ -141,19 +160,13 @@ impl<'a> Builder<'a> {
     }
 
     fn imu(&self) -> Result<Imu, SegmentError> {
-        let index =
-            self.composition.processes.iter().find_map(|p| p.input).filter(|i| self.is_imu(*i));
-        let Some(index) = index else {
+        let Some(index) = imu_index(self.composition) else {
             return Err(SegmentError::Missing(
                 "no process is driven by an IMU: add [sensor.imu] and [process.ins]".into(),
             ));
         };
         let name = &self.composition.sensors[index].info.name;
-        let config = match &self.composition.sensors[index].role {
-            Role::Input(config) => config.downcast_ref::<navfuse_ins::Imu>(),
-            _ => None,
-        };
-        let config = config.ok_or_else(|| {
+        let (_, config) = imu_of(self.composition).ok_or_else(|| {
             SegmentError::Missing(format!("[sensor.{name}] is not of the type imu"))
         })?;
         let samples = &self.samples[index];
@@ -194,12 +207,6 @@ impl<'a> Builder<'a> {
     fn sigma(&self, ending: &str) -> Vector3<f64> {
         let block = self.layout.blocks.iter().find(|b| b.name.ends_with(ending));
         block.map_or_else(Vector3::zeros, |b| triple(&b.spec.sigma))
-    }
-
-    fn is_imu(&self, index: usize) -> bool {
-        let names = self.composition.sensors[index].info.channels.iter().map(|c| c.name);
-        names.eq(["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"])
-            || self.composition.sensors[index].info.channels.iter().any(|c| c.name == "dtheta_x")
     }
 
     fn noise(&self, model: &dyn AnyMeasurement, sample: &Sample) -> DMatrix<f64> {

@@ -7,13 +7,15 @@
 //!                                                         └──▶ Sphere       α of eq. (13) (Lemma
 //!                                                         2)
 //! ```
-//! This crate does not run the filter. It gathers the samples of a scenario's sources, or of a log,
-//! as they are.
+//! This crate does not run the filter. [`Recording::read`] gathers all samples of a scenario's
+//! sources, or of a log, as they are. [`Gatherer`] gathers them while another program runs the
+//! filter, in bounded memory.
 
 mod attitude;
 mod directions;
 mod finder;
 mod gather;
+mod gatherer;
 mod increments;
 mod recording;
 mod series;
@@ -22,6 +24,7 @@ mod sphere;
 pub use attitude::{Attitude, AttitudeStart};
 pub use directions::Directions;
 pub use finder::{Kind, Segment, Settings, find};
+pub use gatherer::Gatherer;
 pub use increments::Increments;
 pub use recording::{BodyVelocity, Imu, Inertial, Mounting, PositionFix, Positions, Recording};
 pub use series::Series;

@@ -1,6 +1,7 @@
 //! All samples of a run, gathered without running the filter.
 
 use crate::gather::Builder;
+use crate::gatherer::dropped_samples;
 use crate::{SegmentError, Series};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use navfuse_core::model::motion::Motion;
@@ -188,15 +189,7 @@ impl Recording {
             warnings.extend(source.warning().map(|text| format!("{name}: {text}")));
         }
         samples.iter_mut().for_each(|list| list.sort_by_key(|s| s.time));
-        for (sensor, count) in
-            composition.sensors.iter().zip(dropped).filter(|(_, count)| *count > 0)
-        {
-            let name = &sensor.info.name;
-            warnings.push(format!(
-                "[sensor.{name}]: {count} samples are not finite and were dropped: check its \
-                     source"
-            ));
-        }
+        warnings.extend(dropped_samples(&composition, &dropped));
         Ok(Self { warnings, ..Builder::new(&composition, samples)?.build()? })
     }
 
