@@ -103,7 +103,7 @@ enum Commands {
     Schema,
     /// Run the filter again on the samples of a log, with the scenario in the log
     Replay(commands::replay::Replay),
-    /// Smooth a run: the best estimate of every time, from all samples, also the later ones
+    /// Smooth a run: the best estimate for every time from all samples, including later ones
     Smooth(commands::smooth::Smooth),
     /// Run a scenario many times, and test errors against sigma, bound and chi-square bands
     MonteCarlo(commands::monte_carlo::MonteCarlo),
@@ -121,7 +121,7 @@ enum Commands {
     Report(commands::report::Report),
     /// Compare runs: what differs in their scenarios and in their results
     Compare(commands::compare::Compare),
-    /// Write the estimates of a log as GeoJSON, KML, GPX, NMEA, SBET, TUM, KITTI, CSV or Parquet
+    /// Write the estimates of a log in another format, such as KML, SBET, TUM, CSV or a ROS 2 bag
     Export(commands::export::Export),
     /// Open a run in the rerun viewer; converts a log without a recording
     #[cfg(feature = "rerun")]

@@ -15,8 +15,8 @@ fn registry() -> Registry {
     registry
 }
 
-/// An IMU whose errors turn the heading by 10 sigma of the fixes' knowledge in two turns: 1 % of
-/// 360 deg is 3.6 deg.
+/// An IMU with a gyro scale factor error of 1 %. A turn of 360 deg then changes the heading by 3.6
+/// deg, about 10 times the sigma with which the fixes determine it.
 const IMU: &str = r#"
 [estimator]
 draw = "all"
@@ -81,7 +81,7 @@ fn two_input_models_of_an_imu_stack_and_are_consistent() {
         println!("{output}: ANEES {nees:.3}, ANIS {nis:.4}, sigma of the scale of gyro z {sigma}");
         assert!((nees - 1.0).abs() < 0.165, "{nees}");
         assert!((nis - 1.0).abs() < 0.031, "{nis}");
-        // a turn of 360 deg seen to about 0.5 deg gives the scale of gyro z to 0.15 %
+        // a turn of 360 deg, observed to about 0.5 deg, determines the scale of gyro z to 0.15 %
         assert!(sigma < 0.0025, "{sigma}");
     }
 }
@@ -215,7 +215,7 @@ fn landmarks_that_come_and_go_are_consistent_under_each_estimator() {
             let settings = [format!("estimator.type=\"{estimator}\""), format!("seed={seed}")];
             let (finished, judge) = judged(&registry(), CAMERA, &settings);
             assert!(finished.error.is_none(), "seed {seed}: {:?}", finished.error);
-            // the vehicle, and the landmarks that are there at the end
+            // the states of the vehicle, and of the landmarks in the map at the end
             assert_eq!(judge.freedom, 15 + 3 * 5, "seed {seed}: {}", judge.freedom);
             nees += judge.nees;
             freedom += judge.freedom;
@@ -232,7 +232,7 @@ fn landmarks_that_come_and_go_are_consistent_under_each_estimator() {
         println!("{estimator}: ANEES {nees:.3}, ANIS {nis:.4}, {added} added, {removed} removed");
         assert!((nees - 1.0).abs() < 3.3 * (2.0 / freedom).sqrt(), "{nees}");
         assert!((nis - 1.0).abs() < 3.3 * (2.0 / channels).sqrt(), "{nis}");
-        // it passes more than twice as many as it maps, and five are there at the end
+        // the vehicle passes more than twice as many landmarks as it maps; five remain at the end
         assert!(added > 12 * runs as usize && added == removed + 5 * runs as usize, "{added}");
     }
 }

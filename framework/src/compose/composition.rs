@@ -29,13 +29,13 @@ pub struct Process {
     pub kind: String,
     /// Model.
     pub model: Box<dyn ProcessModel>,
-    /// Index of the sensor that drives it.
+    /// Index of the driving sensor.
     pub input: Option<usize>,
     /// Longest gap of that sensor that the model bridges, s, if it coasts on a longer one.
     pub coasts_after: Option<f64>,
-    /// Index of its constraint among the sensors.
+    /// Index of the process's constraint among the sensors.
     pub constraint: Option<usize>,
-    /// Alignment that finds its initial values.
+    /// Alignment that finds the initial values of the process.
     pub alignment: Option<Box<dyn InitialAlignment>>,
     /// Limits by which the filter screens the driving sensor.
     pub screening: Option<Screening>,
@@ -95,7 +95,7 @@ impl std::fmt::Debug for Composition {
 }
 
 impl Composition {
-    /// Index of the sensor of that name.
+    /// Index of the sensor with a name.
     pub fn sensor(&self, name: &str) -> Option<usize> {
         self.sensors.iter().position(|s| s.info.name == name)
     }
@@ -129,7 +129,7 @@ impl Composition {
         self.estimator.draw = Draw::Nothing;
         let estimator = &mut self.estimator;
         (estimator.smooth, estimator.lag, estimator.passes) = (false, None, None);
-        // samples without noise repeat themselves at rest
+        // without noise, samples at rest repeat: screening and monitor would report them as frozen
         for process in &mut self.processes {
             process.searches = false;
             process.screening = None;
@@ -143,7 +143,7 @@ impl Composition {
             sensor.update = UpdateRule::Ekf;
             let Some(faults) = &mut sensor.simulation else { continue };
             if sensor.info.purpose == Purpose::Reference {
-                continue; // it has no noise
+                continue; // a reference has no noise
             }
             sensor.noise = faults.noise.value().si();
             faults.noise = Sigma::from_si(0.0);

@@ -1,9 +1,9 @@
-//! Sequential test on the innovations: slow and small errors, which no gate sees.
+//! Sequential test on the innovations, for slow and small errors, which no gate detects.
 //!
-//! The innovations of a consistent filter are white with the covariance `S`, so `e = y / sqrt(S)` of
-//! each channel is N(0, 1) and independent of those before. An error of the sensor gives them a
-//! mean, if only until the filter has followed it. Page's cumulative sum finds a mean that begins at
-//! an unknown time:
+//! The innovations of a consistent filter are white with the covariance `S`, so `e = y / sqrt(S)`
+//! of each channel is N(0, 1) and independent of those before. An error of the sensor gives them a
+//! mean, if only until the filter has followed it. Page's cumulative sum finds a mean that begins
+//! at an unknown time:
 //! ```text
 //! C = max(0, C + e - k)         for each sign; an alarm where C > h
 //! ```
@@ -12,12 +12,13 @@
 //! ```text
 //! ARL = (exp(2 k b) - 1 - 2 k b) / (2 k^2)
 //! ```
-//! and `h` is chosen so that it is 1e8: six charts on 1e5 innovations of a run, such as those of
+//! and `h` is chosen for ARL = 1e8: six charts on 1e5 innovations of a run, such as those of
 //! three channels at 5 Hz for 110 minutes, give a false alarm in 0.6 % of the runs.
 //!
-//! Innovations of real sensors are wider and more correlated than that. `e` is therefore divided by
-//! the root of their mean square where it is above one, and by `sqrt((1 + r) / (1 - r))` where the
-//! correlation `r` with the innovation before is positive: the variance of a sum grows by that.
+//! Innovations of real sensors are wider and correlated. `e` is therefore divided by the root mean
+//! square of the innovations where that exceeds one. Where the correlation `r` of successive
+//! innovations is positive, the variance of a sum grows by `(1 + r) / (1 - r)`, and `e` is also
+//! divided by the root of this factor.
 
 use crate::model::finding::{Finding, Severity};
 use crate::model::sensor::SensorInfo;
@@ -37,7 +38,7 @@ const EXCESS: f64 = 1.166;
 /// Weight of the last innovation in the mean square and in the correlation.
 const WEIGHT: f64 = 0.005;
 
-/// Largest correlation that is allowed for.
+/// Largest correlation of successive innovations that the test accounts for.
 const CORRELATED: f64 = 0.9;
 
 /// Innovations of a channel before the test begins: the start of a filter is not linear.
@@ -45,7 +46,7 @@ const BEGINNING: u32 = 20;
 
 /// Bound `h` of a chart with that `k` for a mean number of samples to a false alarm.
 fn bound(k: f64, samples: f64) -> f64 {
-    // b = ln(1 + 2 k b + 2 k^2 ARL) / (2 k): a contraction
+    // fixed-point iteration b = ln(1 + 2 k b + 2 k^2 ARL) / (2 k), which is a contraction
     let mut b = 1.0;
     for _ in 0..50 {
         b = (1.0 + 2.0 * k * b + 2.0 * k * k * samples).ln() / (2.0 * k);
@@ -57,7 +58,7 @@ fn bound(k: f64, samples: f64) -> f64 {
 #[derive(Clone, Copy, Default)]
 struct Chart {
     value: f64,
-    /// Begin of the sum, its number of innovations, and their sum.
+    /// Start of the sum, its number of innovations, and their total.
     since: Time,
     count: u32,
     sum: f64,

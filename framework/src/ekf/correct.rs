@@ -35,7 +35,7 @@ impl Ekf {
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
         let Some(attempt) = self.linearise(sample, model) else {
-            return Ok(()); // its time less the offset is before the start
+            return Ok(()); // the sample's time minus its offset is before the start
         };
         if self.reads_absent() {
             self.reject(sample, Rejection::Absent, observer);
@@ -162,8 +162,8 @@ impl Ekf {
     fn apply(&mut self, attempt: &Attempt<'_>, observer: &mut dyn Observer) {
         let (m, update) = (&mut self.memory, &mut self.update);
         let &Attempt { sample, model, index, rule, present, .. } = attempt;
-        // an unscented update takes the curvature for noise, and an iterated one linearises at its
-        // end
+        // an unscented update treats the curvature as noise, and an iterated one is checked at the
+        // state after the update
         let mut curved = None;
         let own = m.offset.is_none();
         let slot = &mut m.sensors[index];
@@ -200,7 +200,8 @@ impl Ekf {
             let info = &self.composition.sensors[index].info;
             observer.finding(curved.finding(sample.time, info, &self.layout));
         }
-        // the injected error, since a velocity that turns moves by more than the gain alone gives
+        // report the injected error: a velocity that turns with the heading changes by more than
+        // the product of gain and innovation
         observer.correction(update);
         m.presence.note(&self.layout, update, sample.time);
         if let Some(history) = &mut m.history {
@@ -208,7 +209,7 @@ impl Ekf {
         }
     }
 
-    /// Checks the covariance, and shows the monitor the estimate where the sensors agree.
+    /// Checks the covariance, and passes the estimate to the monitors while the sensors agree.
     fn verify(&mut self, time: Time) -> Result<(), EstimatorError> {
         let m = &self.memory;
         if let Some(i) = Presence::first_invalid(&self.layout, &m.state, &m.covariance) {

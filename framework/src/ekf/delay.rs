@@ -8,14 +8,14 @@
 //! dz/dtau = -d/ds h(x(s)) at s = t - tau,   along the history
 //! H = dh/dx (I - A),   A = sum over the delay of (Phi_k - I): maps the present error to the past
 //! ```
-//! A correction of the state corrects its past as well: entries are read with all later corrections
-//! applied. Differences along the history are therefore motion, never corrections.
+//! A correction of the state also corrects past states: the filter reads each entry with all later
+//! corrections applied. Differences along the history are therefore motion, never corrections.
 //!
-//! The slope contains the noise of the driving sensor. Taken for motion, that noise would carry
-//! information about `tau` in every sample, even of a vehicle on a straight course, where `tau` is
-//! unobservable. The slope is therefore taken over 0.2 s, where part of the noise averages out, and
-//! reduced by the share that noise explains: with the information `I = sum (dz/dtau)^2 / R` over
-//! the channels, and `I_n` the mean information that process noise gives,
+//! The slope contains the noise of the driving sensor. If the filter mistook this noise for motion,
+//! every sample would add information about `tau`, even on a straight course, where `tau` is
+//! unobservable. The slope is therefore computed over 0.2 s, where part of the noise averages out,
+//! and reduced by the share that noise explains: with the information `I = sum (dz/dtau)^2 / R`
+//! over the channels, and `I_n` the mean information that process noise gives,
 //! ```text
 //! dz/dtau := max(0, 1 - 5 I_n / I) dz/dtau
 //! ```
@@ -199,7 +199,7 @@ impl History {
         self.len += 1;
     }
 
-    /// Entry `k` after the oldest.
+    /// Entry number `k`, counted from the oldest.
     fn entry(&self, k: usize) -> &Entry {
         &self.entries[(self.first + k) % self.entries.len()]
     }

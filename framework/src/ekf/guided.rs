@@ -5,14 +5,14 @@ use super::guide::{Course, Guide, Offset};
 use std::io;
 
 impl Ekf {
-    /// Linearises at a trajectory from the start on; the filter has not started. A snapshot of the
-    /// filter does not contain the trajectory.
+    /// Linearises at a trajectory from the start on. The caller must do this before the filter
+    /// starts. A snapshot of the filter does not contain the trajectory.
     pub(crate) fn follow_course(&mut self, course: Box<dyn Course>) {
         self.guide = Some(Box::new(Guide::new(&self.layout, course)));
         self.memory.offset = Some(Offset::zero(&self.layout));
     }
 
-    /// Linearises at the estimate again.
+    /// Returns to linearisation at the estimate.
     pub(crate) fn leave_course(&mut self) {
         self.guide = None;
         self.memory.offset = None;

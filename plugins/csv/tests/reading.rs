@@ -1,4 +1,4 @@
-//! What the source reads from files that are as they should be, or nearly.
+//! Samples that the source reads from files without mistakes, or with tolerable ones.
 #![allow(clippy::unwrap_used, clippy::panic)] // a failed test may panic
 
 mod common;
@@ -156,7 +156,7 @@ fn an_empty_cell_is_a_missing_channel_and_a_row_without_any_no_sample() {
     assert_eq!(read.nanos(), [1_000_000_000, 3_000_000_000]);
     assert_eq!(read.values(0), [Some(1.0), None, Some(3.0)]);
     assert_eq!(read.values(1), [None, Some(2.0)]);
-    // and with nan = "missing", what says that it is no number
+    // with nan = "missing", so is a cell whose text stands for no number
     let read = read_dvl(
         format!("{DVL_HEADER}1,nan,2,-inf\n2,NaN,NA,null\n3,1,2,1e999\n"),
         "nan = \"missing\"",
@@ -220,12 +220,12 @@ fn rows_out_of_order_are_left_out_where_asked_and_counted() {
 fn a_file_that_was_cut_off_ends_with_a_warning() {
     for rest in ["2", "2,4", "2,4,5", "2,4,5,", "2,4,5,-", "2,4,5,1.5e-", "\0\0\0"] {
         let read = read_dvl(format!("{DVL_HEADER}1,1,2,3\n{rest}"), "").unwrap();
-        // an empty last cell may also be a channel that is missing
+        // an empty last cell may also mark a missing channel
         let whole = rest == "2,4,5,";
         assert_eq!((read.samples.len(), read.error), (1 + usize::from(whole), None), "{rest:?}");
         let text = "dvl.csv:3: the file ends within this line, which is not used: was it cut off?";
         assert_eq!(read.warning.as_deref(), (!whole).then_some(text), "{rest:?}");
-        // of the last row that has all of its cells
+        // the end is the time of the last row with all its cells
         let cells = rest.split(',').count();
         assert_eq!(
             read.end.unwrap().nanos(),
@@ -237,7 +237,7 @@ fn a_file_that_was_cut_off_ends_with_a_warning() {
 
 #[test]
 fn the_end_is_known_without_reading_the_file() {
-    // the last lines are looked for in the last 64 KiB: once with less before them, once with more
+    // the source searches the last 64 KiB for the last row: a shorter and a longer file
     for rows in [3, 20_000] {
         let body: String = (0..rows).map(|k| format!("{}.25,1,2,3\r\n", k)).collect();
         let read = read_dvl(format!("{DVL_HEADER}{body}# closed\r\n\r\n{rows}.25,1"), "").unwrap();
@@ -259,7 +259,7 @@ fn a_sensor_without_a_file_is_left_to_others_unless_it_drives() {
     let off = format!("{IMU}{DVL}enabled = false\n");
     let source = "[source.csv.files.dvl]\npath = \"nowhere.csv\"\n";
     assert_eq!(assemble(folder.path(), &off, source, false).unwrap().sources.len(), 1);
-    // and another source may give the driving sensor
+    // another source may give the samples of the driving sensor
     let one = common::folder(&[("a.csv", IMU_HEADER)]);
     std::fs::write(one.path().join("dvl.csv"), DVL_HEADER).unwrap();
     let source = "[source.csv.files.imu]\npath = \"a.csv\"\n[source.rest]\ntype = \"csv\"\n";

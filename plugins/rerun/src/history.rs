@@ -2,7 +2,7 @@
 
 use navfuse_core::units::time::Time;
 
-/// Greatest number of rows of a thinned series: a plot is at most about as many pixels wide.
+/// Largest number of rows of a thinned series: about the width of a plot in pixels.
 const CAPACITY: usize = 1280;
 
 /// Silence, in usual intervals, at which a line breaks.
@@ -39,7 +39,7 @@ pub struct History<const N: usize> {
     rows: Vec<Row<N>>,
     keys: &'static [usize],
     full: bool,
-    /// Number of rows of the stretch that is being filled.
+    /// Number of rows in a stretch.
     each: usize,
     stretch: Vec<Row<N>>,
     first: Option<Row<N>>,
@@ -123,7 +123,7 @@ impl<const N: usize> History<N> {
 fn extremes<const N: usize>(rows: &[Row<N>], keys: &[usize], out: &mut Vec<Row<N>>) {
     let mut kept: Vec<Row<N>> = Vec::with_capacity(2 * keys.len());
     for &key in keys {
-        // a row whose key is not known is no extreme
+        // rows with an unknown key are not extremes
         let known = || rows.iter().filter(|row| row.1[key].is_finite());
         kept.extend(known().min_by(|a, b| a.1[key].total_cmp(&b.1[key])));
         kept.extend(known().max_by(|a, b| a.1[key].total_cmp(&b.1[key])));
@@ -177,7 +177,7 @@ mod tests {
         let mut gaps = Gaps::default();
         let times = [0.0, 0.2, 0.4, 1.3, 1.5, 4.0, 4.2];
         let found: Vec<_> = times.into_iter().map(|t| gaps.after(Time::from_seconds(t)?)).collect();
-        // 0.9 s is shorter than a second; the middle of 1.5 s and 4 s
+        // 0.9 s is shorter than a second; the break is in the middle of 1.5 s and 4 s
         assert_eq!(found, [None, None, None, None, None, Some(2_750_000_000), None]);
     }
 

@@ -52,7 +52,7 @@ fn names_fit(channels: &[(&str, &str)]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Units are known, and SI: the framework converts no sample.
+/// Checks that units are known, and SI: the framework does not convert samples.
 fn units_fit(channels: &[Channel]) -> Result<(), Failure> {
     for channel in channels {
         let (name, unit) = (channel.name, channel.unit);
@@ -74,7 +74,7 @@ fn units_fit(channels: &[Channel]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Angles are within one turn, as degrees are not.
+/// Checks that angles are within one turn in rad; a model that emits degrees exceeds it.
 fn angles_fit(channels: &[Channel], samples: &[&Sample]) -> Result<(), Failure> {
     for (i, channel) in channels.iter().enumerate().filter(|(_, c)| c.unit == "rad") {
         let beyond = |s: &&&Sample| s.get(i).is_some_and(|v| v.abs() > std::f64::consts::TAU);

@@ -1,5 +1,5 @@
-//! A recording of figures holds their values, and the real viewer shows them; `run.rs` lists
-//! what that needs.
+//! A recording of figures holds their values, and the real viewer shows them; `run.rs` lists the
+//! programs that the test requires.
 
 use crate::driver::{self, Layout, Viewer};
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel, Track, TrackPoint};
