@@ -5,12 +5,15 @@ use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 use std::sync::Arc;
 
-/// Jump that counts as faulty, as a multiple of the mean second difference. White noise has a mean
-/// second difference of 1.95 sigma, so this is 49 sigma. The largest spike that is no fault in the
-/// recordings that we checked has a ratio of 13 (a car on a road).
+/// Jump that counts as faulty, as a multiple of the roughness. White noise has a roughness of 1.95
+/// sigma, so this is 49 sigma. The largest spike that is no fault in the recordings that we checked
+/// has a ratio of 15 (a car on a road).
 const JUMP: f64 = 25.0;
 /// The same in sigma of the noise that the process assumes: the least jump that is held.
 const JUMP_SIGMA: f64 = 50.0;
+/// Ratio of the mean of `|b|` to that of `b^2 / |b|` for a second difference `b` of white noise: with
+/// sigma 1 the mean of `|b|` is `sqrt(2/pi)`, and that of `b^2` is 1.
+const GAUSSIAN: f64 = 2.0 / std::f64::consts::PI;
 /// Number of samples over which the second differences are averaged.
 const MEMORY: f64 = 200.0;
 /// Number of samples before jumps and repetitions are judged.
@@ -34,8 +37,11 @@ pub(super) struct Usual {
     pub(super) last: Spread,
     pub(super) before: Spread,
     pub(super) good: Time,
-    /// Mean magnitude of the second differences.
+    /// Roughness: the mean magnitude of the second differences of white noise, and never less than
+    /// the quantisation.
     pub(super) rough: Spread,
+    /// Means of `|b|` and `b^2` over the second differences `b` that are not zero.
+    bends: [Spread; 2],
     /// Jump that is always possible, in the unit of the channels.
     pub(super) least: Spread,
     /// Recent mean, its value before [`CHANGE`], and the largest change.
@@ -61,6 +67,7 @@ impl Usual {
             before: ZERO,
             good: Time::MIN,
             rough: ZERO,
+            bends: [ZERO; 2],
             least: [f64::INFINITY; MAX_CHANNELS],
             mean: ZERO,
             mean_before: ZERO,
@@ -100,13 +107,31 @@ impl Usual {
         }
         for (c, &x) in x.iter().enumerate().take(self.n) {
             let bend = (x - 2.0 * self.last[c] + self.before[c]).abs();
-            let learnt = bend > JUMP * self.rough[c] && bend > self.least[c];
+            // a channel that never changed has shown no step of its quantisation yet
+            let usual = self.rough[c];
+            let learnt = usual > 0.0 && bend > JUMP * usual && bend > self.least[c];
             let limit = self.limits.channels[c].change;
             if limit.map_or(learnt, |l| (x - self.last[c]).abs() > l * self.unit()) {
                 jumping |= 1 << c;
             }
         }
         jumping
+    }
+
+    /// Learns the roughness of a channel from a second difference that is not zero.
+    ///
+    /// Each second difference `b` has the weight `|b|`: the roughness is the mean of `b^2` over that
+    /// of `|b|`, times that ratio for white noise. A quiet sensor with a coarse quantisation repeats
+    /// its value most of the time. Repetitions would make a plain mean less than one step, so that a
+    /// change by a step would count as a spike.
+    fn roughen(&mut self, c: usize, bend: f64, share: f64) {
+        let most =
+            if self.count > WARM && self.rough[c] > 0.0 { 8.0 * self.rough[c] } else { bend };
+        let bend = bend.min(most);
+        let [mean, square] = &mut self.bends;
+        mean[c] += (bend - mean[c]) * share;
+        square[c] += (bend * bend - square[c]) * share;
+        self.rough[c] = GAUSSIAN * square[c] / mean[c];
     }
 
     /// Learns from a sample that passes. The mean takes `fresh` samples alone, no repetition.
@@ -116,9 +141,8 @@ impl Usual {
         let (share, recent) = (1.0 / count.min(MEMORY), 1.0 / count.min(RECENT));
         for (c, &x) in x.iter().enumerate().take(self.n) {
             let bend = (x - 2.0 * self.last[c] + self.before[c]).abs();
-            let clipped = if self.count > WARM { bend.min(8.0 * self.rough[c]) } else { bend };
-            if self.count > 2 {
-                self.rough[c] += (clipped - self.rough[c]) * share;
+            if self.count > 2 && bend > 0.0 {
+                self.roughen(c, bend, share);
             }
             if fresh {
                 self.mean[c] += (x - self.mean[c]) * recent;
@@ -140,5 +164,64 @@ impl Usual {
             self.changed = time;
             self.mean_before = self.mean;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::screening::ChannelLimits;
+
+    /// One channel at 100 Hz whose stated noise hides no step of 1.
+    fn usual() -> Usual {
+        let limits =
+            ChannelLimits { range: 1e9, change: None, noise: 1e-4, step: 0.0, motion: 0.0 };
+        let channels = vec![limits];
+        let limits = Screening { channels, integrals: false, frozen: None, max_bridge: 1.0 };
+        Usual::new(Arc::new(limits))
+    }
+
+    /// Feeds the values, and returns how many of them jump.
+    fn jumps(usual: &mut Usual, values: impl IntoIterator<Item = f64>) -> usize {
+        let jumps = |x: f64| {
+            let time = Time::from_nanos(usual.time.nanos().max(0) + 10_000_000);
+            let mut values = [0.0; MAX_CHANNELS];
+            values[0] = x;
+            usual.tick(time);
+            let jumping = usual.jumping(&values) != 0;
+            usual.learn(&values, time, true);
+            jumping
+        };
+        values.into_iter().map(jumps).filter(|jumps| *jumps).count()
+    }
+
+    /// One step of the quantisation in 150 samples: the mean second difference is 4/150 of a step,
+    /// and a step bends the line by 2 steps, 75 times as much. In the second half a text with 8
+    /// digits rounds each value.
+    #[test]
+    fn a_step_of_a_quiet_quantised_sensor_is_no_jump() {
+        let quantised = |k: usize| f64::from(u8::from(k % 150 == 149)) - 9.8;
+        let rounded = move |k: usize| quantised(k) + 1e-8 * (k % 3) as f64;
+        let mut usual = usual();
+        assert_eq!(jumps(&mut usual, (0..6000).map(quantised)), 0);
+        assert_eq!(jumps(&mut usual, (6000..12_000).map(rounded)), 0);
+        assert_eq!(jumps(&mut usual, [40.0]), 1, "40 steps are a jump");
+    }
+
+    #[test]
+    fn a_jump_of_60_sigma_of_white_noise_is_found_and_one_of_20_is_not() {
+        // the sum of 12 uniform numbers has the variance 1; the sequence is a linear congruence
+        let mut seed = 1_u64;
+        let mut uniform = move || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (seed >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let mut noise = std::iter::repeat_with(|| (0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+        let mut usual = usual();
+        assert_eq!(jumps(&mut usual, noise.by_ref().take(5000)), 0);
+        // sqrt(6) sigma times sqrt(2/pi)
+        assert!((usual.rough[0] / 1.95 - 1.0).abs() < 0.15, "{}", usual.rough[0]);
+        assert_eq!(jumps(&mut usual.clone(), [20.0]), 0);
+        assert_eq!(jumps(&mut usual, [60.0]), 1);
     }
 }
