@@ -121,6 +121,25 @@ fn a_noise_smaller_than_stated_is_doubtful_but_harms_nobody() {
     reason(&verdict, Criterion::Nis, "dvl");
 }
 
+/// Runs of 40 s, some of it at rest, in which the scale factor and the velocity are unknown and the
+/// filter sees their product: its variances are accurate to some per cent. In these two of 299 runs
+/// the sensors corrected a bias by a small share of its variance, and the test took the error of that
+/// share for a fault.
+#[test]
+fn a_state_that_a_sensor_hardly_corrects_is_no_reason_to_doubt() {
+    for seed in [1_000_072, 1_000_187] {
+        let verdict = verdict(&[
+            "estimator.start=590 s",
+            "estimator.stop=630 s",
+            "estimator.draw=all",
+            &format!("seed={seed}"),
+            "sensor.rest={ type = \"zero-velocity\", noise = \"1 mm/s\", simulation = { rate = \
+             \"1 Hz\", outages = [[\"600 s\", \"2060 s\"]] } }",
+        ]);
+        assert_eq!(verdict.level, VerdictLevel::Consistent, "{seed}: {verdict:#?}");
+    }
+}
+
 /// A depth whose error grows while the vehicle dives. The DVL measures the descent as well, so the
 /// innovations of the depth drift.
 #[test]

@@ -7,8 +7,13 @@
 //! the variances. For a constant state this sum is the final estimate minus the prior mean, and its
 //! variance is the prior covariance minus the posterior. It holds for a random walk as well, and
 //! after an inflation of the covariance.
+//!
+//! The covariance itself is accurate to a few per cent, as far as the models are linear. A sensor
+//! that hardly corrects a state has a small difference of two large variances, and their errors
+//! would decide. So the variance of every sum contains the share of the prior variance by which a
+//! sigma may be wrong without a doubt.
 
-use super::report::{Report, reason};
+use super::report::{Report, SLIGHT, reason};
 use crate::model::chi_square::sigmas;
 use crate::model::finding::Severity;
 use crate::model::sensor::SensorInfo;
@@ -29,6 +34,8 @@ struct Row {
     name: String,
     /// Place in the error state.
     place: usize,
+    /// Error of the variances that causes no doubt.
+    slack: f64,
     /// Unit, and SI per unit.
     unit: (&'static str, f64),
 }
@@ -46,12 +53,19 @@ pub(crate) struct StateStatistics {
 struct Pull {
     sum: f64,
     variance: f64,
+    /// Error of the variance that causes no doubt.
+    slack: f64,
 }
 
 impl Pull {
+    /// Variance of the sum, with the error of the covariances.
+    fn uncertain(self) -> f64 {
+        self.variance + self.slack
+    }
+
     /// Correction in units of its sigma; zero if the sensor does not see the state.
     fn sigmas(self) -> f64 {
-        if self.variance > 0.0 { self.sum / self.variance.sqrt() } else { 0.0 }
+        if self.variance > 0.0 { self.sum / self.uncertain().sqrt() } else { 0.0 }
     }
 }
 
@@ -64,6 +78,7 @@ fn rows(block: &Block) -> impl Iterator<Item = Row> + '_ {
             None => block.name.clone(),
         },
         place,
+        slack: block.spec.sigma.get(k).map_or(0.0, |sigma| (SLIGHT * SLIGHT - 1.0) * sigma * sigma),
         unit: (block.spec.display.unit, block.spec.display.scale),
     })
 }
@@ -94,7 +109,7 @@ impl StateStatistics {
 
     fn pull(&self, sensor: usize, row: usize) -> Pull {
         let [sum, variance] = self.pulls[sensor * self.rows.len() + row];
-        Pull { sum, variance }
+        Pull { sum, variance, slack: self.rows[row].slack }
     }
 
     fn sensors(&self) -> usize {
@@ -132,6 +147,7 @@ impl StateStatistics {
                 (0..self.sensors()).map(|s| self.pull(s, row)).fold(Pull::default(), |a, b| Pull {
                     sum: a.sum + b.sum,
                     variance: a.variance + b.variance,
+                    slack: b.slack,
                 })
             };
             let farthest = at
@@ -173,7 +189,7 @@ impl StateStatistics {
                 if !opposed || pa.sigmas().abs().min(pb.sigmas().abs()) <= limit {
                     continue;
                 }
-                let apart = (pa.sum - pb.sum).abs() / (pa.variance + pb.variance).sqrt();
+                let apart = (pa.sum - pb.sum).abs() / (pa.uncertain() + pb.uncertain()).sqrt();
                 match worst.iter_mut().find(|w| (w.0, w.1) == (a, b)) {
                     Some(w) if w.3 >= apart => {}
                     Some(w) => *w = (a, b, row, apart),
@@ -196,5 +212,24 @@ impl StateStatistics {
                 "run without one of them (enabled = false) to find which is wrong",
             ));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sensor that reduces the variance of a state of sigma 1 by 4e-4 and moves it by 0.08, four
+    /// sigma of that reduction, has moved it by less than its sigma may be wrong by. One that
+    /// determines the state is judged as before, to 5 %.
+    #[test]
+    fn only_a_correction_beyond_the_error_of_the_covariance_is_evidence() {
+        let slack = SLIGHT * SLIGHT - 1.0;
+        let little = Pull { sum: 0.08, variance: 4e-4, slack };
+        assert!(little.sigmas() < 0.3, "{}", little.sigmas());
+        let much = Pull { sum: 4.0, variance: 1.0, slack };
+        assert!((much.sigmas() * SLIGHT - 4.0).abs() < 1e-12, "{}", much.sigmas());
+        let blind = Pull { slack, ..Pull::default() };
+        assert_eq!(blind.sigmas(), 0.0, "the sensor does not see the state");
     }
 }
