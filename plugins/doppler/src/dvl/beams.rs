@@ -28,6 +28,10 @@ doppler_sensor! {
     pub struct DvlBeams {
         /// 1-sigma noise of one beam of one sample.
         pub noise: Sigma<Speed>,
+        /// Noise of a beam that grows with the speed of the vehicle: its 1-sigma as a share of the
+        /// speed, such as "0.15 %". It adds to `noise` as a variance. Default: none.
+        #[serde(default = "none")]
+        pub relative_noise: Sigma<Ratio>,
         /// Angle between the beams and the instrument's down axis. Default: 30 deg.
         pub slant: Option<Angle>,
         /// Azimuths of the beams, from forward towards right, one to five. Default: an X of 45,
@@ -103,6 +107,7 @@ impl DvlBeams {
             sound: self.sound(array, beams)?,
             altitude,
             sigma: self.noise.value().si(),
+            relative: self.relative_noise.value().si(),
             dropout: self.beam_dropout.value().si(),
         }))
     }
@@ -152,6 +157,8 @@ pub struct DvlBeamsModel<const N: usize> {
     sound: Option<Sound>,
     altitude: Option<Altitude>,
     sigma: f64,
+    /// Noise as a share of the speed.
+    relative: f64,
     dropout: f64,
 }
 
@@ -168,8 +175,12 @@ impl<const N: usize> MeasurementModel<N> for DvlBeamsModel<N> {
         })
     }
 
-    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, N, N> {
-        SMatrix::from_diagonal_element(self.sigma * self.sigma)
+    fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, N, N> {
+        let mut variance = self.sigma * self.sigma;
+        if self.relative > 0.0 {
+            variance += self.relative.powi(2) * self.instrument.velocity(x).norm_squared();
+        }
+        SMatrix::from_diagonal_element(variance)
     }
 
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {

@@ -17,7 +17,7 @@ use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
 use navfuse_core::plugin::SensorType;
 use navfuse_core::state::View;
 use navfuse_core::units::sample::{Channel, Sample};
-use navfuse_core::units::{Sigma, Speed, Triple};
+use navfuse_core::units::{Ratio, Sigma, Speed, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -27,6 +27,9 @@ doppler_sensor! {
     pub struct Dvl {
         /// 1-sigma noise of one sample, one value or one per axis.
         pub noise: Sigma<Triple<Speed>>,
+        /// Noise that grows with the speed: its 1-sigma as a share of the speed, such as "0.25 %",
+        /// one value or one per axis. It adds to `noise` as a variance. Default: none.
+        pub relative_noise: Option<Sigma<Triple<Ratio>>>,
     } tracks
 }
 
@@ -49,7 +52,9 @@ impl SensorType for Dvl {
         let beams = directions(None, None, None)?;
         let beams = altitude::drawn(&beams, false, altitude.as_ref());
         composer.mounted(instrument.mounting().with_beams(beams));
-        Ok(Role::measurement(DvlModel { instrument, sigma: self.noise.value().si(), altitude }))
+        let sigma = self.noise.value().si();
+        let relative = self.relative_noise.map(|share| share.value().si());
+        Ok(Role::measurement(DvlModel { instrument, sigma, relative, altitude }))
     }
 }
 
@@ -58,6 +63,8 @@ impl SensorType for Dvl {
 pub struct DvlModel {
     instrument: Instrument,
     sigma: Vector3<f64>,
+    /// Noise as a share of the speed.
+    relative: Option<Vector3<f64>>,
     altitude: Option<Altitude>,
 }
 
@@ -66,8 +73,13 @@ impl MeasurementModel<3> for DvlModel {
         self.instrument.velocity(x)
     }
 
-    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
-        SMatrix::from_diagonal(&self.sigma.map(|s| s * s))
+    fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
+        let mut variances = self.sigma.map(|s| s * s);
+        if let Some(relative) = self.relative {
+            let speed_squared = self.instrument.velocity(x).norm_squared();
+            variances += relative.map(|share| share * share * speed_squared);
+        }
+        SMatrix::from_diagonal(&variances)
     }
 
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {

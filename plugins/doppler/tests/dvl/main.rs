@@ -3,4 +3,5 @@
 
 mod beams;
 mod common;
+mod noise;
 mod water;
