@@ -3,6 +3,7 @@
 use super::{line, right};
 use navfuse_campaign::{Campaign, LIMIT, Outcomes, Results, WorstState};
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// One scenario of the table.
 #[derive(Debug, Serialize)]
@@ -51,15 +52,14 @@ pub fn table<'a>(all: impl Iterator<Item = (&'a Campaign, &'a Results)>) {
         "meanwhile",
         &within,
         "do not use",
+        "doubtful",
         "missed",
+        "named first",
         "warnings name",
         "verdict",
     ]);
     for row in rows(all) {
-        let Outcomes { within, refused, missed, warned } = &row.outcomes;
-        let mut names: Vec<(&String, &usize)> = warned.iter().collect();
-        names.sort_by_key(|(_, runs)| std::cmp::Reverse(**runs));
-        let names = names.iter().map(|(name, runs)| format!("{name} {runs}"));
+        let Outcomes { within, refused, doubtful, missed, warned, blamed } = &row.outcomes;
         let [end, ever] = [&row.worst_at_end, &row.worst_ever]
             .map(|worst| worst.as_ref().map_or_else(String::new, |w| ratio(w.ratio)));
         let verdict = match row.consistent {
@@ -74,15 +74,26 @@ pub fn table<'a>(all: impl Iterator<Item = (&'a Campaign, &'a Results)>) {
             ever,
             within.to_string(),
             refused.to_string(),
+            doubtful.to_string(),
             missed.to_string(),
-            names.collect::<Vec<_>>().join(", "),
+            counted(blamed),
+            counted(warned),
             verdict.to_owned(),
         ]);
     }
-    right(&mut table, 2..7);
+    right(&mut table, 2..8);
     line(format_args!("{table}\n"));
     line("at the end, meanwhile: largest error of a state over its sigma, rms over the runs;");
-    line("missed: runs that end with a larger error and do not report \"do not use\"");
+    line("missed: runs that end with a larger error and do not report \"do not use\";");
+    line("named first: sensor or state that the verdict of a run names first");
+}
+
+/// Names with the number of their runs, the most frequent first, such as `dvl 29, imu 1`.
+fn counted(names: &BTreeMap<String, usize>) -> String {
+    let mut names: Vec<(&String, &usize)> = names.iter().collect();
+    names.sort_by_key(|(_, runs)| std::cmp::Reverse(**runs));
+    let names = names.iter().map(|(name, runs)| format!("{name} {runs}"));
+    names.collect::<Vec<_>>().join(", ")
 }
 
 /// A ratio to three digits, such as `1.02`, `23.4` or `1.2e5`.

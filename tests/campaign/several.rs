@@ -20,6 +20,7 @@ fn several_scenarios_give_one_table_with_a_row_for_each() {
     assert_eq!(of("within"), [2, 0]);
     assert_eq!(rows[0]["missed"], 0);
     assert_eq!(rows[0]["warned"], serde_json::json!({}));
+    assert_eq!(of("blamed"), [serde_json::json!({}), serde_json::json!({ "imu": 2 })]);
     let found = |key: &str| rows[1][key].as_u64().expect("a number");
     assert_eq!(found("refused") + found("missed"), 2);
     for name in ["healthy", "gyro-in-degrees"] {

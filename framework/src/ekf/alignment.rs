@@ -5,7 +5,7 @@ use super::filter::{Ekf, Memory, Snapshot};
 use super::stage::Stage;
 use crate::compose::moved;
 use crate::model::estimator_error::EstimatorError;
-use crate::model::finding::{Finding, Severity};
+use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::process::ProcessError;
 use crate::model::record::{Epoch, Event, Observer, Truth};
 use crate::model::sensor::Role;
@@ -216,8 +216,8 @@ impl Ekf {
             let again = self.composition.estimator.linearises_again();
             if let Some((text, remedy)) = supervision.doubt.filter(|_| !again) {
                 let about = self.composition.processes[k].name.clone();
-                let severity = Severity::Doubtful;
-                observer.finding(Finding { time, about, severity, text, remedy });
+                let (severity, basis) = (Severity::Doubtful, Basis::Comparison);
+                observer.finding(Finding { time, about, severity, basis, text, remedy });
             }
             if let Some((level, text)) = supervision.message {
                 let about = self.composition.processes[k].name.clone();

@@ -20,7 +20,7 @@
 //! innovations is positive, the variance of a sum grows by `(1 + r) / (1 - r)`, and `e` is also
 //! divided by the root of this factor.
 
-use crate::model::finding::{Finding, Severity};
+use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::sensor::SensorInfo;
 use crate::state::covariance::Update;
 use crate::units::sample::MAX_CHANNELS;
@@ -95,6 +95,7 @@ impl Shift {
             time,
             about: sensor.name.clone(),
             severity,
+            basis: Basis::Comparison,
             text: format!(
                 "the innovations of {channel} have a mean of {mean:+.2} sigma from {since} to \
                  {time} ({count} samples), where those of a consistent filter have none"

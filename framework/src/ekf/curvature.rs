@@ -17,7 +17,7 @@
 //! the states in which the model is curved does no harm; two checks in a row give a finding.
 
 use super::points::{SigmaPoints, place};
-use crate::model::finding::{Finding, Severity};
+use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::measurement::{AnyMeasurement, At};
 use crate::model::sensor::SensorInfo;
 use crate::state::Layout;
@@ -131,6 +131,7 @@ impl Curved {
             time,
             about: sensor.name.clone(),
             severity,
+            basis: Basis::Comparison,
             text: format!(
                 "the linearisation is not valid within the uncertainty of {blocks}: the \
                  second-order term of {channel} is {:.1} times its noise, and the update neglects it",

@@ -11,7 +11,7 @@
 //!               inflated, and the result must not be used
 //! ```
 
-use crate::model::finding::{Finding, Severity};
+use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::gate::{Action, Recovery};
 use crate::model::record::{Event, Level, Observer};
 use crate::units::time::Time;
@@ -406,6 +406,7 @@ fn find(
     remedy: &str,
     observer: &mut dyn Observer,
 ) {
-    let (time, about) = (sample.time, sample.sensor.to_owned());
-    observer.finding(Finding { time, about, severity, text, remedy: remedy.to_owned() });
+    let (time, about, remedy) = (sample.time, sample.sensor.to_owned(), remedy.to_owned());
+    let basis = Basis::Comparison;
+    observer.finding(Finding { time, about, severity, basis, text, remedy });
 }

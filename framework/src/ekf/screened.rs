@@ -4,7 +4,7 @@ use super::filter::Ekf;
 use super::repeats::Fault;
 use super::screen::News;
 use crate::model::estimator_error::EstimatorError;
-use crate::model::finding::{Finding, Severity};
+use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::SensorInfo;
 use crate::units::sample::{MAX_CHANNELS, Sample};
@@ -62,6 +62,7 @@ impl Ekf {
                 time,
                 about,
                 severity: Severity::Doubtful,
+                basis: Basis::Samples,
                 text: format!("{spikes} spikes among {samples} samples were replaced"),
                 remedy: "check the cable, the supply and the driver of the sensor; a jump that is \
                          real needs a larger screening.*_change"
@@ -97,6 +98,7 @@ impl Ekf {
                     time: to,
                     about,
                     severity: if too_long { Severity::DoNotUse } else { Severity::Doubtful },
+                    basis: Basis::Samples,
                     text,
                     remedy: remedy(fault).to_owned(),
                 });

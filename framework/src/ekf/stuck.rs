@@ -13,7 +13,7 @@
 //! with the square of the number of repetitions, so that any number of them carries bounded
 //! information.
 
-use crate::model::finding::{Finding, Severity};
+use crate::model::finding::{Basis, Finding, Severity};
 use crate::state::covariance::Update;
 use crate::units::sample::{MAX_CHANNELS, Sample};
 use crate::units::time::Time;
@@ -60,6 +60,7 @@ impl Stuck {
             time,
             about: sensor.to_owned(),
             severity,
+            basis: Basis::Samples,
             text: format!(
                 "stuck: {count} samples since {since} are equal, while the vehicle moves; they are \
                  rejected from now on"

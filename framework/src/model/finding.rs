@@ -13,6 +13,17 @@ pub enum Severity {
     DoNotUse,
 }
 
+/// Basis of a finding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Basis {
+    /// The filter compares sensors with each other, so that another sensor may be at fault.
+    Comparison,
+    /// The samples of the sensor alone contradict physics or the sensor's settings. A fault of the
+    /// driving sensor makes all others contradict the filter, so such a finding comes before those of
+    /// comparisons.
+    Samples,
+}
+
 /// A fault that the filter or a monitor found, with its remedy. The verdict of a run lists its
 /// findings.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,7 +34,9 @@ pub struct Finding {
     pub about: String,
     /// Consequence for the result.
     pub severity: Severity,
-    /// Evidence: what was measured, and what was expected.
+    /// Basis of the finding.
+    pub basis: Basis,
+    /// What was measured, and what was expected.
     pub text: String,
     /// Remedy: the key or the part of the vehicle to look at.
     pub remedy: String,

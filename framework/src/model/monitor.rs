@@ -12,7 +12,7 @@ use crate::model::start::FilterView;
 ///
 /// A pedometer that counts no steps while the map moves:
 /// ```
-/// use navfuse_core::model::finding::{Finding, Severity};
+/// use navfuse_core::model::finding::{Basis, Finding, Severity};
 /// use navfuse_core::model::monitor::Monitor;
 /// use navfuse_core::model::process::Input;
 /// use navfuse_core::model::start::FilterView;
@@ -36,6 +36,7 @@ use crate::model::start::FilterView;
 ///             time: input.sample.time,
 ///             about: "pedometer".into(),
 ///             severity: Severity::Doubtful,
+///             basis: Basis::Comparison,
 ///             text: "no steps at more than 1 m/s".into(),
 ///             remedy: "check the batteries".into(),
 ///         })

@@ -14,7 +14,7 @@ use crate::navigation::Navigation;
 use drift::Drift;
 use gravity::Gravity;
 use nalgebra::Vector3;
-use navfuse_core::model::finding::{Finding, Severity};
+use navfuse_core::model::finding::{Basis, Finding, Severity};
 use navfuse_core::model::monitor::Monitor;
 use navfuse_core::model::process::Input;
 use navfuse_core::model::start::FilterView;
@@ -25,6 +25,7 @@ use whiteness::Whiteness;
 /// A contradiction: its severity, the evidence and the remedy.
 struct Fault {
     severity: Severity,
+    basis: Basis,
     text: String,
     remedy: &'static str,
 }
@@ -57,8 +58,9 @@ impl ImuMonitor {
     }
 
     fn finding(&self, time: Time, fault: Fault) -> Finding {
-        let Fault { severity, text, remedy } = fault;
-        Finding { time, about: self.name.clone(), severity, text, remedy: remedy.to_owned() }
+        let Fault { severity, basis, text, remedy } = fault;
+        let (about, remedy) = (self.name.clone(), remedy.to_owned());
+        Finding { time, about, severity, basis, text, remedy }
     }
 }
 

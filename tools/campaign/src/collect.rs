@@ -50,12 +50,14 @@ pub fn run(
     let unseen =
         || rows.is_empty().then(|| "the truth was never known while the filter ran".to_owned());
     let failure = finished.error.map(|e| e.to_string()).or_else(unseen);
-    let judged = finished.summary.verdict.level;
+    let verdict = &finished.summary.verdict;
+    let judged = verdict.level;
     let unusable = judged == VerdictLevel::DoNotUse;
+    let blamed = verdict.reasons.first().map(|reason| reason.about.clone());
     let warnings = finished.events.into_iter().filter(|e| e.level >= Level::Warning);
     let warned: BTreeSet<String> = warnings.map(|event| event.about).collect();
     let warned = warned.into_iter().collect();
-    Some(RunRecord { point, run, seed, rows, failure, unusable, judged, warned })
+    Some(RunRecord { point, run, seed, rows, failure, unusable, judged, warned, blamed })
 }
 
 /// Copy of an epoch, recorded if it turns out to be the last one.

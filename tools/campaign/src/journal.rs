@@ -232,6 +232,7 @@ fn encode(record: &Record, out: &mut Vec<u8>) {
             out.push(u8::from(run.judged != VerdictLevel::Consistent));
             whole(out, run.warned.len() as u64);
             run.warned.iter().for_each(|name| text(out, name));
+            text(out, run.blamed.as_deref().unwrap_or_default());
             whole(out, run.rows.len() as u64);
             for row in &run.rows {
                 out.extend(row.epoch.to_le_bytes());
@@ -317,10 +318,21 @@ pub fn decode(frame: &[u8]) -> Option<Record> {
                 (false, false) => VerdictLevel::Consistent,
             };
             let warned = bytes.list(Bytes::text)?;
+            let blamed = Some(bytes.text()?).filter(|name| !name.is_empty());
             let rows = bytes.list(|b| {
                 Some(Row { epoch: b.epoch()?, time: b.number()?, values: b.numbers()? })
             })?;
-            Record::Run(RunRecord { point, run, seed, rows, failure, unusable, judged, warned })
+            Record::Run(RunRecord {
+                point,
+                run,
+                seed,
+                rows,
+                failure,
+                unusable,
+                judged,
+                warned,
+                blamed,
+            })
         }
         _ => return None,
     };

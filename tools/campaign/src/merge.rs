@@ -204,6 +204,7 @@ impl<'a> Part<'a> {
                 failure: Some(reason),
                 unusable: false,
                 warned: Vec::new(),
+                blamed: None,
                 judged: self.judged(point, run),
             }))?;
         }

@@ -4,6 +4,7 @@
 use crate::columns::Columns;
 use crate::record::RunRecord;
 use crate::statistics::PointStatistics;
+use navfuse_core::model::verdict::VerdictLevel;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -18,10 +19,14 @@ pub struct Outcomes {
     pub within: usize,
     /// Runs that ended early, or reported that their result must not be used.
     pub refused: usize,
-    /// Runs with a larger error that did not report it.
+    /// Runs that reported that their result is doubtful.
+    pub doubtful: usize,
+    /// Runs with a larger error that did not report that their result must not be used.
     pub missed: usize,
     /// Sensors and processes that warnings name, with the number of runs that name them.
     pub warned: BTreeMap<String, usize>,
+    /// Sensors, states and processes that the verdicts name first, with the number of runs.
+    pub blamed: BTreeMap<String, usize>,
 }
 
 impl Outcomes {
@@ -37,9 +42,13 @@ impl Outcomes {
             });
         self.within += usize::from(within);
         self.refused += usize::from(refused);
+        self.doubtful += usize::from(!refused && run.judged == VerdictLevel::Doubtful);
         self.missed += usize::from(!within && !refused);
         for name in &run.warned {
             *self.warned.entry(name.clone()).or_default() += 1;
+        }
+        if let Some(name) = &run.blamed {
+            *self.blamed.entry(name.clone()).or_default() += 1;
         }
     }
 }
@@ -105,13 +114,15 @@ mod tests {
     #[test]
     fn a_run_is_within_its_sigma_or_refused_or_missed() {
         let (columns, mut point) = (columns(), PointStatistics::new(None));
-        let warned = vec!["depth".to_owned()];
+        let (warned, blamed) = (vec!["depth".to_owned()], Some("imu".to_owned()));
         point.add(&columns, &run([9.0, 3.0]));
-        point.add(&columns, &run([0.0, -4.0]));
-        point.add(&columns, &RunRecord { unusable: true, warned, ..run([0.0, 4.0]) });
+        point.add(&columns, &RunRecord { judged: VerdictLevel::Doubtful, ..run([0.0, -4.0]) });
+        point.add(&columns, &RunRecord { unusable: true, warned, blamed, ..run([0.0, 4.0]) });
         point.add(&columns, &RunRecord { failure: Some("cut".to_owned()), ..run([0.0, 0.0]) });
-        let warned = BTreeMap::from([("depth".to_owned(), 1)]);
-        assert_eq!(point.outcomes, Outcomes { within: 1, refused: 2, missed: 1, warned });
+        let [warned, blamed] = ["depth", "imu"].map(|name| BTreeMap::from([(name.to_owned(), 1)]));
+        let (within, refused, doubtful, missed) = (1, 2, 1, 1);
+        let expected = Outcomes { within, refused, doubtful, missed, warned, blamed };
+        assert_eq!(point.outcomes, expected);
     }
 
     #[test]

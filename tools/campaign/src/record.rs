@@ -48,6 +48,9 @@ pub struct RunRecord {
     /// Sensors and processes that the run's warnings name, in order of their names. The files of a
     /// campaign do not contain them.
     pub warned: Vec<String>,
+    /// Sensor, state or process that the verdict of the run names first; none if it is consistent.
+    /// The files of a campaign do not contain it.
+    pub blamed: Option<String>,
     /// Level of the verdict of the run alone, which does not know the errors.
     pub judged: VerdictLevel,
 }

@@ -10,7 +10,7 @@ mod report;
 mod states;
 
 use crate::compose::{Composition, moved};
-use crate::model::finding::{Finding, Severity};
+use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::record::{Outcome, UpdateRecord};
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::model::verdict::{Criterion, Reason, Verdict};
@@ -89,6 +89,9 @@ impl Judge {
     /// Judges the run, with the findings of the filter and the error that ended it.
     pub(crate) fn verdict(&mut self, findings: &[Finding], error: Option<String>) -> Verdict {
         let mut report = Report::default();
+        let (own, compared): (Vec<&Finding>, Vec<&Finding>) =
+            of_each_part(findings).into_iter().partition(|f| f.basis == Basis::Samples);
+        report.reasons.extend(own.into_iter().map(found));
         report.reasons.extend(error.map(|text| {
             reason(
                 Criterion::Ended,
@@ -98,9 +101,7 @@ impl Judge {
                 "",
             )
         }));
-        for finding in findings {
-            add_finding(finding, &mut report.reasons);
-        }
+        report.reasons.extend(compared.into_iter().map(found));
         report.reasons.append(&mut self.reasons);
         let sensors = || self.sensors.iter().flatten();
         let tests = sensors().map(|s| s.tests(self.white)).sum::<usize>() + self.states.tests();
@@ -114,24 +115,25 @@ impl Judge {
     }
 }
 
-/// Adds a finding, unless the same fault of the same part is there already: a fault may return.
-fn add_finding(finding: &Finding, reasons: &mut Vec<Reason>) {
-    let Finding { time, about, severity, text, remedy } = finding;
-    let of_part = |r: &&mut Reason| r.criterion == Criterion::Finding && r.about == *about;
-    match reasons.iter_mut().find(of_part) {
-        Some(before) if before.severity >= *severity => {}
-        Some(before) => {
-            *before =
-                reason(Criterion::Finding, *severity, about, format!("at {time}: {text}"), remedy)
+/// The finding of each sensor or process with the highest severity, of these the one with the best
+/// evidence, of these the first: a fault may return.
+fn of_each_part(findings: &[Finding]) -> Vec<&Finding> {
+    let mut found: Vec<&Finding> = Vec::new();
+    for finding in findings {
+        let weight = |f: &Finding| (f.severity, f.basis);
+        match found.iter_mut().find(|before| before.about == finding.about) {
+            Some(before) if weight(before) >= weight(finding) => {}
+            Some(before) => *before = finding,
+            None => found.push(finding),
         }
-        None => reasons.push(reason(
-            Criterion::Finding,
-            *severity,
-            about,
-            format!("at {time}: {text}"),
-            remedy,
-        )),
     }
+    found
+}
+
+/// Reason of a finding.
+fn found(finding: &Finding) -> Reason {
+    let Finding { time, about, severity, text, remedy, .. } = finding;
+    reason(Criterion::Finding, *severity, about, format!("at {time}: {text}"), remedy)
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
 //! The criteria on innovations that are white by construction, and on those that are not.
 
 use super::innovations::SensorStatistics;
+use super::of_each_part;
 use super::report::{FALSE_ALARM, Report};
 use crate::model::chi_square::gated_moments;
-use crate::model::finding::Severity;
+use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::gate::Gate;
 use crate::model::record::{Outcome, Rejection, UpdateRecord};
 use crate::model::simulate::Random;
@@ -152,4 +153,27 @@ fn shares_of_gated_faulty_and_missing_samples_are_judged_apart() {
     assert_eq!(found, [Criterion::Gated, Criterion::Rejected, Criterion::Unused]);
     assert!(report.reasons[0].text.contains("30 of 30 samples (100 %"), "{:?}", report.reasons[0]);
     assert!(report.reasons[1].text.contains("30 of 60"), "{:?}", report.reasons[1]);
+}
+
+/// A later finding of the same part replaces an earlier one if it is worse, or rests on the samples
+/// of that part instead of a comparison with others.
+#[test]
+fn of_the_findings_of_a_part_the_one_with_the_best_evidence_counts() {
+    let finding = |about: &str, severity, basis, text: &str| Finding {
+        time: Time::MIN,
+        about: about.to_owned(),
+        severity,
+        basis,
+        text: text.to_owned(),
+        remedy: String::new(),
+    };
+    let findings = [
+        finding("imu", Severity::DoNotUse, Basis::Comparison, "its bias has moved"),
+        finding("dvl", Severity::DoNotUse, Basis::Comparison, "locked out"),
+        finding("imu", Severity::DoNotUse, Basis::Samples, "its axes are swapped"),
+        finding("imu", Severity::Doubtful, Basis::Samples, "many spikes"),
+        finding("dvl", Severity::DoNotUse, Basis::Comparison, "locked out again"),
+    ];
+    let texts: Vec<&str> = of_each_part(&findings).iter().map(|f| f.text.as_str()).collect();
+    assert_eq!(texts, ["its axes are swapped", "locked out"]);
 }

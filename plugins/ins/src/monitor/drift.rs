@@ -6,7 +6,7 @@
 
 use super::Fault;
 use crate::navigation::Navigation;
-use navfuse_core::model::finding::Severity;
+use navfuse_core::model::finding::{Basis, Severity};
 use navfuse_core::model::start::FilterView;
 use navfuse_core::state::{Block, Dynamics, Mode};
 use navfuse_core::units::time::Time;
@@ -116,6 +116,7 @@ impl Drift {
         let what = if slot == gyro { "gyro" } else { "accelerometer" };
         Some(Fault {
             severity,
+            basis: Basis::Comparison,
             text: format!(
                 "since {since} the estimate of the {what} bias has moved by {own:.1} times what its \
                  uncertainty allows: a bias of the IMU has changed, or its noise is larger than \

@@ -4,7 +4,7 @@ use super::Fault;
 use crate::earth::normal_gravity;
 use crate::navigation::Navigation;
 use nalgebra::Vector3;
-use navfuse_core::model::finding::Severity;
+use navfuse_core::model::finding::{Basis, Severity};
 use navfuse_core::model::start::FilterView;
 
 /// Time over which the first mean is taken, s: short, since wrong samples move the attitude with
@@ -73,7 +73,8 @@ impl Gravity {
 
 fn judge(mean: &Vector3<f64>, up: Option<Vector3<f64>>, gravity: f64) -> Option<Fault> {
     let (size, ratio) = (mean.norm(), mean.norm() / gravity);
-    let fault = |text, remedy| Some(Fault { severity: Severity::DoNotUse, text, remedy });
+    let (severity, basis) = (Severity::DoNotUse, Basis::Samples);
+    let fault = |text, remedy| Some(Fault { severity, basis, text, remedy });
     if !PLAUSIBLE.contains(&ratio) {
         let text = format!(
             "the mean specific force is {size:.3} m/s^2, where gravity is {gravity:.3} m/s^2"

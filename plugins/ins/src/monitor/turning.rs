@@ -7,7 +7,7 @@
 
 use super::Fault;
 use nalgebra::{Matrix3, Vector3};
-use navfuse_core::model::finding::Severity;
+use navfuse_core::model::finding::{Basis, Severity};
 
 /// Length of the blocks of which means are compared, s.
 const BLOCK: f64 = 0.5;
@@ -115,6 +115,7 @@ impl Turning {
         self.reported = true;
         Some(Fault {
             severity: Severity::DoNotUse,
+            basis: Basis::Samples,
             text: format!(
                 "gravity does not turn as the gyros turn; the residuals are {:.0} times smaller if, \
                  for example, {name}",

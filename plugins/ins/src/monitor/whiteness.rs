@@ -6,7 +6,7 @@
 use super::Fault;
 use crate::imu::Imu;
 use nalgebra::Vector3;
-use navfuse_core::model::finding::Severity;
+use navfuse_core::model::finding::{Basis, Severity};
 
 /// Number of averaging lengths: 1, 2, 4, 8 and 16 samples.
 const LEVELS: usize = 5;
@@ -134,6 +134,7 @@ impl Whiteness {
         let hint = if degrees { ", as if the gyros were in deg/s" } else { "" };
         Some(Fault {
             severity: if ratio < USELESS { Severity::Doubtful } else { Severity::DoNotUse },
+            basis: Basis::Samples,
             text: format!(
                 "the white noise of {} is {ratio:.1} times the stated one{hint}",
                 CHANNELS[c]
