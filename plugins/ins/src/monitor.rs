@@ -1,11 +1,12 @@
 //! Monitor of the IMU: faults that its samples contradict physics with.
 //!
-//! Four rules, each in a file of its own: the specific force is about as large as gravity and points
-//! up, gravity turns as the gyros turn, white noise is as strong as stated, and constant biases stay
-//! constant.
+//! Five rules, each in a file of its own: the specific force is about as large as gravity and points
+//! up, gravity turns as the gyros turn, white noise is as strong as stated, the tilt is known well
+//! enough for the accelerometers, and constant biases stay constant.
 
 mod drift;
 mod gravity;
+mod levelling;
 mod turning;
 mod whiteness;
 
@@ -13,6 +14,7 @@ use crate::imu::Imu;
 use crate::navigation::Navigation;
 use drift::Drift;
 use gravity::Gravity;
+use levelling::Levelling;
 use nalgebra::Vector3;
 use navfuse_core::model::finding::{Basis, Finding, Severity};
 use navfuse_core::model::monitor::Monitor;
@@ -37,6 +39,7 @@ pub(crate) struct ImuMonitor {
     imu: Imu,
     navigation: Navigation,
     gravity: Gravity,
+    levelling: Levelling,
     turning: Turning,
     whiteness: Whiteness,
     drift: Drift,
@@ -51,6 +54,7 @@ impl ImuMonitor {
             imu: imu.clone(),
             navigation,
             gravity: Gravity::new(tilt),
+            levelling: Levelling::new(navigation, tilt.is_none()),
             turning: Turning::default(),
             whiteness: Whiteness::new(imu),
             drift: Drift::new(navigation),
@@ -75,6 +79,7 @@ impl Monitor for ImuMonitor {
         let fault = (self.gravity.take(filter, &self.navigation, &f, dt))
             .or_else(|| self.turning.take(&w, &f, dt))
             .or_else(|| self.whiteness.take(&w, &f, dt))
+            .or_else(|| self.levelling.take(filter, time))
             .or_else(|| self.drift.take(filter, time));
         fault.map(|fault| self.finding(time, fault))
     }
