@@ -16,7 +16,7 @@ use pulp::{Arch, Simd, WithSimd};
 use std::sync::Arc;
 
 /// Four columns of a row.
-type Lane = [f64; 4];
+pub(super) type Lane = [f64; 4];
 
 /// The pattern of `Phi` in the kernel's order, and its work space.
 #[derive(Clone, Debug, Default)]
@@ -159,7 +159,7 @@ impl Kernel {
 
 /// A tile transposed.
 #[inline(always)]
-fn turned<S: Simd>(simd: S, tile: [Lane; 4]) -> [Lane; 4] {
+pub(super) fn turned<S: Simd>(simd: S, tile: [Lane; 4]) -> [Lane; 4] {
     if S::F64_LANES == 4 {
         return cast(simd.deinterleave_shfl_f64s(cast::<_, [S::f64s; 4]>(tile)));
     }
@@ -182,9 +182,15 @@ fn mirrored<S: Simd>(simd: S, tile: [Lane; 4]) -> [Lane; 4] {
     [a, [a[1], b[1], b[2], b[3]], [a[2], b[2], c[2], c[3]], [a[3], b[3], c[3], d[3]]]
 }
 
+/// Reads the tile of a group of rows and columns, with zeros in rows that the matrix lacks.
+#[inline(always)]
+pub(super) fn tile(p: &[Lane], lanes: usize, (row, column): (usize, usize)) -> [Lane; 4] {
+    [0, 1, 2, 3].map(|i| p.get((4 * row + i) * lanes + column).copied().unwrap_or_default())
+}
+
 /// Writes the tile of a group of rows and columns, as far as the matrix has its rows.
 #[inline(always)]
-fn put(p: &mut [Lane], lanes: usize, (row, column): (usize, usize), tile: [Lane; 4]) {
+pub(super) fn put(p: &mut [Lane], lanes: usize, (row, column): (usize, usize), tile: [Lane; 4]) {
     for (i, lane) in tile.into_iter().enumerate() {
         if let Some(to) = p.get_mut((4 * row + i) * lanes + column) {
             *to = lane;

@@ -1,7 +1,10 @@
 //! The symmetric covariance of the error state.
 
+use super::kernel::{put, tile, turned};
 use crate::state::manifold::MAX_TANGENT;
 use nalgebra::{DMatrix, DVector};
+use pulp::Simd;
+use std::ops::Range;
 
 /// A symmetric covariance, row-major, with rows padded to a multiple of four so that the kernel
 /// runs on whole vectors.
@@ -67,42 +70,46 @@ impl Covariance {
     }
 
     /// `P = G P G'` with `G` the identity but for the block `g` (row-major) on the range.
-    pub fn transform(&mut self, range: std::ops::Range<usize>, g: &[f64]) {
+    pub fn transform(&mut self, range: Range<usize>, g: &[f64]) {
+        // compiled for three axes and for any number
+        match range.len() {
+            3 => self.transform_rows(range.start, 3, g),
+            w => self.transform_rows(range.start, w, g),
+        }
+        self.symmetrise_rows(range);
+    }
+
+    #[inline(always)]
+    fn transform_rows(&mut self, first: usize, w: usize, g: &[f64]) {
         const LANES: usize = 4;
-        let (w, stride) = (range.len(), self.stride);
-        let rows = &mut self.p[range.start * stride..range.end * stride];
+        let stride = self.stride;
+        let (range, rows) = (first..first + w, &mut self.p[first * stride..][..w * stride]);
         for at in (0..stride).step_by(LANES) {
             let mut old = [[0.0; LANES]; MAX_TANGENT];
-            for (old, row) in old.iter_mut().zip(rows.chunks_exact(stride)) {
+            for (old, row) in old[..w].iter_mut().zip(rows.chunks_exact(stride)) {
                 old.copy_from_slice(&row[at..at + LANES]);
             }
             for (row, g) in rows.chunks_exact_mut(stride).zip(g.chunks_exact(w)) {
                 let mut sum = [-0.0; LANES];
-                for (g, old) in g.iter().zip(&old) {
+                for (g, old) in g.iter().zip(&old[..w]) {
                     (0..LANES).for_each(|i| sum[i] += g * old[i]);
                 }
                 row[at..at + LANES].copy_from_slice(&sum);
             }
         }
-        let mut column = [0.0; MAX_TANGENT];
-        for j in 0..self.n {
-            let row = &mut self.p[j * stride..][range.clone()];
-            for (a, c) in column[..w].iter_mut().enumerate() {
-                *c = (0..w).map(|b| g[a * w + b] * row[b]).sum();
+        for row in self.p.chunks_exact_mut(stride) {
+            let row = &mut row[range.clone()];
+            let mut column = [0.0; MAX_TANGENT];
+            for (c, g) in column[..w].iter_mut().zip(g.chunks_exact(w)) {
+                *c = g.iter().zip(&*row).map(|(g, p)| g * p).sum();
             }
             row.copy_from_slice(&column[..w]);
         }
-        self.symmetrise_rows(range);
     }
 
     /// `P = G P G'`, where `G` is the identity except for `g` in three rows of column `k`, which is
     /// none of them.
-    pub(crate) fn shear(
-        &mut self,
-        rows: std::ops::Range<usize>,
-        k: usize,
-        g: &nalgebra::Vector3<f64>,
-    ) {
+    pub(crate) fn shear(&mut self, rows: Range<usize>, k: usize, g: &nalgebra::Vector3<f64>) {
         let stride = self.stride;
         for (row, g) in rows.clone().zip(g) {
             for j in 0..self.n {
@@ -117,12 +124,7 @@ impl Covariance {
     }
 
     /// `X = G' X G` with the `G` of [`Self::shear`].
-    pub(crate) fn shear_back(
-        &mut self,
-        rows: std::ops::Range<usize>,
-        k: usize,
-        g: &nalgebra::Vector3<f64>,
-    ) {
+    pub(crate) fn shear_back(&mut self, rows: Range<usize>, k: usize, g: &nalgebra::Vector3<f64>) {
         let stride = self.stride;
         for (row, g) in rows.clone().zip(g) {
             for j in 0..self.n {
@@ -182,27 +184,34 @@ impl Covariance {
         (0..self.n).for_each(|i| self.symmetrise_row(i, 0..i));
     }
 
-    /// [`Self::symmetrise`] where these rows have changed, in these columns.
+    /// [`Self::symmetrise`] where rows and columns of these ranges meet, multiples of four.
     #[inline(always)]
-    pub(super) fn symmetrise_reached(&mut self, reached: &[std::ops::Range<usize>]) {
-        for (k, run) in reached.iter().enumerate() {
-            for i in run.start..run.end.min(self.n) {
-                for before in &reached[..k] {
-                    self.symmetrise_row(i, before.clone());
+    pub(super) fn symmetrise_reached<S: Simd>(&mut self, simd: S, reached: &[Range<usize>]) {
+        let lanes = self.stride / 4;
+        let p = self.p.as_chunks_mut::<4>().0;
+        let groups = reached.iter().flat_map(|run| run.start / 4..run.end / 4);
+        for g in groups.clone() {
+            for h in groups.clone().take_while(|h| *h <= g) {
+                let below = tile(p, lanes, (g, h));
+                let above = if g == h { below } else { tile(p, lanes, (h, g)) };
+                let (mut mean, other) = (below, turned(simd, above));
+                for (mean, other) in mean.as_flattened_mut().iter_mut().zip(other.as_flattened()) {
+                    *mean = 0.5 * (*mean + other);
                 }
-                self.symmetrise_row(i, run.start..i);
+                put(p, lanes, (g, h), mean);
+                put(p, lanes, (h, g), turned(simd, mean));
             }
         }
     }
 
     /// [`Self::symmetrise`] where these rows and their columns alone have changed.
-    fn symmetrise_rows(&mut self, rows: std::ops::Range<usize>) {
+    fn symmetrise_rows(&mut self, rows: Range<usize>) {
         rows.for_each(|i| self.symmetrise_row(i, 0..self.n));
     }
 
     /// Replaces some elements of a row, and of its column, by their mean.
     #[inline]
-    fn symmetrise_row(&mut self, i: usize, columns: std::ops::Range<usize>) {
+    fn symmetrise_row(&mut self, i: usize, columns: Range<usize>) {
         for j in columns {
             let mean = 0.5 * (self.p[i * self.stride + j] + self.p[j * self.stride + i]);
             self.p[i * self.stride + j] = mean;

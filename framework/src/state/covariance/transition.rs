@@ -190,9 +190,11 @@ impl Transition {
         let (stride, p) = (covariance.stride, &mut covariance.p);
         let share = 1.0 + self.excess;
         for &(at, row, size) in &self.noise {
-            let q = self.q[at..at + size * size].chunks_exact(size.max(1));
-            for (q, row_of_p) in q.zip(p[row * stride..].chunks_exact_mut(stride)) {
-                row_of_p[row..].iter_mut().zip(q).for_each(|(p, q)| *p += share * q);
+            let (q, p) = (&self.q[at..at + size * size], &mut p[row * stride..][..size * stride]);
+            // compiled for three axes and for any number
+            match size {
+                3 => add_block(p, stride, row, 3, q, share),
+                _ => add_block(p, stride, row, size, q, share),
             }
         }
         for own in &self.own {
@@ -312,5 +314,13 @@ impl Transition {
         let mut q = nalgebra::DMatrix::zeros(n, n);
         self.noise_elements().for_each(|(i, j, value)| q[(i, j)] += value);
         q
+    }
+}
+
+/// Adds `share` times a block of `size` rows to the rows of `p`, from that column on.
+#[inline(always)]
+fn add_block(p: &mut [f64], stride: usize, column: usize, size: usize, q: &[f64], share: f64) {
+    for (p, q) in p.chunks_exact_mut(stride).zip(q.chunks_exact(size.max(1))) {
+        p[column..column + size].iter_mut().zip(q).for_each(|(p, q)| *p += share * q);
     }
 }

@@ -26,6 +26,8 @@ pub struct Update {
     /// The correction of the error state.
     pub delta: Vec<f64>,
     pub(super) lower: Vec<f64>,
+    /// `H` by columns, each padded to a multiple of four.
+    pub(super) ht: Vec<f64>,
     /// `H P`: one row for each component, padded as those of the covariance.
     pub(super) hp: Vec<f64>,
     /// The gain transposed, likewise.
@@ -94,13 +96,14 @@ impl Update {
             s: Vec::with_capacity(m * m),
             delta: vec![0.0; n],
             lower: Vec::with_capacity(m * m),
+            ht: Vec::with_capacity(n * m.next_multiple_of(4)),
             hp: Vec::with_capacity(m * n.next_multiple_of(4)),
             kt: Vec::with_capacity(m * n.next_multiple_of(4)),
             gain: Vec::with_capacity(n * m),
             l: Vec::with_capacity(n * m),
             processor: Arch::new(),
             reached: Vec::with_capacity(n.div_ceil(8)),
-            work: Vec::with_capacity((m * m).max(n + 2 * m + 4)),
+            work: Vec::with_capacity((m * m).max(2 * m + 4)),
         }
     }
 
@@ -344,9 +347,11 @@ impl Update {
     /// After [`Self::innovate`].
     pub fn apply(&mut self, covariance: &mut Covariance, considered: &[bool]) {
         self.processor.dispatch(Joseph { update: self, covariance, considered });
-        let (m, stride) = (self.m, covariance.stride);
-        self.gain.clear();
-        self.gain.extend((0..covariance.n * m).map(|k| self.kt[k % m * stride + k / m]));
+        let m = self.m;
+        self.gain.resize(covariance.n * m, 0.0);
+        for (a, kt) in self.kt.chunks_exact(covariance.stride).enumerate() {
+            self.gain[a..].iter_mut().step_by(m).zip(kt).for_each(|(gain, k)| *gain = *k);
+        }
     }
 }
 
