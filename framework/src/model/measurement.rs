@@ -233,30 +233,20 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
         let read = RefCell::new(std::mem::take(&mut update.read));
         read.borrow_mut().clear();
         let predicted = self.0.predict(&at.view().recording(&read));
-        let read = read.into_inner();
-        update.columns.clear();
-        for slot in read.slots() {
-            update.columns.extend(at.layout.blocks[slot].tangent_range());
-        }
-        let w = update.columns.len();
-        update.h.clear();
-        update.h.resize(N * w, 0.0);
+        update.read_blocks(at.layout, read.into_inner(), N);
         if !self.analytic(at, &update.columns, &mut update.h) {
-            self.differentiate(at, &update.columns, &read, &mut update.h);
+            self.differentiate(at, &update.columns, &update.read, &mut update.h);
         }
-        update.read = read;
         let noise = self.0.noise(&at.view());
-        update.innovation.clear();
-        update.r.clear();
-        let mut m = 0;
-        for i in 0..N {
-            let Some(z) = at.sample.get(i) else { continue };
-            update.innovation.push(self.0.difference(i, z, predicted[i]));
-            update.r.extend((0..N).filter(|&j| at.sample.get(j).is_some()).map(|j| noise[(i, j)]));
-            update.h.copy_within(i * w..(i + 1) * w, m * w);
-            m += 1;
-        }
-        update.m = m;
+        let innovation = |i| match at.sample.get(i) {
+            Some(z) => self.0.difference(i, z, predicted[i]),
+            None => f64::NAN,
+        };
+        update.keep_channels(
+            at.sample,
+            &std::array::from_fn::<f64, N, _>(innovation),
+            noise.as_slice(),
+        );
     }
 
     fn differentiate(&self, at: &At<'_>, columns: &[usize], read: &BlockSet, h: &mut [f64]) {
@@ -292,6 +282,36 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
 
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
         self.0.simulate(scene, sample);
+    }
+}
+
+/// The part of [`AnyMeasurement::linearise`] that is the same for all models, compiled once.
+impl Update {
+    /// Takes the blocks that a model of `n` channels reads, and clears its Jacobian.
+    fn read_blocks(&mut self, layout: &Layout, read: BlockSet, n: usize) {
+        self.columns.clear();
+        for slot in read.slots() {
+            self.columns.extend(layout.blocks[slot].tangent_range());
+        }
+        self.read = read;
+        self.h.clear();
+        self.h.resize(n * self.columns.len(), 0.0);
+    }
+
+    /// Takes innovation and noise (column by column) of all channels, and keeps those, with their
+    /// rows of the Jacobian, that the sample has.
+    fn keep_channels(&mut self, sample: &Sample, innovation: &[f64], noise: &[f64]) {
+        let (n, w) = (innovation.len(), self.columns.len());
+        self.innovation.clear();
+        self.r.clear();
+        for i in (0..n).filter(|&i| sample.get(i).is_some()) {
+            let m = self.innovation.len();
+            self.h.copy_within(i * w..(i + 1) * w, m * w);
+            self.innovation.push(innovation[i]);
+            let present = (0..n).filter(|&j| sample.get(j).is_some());
+            self.r.extend(present.map(|j| noise[j * n + i]));
+        }
+        self.m = self.innovation.len();
     }
 }
 
