@@ -4,8 +4,9 @@ use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
 use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::measurement::Jacobian;
 use navfuse_core::model::mounting;
-use navfuse_core::nalgebra::Vector3;
+use navfuse_core::nalgebra::{SMatrix, Vector3};
 use navfuse_core::state::display;
 use navfuse_core::state::manifold::{Rotation, Scalar, Vector};
 use navfuse_core::state::{Handle, View};
@@ -142,5 +143,36 @@ impl Instrument {
             v_b -= x.get(self.navigation.attitude).inverse() * x.get(current);
         }
         x.get(self.c_b_d) * v_b * x.get(self.scale)
+    }
+
+    /// Sets the derivatives of the readings `u_i . y` along `beams`, with `y` of [`Self::velocity`],
+    /// with respect to every block that it reads. With `exp([phi x]) C_b^d`, `y` changes by
+    /// `phi x y`.
+    pub fn differentiate<const N: usize>(
+        &self,
+        x: &View<'_, f64>,
+        beams: &[Vector3<f64>; N],
+        h: &mut Jacobian<'_, N>,
+    ) {
+        let b = SMatrix::<f64, N, 3>::from_fn(|i, k| beams[i][k]);
+        let arm = x.get(self.lever_arm);
+        let mut v_b = self.navigation.velocity_at(x, &arm);
+        let mut body = self.navigation.velocity_derivative(x, &arm);
+        let (c_b_d, scale) = (x.get(self.c_b_d).into_inner(), x.get(self.scale));
+        let b_d = b * c_b_d * scale;
+        if let Some(handle) = self.current {
+            let current = x.get(handle);
+            v_b -= body.velocity * current;
+            body.attitude -= body.velocity * current.cross_matrix();
+            h.set(handle, &(b_d * -body.velocity));
+        }
+        let v_d = c_b_d * v_b;
+        h.set(self.scale, &(b * v_d));
+        h.set(self.c_b_d, &(b * (v_d * -scale).cross_matrix()));
+        h.set(self.lever_arm, &(b_d * body.lever_arm));
+        h.set(self.navigation.attitude, &(b_d * body.attitude));
+        h.set(self.navigation.velocity, &(b_d * body.velocity));
+        h.set(self.navigation.position, &(b_d * body.position));
+        h.set(self.navigation.gyro_bias, &(b_d * body.gyro_bias));
     }
 }

@@ -10,7 +10,7 @@ use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
 use navfuse_core::model::error::ComposeError;
-use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::measurement::{Jacobian, MeasurementModel};
 use navfuse_core::model::mounting::{self, Reach};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Scene;
@@ -171,6 +171,11 @@ impl<const N: usize> MeasurementModel<N> for LaserDopplerModel<N> {
 
     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, N, N> {
         SMatrix::from_diagonal(&SVector::from(self.sigma.map(|s| s * s)))
+    }
+
+    fn jacobian(&self, x: &View<'_, f64>, h: &mut Jacobian<'_, N>) -> bool {
+        self.instrument.differentiate(x, &self.beams, h);
+        true
     }
 
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {

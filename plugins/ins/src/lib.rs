@@ -22,7 +22,7 @@ mod testing;
 
 pub use coast::Coast;
 pub use imu::{Imu, Output};
-pub use navigation::{Navigation, default_name};
+pub use navigation::{Navigation, VelocityDerivative, default_name};
 pub use reference::ReferenceSolution;
 pub use strapdown::Strapdown;
 

@@ -1,10 +1,10 @@
 //! The navigation state as measurement models read it.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::model::error::ComposeError;
-use navfuse_core::state::geodesy::Geodetic;
+use navfuse_core::state::geodesy::{Geodetic, radii_of_curvature};
 use navfuse_core::state::manifold::{Position, Rotation, Vector};
 use navfuse_core::state::{Handle, Signal, View};
 
@@ -25,6 +25,22 @@ pub struct Navigation {
     pub accel_bias: Handle<Vector<3>>,
     /// Angular rate as the gyros measured it, rad/s.
     pub angular_rate: Signal<3>,
+}
+
+/// Derivative of [`Navigation::velocity_at`] with respect to the tangent of each block that it reads,
+/// and to the lever arm.
+#[derive(Clone, Copy, Debug)]
+pub struct VelocityDerivative {
+    /// Derivative with respect to the attitude.
+    pub attitude: Matrix3<f64>,
+    /// Derivative with respect to the velocity, which is `C_n^b`.
+    pub velocity: Matrix3<f64>,
+    /// Derivative with respect to the position.
+    pub position: Matrix3<f64>,
+    /// Derivative with respect to the gyro bias.
+    pub gyro_bias: Matrix3<f64>,
+    /// Derivative with respect to the lever arm.
+    pub lever_arm: Matrix3<f64>,
 }
 
 /// Default name of a strapdown process, and therefore of the parameter with which a sensor refers
@@ -78,6 +94,34 @@ impl Navigation {
     pub fn velocity_at<T: Real>(&self, x: &View<'_, T>, lever_arm: &Vector3<T>) -> Vector3<T> {
         let v_b = x.get(self.attitude).inverse() * x.get(self.velocity);
         v_b + self.angular_rate(x).cross(lever_arm)
+    }
+
+    /// Computes the derivative of [`Self::velocity_at`]. With the attitude `exp([phi x]) C_b^n`,
+    /// `C_n^b u` changes by `C_n^b [u x] phi`, and a change `dw` of the rate moves the point by
+    /// `-[l x] dw`.
+    pub fn velocity_derivative(
+        &self,
+        x: &View<'_, f64>,
+        lever_arm: &Vector3<f64>,
+    ) -> VelocityDerivative {
+        let c_n_b = x.get(self.attitude).inverse().into_inner();
+        let position = x.get(self.position);
+        let ((sin, cos), (r_n, _)) =
+            (position.latitude.sin_cos(), radii_of_curvature(position.latitude));
+        let w_ie_n = Vector3::new(EARTH_RATE * cos, 0.0, -EARTH_RATE * sin);
+        // per metre to the north
+        let w_turned = Vector3::new(-EARTH_RATE * sin, 0.0, -EARTH_RATE * cos)
+            * (1.0 / (r_n + position.height));
+        let arm = lever_arm.cross_matrix();
+        let to_north = arm * (c_n_b * w_turned);
+        VelocityDerivative {
+            attitude: c_n_b * x.get(self.velocity).cross_matrix()
+                + arm * c_n_b * w_ie_n.cross_matrix(),
+            velocity: c_n_b,
+            position: Matrix3::from_columns(&[to_north, Vector3::zeros(), Vector3::zeros()]),
+            gyro_bias: arm,
+            lever_arm: self.angular_rate(x).cross_matrix(),
+        }
     }
 
     /// Position of the point at `lever_arm` (body axes, m) from the IMU: `p [+] C_b^n l`.

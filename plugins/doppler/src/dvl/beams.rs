@@ -11,7 +11,7 @@ use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::limits::Limit;
-use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::measurement::{Jacobian, MeasurementModel};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Scene;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3, convert};
@@ -21,6 +21,7 @@ use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{Angle, Positive, Ratio, Sigma, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::array;
 
 doppler_sensor! {
     /// Doppler velocity log that outputs the velocity along each of its beams. The filter uses
@@ -162,17 +163,22 @@ pub struct DvlBeamsModel<const N: usize> {
     dropout: f64,
 }
 
+impl<const N: usize> DvlBeamsModel<N> {
+    /// Direction of a beam, with the gains that a true speed of sound gives it.
+    fn beam(&self, i: usize, sound: Option<f64>) -> Vector3<f64> {
+        let mut beam = self.beams[i];
+        if let Some((sound, c)) = self.sound.zip(sound) {
+            let (across, along) = gains(sound.array, &beam, sound.set, c);
+            beam.component_mul_assign(&Vector3::new(across, across, along));
+        }
+        beam
+    }
+}
+
 impl<const N: usize> MeasurementModel<N> for DvlBeamsModel<N> {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, N> {
-        let v = self.instrument.velocity(x);
-        SVector::from_fn(|i, _| {
-            let mut beam = self.beams[i];
-            if let Some((sound, c)) = self.sound.zip(x.channel(N)) {
-                let (across, along) = gains(sound.array, &beam, sound.set, c);
-                beam.component_mul_assign(&Vector3::new(across, across, along));
-            }
-            beam.map(convert::<f64, T>).dot(&v)
-        })
+        let (v, sound) = (self.instrument.velocity(x), x.channel(N));
+        SVector::from_fn(|i, _| self.beam(i, sound).map(convert::<f64, T>).dot(&v))
     }
 
     fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, N, N> {
@@ -181,6 +187,13 @@ impl<const N: usize> MeasurementModel<N> for DvlBeamsModel<N> {
             variance += self.relative.powi(2) * self.instrument.velocity(x).norm_squared();
         }
         SMatrix::from_diagonal_element(variance)
+    }
+
+    fn jacobian(&self, x: &View<'_, f64>, h: &mut Jacobian<'_, N>) -> bool {
+        let sound = x.channel(N);
+        let beams = array::from_fn(|i| self.beam(i, sound));
+        self.instrument.differentiate(x, &beams, h);
+        true
     }
 
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {

@@ -10,7 +10,7 @@ use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::limits::Limit;
-use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::measurement::{Jacobian, MeasurementModel};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Scene;
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
@@ -80,6 +80,12 @@ impl MeasurementModel<3> for DvlModel {
             variances += relative.map(|share| share * share * speed_squared);
         }
         SMatrix::from_diagonal(&variances)
+    }
+
+    fn jacobian(&self, x: &View<'_, f64>, h: &mut Jacobian<'_, 3>) -> bool {
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        self.instrument.differentiate(x, &axes, h);
+        true
     }
 
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {

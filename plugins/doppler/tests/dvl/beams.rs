@@ -123,16 +123,25 @@ fn the_jacobian_is_the_derivative() {
     let composition =
         compose(&format!("{SCENARIO}{water}"), &[sound[0], sound[1], tracks[0], tracks[1]]);
     let mut random = Random::new(1, "states");
+    let model = model(&composition, "dvl");
     for case in 0..200 {
         let state = random_state(&composition, &mut random);
         let mut sample = no_sample();
         sample.set(4, 1480.0);
+        let at = At { layout: &composition.layout, state: &state, sample: &sample };
         // truncation (6e-6)^2 and rounding 1e-16/6e-6 of numbers up to 3 leave 1e-10
-        let error = jacobian_error(
-            model(&composition, "dvl").as_ref(),
-            &At { layout: &composition.layout, state: &state, sample: &sample },
-        );
+        let error = jacobian_error(model.as_ref(), &at);
         assert!(error < 1e-6, "case {case}: {error:e}");
+        // dual numbers leave the rounding of some ten products
+        let read = model.blocks(&at);
+        let blocks = read.slots().map(|slot| &composition.layout.blocks[slot]);
+        let columns: Vec<usize> = blocks.flat_map(|block| block.tangent_range()).collect();
+        let mut h = [vec![0.0; 4 * columns.len()], vec![0.0; 4 * columns.len()]];
+        assert!(model.analytic(&at, &columns, &mut h[0]));
+        model.differentiate(&at, &columns, &read, &mut h[1]);
+        let largest = h[1].iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let apart = h[0].iter().zip(&h[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(apart < 1e-14 * largest, "case {case}: {apart:e} of {largest:e}");
     }
 }
 
