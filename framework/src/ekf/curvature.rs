@@ -11,8 +11,8 @@
 //! c = sqrt((b^2 + V) / R)
 //! ```
 //! compares the neglected part with the uncertainty that remains. It is the curvature of Bates &
-//! Watts (J. R. Statist. Soc. B 42, 1980) over one sigma. The check runs at samples 1, 2, 4, ... 64
-//! of a sensor, at every 64th sample after these, and where the variances of the states that it
+//! Watts (J. R. Statist. Soc. B 42, 1980) over one sigma. The check runs at samples 1, 2, 4, ... 256
+//! of a sensor, at every 256th sample after these, and where the variances of the states that it
 //! reads have grown so much that the last `c` would reach the bound. A first update that determines
 //! the states in which the model is curved does no harm; two checks in a row give a finding.
 
@@ -34,8 +34,8 @@ const TOO_CURVED: f64 = 10.0;
 /// the model is curved.
 const IN_A_ROW: u32 = 2;
 
-/// Largest number of samples between two checks.
-const PERIOD: u32 = 64;
+/// Largest number of samples between two checks. A check costs as much as a hundred updates.
+const PERIOD: u32 = 256;
 
 /// Check of one sensor.
 #[derive(Clone, Default)]
