@@ -109,18 +109,13 @@ impl Update {
         kt.clear();
         kt.extend_from_slice(hp);
         let rows = S::as_mut_simd_f64s(kt).0;
-        for at in 0..lanes {
-            let step = |rows: &mut [S::f64s], i: usize, others: Range<usize>, by: [usize; 2]| {
-                let mut sum = simd.splat_f64s(-0.0);
-                for k in others {
-                    let factor = simd.splat_f64s(lower[i * by[0] + k * by[1]]);
-                    sum = simd.add_f64s(sum, simd.mul_f64s(factor, rows[k * lanes + at]));
-                }
-                let left = simd.sub_f64s(rows[i * lanes + at], sum);
-                rows[i * lanes + at] = simd.div_f64s(left, simd.splat_f64s(lower[i * m + i]));
-            };
-            (0..m).for_each(|i| step(rows, i, 0..i, [m, 1]));
-            (0..m).rev().for_each(|i| step(rows, i, i + 1..m, [1, m]));
+        for i in 0..m {
+            let below = (0..i).map(|k| (lower[i * m + k], k));
+            substitute(simd, rows, lanes, i, lower[i * m + i], below);
+        }
+        for i in (0..m).rev() {
+            let above = (i + 1..m).map(|k| (lower[k * m + i], k));
+            substitute(simd, rows, lanes, i, lower[i * m + i], above);
         }
         for (i, _) in considered.iter().enumerate().filter(|(_, considered)| **considered) {
             kt.iter_mut().skip(i).step_by(covariance.stride).for_each(|k| *k = 0.0);
@@ -162,6 +157,28 @@ impl Update {
             }
         }
         covariance.symmetrise_reached(simd, reached);
+    }
+}
+
+/// One step of a substitution: `row i = (row i - sum of factor * row k) / divisor`.
+#[inline(always)]
+fn substitute<S: Simd>(
+    simd: S,
+    rows: &mut [S::f64s],
+    lanes: usize,
+    i: usize,
+    divisor: f64,
+    terms: impl Iterator<Item = (f64, usize)> + Clone,
+) {
+    let divisor = simd.splat_f64s(divisor);
+    for at in 0..lanes {
+        let mut sum = simd.splat_f64s(-0.0);
+        for (factor, k) in terms.clone() {
+            let term = simd.mul_f64s(simd.splat_f64s(factor), rows[k * lanes + at]);
+            sum = simd.add_f64s(sum, term);
+        }
+        let left = simd.sub_f64s(rows[i * lanes + at], sum);
+        rows[i * lanes + at] = simd.div_f64s(left, divisor);
     }
 }
 
