@@ -129,6 +129,7 @@ impl Composition {
         self.estimator.draw = Draw::Nothing;
         let estimator = &mut self.estimator;
         (estimator.smooth, estimator.lag, estimator.passes) = (false, None, None);
+        estimator.linearise_once();
         // without noise, samples at rest repeat: screening and monitor would report them as frozen
         for process in &mut self.processes {
             process.searches = false;

@@ -3,7 +3,7 @@
 use crate::compose::draw::Draw;
 use crate::model::update_rule::UpdateRule;
 use crate::units::time::Time;
-use crate::units::{Frequency, Positive, Time as Duration};
+use crate::units::{Frequency, NonNegative, Positive, Time as Duration};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::num::NonZeroU32;
@@ -49,9 +49,11 @@ pub struct EstimatorConfig {
     /// changes by more than 0.001 sigma.
     pub(crate) passes: Option<NonZeroU32>,
     /// Linearises the samples of this time after the start again, at their smoothed trajectory,
-    /// while the filter runs: after a 16th of this time, an 8th, and so on up to the whole of it. For a
-    /// wide prior, such as a heading known to 30 deg; see the explanation of update rules.
-    pub(crate) relinearise: Option<Positive<Duration>>,
+    /// while the filter runs: after a 64th of this time, whenever the time since the start has grown by
+    /// a quarter, and after the whole of it. For a wide prior, such as a heading known to 30 deg; see
+    /// the explanation of update rules. `0 s`, the default, does not. A smoothed run, an estimator other than `ekf`, and blocks that come and go
+    /// leave the key without effect, and an event says so.
+    relinearise: Option<NonNegative<Duration>>,
     /// Rule by which samples correct the estimate: `ekf` (one linearisation), `iekf` (iterated) or
     /// `ukf` (unscented). A sensor's own `update` has precedence.
     #[serde(default)]
@@ -132,12 +134,18 @@ impl EstimatorConfig {
 
     /// Time after the start whose samples are linearised again.
     pub(crate) fn relinearise(&self) -> Option<Time> {
-        self.relinearise.and_then(|span| Time::from_seconds(span.value().si()))
+        let span = self.relinearise.and_then(|span| Time::from_seconds(span.value().si()));
+        span.filter(|span| *span > Time::default())
+    }
+
+    /// Lets every sample be linearised once.
+    pub(crate) fn linearise_once(&mut self) {
+        self.relinearise = None;
     }
 
     /// Returns `true` if samples are linearised at their smoothed trajectory.
     pub(crate) fn linearises_again(&self) -> bool {
-        self.relinearise.is_some() || self.passes() > 1
+        self.relinearise().is_some() || self.passes() > 1
     }
 
     /// Nanoseconds between recorded estimates.

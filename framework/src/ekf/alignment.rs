@@ -102,7 +102,7 @@ impl Ekf {
 
     /// Takes the samples of a search, with an estimate in each period of the output rate. With a
     /// reference, its samples give the estimates.
-    pub(super) fn catch_up(
+    pub(crate) fn catch_up(
         &mut self,
         samples: &[Sample],
         observer: &mut dyn Observer,

@@ -215,7 +215,7 @@ impl Ekf {
         self.memory.lacking.map(|slot| &self.layout.blocks[slot])
     }
 
-    pub(super) fn searching(&self) -> bool {
+    pub(crate) fn searching(&self) -> bool {
         matches!(self.memory.stage, Stage::Searching(_))
     }
 

@@ -19,16 +19,16 @@ impl Ekf {
     }
 
     /// Leaves the trajectory: the state becomes the estimate, and the filter linearises at it from
-    /// now on.
-    pub(crate) fn join_course(&mut self) {
+    /// now on. Returns the injected error.
+    pub(crate) fn join_course(&mut self) -> Vec<f64> {
         self.guide = None;
         let m = &mut self.memory;
-        if let Some(mut offset) = m.offset.take() {
-            self.layout.inject(&mut m.state, &mut offset.d, &mut m.covariance);
-            if let Some(history) = &mut m.history {
-                history.corrected(&offset.d);
-            }
+        let Some(mut offset) = m.offset.take() else { return Vec::new() };
+        self.layout.inject(&mut m.state, &mut offset.d, &mut m.covariance);
+        if let Some(history) = &mut m.history {
+            history.corrected(&offset.d);
         }
+        offset.d
     }
 
     /// Returns the estimate relative to the trajectory; empty without one.

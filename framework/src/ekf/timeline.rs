@@ -150,6 +150,11 @@ impl Timeline {
         self.closed = true;
     }
 
+    /// Forgets the copies of a filter whose estimate is another one now.
+    pub(crate) fn forget_copies(&mut self) {
+        self.ahead = Ahead::default();
+    }
+
     /// Removes the next sample that no late sample can precede; the filter has to process it.
     /// Samples of one time come in the order of their sensors; a running filter takes references
     /// last.

@@ -35,7 +35,6 @@ pub(crate) fn check(composition: &Composition, root: &Node<'_>) -> Result<(), Do
         let message = "a further pass needs the whole run; remove `passes` or `lag`";
         return Err(ComposeError::new("passes", message).at(&place));
     }
-    check_relinearise(composition).map_err(|e| e.at(&place))?;
     let creator = composition.creator;
     if creator.name == Creator::of::<Ukf>().name {
         check_rules(root)?;
@@ -67,34 +66,25 @@ pub(crate) fn create(composition: Composition) -> Box<dyn Estimator> {
     }
 }
 
-/// Rejects what excludes that the first samples are linearised again.
-fn check_relinearise(composition: &Composition) -> Result<(), ComposeError> {
+/// Lets each sample be linearised once where its estimator cannot linearise it again, with a note.
+pub(crate) fn settle(composition: &mut Composition) {
     if composition.estimator.relinearise().is_none() {
-        return Ok(());
+        return;
     }
-    let message = if composition.creator.name != Creator::of::<Ekf>().name {
-        "only the filter of type = \"ekf\" linearises samples again; remove it, or set that type"
+    let transient = composition.layout.blocks.iter().find(|b| b.label.is_some());
+    let text = if composition.estimator.smooths() {
+        "`relinearise` has no effect on a smoothed run; `passes` linearises all its samples again"
             .to_owned()
-    } else if composition.estimator.smooths() {
-        "a smoothed run linearises all its samples again with `passes`; remove `relinearise` and \
-         set `passes`, or remove `smooth`, `lag` and `passes`"
-            .to_owned()
-    } else if let Some(block) = composition.layout.blocks.iter().find(|b| b.label.is_some()) {
-        format!(
-            "no sample is linearised again with blocks that come and go, such as {}; remove it, \
-             or the sensor that has them",
-            block.name
-        )
-    } else if let Some(sensor) = composition.sensors.iter().find(|s| s.late.is_some()) {
-        format!(
-            "no sample is linearised again where samples may be late; remove it, or `late` of \
-             [sensor.{}]",
-            sensor.info.name
-        )
+    } else if composition.creator.name != Creator::of::<Ekf>().name {
+        let name = composition.creator.name;
+        format!("`relinearise` has no effect with type = {name:?}, but with type = \"ekf\"")
+    } else if let Some(block) = transient {
+        format!("`relinearise` has no effect with blocks that come and go, such as {}", block.name)
     } else {
-        return Ok(());
+        return;
     };
-    Err(ComposeError::new("relinearise", message))
+    composition.estimator.linearise_once();
+    composition.notes.push(("estimator".to_owned(), text));
 }
 
 /// Rejects another update rule than that of the unscented filter.
@@ -120,11 +110,29 @@ pub(crate) fn filter(estimator: &dyn Estimator) -> Option<&Ekf> {
 
 /// The filter of the framework behind an estimator, to be changed.
 pub(crate) fn filter_mut(estimator: &mut dyn Estimator) -> Option<&mut Ekf> {
-    let any: &mut dyn Any = estimator;
+    own(estimator)
+}
+
+fn own(any: &mut dyn Any) -> Option<&mut Ekf> {
     if any.is::<Ekf>() {
         return any.downcast_mut::<Ekf>();
     }
     any.downcast_mut::<Ukf>().map(Ukf::filter_mut)
+}
+
+/// The filter of the framework that takes samples once no late one can precede them.
+pub(crate) fn settled_mut(estimator: &mut dyn Estimator) -> Option<&mut Ekf> {
+    let any: &mut dyn Any = estimator;
+    if any.is::<Relinearised>() {
+        return any.downcast_mut::<Relinearised>().map(Relinearised::filter_mut);
+    }
+    own(any)
+}
+
+/// Returns `true` once after the filter has linearised samples again: copies of it are of the past.
+pub(crate) fn has_jumped(estimator: &mut dyn Estimator) -> bool {
+    let any: &mut dyn Any = estimator;
+    any.downcast_mut::<Relinearised>().is_some_and(Relinearised::has_jumped)
 }
 
 /// The reason for which the filter never started, and the remedy.

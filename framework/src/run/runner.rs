@@ -253,7 +253,7 @@ impl Run {
             return Ok(()); // late samples before the end may follow
         }
         let Some((timeline, filter)) =
-            self.timeline.as_mut().zip(estimators::filter_mut(self.estimator.as_mut()))
+            self.timeline.as_mut().zip(estimators::settled_mut(self.estimator.as_mut()))
         else {
             return self.process(sample);
         };
@@ -273,6 +273,11 @@ impl Run {
             && let Some(sample) = timeline.release(self.estimator.running())
         {
             self.process(&sample)?;
+            if let Some(timeline) = &mut self.timeline
+                && estimators::has_jumped(self.estimator.as_mut())
+            {
+                timeline.forget_copies();
+            }
         }
         Ok(())
     }
@@ -280,7 +285,7 @@ impl Run {
     /// Shows the newest estimate to the sinks that want it, once in each period of the output rate.
     fn show_newest(&mut self) {
         let Self { timeline: Some(timeline), outputs, estimator, .. } = self else { return };
-        let Some(filter) = estimators::filter_mut(estimator.as_mut()) else { return };
+        let Some(filter) = estimators::settled_mut(estimator.as_mut()) else { return };
         let Some(now) = timeline.now() else { return };
         if outputs.wants_newest() && self.newest.is_due(now) {
             self.newest.begin_period(now);

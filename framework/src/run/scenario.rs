@@ -108,8 +108,9 @@ impl<'a> Scenario<'a> {
         building.constraints()?;
         let creator = estimators::find(self.registry, &root, &header.estimator.kind)?;
         let (text, simulates) = (self.document.to_toml(), self.simulates()?);
-        let composition = building.finish(header, creator, text, simulates)?;
+        let mut composition = building.finish(header, creator, text, simulates)?;
         estimators::check(&composition, &root)?;
+        estimators::settle(&mut composition);
         Ok(composition)
     }
 

@@ -6,8 +6,9 @@
 //! estimates are recorded, and the backward recursion of `adjoint.rs` passes over the records. So
 //! the records of one segment are in memory at a time, however long the run.
 //!
-//! A further pass linearises at the smoothed trajectory of the one before (`passes.rs`); a filter
-//! makes such passes over its first samples while it runs (`relinearised.rs`).
+//! A further pass linearises at the smoothed trajectory of the one before (`passes.rs`). A filter
+//! makes such passes over its first samples while it runs (`relinearised.rs`), with their records in
+//! memory and without the covariance of the smoothed estimates (`means.rs`).
 //!
 //! The recursion needs only what every filter run gives, and nothing from models or plugins: each
 //! step is a linear map of the error, and each correction one with an innovation.
@@ -20,6 +21,7 @@ mod estimate;
 mod forward;
 mod interval;
 mod lag;
+mod means;
 mod passes;
 mod quality;
 mod relinearised;

@@ -1,4 +1,4 @@
-//! An EKF that smooths its first minutes while it runs, and goes on from a state that is linearised
+//! An EKF that smooths its first seconds while it runs, and goes on from a state that is linearised
 //! at their smoothed trajectory.
 //!
 //! A filter linearises each sample at the estimate of its time. Where the prior is wide, the noise
@@ -7,16 +7,18 @@
 //! the filter takes the difference for information (Huang, Mourikis & Roumeliotis, *IJRR* 29,
 //! 2010). With one trajectory for all samples the null space is that of one linear system.
 //!
-//! At the times `start + T / 16, T / 8, ... T` the passes of the smoother are made over all samples
-//! since the start. The last trajectory `c` is followed once more, the filter goes on from
-//! `c [+] d`, and the samples are forgotten after `T`.
+//! After `T / 64`, whenever the time since the start has grown by a quarter, and after `T`, the
+//! filter takes all samples since the start once more, linearised at the trajectory `c` that they
+//! smooth to, and again until its estimate stays (Gauss-Newton). It goes on from `c [+] d`, and the
+//! samples are forgotten after `T`. The records of the filter give the first trajectory, so a pass
+//! is one run of the filter over these samples, and a backward recursion for the mean alone
+//! (`means.rs`). All times together repeat `5 T` of samples for each pass.
 
-use super::error::SmoothError;
-use super::forward::Forward;
-use super::passes;
+use super::change::Change;
+use super::means::Records;
 use crate::compose::Composition;
 use crate::compose::estimator::Estimator;
-use crate::ekf::{Ekf, EstimatorError};
+use crate::ekf::{Ekf, EstimatorError, Snapshot};
 use crate::model::finding::Finding;
 use crate::model::record::{Epoch, Event, Level, Observer, Rejection, Truth, UpdateRecord};
 use crate::model::start::AlignmentReport;
@@ -24,161 +26,212 @@ use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Block, State};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
+use std::sync::Arc;
 
 /// Largest number of passes at one time.
 const PASSES: u32 = 12;
 
-/// Part of the span after which the first passes are made; each further one doubles it.
-const FIRST: i64 = 16;
+/// Largest change of the estimate by a pass, in its sigma, at which the passes have converged, and
+/// that at the last time. The error of the trajectory counts in the second order alone.
+const CONVERGED: f64 = 1e-2;
+const CONVERGED_LAST: f64 = 1e-3;
 
-/// Time between estimates at which the change by a pass is measured.
-const SPACING: Time = Time::from_nanos(1_000_000_000);
+/// Part of the span after which the first passes are made.
+const FIRST: i64 = 64;
+
+/// Part by which the time since the start grows until the next passes.
+const GROWTH: i64 = 4;
+
+/// Number of samples that are kept before the filter starts.
+const WAITING: usize = 64;
 
 /// An EKF whose first samples are linearised again.
 pub(crate) struct Relinearised {
     ekf: Ekf,
-    record: Option<Record>,
-    /// Reason why nothing can be recorded, until it is reported.
-    failed: Option<SmoothError>,
+    record: Option<Box<Record>>,
+    /// Set when samples were linearised again, until the caller knows it.
+    jumped: bool,
 }
 
 /// The samples since the start, until the last passes are made.
 struct Record {
-    forward: Forward,
-    /// Start of the filter.
-    start: Option<Time>,
+    /// The filter before the first sample, which has not started.
+    first: Snapshot,
+    samples: Vec<Sample>,
     /// Time from the start to the next passes, and to the last ones.
     next: Time,
     span: Time,
-    /// Time of the last estimate at which a change is measured.
-    measured: Option<Time>,
-    /// Set after the first passes: the filter has left the recorded run.
-    apart: bool,
+    /// Set once passes have failed.
+    failed: bool,
+    /// Records of the filter, and of the last pass.
+    run: Records,
+    pass: Records,
 }
 
 impl Relinearised {
     /// Creates an estimator that linearises the samples of the span after its start again.
     pub(crate) fn new(composition: Composition, span: Time) -> Self {
         let ekf = Ekf::new(composition);
-        let next = Time::from_nanos(span.nanos() / FIRST);
-        let (record, failed) = match Forward::new(&ekf, true) {
-            Ok(forward) => {
-                let (start, measured) = (None, None);
-                (Some(Record { forward, start, next, span, measured, apart: false }), None)
-            }
-            Err(error) => (None, Some(error)),
+        let considers = ekf.considered().contains(&true);
+        let records = || Records::new(ekf.layout(), considers);
+        let record = Record {
+            first: ekf.snapshot(),
+            samples: Vec::new(),
+            next: Time::from_nanos(span.nanos() / FIRST),
+            span,
+            failed: false,
+            run: records(),
+            pass: records(),
         };
-        Self { ekf, record, failed }
+        Self { record: Some(Box::new(record)), ekf, jumped: false }
+    }
+
+    /// The filter, for a caller that takes no samples with it.
+    pub(crate) fn filter_mut(&mut self) -> &mut Ekf {
+        &mut self.ekf
+    }
+
+    /// Returns `true` once after samples were linearised again.
+    pub(crate) fn has_jumped(&mut self) -> bool {
+        std::mem::take(&mut self.jumped)
     }
 
     /// Makes the passes if they are due.
     fn relinearise(&mut self, observer: &mut dyn Observer) {
-        let Self { ekf, record: place, failed } = self;
+        let Self { ekf, record: place, jumped } = self;
         let time = ekf.state().time;
+        let Some(record) = place else { return };
+        let Some(start) = record.run.start.filter(|start| time - *start >= record.next) else {
+            return;
+        };
+        let (before, last) = (ekf.snapshot(), time - start >= record.span);
+        let converged = if last { CONVERGED_LAST } else { CONVERGED };
         let mut report = |level, text| {
             observer.event(Event { time, level, about: "estimator".into(), text });
         };
-        if let Some(record) = place
-            && let Some(start) = record.start
-            && time - start >= record.next
-        {
-            let before = ekf.snapshot();
-            let made = record.relinearise(ekf);
-            if !matches!(made, Ok(Ok(_))) {
+        match record.relinearise(ekf, converged) {
+            Ok(text) => {
+                *jumped = true;
+                if last {
+                    let text = format!("linearised the samples since {start} again: {text}");
+                    report(Level::Info, text);
+                }
+            }
+            Err(text) => {
                 ekf.leave_course();
                 ekf.restore(&before);
-            }
-            match made {
-                Ok(Ok(text)) => {
-                    report(
-                        Level::Info,
-                        format!("linearised the samples since {start} again: {text}"),
-                    );
-                }
-                Ok(Err(text)) => report(
-                    Level::Warning,
-                    format!(
+                if last || !record.failed {
+                    let text = format!(
                         "the samples since {start} were not linearised again, and the estimate \
                          stays: {text}"
-                    ),
-                ),
-                Err(error) => *failed = Some(error),
-            }
-            let (done, length) = (time - start, record.next + record.next);
-            record.next = length.min(record.span);
-            if done >= record.span {
-                *place = None;
+                    );
+                    report(Level::Warning, text);
+                }
+                record.failed = true;
             }
         }
-        if let Some(error) = failed.take() {
+        let grown = (time - start).nanos();
+        record.next = Time::from_nanos(grown.saturating_add(grown / GROWTH)).min(record.span);
+        if last {
             *place = None;
-            report(Level::Error, format!("samples are no longer linearised again: {error}"));
         }
     }
 }
 
 impl Record {
-    /// Returns `true` once in a spacing, at an estimate.
-    fn measures(&mut self, time: Time) -> bool {
-        let due = self.measured.is_none_or(|last| time - last >= SPACING);
-        if due {
-            self.measured = Some(time);
+    /// Notes a sample that the filter takes next.
+    fn note(&mut self, ekf: &Ekf, sample: &Sample) {
+        // a search gives its samples back when it ends
+        if ekf.searching() {
+            return;
         }
-        due
+        if !ekf.running() && self.samples.len() == WAITING {
+            self.begin(ekf);
+        }
+        self.samples.push(*sample);
     }
 
-    /// Makes the passes, and leaves the filter at their result. Returns their report, or the reason
-    /// why there is no result; the filter is then in any state.
-    fn relinearise(&mut self, ekf: &mut Ekf) -> Result<Result<String, String>, SmoothError> {
-        if self.apart
-            && let Err(error) = self.forward.repeat(ekf, None)?
-        {
-            return Ok(Err(error.to_string()));
+    /// Forgets the samples until now.
+    fn begin(&mut self, ekf: &Ekf) {
+        self.first = ekf.snapshot();
+        self.samples.clear();
+    }
+
+    /// Makes the passes until one changes the estimate less, and leaves the filter at their result.
+    /// Returns their report, or the reason why there is no result; the filter is then in any state.
+    fn relinearise(&mut self, ekf: &mut Ekf, converged: f64) -> Result<String, String> {
+        let layout = Arc::clone(&ekf.composition().layout);
+        let mut last = f64::INFINITY;
+        let mut report = String::new();
+        for number in 1..=PASSES {
+            let records = if number == 1 { &mut self.run } else { &mut self.pass };
+            let course = records.smooth(&layout, ekf.considered());
+            self.pass.clear();
+            ekf.restore(&self.first);
+            ekf.follow_course(Box::new(course));
+            let mut samples = self.samples.iter();
+            samples
+                .try_for_each(|sample| ekf.take(sample, &mut self.pass))
+                .map_err(|error| format!("pass {number} failed: {error}"))?;
+            ekf.settle(&mut self.pass);
+            // the trajectory ends at the estimate of the pass before, and the offset is the change
+            let mut change = Change::default();
+            for (i, d) in ekf.offset().iter().enumerate() {
+                let variance = ekf.covariance().get(i, i);
+                if variance > 0.0 {
+                    change.take(d.abs() / variance.sqrt(), i, ekf.state().time);
+                }
+            }
+            let words = change.words(&layout);
+            // the linear run holds at a step that shrinks
+            if change.size > last || change.size.is_nan() {
+                return Err(format!(
+                    "pass {number} diverges: it changed {words}, more than the pass before it; \
+                     state a prior nearer to the truth"
+                ));
+            }
+            last = change.size;
+            let ended = if last <= converged { "converged" } else { "not converged" };
+            report = format!("{ended} after {number} passes: the last one changed {words}");
+            if last <= converged {
+                break;
+            }
         }
-        self.apart = true;
-        let mut smoothed = passes::smooth(&mut self.forward, ekf, PASSES)?;
-        let text = smoothed.quality.passes.take().map(|passes| passes.text).unwrap_or_default();
-        let Some(course) = smoothed.course.take() else { return Ok(Err(text)) };
-        if let Err(error) = self.forward.repeat(ekf, Some(Box::new(course)))? {
-            return Ok(Err(error.to_string()));
-        }
-        ekf.join_course();
-        Ok(Ok(text))
+        self.pass.joined(&ekf.join_course());
+        std::mem::swap(&mut self.run, &mut self.pass);
+        Ok(report)
     }
 }
 
-/// Shows the records of a run what the filter does, and everything to the observer.
+/// Shows the records what the filter does, and everything to the observer.
 struct Recording<'a> {
-    record: &'a mut Record,
+    records: &'a mut Records,
     observer: &'a mut dyn Observer,
 }
 
 impl Observer for Recording<'_> {
     fn epoch(&mut self, epoch: &Epoch<'_>) {
-        let measures = self.record.measures(epoch.state.time);
-        self.record.forward.epoch(measures);
         self.observer.epoch(epoch);
     }
     fn update(&mut self, update: &UpdateRecord<'_>) {
         self.observer.update(update);
     }
     fn transition(&mut self, transition: &Transition) {
-        self.record.forward.transition(transition);
+        self.records.transition(transition);
         self.observer.transition(transition);
     }
     fn correction(&mut self, update: &Update) {
-        self.record.forward.correction(update);
+        self.records.correction(update);
         self.observer.correction(update);
     }
     fn moved(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
-        self.record.start.get_or_insert(state.time);
+        self.records.moved(state, covariance, offset);
         self.observer.moved(state, covariance, offset);
     }
     fn corrected(&mut self, offset: &[f64]) {
         self.observer.corrected(offset);
     }
     fn gated(&mut self, update: &Update) {
-        self.record.forward.gated(update);
         self.observer.gated(update);
     }
     fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
@@ -202,19 +255,16 @@ impl Estimator for Relinearised {
         sample: &Sample,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
-        let Some(record) = &mut self.record else {
+        let Self { ekf, record: Some(record), .. } = self else {
             return self.ekf.process(sample, observer);
         };
-        record.forward.sample(&self.ekf, sample);
-        self.ekf.process(sample, &mut Recording { record, observer })?;
-        if self.ekf.running() {
-            let time = self.ekf.state().time;
-            if record.measures(time) {
-                self.ekf.settle(&mut Recording { record, observer });
-                record.forward.epoch_between();
-            }
+        record.note(ekf, sample);
+        ekf.take(sample, &mut Recording { records: &mut record.run, observer })?;
+        if let Some(samples) = ekf.take_found() {
+            record.begin(ekf);
+            record.samples.extend_from_slice(&samples);
+            ekf.catch_up(&samples, &mut Recording { records: &mut record.run, observer })?;
         }
-        self.failed = self.failed.take().or_else(|| record.forward.failed());
         self.relinearise(observer);
         Ok(())
     }
@@ -236,12 +286,9 @@ impl Estimator for Relinearised {
     }
 
     fn settle(&mut self, observer: &mut dyn Observer) {
-        // a settled covariance is part of the recorded run
         match &mut self.record {
             Some(record) => {
-                self.ekf.settle(&mut Recording { record, observer });
-                record.measured = Some(self.ekf.state().time);
-                record.forward.epoch_between();
+                self.ekf.settle(&mut Recording { records: &mut record.run, observer });
             }
             None => self.ekf.settle(observer),
         }

@@ -89,7 +89,7 @@ impl Segment {
 
     /// Adds a step. The steps between two other records have one record: their product changes few
     /// columns, while the backward recursion passes each record over the whole information.
-    fn transition(&mut self, transition: &Transition) {
+    pub(super) fn transition(&mut self, transition: &Transition) {
         if !self.product.append(transition) {
             self.end_product();
             self.product.append(transition);
@@ -112,7 +112,8 @@ impl Segment {
         self.product.restart();
     }
 
-    fn correction(&mut self, update: &Update, source: (SensorId, Time)) {
+    /// Adds a correction.
+    pub(super) fn correction(&mut self, update: &Update, source: (SensorId, Time)) {
         self.end_product();
         self.begin(Kind::Update(update.m, update.columns.len(), self.sources.len()));
         self.sources.push(source);
@@ -128,6 +129,14 @@ impl Segment {
         for part in [&update.innovation, &update.delta] {
             self.data.extend_from_slice(part);
         }
+    }
+
+    /// Adds an injection without a sample: a correction without components.
+    pub(super) fn injection(&mut self, delta: &[f64]) {
+        self.end_product();
+        self.begin(Kind::Update(0, 0, self.sources.len()));
+        self.sources.push((SensorId(0), Time::MIN));
+        self.data.extend_from_slice(delta);
     }
 
     fn gated(&mut self, update: &Update, source: (SensorId, Time), threshold: f64) {
@@ -147,7 +156,8 @@ impl Segment {
         self.data.extend_from_slice(offset);
     }
 
-    fn course(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
+    /// Adds the end of a step.
+    pub(super) fn course(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
         self.end_product();
         self.begin(Kind::Course);
         course::write(state, covariance, offset, &mut self.data);

@@ -228,6 +228,10 @@ checked! {
     Sigma, |c| c < 0.0, "a sigma cannot be negative: {}", "minimum"
 }
 checked! {
+    /// A value that may be zero.
+    NonNegative, |c| c < 0.0, "a negative value is not possible: {}", "minimum"
+}
+checked! {
     /// A value that must be greater than zero.
     Positive, |c| c <= 0.0, "a value greater than zero is needed: {}", "exclusiveMinimum"
 }

@@ -24,7 +24,7 @@ mod unit;
 
 pub use any::AnyQuantity;
 pub use chart::{Latitude, Longitude};
-pub use config::{Components, Positive, Sigma, Triple};
+pub use config::{Components, NonNegative, Positive, Sigma, Triple};
 pub use date::Date;
 pub use dimension::Exponents;
 pub(crate) use dimension::{example, name as dimension_name, usual_units};
