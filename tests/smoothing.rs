@@ -331,8 +331,8 @@ fn a_filter_that_linearises_its_samples_again_ends_where_the_passes_end() {
         let ratio = found.get(i, i) / p.get(i, i);
         assert!((ratio - 1.0).abs() < 1e-3, "{i}: {ratio}");
     }
-    let made: Vec<&String> = events.iter().filter(|e| e.contains("linearised")).collect();
-    assert!(made.len() == 1 && made[0].contains("again: converged after"), "{made:?}");
+    let made = events.iter().filter(|e| e.contains("again: converged after"));
+    assert_eq!(made.count(), 1, "{events:?}");
 }
 
 /// Nothing in this run observes a rotation of the DVL about the velocity, so its prior of 5 deg

@@ -42,6 +42,9 @@ const FIRST: i64 = 64;
 /// Part by which the time since the start grows until the next passes.
 const GROWTH: i64 = 4;
 
+/// Number of failures in a row that are reported; few samples at an uncertain heading may fail once.
+const REPORTED: u32 = 3;
+
 /// Number of samples that are kept before the filter starts.
 const WAITING: usize = 64;
 
@@ -61,8 +64,8 @@ struct Record {
     /// Time from the start to the next passes, and to the last ones.
     next: Time,
     span: Time,
-    /// Set once passes have failed.
-    failed: bool,
+    /// Number of times in a row at which the passes failed.
+    failures: u32,
     /// Records of the filter, and of the last pass.
     run: Records,
     pass: Records,
@@ -79,7 +82,7 @@ impl Relinearised {
             samples: Vec::new(),
             next: Time::from_nanos(span.nanos() / FIRST),
             span,
-            failed: false,
+            failures: 0,
             run: records(),
             pass: records(),
         };
@@ -112,6 +115,7 @@ impl Relinearised {
         match record.relinearise(ekf, converged) {
             Ok(text) => {
                 *jumped = true;
+                record.failures = 0;
                 if last {
                     let text = format!("linearised the samples since {start} again: {text}");
                     report(Level::Info, text);
@@ -120,14 +124,14 @@ impl Relinearised {
             Err(text) => {
                 ekf.leave_course();
                 ekf.restore(&before);
-                if last || !record.failed {
+                record.failures += 1;
+                if last || record.failures == REPORTED {
                     let text = format!(
                         "the samples since {start} were not linearised again, and the estimate \
                          stays: {text}"
                     );
                     report(Level::Warning, text);
                 }
-                record.failed = true;
             }
         }
         let grown = (time - start).nanos();
