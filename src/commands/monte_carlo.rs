@@ -34,7 +34,7 @@ pub struct MonteCarlo {
     #[arg(required = true)]
     pub scenario: Vec<PathBuf>,
     /// Number of runs
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 300)]
     pub runs: usize,
     #[command(flatten)]
     pub draws: Draws,
