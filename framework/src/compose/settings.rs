@@ -51,8 +51,8 @@ pub struct EstimatorConfig {
     /// Linearises the samples of this time after the start again, at their smoothed trajectory,
     /// while the filter runs: after a 64th of this time, whenever the time since the start has grown by
     /// a quarter, and after the whole of it. For a wide prior, such as a heading known to 30 deg; see
-    /// the explanation of update rules. `0 s`, the default, does not. A smoothed run, an estimator other than `ekf`, and blocks that come and go
-    /// leave the key without effect, and an event says so.
+    /// the explanation of update rules. `0 s`, the default, does not. A smoothed run, an estimator other
+    /// than `ekf`, and blocks that come and go leave the key without effect, and an event says so.
     relinearise: Option<NonNegative<Duration>>,
     /// Rule by which samples correct the estimate: `ekf` (one linearisation), `iekf` (iterated) or
     /// `ukf` (unscented). A sensor's own `update` has precedence.
