@@ -152,6 +152,19 @@ pub struct Event {
     pub text: String,
 }
 
+/// A filter takes all samples since its start once more, linearised at another trajectory. Until the
+/// end of the repetition, [`Observer::transition`] and [`Observer::correction`] receive what
+/// replaces those before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Repetition<'a> {
+    /// The filter is at its start again; also after a repetition that another one follows.
+    Begins,
+    /// The filter has reached the present again, and injects this error.
+    Ends(&'a [f64]),
+    /// The repetition failed: what it replaced holds again.
+    Failed,
+}
+
 /// Observes a filter: every method does nothing by default, and `()` observes nothing.
 ///
 /// ```
@@ -181,6 +194,8 @@ pub trait Observer {
     fn moved(&mut self, _state: &State, _covariance: &Covariance, _offset: &[f64]) {}
     /// Receives the offset of [`Self::moved`] after a correction or a clone.
     fn corrected(&mut self, _offset: &[f64]) {}
+    /// Receives the beginning and the end of a repetition.
+    fn repetition(&mut self, _repetition: Repetition<'_>) {}
     /// Receives the innovation of a gated sample, its covariance and that with the error, after
     /// [`Self::update`].
     fn gated(&mut self, _update: &Update) {}

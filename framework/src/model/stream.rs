@@ -1,6 +1,6 @@
 //! Sources of samples and sinks of results.
 
-use crate::model::record::{Epoch, Event, UpdateRecord};
+use crate::model::record::{Epoch, Event, Repetition, UpdateRecord};
 use crate::model::sensor::SensorInfo;
 use crate::model::verdict::Verdict;
 use crate::state::Layout;
@@ -157,6 +157,15 @@ pub trait Sink: Any + Send {
     }
     /// A measurement corrected the state: see [`crate::model::record::Observer::correction`].
     fn correction(&mut self, _update: &Update) -> Result<(), StreamError> {
+        Ok(())
+    }
+    /// Set if the sink follows a filter through a repetition. It then receives the transitions and
+    /// corrections of the repetition too.
+    fn repeats(&self) -> bool {
+        false
+    }
+    /// A filter took its samples again: see [`crate::model::record::Observer::repetition`].
+    fn repetition(&mut self, _repetition: Repetition<'_>) -> Result<(), StreamError> {
         Ok(())
     }
     /// An event for the log.

@@ -1,7 +1,7 @@
 //! The recipients of a run: its sinks, its statistics and its list of events.
 
 use crate::model::finding::Finding;
-use crate::model::record::{Epoch, Event, Level, Observer, Rejection, UpdateRecord};
+use crate::model::record::{Epoch, Event, Level, Observer, Rejection, Repetition, UpdateRecord};
 use crate::model::stream::{NamedSink, Sink, StreamError};
 use crate::model::verdict::Verdict;
 use crate::run::output_rate::OutputRate;
@@ -36,6 +36,8 @@ pub(crate) struct Outputs {
     pub(crate) judge: Judge,
     /// Smoother of a run that is smoothed.
     pub(crate) smoother: Option<Smoother>,
+    /// Set while a filter takes its samples again.
+    repeating: bool,
     pub(crate) events: Vec<Event>,
     /// Faults that the filter found, at most [`FINDINGS`].
     pub(crate) findings: Vec<Finding>,
@@ -55,6 +57,7 @@ impl Outputs {
             rate,
             judge,
             smoother: None,
+            repeating: false,
             recorded: None,
             events: Vec::new(),
             findings: Vec::new(),
@@ -193,14 +196,28 @@ impl Observer for Outputs {
         if let Some(smoother) = &mut self.smoother {
             smoother.transition(transition);
         }
-        self.each(Time::MIN, |sink| sink.transition(transition));
+        let repeating = self.repeating;
+        self.each(Time::MIN, |sink| match repeating && !sink.repeats() {
+            true => Ok(()),
+            false => sink.transition(transition),
+        });
     }
     fn correction(&mut self, update: &Update) {
-        self.judge.correction(update);
+        let repeating = self.repeating;
+        if !repeating {
+            self.judge.correction(update);
+        }
         if let Some(smoother) = &mut self.smoother {
             smoother.correction(update);
         }
-        self.each(Time::MIN, |sink| sink.correction(update));
+        self.each(Time::MIN, |sink| match repeating && !sink.repeats() {
+            true => Ok(()),
+            false => sink.correction(update),
+        });
+    }
+    fn repetition(&mut self, repetition: Repetition<'_>) {
+        self.repeating = repetition == Repetition::Begins;
+        self.each(Time::MIN, |sink| sink.repetition(repetition));
     }
     fn gated(&mut self, update: &Update) {
         if let Some(smoother) = &mut self.smoother {

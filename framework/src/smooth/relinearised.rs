@@ -20,7 +20,9 @@ use crate::compose::Composition;
 use crate::compose::estimator::Estimator;
 use crate::ekf::{Ekf, EstimatorError, Snapshot};
 use crate::model::finding::Finding;
-use crate::model::record::{Epoch, Event, Level, Observer, Rejection, Truth, UpdateRecord};
+use crate::model::record::{
+    Epoch, Event, Level, Observer, Rejection, Repetition, Truth, UpdateRecord,
+};
 use crate::model::start::AlignmentReport;
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Block, State};
@@ -109,10 +111,16 @@ impl Relinearised {
         };
         let (before, last) = (ekf.snapshot(), time - start >= record.span);
         let converged = if last { CONVERGED_LAST } else { CONVERGED };
+        let made = record.relinearise(ekf, converged, observer);
+        if made.is_err() {
+            ekf.leave_course();
+            ekf.restore(&before);
+            observer.repetition(Repetition::Failed);
+        }
         let mut report = |level, text| {
             observer.event(Event { time, level, about: "estimator".into(), text });
         };
-        match record.relinearise(ekf, converged) {
+        match made {
             Ok(text) => {
                 *jumped = true;
                 record.failures = 0;
@@ -122,8 +130,6 @@ impl Relinearised {
                 }
             }
             Err(text) => {
-                ekf.leave_course();
-                ekf.restore(&before);
                 record.failures += 1;
                 if last || record.failures == REPORTED {
                     let text = format!(
@@ -163,7 +169,12 @@ impl Record {
 
     /// Makes the passes until one changes the estimate less, and leaves the filter at their result.
     /// Returns their report, or the reason why there is no result; the filter is then in any state.
-    fn relinearise(&mut self, ekf: &mut Ekf, converged: f64) -> Result<String, String> {
+    fn relinearise(
+        &mut self,
+        ekf: &mut Ekf,
+        converged: f64,
+        observer: &mut dyn Observer,
+    ) -> Result<String, String> {
         let layout = Arc::clone(&ekf.composition().layout);
         let mut last = f64::INFINITY;
         let mut report = String::new();
@@ -173,11 +184,13 @@ impl Record {
             self.pass.clear();
             ekf.restore(&self.first);
             ekf.follow_course(Box::new(course));
+            observer.repetition(Repetition::Begins);
+            let mut pass = Pass { records: &mut self.pass, observer };
             let mut samples = self.samples.iter();
             samples
-                .try_for_each(|sample| ekf.take(sample, &mut self.pass))
+                .try_for_each(|sample| ekf.take(sample, &mut pass))
                 .map_err(|error| format!("pass {number} failed: {error}"))?;
-            ekf.settle(&mut self.pass);
+            ekf.settle(&mut pass);
             // the trajectory ends at the estimate of the pass before, and the offset is the change
             let mut change = Change::default();
             for (i, d) in ekf.offset().iter().enumerate() {
@@ -201,9 +214,31 @@ impl Record {
                 break;
             }
         }
-        self.pass.joined(&ekf.join_course());
+        let injected = ekf.join_course();
+        self.pass.joined(&injected);
+        observer.repetition(Repetition::Ends(&injected));
         std::mem::swap(&mut self.run, &mut self.pass);
         Ok(report)
+    }
+}
+
+/// Shows what a pass does to its records, and the maps of the error to the observer.
+struct Pass<'a> {
+    records: &'a mut Records,
+    observer: &'a mut dyn Observer,
+}
+
+impl Observer for Pass<'_> {
+    fn transition(&mut self, transition: &Transition) {
+        self.records.transition(transition);
+        self.observer.transition(transition);
+    }
+    fn correction(&mut self, update: &Update) {
+        self.records.correction(update);
+        self.observer.correction(update);
+    }
+    fn moved(&mut self, state: &State, covariance: &Covariance, offset: &[f64]) {
+        self.records.moved(state, covariance, offset);
     }
 }
 

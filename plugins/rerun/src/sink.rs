@@ -15,7 +15,7 @@ use crate::style::path;
 use crate::tab::Tab;
 use crate::tally::{Excursion, Excursions};
 use crate::track::Track;
-use navfuse_core::model::record::{Epoch, Event, Level, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Event, Level, Repetition, UpdateRecord};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::model::verdict::{Verdict, VerdictLevel};
@@ -339,6 +339,15 @@ impl Sink for RerunSink {
 
     fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
         self.tabs.iter_mut().for_each(|tab| tab.correction(update));
+        Ok(())
+    }
+
+    fn repeats(&self) -> bool {
+        true
+    }
+
+    fn repetition(&mut self, repetition: Repetition<'_>) -> Result<(), StreamError> {
+        self.tabs.iter_mut().for_each(|tab| tab.repetition(repetition));
         Ok(())
     }
 

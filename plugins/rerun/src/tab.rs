@@ -2,7 +2,7 @@
 
 use crate::blueprint::Layout;
 use crate::recording::Recording;
-use navfuse_core::model::record::{Epoch, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Repetition, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, StreamError};
 use navfuse_core::state::covariance::{Transition, Update};
 use re_sdk::blueprint::ContainerLike;
@@ -89,6 +89,10 @@ pub trait Tab: Send {
 
     /// Takes a correction: see [`navfuse_core::model::record::Observer::correction`].
     fn correction(&mut self, _update: &Update) {}
+
+    /// Takes the beginning and the end of a repetition, during which a tab receives transitions and
+    /// corrections again: see [`navfuse_core::model::record::Observer::repetition`].
+    fn repetition(&mut self, _repetition: Repetition<'_>) {}
 
     /// Sends what the tab has buffered: at the end, and before it as often as a viewer is
     /// refreshed.

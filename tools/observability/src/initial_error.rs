@@ -101,8 +101,7 @@ impl InitialError {
                 g.iter_mut().zip(row).for_each(|(g, y)| *g -= k * y);
             }
         }
-        layout.reset_rows(&update.delta, &mut self.carried, self.stride);
-        layout.reset_rows(&update.delta, &mut self.free, self.stride);
+        self.reset(layout, &update.delta);
         if let Some(s) = s {
             s.solve(&mut rows, self.stride);
             for (i, reduction) in reduction.iter_mut().enumerate() {
@@ -122,6 +121,13 @@ impl InitialError {
             }
         }
         self.rows = rows;
+    }
+
+    /// Expresses the present error relative to the state with an injected error.
+    pub fn reset(&mut self, layout: &Layout, injected: &[f64]) {
+        self.settle();
+        layout.reset_rows(injected, &mut self.carried, self.stride);
+        layout.reset_rows(injected, &mut self.free, self.stride);
     }
 
     /// Returns `M`, row-major.

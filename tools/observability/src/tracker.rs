@@ -5,7 +5,7 @@ use crate::direction::{self, Direction};
 use crate::initial_error::InitialError;
 use crate::reference::Reference;
 use crate::status::{ComponentStatus, DETERMINED};
-use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Outcome, Repetition, UpdateRecord};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::run::runner::Finished;
@@ -50,6 +50,9 @@ pub struct Tracker {
     status: Vec<ComponentStatus>,
     sensors: Vec<SensorShare>,
     started: Option<Propagation>,
+    /// The same at the start, and before a repetition.
+    first: Option<Propagation>,
+    before: Option<Propagation>,
     last_used: Option<SensorId>,
     reductions: Vec<f64>,
     begin: Time,
@@ -64,6 +67,7 @@ pub struct Tracker {
 }
 
 /// Quantities that are propagated from the start on.
+#[derive(Clone)]
 struct Propagation {
     error: InitialError,
     reference: Reference,
@@ -116,6 +120,8 @@ impl Tracker {
             components,
             layout,
             started: None,
+            first: None,
+            before: None,
             last_used: None,
             reductions: vec![1.0; n],
             begin: Time::MIN,
@@ -226,7 +232,9 @@ impl Tracker {
                     covariance.set(range.start + k % range.len(), range.start + k / range.len(), p);
                 }
             }
-            Propagation::new(layout, &state.values, &covariance)
+            let started = Propagation::new(layout, &state.values, &covariance);
+            self.first = Some(started.clone());
+            started
         });
         started.moved = true;
         started.error.correction(layout, update, &mut self.reductions);
@@ -245,12 +253,32 @@ impl Tracker {
         }
     }
 
+    /// Takes the beginning and the end of a repetition. Each sensor keeps the information of the
+    /// samples as they came.
+    pub fn repetition(&mut self, repetition: Repetition<'_>) {
+        match repetition {
+            Repetition::Begins => {
+                let started = std::mem::replace(&mut self.started, self.first.clone());
+                self.before = self.before.take().or(started);
+                self.last_used = None;
+            }
+            Repetition::Ends(injected) => {
+                self.before = None;
+                if let Some(s) = self.started.as_mut().filter(|_| !injected.is_empty()) {
+                    s.error.reset(&self.layout, injected);
+                }
+            }
+            Repetition::Failed => self.started = self.before.take(),
+        }
+    }
+
     /// Takes an epoch; returns `true` if the verdict on a component changed.
     pub fn epoch(&mut self, epoch: &Epoch<'_>) -> bool {
         let values = &epoch.state.values;
         let time = epoch.state.time;
         if self.started.as_ref().is_none_or(|s| !s.moved && self.begin == Time::MIN) {
             self.started = Some(Propagation::new(&self.layout, values, epoch.covariance));
+            self.first.clone_from(&self.started);
         }
         let Some(started) = &mut self.started else { return false };
         started.error.settle();
@@ -329,6 +357,17 @@ impl Sink for TrackerSink {
     fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
         if let Some(tracker) = &mut self.tracker {
             tracker.transition(transition);
+        }
+        Ok(())
+    }
+
+    fn repeats(&self) -> bool {
+        true
+    }
+
+    fn repetition(&mut self, repetition: Repetition<'_>) -> Result<(), StreamError> {
+        if let Some(tracker) = &mut self.tracker {
+            tracker.repetition(repetition);
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! The tab *Observability*: a strip for each state, whose colour is the bits gained, and a page of
 //! verdicts.
 
-use navfuse_core::model::record::{Epoch, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Repetition, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, StreamError};
 use navfuse_core::state::covariance::{Transition, Update};
 use navfuse_core::units::time::Time;
@@ -153,6 +153,12 @@ impl Tab for Observability {
     fn correction(&mut self, update: &Update) {
         if let Some(followed) = &mut self.followed {
             followed.tracker.correction(update);
+        }
+    }
+
+    fn repetition(&mut self, repetition: Repetition<'_>) {
+        if let Some(followed) = &mut self.followed {
+            followed.tracker.repetition(repetition);
         }
     }
 
