@@ -230,8 +230,8 @@ fn what_is_left_of_a_constant_is_its_variance_over_its_prior() {
 /// covariance through them.
 #[test]
 fn corrections_of_a_degree_do_not_break_what_is_left() {
-    // a filter that takes its first 15 s again injects less than a tenth of a degree afterwards
-    for (span, bound) in [("0 s", 0.3), ("15 s", 0.02)] {
+    // with 15 s, the filter takes its first samples again, with other gains
+    for span in ["0 s", "15 s"] {
         let settings = ["estimator.stop=1100 s", &format!("estimator.relinearise={span}")];
         let t = tracked("pan-wu-3d", &settings.map(str::to_owned), false);
         let n = t.components().len();
@@ -241,7 +241,8 @@ fn corrections_of_a_degree_do_not_break_what_is_left() {
             }
             let (left, ratio) = (t.left()[i * n + i], (now.sigma / now.prior).powi(2));
             println!("{span}, {} {}: {left:.3e} {ratio:.3e}", c.state, c.name);
-            assert!((left / ratio).ln().abs() < bound, "{} {}: {left} {ratio}", c.state, c.name);
+            // a degree squared is 0.0003, the rows of the largest injections change by more
+            assert!((left / ratio).ln().abs() < 0.02, "{} {}: {left} {ratio}", c.state, c.name);
         }
     }
 }
