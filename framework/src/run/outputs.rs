@@ -119,6 +119,15 @@ impl Outputs {
         }
     }
 
+    /// Passes a map of the error on; that of a repetition only to the sinks that follow it.
+    fn follow(&mut self, mut call: impl FnMut(&mut dyn Sink) -> Result<(), StreamError>) {
+        let repeating = self.repeating;
+        self.each(Time::MIN, |sink| match repeating && !sink.repeats() {
+            true => Ok(()),
+            false => call(sink),
+        });
+    }
+
     /// Returns `true` if an open sink wants the newest estimates.
     pub(crate) fn wants_newest(&self) -> bool {
         self.sinks.iter().any(|o| o.open && o.sink.wants_newest())
@@ -196,24 +205,16 @@ impl Observer for Outputs {
         if let Some(smoother) = &mut self.smoother {
             smoother.transition(transition);
         }
-        let repeating = self.repeating;
-        self.each(Time::MIN, |sink| match repeating && !sink.repeats() {
-            true => Ok(()),
-            false => sink.transition(transition),
-        });
+        self.follow(|sink| sink.transition(transition));
     }
     fn correction(&mut self, update: &Update) {
-        let repeating = self.repeating;
-        if !repeating {
+        if !self.repeating {
             self.judge.correction(update);
         }
         if let Some(smoother) = &mut self.smoother {
             smoother.correction(update);
         }
-        self.each(Time::MIN, |sink| match repeating && !sink.repeats() {
-            true => Ok(()),
-            false => sink.correction(update),
-        });
+        self.follow(|sink| sink.correction(update));
     }
     fn repetition(&mut self, repetition: Repetition<'_>) {
         self.repeating = repetition == Repetition::Begins;
