@@ -128,6 +128,32 @@ proptest! {
     }
 
     #[test]
+    fn the_jacobian_of_roll_pitch_and_yaw_is_their_slope(
+        roll in -3.0..3.0_f64, pitch in -1.5..1.5_f64, yaw in -3.0..3.0_f64,
+    ) {
+        let x = rotation([roll, pitch, yaw]);
+        let mut found = [0.0; 9];
+        (Operations::of::<Rotation>().coordinate_jacobian)(&x, &mut found);
+        let read = |d: Vector3<f64>| {
+            let mut c = [0.0; 3];
+            let turned = retract::<Rotation>(&x, d.as_slice());
+            (Operations::of::<Rotation>().coordinates)(&turned, &mut c);
+            c
+        };
+        // the third derivative grows as cos(pitch)^-3: with steps of 1e-5, 2e-11 / cos(pitch)^3 of
+        // truncation, and of rounding the coordinates' 3e-15 / cos(pitch) over the step
+        let bound = 1e-10 / pitch.cos().powi(3) + 6e-10 / pitch.cos();
+        for k in 0..3 {
+            let step = Vector3::ith(k, 1e-5);
+            let (to, from) = (read(step), read(-step));
+            for i in 0..3 {
+                let slope = (to[i] - from[i]) / 2e-5;
+                prop_assert!((found[3 * i + k] - slope).abs() < bound, "{} {}", found[3 * i + k], slope);
+            }
+        }
+    }
+
+    #[test]
     fn on_positions_local_undoes_retract_and_longitude_stays_within_half_a_turn(
         latitude in -1.5..1.5_f64, from_antimeridian in -1e-3..1e-3_f64, turn in prop::bool::ANY,
         h in -11_000.0..9_000.0_f64, d in vector(20_000.0),

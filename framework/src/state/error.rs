@@ -45,6 +45,25 @@ fn turn(phi: &Vector3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
     (jacobian * phi.cross_matrix(), jacobian)
 }
 
+/// Columns that [`turn_rows`] takes at once.
+const COLUMNS: usize = 8;
+
+/// `G = J G` in place, for the rows of one block; `j` and `g` are row-major.
+fn turn_rows(j: &[f64], g: &mut [f64], stride: usize) {
+    for from in (0..stride).step_by(COLUMNS) {
+        let count = COLUMNS.min(stride - from);
+        let mut turned = [[0.0; COLUMNS]; MAX_TANGENT];
+        for (j, turned) in j.chunks_exact(g.len() / stride).zip(&mut turned) {
+            for (j, g) in j.iter().zip(g.chunks_exact(stride)) {
+                turned.iter_mut().zip(&g[from..from + count]).for_each(|(t, g)| *t += j * g);
+            }
+        }
+        for (g, turned) in g.chunks_exact_mut(stride).zip(&turned) {
+            g[from..from + count].copy_from_slice(&turned[..count]);
+        }
+    }
+}
+
 impl Layout {
     /// Velocities that turn with the heading when a correction moves both.
     pub(super) fn corrected(&self) -> impl DoubleEndedIterator<Item = &Turning> {
@@ -157,17 +176,10 @@ impl Layout {
             }
         }
         let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];
-        let mut column = [0.0; MAX_TANGENT];
         for block in self.blocks.iter().filter(|b| b.estimated()) {
             let (first, w) = (block.tangent_range().start, block.operations.tangent);
-            if !(block.operations.reset)(&delta[first..first + w], &mut jacobian) {
-                continue;
-            }
-            for j in 0..stride {
-                for (a, c) in column[..w].iter_mut().enumerate() {
-                    *c = (0..w).map(|b| jacobian[a * w + b] * g[(first + b) * stride + j]).sum();
-                }
-                (0..w).for_each(|a| g[(first + a) * stride + j] = column[a]);
+            if (block.operations.reset)(&delta[first..first + w], &mut jacobian) {
+                turn_rows(&jacobian[..w * w], &mut g[first * stride..][..w * stride], stride);
             }
         }
     }

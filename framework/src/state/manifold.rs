@@ -75,6 +75,26 @@ pub trait Manifold: Send + Sync + 'static {
     fn coordinates<T: Real>(x: &Self::Value<T>, out: &mut [T]);
     /// The value with the given coordinates, the inverse of [`Self::coordinates`].
     fn from_coordinates(coordinates: &[f64]) -> Self::Value<f64>;
+    /// Jacobian of the coordinates with respect to the tangent, row-major; not finite where
+    /// coordinates are singular. By default from dual numbers.
+    fn coordinate_jacobian(ambient: &[f64], jacobian: &mut [f64]) {
+        coordinate_jacobian::<Self>(ambient, jacobian);
+    }
+}
+
+/// Jacobian of the coordinates by dual numbers, one pass for each axis of the tangent.
+fn coordinate_jacobian<M: Manifold + ?Sized>(ambient: &[f64], jacobian: &mut [f64]) {
+    let n = M::TANGENT;
+    let base = M::load::<Dual64>(ambient);
+    for k in 0..n {
+        let mut delta = [Dual64::from(0.0); MAX_TANGENT];
+        delta[k] = Dual64::from(0.0).derivative();
+        let mut c = [Dual64::from(0.0); MAX_TANGENT];
+        M::coordinates(&M::retract(&base, &delta[..n]), &mut c[..n]);
+        for i in 0..n {
+            jacobian[n * i + k] = c[i].eps;
+        }
+    }
 }
 
 /// Coordinates in which sigma and error of a block are read.
@@ -217,6 +237,26 @@ impl Manifold for Rotation {
     fn from_coordinates(c: &[f64]) -> Rotation3<f64> {
         Rotation3::from_euler_angles(c[0], c[1], c[2])
     }
+    /// Rates of roll, pitch and yaw for rotations about the axes of the frame that the rotation maps
+    /// to, from `C = R_z R_y R_x` (the transposes of the coordinate transformations).
+    fn coordinate_jacobian(ambient: &[f64], jacobian: &mut [f64]) {
+        let c = Self::load::<f64>(ambient);
+        // the first column is (cos pitch cos yaw, cos pitch sin yaw, -sin pitch)
+        let (x, y, sin_pitch) = (c[(0, 0)], c[(1, 0)], -c[(2, 0)]);
+        let cos2 = x * x + y * y;
+        let cos_pitch = cos2.sqrt();
+        jacobian[..9].copy_from_slice(&[
+            x / cos2,
+            y / cos2,
+            0.0,
+            -y / cos_pitch,
+            x / cos_pitch,
+            0.0,
+            sin_pitch * x / cos2,
+            sin_pitch * y / cos2,
+            1.0,
+        ]);
+    }
 }
 
 /// The left Jacobian `J` of SO(3) at a rotation vector: `J [phi x] = exp([phi x]) - I`.
@@ -318,8 +358,7 @@ pub struct Operations {
     pub reset: fn(&[f64], &mut [f64]) -> bool,
     /// [`Manifold::coordinates`].
     pub coordinates: fn(&[f64], &mut [f64]),
-    /// Jacobian of the coordinates with respect to the tangent, row-major; not finite where
-    /// coordinates are singular.
+    /// [`Manifold::coordinate_jacobian`].
     pub coordinate_jacobian: fn(&[f64], &mut [f64]),
     /// [`Manifold::from_coordinates`].
     pub from_coordinates: fn(&[f64], &mut [f64]),
@@ -339,19 +378,7 @@ impl Operations {
             local: |to, from, delta| M::local(&M::load(to), &M::load(from), delta),
             reset: M::reset,
             coordinates: |x, out| M::coordinates::<f64>(&M::load(x), out),
-            coordinate_jacobian: |x, out| {
-                let n = M::TANGENT;
-                let base = M::load::<Dual64>(x);
-                for k in 0..n {
-                    let mut delta = [Dual64::from(0.0); MAX_TANGENT];
-                    delta[k] = Dual64::from(0.0).derivative();
-                    let mut c = [Dual64::from(0.0); MAX_TANGENT];
-                    M::coordinates(&M::retract(&base, &delta[..n]), &mut c[..n]);
-                    for i in 0..n {
-                        out[n * i + k] = c[i].eps;
-                    }
-                }
-            },
+            coordinate_jacobian: M::coordinate_jacobian,
             from_coordinates: |c, out| M::store(&M::from_coordinates(c), out),
         }
     }

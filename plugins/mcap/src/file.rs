@@ -17,7 +17,7 @@ use zstd::bulk::Compressor;
 use zstd::zstd_safe::compress_bound;
 
 /// Level of Zstandard: see `docs/src/explanation/performance.md`.
-const LEVEL: i32 = 1;
+const LEVEL: i32 = -1;
 
 /// A file to which chunks are being written.
 pub struct LogFile<W> {

@@ -24,11 +24,10 @@ use navfuse_core::state::covariance::{Chain, Transition, Update};
 #[derive(Clone, Debug)]
 pub struct InitialError {
     n: usize,
+    /// Length of a padded row of `G`, and of `F`.
     stride: usize,
-    /// `G`, row-major with padded rows.
-    carried: Vec<f64>,
-    /// `F`, in the same form.
-    free: Vec<f64>,
+    /// `G` and `F` beside each other, row-major: both take the same transitions.
+    maps: Vec<f64>,
     /// `M`, row-major.
     left: Vec<f64>,
     /// Diagonal of the Gramian of `F`.
@@ -43,18 +42,19 @@ impl InitialError {
     /// sigma in the component `i`.
     pub fn new(n: usize, l: &[f64]) -> Self {
         let stride = n.next_multiple_of(4);
-        let mut carried = vec![0.0; n * stride];
+        let mut maps = vec![0.0; n * 2 * stride];
         let mut left = vec![0.0; n * n];
         for i in 0..n {
-            carried[i * stride..][..n].copy_from_slice(&l[i * n..][..n]);
+            for map in maps[2 * i * stride..][..2 * stride].chunks_exact_mut(stride) {
+                map[..n].copy_from_slice(&l[i * n..][..n]);
+            }
             // a component with zero prior variance has no error that could remain
             left[i * n + i] = f64::from(u8::from((0..n).any(|k| l[k * n + i] != 0.0)));
         }
         Self {
             n,
             stride,
-            free: carried.clone(),
-            carried,
+            maps,
             left,
             alone: vec![0.0; n],
             chain: Chain::default(),
@@ -72,8 +72,7 @@ impl InitialError {
 
     /// Propagates `G` and `F` with the product of the transitions since the last call.
     pub fn settle(&mut self) {
-        self.chain.carry(&mut self.carried, self.stride);
-        self.chain.carry(&mut self.free, self.stride);
+        self.chain.carry(&mut self.maps, 2 * self.stride);
         self.chain.restart();
     }
 
@@ -81,34 +80,34 @@ impl InitialError {
     /// variance of each component.
     pub fn correction(&mut self, layout: &Layout, update: &Update, reduction: &mut [f64]) {
         self.settle();
-        let (n, m) = (self.n, update.m);
+        let (n, m, stride) = (self.n, update.m, self.stride);
         let (s, r) = (Lower::of(&update.s, m), Lower::of(&update.r, m));
         let mut rows = std::mem::take(&mut self.rows);
-        read(update, &self.free, self.stride, &mut rows);
+        // H G in the first half of each row, H F in the second
+        read(update, &self.maps, 2 * stride, &mut rows);
         if let Some(r) = r {
-            r.solve(&mut rows, self.stride);
+            r.solve(&mut rows, 2 * stride, stride);
             // diagonal of F' H' R^-1 H F
-            for row in rows.chunks_exact(self.stride) {
-                self.alone.iter_mut().zip(row).for_each(|(sum, y)| *sum += y * y);
+            for row in rows.chunks_exact(2 * stride) {
+                self.alone.iter_mut().zip(&row[stride..]).for_each(|(sum, y)| *sum += y * y);
             }
         }
-        read(update, &self.carried, self.stride, &mut rows);
         // G+ = G- - K (H G-)
-        for (g, k) in self.carried.chunks_exact_mut(self.stride).zip(update.gain().chunks_exact(m))
-        {
-            for (k, row) in k.iter().zip(rows.chunks_exact(self.stride)).filter(|(k, _)| **k != 0.0)
+        let gains = update.gain().chunks_exact(m);
+        for (g, k) in self.maps.chunks_exact_mut(2 * stride).zip(gains) {
+            for (k, row) in k.iter().zip(rows.chunks_exact(2 * stride)).filter(|(k, _)| **k != 0.0)
             {
-                g.iter_mut().zip(row).for_each(|(g, y)| *g -= k * y);
+                g[..stride].iter_mut().zip(row).for_each(|(g, y)| *g -= k * y);
             }
         }
         self.reset(layout, &update.delta);
         if let Some(s) = s {
-            s.solve(&mut rows, self.stride);
+            s.solve(&mut rows, 2 * stride, 0);
             for (i, reduction) in reduction.iter_mut().enumerate() {
                 *reduction = self.left[i * n + i];
             }
             // M+ = M - Y' Y with Y = L_S^-1 H G- and S = L_S L_S'
-            for y in rows.chunks_exact(self.stride) {
+            for y in rows.chunks_exact(2 * stride) {
                 for (i, left) in self.left.chunks_exact_mut(n).enumerate() {
                     let by = y[i];
                     left.iter_mut().zip(y).for_each(|(l, y)| *l -= by * y);
@@ -126,8 +125,7 @@ impl InitialError {
     /// Expresses the present error relative to the state with an injected error.
     pub fn reset(&mut self, layout: &Layout, injected: &[f64]) {
         self.settle();
-        layout.reset_rows(injected, &mut self.carried, self.stride);
-        layout.reset_rows(injected, &mut self.free, self.stride);
+        layout.reset_rows(injected, &mut self.maps, 2 * self.stride);
     }
 
     /// Returns `M`, row-major.
@@ -144,7 +142,7 @@ impl InitialError {
     /// Returns the element `(i, j)` of `G`: the error in the state `i` at the last
     /// [`Self::settle`], for an initial error of one prior sigma in the component `j`.
     pub fn carried(&self, i: usize, j: usize) -> f64 {
-        self.carried[i * self.stride + j]
+        self.maps[2 * i * self.stride + j]
     }
 }
 
@@ -188,14 +186,16 @@ impl Lower {
         Some(Self { m, l })
     }
 
-    /// Computes `L^-1 X` in place, with rows of the stride.
-    fn solve(&self, x: &mut [f64], stride: usize) {
+    /// Computes `L^-1 X` in place, in the second or the first half of rows of a length: the columns
+    /// `from` on, as many as half a row has.
+    fn solve(&self, x: &mut [f64], length: usize, from: usize) {
+        let columns = from..from + length / 2;
         for i in 0..self.m {
-            let (done, rest) = x.split_at_mut(i * stride);
-            let row = &mut rest[..stride];
-            for (k, before) in done.chunks_exact(stride).enumerate() {
+            let (done, rest) = x.split_at_mut(i * length);
+            let row = &mut rest[columns.clone()];
+            for (k, before) in done.chunks_exact(length).enumerate() {
                 let l = self.l[i * MAX + k];
-                row.iter_mut().zip(before).for_each(|(y, b)| *y -= l * b);
+                row.iter_mut().zip(&before[columns.clone()]).for_each(|(y, b)| *y -= l * b);
             }
             let d = self.l[i * MAX + i];
             row.iter_mut().for_each(|y| *y /= d);

@@ -15,6 +15,8 @@ use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::units::sample::SensorId;
 use navfuse_core::units::time::Time;
 
+/// Longest time between two judgements of the states, s.
+const JUDGED: f64 = 1.0;
 /// Squared sensitivity above which a sensor reads a component: one prior sigma changes a sample by
 /// a thousandth of its noise.
 const READS: f64 = 1e-6;
@@ -56,11 +58,15 @@ pub struct Tracker {
     last_used: Option<SensorId>,
     reductions: Vec<f64>,
     begin: Time,
+    /// The last epoch: its time, its estimate and its covariance, and the time up to which the
+    /// states are judged.
     end: Time,
-    every: i64,
-    next: Time,
-    /// Estimate at the last epoch.
     values: Vec<f64>,
+    covariance: Covariance,
+    judged: Time,
+    /// Intervals of judgements and of the history, ns, and the times at which the next are due.
+    intervals: [i64; 2],
+    next: [Time; 2],
     /// Times of the history; `history` holds the normalised sigmas, row by row.
     times: Vec<f64>,
     history: Vec<f64>,
@@ -90,7 +96,7 @@ impl Propagation {
 
 impl Tracker {
     /// Creates a tracker of a run with a history at the interval `every`, s; an infinite interval
-    /// keeps no history.
+    /// keeps no history. It judges the states at the first epoch of each second.
     pub fn new(run: &RunInfo, every: f64) -> Self {
         let layout = run.layout.clone();
         let components = Component::of(&layout);
@@ -115,6 +121,7 @@ impl Tracker {
             lost: None,
         };
         Self {
+            covariance: Covariance::zero(layout.tangent),
             status: components.iter().map(first).collect(),
             sensors: run.sensors.iter().map(sensor).collect(),
             components,
@@ -126,9 +133,11 @@ impl Tracker {
             reductions: vec![1.0; n],
             begin: Time::MIN,
             end: Time::MIN,
-            every: Time::from_seconds(every).map_or(i64::MAX, Time::nanos).max(1),
-            next: Time::MIN,
             values: Vec::new(),
+            judged: Time::MIN,
+            intervals: [every.min(JUDGED), every]
+                .map(|s| Time::from_seconds(s).map_or(i64::MAX, Time::nanos).max(1)),
+            next: [Time::MIN; 2],
             times: Vec::new(),
             history: Vec::new(),
         }
@@ -272,7 +281,7 @@ impl Tracker {
         }
     }
 
-    /// Takes an epoch; returns `true` if the verdict on a component changed.
+    /// Takes an epoch; returns `true` if it judged the states and the verdict on one changed.
     pub fn epoch(&mut self, epoch: &Epoch<'_>) -> bool {
         let values = &epoch.state.values;
         let time = epoch.state.time;
@@ -280,13 +289,39 @@ impl Tracker {
             self.started = Some(Propagation::new(&self.layout, values, epoch.covariance));
             self.first.clone_from(&self.started);
         }
-        let Some(started) = &mut self.started else { return false };
-        started.error.settle();
         if self.begin == Time::MIN {
             self.begin = time;
         }
         self.end = time;
         self.values.clone_from(values);
+        self.covariance.clone_from(epoch.covariance);
+        if time < self.next[0] {
+            return false;
+        }
+        let changed = self.judge();
+        let [_, every] = self.intervals;
+        if time >= self.next[1] && every < i64::MAX {
+            self.times.push(time.seconds());
+            self.history.extend(self.status.iter().map(ComponentStatus::normalised));
+        }
+        for (next, every) in self.next.iter_mut().zip(self.intervals) {
+            let after = (time.nanos().div_euclid(every) + 1).saturating_mul(every);
+            *next = if time < *next { *next } else { Time::from_nanos(after) };
+        }
+        changed
+    }
+
+    /// Judges the states at the last epoch, unless they are judged already. Returns `true` if the
+    /// verdict on one changed.
+    pub fn finish(&mut self) -> bool {
+        self.judged != self.end && self.judge()
+    }
+
+    fn judge(&mut self) -> bool {
+        self.judged = self.end;
+        let Some(started) = &mut self.started else { return false };
+        let (time, values) = (self.end, &self.values);
+        started.error.settle();
         let mut changed = false;
         let mut first = 0;
         for (slot, block) in self.layout.blocks.iter().enumerate() {
@@ -295,7 +330,7 @@ impl Tracker {
                 continue;
             }
             let reference = &started.reference;
-            let covariances = [epoch.covariance, reference.prior(), reference.carried()];
+            let covariances = [&self.covariance, reference.prior(), reference.carried()];
             let [sigma, prior, reference] = block.show_sigmas(values, covariances);
             let driven = started.reference.driven(slot);
             let mut carried = [0.0; MAX_TANGENT];
@@ -318,11 +353,6 @@ impl Tracker {
             }
             first += range.len();
         }
-        if time >= self.next && self.every < i64::MAX {
-            self.next = Time::from_nanos((time.nanos().div_euclid(self.every) + 1) * self.every);
-            self.times.push(time.seconds());
-            self.history.extend(self.status.iter().map(ComponentStatus::normalised));
-        }
         changed
     }
 }
@@ -343,7 +373,9 @@ impl TrackerSink {
 
     /// Returns the tracker that a finished run has filled; `None` if the run had no such sink.
     pub fn take(finished: &mut Finished) -> Option<Tracker> {
-        finished.take_sink::<Self>()?.tracker
+        let mut tracker = finished.take_sink::<Self>()?.tracker?;
+        tracker.finish();
+        Some(tracker)
     }
 }
 

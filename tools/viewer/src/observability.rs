@@ -163,7 +163,10 @@ impl Tab for Observability {
     }
 
     fn finish(&mut self, recording: &Recording) -> Result<(), StreamError> {
-        self.followed.as_mut().map_or(Ok(()), |f| f.write_page(recording))
+        self.followed.as_mut().map_or(Ok(()), |followed| {
+            followed.tracker.finish();
+            followed.write_page(recording)
+        })
     }
 
     /// A strip for each component in two columns, and beside them the page of verdicts.

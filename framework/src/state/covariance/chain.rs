@@ -1,6 +1,7 @@
 //! Products of transitions, for a tool that carries errors over many steps.
 
 use super::Transition;
+use super::kernel::Kernel;
 use std::sync::Arc;
 
 /// Product `Psi = Phi_k ... Phi_1` of the transitions since the last [`Self::restart`].
@@ -19,6 +20,9 @@ pub struct Chain {
     psi: Vec<f64>,
     /// Set once the product has a factor.
     moved: bool,
+    /// Product with these rows and columns, and its elements in the order of the kernel.
+    kernel: Kernel,
+    elements: Vec<f64>,
     work: Vec<f64>,
 }
 
@@ -38,23 +42,16 @@ impl Chain {
         true
     }
 
-    /// Applies the product: `G = Psi G`, row-major with rows of `stride`.
+    /// Applies the product: `G = Psi G`, row-major with rows of `stride`, a multiple of four.
     pub fn carry(&mut self, g: &mut [f64], stride: usize) {
         if !self.moved {
             return;
         }
-        self.work.clear();
-        self.work.resize(self.rows.len() * stride, 0.0);
-        for (&row, new) in self.rows.iter().zip(self.work.chunks_exact_mut(stride)) {
-            let psi = &self.psi[row * self.stride..][..self.columns.len()];
-            for (&column, &by) in self.columns.iter().zip(psi).filter(|(_, by)| **by != 0.0) {
-                let from = &g[column * stride..][..stride];
-                new.iter_mut().zip(from).for_each(|(new, g)| *new += by * g);
-            }
+        self.elements.clear();
+        for &row in self.rows.iter() {
+            self.elements.extend(&self.psi[row * self.stride..][..self.columns.len()]);
         }
-        for (&row, new) in self.rows.iter().zip(self.work.chunks_exact(stride)) {
-            g[row * stride..][..stride].copy_from_slice(new);
-        }
+        self.kernel.carry(&self.elements, g, stride, &mut self.work);
     }
 
     /// Sets the product to the identity.
@@ -98,5 +95,7 @@ impl Chain {
             self.psi[column * self.stride + k] = 1.0;
         }
         self.rows = Arc::clone(transition.kernel.rows());
+        let places = self.rows.iter().flat_map(|&i| self.columns.iter().map(move |&j| (i, j)));
+        self.kernel = Kernel::new(rows, &places.collect::<Vec<_>>());
     }
 }
