@@ -183,6 +183,11 @@ impl Ekf {
         for other in m.sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
             update.correct(&mut other.reach);
         }
+        if let Some(signatures) = m.signatures.as_mut().filter(|_| own) {
+            let at = At { layout: &self.layout, state: &m.state, sample };
+            let transition = m.pool.as_ref().map_or(&m.transition, |pool| &pool.whole);
+            signatures.take((index, present), model, (&at, transition), update, &mut self.lower);
+        }
         if let Some(offset) = &mut m.offset {
             offset.correct(&mut update.delta);
             observer.corrected(&offset.d);
@@ -190,6 +195,12 @@ impl Ekf {
             self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
         }
         let slot = &mut m.sensors[index];
+        if let Some(signatures) = m.signatures.as_mut().filter(|_| own)
+            && let Some(found) =
+                signatures.corrected(index, &m.state, &m.covariance, &self.considered)
+        {
+            observer.finding(found.finding(sample.time, &slot.name, &self.layout));
+        }
         if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Iekf)
             && check.is_due(update, &m.covariance)
         {

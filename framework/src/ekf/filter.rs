@@ -16,6 +16,7 @@ use super::pooled::PooledSteps;
 use super::presence::Presence;
 use super::refine::Refinement;
 use super::screen::Screen;
+use super::signature::Signatures;
 use super::slot::SensorSlot;
 use super::stage::Stage;
 use crate::compose::Composition;
@@ -47,6 +48,8 @@ pub struct Ekf {
     /// Sensor that drives the first driven process.
     pub(super) driver: Option<usize>,
     pub(super) considered: Vec<bool>,
+    /// Work space for a Cholesky factor.
+    pub(super) lower: Vec<f64>,
     pub(super) update: Update,
     pub(super) points: SigmaPoints,
     pub(super) refinement: Refinement,
@@ -88,6 +91,8 @@ pub(super) struct Memory {
     pub(super) clones: Vec<Clones>,
     /// Recent states, kept where some sensor has a time offset.
     pub(super) history: Option<History>,
+    /// Score tests for time offsets that are not modelled.
+    pub(super) signatures: Option<Signatures>,
     /// Time of the last driving sample.
     pub(super) input: Option<Time>,
     pub(super) cadence: Cadence,
@@ -140,6 +145,7 @@ impl Ekf {
         Self {
             driver: composition.processes.iter().find_map(|p| p.input),
             considered,
+            lower: Vec::with_capacity(MAX_CHANNELS * MAX_CHANNELS),
             update: Update::with_capacity(n, MAX_CHANNELS),
             points: SigmaPoints::default(),
             refinement: Refinement::default(),
@@ -159,6 +165,7 @@ impl Ekf {
                 presence: Presence::new(layout.labels),
                 history: History::new(&composition),
                 pool: PooledSteps::new(&composition, &transition),
+                signatures: Signatures::new(&composition, &transition),
                 transition,
                 dynamics,
                 processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),

@@ -26,6 +26,7 @@ mod reject;
 mod repeats;
 mod screen;
 mod screened;
+mod signature;
 mod slot;
 mod stage;
 mod start;

@@ -304,6 +304,9 @@ impl Ekf {
         for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
             transition.carry_reach(&mut slot.reach);
         }
+        if let Some(signatures) = &mut m.signatures {
+            signatures.moved(m.state.time);
+        }
         if let Some(history) = &mut m.history {
             history.moved(&m.state, transition);
         }

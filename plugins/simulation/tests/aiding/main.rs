@@ -10,6 +10,8 @@ const DIVE: &str = include_str!("../../../../scenarios/surface-dive.toml");
 
 const CORRELATED: &str = include_str!("../../../../scenarios/correlated-error.toml");
 
+const CLOCK: &str = include_str!("../../../../scenarios/faults/dvl-clock.toml");
+
 const STOP: &str = "estimator.stop=630 s";
 
 /// GNSS until the fault is over, and none from before the fault on.
@@ -103,6 +105,47 @@ fn a_left_handed_dvl_is_named() {
         survived_or_named(&trial, "dvl");
         assert!(worst(&trial, "dvl").unwrap().text.contains("vel_y"));
     }
+}
+
+/// The offset, s, and its distance from zero in sigma, in the text of a finding.
+fn time_offset(finding: &Finding) -> Option<(f64, f64)> {
+    let (offset, rest) = finding.text.split_once("time offset of ")?.1.split_once(" s (")?;
+    Some((offset.parse().ok()?, rest.split_once(" sigma")?.0.parse().ok()?))
+}
+
+#[test]
+fn a_clock_of_the_dvl_that_steps_is_named_with_its_offset() {
+    for (seed, size) in [(1, 0.5), (2, -0.5), (3, 0.5)] {
+        let step = format!(
+            "sensor.dvl.simulation.faults=[{{ type = \"clock-step\", from = \"250 s\", size = \"{size} s\" }}]"
+        );
+        let trial = bench::run(CLOCK, &[&format!("seed={seed}"), &step]);
+        let finding = worst(&trial, "dvl").unwrap();
+        assert_eq!(finding.severity, Severity::DoNotUse, "{finding:?}");
+        let (offset, sigmas) = time_offset(finding).unwrap();
+        // the score is the offset in units of its sigma: four of them for one of three runs
+        assert!(
+            (offset - size).abs() < 4.0 * (offset / sigmas).abs(),
+            "{seed}: {offset}, {sigmas}"
+        );
+        assert!(finding.remedy.contains("time_offset"), "{finding:?}");
+        assert!(finding.time.seconds() > 250.0, "{finding:?}");
+    }
+}
+
+#[test]
+fn an_offset_of_a_clock_is_no_finding_once_it_is_estimated_or_moves_nothing() {
+    let fault = |size: &str| {
+        format!("sensor.dvl.simulation.faults=[{{ type = \"clock-offset\", size = \"{size}\" }}]")
+    };
+    let estimated = "sensor.dvl.time_offset={ sigma = \"1 s\" }";
+    let trial = bench::run(CLOCK, &[&fault("0.3 s"), estimated]);
+    assert!(worst(&trial, "dvl").is_none(), "{:?}", trial.finished.findings);
+    // a millisecond moves a speed of 2 m/s by less than 1 mm/s, a tenth of its sigma
+    let trial = bench::run(CLOCK, &[&fault("1 ms")]);
+    assert!(worst(&trial, "dvl").is_none(), "{:?}", trial.finished.findings);
+    let trial = bench::run(CLOCK, &[&fault("0.3 s")]);
+    assert!(worst(&trial, "dvl").is_some());
 }
 
 /// Less than 1 of 100 runs may have a false alarm, so that one in ten would be a fault of the tests.
