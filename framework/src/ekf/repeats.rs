@@ -117,3 +117,104 @@ impl Repeats {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::screening::ChannelLimits;
+
+    fn repeats(frozen: Option<f64>, integrals: bool) -> Repeats {
+        let channel =
+            ChannelLimits { range: 10.0, change: None, noise: 0.0, step: 0.0, motion: 0.0 };
+        let channels = vec![channel; 2];
+        Repeats::new(Arc::new(Screening { channels, integrals, frozen, max_bridge: 1.0 }))
+    }
+
+    fn spread(a: f64, b: f64) -> Spread {
+        let mut x = [0.0; MAX_CHANNELS];
+        (x[0], x[1]) = (a, b);
+        x
+    }
+
+    /// Passes samples that never repeat.
+    fn warm(repeats: &mut Repeats, samples: u32) {
+        for k in 0..samples {
+            assert_eq!(
+                repeats.judge(
+                    &spread(f64::from(k) + 1.0, 1.0 / f64::from(k + 1)).map(|x| x % 10.0),
+                    0.01
+                ),
+                None
+            );
+        }
+    }
+
+    #[test]
+    fn zeros_and_values_beyond_the_range_are_faults_of_one_sample() {
+        let mut rates = repeats(None, false);
+        assert_eq!(rates.judge(&spread(0.0, 0.0), 0.01), Some((Fault::Zeros, 0b11)));
+        assert_eq!(rates.judge(&spread(0.0, 10.0), 0.01), None, "the range itself is plausible");
+        assert_eq!(rates.judge(&spread(1.0, -10.1), 0.01), Some((Fault::Range, 0b10)));
+        // increments over 10 ms are a hundredth of the range
+        let mut increments = repeats(None, true);
+        assert_eq!(increments.judge(&spread(0.09, 0.0), 0.01), None);
+        assert_eq!(increments.judge(&spread(0.11, 0.0), 0.01), Some((Fault::Range, 0b01)));
+        assert_eq!(increments.judge(&spread(0.11, 0.0), 0.0), None, "no interval, no limit yet");
+    }
+
+    #[test]
+    fn identical_samples_are_frozen_after_the_given_time_and_not_before_the_100th_sample() {
+        let mut repeats = repeats(Some(0.05), false);
+        for _ in 0..50 {
+            assert_eq!(repeats.judge(&spread(1.0, 2.0), 0.01), None);
+        }
+        warm(&mut repeats, 100);
+        let same = spread(3.0, 4.0);
+        let found: Vec<_> = (0..7).map(|_| repeats.judge(&same, 0.01).map(|f| f.0)).collect();
+        // the first is new, and the fifth repetition makes 50 ms
+        let frozen = Some(Fault::Frozen);
+        assert_eq!(found, [None, None, None, None, None, frozen, frozen]);
+        assert_eq!(repeats.judge(&spread(3.5, 4.0), 0.01), None);
+    }
+
+    /// With a share `p` of repetitions, `n` in a row have the probability `p^n`: 1e-9 at the share
+    /// of 0.1 is nine in a row, and never fewer than five count.
+    #[test]
+    fn an_instrument_that_repeats_by_chance_is_frozen_later() {
+        let mut rare = repeats(None, false);
+        (rare.repeated, rare.samples) = (0, 100_000);
+        assert_eq!(rare.frozen_after(0.01), 5.0);
+        let mut coarse = repeats(None, false);
+        (coarse.repeated, coarse.samples) = (99, 998);
+        assert!((coarse.frozen_after(0.01) - 9.0).abs() < 1e-9);
+        (coarse.repeated, coarse.samples) = (998, 998);
+        assert!((coarse.frozen_after(0.01) - CHANCE.ln() / 0.99_f64.ln()).abs() < 1e-9);
+        assert_eq!(repeats(Some(0.2), false).frozen_after(0.01), 20.0);
+        assert_eq!(repeats(Some(0.2), false).frozen_after(1.0), 1.0);
+    }
+
+    #[test]
+    fn one_channel_that_stands_still_is_stuck_after_25_repetitions() {
+        let mut repeats = repeats(None, false);
+        warm(&mut repeats, 1000);
+        let stuck = Some((Fault::Stuck, 0b10));
+        for k in 0..30_u32 {
+            let found = repeats.judge(&spread(f64::from(k) * 0.1 + 0.05, 7.0), 0.01);
+            assert_eq!(found, if k < STUCK { None } else { stuck }, "{k}");
+        }
+    }
+
+    /// A channel of which more than 2 % repeat is too coarse: after 100 pairs its share is
+    /// 1 - exp(-0.1), some 10 %, less as much for the others.
+    #[test]
+    fn a_coarse_channel_is_not_judged_by_its_repetitions() {
+        let mut repeats = repeats(None, false);
+        for k in 0..2000_u32 {
+            let coarse = f64::from(k / 2 % 7);
+            repeats.judge(&spread(f64::from(k) % 9.7 + 0.1, coarse), 0.01);
+        }
+        for k in 0..60_u32 {
+            assert_eq!(repeats.judge(&spread(f64::from(k) % 9.7 + 0.3, 8.0), 0.01), None, "{k}");
+        }
+    }
+}

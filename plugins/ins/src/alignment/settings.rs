@@ -148,3 +148,88 @@ impl AlignmentSettings {
         if self.method == AlignmentMethod::Static { self.rest_velocity } else { 10.0 }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+    use super::*;
+    use serde::Deserialize;
+    use serde::de::value::{Error, MapDeserializer};
+
+    /// An IMU with a white noise of the gyros, in deg/h/sqrt(Hz).
+    fn imu(noise: f64) -> Imu {
+        let gyro = format!("{noise} deg/h/sqrt(Hz)");
+        let keys = [("gyro_noise", gyro.as_str()), ("accel_noise", "10 ug/sqrt(Hz)")];
+        Imu::deserialize(MapDeserializer::<_, Error>::new(keys.into_iter())).unwrap()
+    }
+
+    /// Degrees per hour and standard gravity, in SI.
+    const DEG_PER_H: f64 = std::f64::consts::PI / 180.0 / 3600.0;
+    const G: f64 = 9.8;
+
+    fn settings(
+        method: AlignmentMethod,
+        time: f64,
+        sway: f64,
+        bias: (f64, f64),
+    ) -> AlignmentSettings {
+        AlignmentSettings {
+            method,
+            duration: 2.0 * time,
+            coarse_duration: time,
+            coarse: CoarseMethod::default(),
+            gate: 0.01,
+            rest_velocity: sway,
+            max_gap: 5.0,
+            bias,
+        }
+    }
+
+    /// Each of the three errors alone, by the equation of Groves section 5.6.3 in round numbers: an
+    /// east rate of 0.01 deg/h against 10 deg/h is 1 mrad.
+    #[test]
+    fn the_error_of_the_coarse_heading_is_the_east_rate_over_that_of_the_earth() {
+        let north = 10.0 * DEG_PER_H;
+        let heading = |sway: f64, bias: f64, noise: f64| {
+            settings(AlignmentMethod::Static, 100.0, sway, (bias, 0.0))
+                .heading_error(&imu(noise), north)
+        };
+        assert!((heading(0.0, 0.01 * DEG_PER_H, 0.0) / 1e-3 - 1.0).abs() < 1e-9);
+        // 1.2 times 0.1 deg/h/sqrt(Hz) over 100 s is 0.012 deg/h
+        assert!((heading(0.0, 0.0, 0.1) / 1.2e-3 - 1.0).abs() < 1e-9);
+        // sqrt(2) times 5 mm/s over g t^2 / 2 of 49 km s is 1.4e-7 rad/s, 0.0298 deg/h
+        let rate = SQRT_2 * 5e-3 / (G * 0.5 * 1e4) / north;
+        assert!((heading(5e-3, 0.0, 0.0) / rate - 1.0).abs() < 2e-3);
+        // independent errors add as squares
+        let all = heading(5e-3, 0.01 * DEG_PER_H, 0.1);
+        assert!((all / rate.hypot(1e-3).hypot(1.2e-3) - 1.0).abs() < 2e-3);
+    }
+
+    #[test]
+    fn the_prior_is_ten_times_the_error_of_the_coarse_attitude_within_limits() {
+        // 1 mg is 1e-3 rad of tilt; 0.1 deg/h is 0.1 / (15.04 cos 45 deg) rad of heading
+        let fine = settings(AlignmentMethod::Static, 100.0, 0.0, (0.1 * DEG_PER_H, 1e-3 * G));
+        let prior = fine.attitude_prior(&imu(0.0));
+        assert!((prior.x / 1e-2 - 1.0).abs() < 2e-3 && prior.x == prior.y, "{prior}");
+        assert!((prior.z / (1.0 / (15.041 * FRAC_1_SQRT_2)) - 1.0).abs() < 1e-3, "{prior}");
+        // the velocity at rest of 1 cm/s over 100 s is 1e-5 rad, ten times it below the least prior
+        let still = settings(AlignmentMethod::Static, 100.0, 1e-2, (0.0, 0.0));
+        assert!((still.tilt_error() / (1e-2 / (G * 100.0)) - 1.0).abs() < 2e-3);
+        let narrow = still.attitude_prior(&imu(0.0)).map(f64::to_degrees);
+        assert!((narrow.x - 0.05).abs() < 1e-9 && narrow.z >= 1.0, "{narrow}");
+        let wide = settings(AlignmentMethod::Static, 100.0, 0.0, (100.0 * DEG_PER_H, G));
+        let wide = wide.attitude_prior(&imu(0.0)).map(f64::to_degrees);
+        assert!((wide.x - 5.0).abs() < 1e-9 && (wide.z - 30.0).abs() < 1e-9, "{wide}");
+        let moving = settings(AlignmentMethod::InMotion, 100.0, 0.0, (0.0, 0.0));
+        let moving = moving.attitude_prior(&imu(0.0)).map(f64::to_degrees);
+        assert!((moving.x - 1.0).abs() < 1e-9 && (moving.z - 10.0).abs() < 1e-9, "{moving}");
+    }
+
+    #[test]
+    fn the_prior_of_the_velocity_is_the_sway_at_rest_and_wide_in_motion() {
+        let of = |method| settings(method, 100.0, 5e-3, (0.0, 0.0)).velocity_prior();
+        assert_eq!(of(AlignmentMethod::Static), 5e-3);
+        assert_eq!(of(AlignmentMethod::InMotion), 10.0);
+    }
+}

@@ -110,3 +110,54 @@ fn judge(mean: &Vector3<f64>, up: Option<Vector3<f64>>, gravity: f64) -> Option<
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const G: f64 = 9.81;
+
+    fn text(mean: [f64; 3], up: Option<[f64; 3]>) -> String {
+        judge(&mean.into(), up.map(Vector3::from), G).map_or_else(String::new, |fault| fault.text)
+    }
+
+    #[test]
+    fn a_vehicle_that_manoeuvres_is_no_fault() {
+        // 0.51 g and 1.99 g in any direction without a known attitude, and 59 deg off the vertical
+        for size in [0.51 * G, G, 1.99 * G] {
+            assert_eq!(text([size, 0.0, 0.0], None), "");
+            assert_eq!(text([0.0, 0.0, -size], Some([0.0, 0.0, -1.0])), "");
+        }
+        let (sin, cos) = 59_f64.to_radians().sin_cos();
+        assert_eq!(text([G * sin, 0.0, -G * cos], Some([0.0, 0.0, -1.0])), "");
+    }
+
+    #[test]
+    fn a_specific_force_that_is_not_gravity_is_named_by_its_unit() {
+        for size in [0.49 * G, 2.01 * G, 0.0, 96.2] {
+            let text = text([0.0, size, 0.0], None);
+            assert!(
+                text.contains(&format!("{size:.3} m/s^2")) && !text.contains(" in g"),
+                "{text}"
+            );
+        }
+        // 0.82 to 1.2 g as a number; 0.98 g is 1 g of the place in units of 9.807 m/s^2
+        for size in [0.82, 1.0, 1.2] {
+            assert!(text([0.0, 0.0, -size], None).ends_with("the samples are in g"), "{size}");
+        }
+        assert!(!text([0.0, 0.0, -0.79], None).contains("in g"));
+        assert!(!text([0.0, 0.0, -1.3], None).contains("in g"));
+    }
+
+    #[test]
+    fn a_wrong_direction_is_named_by_its_angle_and_upside_down_as_such() {
+        let off = |degrees: f64| {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            text([0.0, G * sin, -G * cos], Some([0.0, 0.0, -1.0]))
+        };
+        assert!(off(61.0).contains("61 deg off") && !off(61.0).contains("down"));
+        assert!(off(90.0).contains("90 deg off") && !off(90.0).contains("down"));
+        assert!(off(119.0).contains("119 deg off") && !off(119.0).contains("down"));
+        assert!(off(121.0).contains("points down") && off(180.0).contains("points down"));
+    }
+}
