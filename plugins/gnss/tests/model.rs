@@ -2,21 +2,16 @@
 //! of it.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
-use navfuse_core::model::measurement::{AnyMeasurement, At, jacobian_error};
-use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{Matrix3, Vector3};
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::state::State;
 use navfuse_core::state::covariance::{Covariance, Update};
 use navfuse_core::state::geodesy::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, radii_of_curvature};
-use navfuse_core::units::sample::{Sample, SensorId};
-use navfuse_core::units::time::Time;
-use std::sync::Arc;
+use navfuse_core::units::sample::Sample;
+use navfuse_testing::ModelBench;
 use std::sync::atomic::AtomicBool;
 
 /// Eastwards at 70 deg north from 179.995 deg east: the antimeridian is 191 m away.
@@ -71,49 +66,26 @@ fn run(settings: &[&str]) -> Finished {
     finished
 }
 
-/// A composition with its state in motion at a place, and its GNSS model.
-struct Bench {
-    composition: Composition,
-    state: State,
-    model: Arc<dyn AnyMeasurement + Sync>,
+/// The model in motion at a place.
+fn bench(settings: &[&str], position: [f64; 3]) -> ModelBench {
+    let blocks: [(&str, &[f64]); 3] = [
+        ("ins.position", &position),
+        ("ins.attitude", &[0.2, -0.1, 2.0]),
+        ("ins.velocity", &[3.0, -2.0, 0.5]),
+    ];
+    let mut bench = ModelBench::new(SCENARIO, settings, "gnss", &blocks);
+    bench.state.signals.copy_from_slice(&[0.1, -0.2, 0.3]);
+    bench
 }
 
-impl Bench {
-    fn new(settings: &[&str], position: [f64; 3]) -> Self {
-        let composition = scenario(settings, |s| s.compose().unwrap_or_else(|e| panic!("{e}")));
-        let mut state = composition.layout.initial_state();
-        let coordinates = [
-            ("ins.position", position),
-            ("ins.attitude", [0.2, -0.1, 2.0]),
-            ("ins.velocity", [3.0, -2.0, 0.5]),
-        ];
-        for (name, values) in coordinates {
-            let block = composition.layout.find(name).expect("a state of the INS");
-            (block.operations.from_coordinates)(&values, &mut state.values[block.range()]);
-        }
-        state.signals.copy_from_slice(&[0.1, -0.2, 0.3]);
-        let Role::Measurement(model) =
-            &composition.sensors[composition.sensor("gnss").expect("a receiver")].role
-        else {
-            panic!("a receiver measures");
-        };
-        let model = Arc::clone(model);
-        Self { composition, state, model }
-    }
-
-    fn at<'a>(&'a self, sample: &'a Sample) -> At<'a> {
-        At { layout: &self.composition.layout, state: &self.state, sample }
-    }
-
-    fn linearise(&self, sample: &Sample) -> Update {
-        let mut update = Update::with_capacity(self.composition.layout.tangent, 16);
-        self.model.linearise(&self.at(sample), &mut update);
-        update
-    }
+fn linearise(bench: &ModelBench, sample: &Sample) -> Update {
+    let mut update = Update::with_capacity(bench.composition.layout.tangent, 16);
+    bench.model.linearise(&bench.at(sample), &mut update);
+    update
 }
 
 fn sample(values: &[f64]) -> Sample {
-    Sample::new(Time::default(), SensorId(0), values)
+    ModelBench::sample(values)
 }
 
 fn to_ecef([latitude, longitude, height]: [f64; 3]) -> Vector3<f64> {
@@ -150,9 +122,9 @@ fn the_innovation_is_the_way_from_estimate_to_fix_in_metres_at_70_degrees_and_ac
     for longitude in [179.999_99, 180.0, -179.999_99, 12.0_f64] {
         for way in [[3.0, 4.0, -2.0], [-3.0, -4.0, 2.0]].map(Vector3::from) {
             let position = [70_f64.to_radians(), longitude.to_radians(), 500.0];
-            let bench = Bench::new(&FIXED, position);
+            let bench = bench(&FIXED, position);
             let fix = from_ecef(&(to_ecef(position) + c_n_e(position[0], position[1]) * way));
-            let mut update = bench.linearise(&sample(&fix));
+            let mut update = linearise(&bench, &sample(&fix));
             let (r_n, r_e) = radii_of_curvature(position[0]);
             let y = &update.innovation;
             let metres =
@@ -174,7 +146,7 @@ fn the_innovation_is_the_way_from_estimate_to_fix_in_metres_at_70_degrees_and_ac
 fn the_antenna_is_at_its_lever_arm_and_moves_with_the_rotation_of_the_body() {
     let position = [-0.5, 1.0, 30.0];
     let arm = "sensor.gnss.lever_arm=['0.5 m', '-0.3 m', '-2 m']";
-    let bench = Bench::new(&[arm, "sensor.gnss.bias={}"], position);
+    let bench = bench(&[arm, "sensor.gnss.bias={}"], position);
     let mut h = [0.0; 6];
     bench.model.predict(&bench.at(&sample(&[])), &mut h);
     let block = bench.composition.layout.find("ins.attitude").expect("an attitude");
@@ -198,8 +170,8 @@ fn the_antenna_is_at_its_lever_arm_and_moves_with_the_rotation_of_the_body() {
 #[test]
 fn the_jacobian_is_the_derivative_at_high_latitude_too() {
     for position in [[1.22, 3.1, 0.0], [-1.5, 0.3, 8000.0], [0.0, -3.0, -20.0]] {
-        let bench = Bench::new(&[], position);
-        let error = jacobian_error(bench.model.as_ref(), &bench.at(&sample(&[])));
+        let bench = bench(&[], position);
+        let error = bench.jacobian_error();
         // steps of 1 km: (1 km / R)^2 tan^2(latitude) / 3, tan(1.5) = 14: 1.6e-6; the others 6e-8
         assert!(error < 2e-6, "{position:?}: {error}");
     }
@@ -207,12 +179,12 @@ fn the_jacobian_is_the_derivative_at_high_latitude_too() {
 
 #[test]
 fn a_fix_without_height_or_velocity_is_used_for_what_it_has() {
-    let bench = Bench::new(&[], [0.7, 0.1, 0.0]);
-    let all = bench.linearise(&sample(&[0.7, 0.1, 0.0, 3.0, -2.0, 0.5]));
+    let bench = bench(&[], [0.7, 0.1, 0.0]);
+    let all = linearise(&bench, &sample(&[0.7, 0.1, 0.0, 3.0, -2.0, 0.5]));
     let mut flat = sample(&[0.7, 0.1, 0.0, 3.0, -2.0, 0.5]);
     flat.clear(2);
     flat.clear(5);
-    let update = bench.linearise(&flat);
+    let update = linearise(&bench, &flat);
     assert_eq!((all.m, update.m), (6, 4));
     let without = |v: &[f64]| [v[0], v[1], v[3], v[4]].to_vec();
     assert_eq!(update.innovation, without(&all.innovation));
@@ -222,13 +194,13 @@ fn a_fix_without_height_or_velocity_is_used_for_what_it_has() {
 
 #[test]
 fn the_accuracy_that_the_receiver_reports_takes_the_place_of_the_noise() {
-    let bench = Bench::new(&["sensor.gnss.accuracy_factor=2"], [0.7, 0.1, 0.0]);
+    let bench = bench(&["sensor.gnss.accuracy_factor=2"], [0.7, 0.1, 0.0]);
     let (r_n, r_e) = radii_of_curvature(0.7);
     let metres = [r_n, r_e * 0.7_f64.cos(), 1.0, 1.0, 1.0, 1.0];
     let sigma = |extra: [f64; 3]| {
         let mut fix = sample(&[0.7, 0.1, 0.0, 3.0, -2.0, 0.5]);
         (0..3).filter(|&k| !extra[k].is_nan()).for_each(|k| fix.set(6 + k, extra[k]));
-        let update = bench.linearise(&fix);
+        let update = linearise(&bench, &fix);
         let sigma: [f64; 6] = std::array::from_fn(|i| update.r[7 * i].sqrt() * metres[i]);
         sigma.map(|s| (s * 1e9).round() / 1e9)
     };

@@ -1,17 +1,11 @@
 //! The equation of an odometer against Wu's rotations, and what motion tells of which state.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-use navfuse_core::compose::Composition;
-use navfuse_core::model::measurement::{AnyMeasurement, At, jacobian_error};
-use navfuse_core::model::sensor::Role;
 use navfuse_core::nalgebra::{Rotation3, Vector3};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::state::State;
 use navfuse_core::state::covariance::Update;
-use navfuse_core::units::sample::{Sample, SensorId};
-use navfuse_core::units::time::Time;
-use std::sync::Arc;
+use navfuse_testing::ModelBench;
 use std::sync::atomic::AtomicBool;
 
 /// A tactical IMU, of whose velocity nothing is known at the start but what the odometer says.
@@ -53,56 +47,29 @@ fn scenario<T>(settings: &[&str], f: impl FnOnce(&Scenario<'_>) -> T) -> T {
     navfuse_testing::scenario(SCENARIO, settings, f)
 }
 
-struct Bench {
-    composition: Composition,
-    state: State,
-    model: Arc<dyn AnyMeasurement + Sync>,
-}
-
 const PITCH: f64 = 0.03;
 const YAW: f64 = -0.05;
 const SCALE: f64 = 1.02;
 const ARM: [f64; 3] = [-1.5, 0.4, 0.6];
 
-impl Bench {
-    /// In motion, with values that are not zero.
-    fn new() -> Self {
-        let composition = scenario(&[], |s| s.compose().unwrap_or_else(|e| panic!("{e}")));
-        let mut state = composition.layout.initial_state();
-        let coordinates: [(&str, &[f64]); 6] = [
-            ("ins.attitude", &[0.2, -0.1, 2.0]),
-            ("ins.velocity", &[3.0, -12.0, 0.5]),
-            ("odometer.scale", &[SCALE]),
-            ("odometer.pitch", &[PITCH]),
-            ("odometer.yaw", &[YAW]),
-            ("odometer.lever_arm", &ARM),
-        ];
-        for (name, values) in coordinates {
-            let block = composition.layout.find(name).expect("a state");
-            (block.operations.from_coordinates)(values, &mut state.values[block.range()]);
-        }
-        state.signals.copy_from_slice(&[0.1, -0.2, 0.3]);
-        let Role::Measurement(model) =
-            &composition.sensors[composition.sensor("odometer").expect("one")].role
-        else {
-            panic!("an odometer measures");
-        };
-        let model = Arc::clone(model);
-        Self { composition, state, model }
-    }
-
-    fn at<'a>(&'a self, sample: &'a Sample) -> At<'a> {
-        At { layout: &self.composition.layout, state: &self.state, sample }
-    }
-}
-
-fn sample(values: &[f64]) -> Sample {
-    Sample::new(Time::default(), SensorId(0), values)
+/// In motion, with values that are not zero.
+fn bench() -> ModelBench {
+    let blocks: [(&str, &[f64]); 6] = [
+        ("ins.attitude", &[0.2, -0.1, 2.0]),
+        ("ins.velocity", &[3.0, -12.0, 0.5]),
+        ("odometer.scale", &[SCALE]),
+        ("odometer.pitch", &[PITCH]),
+        ("odometer.yaw", &[YAW]),
+        ("odometer.lever_arm", &ARM),
+    ];
+    let mut bench = ModelBench::new(SCENARIO, &[], "odometer", &blocks);
+    bench.state.signals.copy_from_slice(&[0.1, -0.2, 0.3]);
+    bench
 }
 
 #[test]
 fn a_vehicle_that_only_rolls_along_its_axis_shows_its_speed_and_two_zeros() {
-    let mut bench = Bench::new();
+    let mut bench = bench();
     // C_b^v = R_y(pitch) R_z(yaw) transforms coordinates: its transpose turns the vehicle's axis
     // into the body
     let c_v_b = Rotation3::from_axis_angle(&Vector3::z_axis(), YAW)
@@ -116,8 +83,7 @@ fn a_vehicle_that_only_rolls_along_its_axis_shows_its_speed_and_two_zeros() {
     let v_b = c_v_b * Vector3::new(15.0, 0.0, 0.0) - rate.cross(&Vector3::from(ARM));
     let velocity = bench.composition.layout.find("ins.velocity").expect("a velocity").range();
     bench.state.values[velocity].copy_from_slice((c_b_n * v_b).as_slice());
-    let mut h = [0.0; 3];
-    bench.model.predict(&bench.at(&sample(&[])), &mut h);
+    let h = bench.predict();
     assert!(
         (h[0] - SCALE * 15.0).abs() < 1e-13 && h[1].abs() < 1e-13 && h[2].abs() < 1e-13,
         "{h:?}"
@@ -126,16 +92,16 @@ fn a_vehicle_that_only_rolls_along_its_axis_shows_its_speed_and_two_zeros() {
 
 #[test]
 fn the_jacobian_is_the_derivative() {
-    let bench = Bench::new();
-    let error = jacobian_error(bench.model.as_ref(), &bench.at(&sample(&[])));
+    let bench = bench();
+    let error = bench.jacobian_error();
     assert!(error < 1e-8, "{error}");
 }
 
 #[test]
 fn a_recording_of_the_speed_alone_implies_the_constraint() {
-    let bench = Bench::new();
+    let bench = bench();
     let innovations = |given: &[f64]| {
-        let mut given = sample(given);
+        let mut given = ModelBench::sample(given);
         bench.model.complete(&mut given);
         let mut update = Update::with_capacity(bench.composition.layout.tangent, 16);
         bench.model.linearise(&bench.at(&given), &mut update);

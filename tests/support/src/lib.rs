@@ -11,6 +11,8 @@
 pub mod damage;
 pub mod judge;
 pub mod lab;
+#[cfg(feature = "plugins")]
+mod model;
 pub mod python;
 pub mod recording;
 pub mod rts;
@@ -19,5 +21,7 @@ mod shipped;
 pub mod speed;
 pub mod steps;
 
+#[cfg(feature = "plugins")]
+pub use model::ModelBench;
 #[cfg(feature = "plugins")]
 pub use shipped::{document, registry, scenario};
