@@ -204,6 +204,39 @@ mod tests {
         }
     }
 
+    /// Only repetitions of every channel together count for the share of identical samples, each
+    /// pause for five of them at most.
+    #[test]
+    fn a_pause_counts_for_the_share_of_repetitions_but_not_all_of_it() {
+        let mut repeats = repeats(None, false);
+        warm(&mut repeats, 20);
+        for k in 0..4_u32 {
+            repeats.judge(&spread(f64::from(k) + 0.5, 3.0), 0.01);
+        }
+        assert_eq!((repeats.repeated, repeats.in_a_row), (0, 0));
+        for k in 1..=8 {
+            repeats.judge(&spread(3.5, 3.0), 0.01);
+            assert_eq!((repeats.repeated, repeats.in_a_row), (k.min(5), k), "{k}");
+        }
+    }
+
+    /// A value that repeats once in `n` samples has a share that tends to `1 / n`; only the first
+    /// three repetitions in a row count, and each sample weighs a thousandth.
+    #[test]
+    fn the_share_of_repetitions_of_a_channel_is_learnt_over_a_thousand_samples() {
+        let mut repeats = repeats(None, false);
+        for k in 0..20_000_u32 {
+            repeats.judge(&spread(f64::from(k) % 9.7, f64::from(k / 2) % 9.9), 0.01);
+        }
+        assert!((repeats.coarse[1] - 0.5).abs() < 2e-3, "{}", repeats.coarse[1]);
+        assert!(repeats.coarse[0] < 1e-3, "{}", repeats.coarse[0]);
+        for _ in 0..10 {
+            repeats.judge(&spread(1.1, 5.05), 0.01);
+        }
+        // one change, three repetitions, six that do not count
+        assert!((repeats.coarse[0] - 3e-3).abs() < 1e-4, "{}", repeats.coarse[0]);
+    }
+
     /// A channel of which more than 2 % repeat is too coarse: after 100 pairs its share is
     /// 1 - exp(-0.1), some 10 %, less as much for the others.
     #[test]

@@ -136,3 +136,38 @@ impl Detector for Periodic {
         Box::new(self.clone())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use navfuse_core::units::sample::SensorId;
+
+    /// Times, in ms, of the samples at which a constraint of 10 Hz is applied.
+    fn applied(samples: impl IntoIterator<Item = i64>) -> Vec<i64> {
+        let mut periodic = Periodic { period: 0.1, next: Time::MIN };
+        let mut due = |ms: &i64| {
+            let time = Time::from_nanos(ms * 1_000_000);
+            periodic.detects(&Sample::new(time, SensorId(0), &[]))
+        };
+        samples.into_iter().filter(|ms| due(ms)).collect()
+    }
+
+    #[test]
+    fn the_constraint_is_applied_at_the_first_sample_and_at_its_rate() {
+        assert_eq!(applied((0..50).map(|k| 10 * k)), [0, 100, 200, 300, 400]);
+        assert_eq!(applied((0..6).map(|k| 250 * k)), [0, 250, 500, 750, 1000, 1250]);
+    }
+
+    #[test]
+    fn samples_beside_the_grid_do_not_move_it() {
+        // every 30 ms: the first at or after 0, 100, 200, 300, 400, 500 and 600 ms
+        assert_eq!(applied((0..21).map(|k| 30 * k)), [0, 120, 210, 300, 420, 510, 600]);
+    }
+
+    #[test]
+    fn after_a_gap_of_a_period_the_grid_begins_anew() {
+        // 199 ms is still within the period that began at 100 ms, 200 ms is not
+        assert_eq!(applied([0, 199, 200, 299, 300]), [0, 199, 200, 300]);
+        assert_eq!(applied([0, 250, 300, 349, 350]), [0, 250, 350]);
+    }
+}

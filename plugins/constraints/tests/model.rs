@@ -22,7 +22,7 @@ const SCENARIO: &str = r#"
     [sensor.wheels]
     type = "non-holonomic"
     lateral_noise = "2 cm/s"
-    vertical_noise = "2 cm/s"
+    vertical_noise = "3 cm/s"
     side_slip = { sigma = "1 deg", correlation_time = "2 s" }
     suspension = { sigma = "1 deg", correlation_time = "2 s" }
     pitch = { sigma = "1 deg" }
@@ -91,4 +91,12 @@ fn a_vehicle_that_rolls_along_its_axis_fulfils_it() {
 fn the_jacobian_is_the_derivative() {
     let error = bench(VELOCITY, [0.03, 0.02, -0.05, 0.01]).jacobian_error();
     assert!(error < 1e-7, "{error}");
+}
+
+#[test]
+fn the_noise_is_the_square_of_the_stated_sigma() {
+    let bench = bench(VELOCITY, [0.0; 4]);
+    let variances = bench.variances(&ModelBench::sample(&[0.0, 0.0]));
+    assert!((variances[0] / 4e-4 - 1.0).abs() < 1e-12, "2 cm/s, {variances:?}");
+    assert!((variances[1] / 9e-4 - 1.0).abs() < 1e-12, "3 cm/s, {variances:?}");
 }

@@ -114,3 +114,15 @@ fn only_the_heading_of_a_baseline_goes_round() {
     let difference = |channel: usize| antennas.model.difference(channel, 3.0, -3.0);
     close(&[difference(0), difference(1)], &[6.0 - std::f64::consts::TAU, 6.0]);
 }
+
+/// The keys give 1 deg for the compass and 0.2 deg for the antennas, whose elevation has twice the
+/// noise of the heading.
+#[test]
+fn the_noise_is_the_square_of_the_stated_sigma() {
+    let sigmas = |bench: &ModelBench, values: &[f64]| {
+        let variances = bench.variances(&ModelBench::sample(values));
+        degrees(&variances.iter().map(|v| v.sqrt()).collect::<Vec<_>>())
+    };
+    close(&sigmas(&compass([0.0; 3], 0.0, 0.0), &[0.1]), &[1.0]);
+    close(&sigmas(&antennas([0.0; 3], 0.0, 0.0), &[0.1, 0.1]), &[0.2, 0.4]);
+}

@@ -5,7 +5,8 @@ use navfuse_core::compose::Composition;
 use navfuse_core::model::measurement::{AnyMeasurement, At, jacobian_error};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::state::State;
-use navfuse_core::units::sample::{Sample, SensorId};
+use navfuse_core::state::covariance::Update;
+use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::units::time::Time;
 use std::sync::Arc;
 
@@ -57,6 +58,13 @@ impl ModelBench {
         let mut h = vec![0.0; self.model.channels()];
         self.model.predict(&self.at(&Self::sample(&[])), &mut h);
         h
+    }
+
+    /// Variances of the noise of a sample's channels.
+    pub fn variances(&self, sample: &Sample) -> Vec<f64> {
+        let mut update = Update::with_capacity(self.composition.layout.tangent, MAX_CHANNELS);
+        self.model.linearise(&self.at(sample), &mut update);
+        (0..update.m).map(|k| update.r[k * update.m + k]).collect()
     }
 
     /// Largest difference of the Jacobian from the slope of the prediction.
