@@ -136,3 +136,66 @@ impl Repeats {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::sample::SensorId;
+
+    /// An update by one channel that measures the only state, with `S` = 4 and `R` = 1.
+    fn update(innovation: f64, delta: f64) -> Update {
+        let mut update = Update::with_capacity(1, 1);
+        update.m = 1;
+        update.columns.push(0);
+        update.h.push(1.0);
+        update.innovation.push(innovation);
+        update.r.push(1.0);
+        update.s.push(4.0);
+        update.delta[0] = delta;
+        update
+    }
+
+    /// Takes equal samples whose innovation is `y` each, none of which the filter uses; returns the
+    /// number at which the sensor is stuck.
+    fn stuck_after(y: impl Fn(u32) -> f64) -> Option<u32> {
+        let mut repeats = Repeats::default();
+        (1..=30).find(|&k| {
+            let sample = Sample::new(Time::default(), SensorId(0), &[3.0]);
+            let factor = repeats.take(&sample, 1);
+            let update = update(y(k), 0.0);
+            let stuck = repeats.stuck(&update, 1, factor);
+            repeats.keep(&update, 1, false);
+            stuck.is_some()
+        })
+    }
+
+    /// 4 CHANCE = 20 samples.
+    #[test]
+    fn more_than_20_equal_samples_make_a_result_unusable() {
+        let severity = |count| Stuck { since: Time::MIN, count }.finding(Time::MIN, "log").severity;
+        assert_eq!([20, 21].map(severity), [Severity::Doubtful, Severity::DoNotUse]);
+    }
+
+    /// Without an update the motion is y(1) - y(k), and the bound is 3.5 sqrt(S) = 7. Fewer than 5
+    /// equal samples may be chance.
+    #[test]
+    fn equal_samples_are_stuck_once_the_prediction_has_moved_by_3_5_sigma() {
+        assert_eq!(stuck_after(|_| 9.0), None);
+        assert_eq!(stuck_after(|k| if k > 1 { -6.9 } else { 0.0 }), None);
+        assert_eq!(stuck_after(|k| if k > 1 { -7.1 } else { 0.0 }), Some(5));
+        assert_eq!(stuck_after(|k| if k > 1 { 7.1 } else { 0.0 }), Some(5));
+        assert_eq!(stuck_after(|k| if k > 8 { 7.1 } else { 0.0 }), Some(9));
+    }
+
+    /// Each update adds (S - R)^2 / S = 9/4 to the variance, and takes H delta off the innovation.
+    #[test]
+    fn each_used_sample_adds_the_variance_of_its_correction() {
+        let mut repeats = Repeats::default();
+        for k in 1..=3 {
+            repeats.keep(&update(2.0, 0.5), 0b100, true);
+            assert_eq!((repeats.variance[2], repeats.left[2]), (2.25 * f64::from(k), 1.5));
+        }
+        repeats.keep(&update(2.0, 0.5), 0b100, false);
+        assert_eq!((repeats.variance[2], repeats.left[2]), (6.75, 2.0));
+    }
+}
