@@ -222,4 +222,51 @@ mod tests {
         let mean = f64::from(total) / 100.0;
         assert!((mean - 34.0).abs() < 3.6, "{mean}");
     }
+
+    /// Siegmund's formula at the bound gives the number of samples back. The exponential of 2 k b
+    /// magnifies the rounding of b, some 1e-14, by 2 k < 3.
+    #[test]
+    fn the_bound_of_each_chart_has_the_stated_number_of_samples_to_a_false_alarm() {
+        for (k, samples) in HALVES.into_iter().flat_map(|k| [(k, 50.0), (k, SAMPLES)]) {
+            let x = 2.0 * k * (bound(k, samples) + 1.166);
+            let length = (x.exp() - 1.0 - x) / (2.0 * k * k);
+            assert!((length / samples - 1.0).abs() < 1e-12, "k = {k}: {length}");
+        }
+    }
+
+    /// With the weight w = 1/200 of the last innovation, the mean square of innovations of 2 and -2
+    /// is 4 - 3 (1 - w)^n after n of them, and the mean product is -4 (1 - (1 - w)^(n - 1)).
+    #[test]
+    fn the_mean_square_and_the_mean_product_remember_200_innovations() {
+        let mut charts = BiasTest::with(SAMPLES, 1).channels[0];
+        for n in 1..=1000 {
+            charts.take(Time::MIN, if n % 2 == 1 { 2.0 } else { -2.0 }, &[f64::INFINITY; 3]);
+            if [1, 200, 1000].contains(&n) {
+                let (left, less) = (0.995_f64.powi(n), 0.995_f64.powi(n - 1));
+                assert!((charts.square - (4.0 - 3.0 * left)).abs() < 1e-12, "{n}");
+                assert!((charts.product + 4.0 * (1.0 - less)).abs() < 1e-12, "{n}");
+            }
+        }
+    }
+
+    /// Innovations `y` of the channels that are present, with the variance 4, until the first shift.
+    fn shift(present: u16, y: &[f64]) -> Option<Shift> {
+        let m = y.len();
+        let mut update = Update::with_capacity(1, m);
+        update.m = m;
+        update.innovation.extend(y);
+        update.s.extend((0..m * m).map(|k| if k % (m + 1) == 0 { 4.0 } else { 0.0 }));
+        let mut test = BiasTest::new(3);
+        (0..200).find_map(|k| test.take(Time::from_nanos(k), &update, present))
+    }
+
+    #[test]
+    fn a_shift_names_its_channel_where_others_are_missing_and_has_the_sign_of_the_mean() {
+        let found = |present, y: &[f64]| shift(present, y).map(|s| (s.channel, s.mean));
+        assert_eq!(found(0b111, &[0.0, 0.0, 2.0]), Some((2, 1.0)));
+        assert_eq!(found(0b110, &[2.0, 0.0]), Some((1, 1.0)));
+        assert_eq!(found(0b110, &[0.0, -2.0]), Some((2, -1.0)));
+        assert_eq!(found(0b100, &[-2.0]), Some((2, -1.0)));
+        assert_eq!(found(0b111, &[0.0; 3]), None);
+    }
 }

@@ -145,3 +145,84 @@ impl Curved {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::expect_used, reason = "a test fails by panicking")]
+    use super::*;
+    use crate::compose::Composer;
+    use crate::model::mounting::Mounting;
+    use crate::model::sensor::Purpose;
+    use crate::state::manifold::Vector;
+    use crate::state::{BlockSpec, Dynamics, Mode, display};
+    use crate::units::sample::Channel;
+
+    /// A check of a sample that reads column 0, whose variance was 1 at the last one.
+    fn due(check: Curvature, variance: f64) -> bool {
+        let mut covariance = Covariance::zero(1);
+        covariance.set(0, 0, variance);
+        let mut update = Update::with_capacity(1, 1);
+        update.columns.push(0);
+        check.clone().is_due(&update, &covariance)
+    }
+
+    fn seen(seen: u32, ratio: f64, curved: u32) -> Curvature {
+        Curvature { seen: seen - 1, columns: vec![0], variances: vec![1.0], ratio, curved }
+    }
+
+    #[test]
+    fn a_check_is_due_at_powers_of_two_and_at_every_256th_sample() {
+        let numbers = (1..=1024).filter(|&k| due(seen(k, 0.0, 0), 1.0));
+        let expected = [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 768, 1024];
+        assert!(numbers.eq(expected));
+    }
+
+    /// The ratio grows with the variance, and is doubtful from 3.
+    #[test]
+    fn a_check_is_due_where_the_variances_have_grown_so_that_the_ratio_reaches_its_bound() {
+        assert!(!due(seen(300, 1.5, 0), 1.99) && due(seen(300, 1.5, 0), 2.01));
+        assert!(!due(seen(300, 0.5, 0), 5.99) && due(seen(300, 0.5, 0), 6.01));
+        // after the finding nothing is left to find
+        assert!(!due(seen(300, 1.5, 2), 9.0));
+    }
+
+    #[test]
+    fn a_check_is_due_after_one_that_was_curved_and_where_the_sample_reads_other_states() {
+        assert!(due(seen(300, 4.0, 1), 1.0));
+        let other = Curvature { columns: vec![1], ..seen(300, 0.0, 0) };
+        assert!(due(other.clone(), 1.0));
+        assert!(!due(Curvature { curved: 2, ..other }, 1.0));
+    }
+
+    #[test]
+    fn a_finding_names_the_states_and_from_a_ratio_of_ten_forbids_the_result() {
+        let mut composer = Composer::default();
+        composer.begin("ins");
+        for name in ["attitude", "position"] {
+            let spec = BlockSpec {
+                mode: Mode::Estimate,
+                initial: vec![0.0; 3],
+                sigma: vec![1.0; 3],
+                truth: None,
+                dynamics: Dynamics::Constant,
+                display: display::VELOCITY,
+            };
+            composer.block::<Vector<3>>(name, spec).expect("a block");
+        }
+        let layout = composer.finish().0;
+        let (name, kind) = ("usbl".to_owned(), "instrument".to_owned());
+        let (purpose, mounting) = (Purpose::Measurement, Mounting::default());
+        let channels = vec![Channel::new("range", "m"), Channel::new("bearing", "deg")];
+        let sensor = SensorInfo { name, kind, channels, purpose, mounting };
+        let finding = |ratio, columns| {
+            Curved { ratio, channel: 1, columns }.finding(Time::default(), &sensor, &layout)
+        };
+        let one = finding(9.99, [5, 3]);
+        assert_eq!((one.severity, one.about.as_str()), (Severity::Doubtful, "usbl"));
+        assert!(one.text.contains("uncertainty of ins.position:"), "{}", one.text);
+        assert!(one.text.contains("of bearing is 10.0 times"), "{}", one.text);
+        let two = finding(10.0, [5, 2]);
+        assert_eq!(two.severity, Severity::DoNotUse);
+        assert!(two.text.contains("uncertainty of ins.attitude and ins.position:"), "{}", two.text);
+    }
+}
