@@ -365,3 +365,64 @@ impl History {
         update.h.extend_from_slice(&self.wide[..update.m * wide]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A ring with entries at these times, in ms, the oldest one at place `first`.
+    fn history(times: &[i64], first: usize) -> History {
+        let entry = |&ms: &i64| Entry {
+            time: Time::from_nanos(ms * 1_000_000),
+            values: Vec::new(),
+            signals: Vec::new(),
+            drift: Vec::new(),
+            steps: 0.0,
+            corrected: false,
+            correction: Vec::new(),
+        };
+        let mut entries: Vec<Entry> = times.iter().map(entry).collect();
+        entries.rotate_right(first);
+        History {
+            moving: Vec::new(),
+            places: Vec::new(),
+            first,
+            len: entries.len(),
+            entries,
+            start: Time::default(),
+            drift: Vec::new(),
+            steps: 0.0,
+            last: Time::default(),
+            density: Vec::new(),
+            at: State::default(),
+            around: [State::default(), State::default()],
+            scratch: Vec::new(),
+            row: Vec::new(),
+            columns: Vec::new(),
+            wide: Vec::new(),
+        }
+    }
+
+    /// Entries at 0, 20 and 40 ms. A segment of 20 ms is halved at 10 ms. At 45 ms the segment from
+    /// 40 ms is shorter than half of a spacing, so that 50 ms is 30/25 of the one from 20 ms; at
+    /// 55 ms, 60 ms is 20/15 of the one from 40 ms.
+    #[test]
+    fn a_past_state_is_interpolated_within_its_segment_and_extrapolated_beyond_the_history() {
+        for first in 0..3 {
+            let history = history(&[0, 20, 40], first);
+            let piece = |now: i64, back: f64| {
+                let (from, to, share) =
+                    history.piece(Time::from_nanos(now * 1_000_000), back / 1e3);
+                (from, to, (share * 1e9).round() / 1e9)
+            };
+            assert_eq!(piece(45, 35.0), (0, Some(1), 0.5));
+            assert_eq!(piece(45, 20.0), (1, Some(2), 0.25));
+            assert_eq!(piece(45, 2.5), (2, None, 0.5));
+            assert_eq!(piece(45, -5.0), (1, None, 1.2));
+            assert_eq!(piece(55, -5.0), (2, None, 1.333_333_333));
+            assert_eq!(piece(45, 55.0), (0, Some(1), -0.5), "before the first entry");
+            // the state is the newest entry
+            assert_eq!(piece(40, 0.0), (2, None, 0.0));
+        }
+    }
+}

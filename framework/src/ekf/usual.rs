@@ -224,4 +224,53 @@ mod tests {
         assert_eq!(jumps(&mut usual.clone(), [20.0]), 0);
         assert_eq!(jumps(&mut usual, [60.0]), 1);
     }
+
+    /// Ticks at that interval, in seconds, and returns the least jump.
+    fn least(usual: &mut Usual, interval: f64, ticks: u32) -> f64 {
+        for _ in 0..ticks {
+            let now = usual.time.nanos().max(0) + (interval * 1e9).round() as i64;
+            usual.tick(Time::from_nanos(now));
+            usual.count += 1;
+        }
+        usual.least[0]
+    }
+
+    /// The noise of one sample is its density over the root of the interval. The limits change
+    /// where the interval changes by 0.1 % in one step of 1/64 of the difference: they stay within
+    /// 6.4 % of the interval, or 3.2 % of its root.
+    #[test]
+    fn the_least_jump_is_50_sigma_of_one_sample_and_25_steps_at_any_rate() {
+        let of = |integrals: bool| {
+            let limits =
+                ChannelLimits { range: 1e9, change: None, noise: 1e-4, step: 1e-5, motion: 0.0 };
+            let channels = vec![limits];
+            Usual::new(Arc::new(Screening { channels, integrals, frozen: None, max_bridge: 1.0 }))
+        };
+        for interval in [0.0005_f64, 0.01, 1.0] {
+            let expected = 50.0 * 1e-4 / interval.sqrt() + 25.0 * 1e-5;
+            let rate = least(&mut of(false), interval, 2);
+            assert!((rate / expected - 1.0).abs() < 1e-12, "{interval}: {rate}");
+            // an increment is the rate times the interval
+            let increment = least(&mut of(true), interval, 2);
+            assert!((increment / (expected * interval) - 1.0).abs() < 1e-12, "{interval}");
+        }
+        let mut usual = of(false);
+        least(&mut usual, 0.01, 20);
+        let (found, expected) = (least(&mut usual, 0.005, 500), 50.0 * 1e-4 / 0.005_f64.sqrt());
+        assert!((found / (expected + 25.0 * 1e-5) - 1.0).abs() < 0.035, "{found}");
+    }
+
+    /// The first 16 samples have equal weights. After those the mean keeps 15/16 of itself at each
+    /// sample. A repetition leaves it.
+    #[test]
+    fn the_recent_mean_is_that_of_16_samples_and_fades_after() {
+        let mut usual = usual();
+        jumps(&mut usual, (1..=16).map(f64::from));
+        assert!((usual.mean[0] - 8.5).abs() < 1e-12, "{}", usual.mean[0]);
+        jumps(&mut usual, [0.0; 4]);
+        let faded = 8.5 * (15.0_f64 / 16.0).powi(4);
+        assert!((usual.mean[0] - faded).abs() < 1e-12, "{}", usual.mean[0]);
+        usual.learn(&[0.0; MAX_CHANNELS], usual.time, false);
+        assert!((usual.mean[0] - faded).abs() < 1e-12, "{}", usual.mean[0]);
+    }
 }
