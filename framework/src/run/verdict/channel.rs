@@ -144,3 +144,118 @@ impl ChannelStatistics {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Level of each test: 3.29 sigma to either side.
+    const ALPHA: f64 = 1e-3;
+
+    /// Statistics of `n` innovations with that root mean square.
+    fn statistics(n: f64, rms: f64) -> ChannelStatistics {
+        ChannelStatistics { count: n, squares: n * rms * rms, ..ChannelStatistics::default() }
+    }
+
+    fn found(channel: &ChannelStatistics, white: bool) -> Vec<(Criterion, Severity)> {
+        let mut found = Vec::new();
+        channel.judge(ALPHA, (white, 3, true), &mut found);
+        found.iter().map(|d| (d.criterion, d.severity)).collect()
+    }
+
+    /// A million innovations show a ratio of 1.04, which no decision depends on; 100 do not show
+    /// 1.06, as the sigma of the ratio is 1 / sqrt(2 n) = 7 %.
+    #[test]
+    fn a_ratio_to_the_reported_sigma_is_doubted_from_5_per_cent_if_the_samples_show_it() {
+        let of = |n, ratio| found(&statistics(n, ratio), false);
+        let doubt = |severity| vec![(Criterion::Channel, severity)];
+        assert_eq!(of(1e6, 1.04), []);
+        assert_eq!(of(1e6, 1.06), doubt(Severity::Doubtful));
+        assert_eq!(of(100.0, 1.06), []);
+        assert_eq!(of(1e6, 1.0 / 1.06), doubt(Severity::Doubtful));
+        assert_eq!(of(1e6, 1.99), doubt(Severity::Doubtful));
+        assert_eq!(of(1e6, 2.01), doubt(Severity::DoNotUse));
+        // the mean NIS of the sensor speaks of these
+        let mut found = Vec::new();
+        let large = statistics(1e6, 1.5);
+        large.judge(ALPHA, (false, 1, true), &mut found);
+        large.judge(ALPHA, (false, 3, false), &mut found);
+        assert_eq!(found.len(), 0);
+    }
+
+    /// The mean of n innovations has the sigma 1 / sqrt(n), times their ratio where that is larger.
+    #[test]
+    fn a_mean_is_a_bias_from_3_29_of_its_sigma() {
+        for (scale, mean) in [(1.0, 3.28), (2.0, 6.57), (0.5, -3.28)] {
+            let of = |sum: f64| {
+                let (sum, raw) = (sum * 100.0, sum);
+                let channel = ChannelStatistics { sum, raw, ..statistics(1e4, scale) };
+                let found = found(&channel, true);
+                found.iter().filter(|f| f.0 == Criterion::Bias).map(|f| f.1).collect::<Vec<_>>()
+            };
+            assert_eq!(of(mean), []);
+            assert_eq!(of(mean * 1.01), [Severity::Doubtful]);
+        }
+    }
+
+    /// A correlation has the sigma 1 / sqrt(n) = 0.1 for 100 innovations; below 0.1 none is doubted.
+    #[test]
+    fn a_correlation_is_doubted_from_a_tenth_and_from_3_29_of_its_sigma() {
+        let of = |n: f64, correlation: f64, scale: f64| {
+            let products = (n - 1.0) * correlation * scale * scale;
+            let found = found(&ChannelStatistics { products, ..statistics(n, scale) }, true);
+            found.contains(&(Criterion::Correlation, Severity::Doubtful))
+        };
+        for scale in [1.0, 2.0] {
+            assert!(!of(1e6, 0.099, scale) && of(1e6, 0.101, scale));
+            assert!(!of(1e6, -0.099, scale) && of(1e6, -0.101, scale));
+            assert!(!of(100.0, 0.328, scale) && of(100.0, 0.331, scale));
+        }
+    }
+
+    /// The drift of m minutes is chi-square with m degrees of freedom, times the square of the
+    /// ratio of the innovations to their sigma. A drift of 1.5 per minute is 22.5 in 15 minutes,
+    /// which chance exceeds in 10 %, and 225 in 150 minutes, 4.3 sigma of sqrt(2 * 150).
+    #[test]
+    fn means_over_a_minute_drift_where_enough_minutes_show_1_2_times_white_noise() {
+        for scale in [1.0, 2.0] {
+            let of = |minutes: f64, ratio: f64| {
+                let drift = (minutes * ratio * ratio * scale * scale, minutes);
+                let channel = ChannelStatistics { drift, ..statistics(10.0 * minutes, scale) };
+                let found = found(&channel, true);
+                let drifts = found.iter().filter(|f| f.0 == Criterion::Drift);
+                drifts.map(|f| f.1).collect::<Vec<_>>()
+            };
+            assert_eq!(of(15.0, 1.5_f64.sqrt()), []);
+            assert_eq!(of(150.0, 1.5_f64.sqrt()), [Severity::Doubtful]);
+            assert_eq!(of(1e4, 1.19), []);
+            assert_eq!(of(1e4, 1.21), [Severity::Doubtful]);
+            assert_eq!(of(1e4, 1.99), [Severity::Doubtful]);
+            // the drift has to show that it is beyond twice the expectation: sqrt(2 / 1e4) / 2 is
+            // 0.7 % of the ratio, 3.29 of which are 2.3 %
+            assert_eq!(of(1e4, 2.03), [Severity::Doubtful]);
+            assert_eq!(of(1e4, 2.06), [Severity::DoNotUse]);
+        }
+        // two samples a minute
+        let drift = (9e4, 1e4);
+        let sparse = ChannelStatistics { drift, ..statistics(2e4, 1.0) };
+        assert_eq!(found(&sparse, true), []);
+        let dense = ChannelStatistics { drift, ..statistics(3e4, 1.0) };
+        assert_eq!(found(&dense, true), [(Criterion::Drift, Severity::DoNotUse)]);
+    }
+
+    #[test]
+    fn each_minute_adds_the_square_of_its_sum_over_its_number() {
+        let mut channel = ChannelStatistics::new("x".to_owned());
+        for u in [1.0, 2.0, 3.0] {
+            channel.add(u, 10.0 * u);
+        }
+        channel.end_minute();
+        channel.end_minute();
+        channel.add(-2.0, -20.0);
+        channel.end_minute();
+        assert_eq!(channel.drift, (36.0 / 3.0 + 4.0, 2.0));
+        assert_eq!((channel.sum, channel.raw, channel.squares), (4.0, 40.0, 18.0));
+        assert_eq!(channel.products, 2.0 + 6.0 - 6.0);
+    }
+}

@@ -392,3 +392,41 @@ impl SensorStatistics {
         ));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Inflation for `n` values with this mean, mean square, and mean product of successive ones.
+    fn inflation(n: f64, mean: f64, square: f64, product: f64) -> f64 {
+        let (sum, squares) = (n * mean, n * square);
+        Memory { last: None, sum, squares, products: (n - 1.0) * product, count: n }.inflation()
+    }
+
+    /// Ten values have nine pairs. A variance of 2 and a product of 1.4 are the correlation 0.7,
+    /// above 2 / sqrt(10) = 0.63, and (1 + 0.7) / (1 - 0.7) = 5.67; 1.26 would be just below.
+    #[test]
+    fn correlated_values_widen_the_band_of_their_mean_beyond_2_sigma_of_the_correlation() {
+        let is = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-9, "{found}");
+        is(inflation(10.0, 0.0, 2.0, 1.4), 1.7 / 0.3);
+        is(inflation(10.0, 0.0, 2.0, 1.26), 1.0);
+        is(inflation(400.0, 0.0, 1.0, 0.099), 1.0);
+        is(inflation(400.0, 0.0, 1.0, 0.101), 1.101 / 0.899);
+        is(inflation(400.0, 0.0, 1.0, -0.9), 1.0);
+        // the mean is no correlation: (2 - 1) / (3 - 1) = 0.5
+        is(inflation(400.0, 1.0, 3.0, 2.0), 3.0);
+        // values that scatter less than expected count as if they scattered by one
+        is(inflation(400.0, 0.0, 0.5, 0.4), 1.4 / 0.6);
+        is(inflation(400.0, 0.0, 1.0, 1.0), 1.99 / 0.01);
+        is(Memory::default().inflation(), 1.0);
+        is(inflation(1.0, 3.0, 9.0, 0.0), 1.0);
+    }
+
+    #[test]
+    fn the_memory_sums_values_squares_and_products_of_successive_ones() {
+        let mut memory = Memory::default();
+        [2.0, -1.0, 3.0].into_iter().for_each(|x| memory.add(x));
+        let Memory { sum, squares, products, count, .. } = memory;
+        assert_eq!((sum, squares, products, count), (4.0, 14.0, -5.0, 3.0));
+    }
+}

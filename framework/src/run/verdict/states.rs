@@ -232,4 +232,25 @@ mod tests {
         let blind = Pull { slack, ..Pull::default() };
         assert_eq!(blind.sigmas(), 0.0, "the sensor does not see the state");
     }
+
+    /// Sensors that correct a state with these variances.
+    fn statistics(variances: &[f64]) -> StateStatistics {
+        let (block, name) = ("dvl.scale".to_owned(), "dvl.scale".to_owned());
+        let rows = vec![Row { block, name, place: 0, slack: 0.1, unit: ("", 1.0) }];
+        StateStatistics { rows, pulls: variances.iter().map(|v| [0.0, *v]).collect() }
+    }
+
+    /// One test of the distance from the prior, and one for each pair.
+    #[test]
+    fn only_sensors_that_see_a_state_are_compared_in_it() {
+        let pairs = |variances: &[f64]| {
+            let statistics = statistics(variances);
+            let pairs: Vec<_> = statistics.pairs(0).collect();
+            assert_eq!(statistics.tests(), 1 + pairs.len());
+            pairs
+        };
+        assert_eq!(pairs(&[1.0, 0.0, 1e-9]), [(0, 2)]);
+        assert_eq!(pairs(&[1.0, 2.0, 3.0]), [(0, 1), (0, 2), (1, 2)]);
+        assert_eq!(pairs(&[0.0, 1.0, 0.0]), []);
+    }
 }
