@@ -167,3 +167,40 @@ impl Track {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::manifold::{Operations, Vector};
+    use crate::state::{BlockSpec, Dynamics, Mode, display};
+
+    /// A comparison at 10 s, after that interval.
+    fn compared(interval: f64) -> Compared {
+        let spec = BlockSpec {
+            mode: Mode::Estimate,
+            initial: vec![0.0; 3],
+            sigma: vec![1.0; 3],
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display: display::VELOCITY,
+        };
+        let (operations, tangent) = (Operations::of::<Vector<3>>(), Some(0));
+        let name = "ins.velocity".to_owned();
+        let block =
+            Block { name, spec, operations, offset: 0, tangent, wanders: false, label: None };
+        let time = Time::from_nanos(10_000_000_000);
+        Compared { interval, ..Compared::new(&block, time) }
+    }
+
+    /// Two intervals of 3 s end at 16 s. A fast reference counts for 2 s.
+    #[test]
+    fn the_last_comparison_holds_for_two_intervals_of_the_reference_and_for_2_seconds_at_least() {
+        let until = |interval: f64, last: i64| {
+            let holds = |ms: i64| compared(interval).holds_at(Time::from_nanos(ms * 1_000_000));
+            assert!(holds(last) && !holds(last + 1), "{interval}");
+        };
+        until(3.0, 16_000);
+        until(0.1, 12_000);
+        until(0.0, 12_000);
+    }
+}
