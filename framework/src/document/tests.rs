@@ -424,3 +424,23 @@ fn a_renamed_path_keeps_its_place_and_those_below() {
     let names: Vec<_> = document.root().get("sensor").unwrap().entries().unwrap();
     assert_eq!(names.iter().map(|(n, _)| *n).collect::<Vec<_>>(), ["reference", "dvl"]);
 }
+
+#[test]
+fn an_error_shows_60_characters_of_a_value_and_no_longer_array() {
+    let error = |value: &str| {
+        let document = Document::parse("a.toml", format!("x = {value}\n")).unwrap();
+        at(&document, &["x"]).error("no").to_string()
+    };
+    let text = |length: usize| format!("{:?}", "ä".repeat(length));
+    for length in [1, 60] {
+        let found = error(&text(length));
+        assert!(found.contains(&format!("x = {}: no", text(length))), "{found}");
+    }
+    let found = error(&text(61));
+    assert!(found.contains(&format!("x = {}...: no", text(60))), "{found}");
+    // 3 characters for each element: "[1, 1, 1]" has 9
+    let array = |elements: &str| error(&format!("[{elements}{}1]", "1, ".repeat(18)));
+    let found = array("1, ");
+    assert!(found.contains("x = [1, 1") && found.contains(", 1]: no"), "{found}");
+    assert!(!array("11, ").contains("x = ") && array("11, ").contains("x: no"), "{found}");
+}

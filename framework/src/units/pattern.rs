@@ -108,3 +108,23 @@ fn names(exponents: Exponents) -> String {
     }
     names.join("|")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_square_or_a_root_in_a_quotient_is_one_of_a_unit_that_divides() {
+        let (time, rate, length) = ([0, 0, 2, 0, 0], [0, 0, -2, 0, 0], [2, 0, 0, 0, 0]);
+        let [plain, square, root] = [Form::Plain, Form::Square, Form::Root];
+        for base in [time, rate, length, [0, 2, 0, 0, 0], [2, 0, -2, 0, 0]] {
+            for (form, exponents) in
+                [(plain, base), (square, base.map(|e| 2 * e)), (root, base.map(|e| e / 2))]
+            {
+                let factor = Factor { exponents, form };
+                assert_eq!(factor.base(), base);
+                assert_eq!(factor.divides(), [time, rate, length].contains(&base), "{base:?}");
+            }
+        }
+    }
+}

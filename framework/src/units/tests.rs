@@ -307,3 +307,57 @@ fn the_schema_names_the_dimension_and_gives_an_example_that_is_read() {
     read::<AngularRateNoise>(&example("noise"));
     read::<Frequency>(&example("rate"));
 }
+
+/// SI values of the BIPM's brochure (9th edition), the international foot and nautical mile, and
+/// g_n = 9.80665 m/s^2; a psi is a pound (0.45359237 kg) times g_n on a square inch.
+#[test]
+fn every_unit_has_its_value_in_si_and_its_dimension() {
+    let tau = 2.0 * PI;
+    let psi = 0.453_592_37 * 9.80665 / (0.0254 * 0.0254);
+    close(read::<Ratio>("1 ppb").si(), 1e-9);
+    for (text, si) in [("1 arcmin", tau / 21_600.0), ("1 rev", tau), ("3 turn", 3.0 * tau)] {
+        close(read::<Angle>(text).si(), si);
+    }
+    close(read::<AngularRate>("1 rpm").si(), tau / 60.0);
+    for (text, si) in [("1 ft", 0.3048), ("1 nmi", 1852.0), ("1 mm", 1e-3), ("1 um", 1e-6)] {
+        close(read::<Length>(text).si(), si);
+    }
+    close(read::<Speed>("1 kt").si(), 1852.0 / 3600.0);
+    close(read::<Acceleration>("1 g").si(), 9.80665);
+    close(read::<Acceleration>("1 Gal").si(), 0.01);
+    for (text, si) in [("1 day", 86_400.0), ("1 hr", 3600.0), ("1 ms", 1e-3), ("1 ns", 1e-9)] {
+        close(read::<Time>(text).si(), si);
+    }
+    for (text, si) in [("1 kHz", 1e3), ("1 MHz", 1e6), ("1 mHz", 1e-3)] {
+        close(read::<Frequency>(text).si(), si);
+    }
+    for (text, si) in [("1 Pa", 1.0), ("1 hPa", 100.0), ("1 atm", 101_325.0), ("1 psi", psi)] {
+        close(read::<Pressure>(text).si(), si);
+    }
+    for (text, same) in [("Hz", "1/s"), ("Pa", "kg/m/s^2"), ("kn", "m/s"), ("rpm", "rad/s")] {
+        let dimension = |text| parse_unit(text).unwrap().exponents();
+        assert_eq!(dimension(text), dimension(same), "{text}");
+    }
+}
+
+#[test]
+fn the_si_unit_of_a_dimension_has_its_powers_and_reads_back() {
+    let unit = |exponents| dimension::si_unit(exponents);
+    let powers = ["sqrt(s)", "s", "sqrt(s^3)", "s^2", "sqrt(s^5)", "s^3"];
+    for (halves, power) in (1..).zip(powers) {
+        assert_eq!(unit([0, 0, halves, 0, 0]), power);
+        assert_eq!(unit([0, 0, -halves, 0, 0]), format!("1/{power}"));
+        assert_eq!(unit([4, 0, -halves, 2, 0]), format!("m^2*rad/{power}"));
+        for exponents in [[halves, 2, -halves, 0, 4], [-halves, 0, 3, halves, -2]] {
+            assert_eq!(parse_unit(&unit(exponents)).unwrap().exponents(), exponents);
+        }
+    }
+    assert_eq!(unit([0; 5]), "1");
+}
+
+#[test]
+fn an_expression_has_64_bytes_at_most() {
+    assert_eq!(parse_unit(&format!("{:64}", "m")), parse_unit("m"));
+    let long = parse_unit(&format!("{:65}", "m")).unwrap_err().to_string();
+    assert!(long.contains("too long"), "{long}");
+}

@@ -105,4 +105,15 @@ mod tests {
         let (first, last) = (Time::from_nanos(i64::MIN), Time::from_nanos(i64::MAX));
         assert!(last.since(first) > 0.0 && (last + last) >= last && (first - last) <= first);
     }
+
+    /// `MAX` is 2^61 - 1 ns, which as f64 is 2^61. The f64 of 2^61 ns in seconds gives 2^61 exactly,
+    /// and the one before it 256 ns less.
+    #[test]
+    fn no_number_of_seconds_is_a_time_after_the_last() {
+        let last = (1_i64 << 61) as f64 / 1e9;
+        assert_eq!(last * 1e9, (1_i64 << 61) as f64);
+        assert_eq!((Time::from_seconds(last), Time::from_seconds(-last)), (None, None));
+        let before = Time::from_seconds(last.next_down());
+        assert_eq!(before.map(Time::nanos), Some((1 << 61) - 256));
+    }
 }
