@@ -331,3 +331,56 @@ fn a_fault_that_does_not_fit_is_rejected_with_key_and_remedy() {
         assert!(message.contains(key) && message.contains(remedy), "{text}: {message}");
     }
 }
+
+/// Keys that each type needs, and those that it takes beside: the table of the manual.
+const TAKES: [(FaultType, &[&str], &[&str]); 16] = [
+    (FaultType::Bias, &["size"], &["from", "to", "channels"]),
+    (FaultType::Step, &["from", "size"], &["channels"]),
+    (FaultType::Drift, &["size"], &["from", "to", "channels"]),
+    (FaultType::Stuck, &[], &["from", "to", "channels", "size"]),
+    (FaultType::Frozen, &[], &["from", "to"]),
+    (FaultType::Spike, &["size"], &["from", "to", "channels", "probability"]),
+    (FaultType::Saturation, &["size"], &["from", "to", "channels"]),
+    (FaultType::Dropout, &[], &["from", "to", "channels", "probability"]),
+    (FaultType::Unit, &["unit"], &["from", "to", "channels"]),
+    (FaultType::Swap, &["channels"], &["from", "to"]),
+    (FaultType::Sign, &[], &["from", "to", "channels"]),
+    (FaultType::ClockOffset, &["size"], &["from", "to"]),
+    (FaultType::ClockStep, &["from", "size"], &[]),
+    (FaultType::ClockDrift, &["size"], &["from", "to"]),
+    (FaultType::Quantisation, &["size"], &["from", "to", "channels"]),
+    (FaultType::Vibration, &["size", "frequency"], &["from", "to", "channels"]),
+];
+
+#[test]
+fn a_fault_without_a_key_that_its_type_needs_or_with_one_that_it_does_not_take_is_refused() {
+    const VALUES: [(&str, &str); 7] = [
+        ("from", "\"1 s\""),
+        ("to", "\"2 s\""),
+        ("channels", "[\"vel_x\"]"),
+        ("size", "\"1 m\""),
+        ("unit", "\"kn\""),
+        ("frequency", "\"1 Hz\""),
+        ("probability", "\"50 %\""),
+    ];
+    let error = |kind: FaultType, keys: &[&str]| {
+        let given = VALUES.iter().filter(|(key, _)| keys.contains(key));
+        let given: String = given.map(|(key, value)| format!(", {key} = {value}")).collect();
+        let all = faults(&format!("{{ type = {:?}{given} }}", kind.name()));
+        Injector::new(&all, &sensor(), 7).err().map(|e| e.to_string()).unwrap_or_default()
+    };
+    for (kind, needed, optional) in TAKES {
+        for missing in needed {
+            let others: Vec<&str> = needed.iter().copied().filter(|key| key != missing).collect();
+            let found = error(kind, &others);
+            assert!(found.contains(&format!("missing key {missing:?}")), "{kind:?}: {found}");
+        }
+        for (key, _) in VALUES {
+            let found = error(kind, &[needed, &[key][..]].concat());
+            let taken = needed.contains(&key) || optional.contains(&key);
+            assert!(!found.contains("missing key"), "{kind:?}: {found}");
+            assert_eq!(!found.contains("no such key"), taken, "{kind:?} {key}: {found}");
+            assert!(taken || found.contains(&format!(".{key}")), "{kind:?} {key}: {found}");
+        }
+    }
+}
