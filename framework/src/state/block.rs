@@ -236,3 +236,49 @@ fn variance(g: &[f64], covariance: &crate::state::covariance::Covariance, first:
     }
     variance
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::manifold::{Manifold, Rotation, Vector};
+    use std::f64::consts::{PI, TAU};
+
+    /// The error of an estimate that has these coordinates, in units of 0.5.
+    fn shown<M: Manifold>(estimate: [f64; 3], reference: [f64; 3]) -> [f64; 3] {
+        let block = Block {
+            name: "b".to_owned(),
+            spec: BlockSpec {
+                mode: Mode::Estimate,
+                initial: vec![0.0; 3],
+                sigma: vec![1.0; 3],
+                truth: None,
+                dynamics: Dynamics::Constant,
+                display: Display { unit: "", scale: 0.5, components: &[] },
+            },
+            operations: Operations::of::<M>(),
+            offset: 0,
+            tangent: Some(0),
+            wanders: false,
+            label: None,
+        };
+        let values = |coordinates: [f64; 3]| {
+            let mut ambient = vec![0.0; block.operations.ambient];
+            (block.operations.from_coordinates)(&coordinates, &mut ambient);
+            ambient
+        };
+        let mut error = [0.0; 3];
+        block.show_error(&values(estimate), &values(reference), &mut error);
+        error
+    }
+
+    /// A heading of 3 rad is 6 - 2 pi = -0.28 rad from one of -3 rad. A quaternion holds an angle
+    /// to some 1e-15.
+    #[test]
+    fn an_error_of_angles_is_within_half_a_turn_and_one_of_a_length_is_not() {
+        let angles = shown::<Rotation>([0.1, 0.2, 3.0], [0.0, 0.3, -3.0]);
+        let expected = [0.2, -0.2, 2.0 * (6.0 - TAU)];
+        assert!(angles.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{angles:?}");
+        let lengths = shown::<Vector<3>>([PI + 1.0, -7.0, 0.0], [0.0, 7.0, 2.0]);
+        assert_eq!(lengths, [2.0 * (PI + 1.0), -28.0, -4.0]);
+    }
+}

@@ -74,3 +74,17 @@ impl Layout {
         Handle { slot, manifold: PhantomData }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_true_value_of_a_label_is_that_of_no_other() {
+        let truths = vec![(7, vec![1.0]), (3, vec![2.0])];
+        let (name, slots) = ("landmark".to_owned(), 0..2);
+        let pool = Pool { name, slots, first: 0, has_prior: false, truths };
+        let truth = [7, 3, 4].map(|label| pool.truth(label));
+        assert_eq!(truth, [Some(&[1.0][..]), Some(&[2.0][..]), None]);
+    }
+}

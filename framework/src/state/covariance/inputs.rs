@@ -126,3 +126,42 @@ impl Transition {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix2x3, SMatrix};
+
+    /// Two rows of the state follow three channels from the second on; the input model has the
+    /// states of columns 4 and 5. `Phi` gets the product of both derivatives.
+    #[test]
+    fn the_states_of_an_input_model_reach_phi_by_the_chain_rule() {
+        let mut transition = Transition::default();
+        let other = transition.phi::<1, 1>(Some(1), Some(4));
+        let _unused = transition.input::<1, 1>(None, 0);
+        let first = transition.input::<1, 2>(Some(0), 0);
+        let slot = transition.input::<2, 3>(Some(1), 1);
+        let link = transition.link_inputs(&[1], &[4, 5]);
+        let (b, c) = (
+            Matrix2x3::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+            SMatrix::<f64, 4, 2>::from_fn(|i, j| 10.0 * i as f64 + j as f64),
+        );
+        let derivative: Vec<f64> = c.transpose().iter().copied().collect();
+        for _ in 0..2 {
+            transition.clear_inputs(link);
+            transition.set(other, &SMatrix::<f64, 1, 1>::new(100.0));
+            transition.set_input(first, &SMatrix::<f64, 1, 2>::new(-1.0, -1.0));
+            transition.set_input(slot, &b);
+            transition.add_inputs(link, &derivative);
+        }
+        let expected = b * c.fixed_rows::<3>(1);
+        for (i, j) in (0..2).flat_map(|i| (0..2).map(move |j| (i, j))) {
+            // the process fills one of the elements itself
+            let own = if (i, j) == (0, 0) { 100.0 } else { 0.0 };
+            let place = transition.places.iter().position(|p| *p == (1 + i, 4 + j));
+            assert_eq!(place.map(|at| transition.phi[at]), Some(own + expected[(i, j)]));
+        }
+        transition.clear_inputs(link);
+        assert_eq!(transition.phi[1..], [0.0; 3]);
+    }
+}

@@ -425,3 +425,33 @@ fn an_infinite_innovation_is_told_and_a_singular_one_refused() {
     p.set(0, 0, 0.0);
     assert_eq!(update.innovate(&p), None);
 }
+
+/// Every width of the kernel's last columns, and more than one group.
+#[test]
+fn the_product_p_x_p_is_that_of_dense_matrices() {
+    for n in 1..=45 {
+        let mut u = Numbers(n as u64);
+        let (p, x) = (u.definite(n), u.definite(n));
+        let (mut work, mut out) = (Vec::new(), Covariance::zero(n));
+        super::back::sandwich(&covariance_of(&p), &covariance_of(&x), &mut work, &mut out);
+        // three factors of n terms each
+        let (expected, found) = (&p * &x * &p, out.to_dense());
+        let error = largest(&(found - &expected));
+        assert!(error <= RELATIVE * largest(&expected), "{n}: {error:e}");
+    }
+}
+
+#[test]
+fn a_shear_and_the_one_of_the_information_are_those_of_a_dense_matrix() {
+    for (n, rows, k) in [(4, 0..3, 3), (9, 3..6, 2), (9, 3..6, 8), (13, 10..13, 0)] {
+        let mut u = Numbers(n as u64 + k as u64);
+        let (p, g) = (u.definite(n), nalgebra::Vector3::from_fn(|_, _| u.next()));
+        let mut whole = DMatrix::identity(n, n);
+        rows.clone().zip(&g).for_each(|(row, g)| whole[(row, k)] = *g);
+        let (mut forth, mut back) = (covariance_of(&p), covariance_of(&p));
+        forth.shear(rows.clone(), k, &g);
+        back.shear_back(rows, k, &g);
+        same(&forth, &(&whole * &p * whole.transpose())).unwrap();
+        same(&back, &(whole.transpose() * &p * &whole)).unwrap();
+    }
+}
