@@ -1,5 +1,6 @@
 //! Running a scenario: from a document to its result.
 
+pub mod background;
 mod building;
 mod delayed;
 pub(crate) mod estimators;

@@ -133,7 +133,7 @@ impl Layout {
 
 /// The nominal state: every block's value, and the signals, at one time. Plain data; a snapshot is
 /// a clone.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 pub struct State {
     /// The time of the values.
     pub time: Time,
@@ -143,6 +143,22 @@ pub struct State {
     pub signals: Vec<f64>,
     /// Label of each block that comes and goes; `None` where the block is absent.
     pub labels: Vec<Option<u32>>,
+}
+
+impl Clone for State {
+    fn clone(&self) -> Self {
+        let mut state = Self::default();
+        state.clone_from(self);
+        state
+    }
+
+    fn clone_from(&mut self, from: &Self) {
+        let Self { time, values, signals, labels } = from;
+        self.time = *time;
+        self.values.clone_from(values);
+        self.signals.clone_from(signals);
+        self.labels.clone_from(labels);
+    }
 }
 
 impl State {

@@ -1,6 +1,6 @@
 //! The sink: every sample, estimate, innovation and event of a run in one MCAP file.
 
-use crate::background::Background;
+use crate::background::Background as Writer;
 use crate::chunk::{Chunk, Definitions, LENGTH};
 use crate::file::LogFile;
 use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
@@ -11,6 +11,7 @@ use navfuse_core::model::record::{Epoch, Event, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::model::verdict::Verdict;
 use navfuse_core::plugin::{OpenContext, SinkType};
+use navfuse_core::run::background::Background;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 use schemars::JsonSchema;
@@ -60,7 +61,8 @@ impl SinkType for Mcap {
     }
 
     fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
-        Ok(Box::new(McapSink::create(&context.output.join(&self.path), self.compression)?))
+        let sink = McapSink::create(&context.output.join(&self.path), self.compression)?;
+        Ok(Box::new(Background::new(sink)))
     }
 }
 
@@ -187,7 +189,7 @@ impl Sink for McapSink {
 /// The file, and the chunk that is being filled.
 #[derive(Debug)]
 pub(crate) struct LogWriter {
-    file: Background,
+    file: Writer,
     chunk: Chunk,
     /// Log time minus run time, ns.
     offset: i64,
@@ -212,7 +214,7 @@ impl LogWriter {
         let library = format!("navfuse {version}");
         let mut file = LogFile::begin(file, compression, &library, definitions)?;
         head(&mut file)?;
-        let file = Background::start(file)?;
+        let file = Writer::start(file)?;
         Ok(Self { file, chunk, offset, latest: Time::MIN })
     }
 

@@ -67,6 +67,7 @@ pub use {re_sdk, re_sdk_types};
 
 use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, Plugin, Registry, SinkType};
+use navfuse_core::run::background::Background;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::net::AddrParseError;
@@ -140,7 +141,12 @@ impl Rerun {
         };
         let live = Live { connect: self.connect, spawn: self.spawn, serve };
         let recording = Recording::open(output.join(self.path), &live)?;
-        Ok(Box::new(sink::RerunSink::new(recording, self.samples, self.full, tabs)))
+        let follows = !tabs.is_empty();
+        let sink = sink::RerunSink::new(recording, self.samples, self.full, tabs);
+        Ok(Box::new(match follows {
+            true => Background::following(sink),
+            false => Background::new(sink),
+        }))
     }
 }
 

@@ -29,6 +29,10 @@ use std::time::{Duration, Instant};
 /// The time between two refreshes of a viewer that watches.
 const LIVE_INTERVAL: Duration = Duration::from_millis(500);
 
+/// The age at which a run that nobody watches writes its first layout, which shows the file of a run
+/// that was killed. A short run saves its cost.
+const LAYOUT_AFTER: Duration = Duration::from_secs(1);
+
 /// The series of a run, from which the layout is made.
 pub struct Run {
     /// The name of the scenario.
@@ -76,6 +80,9 @@ pub struct RerunSink {
     excursions: Excursions,
     verdict: Option<Verdict>,
     refreshed: Instant,
+    begun: Instant,
+    /// Set once the first layout is written.
+    laid_out: bool,
     place: Option<String>,
 }
 
@@ -96,6 +103,8 @@ impl RerunSink {
             excursions: Excursions::default(),
             verdict: None,
             refreshed: Instant::now(),
+            begun: Instant::now(),
+            laid_out: false,
             place: None,
         }
     }
@@ -117,6 +126,21 @@ impl RerunSink {
         }
         self.refreshed = Instant::now();
         self.recording.flush()
+    }
+
+    fn lay_out_in_time(&mut self) -> Result<(), StreamError> {
+        let due = !self.laid_out && self.begun.elapsed() >= LAYOUT_AFTER;
+        if due { self.lay_out() } else { Ok(()) }
+    }
+
+    /// Writes the first layout, which knows no ranges yet.
+    fn lay_out(&mut self) -> Result<(), StreamError> {
+        if let Some(run) = &self.run {
+            let layout = arrangement::messages(run, &self.tabs, false);
+            self.recording.first_layout(&layout.map_err(|e| self.recording.error(e))?);
+        }
+        self.laid_out = true;
+        Ok(())
     }
 
     fn write(&self, event: &Event, time: Time) -> Result<(), StreamError> {
@@ -265,10 +289,10 @@ impl Sink for RerunSink {
         for tab in &mut self.tabs {
             tab.start(info, &self.recording)?;
         }
-        let layout =
-            arrangement::messages(&run, &self.tabs, false).map_err(|e| self.recording.error(e))?;
-        self.recording.first_layout(&layout);
         self.run = Some(run);
+        if self.recording.is_live() {
+            self.lay_out()?;
+        }
         self.recording.flush()
     }
 
@@ -310,6 +334,7 @@ impl Sink for RerunSink {
         }
         self.write_excursions()?;
         self.epochs += 1;
+        self.lay_out_in_time()?;
         let watched = self.recording.is_live() && self.refreshed.elapsed() >= LIVE_INTERVAL;
         if watched || self.epochs.is_multiple_of(ROWS) { self.refresh() } else { Ok(()) }
     }
@@ -329,7 +354,7 @@ impl Sink for RerunSink {
         if let Some(track) = &mut run.track {
             track.filtered(epoch);
         }
-        Ok(())
+        self.lay_out_in_time()
     }
 
     fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {

@@ -8,11 +8,23 @@ use std::ops::Range;
 
 /// A symmetric covariance, row-major, with rows padded to a multiple of four so that the kernel
 /// runs on whole vectors.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct Covariance {
     pub(super) n: usize,
     pub(super) stride: usize,
     pub(super) p: Vec<f64>,
+}
+
+impl Clone for Covariance {
+    fn clone(&self) -> Self {
+        Self { n: self.n, stride: self.stride, p: self.p.clone() }
+    }
+
+    fn clone_from(&mut self, from: &Self) {
+        let Self { n, stride, p } = from;
+        (self.n, self.stride) = (*n, *stride);
+        self.p.clone_from(p);
+    }
 }
 
 impl Covariance {

@@ -215,6 +215,32 @@ impl Transition {
         self.kernel.carried = work;
     }
 
+    /// Returns `true` if the transition is a copy of the other one, but for its step.
+    pub(crate) fn has_places_of(&self, other: &Self) -> bool {
+        std::sync::Arc::ptr_eq(self.kernel.rows(), other.kernel.rows())
+    }
+
+    /// Adds the numbers of the last step to `out`.
+    pub(crate) fn write_step(&self, out: &mut Vec<f64>) {
+        out.push(self.excess);
+        out.extend_from_slice(&self.phi);
+        out.extend_from_slice(&self.q);
+        out.extend(self.own.iter().map(|own| own.q));
+    }
+
+    /// Takes the step of a transition with the same places off the numbers.
+    pub(crate) fn read_step(&mut self, numbers: &mut &[f64]) {
+        let Self { excess, phi, q, own, .. } = self;
+        for to in [std::slice::from_mut(excess), phi, q] {
+            let (step, rest) = numbers.split_at(to.len());
+            to.copy_from_slice(step);
+            *numbers = rest;
+        }
+        let (step, rest) = numbers.split_at(own.len());
+        own.iter_mut().zip(step).for_each(|(own, q)| own.q = *q);
+        *numbers = rest;
+    }
+
     /// The share of the identity in each element of `Phi`, in the order of [`Self::places`].
     pub(crate) fn identity(&self) -> Vec<f64> {
         let places = self.places.iter().enumerate();

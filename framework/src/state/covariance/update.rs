@@ -7,7 +7,7 @@ use crate::units::sample::MAX_CHANNELS;
 use pulp::Arch;
 
 /// Work space of an update: innovation, Jacobian and gain, allocated once.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct Update {
     /// Number of measured components.
     pub m: usize,
@@ -39,6 +39,34 @@ pub struct Update {
     pub(super) reached: Vec<std::ops::Range<usize>>,
     pub(super) work: Vec<f64>,
     pub(super) processor: Arch,
+}
+
+impl Clone for Update {
+    fn clone(&self) -> Self {
+        let mut update = Self::default();
+        update.clone_from(self);
+        update
+    }
+
+    fn clone_from(&mut self, from: &Self) {
+        self.m = from.m;
+        self.columns.clone_from(&from.columns);
+        self.read.clone_from(&from.read);
+        self.h.clone_from(&from.h);
+        self.innovation.clone_from(&from.innovation);
+        self.r.clone_from(&from.r);
+        self.s.clone_from(&from.s);
+        self.delta.clone_from(&from.delta);
+        self.lower.clone_from(&from.lower);
+        self.ht.clone_from(&from.ht);
+        self.hp.clone_from(&from.hp);
+        self.kt.clone_from(&from.kt);
+        self.gain.clone_from(&from.gain);
+        self.l.clone_from(&from.l);
+        self.reached.clone_from(&from.reached);
+        self.work.clone_from(&from.work);
+        self.processor = from.processor;
+    }
 }
 
 /// Propagation of an error that a sensor measured at one time: `G`, one row per state; empty when
