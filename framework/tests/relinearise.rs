@@ -1,4 +1,4 @@
-//! Samples that are linearised again while the filter runs: what is passed on, and passes that fail.
+//! Samples that are linearised again while the filter runs: what is passed on, and what fails.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::document::Document;
