@@ -18,7 +18,7 @@ use navfuse_core::state::covariance::{Covariance, PhiSlot, Transition};
 use navfuse_core::state::manifold::Scalar;
 use navfuse_core::state::{BlockSpec, Dynamics, Handle, Layout, Mode, State, display};
 use navfuse_core::units::sample::{Sample, SensorId};
-use navfuse_testing::lab::{Lab, Log, SCENARIO, compose, refused, seconds};
+use navfuse_testing::lab::{Bench, Lab, Log, SCENARIO, compose, refused, seconds};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::sync::atomic::AtomicBool;
@@ -264,4 +264,28 @@ fn an_outsiders_estimator_runs_and_is_rejected_what_only_the_framework_can_do() 
     registry.estimator::<Sparing>();
     let clash = registry.check().unwrap_err().to_string();
     assert!(clash.contains("estimator") && clash.contains("sparing"), "{clash}");
+}
+
+/// The covariance of the cart is linear in the time for each step, so that a pool of steps has that
+/// of the steps one by one.
+#[test]
+fn a_pooled_covariance_is_propagated_before_each_measurement() {
+    let ends = ["10 Hz", "1 Hz", "0.1 Hz"].map(|rate| {
+        let mut b = Bench::new(&[&format!("estimator.covariance_rate=\"{rate}\"")]);
+        for k in 0..60 {
+            let t = 0.1 * f64::from(k);
+            b.give("speed", t, &[1.0]);
+            if k % 8 == 7 {
+                b.give("fix", t, &[1.1 * t]);
+            }
+        }
+        (b.value("cart.place"), b.value("cart.drift"), b.log.updates)
+    });
+    for (place, drift, updates) in &ends[1..] {
+        let (first_place, first_drift, first) = &ends[0];
+        assert!((place - first_place).abs() < 1e-9 && (drift - first_drift).abs() < 1e-9);
+        for (one, other) in updates.iter().zip(first) {
+            assert!((one.2 - other.2).abs() < 1e-9, "{one:?} {other:?}");
+        }
+    }
 }

@@ -378,3 +378,14 @@ fn a_quaternion_is_read_as_nalgebra_means_it() {
     navfuse_core::state::manifold::store_quaternion(&q, &mut x);
     assert!((Rotation::load::<f64>(&x).matrix() - q.to_rotation_matrix().matrix()).amax() < 1e-15);
 }
+
+/// Longitudes lie above -180 deg and up to 180 deg, so that each has one value.
+#[test]
+fn a_position_on_the_meridian_of_180_degrees_stays_there() {
+    let at = |longitude: f64| values::<Position>(&[0.5, longitude, -3.0]);
+    assert_eq!(retract::<Position>(&at(PI), &[0.0; 3]), at(PI));
+    for (from, east) in [(PI, 1.0), (1e-6 - PI, -100.0)] {
+        let moved = retract::<Position>(&at(from), &[0.0, east, 0.0])[1];
+        assert!(moved * from < 0.0 && moved.abs() <= PI, "{moved}");
+    }
+}

@@ -2,8 +2,11 @@
 //! and configured, and the errors of combinations that do not fit.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
+use navfuse_core::document::Document;
 use navfuse_core::plugin::{Kind, Need};
 use navfuse_core::prelude::*;
+use navfuse_core::run::scenario::Scenario;
+use navfuse_testing::lab::{Lab, SCENARIO};
 
 /// A sensor of a type that only stands in the registry.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -258,4 +261,71 @@ fn what_is_replaced_and_is_not_there_is_told() {
         message.contains("SonarPlugin is to be replaced or disabled, but is no plugin here"),
         "{message}"
     );
+}
+
+/// A plugin without a version of its own is of the crate that declares the interface.
+#[test]
+fn a_plugin_without_a_version_has_that_of_the_framework() {
+    assert_eq!(CompassPlugin { compass: true }.version(), env!("CARGO_PKG_VERSION"));
+    assert!(CompassPlugin { compass: true }.name().ends_with("plugins::CompassPlugin"));
+}
+
+#[derive(Debug, Deserialize, JsonSchema)]
+struct Log {}
+
+impl SourceType for Log {
+    const TYPE: &'static str = "log";
+    fn open(self, _: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
+        Err(StreamError::new("never opened"))
+    }
+}
+
+/// A sink that records every run, and one that a scenario asks for.
+macro_rules! sink {
+    ($sink:ident, $name:literal, $default:literal) => {
+        #[derive(Clone, Debug, Deserialize, JsonSchema)]
+        struct $sink {}
+
+        impl SinkType for $sink {
+            const TYPE: &'static str = $name;
+            const DEFAULT: bool = $default;
+            fn open(self, _: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
+                Err(StreamError::new("never opened"))
+            }
+        }
+    };
+}
+
+sink!(Table, "table", true);
+sink!(Viewer, "viewer", false);
+
+#[test]
+fn the_sinks_of_a_type_are_those_named_and_the_default_one_if_none_is() {
+    let mut registry = Registry::new();
+    registry.sink::<Table>();
+    registry.sink::<Viewer>();
+    let sinks = |text: &str, kind: &str| {
+        let document = Document::parse("sinks.toml", text).unwrap();
+        Scenario::new(&registry, document, &[]).unwrap().sinks_of_type(kind).unwrap()
+    };
+    let two = "[sink.screen]\ntype = \"viewer\"\n[sink.viewer]\n[sink.all]\ntype = \"table\"\n";
+    let mut viewers = sinks(two, "viewer");
+    viewers.sort_unstable();
+    assert_eq!(
+        (viewers, sinks(two, "table")),
+        (vec!["screen".into(), "viewer".into()], vec!["all".to_owned()])
+    );
+    assert_eq!((sinks("", "viewer").len(), sinks("", "table")), (0, vec!["table".to_owned()]));
+}
+
+#[test]
+fn a_run_without_a_source_is_refused_with_the_types_of_sources() {
+    let mut registry = Registry::new();
+    registry.add(&Lab);
+    registry.source::<Log>();
+    registry.sink::<Table>();
+    let document = Document::parse("lab.toml", SCENARIO).unwrap();
+    let scenario = Scenario::new(&registry, document, &[]).unwrap();
+    let message = scenario.assemble(None).err().unwrap().to_string();
+    assert!(message.ends_with("no source of samples: add one of [source.log]"), "{message}");
 }

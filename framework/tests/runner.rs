@@ -166,6 +166,9 @@ fn any_number_of_sources_is_merged_in_order_of_time() {
         assert_eq!(finished.summary.samples["speed"]["rejected"], 0);
         assert_eq!(finished.summary.samples["fix"]["accepted"], 20);
         assert_eq!(finished.summary.samples["speed"]["read"], 600);
+        // a source has no warning unless it gives one
+        let warnings = finished.events.iter().filter(|e| e.level >= Level::Warning);
+        assert_eq!(warnings.count(), 0, "{:?}", finished.events);
     }
 }
 
@@ -294,6 +297,7 @@ fn a_sensor_that_never_spoke_is_told_to_the_sinks_and_a_filter_that_never_starte
     let finished = go(&[], vec![Box::new(clockwork(FIX, 100, 10))], vec![("told", told.clone())]);
     assert!(matches!(finished.error, Some(RunError::NeverStarted(_))));
     assert_eq!(told.says("no sample of [sensor.speed] in any source"), 1);
+    assert!(finished.summary.samples["fix"]["mean_nis"].is_null(), "of no sample");
 }
 
 #[test]
@@ -327,6 +331,7 @@ fn the_summary_counts_every_sample_by_what_became_of_it() {
     let counts = &finished.summary.samples["fix"];
     assert_eq!((&counts["read"], &counts["accepted"]), (&7.into(), &3.into()), "{counts}");
     assert_eq!((&counts["gated"], &counts["rejected"]), (&1.into(), &3.into()), "{counts}");
+    assert!(counts["mean_nis"].is_number(), "{counts}");
     // the speed's first sample starts the filter, and moves nothing
     assert_eq!(finished.summary.samples["speed"]["used"], 3);
 }

@@ -1,7 +1,9 @@
 //! Samples in and out of order, whole and damaged: what the filter does with each.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
+use navfuse_core::model::measurement::{At, jacobian_error};
 use navfuse_core::model::record::{Outcome, Rejection};
+use navfuse_core::model::sensor::Role;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_testing::lab::{self, Bench, SCENARIO, seconds};
 
@@ -409,4 +411,42 @@ fn a_correlated_error_is_a_state_that_the_prediction_is_shifted_by() {
         let message = lab::refused(SCENARIO, &[&format!("sensor.fix.correlated_error={error}")]);
         assert!(message.contains(part), "{message}");
     }
+}
+
+/// The derivative of a channel with respect to its own error is one.
+#[test]
+fn the_jacobian_of_a_sensor_with_a_correlated_error_is_that_of_differences() {
+    let error = "sensor.fix.correlated_error={ sigma = \"2 m\", correlation_time = \"10 s\" }";
+    let composition = lab::compose(SCENARIO, &[error, "sensor.fix.bias={ sigma = \"1 m\" }"]);
+    let (layout, id) = (&*composition.layout, composition.sensor("fix").unwrap());
+    let Role::Measurement(model) = &composition.sensors[id].role else { panic!("a measurement") };
+    let sample = Sample::new(seconds(1.0), SensorId(id), &[1.0, 2.0, 3.0]);
+    let mut state = layout.initial_state();
+    state.values.iter_mut().zip([1.5, 0.3, 0.2]).for_each(|(value, truth)| *value = truth);
+    let error = jacobian_error(model.as_ref(), &At { layout, state: &state, sample: &sample });
+    assert!(error < 1e-6, "{error}");
+}
+
+/// The filter has no motion over which to recall a state until 10 ms, half of the spacing of its
+/// history, after the start.
+#[test]
+fn a_sensor_with_a_time_offset_is_used_from_10_ms_after_the_start_on() {
+    let offset = "sensor.fix.time_offset={ initial = \"0 s\", sigma = \"0.1 s\" }";
+    let mut b = Bench::new(&[offset]);
+    b.give("speed", 0.0, &[1.0]).fix(0.009, 0.0).fix(0.011, 0.0).give("speed", 0.02, &[1.0]);
+    let used: Vec<(f64, Outcome)> = b.log.updates.iter().map(|u| (u.0, u.1)).collect();
+    assert_eq!(used, [(0.011, Outcome::Accepted)]);
+}
+
+/// The reference gives the place alone, so that the draw from the prior of the drift, which is a
+/// state too, is left to the scenario.
+#[test]
+fn a_drawn_start_displaces_what_the_reference_gives_and_nothing_else() {
+    let scenario = format!("[sensor.survey]\n{SCENARIO}");
+    let mut b = Bench::of(&scenario, &["estimator.draw=\"start\""]);
+    b.give("speed", 0.0, &[1.0]).give("survey", 0.0, &[7.0]);
+    assert!(b.ekf.running());
+    let (place, drift) = (b.value("cart.place"), b.value("cart.drift"));
+    assert!(place != 7.0 && (place - 7.0).abs() < 5.0, "{place}: the prior has a sigma of 1 m");
+    assert_eq!(drift, 0.0);
 }

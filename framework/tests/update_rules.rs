@@ -103,6 +103,11 @@ sensor!(Root, RootModel, "root", [("root", "1")], 1,
 sensor!(Sum, SumModel, "sum", [("sum", "1"), ("difference", "1")], 2,
     { a: Scalar = "unknowns.a", b: Scalar = "unknowns.b" },
     |x, m| SVector::from([x.get(m.a) + x.get(m.b), x.get(m.a) - x.get(m.b)]));
+sensor!(Form, FormModel, "form", [("form", "1")], 1,
+{ beacon: Vector<2> = "unknowns.beacon", a: Scalar = "unknowns.a" }, |x, m| {
+    let [p, q] = x.get(m.beacon).into();
+    SVector::from([p * p + q * q + q * x.get(m.a)])
+});
 sensor!(Directions, DirectionModel, "directions",
 [("n_x", "1"), ("n_y", "1"), ("n_z", "1"), ("d_x", "1"), ("d_y", "1"), ("d_z", "1")], 6,
 { attitude: Rotation = "unknowns.attitude" }, |x, m| {
@@ -121,6 +126,7 @@ impl Plugin for Mine {
         registry.sensor::<Square>();
         registry.sensor::<Root>();
         registry.sensor::<Sum>();
+        registry.sensor::<Form>();
         registry.sensor::<Directions>();
     }
 }
@@ -144,6 +150,9 @@ noise = 1e-9
 gate = "off"
 [sensor.sum]
 noise = 0.1
+gate = "off"
+[sensor.form]
+noise = 0.01
 gate = "off"
 [sensor.directions]
 noise = 0.001
@@ -250,6 +259,20 @@ fn the_unscented_update_has_the_moments_of_a_square_and_of_a_product() {
     let variance = 4.0 * 9.0 + 100.0 * p + 9.0 * p + 1e-4;
     let (innovation, nis) = (b.log.innovation[0], b.log.updates[0].2);
     assert!((innovation - 6.0).abs() < 1e-12, "{innovation}");
+    assert!((innovation * innovation / nis / variance - 1.0).abs() < 1e-12, "{nis}");
+}
+
+/// A quadratic form of Gaussian numbers with the slopes `g`, the second derivatives `Q` and the
+/// variances `P` has the variance `sum g_i^2 P_i + 1/2 sum Q_ij^2 P_i P_j`. For `p^2 + q^2 + q a` at
+/// zero and `a = 2` the slope along `q` is 2, and `Q` has 2 for `pp` and `qq` and 1 for `qa`.
+#[test]
+fn the_unscented_update_has_the_variance_of_a_quadratic_form_of_three_unknowns() {
+    let mut b = Bench::new("ukf", &[]);
+    b.give("form", &[210.0]);
+    let (p, q, a) = (100.0, 100.0, 0.25);
+    let variance = 4.0 * q + 0.5 * (4.0 * p * p + 4.0 * q * q + 2.0 * q * a) + 1e-4;
+    let (innovation, nis) = (b.log.innovation[0], b.log.updates[0].2);
+    assert!((innovation - (210.0 - p - q)).abs() < 1e-9, "{innovation}");
     assert!((innovation * innovation / nis / variance - 1.0).abs() < 1e-12, "{nis}");
 }
 

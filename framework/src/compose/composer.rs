@@ -357,3 +357,35 @@ impl Composer {
         &mut self.transition
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::expect_used, reason = "a test fails by panicking")]
+    use super::*;
+    use crate::state::{Dynamics, display};
+
+    fn block<M: Manifold>(composer: &mut Composer, owner: &str, name: &str) {
+        composer.begin(owner);
+        let spec = BlockSpec {
+            mode: Mode::Estimate,
+            initial: vec![0.0; M::TANGENT],
+            sigma: vec![1.0; M::TANGENT],
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display: display::LEVER_ARM,
+        };
+        composer.block::<M>(name, spec).expect("a block");
+    }
+
+    #[test]
+    fn a_sensor_is_mounted_at_its_own_states_where_they_are_a_lever_arm_and_a_rotation() {
+        let mut composer = Composer::default();
+        block::<Vector<3>>(&mut composer, "gnss", "lever_arm");
+        block::<Vector<3>>(&mut composer, "dvl", "scale");
+        block::<Rotation>(&mut composer, "dvl", "misalignment");
+        block::<Vector<3>>(&mut composer, "dvl", "lever_arm");
+        assert_eq!(composer.take_mounting(), Mounting::of_slots(Some(3), Some(2)));
+        block::<Vector<2>>(&mut composer, "laser", "lever_arm");
+        assert_eq!(composer.take_mounting(), Mounting::default());
+    }
+}

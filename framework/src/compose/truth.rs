@@ -285,4 +285,19 @@ mod tests {
         b.advance(&layout, Time::from_nanos(7_030_000_000));
         assert_eq!(a.state, b.state);
     }
+
+    /// At 30 ms of the 100 ms between two draws, the truth has gone 0.3 of the way.
+    #[test]
+    fn a_truth_is_on_the_line_between_two_draws() {
+        let layout = drawn(Dynamics::RandomWalk(vec![0.01]), None, 1);
+        let mut truth = TrueState::new(&layout, 1, Time::MIN);
+        let mut at = |ms: i64| {
+            truth.advance(&layout, Time::from_nanos(ms * 1_000_000));
+            truth.state.values[0]
+        };
+        let (before, between, after) = (at(100), at(130), at(200));
+        let line = before + 0.3 * (after - before);
+        // values of about one
+        assert!(before != after && (between - line).abs() < 1e-14, "{before} {between} {after}");
+    }
 }

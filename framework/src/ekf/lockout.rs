@@ -253,7 +253,7 @@ impl Lockout {
         Streak {
             since: sample.time,
             count: 0,
-            silence: gap.filter(|gap| *gap > self.silence()),
+            silence: None,
             step: jump && !self.adopted && usual > 0.0 && gap.is_some_and(|gap| gap <= 3.0 * usual),
             contradicted: false,
             reported: false,

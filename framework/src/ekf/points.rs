@@ -159,3 +159,41 @@ pub(super) fn factor(covariance: &Covariance, columns: &[usize], root: &mut Vec<
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::expect_used, reason = "a test fails by panicking")]
+    use super::*;
+    use crate::compose::Composer;
+    use crate::state::manifold::{Rotation, Vector};
+    use crate::state::{BlockSpec, Dynamics, Mode, display};
+
+    /// A model of two channels reads a velocity, in columns 0 to 2, and no attitude.
+    #[test]
+    fn the_heading_of_a_velocity_is_read_with_slopes_of_zero() {
+        let mut composer = Composer::default();
+        composer.begin("ins");
+        let spec = || BlockSpec {
+            mode: Mode::Estimate,
+            initial: vec![0.0; 3],
+            sigma: vec![1.0; 3],
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display: display::VELOCITY,
+        };
+        let velocity = composer.block::<Vector<3>>("velocity", spec()).expect("a velocity");
+        let attitude = composer.block::<Rotation>("attitude", spec()).expect("an attitude");
+        composer.turns_with_heading(velocity, attitude);
+        let layout = composer.finish().0;
+        let mut update = Update::with_capacity(6, 2);
+        update.m = 2;
+        update.columns.extend(0..3);
+        update.h.extend([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        for _ in 0..2 {
+            add_headings(&layout, &mut update);
+            assert_eq!(update.columns, [0, 1, 2, 3, 4, 5], "only once");
+            let rows = [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 4.0, 5.0, 6.0, 0.0, 0.0, 0.0];
+            assert_eq!(update.h, rows);
+        }
+    }
+}

@@ -273,4 +273,18 @@ mod tests {
         usual.learn(&[0.0; MAX_CHANNELS], usual.time, false);
         assert!((usual.mean[0] - faded).abs() < 1e-12, "{}", usual.mean[0]);
     }
+
+    /// Equal second differences of 3 have a roughness of `3 g` with `g = 2/pi`. With half of the
+    /// weight, one of `8 * 3 g` makes it `g (9 + (24 g)^2) / (3 + 24 g)`.
+    #[test]
+    fn one_large_second_difference_counts_as_8_times_the_roughness() {
+        let mut usual = usual();
+        usual.roughen(0, 3.0, 1.0);
+        assert!((usual.rough[0] - 3.0 * GAUSSIAN).abs() < 1e-15, "{}", usual.rough[0]);
+        usual.count = WARM + 1;
+        usual.roughen(0, 1e9, 0.5);
+        let most = 24.0 * GAUSSIAN;
+        let expected = GAUSSIAN * (9.0 + most * most) / (3.0 + most);
+        assert!((usual.rough[0] - expected).abs() < 1e-13, "{} {expected}", usual.rough[0]);
+    }
 }

@@ -35,3 +35,24 @@ impl Delay {
         time + Time::from_seconds(delay.max(0.0)).unwrap_or(Time::MAX)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_delays_of_a_seed_are_repeated_and_differ_from_sample_to_sample() {
+        let delay = Delay { mean: Sigma::from_si(1.0), sigma: Sigma::from_si(0.1) };
+        for seed in [0, 1, 0x5555_5555_5555_5555, u64::MAX] {
+            let late = |k: i64| {
+                let time = Time::from_nanos(k * 200_000_000);
+                delay.arrival(seed, "delay of gnss", time) - time
+            };
+            let mut delays: Vec<Time> = (0..100).map(late).collect();
+            assert!(delays.iter().enumerate().all(|(k, d)| *d == late(k as i64)), "{seed}");
+            delays.sort_unstable();
+            delays.dedup();
+            assert_eq!(delays.len(), 100, "{seed}");
+        }
+    }
+}

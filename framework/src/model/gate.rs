@@ -124,3 +124,25 @@ fn five_minutes() -> Positive<Duration> {
 fn half_a_minute() -> Positive<Duration> {
     Positive::from_si(30.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At 1 no sample is gated, which `"off"` states, and at 0 every sample is.
+    #[test]
+    fn the_probability_of_a_gate_is_above_zero_and_below_one() {
+        let read = |text: &str| {
+            let table: Result<std::collections::BTreeMap<String, Gate>, _> =
+                toml::from_str(&format!("gate = {text}"));
+            table.map(|mut table| table.remove("gate")).map_err(|e| e.message().to_owned())
+        };
+        for text in ["1e-300", "0.5", "0.9999999999999999", "\"off\""] {
+            assert!(read(text).is_ok(), "{text}");
+        }
+        for text in ["0.0", "-0.0", "1.0", "-0.5", "1.5", "0", "1", "nan"] {
+            let message = read(text).err().unwrap_or_default();
+            assert!(message.contains("a probability between 0 and 1"), "{text}: {message}");
+        }
+    }
+}

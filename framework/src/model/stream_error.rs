@@ -229,3 +229,15 @@ impl Error for StreamError {
         self.0.source.as_deref().map(|cause| cause as &(dyn Error + 'static))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_place_of_an_error_is_the_one_that_its_text_begins_with() {
+        let error = StreamError::format("depth is not a number").in_file("depth.csv").on_line(7);
+        assert_eq!(error.place().to_string(), "depth.csv:7");
+        assert!(StreamError::new("the receiver sends no data").place().is_empty());
+    }
+}

@@ -127,3 +127,39 @@ impl Source for Delayed {
         self.source.warning()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A log that was cut off.
+    struct CutOff;
+
+    impl Source for CutOff {
+        fn next(&mut self, _: &mut Sample) -> Result<bool, StreamError> {
+            Ok(false)
+        }
+        fn end(&self) -> Option<Time> {
+            Some(Time::MAX)
+        }
+        fn warning(&mut self) -> Option<String> {
+            Some("the last row is cut off".to_owned())
+        }
+    }
+
+    #[test]
+    fn a_source_with_a_delay_keeps_its_end_and_its_warning() {
+        let mut delayed = Delayed {
+            source: Box::new(CutOff),
+            delays: Arc::new([]),
+            seed: 1,
+            next: None,
+            ended: false,
+            waiting: BinaryHeap::new(),
+            count: 0,
+            arrival: Time::MIN,
+        };
+        assert_eq!(delayed.end(), Some(Time::MAX));
+        assert_eq!(delayed.warning().as_deref(), Some("the last row is cut off"));
+    }
+}

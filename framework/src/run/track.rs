@@ -203,4 +203,23 @@ mod tests {
         until(0.1, 12_000);
         until(0.0, 12_000);
     }
+
+    /// Errors of 3 m and 4 m have the mean square 12.5 m^2; the last one is 2 % of 200 m.
+    #[test]
+    fn the_horizontal_error_is_a_root_mean_square_and_a_percentage_of_the_true_path() {
+        let track = |errors, true_distance| Track {
+            position: None,
+            before: None,
+            before_truth: None,
+            distance: 0.0,
+            true_distance,
+            errors,
+            compared: Vec::new(),
+        };
+        let of =
+            |track: Track| track.horizontal_error().map(|e| (e.last, e.rms, e.percent_of_distance));
+        assert_eq!(of(track((2, 25.0, 4.0), 200.0)), Some((4.0, 12.5_f64.sqrt(), Some(2.0))));
+        assert_eq!(of(track((2, 25.0, 4.0), 0.9)), Some((4.0, 12.5_f64.sqrt(), None)));
+        assert_eq!(of(track((0, 0.0, 0.0), 200.0)), None);
+    }
 }

@@ -388,3 +388,6 @@ pub(super) enum Visit<'a> {
     /// The end of a step, if there is a further pass.
     Course(&'a [f64]),
 }
+
+#[cfg(test)]
+mod tests;

@@ -170,3 +170,38 @@ impl Rows {
         Ok(true)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+
+    fn sample(k: i64) -> Entry {
+        let values: Vec<f64> = (0..k).map(|c| c as f64 + 0.5).collect();
+        Entry::Sample(Sample::new(Time::from_nanos(k), SensorId(k as usize), &values))
+    }
+
+    #[test]
+    fn the_steps_are_read_in_order_without_those_taken_back() {
+        let mut steps = Steps::new().unwrap();
+        let kept = [sample(3), Entry::Epoch, sample(1), sample(0), Entry::Finish];
+        for (k, entry) in kept.iter().enumerate() {
+            // a longer and a shorter one than what follows
+            steps.push(&if k % 2 == 0 { sample(9) } else { Entry::Epoch }).unwrap();
+            steps.take_back().unwrap();
+            steps.push(entry).unwrap();
+        }
+        let (mut read, mut places) = (Vec::new(), Vec::new());
+        let end = steps.end;
+        steps
+            .read::<io::Error>(0, end, |at, entry| {
+                read.push(entry);
+                places.push(at);
+                Ok(())
+            })
+            .unwrap();
+        assert_eq!(read, kept);
+        // a mark; a sample has 12 bytes and 8 for each value more
+        assert_eq!((places, end), (vec![0, 37, 38, 59, 72], 73));
+    }
+}

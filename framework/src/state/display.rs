@@ -34,3 +34,23 @@ pub const GYRO_BIAS: Display =
 /// Three accelerometers in millionths of standard gravity.
 pub const ACCEL_BIAS: Display =
     Display { unit: "ug", scale: 9.80665e-6, components: &["x", "y", "z"] };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::parse_unit;
+
+    /// A scale is the product of at most three factors, of which each is rounded by 2^-53.
+    #[test]
+    fn the_scale_of_a_presentation_is_its_unit_in_si() {
+        let all = [
+            ANGLES, ANGLE, PITCH, YAW, LEVER_ARM, LENGTH, TIME, VELOCITY, POSITION, GYRO_BIAS,
+            ACCEL_BIAS,
+        ];
+        for Display { unit, scale, .. } in all {
+            let si = parse_unit(unit).map(|unit| unit.to_si(1.0)).unwrap_or(f64::NAN);
+            assert!((si / scale - 1.0).abs() <= 4.0 * f64::EPSILON / 2.0, "{unit}: {scale}");
+        }
+        assert_eq!((RATIO.scale, RATIOS.scale), (1.0, 1.0));
+    }
+}

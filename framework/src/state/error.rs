@@ -275,6 +275,26 @@ mod tests {
         }
     }
 
+    /// A correction leaves a considered attitude, and with it the axes of the velocity's error.
+    #[test]
+    fn a_velocity_does_not_turn_with_a_considered_heading() {
+        let mut layout = layout(true);
+        layout.blocks[0].spec.mode = Mode::Consider;
+        let mut random = Random::new(6, "turning");
+        let mut state = displaced(&layout, &layout.initial_state(), &mut random, [1.0, 5.0, 1e3]);
+        let mut covariance = Covariance::zero(9);
+        (0..9).for_each(|i| (0..=i).for_each(|j| covariance.set(i, j, random.normal())));
+        let (before, velocity) = (covariance.to_dense(), layout.blocks[1].range());
+        let start = state.values[velocity.clone()].to_vec();
+        let mut delta = [0.0; 9];
+        delta[3..6].copy_from_slice(&[1.0, -2.0, 3.0]);
+        layout.inject(&mut state, &mut delta, &mut covariance);
+        let moved = state.values[velocity].iter().zip(start).map(|(after, before)| after - before);
+        assert!(moved.zip([1.0, -2.0, 3.0]).all(|(moved, d)| (moved - d).abs() < 1e-14));
+        let after = covariance.to_dense();
+        assert_eq!(after.view((0, 0), (6, 6)), before.view((0, 0), (6, 6)));
+    }
+
     #[test]
     fn what_is_carried_beside_the_covariance_stays_its_factor() {
         let layout = layout(true);

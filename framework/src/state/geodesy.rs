@@ -89,3 +89,30 @@ impl<T: Real> Geodetic<T> {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Without its height the point lies on the ellipsoid, whose normal has the latitude and the
+    /// longitude. Rounding of 6e6 m is 1e-9 m.
+    #[test]
+    fn a_point_in_earth_fixed_axes_is_its_height_above_the_ellipsoid_along_the_normal() {
+        let (a, e2) = (6_378_137.0, ECCENTRICITY_SQUARED);
+        for (latitude, longitude, height) in
+            [(0.0, 0.0, 0.0), (0.7, 2.0, 1e4), (-1.2, -0.3, -11e3), (1.57, 1.0, 2e5)]
+        {
+            let (latitude, longitude): (f64, f64) = (latitude, longitude);
+            let found = Geodetic { latitude, longitude, height }.earth_fixed();
+            let (sin, cos) = latitude.sin_cos();
+            let normal = Vector3::new(cos * longitude.cos(), cos * longitude.sin(), sin);
+            let foot = found - normal * height;
+            // (x^2 + y^2) / a^2 + z^2 / b^2 = 1 with b^2 = a^2 (1 - e^2), and the normal is along
+            // its gradient
+            let scaled = Vector3::new(foot.x, foot.y, foot.z / (1.0 - e2)) / a;
+            let size = foot.x * scaled.x + foot.y * scaled.y + foot.z * scaled.z;
+            assert!((size / a - 1.0).abs() < 1e-15, "{latitude}: {size}");
+            assert!((scaled.normalize() - normal).norm() < 1e-15, "{latitude}");
+        }
+    }
+}

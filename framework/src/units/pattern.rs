@@ -127,4 +127,17 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn the_names_in_the_pattern_of_a_dimension_are_its_units() {
+        for exponents in dimensions() {
+            let names = names(exponents);
+            for name in names.split('|') {
+                let unit = name.rsplit("]?").next().unwrap_or_default();
+                let found = crate::units::parse_unit(unit).map(|unit| unit.exponents());
+                assert_eq!(found.ok(), Some(exponents), "{unit} of {names}");
+            }
+        }
+        assert_eq!(names([2, 0, 0, 0, 0]), "[kcmuµμ]?m|ft|nmi");
+    }
 }

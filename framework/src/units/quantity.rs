@@ -170,8 +170,8 @@ impl<const L: i8, const M: i8, const T: i8, const A: i8, const K: i8> Serialize
         }
         let text = self.to_string();
         match text.parse() {
-            Ok(number) if ratio(Self::EXPONENTS) => serializer.serialize_f64(number),
-            _ => serializer.serialize_str(&text),
+            Ok(number) => serializer.serialize_f64(number),
+            Err(_) => serializer.serialize_str(&text),
         }
     }
 }

@@ -218,6 +218,9 @@ impl StateStatistics {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::mounting::Mounting;
+    use crate::model::sensor::Purpose;
+    use crate::state::covariance::Covariance;
 
     /// A sensor that reduces the variance of a state of sigma 1 by 4e-4 and moves it by 0.08, four
     /// sigma of that reduction, has moved it by less than its sigma may be wrong by. One that
@@ -252,5 +255,59 @@ mod tests {
         assert_eq!(pairs(&[1.0, 0.0, 1e-9]), [(0, 2)]);
         assert_eq!(pairs(&[1.0, 2.0, 3.0]), [(0, 1), (0, 2), (1, 2)]);
         assert_eq!(pairs(&[0.0, 1.0, 0.0]), []);
+    }
+
+    /// `K S K'` is what the correction takes off the variance: two states, of which two channels
+    /// measure the second one and the sum.
+    #[test]
+    fn the_corrections_of_a_sensor_have_the_variance_that_the_prior_loses() {
+        let mut statistics = statistics(&[0.0, 0.0]);
+        statistics.rows[0].place = 1;
+        let mut p = Covariance::zero(2);
+        for (i, j, value) in [(0, 0, 2.0), (1, 1, 3.0), (1, 0, 0.5)] {
+            p.set(i, j, value);
+        }
+        let mut update = Update::with_capacity(2, 2);
+        update.m = 2;
+        update.columns.extend([0, 1]);
+        update.h.extend([0.0, 1.0, 1.0, 1.0]);
+        update.r.extend([1.0, 0.0, 0.0, 4.0]);
+        update.innovation.extend([0.7, -0.4]);
+        assert!(update.innovate(&p).is_some());
+        let before = p.get(1, 1);
+        update.apply(&mut p, &[false; 2]);
+        statistics.correction(1, &update);
+        let [sum, variance] = statistics.pulls[1];
+        assert!((sum - update.delta[1]).abs() < 1e-15, "{sum}");
+        assert!((variance - (before - p.get(1, 1))).abs() < 1e-14, "{variance}");
+        assert_eq!(statistics.pulls[0], [0.0; 2], "the other sensor");
+    }
+
+    /// Corrections of 5 and -4 with the variances 0.4, each of which may be wrong by 0.1, are 9
+    /// apart with a variance of 1.
+    #[test]
+    fn sensors_that_pull_a_state_apart_contradict_each_other_by_the_sigma_of_the_difference() {
+        let mut statistics = statistics(&[0.4, 0.4]);
+        let names = ["dvl", "gnss"].map(|name| SensorInfo {
+            name: name.to_owned(),
+            kind: String::new(),
+            channels: Vec::new(),
+            purpose: Purpose::Measurement,
+            mounting: Mounting::default(),
+        });
+        let mut judge = |first: f64, second: f64| {
+            (statistics.pulls[0][0], statistics.pulls[1][0]) = (first, second);
+            let mut report = Report::default();
+            statistics.judge_pairs(1e-3, &names, &mut report);
+            report.reasons.pop().map(|reason| (reason.about, reason.text))
+        };
+        for signs in [1.0, -1.0] {
+            let found = judge(5.0 * signs, -4.0 * signs);
+            let (about, text) = found.unwrap_or_default();
+            assert_eq!(about, "dvl, gnss");
+            assert!(text.contains("pull dvl.scale in opposite directions, 9.0 sigma"), "{text}");
+        }
+        assert_eq!(judge(5.0, 4.0), None);
+        assert_eq!(judge(5.0, -0.1), None, "no more than chance");
     }
 }

@@ -1,14 +1,20 @@
 //! The criteria on innovations that are white by construction, and on those that are not.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use super::innovations::SensorStatistics;
-use super::of_each_part;
 use super::report::{FALSE_ALARM, Report};
+use super::states::StateStatistics;
+use super::{Judge, of_each_part};
+use crate::compose::Composer;
 use crate::model::chi_square::gated_moments;
 use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::gate::Gate;
 use crate::model::record::{Outcome, Rejection, UpdateRecord};
 use crate::model::simulate::Random;
-use crate::model::verdict::Criterion;
+use crate::model::verdict::{Criterion, Verdict};
+use crate::state::covariance::{Covariance, Update};
+use crate::state::manifold::Scalar;
+use crate::state::{BlockSpec, Dynamics, Mode, display};
 use crate::units::sample::SensorId;
 use crate::units::time::Time;
 
@@ -176,4 +182,64 @@ fn of_the_findings_of_a_part_the_one_with_the_best_evidence_counts() {
     ];
     let texts: Vec<&str> = of_each_part(&findings).iter().map(|f| f.text.as_str()).collect();
     assert_eq!(texts, ["its axes are swapped", "locked out"]);
+}
+
+/// Judges one sensor that corrects one constant state, whose prior is 0 with a sigma of 1: one
+/// sample with a noise of 1.
+fn corrected(innovation: f64, findings: &[Finding]) -> Verdict {
+    let mut composer = Composer::default();
+    composer.begin("dvl");
+    let spec = BlockSpec {
+        mode: Mode::Estimate,
+        initial: vec![0.0],
+        sigma: vec![1.0],
+        truth: None,
+        dynamics: Dynamics::Constant,
+        display: display::LENGTH,
+    };
+    composer.block::<Scalar>("bias", spec).unwrap();
+    let states = StateStatistics::new(&composer.finish().0, &[false], true, 1);
+    let (infos, sensors, reasons) = (Vec::new(), vec![None], Vec::new());
+    let mut judge = Judge { infos, sensors, states, white: true, last: 0, reasons };
+    let mut p = Covariance::zero(1);
+    p.set(0, 0, 1.0);
+    let mut update = Update::with_capacity(1, 1);
+    update.m = 1;
+    update.columns.push(0);
+    update.h.push(1.0);
+    update.r.push(1.0);
+    update.innovation.push(innovation);
+    update.innovate(&p).unwrap();
+    update.apply(&mut p, &[false]);
+    judge.correction(&update);
+    judge.verdict(findings, None)
+}
+
+/// The gain is 1/2 and the correction of sigma `sqrt(1/2)`; the prior variance may be wrong by 5 %
+/// of sigma.
+#[test]
+fn a_state_that_its_samples_move_far_from_its_prior_is_doubted() {
+    assert!(corrected(1.0, &[]).reasons.is_empty());
+    let reasons = corrected(10.0, &[]).reasons;
+    let sigmas = 5.0 / (0.5_f64 + 1.05 * 1.05 - 1.0).sqrt();
+    assert_eq!(reasons[0].criterion, Criterion::Prior);
+    assert!(reasons[0].text.contains(&format!("moved {sigmas:.1} sigma")), "{}", reasons[0].text);
+}
+
+#[test]
+fn of_reasons_of_one_severity_those_that_the_samples_of_a_part_show_come_first() {
+    let finding = |about: &str, basis| Finding {
+        time: Time::MIN,
+        about: about.to_owned(),
+        severity: Severity::Doubtful,
+        basis,
+        text: String::new(),
+        remedy: String::new(),
+    };
+    let (compared, own) = (finding("dvl", Basis::Comparison), finding("imu", Basis::Samples));
+    for findings in [[compared.clone(), own.clone()], [own, compared]] {
+        let reasons = corrected(0.0, &findings).reasons;
+        let parts: Vec<&str> = reasons.iter().map(|r| r.about.as_str()).collect();
+        assert_eq!(parts, ["imu", "dvl"]);
+    }
 }

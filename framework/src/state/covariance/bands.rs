@@ -269,3 +269,35 @@ fn keep<S: Simd>(simd: S, x: &[S::f64s], at: usize, out: &mut [S::f64s]) {
         *to = *from;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_a_turned_one_and_a_diagonal_are_found_anywhere_in_phi() {
+        for (row, column) in [(0, 0), (4, 2), (3, 12)] {
+            let at = |places: &[(usize, usize)]| {
+                let moved: Vec<_> = places.iter().map(|&(i, j)| (row + i, column + j)).collect();
+                Shape::of(&moved)
+            };
+            let block: Vec<(usize, usize)> =
+                (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).collect();
+            let turned: Vec<(usize, usize)> = block.iter().map(|&(i, j)| (j, i)).collect();
+            assert_eq!(at(&block), Shape::Block);
+            assert_eq!(at(&turned), Shape::Turned);
+            assert_eq!(at(&[(0, 0), (1, 1), (2, 2), (0, 1)]), Shape::Diagonal);
+            for other in [&block[..8], &turned[..8], &[(0, 0), (1, 1)], &[(0, 0), (1, 1), (2, 1)]] {
+                assert_eq!(at(other), Shape::One(0));
+            }
+        }
+    }
+
+    #[test]
+    fn the_stated_size_is_that_of_a_copy() {
+        let places: Vec<(usize, usize)> = (0..12).map(|k| (k, (k * 5) % 12)).collect();
+        let bands = Bands::new(&[0, 1, 2], &places);
+        let copied = allocation_counter::measure(|| drop(bands.clone()));
+        assert_eq!(bands.size() as u64, copied.bytes_total);
+    }
+}

@@ -350,3 +350,51 @@ fn add_block(p: &mut [f64], stride: usize, column: usize, size: usize, q: &[f64]
         p[column..column + size].iter_mut().zip(q).for_each(|(p, q)| *p += share * q);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::SMatrix;
+
+    /// Noise of a process on two states, and of the own dynamics of a third one.
+    fn transition(own: f64) -> Transition {
+        let mut transition = Transition::default();
+        let slot: NoiseSlot<2> = transition.noise(Some(0));
+        transition.set_noise(slot, &SMatrix::from([[4.0, 1.0], [1.0, 2.0]]));
+        let first = transition.own_block(2, 1, false);
+        transition.set_own(first, 0, None, own);
+        transition
+    }
+
+    fn noise(transition: &Transition) -> [[f64; 3]; 3] {
+        let mut p = Covariance::zero(3);
+        transition.add_noise(&mut p);
+        let dense = transition.noise_dense(3);
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                assert_eq!(p.get(i, j), dense[(i, j)]);
+                p.get(i, j)
+            })
+        })
+    }
+
+    /// Three times the standard deviation is nine times the variance.
+    #[test]
+    fn the_noise_of_the_processes_is_scaled_and_that_of_own_dynamics_stays() {
+        let mut transition = transition(0.5);
+        transition.scale_noise(3.0);
+        assert_eq!(noise(&transition), [[36.0, 9.0, 0.0], [9.0, 18.0, 0.0], [0.0, 0.0, 0.5]]);
+    }
+
+    #[test]
+    fn the_noise_of_two_steps_is_the_sum() {
+        let (mut first, mut second) = (transition(0.5), transition(0.25));
+        second.scale_noise(3.0);
+        let mut sum = first.clone();
+        sum.copy_step(&first);
+        sum.add_step(&second, &[]);
+        assert_eq!(noise(&sum), [[40.0, 10.0, 0.0], [10.0, 20.0, 0.0], [0.0, 0.0, 0.75]]);
+        first.copy_step(&second);
+        assert_eq!(noise(&first), noise(&second), "a copy of the step replaces the noise");
+    }
+}
