@@ -126,3 +126,67 @@ impl Turning {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+    use nalgebra::Rotation3;
+
+    /// Rate of the samples, Hz: a power of two, so that times add up without rounding.
+    const RATE: f64 = 64.0;
+
+    /// Sample `k` of a vehicle that stands, rolls and pitches by 20 deg at 0.25 and 0.2 Hz.
+    fn rocking(k: u32) -> (Vector3<f64>, Vector3<f64>) {
+        let at = |t: f64| {
+            let (roll, pitch) = (0.35 * (1.57 * t).sin(), 0.35 * (1.26 * t).sin());
+            Rotation3::from_euler_angles(roll, pitch, 0.2 * t)
+        };
+        let t = f64::from(k) / RATE;
+        let turn = at(t).inverse() * at(t + 1.0 / RATE);
+        let up = Vector3::new(0.0, 0.0, -9.81);
+        (turn.scaled_axis() * RATE, at(t + 0.5 / RATE).inverse() * up)
+    }
+
+    /// The first fault within a minute, with the number of samples.
+    fn fault(mut samples: impl FnMut(u32) -> (Vector3<f64>, Vector3<f64>)) -> Option<(u32, Fault)> {
+        let mut rule = Turning::default();
+        (0..60 * RATE as u32).find_map(|k| {
+            let (w, f) = samples(k);
+            rule.take(&w, &f, 1.0 / RATE).map(|fault| (k + 1, fault))
+        })
+    }
+
+    #[test]
+    fn a_vehicle_that_rocks_is_no_fault() {
+        assert!(fault(rocking).is_none());
+    }
+
+    /// Each error of use makes the samples from those that would be right. All that make the axes
+    /// left-handed do the same to gravity, so any of them may be named. Eight changes between
+    /// blocks of half a second take 4.5 s.
+    #[test]
+    fn every_error_of_use_is_found_after_eight_changes() {
+        for (name, axes, unit) in ERRORS {
+            let m = Matrix3::from_row_slice(&axes);
+            let (samples, found) = fault(|k| {
+                let (w, f) = rocking(k);
+                (m * w / unit, m * f)
+            })
+            .unwrap();
+            assert_eq!(f64::from(samples) / RATE, 4.5, "{name}");
+            assert_eq!(found.text.ends_with("deg/s"), name.ends_with("deg/s"), "{}", found.text);
+        }
+    }
+
+    /// Gyros that show 1 rad/s beside accelerometers that show a shaking alone: no unit of the gyros
+    /// explains that, although one that makes them 57 times smaller leaves smaller residuals.
+    #[test]
+    fn a_contradiction_that_no_error_of_use_explains_is_left_to_other_rules() {
+        let shaking = |k: u32| {
+            let side = if (k / 32) % 2 == 0 { 0.2 } else { -0.2 };
+            (Vector3::x(), Vector3::new(0.0, side, -9.81))
+        };
+        assert!(fault(shaking).is_none());
+    }
+}
