@@ -124,7 +124,7 @@ impl Reference for ReferenceModel {
 
 #[cfg(test)]
 mod tests {
-    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
     use crate::testing::{Bench, compose};
     use nalgebra::{UnitQuaternion, Vector3};
     use navfuse_core::model::motion::Motion;

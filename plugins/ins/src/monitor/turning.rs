@@ -184,7 +184,7 @@ mod tests {
     #[test]
     fn a_contradiction_that_no_error_of_use_explains_is_left_to_other_rules() {
         let shaking = |k: u32| {
-            let side = if (k / 32) % 2 == 0 { 0.2 } else { -0.2 };
+            let side = if (k / 32).is_multiple_of(2) { 0.2 } else { -0.2 };
             (Vector3::x(), Vector3::new(0.0, side, -9.81))
         };
         assert!(fault(shaking).is_none());

@@ -162,6 +162,7 @@ fn is_white(levels: &[Level; LEVELS]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::panic, reason = "a test fails by panicking")]
     use super::*;
     use crate::testing::{Uniform, imu};
     use serde_json::json;
