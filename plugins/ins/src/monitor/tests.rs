@@ -183,7 +183,13 @@ const UNITS: [(&str, f64); 2] = [("gyro", 9.536_743_164_062_5e-7), ("acceleromet
 /// A constant, known to two units, is known to `sqrt(3)` units 20 s later and has moved by so many
 /// units: the move has a sigma of one unit, for the variance has fallen from 4 to 3.
 fn moved(sensor: usize, units: f64) -> Option<Finding> {
-    let mut watch = Watch::new(&[]);
+    moved_with(&[], sensor, units)
+}
+
+/// As [`moved`], with settings. The velocity is corrected by many times its sigma meanwhile.
+fn moved_with(settings: &[&str], sensor: usize, units: f64) -> Option<Finding> {
+    let mut watch = Watch::new(settings);
+    watch.sigma("ins.velocity", [1.0; 3]);
     let (name, unit) = (["ins.gyro_bias", "ins.accel_bias"][sensor], UNITS[sensor].1);
     watch.sigma(name, [2.0 * unit; 3]);
     assert!(watch.take(1.0, 1.0, STILL).is_none());
@@ -192,6 +198,8 @@ fn moved(sensor: usize, units: f64) -> Option<Finding> {
     (0..3).for_each(|k| watch.covariance.set(at + k, at + k, 3.0 * unit * unit));
     let (n, bias) = (watch.bench.navigation, Vector3::new(0.0, -units * unit, 0.0));
     watch.state.set(layout, [n.gyro_bias, n.accel_bias][sensor], &bias);
+    watch.state.set(layout, n.velocity, &Vector3::new(30.0, 20.0, 10.0));
+    watch.sigma("ins.velocity", [0.1; 3]);
     assert!(watch.take(20.0, 1.0, STILL).is_none(), "it compares every 20 s");
     let found = watch.take(21.0, 1.0, STILL);
     assert!(watch.take(41.0, 1.0, STILL).is_none(), "the same move again");
@@ -211,5 +219,17 @@ fn a_bias_that_moves_beyond_its_uncertainty_is_named() {
         assert_eq!(severity(5.5625), Some(Severity::DoNotUse));
         let text = moved(sensor, 8.0).unwrap().text;
         assert!(text.contains(&format!("of the {name} bias has moved by 8.0 times")), "{text}");
+    }
+}
+
+#[test]
+fn a_bias_that_may_wander_is_not_compared() {
+    for (sensor, walk) in [
+        (0, "gyro_bias={ sigma = '1 deg/h', random_walk = '1 deg/h/sqrt(h)' }"),
+        (1, "accel_bias={ sigma = '1 mg', random_walk = '1 mg/sqrt(h)' }"),
+    ] {
+        let setting = format!("process.ins.{walk}");
+        assert!(moved_with(&[&setting], sensor, 8.0).is_none());
+        assert!(moved_with(&[&setting], 1 - sensor, 8.0).is_some());
     }
 }
