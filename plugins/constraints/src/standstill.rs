@@ -175,3 +175,58 @@ impl Detector for Standstill {
         Box::new(self.clone())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+
+    /// Largest mean of the angular rate, rad/s.
+    const ROTATION: f64 = 0.01;
+
+    /// A detector with a window of one second for an IMU.
+    fn detector(increments: bool) -> Standstill {
+        let settings = Settings {
+            window: 1.0,
+            force: Vector3::repeat(0.05),
+            rotation: Vector3::repeat(ROTATION),
+            odometer: None,
+            speed: 0.0,
+            period: 1.0,
+        };
+        let sensed = Some(Sensed { imu: 0, increments, odometer: None });
+        Standstill { sensed, ..Standstill::new(settings) }
+    }
+
+    fn sample(nanos: i64, rate: f64, share: f64) -> Sample {
+        let channels = [0.0, 0.0, rate, 0.0, 0.0, -9.81].map(|x| x * share);
+        Sample::new(Time::from_nanos(nanos), SensorId(0), &channels)
+    }
+
+    /// A second holds five samples at 4 Hz, both ends included, and four at 3 Hz.
+    #[test]
+    fn a_standstill_needs_five_samples_in_the_window() {
+        let first = |interval: i64| {
+            let mut detector = detector(false);
+            (0..40).find(|k| detector.detects(&sample(k * interval, 0.0, 1.0)))
+        };
+        assert_eq!(first(250_000_000), Some(4), "at 1 s, the fifth sample");
+        assert_eq!(first(333_000_000), None);
+    }
+
+    /// Samples that cover 10 and 30 ms in turn: the integrals differ threefold, the rates do not. A
+    /// vehicle that turns by a tenth less than the limit stands, by a tenth more it does not.
+    #[test]
+    fn increments_count_by_the_time_that_they_cover() {
+        let stands = |rate: f64| {
+            let (mut detector, mut nanos) = (detector(true), 0);
+            (0..500).any(|k| {
+                let interval = if k % 2 == 0 { 10_000_000 } else { 30_000_000 };
+                nanos += interval;
+                detector.detects(&sample(nanos, rate, Time::from_nanos(interval).seconds()))
+            })
+        };
+        assert!(stands(0.9 * ROTATION) && stands(-0.9 * ROTATION));
+        assert!(!stands(1.1 * ROTATION) && !stands(-1.1 * ROTATION));
+    }
+}

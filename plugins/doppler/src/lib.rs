@@ -79,3 +79,22 @@ impl Plugin for LaserDopplerPlugin {
         NEEDS
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+
+    /// All instruments read the motion of an inertial navigation, also those that are added alone.
+    #[test]
+    fn without_inertial_navigation_the_instruments_name_what_is_missing() {
+        let plugins: [&dyn Plugin; 3] = [&DopplerPlugin, &DvlPlugin, &LaserDopplerPlugin];
+        for plugin in plugins {
+            let mut registry = Registry::new();
+            let error = registry.add(plugin).check().unwrap_err().to_string();
+            let need = format!("the plugin {} ", plugin.name());
+            assert!(error.contains(&need) && error.contains("navfuse-ins 0.1"), "{error}");
+            registry.add(&navfuse_ins::InsPlugin).check().unwrap();
+        }
+    }
+}

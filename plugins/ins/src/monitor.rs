@@ -95,3 +95,6 @@ impl Monitor for ImuMonitor {
         Box::new(self.clone())
     }
 }
+
+#[cfg(test)]
+mod tests;

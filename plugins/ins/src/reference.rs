@@ -121,3 +121,65 @@ impl Reference for ReferenceModel {
         values.iter().enumerate().for_each(|(k, v)| sample.set(k, *v));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+    use crate::testing::{Bench, compose};
+    use nalgebra::{UnitQuaternion, Vector3};
+    use navfuse_core::model::motion::Motion;
+    use navfuse_core::model::sensor::Role;
+    use navfuse_core::state::geodesy::Geodetic;
+    use navfuse_core::units::sample::{Sample, SensorId};
+    use navfuse_core::units::time::Time;
+
+    /// A vehicle heads north at 10 m/s and turns by 0.5 rad/s to the right. A reference 2 m ahead of
+    /// the IMU moves east by 1 m/s; the rate of the Earth moves it by 2e-4 m/s. Back at the IMU there
+    /// is the motion again, but for the change of the radii of the Earth over 2 m, a millionth of it.
+    #[test]
+    fn a_lever_arm_moves_the_reference_and_is_taken_off_again() {
+        let bench = Bench::new(&["sensor.reference.lever_arm=[\"2 m\", \"0 m\", \"0 m\"]"]);
+        let composition = &bench.composition;
+        let index = composition.sensor("reference").unwrap();
+        let Role::Reference(reference) = &composition.sensors[index].role else {
+            panic!("{index}")
+        };
+        let motion = Motion {
+            time: Time::default(),
+            position: Geodetic { latitude: 0.8, longitude: 0.1, height: 50.0 },
+            velocity: Vector3::new(10.0, 0.0, 0.0),
+            c_b_n: UnitQuaternion::identity(),
+            w_ib_b: Vector3::new(0.0, 0.0, 0.5),
+            f_ib_b: Vector3::zeros(),
+        };
+        let mut sample = Sample::empty(Time::default(), SensorId(index));
+        reference.sample(&motion, &mut sample);
+        let velocity = Vector3::from(sample.array::<3>(3).unwrap());
+        assert!((velocity - Vector3::new(10.0, 1.0, 0.0)).norm() < 2e-4, "{velocity}");
+        let mut state = bench.state();
+        state.publish(bench.navigation.angular_rate, &motion.w_ib_b.into());
+        let back = reference.motion(&composition.layout, &state, &sample).unwrap();
+        assert!((back.velocity - motion.velocity).norm() < 1e-6, "{}", back.velocity);
+        assert!(back.position.ned_from(&motion.position).norm() < 2e-6);
+    }
+
+    /// A lever arm turns with the attitude of a process, and one that exists under another name is
+    /// meant.
+    #[test]
+    fn a_reference_that_needs_a_process_names_the_one_that_is_missing() {
+        let vehicle = |lever_arm: &str, process: &str| {
+            let text = format!("name = 'reference'\n{process}\n[sensor.reference]\n{lever_arm}\n");
+            compose(&text, &[]).map_or_else(|error| error, |_| String::new())
+        };
+        let ins = "[process.strapdown]\ntype = 'ins'\nattitude = { sigma = '1 deg' }
+            velocity = { sigma = '1 m/s' }\nposition = { sigma = '1 m' }
+            [sensor.imu]\ngyro_noise = '1 deg/h/sqrt(Hz)'\naccel_noise = '1 mg/sqrt(Hz)'";
+        assert!(!vehicle("", "").contains("ins.attitude"), "{}", vehicle("", ""));
+        for (lever_arm, process) in [("lever_arm = '1 m'", ""), ("", ins)] {
+            let error = vehicle(lever_arm, process);
+            assert!(error.contains("ins.attitude"), "{error}");
+        }
+        let named = vehicle("navigation = 'strapdown'", ins);
+        assert_eq!(named, "");
+    }
+}

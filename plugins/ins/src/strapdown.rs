@@ -420,3 +420,6 @@ impl ProcessModel for StrapdownModel {
         Box::new(self.clone())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,13 @@
-//! Random numbers for the tests of this crate.
+//! Random numbers and a vehicle for the tests of this crate.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use nalgebra::Vector3;
+use crate::imu::Imu;
+use crate::navigation::Navigation;
+use navfuse_core::compose::Composition;
+use navfuse_core::document::Document;
+use navfuse_core::prelude::*;
+use navfuse_core::run::scenario::Scenario;
+use std::cell::Cell;
 
 /// A seeded stream of uniform numbers (splitmix64), so that a test sees the same cases everywhere.
 pub(crate) struct Uniform(u64);
@@ -23,5 +30,103 @@ impl Uniform {
     /// A vector whose components are uniform in `-bound..bound`.
     pub(crate) fn vector(&mut self, bound: f64) -> Vector3<f64> {
         Vector3::new(self.within(bound), self.within(bound), self.within(bound))
+    }
+}
+
+/// A vehicle with this crate alone: the composition of its strapdown process, which starts at rest,
+/// level and heading north, and the handles of its navigation state.
+pub(crate) struct Bench {
+    pub composition: Composition,
+    pub navigation: Navigation,
+}
+
+const SCENARIO: &str = r#"
+    name = "bench"
+    [process.ins]
+    attitude = { sigma = "1 deg", initial = "0 deg" }
+    velocity = { sigma = "1 m/s", initial = "0 m/s" }
+    position = { sigma = "1 m", latitude = "45 deg", longitude = "8 deg", height = "100 m" }
+    gyro_bias = { sigma = "0.1 deg/h" }
+    accel_bias = { sigma = "50 ug" }
+    [sensor.imu]
+    gyro_noise = "0.1 deg/h/sqrt(Hz)"
+    accel_noise = "20 ug/sqrt(Hz)"
+    [sensor.speeds]
+    sigma = [1.0, 1.0, 1.0, 1.0]
+"#;
+
+impl Bench {
+    /// Composes the vehicle with settings, each `key.path=value`.
+    pub(crate) fn new(settings: &[&str]) -> Self {
+        let composition = compose(SCENARIO, settings).unwrap();
+        Self { composition, navigation: FOUND.get().unwrap() }
+    }
+
+    /// The initial state at time zero.
+    pub(crate) fn state(&self) -> State {
+        State { time: Time::default(), ..self.composition.layout.initial_state() }
+    }
+}
+
+/// Composes a scenario of this crate's types, and of [`Speeds`].
+pub(crate) fn compose(text: &str, settings: &[&str]) -> Result<Composition, String> {
+    let mut registry = Registry::new();
+    registry.add(&crate::InsPlugin);
+    registry.sensor::<Speeds>();
+    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
+    let document = Document::parse("bench.toml", text).unwrap();
+    let scenario = Scenario::new(&registry, document, &settings).unwrap();
+    scenario.compose().map_err(|error| error.to_string())
+}
+
+/// An IMU of navigation grade, with other values of some keys.
+pub(crate) fn imu(keys: &serde_json::Value) -> Imu {
+    let mut all = serde_json::json!({
+        "gyro_noise": "0.1 deg/h/sqrt(Hz)",
+        "accel_noise": "20 ug/sqrt(Hz)",
+    });
+    keys.as_object().unwrap().iter().for_each(|(key, value)| all[key] = value.clone());
+    serde_json::from_value(all).unwrap()
+}
+
+thread_local! {
+    /// Navigation state that the latest [`Speeds`] has found.
+    static FOUND: Cell<Option<Navigation>> = const { Cell::new(None) };
+}
+
+/// Speeds along forward, right, down, and along the diagonal of the three.
+#[derive(Deserialize, JsonSchema)]
+struct Speeds {
+    /// 1-sigma of each, m/s.
+    sigma: [f64; 4],
+}
+
+impl SensorType for Speeds {
+    const TYPE: &'static str = "speeds";
+
+    fn channels(&self) -> Vec<Channel> {
+        ["forward", "right", "down", "diagonal"].map(|name| Channel::new(name, "mps")).to_vec()
+    }
+
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let navigation = Navigation::find(composer, "navigation", "ins")?;
+        FOUND.set(Some(navigation));
+        Ok(Role::measurement(SpeedsModel { navigation, sigma: self.sigma }))
+    }
+}
+
+struct SpeedsModel {
+    navigation: Navigation,
+    sigma: [f64; 4],
+}
+
+impl MeasurementModel<4> for SpeedsModel {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 4> {
+        let v = x.get(self.navigation.attitude).inverse() * x.get(self.navigation.velocity);
+        SVector::from([v.x, v.y, v.z, (v.x + v.y + v.z) * convert::<f64, T>(3_f64.sqrt().recip())])
+    }
+
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 4, 4> {
+        SMatrix::from_diagonal(&SVector::from(self.sigma.map(|sigma| sigma * sigma)))
     }
 }

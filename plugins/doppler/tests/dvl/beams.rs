@@ -361,3 +361,25 @@ fn the_altitude_follows_the_dive_and_changes_no_estimate() {
     let error = refused(SCENARIO, &keys[1..]);
     assert!(error.contains("simulated_bottom") && error.contains("altitude = true"), "{error}");
 }
+
+/// A vehicle that rests 0.5 m above the bottom reads that, and none where it lies on it.
+#[test]
+fn on_the_bottom_there_is_no_altitude() {
+    let altitudes = |bottom: &str| -> Vec<f64> {
+        let bottom = format!("sensor.dvl.simulated_bottom=\"{bottom}\"");
+        let keys = [
+            "sensor.dvl.altitude=true",
+            "sensor.dvl.lever_arm=\"0 m\"",
+            "source.simulation.start={ latitude = \"0 deg\", height = \"-20 m\" }",
+            "source.simulation.segments=[{ type = \"cruise\", duration = \"2 s\" }]",
+            &bottom,
+        ];
+        let log = run(SCENARIO, &keys);
+        let of = log.samples.iter().filter(|s| s.sensor.0 == 1 && s.get(0).is_some());
+        of.filter_map(|s| s.get(4)).collect()
+    };
+    let above = altitudes("-20.5 m");
+    assert!(above.len() == 11 && above.iter().all(|h| (h - 0.5).abs() < 1e-6), "{above:?}");
+    assert_eq!(altitudes("-20 m"), [0.0; 0]);
+    assert_eq!(altitudes("-19.5 m"), [0.0; 0]);
+}

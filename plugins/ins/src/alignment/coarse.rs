@@ -334,3 +334,6 @@ fn body_velocity(
     (eigenvalues.min() > 1e-6 * eigenvalues.max())
         .then(|| normal.try_inverse().map(|inverse| inverse * right))?
 }
+
+#[cfg(test)]
+mod tests;

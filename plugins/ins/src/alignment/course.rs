@@ -261,3 +261,53 @@ impl InitialAlignment for CourseAlignment {
         Box::new(self.clone())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+    use crate::testing::{Bench, imu};
+    use navfuse_core::units::sample::SensorId;
+    use serde_json::json;
+
+    const HEADING: f64 = 0.7;
+
+    /// Attitude (roll, pitch, yaw) of a level car that accelerates by 1 m/s^2 on a straight road;
+    /// every sample of the IMU, the first of them at the start, comes `times` times.
+    fn found(times: usize) -> (f64, f64, f64) {
+        let bench = Bench::new(&[]);
+        let (layout, mut state) = (&*bench.composition.layout, bench.state());
+        let settings = CourseSettings::new(&AlignmentConfig::default(), (0.0, 0.0));
+        let imu = ("imu".to_owned(), imu(&json!({})));
+        let mut search = CourseAlignment::new(settings, imu, bench.navigation, true);
+        search.sensed = Some(Sensed { driver: 0, gnss: 1, position: 0, velocity: 3 });
+        let position = Geodetic { latitude: 0.8, longitude: 0.1, height: 50.0 };
+        let gravity = LocalEarth::at(position.latitude, position.height).gravity;
+        for k in 0..=1_000 {
+            let time = Time::from_nanos(k * 20_000_000);
+            let driving = Sample::new(time, SensorId(0), &[0.0, 0.0, 0.0, 1.0, 0.0, -gravity]);
+            for _ in 0..times {
+                search.search(layout, &mut state, &driving).unwrap();
+            }
+            if k % 50 == 0 {
+                let (t, (sin, cos)) = (time.seconds(), HEADING.sin_cos());
+                let Geodetic { latitude, longitude, height } = position;
+                let channels = [latitude, longitude, height, t * cos, t * sin, 0.0];
+                let fix = Sample::new(time, SensorId(1), &channels);
+                if search.search(layout, &mut state, &fix).unwrap() == Progress::Found {
+                    break;
+                }
+            }
+        }
+        assert!(search.report().is_some());
+        state.get(layout, bench.navigation.attitude).euler_angles()
+    }
+
+    /// The rounding of the eigenvector is 1e-16 over the gap of the eigenvalues, far below 1e-6.
+    #[test]
+    fn a_sample_that_comes_twice_counts_once() {
+        let (roll, pitch, yaw) = found(1);
+        assert!(roll.abs().max(pitch.abs()).max((yaw - HEADING).abs()) < 1e-6, "{roll} {pitch}");
+        assert_eq!(found(2), (roll, pitch, yaw));
+    }
+}

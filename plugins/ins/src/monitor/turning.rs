@@ -126,3 +126,88 @@ impl Turning {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+    use nalgebra::Rotation3;
+
+    /// Rate of the samples, Hz: a power of two, so that times add up without rounding.
+    const RATE: f64 = 64.0;
+
+    /// Velocity of the vehicle in its own axes, m/s: turning adds to the specific force.
+    const VELOCITY: Vector3<f64> = Vector3::new(3.0, 0.5, -0.3);
+
+    /// Sample `k` of a vehicle that rolls and pitches by 0.35 rad, or a share of it, at 0.25 and
+    /// 0.2 Hz.
+    fn rocking(k: u32, share: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let at = |t: f64| {
+            let (roll, pitch) = (0.35 * (1.57 * t).sin(), 0.35 * (1.26 * t).sin());
+            Rotation3::from_euler_angles(share * roll, share * pitch, share * 0.2 * t)
+        };
+        let t = f64::from(k) / RATE;
+        let w = (at(t).inverse() * at(t + 1.0 / RATE)).scaled_axis() * RATE;
+        let up = Vector3::new(0.0, 0.0, -9.81);
+        (w, at(t + 0.5 / RATE).inverse() * up + w.cross(&VELOCITY))
+    }
+
+    /// The first fault within a minute, with the number of samples.
+    fn fault(mut samples: impl FnMut(u32) -> (Vector3<f64>, Vector3<f64>)) -> Option<(u32, Fault)> {
+        let mut rule = Turning { velocity: VELOCITY, ..Turning::default() };
+        (0..60 * RATE as u32).find_map(|k| {
+            let (w, f) = samples(k);
+            rule.take(&w, &f, 1.0 / RATE).map(|fault| (k + 1, fault))
+        })
+    }
+
+    #[test]
+    fn a_vehicle_that_rocks_is_no_fault() {
+        assert!(fault(|k| rocking(k, 1.0)).is_none());
+    }
+
+    /// Each error of use makes the samples from those that would be right. Eight changes between
+    /// blocks of half a second take 4.5 s. What remains with the right samples is the curvature of
+    /// the motion in a block, less than a tenth of the change.
+    #[test]
+    fn every_error_of_use_is_named_after_eight_changes() {
+        for (name, axes, unit) in ERRORS {
+            let m = Matrix3::from_row_slice(&axes);
+            let read = |k| {
+                let (w, f) = rocking(k, 1.0);
+                (m * w / unit, m * f)
+            };
+            let (samples, found) = fault(read).unwrap();
+            assert_eq!(f64::from(samples) / RATE, 4.5, "{name}");
+            assert!(found.text.ends_with(name), "{name}: {}", found.text);
+            let times = found.text.split(' ').find_map(|word| word.parse::<f64>().ok());
+            assert!(times.is_some_and(|times| times > 10.0), "{}", found.text);
+        }
+    }
+
+    /// Rolling by 5 deg is enough; a hundredth of the rocking, by 0.2 deg, turns gravity by less than
+    /// 0.1 (m/s^2)^2 in a minute: (3.5e-3 * 9.81 * 1.57 / 2)^2 / 2 for 120 changes of two axes.
+    #[test]
+    fn a_vehicle_that_hardly_moves_is_not_judged() {
+        let in_degrees = |share: f64| {
+            fault(|k| {
+                let (w, f) = rocking(k, share);
+                (w * 57.3, f)
+            })
+        };
+        assert!(in_degrees(0.25).is_some());
+        assert!(in_degrees(0.01).is_none());
+    }
+
+    /// Gyros that show 1 rad/s beside accelerometers that show a shaking alone: no unit of the gyros
+    /// explains that, although one that makes them 57 times smaller leaves smaller residuals.
+    #[test]
+    fn a_contradiction_that_no_error_of_use_explains_is_left_to_other_rules() {
+        let shaking = |k: u32| {
+            let side = if (k / 32).is_multiple_of(2) { 0.2 } else { -0.2 };
+            let force = Vector3::new(0.0, side, -9.81);
+            (Vector3::x(), force + Vector3::x().cross(&VELOCITY))
+        };
+        assert!(fault(shaking).is_none());
+    }
+}
