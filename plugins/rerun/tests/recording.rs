@@ -18,6 +18,7 @@ use re_sdk_types::archetypes::{LineStrips3D, Scalars, TextLog};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 type Rows = BTreeMap<String, Vec<(i64, Vec<f64>)>>;
 
@@ -59,7 +60,7 @@ fn record(folder: &Path, epochs: usize, full: bool) -> Box<dyn Sink> {
 fn a_full_recording_holds_every_row_and_value_that_was_fed() {
     let folder = tempfile::tempdir().unwrap();
     let epochs = 5000; // one whole block of 4096 rows and a part
-    let begun = std::time::Instant::now();
+    let begun = Instant::now();
     let mut sink = record(folder.path(), epochs, true);
     let place = sink.finish().unwrap().unwrap();
     let path = folder.path().join("run.rrd");
@@ -194,6 +195,29 @@ fn a_run_that_is_broken_off_leaves_a_recording_that_opens() {
     drop(record(folder.path(), 700, false));
     let rows = scalars(&folder.path().join("run.rrd"));
     assert_eq!(rows["/state/ins/velocity/north/estimate"].len(), 700);
+}
+
+/// A run that is killed completes nothing: what its part holds is all there is.
+#[test]
+fn a_run_of_more_than_a_second_has_a_layout_before_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let part = folder.path().join("run.rrd.part");
+    let layouts = || {
+        let read = File::open(&part).ok().and_then(|mut file| {
+            ChunkStore::from_rrd_reader(&ChunkStoreConfig::ALL_DISABLED, &mut file).ok()
+        });
+        let kinds = read.into_iter().flatten().map(|(id, _)| id.kind());
+        kinds.filter(|kind| *kind == StoreKind::Blueprint).count()
+    };
+    let mut sink = record(folder.path(), 10, false);
+    std::thread::sleep(Duration::from_millis(1100));
+    assert_eq!(layouts(), 0);
+    Synthetic::new(10).feed(sink.as_mut()).unwrap();
+    let begun = Instant::now();
+    while layouts() == 0 {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no layout");
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }
 
 #[test]
