@@ -313,6 +313,7 @@ fn limits_that_do_not_fit_are_errors_with_the_key_and_a_remedy() {
         ("{ one = { rate = \"1 m\" } }", ["limits.one.rate", "m/s"]),
         ("{ one = { range = [\"1 m/s\", \"2 m\"] } }", ["limits.one.range", "length"]),
         ("{ one = { range = [\"2 m\", \"1 m\"] } }", ["limits.one.range", "exchange them"]),
+        ("{ one = { range = [\"1 m\", \"1 m\"] } }", ["limits.one.range", "is not below"]),
     ] {
         let message = refused(limits);
         assert!(parts.iter().all(|part| message.contains(part)), "{limits}: {message}");

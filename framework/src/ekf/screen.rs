@@ -373,4 +373,21 @@ mod tests {
         let still: Vec<_> = (1140..1180).map(|k| bridged(k, 0.0)).collect();
         assert_eq!(still.last(), Some(&Some((Fault::Frozen, 0b11))));
     }
+
+    /// Between 4 before a spike of two samples and 7 after it are 5 and 6.
+    #[test]
+    fn the_samples_of_a_spike_are_replaced_by_those_on_a_line() {
+        let mut screen = screen();
+        for k in 0..200 {
+            let [x, y] = usual(k);
+            take(&mut screen, k, [4.0 + x, y]);
+        }
+        take(&mut screen, 200, [4.0, 0.0]);
+        screen.ready.clear();
+        take(&mut screen, 201, [500.0, 0.0]);
+        take(&mut screen, 202, [500.0, 0.0]);
+        take(&mut screen, 203, [7.0, 0.0]);
+        let found: Vec<f64> = screen.ready.iter().filter_map(|(s, _)| s.get(0)).collect();
+        assert_eq!(found, [5.0, 6.0, 7.0]);
+    }
 }

@@ -114,4 +114,20 @@ mod tests {
         }
         Ok(())
     }
+
+    /// Another program may remove the file between opening and locking it: a lock on a file without
+    /// a name locks nobody out.
+    #[test]
+    #[cfg(unix)]
+    fn a_file_that_was_replaced_is_not_at_its_path_any_more() -> std::io::Result<()> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("lock");
+        let first = File::create(&path)?;
+        assert!(is_at(&first, &path));
+        fs::remove_file(&path)?;
+        assert!(!is_at(&first, &path));
+        let second = File::create(&path)?;
+        assert!(is_at(&second, &path) && !is_at(&first, &path));
+        Ok(())
+    }
 }

@@ -140,6 +140,8 @@ mod tests {
         for text in ["1e-300", "0.5", "0.9999999999999999", "\"off\""] {
             assert!(read(text).is_ok(), "{text}");
         }
+        let probability = |text| read(text).ok().flatten().and_then(Gate::probability);
+        assert_eq!((probability("0.5"), probability("\"off\"")), (Some(0.5), None));
         for text in ["0.0", "-0.0", "1.0", "-0.5", "1.5", "0", "1", "nan"] {
             let message = read(text).err().unwrap_or_default();
             assert!(message.contains("a probability between 0 and 1"), "{text}: {message}");

@@ -158,3 +158,16 @@ impl Mounting {
         (place, axes)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sensor_is_placed_or_turned_once_its_model_knows_more_than_the_body() {
+        let body = Mounting::default();
+        assert_eq!((body.is_placed(), body.is_turned()), (false, false));
+        let placed = Mounting::at_constant(Vector3::x());
+        assert_eq!((placed.is_placed(), placed.is_turned()), (true, false));
+    }
+}

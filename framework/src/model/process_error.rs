@@ -92,3 +92,16 @@ impl Error for ProcessError {
         self.source.as_deref().map(|cause| cause as &(dyn Error + 'static))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cause_of_an_error_is_its_source() {
+        let error = ProcessError::new("the vehicle has left the map");
+        assert!(error.source().is_none());
+        let cause = error.with_source("height 12 km").source().map(ToString::to_string);
+        assert_eq!(cause.as_deref(), Some("height 12 km"));
+    }
+}

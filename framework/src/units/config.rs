@@ -235,3 +235,22 @@ checked! {
     /// A value that must be greater than zero.
     Positive, |c| c <= 0.0, "a value greater than zero is needed: {}", "exclusiveMinimum"
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Length;
+
+    /// One value stands for three equal ones, to the bit.
+    #[test]
+    fn three_axes_are_written_as_one_value_where_all_are_equal() {
+        let written = |axes: [f64; 3]| {
+            let triple = Triple(axes.map(Length::from_si));
+            serde_json::to_value(triple).map_or(0, |value| value.as_array().map_or(1, Vec::len))
+        };
+        assert_eq!(written([1.0, 1.0, 1.0]), 1);
+        for axes in [[2.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 1.0, 2.0]] {
+            assert_eq!(written(axes), 3, "{axes:?}");
+        }
+    }
+}

@@ -271,3 +271,22 @@ fn a_wrong_key_or_unit_is_told_with_its_place() {
         assert!(text.contains(place), "{set}: {text}");
     }
 }
+
+#[test]
+fn a_fix_off_the_earth_is_refused() {
+    let bench = bench(&[], [0.8, 0.1, 0.0]);
+    let id = bench.composition.sensor("gnss").expect("the sensor is there");
+    let sensor = &bench.composition.sensors[id];
+    let limit = |name: &str| {
+        let channels = &sensor.info.channels;
+        let limits = sensor.limits.iter().map(|(channel, limit)| (&channels[*channel], limit));
+        let found = limits.filter(|(channel, _)| channel.name == name).map(|(_, limit)| limit);
+        found.map(|limit| (limit.low, limit.high)).next()
+    };
+    let quarter = std::f64::consts::FRAC_PI_2;
+    assert_eq!(limit("lat"), Some((-quarter, quarter)));
+    // the longitude may count from -180 or from 0 deg
+    assert!(limit("lon").is_some_and(|(low, high)| low <= -2.0 * quarter && high >= 4.0 * quarter));
+    // from the deepest trench to the satellites
+    assert!(limit("height").is_some_and(|(low, high)| low < -11e3 && high > 1e7 && high < 1e8));
+}

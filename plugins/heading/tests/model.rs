@@ -126,3 +126,12 @@ fn the_noise_is_the_square_of_the_stated_sigma() {
     close(&sigmas(&compass([0.0; 3], 0.0, 0.0), &[0.1]), &[1.0]);
     close(&sigmas(&antennas([0.0; 3], 0.0, 0.0), &[0.1, 0.1]), &[0.2, 0.4]);
 }
+
+#[test]
+fn a_heading_with_a_correlated_error_differs_the_short_way_round_too() {
+    let error =
+        "sensor.compass.correlated_error={ sigma = \"1 deg\", correlation_time = \"60 s\" }";
+    let compass = ModelBench::new(SCENARIO, &[error], "compass", &[]);
+    let off = compass.model.difference(0, -179_f64.to_radians(), 179_f64.to_radians());
+    close(&[off.to_degrees()], &[2.0]);
+}

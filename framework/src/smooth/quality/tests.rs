@@ -91,3 +91,15 @@ fn the_median_is_the_middle_one_and_of_an_even_number_the_upper() {
     assert_eq!(median([4.0, 1.0, 3.0, 2.0].into_iter()), Some(3.0));
     assert_eq!(median([].into_iter()), None);
 }
+
+/// The backward pass gives the latest sample first.
+#[test]
+fn samples_are_counted_with_their_times_in_words() {
+    let mut counted = Counted::default();
+    assert_eq!(counted.words(9, "gated"), None);
+    counted.add(Time::from_nanos(7_500_000_000));
+    assert_eq!(counted.words(9, "gated").as_deref(), Some("1 of 9 gated samples, at 7.5 s,"));
+    counted.add(Time::from_nanos(2_000_000_000));
+    let words = "2 of 9 gated samples, from 2.0 to 7.5 s,";
+    assert_eq!(counted.words(9, "gated").as_deref(), Some(words));
+}
