@@ -41,6 +41,8 @@ pub struct Process {
     pub screening: Option<Screening>,
     /// Monitor that notices faults of the driving sensor.
     pub monitor: Option<Box<dyn Monitor>>,
+    /// Slots of the biases of the driving sensor, which the filter tests for steps.
+    pub biases: Vec<usize>,
     /// Set if the alignment searches for the initial values; otherwise it only supervises.
     pub searches: bool,
 }
@@ -135,6 +137,7 @@ impl Composition {
             process.searches = false;
             process.screening = None;
             process.monitor = None;
+            process.biases.clear();
         }
         if self.sensors.iter().any(|s| matches!(s.role, Role::Reference(_))) {
             self.estimator.initial = Some(Initial::Reference);

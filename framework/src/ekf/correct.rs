@@ -194,13 +194,17 @@ impl Ekf {
         } else {
             self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
         }
-        let slot = &mut m.sensors[index];
         if let Some(signatures) = m.signatures.as_mut().filter(|_| own)
-            && let Some(found) =
-                signatures.corrected(index, &m.state, &m.covariance, &self.considered)
+            && let Some(finding) = signatures.corrected(
+                index,
+                (&self.layout, &m.state),
+                (&mut m.covariance, &self.considered),
+                |sensor| &m.sensors[sensor].name,
+            )
         {
-            observer.finding(found.finding(sample.time, &slot.name, &self.layout));
+            observer.finding(finding);
         }
+        let slot = &mut m.sensors[index];
         if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Iekf)
             && check.is_due(update, &m.covariance)
         {

@@ -1,148 +1,45 @@
-//! Score test for a time offset that is not modelled.
+//! Score tests for errors that nothing models: a time offset of a sensor, and a step of a bias.
 //!
-//! A sensor that lags by `tau` has innovations of the mean `tau g`, and moves the error of the state
-//! by `tau s`. With the slope `d = -dh/dt` of the prediction and the gain `K`,
+//! An error of the size `a` gives the innovations the mean `a g`, and moves the error of the state
+//! by `a s`. With the direct effect `d` on the innovation and the gain `K`,
 //! ```text
-//! g = H s + d        s := s - K g  (its own sample),   s := s - K H s  (another sensor's sample)
-//!                    s := Phi s    (propagation, to first order between two corrections)
-//! b = sum g' S^-1 y,   i = sum g' S^-1 g,   tau = b / i,   z = b / sqrt(i) ~ N(0, 1)
+//! g = H s + d        s := s - K g   (correction)
+//!                    s := Phi s     (propagation, to first order between two corrections)
+//! b = sum g' S^-1 y,   i = sum g' S^-1 g,   a = b / i,   z = b / sqrt(i) ~ N(0, 1)
 //! ```
 //! (Willsky & Jones 1976, the generalised likelihood ratio). What the estimated states can absorb is
-//! projected out exactly, since `s` contains it, and `tau s` is the error that the offset has left in
-//! each state.
+//! projected out exactly, since `s` contains it, and `a s` is the error that is left in each state.
 //!
-//! `d` is the slope between the two samples before, so that the noise of the driving sensor in the
-//! innovation is not in it: `b` is then a martingale for a consistent filter. Real innovations are
-//! wider and correlated. `i` in `z` is therefore at least the sum of the squares of `b - tau i` over
-//! spans of 10 s, which contains any correlation within them.
+//! Real innovations are wider and correlated. `i` in `z` is therefore at least the sum of the squares
+//! of `b - a i` over spans of 10 s, which contains any correlation within them.
 //!
-//! An offset may begin at any time: four sums run in parallel, one from the start, and three that
-//! begin again in turn.
+//! An error may begin at any time, so four sums run in parallel, which begin at different times.
+
+mod bias_step;
+mod effect;
+mod offset;
+mod score;
 
 use crate::compose::Composition;
-use crate::model::finding::{Basis, Finding, Severity};
+use crate::model::finding::Finding;
 use crate::model::measurement::{AnyMeasurement, At};
 use crate::model::sensor::Role;
 use crate::state::covariance::{Covariance, Transition, Update, backward, cholesky, forward};
-use crate::state::{Layout, Mode, State};
+use crate::state::{Dynamics, Layout, Mode, State};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
+use bias_step::BiasSteps;
+use effect::{SUMS, Whitened};
+use offset::Offset;
 
-/// Sums in parallel.
-const SUMS: usize = 4;
-/// Time from the begin of one sum to that of the next, s.
-const TURN: f64 = 120.0;
 /// Length of the spans of which the scatter is taken, s.
 const SPAN: f64 = 10.0;
-/// Least time over which the slope is taken, and the longest, s.
-const SLOPE: (f64, f64) = (0.1, 1.5);
-/// Score in sigma at which an offset is significant: while a car with an IMU of MEMS finds its heading,
-/// the curvature of its track gives one of 5.2 in 3 of 200 runs.
-const SIGNIFICANT: f64 = 6.0;
-/// Error of a state in units of its sigma at which a run is doubtful, and at which it is useless.
-const DOUBTFUL: f64 = 0.5;
-const USELESS: f64 = 2.0;
-
-/// Score of an offset since one time.
-#[derive(Clone, Copy, Debug, Default)]
-struct Score {
-    since: Time,
-    b: f64,
-    i: f64,
-    /// Sums of the span so far, and of `b^2`, `b i` and `i^2` over the spans before.
-    span: [f64; 2],
-    squares: [f64; 3],
-}
-
-impl Score {
-    fn add(&mut self, b: f64, i: f64) {
-        self.b += b;
-        self.i += i;
-        self.span[0] += b;
-        self.span[1] += i;
-    }
-
-    fn end_span(&mut self) {
-        let [b, i] = std::mem::take(&mut self.span);
-        self.squares[0] += b * b;
-        self.squares[1] += b * i;
-        self.squares[2] += i * i;
-    }
-
-    fn offset(&self) -> f64 {
-        self.b / self.i
-    }
-
-    /// Score in sigma; NaN without information.
-    fn sigmas(&self) -> f64 {
-        let (tau, [bb, bi, ii]) = (self.offset(), self.squares);
-        let scatter = bb - 2.0 * tau * bi + tau * tau * ii;
-        self.b / self.i.max(scatter).sqrt()
-    }
-}
-
-/// Test of one sensor.
-#[derive(Clone)]
-struct Test {
-    /// Sensitivity of the error states, one row of [`SUMS`] per state.
-    s: Vec<[f64; SUMS]>,
-    scores: [Score; SUMS],
-    /// The next sum to begin again.
-    next: usize,
-    /// State after the sample at which the slope begins, and the slope.
-    base: Option<State>,
-    slope: [f64; MAX_CHANNELS],
-    /// Set if the next slope begins at the present sample.
-    due: bool,
-    span: Time,
-    severity: Option<Severity>,
-}
-
-/// A significant offset.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
-    severity: Severity,
-    score: Score,
-    /// Error of a state in units of its sigma, and the row of the state.
-    size: f64,
-    row: usize,
-}
-
-impl Found {
-    /// Finding about the sensor.
-    pub(super) fn finding(&self, time: Time, sensor: &str, layout: &Layout) -> Finding {
-        let &Self { severity, ref score, size, row } = self;
-        let block = layout.blocks.iter().find(|b| b.tangent_range().contains(&row));
-        let state = block.map_or_else(String::new, |block| {
-            let component = block.spec.display.components.get(row - block.tangent_range().start);
-            format!("{} {}", block.name, component.copied().unwrap_or_default())
-        });
-        Finding {
-            time,
-            about: sensor.to_owned(),
-            severity,
-            basis: Basis::Comparison,
-            text: format!(
-                "since {} its samples fit a time offset of {:+.3} s ({:.1} sigma), which is not \
-                 modelled: it has moved {} by {size:.1} times its sigma",
-                score.since,
-                score.offset(),
-                score.sigmas().abs(),
-                state.trim_end(),
-            ),
-            remedy: format!(
-                "check the clock of {sensor} and the time stamps; if the offset is constant, \
-                 estimate it: time_offset = {{ sigma = \"{:.1} s\" }}",
-                (2.0 * score.offset().abs()).max(0.1)
-            ),
-        }
-    }
-}
 
 /// Score tests of all sensors.
 #[derive(Clone)]
 pub(super) struct Signatures {
-    tests: Vec<Option<Test>>,
+    offsets: Vec<Option<Offset>>,
+    steps: Option<BiasSteps>,
     /// Row and column of each element of `Phi`, and its value in the identity.
     places: Vec<(usize, usize, f64)>,
     /// Times up to which the sensitivities are carried, and up to which the state is, and the length
@@ -153,154 +50,47 @@ pub(super) struct Signatures {
     moved: Vec<[f64; SUMS]>,
 }
 
-impl Test {
-    fn new(n: usize, start: Time) -> Self {
-        Self {
-            s: vec![[0.0; SUMS]; n],
-            scores: [Score { since: start, ..Score::default() }; SUMS],
-            next: 1,
-            base: None,
-            slope: [0.0; MAX_CHANNELS],
-            due: false,
-            span: start,
-            severity: None,
-        }
-    }
-
-    /// Begins at the start of the filter.
-    fn begin(&mut self, time: Time) {
-        self.span = time;
-        self.scores.iter_mut().for_each(|score| score.since = time);
-    }
-
-    /// `g = H s`, with the slope for a sample of the sensor itself.
-    fn seen(&self, update: &Update, present: Option<u16>) -> [[f64; SUMS]; MAX_CHANNELS] {
-        let w = update.columns.len();
-        let mut g = [[0.0; SUMS]; MAX_CHANNELS];
-        for (g, h) in g.iter_mut().zip(update.h.chunks_exact(w.max(1))).take(update.m) {
-            for (&column, h) in update.columns.iter().zip(h) {
-                g.iter_mut().zip(&self.s[column]).for_each(|(g, s)| *g += h * s);
-            }
-        }
-        if let Some(present) = present {
-            let channels = (0..MAX_CHANNELS).filter(|channel| present >> channel & 1 == 1);
-            for (g, channel) in g.iter_mut().zip(channels).take(update.m) {
-                g.iter_mut().for_each(|g| *g -= self.slope[channel]);
-            }
-        }
-        g
-    }
-
-    /// Adds the innovation to the sums, and corrects the sensitivity.
-    fn take(&mut self, update: &Update, lower: &[f64], present: Option<u16>) {
-        let m = update.m;
-        let g = self.seen(update, present);
-        let mut y = [0.0; MAX_CHANNELS];
-        y[..m].copy_from_slice(&update.innovation[..m]);
-        forward(lower, m, &mut y[..m]);
-        backward(lower, m, &mut y[..m]);
-        for (k, score) in self.scores.iter_mut().enumerate() {
-            let mut column = [0.0; MAX_CHANNELS];
-            column.iter_mut().zip(&g).for_each(|(c, g)| *c = g[k]);
-            let b = column.iter().zip(&y).take(m).map(|(g, y)| g * y).sum();
-            forward(lower, m, &mut column[..m]);
-            score.add(b, column[..m].iter().map(|c| c * c).sum());
-        }
-        for (s, gain) in self.s.iter_mut().zip(update.gain().chunks_exact(m.max(1))) {
-            for (gain, g) in gain.iter().zip(&g) {
-                s.iter_mut().zip(g).for_each(|(s, g)| *s -= gain * g);
-            }
-        }
-    }
-
-    /// Takes the slope of the prediction up to the state, for the next sample.
-    fn follow(&mut self, model: &dyn AnyMeasurement, at: &At<'_>) -> bool {
-        let Some(base) = &self.base else { return true };
-        let dt = at.state.time.since(base.time);
-        if dt < SLOPE.0 {
-            return false;
-        }
-        self.slope.fill(0.0);
-        if dt <= SLOPE.1 {
-            let (from, n) = (At { state: base, ..*at }, model.channels());
-            model.change(&from, at, &mut self.slope[..n]);
-            self.slope.iter_mut().for_each(|s| *s = if s.is_finite() { *s / dt } else { 0.0 });
-        }
-        true
-    }
-
-    /// Ends a span, begins a sum again where it is due, and returns the significant score with its
-    /// severity, if that is a new one.
-    fn judge(&mut self, time: Time, covariance: &Covariance, considered: &[bool]) -> Option<Found> {
-        self.span = time;
-        self.scores.iter_mut().for_each(Score::end_span);
-        let mut worst: Option<Found> = None;
-        for (k, score) in self.scores.iter().enumerate() {
-            let significant = score.sigmas().abs() >= SIGNIFICANT;
-            if !significant {
-                continue;
-            }
-            let error = |i: usize| {
-                let sigma = covariance.get(i, i).sqrt();
-                if sigma > 0.0 && !considered[i] {
-                    (score.offset() * self.s[i][k] / sigma).abs()
-                } else {
-                    0.0
-                }
-            };
-            let (size, row) = (0..considered.len())
-                .map(|i| (error(i), i))
-                .fold((0.0, 0), |worst, next| if next.0 > worst.0 { next } else { worst });
-            let severity = match size {
-                e if e >= USELESS => Severity::DoNotUse,
-                e if e >= DOUBTFUL => Severity::Doubtful,
-                _ => continue,
-            };
-            let weight = |f: &Found| (f.severity, f.score.sigmas().abs());
-            let found = Found { severity, score: *score, size, row };
-            if worst.as_ref().is_none_or(|worst| weight(worst) < weight(&found)) {
-                worst = Some(found);
-            }
-        }
-        let newest = self.scores.iter().map(|score| score.since).max().unwrap_or(time);
-        if time.since(newest) >= TURN {
-            self.scores[self.next] = Score { since: time, ..Score::default() };
-            self.s.iter_mut().for_each(|s| s[self.next] = 0.0);
-            self.next = 1 + self.next % (SUMS - 1);
-        }
-        let found = worst.filter(|w| self.severity.is_none_or(|before| before < w.severity))?;
-        self.severity = Some(found.severity);
-        Some(found)
-    }
+/// Test for steps of the constant biases of the first driving sensor.
+fn bias_steps(composition: &Composition) -> Option<BiasSteps> {
+    let layout = &*composition.layout;
+    let process = composition.processes.iter().find(|process| process.input.is_some())?;
+    let blocks = process.biases.iter().map(|slot| &layout.blocks[*slot]);
+    let constant = blocks.filter(|b| b.estimated() && b.spec.dynamics == Dynamics::Constant);
+    let linear = constant.filter(|b| b.operations.ambient == b.operations.tangent);
+    let rows = linear.flat_map(|b| b.tangent_range().zip(b.range()));
+    BiasSteps::new(process.input?, rows, layout.tangent)
 }
 
 impl Signatures {
-    /// Tests for the sensors of a composition whose offset is not estimated; `None` where the
-    /// innovations of a consistent filter are not white, or where blocks come and go.
+    /// Tests of a composition for offsets that are not estimated and biases that are constant;
+    /// `None` where the innovations of a consistent filter are not white, or where blocks come and
+    /// go.
     pub(super) fn new(composition: &Composition, transition: &Transition) -> Option<Self> {
         let layout = &*composition.layout;
         let considers = layout.blocks.iter().any(|b| b.spec.mode == Mode::Consider);
         if considers || layout.labels > 0 {
             return None;
         }
-        let tests = composition.sensors.iter().map(|sensor| {
+        let offsets = composition.sensors.iter().map(|sensor| {
             let Role::Measurement(model) = &sensor.role else { return None };
             let tested = !sensor.constraint
                 && sensor.detector.is_none()
                 && !sensor.is_noise_free()
                 && sensor.time_offset.is_none()
                 && model.observations() == 1;
-            tested.then(|| Test::new(layout.tangent, Time::MIN))
+            tested.then(|| Offset::new(layout.tangent))
         });
-        let tests: Vec<_> = tests.collect();
-        if tests.iter().all(Option::is_none) {
+        let offsets: Vec<_> = offsets.collect();
+        let steps = bias_steps(composition);
+        if offsets.iter().all(Option::is_none) && steps.is_none() {
             return None;
         }
         let identity = transition.identity();
         let places = transition.places().iter().zip(identity);
         let places: Vec<_> = places.map(|(&(i, j), one)| (i, j, one)).collect();
         let moved = vec![[0.0; SUMS]; layout.tangent];
-        Some(Self { tests, places, settled: Time::MIN, time: Time::MIN, step: 0.0, moved })
+        let (settled, time) = (Time::MIN, Time::MIN);
+        Some(Self { offsets, steps, places, settled, time, step: 0.0, moved })
     }
 
     /// Records a propagation of the state to a time.
@@ -318,16 +108,12 @@ impl Signatures {
             return;
         }
         let steps = self.time.since(since) / self.step;
-        for test in self.tests.iter_mut().flatten() {
-            self.moved.iter_mut().for_each(|m| *m = [0.0; SUMS]);
-            for (&(i, j, one), (.., phi)) in self.places.iter().zip(transition.elements()) {
-                let a = steps * (phi - one);
-                let s = test.s[j];
-                self.moved[i].iter_mut().zip(s).for_each(|(m, s)| *m += a * s);
-            }
-            for (s, moved) in test.s.iter_mut().zip(&self.moved) {
-                s.iter_mut().zip(moved).for_each(|(s, m)| *s += m);
-            }
+        let Self { offsets, steps: biases, places, moved, .. } = self;
+        let offsets = offsets.iter_mut().flatten().map(Offset::effect);
+        for effect in offsets.chain(biases.iter_mut().flat_map(BiasSteps::effects)) {
+            let changes = places.iter().zip(transition.elements());
+            let changes = changes.map(|(&(i, j, one), (.., phi))| (i, j, steps * (phi - one)));
+            effect.carry(changes, moved);
         }
     }
 
@@ -341,43 +127,46 @@ impl Signatures {
         lower: &mut Vec<f64>,
     ) {
         self.settle(transition);
-        if !cholesky(&update.s, update.m, lower) {
+        let m = update.m;
+        if !cholesky(&update.s, m, lower) {
             return;
         }
-        for (k, test) in self.tests.iter_mut().enumerate() {
-            let Some(test) = test else { continue };
-            if test.span == Time::MIN {
-                test.begin(at.state.time);
+        let mut y = [0.0; MAX_CHANNELS];
+        y[..m].copy_from_slice(&update.innovation[..m]);
+        forward(lower, m, &mut y[..m]);
+        backward(lower, m, &mut y[..m]);
+        let (sample, time) = (Whitened { update, lower, y }, at.state.time);
+        for (k, offset) in self.offsets.iter_mut().enumerate() {
+            let Some(offset) = offset else { continue };
+            let own = k == index;
+            offset.take(&sample, time, own.then_some(present));
+            if own {
+                offset.follow(model, at);
             }
-            test.take(update, lower, (k == index).then_some(present));
-            if k == index && test.follow(model, at) {
-                test.due = true;
-            }
+        }
+        if let Some(steps) = &mut self.steps {
+            steps.take(&sample, time);
         }
     }
 
-    /// Keeps the corrected state, from which the next slope is taken, and judges the sensor.
-    pub(super) fn corrected(
+    /// Follows a corrected state, and judges the sensor and the biases. A step of a bias widens the
+    /// covariance.
+    pub(super) fn corrected<'a>(
         &mut self,
         index: usize,
-        state: &State,
-        covariance: &Covariance,
-        considered: &[bool],
-    ) -> Option<Found> {
-        let test = self.tests[index].as_mut()?;
-        if std::mem::take(&mut test.due) {
-            match &mut test.base {
-                Some(base) => {
-                    base.time = state.time;
-                    base.values.copy_from_slice(&state.values);
-                    base.signals.clone_from(&state.signals);
-                }
-                base => *base = Some(state.clone()),
-            }
-        }
-        if state.time.since(test.span) < SPAN {
-            return None;
-        }
-        test.judge(state.time, covariance, considered)
+        (layout, state): (&Layout, &State),
+        (covariance, considered): (&mut Covariance, &[bool]),
+        sensor: impl Fn(usize) -> &'a str,
+    ) -> Option<Finding> {
+        let steps = self.steps.as_mut();
+        let step = steps.and_then(|steps| {
+            let step = steps.corrected(state, covariance, considered)?;
+            Some(step.finding(state.time, sensor(steps.sensor), layout))
+        });
+        let offset = self.offsets[index].as_mut().and_then(|offset| {
+            let found = offset.corrected(state, covariance, considered)?;
+            Some(offset::finding(&found, state.time, sensor(index), layout))
+        });
+        step.or(offset)
     }
 }

@@ -7,7 +7,8 @@ use crate::model::screening::{Screening, Spread};
 use crate::model::simulate::{DrivingSensor, Random, Simulate};
 use crate::model::start::InitialAlignment;
 use crate::state::covariance::Transition;
-use crate::state::{Layout, State};
+use crate::state::manifold::Manifold;
+use crate::state::{Handle, Layout, State};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 
@@ -174,6 +175,7 @@ pub struct BuiltProcess {
     pub(crate) screening: Option<Screening>,
     pub(crate) monitor: Option<Box<dyn Monitor>>,
     pub(crate) coasts_after: Option<f64>,
+    pub(crate) biases: Vec<usize>,
     pub(crate) corrections: Vec<(String, Box<dyn AnyInput>)>,
 }
 
@@ -187,6 +189,7 @@ impl BuiltProcess {
             screening: None,
             monitor: None,
             coasts_after: None,
+            biases: Vec::new(),
             corrections: Vec::new(),
         }
     }
@@ -219,6 +222,14 @@ impl BuiltProcess {
     #[must_use]
     pub fn watched_by(self, monitor: impl Monitor + 'static) -> Self {
         Self { monitor: Some(Box::new(monitor)), ..self }
+    }
+
+    /// Names a block as a bias of the driving sensor. Where the filter takes it as constant, it tests
+    /// whether the bias steps, and widens the covariance by such a step.
+    #[must_use]
+    pub fn with_bias<T: Manifold>(mut self, bias: Handle<T>) -> Self {
+        self.biases.push(bias.slot());
+        self
     }
 
     /// Declares that the process coasts on a gap of its driving sensor longer than `gap` seconds:

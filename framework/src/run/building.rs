@@ -116,6 +116,7 @@ impl<'a> Building<'a> {
                 screening,
                 monitor,
                 coasts_after,
+                biases,
                 corrections,
             } = make(&part.own_keys(), &mut self.composer)?;
             let named = corrections.into_iter().map(|(sensor, model)| InputPart {
@@ -141,6 +142,7 @@ impl<'a> Building<'a> {
                 model,
                 input,
                 coasts_after,
+                biases,
                 constraint: None,
             });
         }

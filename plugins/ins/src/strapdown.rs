@@ -237,7 +237,9 @@ impl ProcessType for Strapdown {
         };
         let built = built.driven_by(self.imu, simulator);
         let built = match screening {
-            Some(screening) => built.screened_by(screening).watched_by(monitor),
+            Some(screening) => {
+                built.screened_by(screening).watched_by(monitor).with_bias(navigation.gyro_bias)
+            }
             None => built,
         };
         Ok(match (aligner, course) {

@@ -185,3 +185,46 @@ fn a_tilt_that_the_accelerometers_outdo_is_doubtful() {
         assert_eq!(named, doubted, "{tilt}, {bias}: {found:#?}");
     }
 }
+
+const STEP: &str = include_str!("../../../scenarios/faults/gyro-step.toml");
+
+/// Runs the scenario with that step of a gyro bias in deg/h, and returns its error of the yaw in
+/// sigma, its bias of that axis with the sigma in deg/h, and the findings.
+fn step(seed: u64, axis: usize, size: f64, setting: &str) -> (f64, [f64; 2], Vec<Finding>) {
+    let fault = format!(
+        "sensor.imu.simulation.faults=[{{ type = \"step\", from = \"250 s\", size = \"{size} deg/h\", \
+         channels = [\"gyro_{}\"] }}]",
+        ["x", "y", "z"][axis]
+    );
+    let settings = [&format!("seed={seed}"), &fault, setting];
+    let assembly =
+        scenario(STEP, &settings, |s| s.assemble(None).unwrap_or_else(|e| panic!("{e}")));
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    let row = |name: &str| finished.summary.rows.iter().find(|row| row.name == name).unwrap();
+    let (attitude, bias) = (row("ins.attitude"), row("ins.gyro_bias"));
+    let yaw = attitude.error.as_ref().unwrap()[2] / attitude.error_sigma[2];
+    (yaw, [bias.estimate[axis], bias.sigma[axis]], finished.findings)
+}
+
+/// The filter takes the bias as constant. After the step, the covariance contains it, so yaw and bias
+/// end within 4 sigma: one of 16 000 numbers is farther off.
+#[test]
+fn a_step_of_a_gyro_bias_is_named_and_followed() {
+    for (seed, size) in [(1, 10.0), (2, -10.0), (3, 20.0)] {
+        let (yaw, [bias, sigma], findings) = step(seed, 2, size, "estimator.stop=630 s");
+        assert!(yaw.abs() < 4.0, "{seed}: yaw {yaw}");
+        // the truth before the step is 0.1 deg/h
+        assert!((bias - size - 0.1).abs() < 4.0 * sigma, "{seed}: {bias} {sigma}");
+        let named = |f: &Finding| f.about == "imu" && f.text.contains("gyro_bias z has stepped");
+        let finding = findings.iter().find(|f| named(f)).unwrap_or_else(|| panic!("{findings:?}"));
+        assert_eq!(finding.severity, Severity::DoNotUse);
+        assert!(finding.time.seconds() > 250.0 && finding.remedy.contains("random_walk"));
+    }
+}
+
+#[test]
+fn a_bias_that_may_wander_is_not_tested_for_steps() {
+    let wander = "process.ins.gyro_bias.random_walk=1 deg/h/sqrt(h)";
+    let (.., findings) = step(1, 2, 10.0, wander);
+    assert!(findings.iter().all(|f| !f.text.contains("has stepped")), "{findings:?}");
+}

@@ -182,6 +182,16 @@ impl Covariance {
         }
     }
 
+    /// `P = P + a s s'`: the error grows by a random multiple of `s`, of the variance `a`.
+    pub(crate) fn widen(&mut self, a: f64, s: impl Fn(usize) -> f64) {
+        for i in 0..self.n {
+            for j in 0..self.n {
+                self.p[i * self.stride + j] += a * s(i) * s(j);
+            }
+        }
+        self.symmetrise();
+    }
+
     /// Copies the lower triangle to the upper one.
     pub(super) fn mirror(&mut self) {
         for i in 0..self.n {

@@ -384,6 +384,21 @@ proptest! {
         }
     }
 
+    /// Each element is a sum of two terms, so the rounding is that of numbers of their size.
+    #[test]
+    fn widening_adds_the_multiple_of_one_direction(
+        seed in any::<u64>(), n in 1..=8_usize, a in 0.0..1e3_f64,
+    ) {
+        let mut u = Numbers(seed);
+        let mut p = covariance_of(&u.definite(n));
+        let (prior, s) = (p.to_dense(), u.matrix(n, 1));
+        p.widen(a, |i| s[i]);
+        let expected = prior + &s * s.transpose() * a;
+        let off = p.to_dense() - &expected;
+        prop_assert!(largest(&off) <= 1e-14 * largest(&expected), "{:e}", largest(&off));
+        prop_assert_eq!(p.to_dense().transpose(), p.to_dense());
+    }
+
     #[test]
     fn inflation_multiplies_what_the_sensor_sees_and_adds_only_positive_parts(
         seed in any::<u64>(), n in 1..=8_usize, m in 1..=4_usize, c in 0.1..1e4_f64,

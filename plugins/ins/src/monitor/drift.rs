@@ -53,9 +53,33 @@ impl Drift {
         if self.kept.back().is_some_and(|last| time.since(last.time) < PERIOD) {
             return None;
         }
+        if self.has_widened(filter) {
+            self.kept.iter_mut().for_each(|kept| kept.time = Time::MIN);
+        }
         let fault = self.judge(filter);
         self.keep(filter, time);
         fault
+    }
+
+    /// Returns `true` if a variance of a constant has grown: the filter has widened the covariance, so
+    /// that the difference of two variances says nothing about the move between them.
+    fn has_widened(&self, filter: &FilterView<'_>) -> bool {
+        let Some(last) = self.kept.back().filter(|last| last.time > Time::MIN) else {
+            return false;
+        };
+        let grown = |i: usize| filter.covariance.get(i, i) > last.variances[i] * (1.0 + DECREASE);
+        self.constants(filter).any(|(_, block)| block.tangent_range().any(grown))
+    }
+
+    /// Blocks that no process moves, with their slots.
+    fn constants<'a>(
+        &self,
+        filter: &FilterView<'a>,
+    ) -> impl Iterator<Item = (usize, &'a Block)> + use<'a> {
+        let n = &self.navigation;
+        let moving = [n.attitude.slot(), n.velocity.slot(), n.position.slot()];
+        let blocks = filter.layout.blocks.iter().enumerate();
+        blocks.filter(move |(slot, block)| !moving.contains(slot) && is_constant(block))
     }
 
     /// Keeps the estimate. All room is allocated at the first call.
@@ -76,15 +100,10 @@ impl Drift {
     /// Blames the IMU if one of its biases moved more than any other constant.
     fn judge(&mut self, filter: &FilterView<'_>) -> Option<Fault> {
         let (gyro, accel) = (self.navigation.gyro_bias.slot(), self.navigation.accel_bias.slot());
-        let n = &self.navigation;
-        let moving = [n.attitude.slot(), n.velocity.slot(), n.position.slot()];
         let (mut own, mut other): (f64, f64) = (0.0, 0.0);
         let mut worst = None;
         for kept in self.kept.iter().filter(|kept| kept.time > Time::MIN) {
-            for (slot, block) in filter.layout.blocks.iter().enumerate() {
-                if moving.contains(&slot) || !is_constant(block) {
-                    continue;
-                }
+            for (slot, block) in self.constants(filter) {
                 let n = block.operations.tangent;
                 let mut moved = [0.0; navfuse_core::state::manifold::MAX_TANGENT];
                 (block.operations.local)(

@@ -1,0 +1,172 @@
+//! What an error of unit size does to the error states, and how the innovations show it.
+
+use super::score::Score;
+use crate::model::finding::Severity;
+use crate::state::Layout;
+use crate::state::covariance::{Covariance, Update, forward};
+use crate::units::sample::MAX_CHANNELS;
+use crate::units::time::Time;
+
+/// Hypotheses in parallel, which begin at different times.
+pub(super) const SUMS: usize = 4;
+/// Error of a state in units of its sigma at which a run is doubtful, and at which it is useless.
+pub(super) const DOUBTFUL: f64 = 0.5;
+const USELESS: f64 = 2.0;
+
+/// Sensitivity `g` of the channels of a sample.
+pub(super) type Seen = [[f64; SUMS]; MAX_CHANNELS];
+
+/// Innovation of a sample in the forms that all hypotheses share.
+pub(super) struct Whitened<'a> {
+    pub(super) update: &'a Update,
+    /// Cholesky factor of `S`.
+    pub(super) lower: &'a [f64],
+    /// `S^-1 y`.
+    pub(super) y: [f64; MAX_CHANNELS],
+}
+
+/// Sensitivity of the error states, and the scores.
+#[derive(Clone)]
+pub(super) struct Effect {
+    /// One row of [`SUMS`] per state.
+    pub(super) s: Vec<[f64; SUMS]>,
+    pub(super) scores: [Score; SUMS],
+}
+
+/// A significant error.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Found {
+    pub(super) severity: Severity,
+    pub(super) score: Score,
+    /// Error of a state in units of its sigma, and the row of the state.
+    size: f64,
+    row: usize,
+}
+
+impl Found {
+    /// The state that the error has moved farthest, and how far.
+    pub(super) fn moved(&self, layout: &Layout) -> String {
+        format!("{} by {:.1} times its sigma", name(layout, self.row), self.size)
+    }
+}
+
+/// Name of a component of the error state.
+pub(super) fn name(layout: &Layout, row: usize) -> String {
+    let block = layout.blocks.iter().find(|b| b.tangent_range().contains(&row));
+    block.map_or_else(String::new, |block| {
+        let component = block.spec.display.components.get(row - block.tangent_range().start);
+        let name = format!("{} {}", block.name, component.copied().unwrap_or_default());
+        name.trim_end().to_owned()
+    })
+}
+
+impl Effect {
+    pub(super) fn new(n: usize) -> Self {
+        Self { s: vec![[0.0; SUMS]; n], scores: [Score::default(); SUMS] }
+    }
+
+    /// `s := s + (Phi - I) s`, with the elements of `Phi - I`.
+    pub(super) fn carry(
+        &mut self,
+        changes: impl Iterator<Item = (usize, usize, f64)>,
+        moved: &mut [[f64; SUMS]],
+    ) {
+        moved.iter_mut().for_each(|m| *m = [0.0; SUMS]);
+        for (i, j, a) in changes {
+            let s = self.s[j];
+            moved[i].iter_mut().zip(s).for_each(|(m, s)| *m += a * s);
+        }
+        for (s, moved) in self.s.iter_mut().zip(moved) {
+            s.iter_mut().zip(moved).for_each(|(s, m)| *s += *m);
+        }
+    }
+
+    /// `g = H s`.
+    pub(super) fn seen(&self, update: &Update) -> Seen {
+        let w = update.columns.len();
+        let mut g = [[0.0; SUMS]; MAX_CHANNELS];
+        for (g, h) in g.iter_mut().zip(update.h.chunks_exact(w.max(1))).take(update.m) {
+            for (&column, h) in update.columns.iter().zip(h) {
+                g.iter_mut().zip(&self.s[column]).for_each(|(g, s)| *g += h * s);
+            }
+        }
+        g
+    }
+
+    /// Adds the innovation to the sums, and corrects the sensitivity: `s := s - K g`.
+    pub(super) fn take(&mut self, sample: &Whitened<'_>, g: &Seen) {
+        let m = sample.update.m;
+        for (k, score) in self.scores.iter_mut().enumerate() {
+            let mut column = [0.0; MAX_CHANNELS];
+            column.iter_mut().zip(g).for_each(|(c, g)| *c = g[k]);
+            let b = column.iter().zip(&sample.y).take(m).map(|(g, y)| g * y).sum();
+            forward(sample.lower, m, &mut column[..m]);
+            score.add(b, column[..m].iter().map(|c| c * c).sum());
+        }
+        for (s, gain) in self.s.iter_mut().zip(sample.update.gain().chunks_exact(m.max(1))) {
+            for (gain, g) in gain.iter().zip(g) {
+                s.iter_mut().zip(g).for_each(|(s, g)| *s -= gain * g);
+            }
+        }
+    }
+
+    /// Begins all hypotheses.
+    pub(super) fn begin(&mut self, time: Time) {
+        self.scores = [Score::new(time); SUMS];
+    }
+
+    /// Ends a span of all scores.
+    pub(super) fn end_span(&mut self) {
+        self.scores.iter_mut().for_each(Score::end_span);
+    }
+
+    /// Begins one hypothesis again.
+    pub(super) fn renew(&mut self, sum: usize, time: Time) {
+        self.scores[sum] = Score::new(time);
+        self.s.iter_mut().for_each(|s| s[sum] = 0.0);
+    }
+
+    /// Time at which the newest hypothesis began.
+    pub(super) fn newest(&self) -> Time {
+        self.scores.iter().map(|score| score.since).max().unwrap_or(Time::MIN)
+    }
+
+    /// The most severe error of at least so many sigmas since a time that counts, among equals the
+    /// most significant.
+    pub(super) fn worst(
+        &self,
+        (significant, counts): (f64, impl Fn(Time) -> bool),
+        covariance: &Covariance,
+        considered: &[bool],
+    ) -> Option<Found> {
+        let weight = |f: &Found| (f.severity, f.score.sigmas().abs());
+        let mut worst: Option<Found> = None;
+        for (sum, score) in self.scores.iter().enumerate() {
+            let exceeds = score.sigmas().abs() >= significant;
+            if !exceeds || !counts(score.since) {
+                continue;
+            }
+            let error = |i: usize| {
+                let sigma = covariance.get(i, i).sqrt();
+                if sigma > 0.0 && !considered[i] {
+                    (score.size() * self.s[i][sum] / sigma).abs()
+                } else {
+                    0.0
+                }
+            };
+            let (size, row) = (0..considered.len())
+                .map(|i| (error(i), i))
+                .fold((0.0, 0), |worst, next| if next.0 > worst.0 { next } else { worst });
+            let severity = match size {
+                e if e >= USELESS => Severity::DoNotUse,
+                e if e >= DOUBTFUL => Severity::Doubtful,
+                _ => continue,
+            };
+            let found = Found { severity, score: *score, size, row };
+            if worst.as_ref().is_none_or(|worst| weight(worst) < weight(&found)) {
+                worst = Some(found);
+            }
+        }
+        worst
+    }
+}

@@ -1,0 +1,95 @@
+//! Score of a hypothesis about an error that nothing models.
+
+use crate::units::time::Time;
+
+/// Sums `b = sum g' S^-1 y` and `i = sum g' S^-1 g` since one time.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Score {
+    pub(super) since: Time,
+    b: f64,
+    i: f64,
+    /// Sums of the span so far, and of `b^2`, `b i` and `i^2` over the spans before.
+    span: [f64; 2],
+    squares: [f64; 3],
+}
+
+impl Score {
+    pub(super) fn new(since: Time) -> Self {
+        Self { since, ..Self::default() }
+    }
+
+    pub(super) fn add(&mut self, b: f64, i: f64) {
+        self.b += b;
+        self.i += i;
+        self.span[0] += b;
+        self.span[1] += i;
+    }
+
+    pub(super) fn end_span(&mut self) {
+        let [b, i] = std::mem::take(&mut self.span);
+        self.squares[0] += b * b;
+        self.squares[1] += b * i;
+        self.squares[2] += i * i;
+    }
+
+    /// Size of the error.
+    pub(super) fn size(&self) -> f64 {
+        self.b / self.i
+    }
+
+    /// Information about the error, or the scatter of the spans where that is larger.
+    fn scatter(&self) -> f64 {
+        let (size, [bb, bi, ii]) = (self.size(), self.squares);
+        self.i.max(bb - 2.0 * size * bi + size * size * ii)
+    }
+
+    /// Variance of [`Self::size`].
+    pub(super) fn variance(&self) -> f64 {
+        self.scatter() / (self.i * self.i)
+    }
+
+    /// Score in sigma; NaN without information.
+    pub(super) fn sigmas(&self) -> f64 {
+        self.b / self.scatter().sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Spans of `(b, i)`.
+    fn score(spans: &[[f64; 2]]) -> Score {
+        let mut score = Score::new(Time::MIN);
+        for [b, i] in spans {
+            score.add(0.25 * b, 0.5 * i);
+            score.add(0.75 * b, 0.5 * i);
+            score.end_span();
+        }
+        score
+    }
+
+    /// b = 12 and i = 6 give the size 2. No span is off by it, so that the variance is 1 / i.
+    #[test]
+    fn spans_that_agree_have_the_variance_of_their_information() {
+        let score = score(&[[4.0, 2.0], [8.0, 4.0]]);
+        assert_eq!(score.size(), 2.0);
+        assert_eq!(score.variance(), 1.0 / 6.0);
+        assert!((score.sigmas() - 12.0 / 6_f64.sqrt()).abs() < 1e-12);
+    }
+
+    /// b = 12 and i = 6 again. The spans are off by 14 - 2 * 2 = 10 and -2 - 2 * 4 = -10, so that the
+    /// scatter is 200 in place of 6.
+    #[test]
+    fn spans_that_contradict_one_another_widen_the_score_by_their_scatter() {
+        let score = score(&[[14.0, 2.0], [-2.0, 4.0]]);
+        assert_eq!(score.size(), 2.0);
+        assert!((score.variance() - 200.0 / 36.0).abs() < 1e-12);
+        assert!((score.sigmas() - 12.0 / 200_f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_score_without_information_is_not_significant() {
+        assert!(Score::new(Time::MIN).sigmas().is_nan());
+    }
+}
