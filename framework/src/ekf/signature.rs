@@ -56,8 +56,7 @@ fn bias_steps(composition: &Composition) -> Option<BiasSteps> {
     let process = composition.processes.iter().find(|process| process.input.is_some())?;
     let blocks = process.biases.iter().map(|slot| &layout.blocks[*slot]);
     let constant = blocks.filter(|b| b.estimated() && b.spec.dynamics == Dynamics::Constant);
-    let linear = constant.filter(|b| b.operations.ambient == b.operations.tangent);
-    let rows = linear.flat_map(|b| b.tangent_range().zip(b.range()));
+    let rows = constant.flat_map(|b| b.tangent_range());
     BiasSteps::new(process.input?, rows, layout.tangent)
 }
 
@@ -160,7 +159,7 @@ impl Signatures {
     ) -> Option<Finding> {
         let steps = self.steps.as_mut();
         let step = steps.and_then(|steps| {
-            let step = steps.corrected(state, covariance, considered)?;
+            let step = steps.corrected(state.time, covariance, considered)?;
             Some(step.finding(state.time, sensor(steps.sensor), layout))
         });
         let offset = self.offsets[index].as_mut().and_then(|offset| {
