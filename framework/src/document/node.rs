@@ -254,3 +254,18 @@ fn shown(value: &Value) -> Option<String> {
         other => Some(other.to_string()).filter(|t| t.chars().count() <= MAX),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_of_an_inner_table_reads_its_keys_or_all_others() {
+        let keys = ["rate".to_owned(), "offset".to_owned()];
+        let part = |others| Inside { key: "simulation", keys: &keys, others };
+        for (key, own) in [("rate", true), ("offset", true), ("noise", false)] {
+            assert_eq!(part(false).reads(key), own, "{key}");
+            assert_eq!(part(true).reads(key), !own, "{key}");
+        }
+    }
+}

@@ -166,4 +166,32 @@ mod tests {
             assert!((variance / spread - 1.0).abs() < 0.02, "{m} {threshold}: {variance} {spread}");
         }
     }
+
+    /// The smallest level whose band does not hold a sum: the band of that level ends at the sum.
+    #[test]
+    fn the_probability_of_a_sum_is_the_level_of_the_band_that_ends_there() {
+        for (expectation, variance, alpha) in [(3.0, 6.0, 0.05), (2.4, 7.1, 1e-3)] {
+            let b = band(expectation, variance, alpha);
+            for sum in [b.low, b.high] {
+                let p = probability(sum, expectation, variance);
+                assert!((p / alpha - 1.0).abs() < 1e-6, "{sum}: {p}");
+                assert!(b.holds(sum));
+            }
+            assert!(!b.holds(0.99 * b.low) && !b.holds(1.01 * b.high));
+        }
+        assert_eq!(probability(f64::INFINITY, 3.0, 6.0), 0.0);
+    }
+
+    /// With two degrees of freedom the tail is `exp(-x / 2)`; of rare events the tail is 1 less the
+    /// sum of `exp(-l) l^k / k!`.
+    #[test]
+    fn tails_agree_with_their_closed_forms() {
+        assert!((above(2, 5.0) - (-2.5_f64).exp()).abs() < 1e-12);
+        assert_eq!(above(2, f64::INFINITY), 0.0);
+        let l = 1.7_f64;
+        let below = (-l).exp() * (1.0 + l + 0.5 * l * l);
+        assert!((poisson_tail(3, l) - (1.0 - below)).abs() < 1e-12);
+        assert_eq!(poisson_tail(0, l), 1.0);
+        assert_eq!((poisson_tail(0, 0.0), poisson_tail(1, 0.0)), (1.0, 0.0), "none is expected");
+    }
 }

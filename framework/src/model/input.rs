@@ -219,3 +219,82 @@ impl Correction {
         (0..self.channels).all(|k| sample.get(k).is_some())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::expect_used, reason = "a test fails by panicking")]
+    use super::*;
+
+    use crate::compose::Composer;
+    use crate::state::manifold::Vector;
+    use crate::state::{BlockSpec, Dynamics, Handle, Mode, display};
+    use crate::units::sample::SensorId;
+    use crate::units::time::Time;
+
+    /// Channels that mix and bend: their errors grow with the other channel and with the square.
+    struct Bent(Handle<Vector<3>>);
+
+    impl InputModel<2> for Bent {
+        fn correct<T: Real>(&self, x: &View<'_, T>, z: [T; 2]) -> [T; 2] {
+            let s = x.get(self.0);
+            [z[0] + s[0] * z[1] + s[1] * z[0] * z[0], z[1] * (T::one() - s[2])]
+        }
+    }
+
+    /// The correction by states with these true values.
+    fn bent(values: [f64; 3]) -> (Layout, State, Correction) {
+        let mut composer = Composer::default();
+        composer.begin("test");
+        let spec = BlockSpec {
+            mode: Mode::Estimate,
+            initial: values.to_vec(),
+            sigma: vec![1.0; 3],
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display: display::RATIOS,
+        };
+        let handle = composer.block::<Vector<3>>("s", spec).expect("a block");
+        let (layout, models) =
+            (composer.finish().0, vec![Box::new(ErasedInput(Bent(handle))) as _]);
+        let (state, correction) = (layout.initial_state(), Correction::new(&layout, models));
+        (layout, state, correction)
+    }
+
+    #[test]
+    fn the_correction_of_an_inverted_sample_is_the_sample() {
+        let (layout, state, correction) = bent([0.03, 0.02, -0.05]);
+        let goal = Sample::new(Time::default(), SensorId(0), &[1.5, -2.5]);
+        let mut measured = goal;
+        assert!(correction.invert(&layout, &state, &mut measured));
+        // z1 = -2.5 / 1.05, and z0 is the root of 0.02 z^2 + z + 0.03 z1 - 1.5
+        let z1: f64 = -2.5 / 1.05;
+        let z0 = ((1.0 - 0.08 * (0.03 * z1 - 1.5)).sqrt() - 1.0) / 0.04;
+        assert!((measured.values()[0] - z0).abs() < 1e-13, "{:?}", measured.values());
+        assert!((measured.values()[1] - z1).abs() < 1e-13, "{:?}", measured.values());
+        let corrected = correction.correct(&layout, &state, &measured);
+        for k in 0..2 {
+            assert!((corrected.values()[k] - goal.values()[k]).abs() < 1e-14, "{k}");
+        }
+    }
+
+    /// With `z - z^2` no channel becomes 1.5, as the largest value is 0.25, and a scale of zero has
+    /// no inverse.
+    #[test]
+    fn a_sample_that_no_channels_give_is_refused() {
+        for values in [[0.0, -1.0, 0.0], [0.0, 0.0, 1.0]] {
+            let (layout, state, correction) = bent(values);
+            let mut sample = Sample::new(Time::default(), SensorId(0), &[1.5, -2.5]);
+            assert!(!correction.invert(&layout, &state, &mut sample), "{values:?}");
+        }
+    }
+
+    #[test]
+    fn a_sample_without_a_channel_stays_as_it_is() {
+        let (layout, state, correction) = bent([0.03, 0.02, -0.05]);
+        let mut sample = Sample::new(Time::default(), SensorId(0), &[1.5]);
+        let before = sample;
+        assert!(correction.invert(&layout, &state, &mut sample));
+        assert_eq!(sample, before);
+        assert_eq!(correction.correct(&layout, &state, &sample), before);
+    }
+}

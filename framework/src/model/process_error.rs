@@ -104,4 +104,11 @@ mod tests {
         let cause = error.with_source("height 12 km").source().map(ToString::to_string);
         assert_eq!(cause.as_deref(), Some("height 12 km"));
     }
+
+    #[test]
+    fn errors_are_equal_if_kind_and_text_are_whatever_the_cause() {
+        let error = ProcessError::new("the vehicle has left the map");
+        assert_eq!(error, error.clone().with_source("height 12 km"));
+        assert_ne!(error, ProcessError::new("the vehicle is under ground"));
+    }
 }

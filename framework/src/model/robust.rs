@@ -118,3 +118,38 @@ impl JsonSchema for Robust {
         schemars::json_schema!({ "anyOf": [kind, keys] })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Both weights are one for a small innovation, and that of Huber keeps the product with the
+    /// innovation at the threshold.
+    #[test]
+    fn weights_fall_beyond_their_thresholds_only() {
+        assert_eq!(Robust::Off.weight(50.0), 1.0);
+        for e in [-2.5_f64, 2.5] {
+            let huber = Robust::Huber(1.5).weight(e);
+            assert!((huber * e.abs() - 1.5).abs() < 1e-15, "{huber}");
+            // (4 + 1) / (4 + 6.25)
+            assert!((Robust::StudentT(4.0).weight(e) - 5.0 / 10.25).abs() < 1e-15);
+        }
+        assert_eq!((Robust::Huber(1.5).weight(1.4), Robust::StudentT(4.0).weight(0.9)), (1.0, 1.0));
+    }
+
+    #[test]
+    fn each_kind_takes_its_own_key_and_a_number_above_zero() {
+        let robust = |kind, threshold, freedom| Keys { kind, threshold, freedom }.robust();
+        assert_eq!(robust(Kind::Huber, Some(2.0), None), Ok(Robust::Huber(2.0)));
+        assert_eq!(robust(Kind::Huber, None, None), Ok(Robust::Huber(THRESHOLD)));
+        assert_eq!(robust(Kind::StudentT, None, Some(3.0)), Ok(Robust::StudentT(3.0)));
+        assert_eq!(robust(Kind::Off, None, None), Ok(Robust::Off));
+        for wrong in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+            assert!(robust(Kind::Huber, Some(wrong), None).is_err());
+            assert!(robust(Kind::StudentT, None, Some(wrong)).is_err());
+        }
+        assert!(robust(Kind::Huber, None, Some(3.0)).is_err());
+        assert!(robust(Kind::StudentT, Some(2.0), None).is_err());
+        assert!(robust(Kind::Off, Some(2.0), None).is_err());
+    }
+}

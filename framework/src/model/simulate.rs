@@ -170,3 +170,91 @@ pub struct DrivingSensor {
     /// Simulator.
     pub simulator: Box<dyn Simulate>,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::Real;
+    use crate::model::motion::Motion;
+    use crate::units::sample::SensorId;
+    use nalgebra::{SMatrix, SVector, Vector3};
+
+    /// Two channels with correlated noise.
+    struct Pair;
+
+    impl MeasurementModel<2> for Pair {
+        fn predict<T: Real>(&self, _: &View<'_, T>) -> SVector<T, 2> {
+            SVector::from([nalgebra::convert(10.0), nalgebra::convert(-20.0)])
+        }
+        fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 2, 2> {
+            SMatrix::<f64, 2, 2>::new(4.0, 3.0, 3.0, 9.0)
+        }
+    }
+
+    struct Nowhere;
+
+    impl Trajectory for Nowhere {
+        fn at(&mut self, _: Time) -> Motion {
+            unreachable!("the model reads no motion")
+        }
+        fn increments(&mut self, _: Time, _: Time) -> (Vector3<f64>, Vector3<f64>) {
+            unreachable!("the model reads no motion")
+        }
+    }
+
+    /// Deviations of many samples from the prediction, in which the noise is white with unit
+    /// variance: the lower Cholesky factor of the noise is (2, 0; 1.5, sqrt(6.75)).
+    fn whitened(noise: f64, outlier: f64) -> Vec<[f64; 2]> {
+        let (layout, mut random) = (Layout::default(), Random::new(1, "pair"));
+        let truth = layout.initial_state();
+        let draw = |_| {
+            let mut scene = Scene {
+                layout: &layout,
+                truth: &truth,
+                trajectory: &mut Nowhere,
+                from: Time::default(),
+                to: Time::default(),
+                observation: 0,
+                noise,
+                outlier,
+                random: &mut random,
+            };
+            let mut sample = Sample::empty(Time::default(), SensorId(0));
+            scene.measure(&Pair, &mut sample);
+            let [x, y] = [sample.values()[0] - 10.0, sample.values()[1] + 20.0];
+            [0.5 * x, (y - 0.75 * x) / 6.75_f64.sqrt()]
+        };
+        (0..4000).map(draw).collect()
+    }
+
+    fn mean(values: &[[f64; 2]], of: impl Fn(&[f64; 2]) -> f64) -> f64 {
+        values.iter().map(of).sum::<f64>() / values.len() as f64
+    }
+
+    /// The mean of 4000 products with the variance 1 has the sigma 0.016, that of squares 0.022.
+    #[test]
+    fn simulated_noise_has_the_covariance_of_the_model() {
+        for noise in [1.0, 3.0] {
+            let drawn = whitened(noise, 0.0);
+            for k in 0..2 {
+                let variance = mean(&drawn, |u| u[k] * u[k]) / (noise * noise);
+                assert!((variance - 1.0).abs() < 0.09, "{k}: {variance}");
+                assert!(mean(&drawn, |u| u[k]).abs() < 0.064 * noise);
+            }
+            assert!(mean(&drawn, |u| u[0] * u[1]).abs() < 0.064 * noise * noise);
+        }
+    }
+
+    /// An outlier of 30 sigma lies 30 above or below, each in half of the samples, whose number has
+    /// the sigma of 32 of 4000.
+    #[test]
+    fn outliers_lie_their_size_to_either_side() {
+        let drawn = whitened(1.0, 30.0);
+        for k in 0..2 {
+            assert!(drawn.iter().all(|u| (u[k].abs() - 30.0).abs() < 6.0));
+            let above = drawn.iter().filter(|u| u[k] > 0.0).count();
+            assert!(above.abs_diff(2000) < 130, "{above}");
+        }
+    }
+}

@@ -240,4 +240,11 @@ mod tests {
         assert_eq!(error.place().to_string(), "depth.csv:7");
         assert!(StreamError::new("the receiver sends no data").place().is_empty());
     }
+
+    #[test]
+    fn the_message_of_an_error_is_its_text_without_the_place() {
+        let error = StreamError::format("depth is not a number").in_file("depth.csv").on_line(7);
+        assert_eq!(error.message(), "depth is not a number");
+        assert_eq!(error.to_string(), "depth.csv:7: depth is not a number");
+    }
 }

@@ -140,4 +140,22 @@ mod tests {
         }
         assert_eq!(names([2, 0, 0, 0, 0]), "[kcmuµμ]?m|ft|nmi");
     }
+
+    /// A speed is a length over a time, and an acceleration one over its square; a schema that
+    /// lacked these would mark right values.
+    #[test]
+    fn a_pattern_lists_the_quotients_of_a_dimension_and_no_others() {
+        let (time, length) = (names([0, 0, 2, 0, 0]), names([2, 0, 0, 0, 0]));
+        let speed = format!(r"({length})\s*/\s*({time})|");
+        let acceleration = format!(r"({length})\s*/\s*({time})\s*(\^\s*2|²)|");
+        for (exponents, form) in [([2, 0, -2, 0, 0], &speed), ([2, 0, -4, 0, 0], &acceleration)] {
+            let text = pattern(exponents);
+            assert!(text.contains(form.as_str()), "{form} in {text}");
+        }
+        assert!(!pattern([2, 0, -4, 0, 0]).contains(&speed));
+        // a ratio may have no unit
+        assert!(
+            pattern([0; 5]).ends_with(r")?\s*$") && !pattern([2, 0, 0, 0, 0]).ends_with(r")?\s*$")
+        );
+    }
 }

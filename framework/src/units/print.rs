@@ -37,3 +37,20 @@ fn decimal(x: f64) -> String {
     let (plain, scientific) = (x.to_string(), format!("{x:e}"));
     if scientific.len() + SHORT < plain.len() { scientific } else { plain }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_is_in_scientific_notation_where_that_saves_eight_characters() {
+        // 5 characters against 12, then 13; 8 against 15, then 16
+        assert_eq!(decimal(1e-10), "0.0000000001");
+        assert_eq!(decimal(1e-11), "1e-11");
+        assert_eq!(decimal(1.25e-11), "0.0000000000125");
+        assert_eq!(decimal(1.25e-12), "1.25e-12");
+        // 4 against 11, then 12
+        assert_eq!(decimal(1e10), "10000000000");
+        assert_eq!(decimal(1e11), "1e11");
+    }
+}

@@ -258,4 +258,34 @@ mod tests {
         assert_eq!((channel.sum, channel.raw, channel.squares), (4.0, 40.0, 18.0));
         assert_eq!(channel.products, 2.0 + 6.0 - 6.0);
     }
+
+    /// A correlation of two innovations has one product.
+    #[test]
+    fn a_channel_says_something_from_three_innovations_on() {
+        let mut channel = ChannelStatistics::new("x".to_owned());
+        (0..2).for_each(|_| channel.add(1.0, 1.0));
+        assert!(!channel.used());
+        channel.add(1.0, 1.0);
+        assert!(channel.used());
+    }
+
+    /// The chi-square distribution of 15 degrees of freedom exceeds 39.72 with 1 / 2000: 2.65 per
+    /// minute, and four times as much for a drift beyond twice the expectation.
+    #[test]
+    fn fifteen_minutes_show_a_drift_beyond_2_65_per_minute() {
+        let of = |per_minute: f64| {
+            let drift = (15.0 * per_minute, 15.0);
+            let found = found(&ChannelStatistics { drift, ..statistics(150.0, 1.0) }, true);
+            found.iter().map(|f| f.1).collect::<Vec<_>>()
+        };
+        assert_eq!((of(2.6), of(2.7)), (vec![], vec![Severity::Doubtful]));
+        assert_eq!((of(10.5), of(10.7)), (vec![Severity::Doubtful], vec![Severity::DoNotUse]));
+    }
+
+    /// The chi-square distribution of 100 degrees of freedom exceeds 153.2 with 1 / 2000.
+    #[test]
+    fn a_hundred_innovations_show_a_ratio_beyond_the_root_of_1_532() {
+        let of = |ratio| found(&statistics(100.0, ratio), false).len();
+        assert_eq!((of(1.53_f64.sqrt()), of(1.535_f64.sqrt())), (0, 1));
+    }
 }

@@ -217,10 +217,14 @@ impl StateStatistics {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
     use super::*;
+    use crate::compose::Composer;
     use crate::model::mounting::Mounting;
     use crate::model::sensor::Purpose;
     use crate::state::covariance::Covariance;
+    use crate::state::manifold::{Scalar, Vector};
+    use crate::state::{BlockSpec, Display, Dynamics, Mode};
 
     /// A sensor that reduces the variance of a state of sigma 1 by 4e-4 and moves it by 0.08, four
     /// sigma of that reduction, has moved it by less than its sigma may be wrong by. One that
@@ -283,18 +287,22 @@ mod tests {
         assert_eq!(statistics.pulls[0], [0.0; 2], "the other sensor");
     }
 
-    /// Corrections of 5 and -4 with the variances 0.4, each of which may be wrong by 0.1, are 9
-    /// apart with a variance of 1.
-    #[test]
-    fn sensors_that_pull_a_state_apart_contradict_each_other_by_the_sigma_of_the_difference() {
-        let mut statistics = statistics(&[0.4, 0.4]);
-        let names = ["dvl", "gnss"].map(|name| SensorInfo {
+    fn sensors() -> [SensorInfo; 2] {
+        ["dvl", "gnss"].map(|name| SensorInfo {
             name: name.to_owned(),
             kind: String::new(),
             channels: Vec::new(),
             purpose: Purpose::Measurement,
             mounting: Mounting::default(),
-        });
+        })
+    }
+
+    /// Corrections of 10 and -8 with the variances 1.9, each of which may be wrong by 0.1, are 18
+    /// apart with a variance of 4.
+    #[test]
+    fn sensors_that_pull_a_state_apart_contradict_each_other_by_the_sigma_of_the_difference() {
+        let mut statistics = statistics(&[1.9, 1.9]);
+        let names = sensors();
         let mut judge = |first: f64, second: f64| {
             (statistics.pulls[0][0], statistics.pulls[1][0]) = (first, second);
             let mut report = Report::default();
@@ -302,12 +310,97 @@ mod tests {
             report.reasons.pop().map(|reason| (reason.about, reason.text))
         };
         for signs in [1.0, -1.0] {
-            let found = judge(5.0 * signs, -4.0 * signs);
+            let found = judge(10.0 * signs, -8.0 * signs);
             let (about, text) = found.unwrap_or_default();
             assert_eq!(about, "dvl, gnss");
             assert!(text.contains("pull dvl.scale in opposite directions, 9.0 sigma"), "{text}");
         }
-        assert_eq!(judge(5.0, 4.0), None);
-        assert_eq!(judge(5.0, -0.1), None, "no more than chance");
+        assert_eq!(judge(10.0, 8.0), None);
+        assert_eq!(judge(10.0, -0.2), None, "no more than chance");
+    }
+
+    /// Three sensors moved a component by 1, 2 and 3 with the variances 0.2, 0.3 and 0.4, which may
+    /// be wrong by 0.1 together: 6 sigma. The other component moved by less, that of the other
+    /// block in the other direction.
+    #[test]
+    fn the_component_that_moved_farthest_from_its_prior_is_named_for_each_block() {
+        let row = |block: &str, name: &str| {
+            let (block, name) = (block.to_owned(), name.to_owned());
+            Row { block, name, place: 0, slack: 0.1, unit: ("deg", 0.5) }
+        };
+        let pulls = |scale: f64| {
+            let [a, b, c] = [[1.0, 0.2], [2.0, 0.3], [3.0, 0.4]].map(|[s, v]| [s * scale, v]);
+            let little = [1.2, 0.3];
+            vec![little, a, [-1.7, 0.3], little, b, [-1.7, 0.3], little, c, [-1.7, 0.3]]
+        };
+        let judged = |scale: f64| {
+            let tilt = [row("tilt", "tilt roll"), row("tilt", "tilt pitch")];
+            let rows = tilt.into_iter().chain([row("yaw", "yaw")]).collect();
+            let (statistics, mut report) =
+                (StateStatistics { rows, pulls: pulls(scale) }, Report::default());
+            assert_eq!(statistics.sensors(), 3);
+            statistics.judge_priors(1e-3, &mut report);
+            report.reasons
+        };
+        let reasons = judged(1.001);
+        let names: Vec<&str> = reasons.iter().map(|reason| reason.about.as_str()).collect();
+        assert_eq!(names, ["tilt pitch", "yaw"]);
+        assert_eq!(reasons[0].severity, Severity::DoNotUse);
+        // 6.006 rad in half radians
+        assert!(reasons[0].text.contains("moved 6.0 sigma"), "{}", reasons[0].text);
+        assert!(reasons[0].text.contains("(1.20e1 deg)"), "{}", reasons[0].text);
+        // -5.1, which is as many sigma
+        assert_eq!(reasons[1].severity, Severity::Doubtful);
+        assert!(reasons[1].text.contains("(-1.02e1 deg)"), "{}", reasons[1].text);
+        assert_eq!(judged(0.999)[0].severity, Severity::Doubtful);
+        // 3.6 of the component roll is now the farthest, beyond the 3.29 of the level
+        assert_eq!(judged(0.5)[0].about, "tilt roll");
+    }
+
+    /// Corrections of 4 and -4 with the variance 1 are 8 / sqrt(2.2) = 5.4 apart, those of 5 and
+    /// -5 6.7.
+    #[test]
+    fn two_sensors_are_named_once_with_the_state_that_they_pull_apart_farthest() {
+        for (sums, name) in [([4.0, 5.0], "b"), ([5.0, 4.0], "a")] {
+            let rows = ["a", "b"]
+                .map(|name| Row { name: name.to_owned(), ..statistics(&[]).rows.remove(0) });
+            let [a, b] = sums;
+            let pulls = vec![[a, 1.0], [b, 1.0], [-a, 1.0], [-b, 1.0]];
+            let mut report = Report::default();
+            let statistics = StateStatistics { rows: rows.into(), pulls };
+            statistics.judge_pairs(1e-3, &sensors(), &mut report);
+            let [reason] = &report.reasons[..] else { panic!("{:?}", report.reasons) };
+            let words = format!("pull {name} in opposite directions, 6.7 sigma");
+            assert!(reason.text.contains(&words), "{}", reason.text);
+        }
+    }
+
+    /// A sigma that is 5 % too small takes 1.05^2 - 1 of its square off the variance.
+    #[test]
+    fn a_state_is_named_with_its_component_where_it_has_several() {
+        let mut composer = Composer::default();
+        composer.begin("dvl");
+        let spec = |sigma: &[f64], components| BlockSpec {
+            mode: Mode::Estimate,
+            initial: vec![0.0; sigma.len()],
+            sigma: sigma.to_vec(),
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display: Display { unit: "deg", scale: 0.5, components },
+        };
+        let turn = spec(&[1.0, 2.0, 3.0], &["roll", "pitch", "yaw"]);
+        composer.block::<Vector<3>>("turn", turn).expect("a block");
+        composer.block::<Scalar>("scale", spec(&[4.0], &["x"])).expect("a block");
+        let layout = composer.finish().0;
+        let all: Vec<Row> = layout.blocks.iter().flat_map(rows).collect();
+        let expected = [("roll", 1.0), ("pitch", 2.0), ("yaw", 3.0)]
+            .map(|(component, sigma)| (format!("dvl.turn {component}"), sigma))
+            .into_iter()
+            .chain([("dvl.scale".to_owned(), 4.0)]);
+        for (place, (row, (name, sigma))) in all.iter().zip(expected).enumerate() {
+            assert_eq!((&row.name, row.place, row.unit), (&name, place, ("deg", 0.5)));
+            assert!((row.slack - 0.1025 * sigma * sigma).abs() < 1e-12, "{}", row.slack);
+        }
+        assert_eq!(all.len(), 4);
     }
 }
