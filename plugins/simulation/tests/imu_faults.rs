@@ -224,7 +224,7 @@ fn a_step_of_a_gyro_bias_is_named_and_followed() {
 
 #[test]
 fn a_bias_that_may_wander_is_not_tested_for_steps() {
-    let wander = "process.ins.gyro_bias.random_walk=0.1 deg/h/sqrt(h)";
+    let wander = "process.ins.gyro_bias.random_walk=0.001 deg/h/sqrt(h)";
     let (.., findings) = step(1, 2, 10.0, wander);
     assert!(findings.iter().all(|f| !f.text.contains("has stepped")), "{findings:?}");
 }
