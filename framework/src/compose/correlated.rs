@@ -177,6 +177,10 @@ impl AnyMeasurement for Correlated {
         }
     }
 
+    fn derivative(&self, at: &At<'_>, block: usize, component: usize, out: &mut [f64]) {
+        self.inner.derivative(at, block, component, out);
+    }
+
     fn differentiate(&self, at: &At<'_>, columns: &[usize], read: &BlockSet, h: &mut [f64]) {
         self.inner.differentiate(at, columns, read, h);
         self.mark(at.layout, columns, h);

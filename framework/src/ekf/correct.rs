@@ -194,15 +194,14 @@ impl Ekf {
         } else {
             self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
         }
-        if let Some(signatures) = m.signatures.as_mut().filter(|_| own)
-            && let Some(finding) = signatures.corrected(
+        if let Some(signatures) = m.signatures.as_mut().filter(|_| own) {
+            signatures.corrected(
                 index,
                 (&self.layout, &m.state),
                 (&mut m.covariance, &self.considered),
                 |sensor| &m.sensors[sensor].name,
-            )
-        {
-            observer.finding(finding);
+                |finding| observer.finding(finding),
+            );
         }
         let slot = &mut m.sensors[index];
         if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Iekf)

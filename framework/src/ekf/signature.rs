@@ -18,6 +18,7 @@
 mod bias_step;
 mod effect;
 mod offset;
+mod parameter;
 mod score;
 
 use crate::compose::Composition;
@@ -29,8 +30,9 @@ use crate::state::{Dynamics, Layout, Mode, State};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 use bias_step::BiasSteps;
-use effect::{SUMS, Whitened};
+use effect::Whitened;
 use offset::Offset;
+use parameter::Parameters;
 
 /// Length of the spans of which the scatter is taken, s.
 const SPAN: f64 = 10.0;
@@ -40,14 +42,16 @@ const SPAN: f64 = 10.0;
 pub(super) struct Signatures {
     offsets: Vec<Option<Offset>>,
     steps: Option<BiasSteps>,
+    parameters: Parameters,
     /// Row and column of each element of `Phi`, and its value in the identity.
     places: Vec<(usize, usize, f64)>,
+    /// Elements of `Phi - I` that are not zero.
+    changes: Vec<(usize, usize, f64)>,
     /// Times up to which the sensitivities are carried, and up to which the state is, and the length
     /// of the last step, s.
     settled: Time,
     time: Time,
     step: f64,
-    moved: Vec<[f64; SUMS]>,
 }
 
 /// Test for steps of the constant biases of the first driving sensor.
@@ -70,26 +74,28 @@ impl Signatures {
         if considers || layout.labels > 0 {
             return None;
         }
-        let offsets = composition.sensors.iter().map(|sensor| {
-            let Role::Measurement(model) = &sensor.role else { return None };
-            let tested = !sensor.constraint
-                && sensor.detector.is_none()
-                && !sensor.is_noise_free()
-                && sensor.time_offset.is_none()
-                && model.observations() == 1;
+        let tested = composition.sensors.iter().map(|sensor| {
+            let Role::Measurement(model) = &sensor.role else { return false };
+            let judged = !sensor.constraint && sensor.detector.is_none();
+            judged && !sensor.is_noise_free() && model.observations() == 1
+        });
+        let tested: Vec<_> = tested.collect();
+        let offsets = composition.sensors.iter().zip(&tested).map(|(sensor, tested)| {
+            let tested = *tested && sensor.time_offset.is_none();
             tested.then(|| Offset::new(layout.tangent))
         });
         let offsets: Vec<_> = offsets.collect();
         let steps = bias_steps(composition);
-        if offsets.iter().all(Option::is_none) && steps.is_none() {
+        if !tested.contains(&true) && steps.is_none() {
             return None;
         }
         let identity = transition.identity();
         let places = transition.places().iter().zip(identity);
         let places: Vec<_> = places.map(|(&(i, j), one)| (i, j, one)).collect();
-        let moved = vec![[0.0; SUMS]; layout.tangent];
+        let changes = Vec::with_capacity(places.len());
+        let parameters = Parameters::new(tested, layout);
         let (settled, time) = (Time::MIN, Time::MIN);
-        Some(Self { offsets, steps, places, settled, time, step: 0.0, moved })
+        Some(Self { offsets, steps, parameters, places, changes, settled, time, step: 0.0 })
     }
 
     /// Records a propagation of the state to a time.
@@ -107,12 +113,15 @@ impl Signatures {
             return;
         }
         let steps = self.time.since(since) / self.step;
-        let Self { offsets, steps: biases, places, moved, .. } = self;
+        let Self { offsets, steps: biases, parameters, places, changes, .. } = self;
+        let all = places.iter().zip(transition.elements());
+        let all = all.map(|(&(i, j, one), (.., phi))| (i, j, steps * (phi - one)));
+        changes.clear();
+        changes.extend(all.filter(|change| change.2 != 0.0));
         let offsets = offsets.iter_mut().flatten().map(Offset::effect);
-        for effect in offsets.chain(biases.iter_mut().flat_map(BiasSteps::effects)) {
-            let changes = places.iter().zip(transition.elements());
-            let changes = changes.map(|(&(i, j, one), (.., phi))| (i, j, steps * (phi - one)));
-            effect.carry(changes, moved);
+        let effects = offsets.chain(biases.iter_mut().flat_map(BiasSteps::effects));
+        for effect in effects.chain(parameters.effects()) {
+            effect.carry(changes);
         }
     }
 
@@ -146,26 +155,35 @@ impl Signatures {
         if let Some(steps) = &mut self.steps {
             steps.take(&sample, time);
         }
+        self.parameters.take((index, present), &sample, model, at);
     }
 
-    /// Follows a corrected state, and judges the sensor and the biases. A step of a bias widens the
-    /// covariance.
+    /// Follows a corrected state, and reports what it finds about the sensor, its parameters and the
+    /// biases. A step of a bias widens the covariance.
     pub(super) fn corrected<'a>(
         &mut self,
         index: usize,
         (layout, state): (&Layout, &State),
         (covariance, considered): (&mut Covariance, &[bool]),
         sensor: impl Fn(usize) -> &'a str,
-    ) -> Option<Finding> {
-        let steps = self.steps.as_mut();
-        let step = steps.and_then(|steps| {
-            let step = steps.corrected(state.time, covariance, considered)?;
-            Some(step.finding(state.time, sensor(steps.sensor), layout))
-        });
-        let offset = self.offsets[index].as_mut().and_then(|offset| {
-            let found = offset.corrected(state, covariance, considered)?;
-            Some(offset::finding(&found, state.time, sensor(index), layout))
-        });
-        step.or(offset)
+        mut report: impl FnMut(Finding),
+    ) {
+        let time = state.time;
+        if let Some(steps) = &mut self.steps
+            && let Some(step) = steps.corrected(time, covariance, considered)
+        {
+            report(step.finding(time, sensor(steps.sensor), layout));
+        }
+        let states = (&*covariance, considered);
+        let Self { offsets, parameters, .. } = self;
+        if let Some(offset) = &mut offsets[index]
+            && let Some(found) = offset.corrected(state, states, || parameters.score(index))
+        {
+            report(offset::finding(&found, time, sensor(index), layout));
+        }
+        let rival = |sensor: usize| offsets[sensor].as_ref().map_or(0.0, Offset::score);
+        if let Some(wrong) = parameters.corrected(state, layout, states, rival) {
+            report(wrong.finding(state, sensor(wrong.sensor()), layout));
+        }
     }
 }

@@ -154,6 +154,9 @@ pub trait AnyMeasurement: Send {
     fn linearise(&self, at: &At<'_>, update: &mut Update);
     /// Blocks that `h` reads.
     fn blocks(&self, at: &At<'_>) -> BlockSet;
+    /// Computes the derivative of `h(x)` with respect to a component of the tangent of a block, by
+    /// dual numbers, into `out`. The block may be fixed.
+    fn derivative(&self, at: &At<'_>, block: usize, component: usize, out: &mut [f64]);
     /// Computes the Jacobian over `columns` (row-major, all channels) by dual numbers.
     fn differentiate(&self, at: &At<'_>, columns: &[usize], read: &BlockSet, h: &mut [f64]);
     /// Computes the analytic Jacobian, if the model has one.
@@ -196,6 +199,17 @@ impl<'a> At<'a> {
 /// Adapter that makes a model an [`AnyMeasurement`].
 #[derive(Debug)]
 pub struct Erased<M, const N: usize>(pub M);
+
+impl<M: MeasurementModel<N>, const N: usize> Erased<M, N> {
+    /// Derivative of the prediction along one axis of the tangent of a block.
+    fn dual(&self, at: &At<'_>, slot: usize, axis: usize) -> [f64; N] {
+        let mut delta = [Dual64::from(0.0); MAX_TANGENT];
+        delta[axis] = delta[axis].derivative();
+        let view = View::seeded(at.layout, at.state, slot, delta).with(at.sample);
+        let z = self.0.predict(&view);
+        std::array::from_fn(|i| z[i].eps)
+    }
+}
 
 impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
     fn channels(&self) -> usize {
@@ -249,15 +263,16 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
         );
     }
 
+    fn derivative(&self, at: &At<'_>, block: usize, component: usize, out: &mut [f64]) {
+        out.copy_from_slice(&self.dual(at, block, component));
+    }
+
     fn differentiate(&self, at: &At<'_>, columns: &[usize], read: &BlockSet, h: &mut [f64]) {
         let mut column = 0;
         for slot in read.slots() {
             for k in 0..at.layout.blocks[slot].tangent_range().len() {
-                let mut delta = [Dual64::from(0.0); MAX_TANGENT];
-                delta[k] = delta[k].derivative();
-                let z =
-                    self.0.predict(&View::seeded(at.layout, at.state, slot, delta).with(at.sample));
-                (0..N).for_each(|i| h[i * columns.len() + column] = z[i].eps);
+                let z = self.dual(at, slot, k);
+                (0..N).for_each(|i| h[i * columns.len() + column] = z[i]);
                 column += 1;
             }
         }

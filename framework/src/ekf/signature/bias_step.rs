@@ -155,8 +155,10 @@ impl BiasSteps {
         covariance: &Covariance,
         considered: &[bool],
     ) -> Option<(usize, Found)> {
-        let old = |since: Time| time.since(since) >= LEAST;
-        let of = |axis: &Axis| axis.effect.worst((SIGNIFICANT, old), covariance, considered);
+        let of = |axis: &Axis| {
+            let old = |sum: usize| time.since(axis.effect.scores[sum].since) >= LEAST;
+            axis.effect.worst((SIGNIFICANT, old), covariance, considered)
+        };
         let found = self.axes.iter().enumerate().filter_map(|(k, axis)| Some((k, of(axis)?)));
         let weight = |(_, found): &(usize, Found)| found.score.sigmas().abs();
         found.max_by(|a, b| weight(a).total_cmp(&weight(b)))

@@ -28,8 +28,9 @@ pub(super) struct Whitened<'a> {
 /// Sensitivity of the error states, and the scores.
 #[derive(Clone)]
 pub(super) struct Effect {
-    /// One row of [`SUMS`] per state.
+    /// One row of [`SUMS`] per state, and the changes of a step.
     pub(super) s: Vec<[f64; SUMS]>,
+    moved: Vec<[f64; SUMS]>,
     pub(super) scores: [Score; SUMS],
 }
 
@@ -38,6 +39,8 @@ pub(super) struct Effect {
 pub(super) struct Found {
     pub(super) severity: Severity,
     pub(super) score: Score,
+    /// The hypothesis.
+    pub(super) sum: usize,
     /// Error of a state in units of its sigma, and the row of the state.
     size: f64,
     row: usize,
@@ -62,21 +65,22 @@ pub(super) fn name(layout: &Layout, row: usize) -> String {
 
 impl Effect {
     pub(super) fn new(n: usize) -> Self {
-        Self { s: vec![[0.0; SUMS]; n], scores: [Score::default(); SUMS] }
+        Self {
+            s: vec![[0.0; SUMS]; n],
+            moved: vec![[0.0; SUMS]; n],
+            scores: [Score::default(); SUMS],
+        }
     }
 
     /// `s := s + (Phi - I) s`, with the elements of `Phi - I`.
-    pub(super) fn carry(
-        &mut self,
-        changes: impl Iterator<Item = (usize, usize, f64)>,
-        moved: &mut [[f64; SUMS]],
-    ) {
+    pub(super) fn carry(&mut self, changes: &[(usize, usize, f64)]) {
+        let Self { s, moved, .. } = self;
         moved.iter_mut().for_each(|m| *m = [0.0; SUMS]);
-        for (i, j, a) in changes {
-            let s = self.s[j];
+        for &(i, j, a) in changes {
+            let s = s[j];
             moved[i].iter_mut().zip(s).for_each(|(m, s)| *m += a * s);
         }
-        for (s, moved) in self.s.iter_mut().zip(moved) {
+        for (s, moved) in s.iter_mut().zip(moved) {
             s.iter_mut().zip(moved).for_each(|(s, m)| *s += *m);
         }
     }
@@ -120,6 +124,11 @@ impl Effect {
         self.scores.iter_mut().for_each(Score::end_span);
     }
 
+    /// Score in sigma of the most significant hypothesis.
+    pub(super) fn score(&self) -> f64 {
+        self.scores.iter().fold(0.0, |most, score| most.max(score.sigmas().abs()))
+    }
+
     /// Begins one hypothesis again.
     pub(super) fn renew(&mut self, sum: usize, time: Time) {
         self.scores[sum] = Score::new(time);
@@ -131,11 +140,11 @@ impl Effect {
         self.scores.iter().map(|score| score.since).max().unwrap_or(Time::MIN)
     }
 
-    /// The most severe error of at least so many sigmas since a time that counts, among equals the
+    /// The most severe error of at least so many sigmas among the hypotheses that count, among equals the
     /// most significant.
     pub(super) fn worst(
         &self,
-        (significant, counts): (f64, impl Fn(Time) -> bool),
+        (significant, counts): (f64, impl Fn(usize) -> bool),
         covariance: &Covariance,
         considered: &[bool],
     ) -> Option<Found> {
@@ -143,7 +152,7 @@ impl Effect {
         let mut worst: Option<Found> = None;
         for (sum, score) in self.scores.iter().enumerate() {
             let exceeds = score.sigmas().abs() >= significant;
-            if !exceeds || !counts(score.since) {
+            if !exceeds || !counts(sum) {
                 continue;
             }
             let error = |i: usize| {
@@ -162,7 +171,7 @@ impl Effect {
                 e if e >= DOUBTFUL => Severity::Doubtful,
                 _ => continue,
             };
-            let found = Found { severity, score: *score, size, row };
+            let found = Found { severity, score: *score, sum, size, row };
             if worst.as_ref().is_none_or(|worst| weight(worst) < weight(&found)) {
                 worst = Some(found);
             }

@@ -79,6 +79,10 @@ impl Offset {
         &mut self.effect
     }
 
+    pub(super) fn score(&self) -> f64 {
+        self.effect.score()
+    }
+
     /// Takes a sample; `present` has the channels of one of the sensor itself.
     pub(super) fn take(&mut self, sample: &Whitened<'_>, time: Time, present: Option<u16>) {
         if self.span == Time::MIN {
@@ -115,12 +119,12 @@ impl Offset {
     }
 
     /// Keeps the corrected state where the next slope begins there, and returns a significant offset
-    /// that is more severe than those before.
+    /// that is more severe than those before. `rival` is the score of another error of the sensor.
     pub(super) fn corrected(
         &mut self,
         state: &State,
-        covariance: &Covariance,
-        considered: &[bool],
+        (covariance, considered): (&Covariance, &[bool]),
+        rival: impl Fn() -> f64,
     ) -> Option<Found> {
         if std::mem::take(&mut self.due) {
             match &mut self.base {
@@ -142,6 +146,7 @@ impl Offset {
             self.effect.renew(self.next, state.time);
             self.next = 1 + self.next % (SUMS - 1);
         }
+        let worst = worst.filter(|w| w.score.sigmas().abs() > rival());
         let found = worst.filter(|w| self.severity.is_none_or(|before| before < w.severity))?;
         self.severity = Some(found.severity);
         Some(found)

@@ -214,6 +214,8 @@ impl AnyMeasurement for Stubborn {
         update.r = vec![1.0, 0.0, 0.0, 1.0];
         update.m = 2;
     }
+    fn derivative(&self, _: &At<'_>, _: usize, _: usize, _: &mut [f64]) {}
+
     fn differentiate(&self, _: &At<'_>, _: &[usize], _: &BlockSet, _: &mut [f64]) {}
     fn analytic(&self, _: &At<'_>, _: &[usize], _: &mut [f64]) -> bool {
         true
