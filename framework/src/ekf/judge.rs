@@ -106,6 +106,9 @@ impl Ekf {
         if verdict == Verdict::Inflate {
             let unseen = update.unseen(&self.considered, present, &slot.reach);
             nis = inflate(update, &mut m.covariance, &self.considered, &unseen, nis);
+            if let Some(signatures) = &mut m.signatures {
+                signatures.recovered();
+            }
         }
         let outcome = match verdict {
             Verdict::Gate => Outcome::Gated,

@@ -158,6 +158,11 @@ impl Signatures {
         self.parameters.take((index, present), &sample, model, at);
     }
 
+    /// Restarts the tests for steps: the errors up to a recovery are those of another fault.
+    pub(super) fn recovered(&mut self) {
+        self.steps.iter_mut().for_each(BiasSteps::restart);
+    }
+
     /// Follows a corrected state, and reports what it finds about the sensor, its parameters and the
     /// biases. A step of a bias widens the covariance.
     pub(super) fn corrected<'a>(

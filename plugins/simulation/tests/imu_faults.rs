@@ -228,3 +228,17 @@ fn a_bias_that_may_wander_is_not_tested_for_steps() {
     let (.., findings) = step(1, 2, 10.0, wander);
     assert!(findings.iter().all(|f| !f.text.contains("has stepped")), "{findings:?}");
 }
+
+const OUTAGE: &str = include_str!("../../../scenarios/faults/gnss-outage.toml");
+
+/// The accelerometers are wrong for 15 s, and GNSS is locked out after them until the covariance is inflated.
+/// With this seed, the innovations before and after it fit a step of 490 deg/h at 4.8 sigma.
+#[test]
+fn the_errors_up_to_a_recovery_are_no_step_of_a_bias() {
+    let settings = ["estimator.draw=all", "seed=1000026"];
+    let assembly =
+        scenario(OUTAGE, &settings, |s| s.assemble(None).unwrap_or_else(|e| panic!("{e}")));
+    let findings = runner::run(assembly, &AtomicBool::new(false), |_| {}).findings;
+    assert!(findings.iter().any(|f| f.text.contains("locked out")), "{findings:?}");
+    assert!(findings.iter().all(|f| !f.text.contains("has stepped")), "{findings:?}");
+}

@@ -107,6 +107,11 @@ impl BiasSteps {
         self.axes.iter_mut().for_each(|axis| axis.begin(time));
     }
 
+    /// Begins all sums at the next sample.
+    pub(super) fn restart(&mut self) {
+        self.start = Time::MIN;
+    }
+
     pub(super) fn take(&mut self, sample: &Whitened<'_>, time: Time) {
         if self.start == Time::MIN {
             self.begin(time);

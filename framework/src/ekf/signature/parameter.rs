@@ -73,28 +73,28 @@ impl Wrong {
             block.show(&values, &mut shown);
             shown[component]
         };
-        let display = &block.spec.display;
-        let (size, unit) = (found.score.size(), display.unit);
-        let name = display.components.get(component).copied().unwrap_or_default();
-        let key = block.name.rsplit_once('.').map_or(&*block.name, |(_, key)| key);
+        let (display, size) = (&block.spec.display, found.score.size());
         let decimals = (1.5 - (size / display.scale).abs().log10()).clamp(0.0, 9.0) as usize;
+        let with_unit = |value: f64| format!("{value:.decimals$} {}", display.unit);
+        let axis = display.components.get(component).copied().unwrap_or_default();
+        let name = format!("{} {axis}", block.name);
+        let key = block.name.rsplit_once('.').map_or(&*block.name, |(_, key)| key);
         Finding {
             time: state.time,
             about: sensor.to_owned(),
             severity: found.severity,
             basis: Basis::Comparison,
             text: format!(
-                "its samples fit {:.decimals$} {unit} for {} {name}, which is fixed at {:.decimals$} {unit} \
-                 ({:.1} sigma): this has moved {}",
-                shown(size),
-                block.name,
-                shown(0.0),
+                "its samples fit {} for {}, which is fixed at {} ({:.1} sigma): this has moved {}",
+                with_unit(shown(size)).trim_end(),
+                name.trim_end(),
+                with_unit(shown(0.0)).trim_end(),
                 found.score.sigmas().abs(),
                 found.moved(layout),
             ),
             remedy: format!(
-                "measure it, or estimate it: {key} = {{ sigma = \"{:.decimals$} {unit}\" }}",
-                (2.0 * size / display.scale).abs(),
+                "measure it, or estimate it: {key} = {{ sigma = \"{}\" }}",
+                with_unit((2.0 * size / display.scale).abs()).trim_end(),
             ),
         }
     }

@@ -12,6 +12,10 @@ const CORRELATED: &str = include_str!("../../../../scenarios/correlated-error.to
 
 const CLOCK: &str = include_str!("../../../../scenarios/faults/dvl-clock.toml");
 
+const LEVER_ARM: &str = include_str!("../../../../scenarios/faults/dvl-lever-arm.toml");
+
+const ACCEL_IN_G: &str = include_str!("../../../../scenarios/faults/accel-in-g.toml");
+
 const STOP: &str = "estimator.stop=630 s";
 
 /// GNSS until the fault is over, and none from before the fault on.
@@ -146,6 +150,54 @@ fn an_offset_of_a_clock_is_no_finding_once_it_is_estimated_or_moves_nothing() {
     assert!(worst(&trial, "dvl").is_none(), "{:?}", trial.finished.findings);
     let trial = bench::run(CLOCK, &[&fault("0.3 s")]);
     assert!(worst(&trial, "dvl").is_some());
+}
+
+/// Value that the samples fit in place of a fixed one, that value, and their distance in sigma, in the
+/// text of a finding.
+fn fitted(finding: &Finding) -> Option<[f64; 3]> {
+    let (fit, rest) = finding.text.split_once("its samples fit ")?.1.split_once(" for ")?;
+    let (value, rest) = rest.split_once("is fixed at ")?.1.split_once(" (")?;
+    let number = |text: &str| text.split(' ').next()?.parse().ok();
+    Some([number(fit)?, number(value)?, number(rest)?])
+}
+
+#[test]
+fn a_wrong_fixed_parameter_is_named_with_the_value_that_fits() {
+    let scale = "sensor.dvl.scale={ initial = 1, mode = \"fixed\", truth = 1.004 }";
+    let arm = "sensor.dvl.lever_arm=[\"0 m\", \"0 m\", \"0 m\"]";
+    let cases: [(&str, &[&str], f64, f64); 2] =
+        [("dvl.lever_arm y", &[], 2.0, 0.0), ("dvl.scale k", &[scale, arm], 1.0, 1.004)];
+    for (seed, (name, settings, used, truth)) in
+        [1, 2, 3].into_iter().flat_map(|s| cases.map(|c| (s, c)))
+    {
+        let seed = format!("seed={seed}");
+        let trial = bench::run(LEVER_ARM, &[settings, &[&*seed]].concat());
+        let named = trial.finished.findings.iter().filter(|f| f.text.contains(name));
+        let finding = named
+            .max_by_key(|f| f.severity)
+            .unwrap_or_else(|| panic!("{:?}", trial.finished.findings));
+        let [fit, fixed, sigmas] = fitted(finding).unwrap();
+        assert_eq!((&*finding.about, fixed), ("dvl", used));
+        // one of 16 000 is farther off than four sigma; half a unit of the last digit is 3 % of the size
+        let size = fit - used;
+        assert!((fit - truth).abs() < (4.0 / sigmas + 0.03) * size.abs(), "{seed}: {finding:?}");
+    }
+}
+
+/// The accelerometers in g fit a lever arm of many kilometres, a step of the clock one of 20 cm, but less well
+/// than its offset.
+#[test]
+fn a_fixed_parameter_is_not_named_for_a_fault_of_another_kind() {
+    for text in [CLOCK, ACCEL_IN_G] {
+        for seed in [1_000_001, 1_000_002] {
+            let trial = bench::run(text, &["estimator.draw=all", &format!("seed={seed}")]);
+            let findings = &trial.finished.findings;
+            assert!(
+                !findings.is_empty() && findings.iter().all(|f| fitted(f).is_none()),
+                "{findings:?}"
+            );
+        }
+    }
 }
 
 /// Less than 1 of 100 runs may have a false alarm, so that one in ten would be a fault of the tests.
