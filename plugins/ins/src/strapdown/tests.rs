@@ -295,11 +295,3 @@ fn a_vehicle_that_follows_a_motion_shows_its_rate_with_the_bias() {
     let names: Vec<&str> = names.map(|(block, _)| block.name.as_str()).collect();
     assert_eq!(names, ["ins.attitude", "ins.velocity", "ins.position"]);
 }
-
-#[test]
-fn an_alignment_by_the_course_keeps_a_position_that_is_given() {
-    let bench = Bench::new(&["process.ins.alignment=course"]);
-    let position = bench.state().get(&bench.composition.layout, bench.navigation.position);
-    let given = [45_f64.to_radians(), 8_f64.to_radians(), 100.0];
-    assert_eq!([position.latitude, position.longitude, position.height], given);
-}
