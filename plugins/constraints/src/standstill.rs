@@ -229,4 +229,77 @@ mod tests {
         assert!(stands(0.9 * ROTATION) && stands(-0.9 * ROTATION));
         assert!(!stands(1.1 * ROTATION) && !stands(-1.1 * ROTATION));
     }
+
+    /// Specific force that differs from sample to sample by twice `size`, in five of 250 ms: a
+    /// standard deviation of `sqrt(1.2)` of it.
+    #[test]
+    fn the_deviation_of_a_few_samples_is_that_of_the_force_without_a_bias() {
+        let stands = |size: f64, increments: bool| {
+            let mut detector = detector(increments);
+            (0..40_i64).any(|k| {
+                let shake = if k % 2 == 0 { size } else { -size };
+                let share = if increments { 0.25 } else { 1.0 };
+                let channels = [0.0, 0.0, 0.0, shake, 0.0, -9.81].map(|x| x * share);
+                let time = Time::from_nanos(k * 250_000_000);
+                detector.detects(&Sample::new(time, SensorId(0), &channels))
+            })
+        };
+        let limit = 0.05 / 1.2_f64.sqrt();
+        for increments in [false, true] {
+            assert!(stands(0.99 * limit, increments) && !stands(1.01 * limit, increments));
+        }
+    }
+
+    /// Nine tenths of a window of two seconds suffice. After a standstill the next test follows one
+    /// period later.
+    #[test]
+    fn a_standstill_is_found_after_the_window_and_then_once_a_period() {
+        let mut detector = detector(false);
+        detector.settings.window = 2.0;
+        let at = |k: i64| k * 125_000_000;
+        let found: Vec<i64> =
+            (0..40).filter(|k| detector.detects(&sample(at(*k), 0.0, 1.0))).collect();
+        // the first one after 1.8 s is at 1.875 s
+        assert_eq!(found, [15, 23, 31, 39]);
+    }
+
+    /// A sample that comes again covers no time, so that its increments have no rate.
+    #[test]
+    fn increments_that_come_twice_count_once() {
+        let mut detector = detector(true);
+        let found = (1..40).any(|k| {
+            let one = sample(k * 125_000_000, 0.0, 0.125);
+            detector.detects(&one) || detector.detects(&one)
+        });
+        assert!(found);
+    }
+
+    /// The odometer's limit is 0.25 m/s: up to it the vehicle stands, in either direction. It counts
+    /// for as long as the window, 1 s.
+    #[test]
+    fn a_standstill_is_none_while_the_odometer_shows_speed_or_nothing() {
+        let found = |speed: &dyn Fn(f64) -> Option<f64>| {
+            let mut detector = detector(false);
+            detector.settings.speed = 0.25;
+            detector.sensed = Some(Sensed { imu: 0, increments: false, odometer: Some((1, 2)) });
+            let at = |k: i64| k * 125_000_000;
+            let mut stands = |k: i64| {
+                if let Some(speed) = speed(k as f64 / 8.0) {
+                    let channels = [9.0, 9.0, speed];
+                    let sample = Sample::new(Time::from_nanos(at(k)), SensorId(1), &channels);
+                    assert!(!detector.detects(&sample), "the odometer alone");
+                }
+                detector.detects(&sample(at(k), 0.0, 1.0))
+            };
+            (0..80).filter(|k| stands(*k)).map(|k| k as f64 / 8.0).collect::<Vec<_>>()
+        };
+        let all: Vec<f64> = (1..10).map(f64::from).collect();
+        assert_eq!(found(&|_| Some(0.0)), all);
+        assert_eq!(found(&|_| Some(-0.25)), all);
+        assert!(found(&|_| Some(0.26)).is_empty() && found(&|_| Some(-0.26)).is_empty());
+        assert!(found(&|_| None).is_empty());
+        // a speed at 4.5 s counts up to 5.5 s; after 7 s the odometer is silent
+        let moves = |t: f64| (t <= 7.0).then_some(if t == 4.5 { 1.0 } else { 0.0 });
+        assert_eq!(found(&moves), [1.0, 2.0, 3.0, 4.0, 5.625, 6.625, 7.625]);
+    }
 }

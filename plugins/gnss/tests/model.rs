@@ -142,6 +142,43 @@ fn the_innovation_is_the_way_from_estimate_to_fix_in_metres_at_70_degrees_and_ac
     }
 }
 
+/// Settings of a receiver that gives the position alone.
+const FLAT: &str = "sensor.gnss={ horizontal_noise = '1 m', vertical_noise = '2 m' }";
+
+/// Eastwards over the antimeridian it is 2e-6 rad: 5 m at 70 deg.
+#[test]
+fn a_receiver_without_velocity_goes_the_short_way_round_too() {
+    let (r_n, r_e) = radii_of_curvature(70_f64.to_radians());
+    let pi = std::f64::consts::PI;
+    let bench = bench(&[FLAT], [70_f64.to_radians(), pi - 1e-6, 500.0]);
+    let fix = sample(&[70_f64.to_radians(), 1e-6 - pi, 493.0]);
+    let update = linearise(&bench, &fix);
+    assert_eq!(update.m, 3);
+    // a longitude near pi is rounded to 4e-16
+    let off = (update.innovation[1] - 2e-6).abs().max(update.innovation[0].abs());
+    assert!(off < 2e-15 && (update.innovation[2] + 7.0).abs() < 1e-9, "{:?}", update.innovation);
+    let metres = [r_n + 500.0, (r_e + 500.0) * 70_f64.to_radians().cos(), 1.0];
+    let found = bench.variances(&fix);
+    for (k, sigma) in [1.0, 1.0, 2.0].into_iter().enumerate() {
+        assert!((found[k].sqrt() * metres[k] / sigma - 1.0).abs() < 1e-12, "{found:?}");
+    }
+}
+
+#[test]
+fn a_simulated_fix_is_the_antenna_with_a_longitude_within_half_a_turn() {
+    let pi = std::f64::consts::PI;
+    for settings in [&FIXED[..], &[FLAT]] {
+        for (longitude, expected) in [(pi + 0.01, 0.01 - pi), (-0.01 - pi, pi - 0.01), (3.0, 3.0)] {
+            let bench = bench(settings, [0.7, longitude, 20.0]);
+            let time = navfuse_core::units::time::Time::default();
+            let fix = bench.simulate(time, time).array::<3>(0).expect("a position");
+            let off = fix[1] - expected;
+            assert!((fix[0] - 0.7).abs() < 1e-15 && off.abs() < 1e-14, "{longitude}: {fix:?}");
+            assert!((fix[2] - 20.0).abs() < 1e-9, "{fix:?}");
+        }
+    }
+}
+
 #[test]
 fn the_antenna_is_at_its_lever_arm_and_moves_with_the_rotation_of_the_body() {
     let position = [-0.5, 1.0, 30.0];

@@ -427,3 +427,87 @@ fn the_earth_of_a_step_is_that_at_half_the_way() {
         }
     }
 }
+
+#[test]
+fn a_part_and_its_sample_both_need_a_length() {
+    let (state, part) = (manoeuvre_start(), manoeuvre_increments(0.0, 0.01).part(0.5));
+    let mut mechanisation = Mechanisation::default();
+    for (dt, sample_dt) in [(0.0, 0.01), (-0.005, 0.01), (0.005, 0.0), (0.005, -0.01)] {
+        let error = mechanisation.step_part(&state, &Increments { dt, ..part }, sample_dt);
+        let expected = MechanisationError::Interval { dt: dt.min(sample_dt) };
+        assert_eq!(error.unwrap_err(), expected, "{dt} s of {sample_dt} s");
+    }
+    for (dt, sample_dt) in [(f64::NAN, 0.01), (0.005, f64::NAN)] {
+        let error = mechanisation.step_part(&state, &Increments { dt, ..part }, sample_dt);
+        assert!(matches!(error, Err(MechanisationError::Interval { .. })), "{error:?}");
+    }
+    assert_eq!(mechanisation, Mechanisation::default());
+}
+
+/// Within a microsecond of free fall neither latitude nor longitude changes: Coriolis moves the
+/// vehicle by 1e-21 rad, a rounding is 2e-16 rad.
+#[test]
+fn the_limits_of_latitude_and_longitude_belong_to_the_range() {
+    for sign in [1.0, -1.0] {
+        let position = geodetic(sign * MAX_LATITUDE_DEG, sign * 180.0, 0.0);
+        let state =
+            NavState { c_b_n: UnitQuaternion::identity(), velocity: Vector3::zeros(), position };
+        let fall = Increments { dtheta: Vector3::zeros(), dvel: Vector3::zeros(), dt: 1e-6 };
+        let found = run(&state, &fall, 1).position;
+        assert_eq!((found.latitude, found.longitude), (position.latitude, position.longitude));
+    }
+}
+
+/// At the equator the sine of the latitude is that of the angle travelled, for which the radius is
+/// exact: 300 m/s for half of 100 s, d = 2.4e-3 rad. Sine and cosine omit d^5/120 and d^4/24.
+#[test]
+fn the_earth_of_a_long_step_is_that_at_half_the_way() {
+    for north in [-300.0, 300.0] {
+        let velocity = Vector3::new(north, 0.0, 0.0);
+        let position = geodetic(0.0, 0.0, 500.0);
+        let state = NavState { c_b_n: UnitQuaternion::identity(), velocity, position };
+        let sample = Increments { dtheta: Vector3::zeros(), dvel: Vector3::zeros(), dt: 100.0 };
+        let earth = Mechanisation::default().step(&state, &sample).unwrap().1.earth;
+        let d = north * 50.0 / (radii_of_curvature(0.0).0 + 500.0);
+        assert!((earth.sin - d.sin()).abs() < 1e-15, "{:e}", earth.sin - d.sin());
+        assert!((earth.cos - d.cos()).abs() < d.powi(4) / 20.0, "{:e}", earth.cos - d.cos());
+    }
+}
+
+/// A body that does not turn in inertial space, for 100 s: the axes turn below it by zeta, 7 mrad,
+/// from `exp(0)` to `exp(-zeta)`, and the force with them, in the mean by `int_0^1 exp(-zeta u) du`.
+/// The quaternion omits `zeta^5 / 384`, 6e-14 rad; the force `zeta^3 / 24`, 1.6e-8 of itself.
+#[test]
+fn the_axes_turn_below_a_body_that_does_not_turn() {
+    let (state, dt) = (manoeuvre_start(), 100.0);
+    let (dtheta, dvel) = (Vector3::zeros(), Vector3::new(60.0, -300.0, 200.0));
+    let mut mechanisation = Mechanisation::default();
+    let (next, rates) = mechanisation.step(&state, &Increments { dtheta, dvel, dt }).unwrap();
+    let zeta = (rates.earth_rate + rates.transport_rate) * dt;
+    let axes = |u: f64| UnitQuaternion::from_scaled_axis(-zeta * u);
+    let turned = next.c_b_n.angle_to(&(axes(1.0) * state.c_b_n));
+    assert!(turned < 1e-13, "{turned:e} rad");
+    // the midpoint rule with 1000 intervals is off by zeta^2 / 24e6 of the force, 2e-12
+    let middle = |k: i32| axes((f64::from(k) + 0.5) / 1_000.0) * (state.c_b_n * dvel);
+    let mean = (0..1_000).map(middle).sum::<Vector3<f64>>() / (1_000.0 * dt);
+    let off = (rates.specific_force - mean).norm() / mean.norm();
+    assert!(off < 1.7e-8, "{off:e}");
+}
+
+/// From rest, with `a` for a second, in one step and in a thousand. Coriolis moves a vehicle by
+/// `-2 w x a t^3 / 6`, and the axes turn below the force by as much as `-w x f t^3 / 6`. The step
+/// counts half of the velocity that it gains where Coriolis sees a third in the mean, so that it is
+/// ahead by `-2 w x a t^3 / 12`. What remains is of second order: the transport rate grows with the
+/// velocity, `a^2 t^4 / 6R` = 3e-6 m, and gravity changes with the height, 3e-6/s^2 of 5 m.
+#[test]
+fn coriolis_acts_on_the_velocity_that_a_step_gains() {
+    let state = NavState { velocity: Vector3::zeros(), ..manoeuvre_start() };
+    let force = Vector3::new(6.0, -8.0, -9.8);
+    let whole = Increments { dtheta: Vector3::zeros(), dvel: force, dt: 1.0 };
+    let (once, often) = (run(&state, &whole, 1), run(&state, &whole.part(1e-3), 1_000));
+    let p = state.position;
+    let acceleration = state.c_b_n * force + Vector3::z() * normal_gravity(p.latitude, p.height);
+    let ahead = -earth_rate_ned(p.latitude).cross(&acceleration) / 6.0;
+    let off = once.position.ned_from(&often.position) - ahead;
+    assert!(off.norm() < 1e-5 && ahead.norm() > 1e-4, "{off:?} m of {ahead:?} m");
+}

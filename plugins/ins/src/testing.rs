@@ -58,7 +58,12 @@ const SCENARIO: &str = r#"
 impl Bench {
     /// Composes the vehicle with settings, each `key.path=value`.
     pub(crate) fn new(settings: &[&str]) -> Self {
-        let composition = compose(SCENARIO, settings).unwrap();
+        Self::with("", settings)
+    }
+
+    /// As [`Self::new`], with more sensors.
+    pub(crate) fn with(sensors: &str, settings: &[&str]) -> Self {
+        let composition = compose(&format!("{SCENARIO}{sensors}"), settings).unwrap();
         Self { composition, navigation: FOUND.get().unwrap() }
     }
 
@@ -68,11 +73,13 @@ impl Bench {
     }
 }
 
-/// Composes a scenario of this crate's types, and of [`Speeds`].
+/// Composes a scenario of this crate's types, and of [`Speeds`], [`Fixes`] and [`Mounted`].
 pub(crate) fn compose(text: &str, settings: &[&str]) -> Result<Composition, String> {
     let mut registry = Registry::new();
     registry.add(&crate::InsPlugin);
     registry.sensor::<Speeds>();
+    registry.sensor::<Fixes>();
+    registry.sensor::<Mounted>();
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
     let document = Document::parse("bench.toml", text).unwrap();
     let scenario = Scenario::new(&registry, document, &settings).unwrap();
@@ -128,5 +135,86 @@ impl MeasurementModel<4> for SpeedsModel {
 
     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 4, 4> {
         SMatrix::from_diagonal(&SVector::from(self.sigma.map(|sigma| sigma * sigma)))
+    }
+}
+
+/// Velocity and position, in this order.
+#[derive(Deserialize, JsonSchema)]
+struct Fixes {}
+
+impl SensorType for Fixes {
+    const TYPE: &'static str = "fixes";
+
+    fn channels(&self) -> Vec<Channel> {
+        let names = ["vel_n", "vel_e", "vel_d", "lat", "lon", "height"];
+        let units = ["mps", "mps", "mps", "rad", "rad", "m"];
+        names.into_iter().zip(units).map(|(name, unit)| Channel::new(name, unit)).collect()
+    }
+
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        Ok(Role::measurement(FixesModel(Navigation::find(composer, "navigation", "ins")?)))
+    }
+}
+
+struct FixesModel(Navigation);
+
+impl MeasurementModel<3> for FixesModel {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
+        x.get(self.0.velocity)
+    }
+
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
+        SMatrix::identity()
+    }
+}
+
+/// Velocity in the axes of an instrument with an uncertain mounting, beside a rotation that it does
+/// not read.
+#[derive(Deserialize, JsonSchema)]
+struct Mounted {
+    /// 1-sigma of the mounting, deg.
+    sigma: f64,
+    /// Held at its initial value, with its uncertainty.
+    #[serde(default)]
+    considered: bool,
+}
+
+impl SensorType for Mounted {
+    const TYPE: &'static str = "mounted";
+
+    fn channels(&self) -> Vec<Channel> {
+        ["x", "y", "z"].map(|name| Channel::new(name, "mps")).to_vec()
+    }
+
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let navigation = Navigation::find(composer, "navigation", "ins")?;
+        let block = |mode, degrees: f64| BlockSpec {
+            mode,
+            initial: vec![0.0; 3],
+            sigma: vec![0.0, degrees.to_radians(), 0.0],
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display: display::ANGLES,
+        };
+        let mode = if self.considered { Mode::Consider } else { Mode::Estimate };
+        let _: Handle<Rotation> = composer.block("other", block(Mode::Estimate, 90.0))?;
+        let mounting = composer.block("mounting", block(mode, self.sigma))?;
+        Ok(Role::measurement(MountedModel { navigation, mounting }))
+    }
+}
+
+struct MountedModel {
+    navigation: Navigation,
+    mounting: Handle<Rotation>,
+}
+
+impl MeasurementModel<3> for MountedModel {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
+        let body = x.get(self.navigation.attitude).inverse() * x.get(self.navigation.velocity);
+        x.get(self.mounting).inverse() * body
+    }
+
+    fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
+        SMatrix::identity()
     }
 }

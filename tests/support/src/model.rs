@@ -3,7 +3,10 @@
 use crate::scenario;
 use navfuse_core::compose::Composition;
 use navfuse_core::model::measurement::{AnyMeasurement, At, jacobian_error};
+use navfuse_core::model::motion::{Motion, Trajectory};
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::simulate::{Random, Scene};
+use navfuse_core::nalgebra::Vector3;
 use navfuse_core::state::State;
 use navfuse_core::state::covariance::Update;
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
@@ -70,5 +73,37 @@ impl ModelBench {
     /// Largest difference of the Jacobian from the slope of the prediction.
     pub fn jacobian_error(&self) -> f64 {
         jacobian_error(self.model.as_ref(), &self.at(&Self::sample(&[])))
+    }
+
+    /// A simulated sample without noise, whose truth is the state; `from` is the time of the sample
+    /// before. The motion between both is unknown.
+    pub fn simulate(&self, from: Time, to: Time) -> Sample {
+        let mut sample = Sample::new(to, SensorId(0), &[]);
+        let mut scene = Scene {
+            layout: &self.composition.layout,
+            truth: &self.state,
+            trajectory: &mut Unknown,
+            from,
+            to,
+            observation: 0,
+            noise: 0.0,
+            outlier: 0.0,
+            random: &mut Random::new(1, "model"),
+        };
+        self.model.simulate(&mut scene, &mut sample);
+        sample
+    }
+}
+
+/// A motion of which nothing is known.
+struct Unknown;
+
+impl Trajectory for Unknown {
+    fn at(&mut self, time: Time) -> Motion {
+        Motion::unknown(time)
+    }
+
+    fn increments(&mut self, _: Time, _: Time) -> (Vector3<f64>, Vector3<f64>) {
+        (Vector3::repeat(f64::NAN), Vector3::repeat(f64::NAN))
     }
 }

@@ -362,3 +362,6 @@ impl InitialAlignment for Aligner {
         Box::new(self.clone())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -152,6 +152,21 @@ fn a_tilt_too_large_for_the_accelerometers_is_found_about_either_axis() {
     assert!(levelled(2.0, 0.5, 201.0).is_some());
 }
 
+/// An alignment at rest finds the tilt from the samples themselves, whatever the scenario gives.
+#[test]
+fn a_tilt_that_an_alignment_finds_is_not_compared() {
+    let tilt = |settings: &[&str]| {
+        let mut watch = Watch::new(settings);
+        watch.sigma("ins.attitude", [0.02, 0.02, 1.0]);
+        [(0.0, 400.0), (1.0, 100.0)].into_iter().find_map(|(at, ug)| {
+            watch.sigma("ins.accel_bias", [9.80665e-6 * ug; 3]);
+            watch.take(at, 1.0, STILL)
+        })
+    };
+    assert!(tilt(&[]).is_some());
+    assert!(tilt(&["process.ins.alignment=static"]).is_none());
+}
+
 /// Once a second the tilt is compared, once for each severity it is reported. A tilt that has grown
 /// to more than twice its least variance comes from a bridge, and is not judged.
 #[test]

@@ -1,11 +1,14 @@
-//! Noise of the process, against what each of its causes does to angle and velocity.
+//! The process, sample by sample: the state that it moves, the rate that it publishes, and its
+//! noise, against what each of the causes does to angle and velocity.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::testing::Bench;
-use nalgebra::{Matrix3, Rotation3, Vector3};
-use navfuse_core::model::process::{Input, Interval};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use navfuse_core::model::motion::Motion;
+use navfuse_core::model::process::{Input, Interval, ProcessError};
 use navfuse_core::model::screening::Spread;
-use navfuse_core::state::State;
+use navfuse_core::state::geodesy::Geodetic;
+use navfuse_core::state::{State, View};
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::units::time::Time;
 
@@ -38,17 +41,29 @@ impl Run {
         usual: f64,
         spread: Option<&Spread>,
     ) -> [Matrix3<f64>; 2] {
+        self.try_take(channels, parts, (parts.iter().sum(), usual), spread).unwrap()
+    }
+
+    /// As [`Self::take`], with the intervals of the sample and of the sensor, as the filter gives
+    /// them.
+    fn try_take(
+        &mut self,
+        channels: [f64; 6],
+        parts: &[f64],
+        (duration, usual): (f64, f64),
+        spread: Option<&Spread>,
+    ) -> Result<[Matrix3<f64>; 2], ProcessError> {
         let (Run { bench, state, attitude, time }, mut sums) = (self, [Matrix3::zeros(); 2]);
-        let (duration, composition) = (parts.iter().sum(), &mut bench.composition);
+        let composition = &mut bench.composition;
         let layout = &*composition.layout;
-        let end = *time + Time::from_seconds(duration).unwrap();
+        let end = *time + Time::from_seconds(parts.iter().sum()).unwrap();
         let sample = Sample::new(end, SensorId(0), &channels);
         for part in parts {
             let (from, to) = (*time, *time + Time::from_seconds(*part).unwrap());
             let input = Some(Input { sample: &sample, duration, usual, spread });
             let interval = Interval { from, to, input };
             let (model, out) = (&mut composition.processes[0].model, &mut composition.transition);
-            model.propagate(layout, state, &interval, out).unwrap();
+            model.propagate(layout, state, &interval, out)?;
             (*time, state.time) = (to, to);
             let q = out.noise_dense(layout.tangent);
             let n = &bench.navigation;
@@ -58,7 +73,13 @@ impl Run {
                 *sum += attitude.inverse() * q * attitude.matrix();
             }
         }
-        sums
+        Ok(sums)
+    }
+
+    /// Angular rate that the sensors read.
+    fn rate(&self) -> Vector3<f64> {
+        let layout = &*self.bench.composition.layout;
+        View::new(layout, &self.state).signal(self.bench.navigation.angular_rate).into()
     }
 }
 
@@ -137,4 +158,140 @@ fn a_replaced_sample_adds_its_spread_to_the_noise() {
             }
         }
     }
+}
+
+/// A vehicle that moves, with biases of its own on every axis. For 10 ms its samples show these
+/// biases and gravity: it keeps attitude and velocity but for the rate of the Earth (1e-4 rad/s with
+/// the transport rate) and Coriolis (`2 W v` = 3e-3 m/s^2), and travels by velocity times time.
+#[test]
+fn every_component_of_the_state_takes_part_in_a_step() {
+    let mut run = Run::new(&[]);
+    let (n, dt) = (run.bench.navigation, 0.01);
+    let velocity = Vector3::new(15.0, -8.0, 3.0);
+    let (gyro, accel) = (Vector3::new(0.2, -0.3, 0.5), Vector3::new(0.4, 0.7, -0.6));
+    let layout = run.bench.composition.layout.clone();
+    run.state.set(&layout, n.velocity, &velocity);
+    run.state.set(&layout, n.gyro_bias, &gyro);
+    run.state.set(&layout, n.accel_bias, &accel);
+    let before = run.state.get(&layout, n.position);
+    let gravity = crate::earth::normal_gravity(before.latitude, before.height);
+    let force = run.attitude.inverse() * Vector3::new(0.0, 0.0, -gravity) + accel;
+    run.take([gyro.x, gyro.y, gyro.z, force.x, force.y, force.z], &[dt], dt, None);
+    let turned = run.attitude.angle_to(&run.state.get(&layout, n.attitude));
+    assert!(turned < 1e-4 * dt, "{turned} rad");
+    let gained = (run.state.get(&layout, n.velocity) - velocity).norm();
+    assert!(gained < 3e-3 * dt, "{gained} m/s");
+    let after = run.state.get(&layout, n.position);
+    let off = after.ned_from(&before.displaced(&(velocity * dt))).norm();
+    assert!(off < 3e-3 * dt * dt, "{off} m");
+}
+
+/// Increments that come for the first time: the interval since the start of the filter is theirs,
+/// and so is the rounding of the whole of it.
+#[test]
+fn the_first_sample_covers_the_time_since_the_start() {
+    let settings = [
+        "sensor.imu.output=increments",
+        "sensor.imu.gyro_quantisation=1e-4 rad/s",
+        "sensor.imu.accel_quantisation=2e-2 m/s^2",
+    ];
+    let mut run = Run::new(&settings);
+    let found = run.try_take([0.0, 0.0, 0.02, 0.0, 0.0, 0.0], &[0.01], (0.0, 0.0), None).unwrap();
+    let n = run.bench.navigation;
+    let turned = run.attitude.angle_to(&run.state.get(&run.bench.composition.layout, n.attitude));
+    // the Earth turns by 7e-5 rad/s
+    assert!((turned - 0.02).abs() < 1e-6, "{turned}");
+    assert_eq!(run.rate(), Vector3::new(0.0, 0.0, 2.0));
+    let whole = Run::new(&settings).take(STILL, &[0.01], 0.01, None);
+    for k in 0..2 {
+        // of the two, one turned by 0.02 rad, which an isotropic covariance does not show
+        assert!((found[k] - whole[k]).amax() < 1e-12 * whole[k].amax(), "{found:?}");
+    }
+}
+
+#[test]
+fn a_gap_up_to_the_longest_is_bridged() {
+    let gap = |length: f64, covered: f64| {
+        let mut run = Run::new(&["sensor.imu.max_gap=0.125 s"]);
+        run.try_take(STILL, &[length], (covered, 0.01), None).is_ok()
+    };
+    // of the interval that the sample covers, and of the time since the state
+    assert!(gap(0.125, 0.125) && !gap(0.126, 0.126));
+    assert!(gap(0.125, 0.01) && !gap(0.126, 0.01));
+    assert!(!gap(0.01, 0.126));
+}
+
+/// The middle of the last sample is half an interval before its end: at 10 and 30 ms the means are
+/// 1 and 3 rad/s, so that the rate is 4 rad/s at 40 ms.
+#[test]
+fn a_sample_publishes_the_rate_at_its_end_before_it_moves_the_state() {
+    for (output, share) in [("rates", 1.0), ("increments", 0.02)] {
+        let mut run = Run::new(&[&format!("sensor.imu.output={output}")]);
+        for (k, rate) in [(1, 1.0), (2, 3.0)] {
+            let end = Time::from_nanos(k * 20_000_000);
+            let z = rate * share;
+            let sample = Sample::new(end, SensorId(0), &[z, 0.0, -2.0 * z, 0.0, 0.0, 0.0]);
+            let input = Input { sample: &sample, duration: 0.02, usual: 0.02, spread: None };
+            let composition = &mut run.bench.composition;
+            composition.processes[0].model.prepare(&composition.layout, &mut run.state, &input);
+        }
+        let off = run.rate() - Vector3::new(4.0, 0.0, -8.0);
+        assert!(off.norm() < 1e-14, "{output}: {off}");
+    }
+}
+
+/// Before the second sample the interval of increments is not known, and counts as one second.
+#[test]
+fn increments_without_an_interval_count_as_those_of_a_second() {
+    let mut run = Run::new(&["sensor.imu.output=increments"]);
+    let sample = Sample::new(Time::default(), SensorId(0), &[0.5, 0.0, -1.0, 0.0, 0.0, 0.0]);
+    let input = Input { sample: &sample, duration: 0.0, usual: 0.0, spread: None };
+    let composition = &mut run.bench.composition;
+    composition.processes[0].model.prepare(&composition.layout, &mut run.state, &input);
+    assert_eq!(run.rate(), Vector3::new(0.5, 0.0, -1.0));
+}
+
+/// Coning of two samples about different axes needs both of them: `0.2 * 0.3 / 12` = 5 mrad, beside
+/// a turn by 0.3 rad, of which a small rotation across it contributes `sin(0.15) / 0.15`.
+#[test]
+fn after_a_restart_the_samples_before_it_do_not_count() {
+    let turned = |restart: bool| {
+        let mut run = Run::new(&[]);
+        run.take([20.0, 0.0, 0.0, 0.0, 0.0, 0.0], &[0.01], 0.01, None);
+        if restart {
+            run.bench.composition.processes[0].model.restart();
+        }
+        run.take([0.0, 30.0, 0.0, 0.0, 0.0, 0.0], &[0.01], 0.01, None);
+        let turns = Rotation3::new(Vector3::x() * 0.2) * Rotation3::new(Vector3::y() * 0.3);
+        let layout = &run.bench.composition.layout;
+        run.state.get(layout, run.bench.navigation.attitude).angle_to(&(run.attitude * turns))
+    };
+    // the rate of the Earth for 20 ms
+    assert!(turned(true) < 2e-6, "{}", turned(true));
+    let coning = 5e-3 * 0.15_f64.sin() / 0.15;
+    assert!((turned(false) - coning).abs() < 2e-6, "{}", turned(false));
+}
+
+/// The sensors read the rate with the bias in it, as the gyros show it.
+#[test]
+fn a_vehicle_that_follows_a_motion_shows_its_rate_with_the_bias() {
+    let mut run = Run::new(&[]);
+    let (n, layout) = (run.bench.navigation, run.bench.composition.layout.clone());
+    run.state.set(&layout, n.gyro_bias, &Vector3::new(0.5, -0.25, 0.125));
+    let motion = Motion {
+        position: Geodetic { latitude: 0.3, longitude: -2.0, height: 7.0 },
+        velocity: Vector3::new(1.0, -2.0, 3.0),
+        c_b_n: UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
+        w_ib_b: Vector3::new(1.0, 2.0, 4.0),
+        ..Motion::unknown(Time::default())
+    };
+    let mut known = vec![false; layout.blocks.len()];
+    run.bench.composition.processes[0].model.follow(&layout, &motion, &mut run.state, &mut known);
+    assert_eq!(run.rate(), Vector3::new(1.5, 1.75, 4.125));
+    assert_eq!(run.state.get(&layout, n.velocity), motion.velocity);
+    assert_eq!(run.state.get(&layout, n.position), motion.position);
+    assert!(run.state.get(&layout, n.attitude).angle_to(&motion.c_b_n.into()) < 1e-15);
+    let names = layout.blocks.iter().zip(&known).filter(|(_, known)| **known);
+    let names: Vec<&str> = names.map(|(block, _)| block.name.as_str()).collect();
+    assert_eq!(names, ["ins.attitude", "ins.velocity", "ins.position"]);
 }
