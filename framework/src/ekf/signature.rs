@@ -33,6 +33,7 @@ use bias_step::BiasSteps;
 use effect::Whitened;
 use offset::Offset;
 use parameter::Parameters;
+use pulp::Arch;
 
 /// Length of the spans of which the scatter is taken, s.
 const SPAN: f64 = 10.0;
@@ -120,9 +121,15 @@ impl Signatures {
         changes.extend(all.filter(|change| change.2 != 0.0));
         let offsets = offsets.iter_mut().flatten().map(Offset::effect);
         let effects = offsets.chain(biases.iter_mut().flat_map(BiasSteps::effects));
-        for effect in effects.chain(parameters.effects()) {
-            effect.carry(changes);
-        }
+        let changes = &*changes;
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for effect in effects.chain(parameters.effects()) {
+                    effect.carry(changes);
+                }
+            },
+        );
     }
 
     /// Takes an accepted sample before the state is corrected. Call after [`Update::apply`].

@@ -3,7 +3,7 @@
 use super::score::Score;
 use crate::model::finding::Severity;
 use crate::state::Layout;
-use crate::state::covariance::{Covariance, Update, forward};
+use crate::state::covariance::{Covariance, Update};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 
@@ -73,6 +73,7 @@ impl Effect {
     }
 
     /// `s := s + (Phi - I) s`, with the elements of `Phi - I`.
+    #[inline(always)]
     pub(super) fn carry(&mut self, changes: &[(usize, usize, f64)]) {
         let Self { s, moved, .. } = self;
         moved.iter_mut().for_each(|m| *m = [0.0; SUMS]);
@@ -99,13 +100,24 @@ impl Effect {
 
     /// Adds the innovation to the sums, and corrects the sensitivity: `s := s - K g`.
     pub(super) fn take(&mut self, sample: &Whitened<'_>, g: &Seen) {
-        let m = sample.update.m;
-        for (k, score) in self.scores.iter_mut().enumerate() {
-            let mut column = [0.0; MAX_CHANNELS];
-            column.iter_mut().zip(g).for_each(|(c, g)| *c = g[k]);
-            let b = column.iter().zip(&sample.y).take(m).map(|(g, y)| g * y).sum();
-            forward(sample.lower, m, &mut column[..m]);
-            score.add(b, column[..m].iter().map(|c| c * c).sum());
+        let (m, lower) = (sample.update.m, sample.lower);
+        // L^-1 g, whose square is g' S^-1 g
+        let mut white = *g;
+        let (mut b, mut i) = ([0.0; SUMS], [0.0; SUMS]);
+        for row in 0..m {
+            let (done, rest) = white.split_at_mut(row);
+            let (own, l) = (&mut rest[0], &lower[row * m..]);
+            for (done, l) in done.iter().zip(l) {
+                own.iter_mut().zip(done).for_each(|(own, done)| *own -= l * done);
+            }
+            for k in 0..SUMS {
+                own[k] /= l[row];
+                i[k] += own[k] * own[k];
+                b[k] += g[row][k] * sample.y[row];
+            }
+        }
+        for (score, (b, i)) in self.scores.iter_mut().zip(b.into_iter().zip(i)) {
+            score.add(b, i);
         }
         for (s, gain) in self.s.iter_mut().zip(sample.update.gain().chunks_exact(m.max(1))) {
             for (gain, g) in gain.iter().zip(g) {
