@@ -1,11 +1,12 @@
 //! Monitor of the IMU: faults that its samples contradict physics with.
 //!
-//! Five rules, each in a file of its own: the specific force is about as large as gravity and points
+//! Six rules, each in a file of its own: the specific force is about as large as gravity and points
 //! up, gravity turns as the gyros turn, white noise is as strong as stated, the tilt is known well
-//! enough for the accelerometers, and constant biases stay constant.
+//! enough for the accelerometers, the heading for the way made, and constant biases stay constant.
 
 mod drift;
 mod gravity;
+mod heading;
 mod levelling;
 mod turning;
 mod whiteness;
@@ -14,6 +15,7 @@ use crate::imu::Imu;
 use crate::navigation::Navigation;
 use drift::Drift;
 use gravity::Gravity;
+use heading::Heading;
 use levelling::Levelling;
 use nalgebra::Vector3;
 use navfuse_core::model::finding::{Basis, Finding, Severity};
@@ -40,6 +42,7 @@ pub(crate) struct ImuMonitor {
     navigation: Navigation,
     gravity: Gravity,
     levelling: Levelling,
+    heading: Heading,
     turning: Turning,
     whiteness: Whiteness,
     drift: Drift,
@@ -55,6 +58,7 @@ impl ImuMonitor {
             navigation,
             gravity: Gravity::new(tilt),
             levelling: Levelling::new(navigation, tilt.is_none()),
+            heading: Heading::new(navigation),
             turning: Turning::default(),
             whiteness: Whiteness::new(imu),
             drift: Drift::new(navigation),
@@ -80,6 +84,7 @@ impl Monitor for ImuMonitor {
             .or_else(|| self.turning.take(&w, &f, dt))
             .or_else(|| self.whiteness.take(&w, &f, dt))
             .or_else(|| self.levelling.take(filter, time))
+            .or_else(|| self.heading.take(filter, time))
             .or_else(|| self.drift.take(filter, time));
         fault.map(|fault| self.finding(time, fault))
     }

@@ -8,8 +8,8 @@
 //! One sum runs from the start. The others begin at one minute, two, four and so on after it, since
 //! a filter needs the longer to follow a step, the longer it has learnt the constant.
 
-use super::SPAN;
 use super::effect::{Effect, Found, SUMS, Whitened, name};
+use super::score::SPAN;
 use crate::model::finding::{Basis, Finding, Severity};
 use crate::state::Layout;
 use crate::state::covariance::Covariance;

@@ -7,8 +7,8 @@
 //!
 //! An offset may begin at any time: one sum runs from the start, and three begin again in turn.
 
-use super::SPAN;
 use super::effect::{Effect, Found, SUMS, Whitened};
+use super::score::SPAN;
 use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::measurement::{AnyMeasurement, At};
 use crate::state::covariance::Covariance;

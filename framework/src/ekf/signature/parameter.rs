@@ -3,8 +3,8 @@
 //! A parameter that is off by the unit size is in the innovations of each sensor that reads it:
 //! `d = dh/dp`. It is off from the start, so that one sum is enough.
 
-use super::SPAN;
 use super::effect::{Effect, Found, SUMS, Whitened};
+use super::score::SPAN;
 use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::measurement::{AnyMeasurement, At};
 use crate::state::covariance::Covariance;

@@ -2,6 +2,9 @@
 
 use crate::units::time::Time;
 
+/// Length of the spans of which the scatter is taken, s.
+pub(super) const SPAN: f64 = 10.0;
+
 /// Sums `b = sum g' S^-1 y` and `i = sum g' S^-1 g` since one time.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Score {

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::testing::Bench;
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Rotation3, Vector2, Vector3};
 use navfuse_core::model::finding::{Finding, Severity};
 use navfuse_core::model::process::Input;
 use navfuse_core::model::screening::Spread;
@@ -190,6 +190,64 @@ fn a_tilt_is_reported_once_and_only_that_of_the_start() {
     tilt(&mut watch, 3.9);
     assert_eq!(severity(watch.take(4.0, 1.0, STILL)), Some(Severity::DoNotUse));
     assert!(watch.take(5.0, 1.0, STILL).is_none(), "again");
+}
+
+/// Samples at rest, one a second, with a heading of 2 deg, a way in that direction, and 1 m along it,
+/// whose ratio is `ratio(k)` at the sample `k`; returns the first two findings with their samples.
+fn headed(direction: f64, ratio: impl Fn(u32) -> f64) -> Vec<(u32, Finding)> {
+    let mut watch = Watch::new(&[]);
+    let tangent = |name: &str| watch.bench.composition.layout.find(name).unwrap().tangent.unwrap();
+    let (heading, position) = (tangent("ins.attitude") + 2, tangent("ins.position"));
+    let squared = 2_f64.to_radians().powi(2);
+    watch.covariance.set(heading, heading, squared);
+    let (across, along) = (Vector2::new(-direction.sin(), direction.cos()), 1.0);
+    let way = Vector2::new(direction.cos(), direction.sin());
+    let mut found = Vec::new();
+    for k in 0..40 {
+        // r e^2 / 2 = ratio * 1 m
+        let d = across * (2.0 * ratio(k) / squared);
+        let p = d * d.transpose() * squared + way * way.transpose() * along;
+        for i in 0..2 {
+            watch.covariance.set(position + i, heading, d[i] * squared);
+            (0..2).for_each(|j| watch.covariance.set(position + i, position + j, p[(i, j)]));
+        }
+        found.extend(watch.take(f64::from(k), 1.0, STILL).map(|finding| (k, finding)));
+    }
+    found
+}
+
+/// A way `r` north with a heading error of 2 deg is 2 deg of it east, and half of the square of that
+/// back: the mean of it, at the limits of a half and three times the sigma of one metre.
+#[test]
+fn a_heading_too_wide_for_the_way_is_found_in_every_direction() {
+    for direction in [0.0, 0.5, 2.0, 4.0] {
+        let severities = |ratio: f64| -> Vec<Severity> {
+            headed(direction, |_| ratio).iter().map(|(_, finding)| finding.severity).collect()
+        };
+        assert_eq!(severities(0.49), []);
+        assert_eq!(severities(0.51), [Severity::Doubtful]);
+        assert_eq!(severities(2.99), [Severity::Doubtful]);
+        assert_eq!(severities(3.01), [Severity::DoNotUse]);
+    }
+    // 2 m / ((2 deg)^2 / 2) = 3283 m
+    let text = &headed(1.0, |_| 2.0)[0].1.text;
+    for part in ["2.0 deg", "3283 m", "1.00 m", "2.0 times"] {
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+/// Ten comparisons in a row, one a second, once for each severity.
+#[test]
+fn a_heading_that_becomes_better_within_seconds_is_not_reported() {
+    let at = |ratio: fn(u32) -> f64| -> Vec<(u32, Severity)> {
+        headed(0.0, ratio).iter().map(|(k, finding)| (*k, finding.severity)).collect()
+    };
+    assert_eq!(at(|_| 1.0), [(9, Severity::Doubtful)]);
+    assert_eq!(at(|k| if k % 10 == 9 { 0.1 } else { 9.0 }), []);
+    assert_eq!(
+        at(|k| if k < 20 { 1.0 } else { 4.0 }),
+        [(9, Severity::Doubtful), (29, Severity::DoNotUse)]
+    );
 }
 
 /// 0.2 deg/h in rad/s and 0.1 mg in m/s^2, as powers of two: ratios of them are exact.
