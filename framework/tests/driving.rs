@@ -15,6 +15,7 @@ use navfuse_core::run::runner::{Finished, run};
 use navfuse_core::run::scenario::{Assembly, Scenario};
 use navfuse_core::state::Signal;
 use navfuse_testing::lab::{Lab, Log, seconds};
+use navfuse_testing::rts::Records;
 use std::sync::atomic::AtomicBool;
 
 /// A trolley in a plane that moves by the velocity of its log, whose scale factors are states.
@@ -364,5 +365,43 @@ fn a_filter_that_never_starts_names_the_state_that_the_reference_lacks() {
         let error = finished("[sensor.survey]\n", &settings, (0..5).flat_map(both).collect()).error;
         let text = error.map(|error| error.to_string()).unwrap_or_default();
         assert!(text.contains("no sample of [sensor.survey] gives trolley.place"), "{text}");
+    }
+}
+
+/// The last velocity is out of range, so that the filter holds it until the run ends, and then uses
+/// the one before in its place. The smoothed run takes the same step.
+#[test]
+fn a_smoothed_run_has_the_sample_that_the_filter_held_at_the_end() {
+    let settings = ["process.trolley.screened=true", "estimator.smooth=true"];
+    let composition = compose("[sensor.axis]\n", &settings);
+    let log = SensorId(composition.sensor("log").unwrap());
+    let sample = |k: i32| {
+        let x = if k < 60 { 1.0 + 0.3 * f64::from(k % 7) } else { 5_000.0 };
+        Sample::new(seconds(0.1 * f64::from(k)), log, &[x, 0.0])
+    };
+    let samples: Vec<Sample> = (0..=60).map(sample).collect();
+    let sources = vec![("list".to_owned(), Box::new(List(samples.into_iter())) as _)];
+    let sinks = vec![("records".to_owned(), Box::<Records>::default() as _)];
+    let mut finished =
+        run(Assembly { composition, sources, sinks }, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let records: Records = finished.take_sink().unwrap();
+    let last = [&records.filtered, &records.smoothed].map(|all| all.last().unwrap());
+    assert_eq!(last.map(|estimate| estimate.state.time), [seconds(6.0); 2]);
+    // nothing comes after the last estimate
+    assert_eq!(last[0].state.values, last[1].state.values);
+    assert!(last[0].state.values[0] < 60.0, "{:?}", last[0].state.values);
+    let textbook = records.rts();
+    assert_eq!((records.smoothed.len(), textbook.len()), (records.filtered.len(), 61));
+    for ((before, after), (moved, p)) in
+        records.filtered.iter().zip(&records.smoothed).zip(textbook)
+    {
+        // every state of the trolley is a number, so the error is the difference
+        for i in 0..4 {
+            let change = after.state.values[i] - before.state.values[i];
+            let sigma = p[(i, i)].sqrt();
+            assert!((change - moved[i]).abs() < 1e-9 * sigma, "{i}: {change}, not {}", moved[i]);
+            assert!((after.covariance[(i, i)].sqrt() / sigma - 1.0).abs() < 1e-9, "{i}");
+        }
     }
 }

@@ -419,3 +419,6 @@ pub(crate) fn backward(lower: &[f64], m: usize, y: &mut [f64]) {
         y[i] = (y[i] - sum) / lower[i * m + i];
     }
 }
+
+#[cfg(test)]
+mod tests;

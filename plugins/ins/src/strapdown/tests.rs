@@ -133,8 +133,8 @@ fn rounding_adds_the_variance_of_a_uniform_distribution() {
 fn a_hole_adds_the_change_over_it_to_the_noise() {
     for parts in [&[0.04][..], &[0.01, 0.03]] {
         let mut run = Run::new(&[]);
-        run.take(STILL, &[0.01], 0.01, None);
-        let found = run.take([0.3, 0.0, -0.4, 0.0, 4.0, 3.0], parts, 0.01, None);
+        run.take([0.1, 0.2, 0.1, 1.0, -2.0, 0.5], &[0.01], 0.01, None);
+        let found = run.take([0.4, 0.2, -0.3, 1.0, 2.0, 3.5], parts, 0.01, None);
         // in the hole the attitude turns by 0.02 rad, which the same sigma on all axes does not show
         independent(&found[0], [0.015_f64.hypot(NOISE[0] * 0.2); 3]);
         independent(&found[1], [0.15_f64.hypot(NOISE[1] * 0.2); 3]);

@@ -1,0 +1,79 @@
+//! The equation of a depth sensor: its port, its sign, and what a sample may be.
+#![allow(clippy::expect_used, missing_docs, reason = "a test fails by panicking")]
+
+use navfuse_core::nalgebra::{Rotation3, Vector3};
+use navfuse_testing::ModelBench;
+
+const SCENARIO: &str = r#"
+    name = "depth"
+
+    [process.ins]
+    attitude = { sigma = "1 deg" }
+    velocity = { sigma = "1 m/s" }
+    position = { sigma = "1 m" }
+    gyro_bias = { sigma = "0.1 deg/h" }
+    accel_bias = { sigma = "50 ug" }
+
+    [sensor.imu]
+    gyro_noise = "0.1 deg/h/sqrt(Hz)"
+    accel_noise = "20 ug/sqrt(Hz)"
+    simulation = { rate = "50 Hz" }
+
+    [sensor.depth]
+    noise = "5 cm"
+    bias = { sigma = "1 m" }
+    lever_arm = { sigma = "20 cm" }
+
+    [sensor.reference]
+    simulation = { rate = "1 Hz" }
+
+    [source.simulation]
+    start = { speed = "1 m/s" }
+    segments = [{ type = "cruise", duration = "1 s" }]
+"#;
+
+const ATTITUDE: [f64; 3] = [0.4, -0.7, 2.0];
+const ARM: [f64; 3] = [-1.5, 0.4, 0.6];
+
+fn bench() -> ModelBench {
+    let blocks: [(&str, &[f64]); 4] = [
+        ("ins.attitude", &ATTITUDE),
+        ("ins.position", &[0.5, 1.0, -120.0]),
+        ("depth.bias", &[0.25]),
+        ("depth.lever_arm", &ARM),
+    ];
+    ModelBench::new(SCENARIO, &[], "depth", &blocks)
+}
+
+/// At 120 m below the ellipsoid the port is deeper by the down component of its lever arm, and the
+/// sensor shows its bias more. The Earth falls away by 1.6^2 / 2R = 2e-7 m.
+#[test]
+fn the_depth_of_the_port_grows_downward() {
+    let [roll, pitch, yaw] = ATTITUDE;
+    let arm = Rotation3::from_euler_angles(roll, pitch, yaw) * Vector3::from(ARM);
+    let found = bench().predict();
+    assert!(found.len() == 1 && (found[0] - (120.25 + arm.z)).abs() < 3e-7, "{found:?} {arm}");
+}
+
+#[test]
+fn the_jacobian_is_the_derivative() {
+    let error = bench().jacobian_error();
+    assert!(error < 1e-6, "{error}");
+}
+
+#[test]
+fn the_noise_is_the_square_of_the_stated_sigma() {
+    let variances = bench().variances(&ModelBench::sample(&[120.0]));
+    assert!((variances[0] / 25e-4 - 1.0).abs() < 1e-12, "5 cm, {variances:?}");
+}
+
+/// From above the surface, where the air is thin, to below the deepest trench.
+#[test]
+fn a_depth_that_no_sea_has_is_refused() {
+    let bench = bench();
+    let id = bench.composition.sensor("depth").expect("the sensor is there");
+    let sensor = &bench.composition.sensors[id];
+    assert_eq!(sensor.info.channels.iter().map(|c| c.column()).collect::<Vec<_>>(), ["depth_m"]);
+    let [(0, limit)] = sensor.limits.as_slice() else { unreachable!("{:?}", sensor.limits) };
+    assert!((-1e3..-10.0).contains(&limit.low) && (10_950.0..2e4).contains(&limit.high));
+}
