@@ -100,3 +100,52 @@ fn the_noise_is_the_square_of_the_stated_sigma() {
     assert!((variances[0] / 4e-4 - 1.0).abs() < 1e-12, "2 cm/s, {variances:?}");
     assert!((variances[1] / 9e-4 - 1.0).abs() < 1e-12, "3 cm/s, {variances:?}");
 }
+
+/// The model of a standstill with settings, of a vehicle that moves.
+fn standstill(settings: &str) -> ModelBench {
+    let text = format!("{SCENARIO}\n[sensor.zero-velocity]\n{settings}\n");
+    let blocks: [(&str, &[f64]); 3] = [
+        ("ins.attitude", &ATTITUDE),
+        ("ins.velocity", &VELOCITY),
+        ("ins.gyro_bias", &[0.01, 0.02, 0.03]),
+    ];
+    let mut bench = ModelBench::new(&text, &[], "zero-velocity", &blocks);
+    bench.state.signals.copy_from_slice(&RATE);
+    bench
+}
+
+/// At a standstill velocity and angular rate are zero, each with its own noise. The Earth turns by
+/// 7.3e-5 rad/s.
+#[test]
+fn a_standstill_is_zero_velocity_and_on_request_zero_rotation() {
+    let alone = standstill("noise = \"2 cm/s\"");
+    assert_eq!(alone.predict(), VELOCITY);
+    let both = standstill("noise = \"2 cm/s\"\nrotation_noise = \"3 mrad/s\"");
+    let found = both.predict();
+    assert_eq!(found[..3], VELOCITY);
+    for (axis, rate) in [0.09, -0.22, 0.27].into_iter().enumerate() {
+        assert!((found[3 + axis] - rate).abs() < 7.4e-5, "{found:?}");
+    }
+    let squares = |bench: &ModelBench, sigma: &[f64]| {
+        let variances = bench.variances(&ModelBench::sample(&vec![0.0; sigma.len()]));
+        assert_eq!(variances.len(), sigma.len());
+        let off = |(v, s): (&f64, &f64)| (v / (s * s) - 1.0).abs();
+        assert!(variances.iter().zip(sigma).map(off).all(|off| off < 1e-12), "{variances:?}");
+    };
+    squares(&alone, &[0.02; 3]);
+    squares(&both, &[0.02, 0.02, 0.02, 3e-3, 3e-3, 3e-3]);
+    assert!(both.jacobian_error() < 1e-7);
+}
+
+#[test]
+fn a_window_of_more_than_ten_seconds_is_refused() {
+    let compose = |window: &str| {
+        let text = format!("{SCENARIO}\n[sensor.zero-velocity]\n");
+        let setting = format!("sensor.zero-velocity.window={window}");
+        navfuse_testing::scenario(&text, &[&setting], |s| {
+            s.compose().map_err(|e| e.to_string()).err()
+        })
+    };
+    assert_eq!(compose("10 s"), None);
+    assert!(compose("10.1 s").is_some_and(|text| text.contains("at most 10 s")));
+}
