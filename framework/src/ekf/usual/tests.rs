@@ -169,7 +169,7 @@ fn a_stated_change_between_two_samples_replaces_the_learnt_jump() {
     let limits =
         ChannelLimits { range: 1e9, change: Some(2.0), noise: 0.0, step: 0.0, motion: 0.0 };
     for (integrals, change) in [(false, 2.0), (true, 1.0)] {
-        let channels = vec![limits.clone(); 2];
+        let channels = vec![limits; 2];
         let limits = Screening { channels, integrals, frozen: None, max_bridge: 1.0 };
         let mut usual = Usual::new(Arc::new(limits));
         (usual.interval, usual.count) = (0.5, WARM);
