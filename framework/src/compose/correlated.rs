@@ -218,3 +218,83 @@ impl AnyMeasurement for Correlated {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::expect_used, reason = "a test fails by panicking")]
+    use super::*;
+    use crate::Real;
+    use crate::model::measurement::{Erased, MeasurementModel};
+    use crate::state::manifold::Vector;
+    use crate::state::{View, display as units};
+    use crate::units::sample::SensorId;
+    use crate::units::time::Time;
+    use nalgebra::{SMatrix, SVector};
+
+    /// Two products of two states; the difference of the second channel wraps at 10.
+    struct Products(Handle<Vector<2>>);
+
+    impl MeasurementModel<2> for Products {
+        fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 2> {
+            let x = x.get(self.0);
+            SVector::from([x[0] * x[1], x[0] * x[0]])
+        }
+        fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 2, 2> {
+            SMatrix::identity()
+        }
+        fn difference(&self, channel: usize, measured: f64, predicted: f64) -> f64 {
+            let difference = measured - predicted;
+            if channel == 1 { difference % 10.0 } else { difference }
+        }
+    }
+
+    /// At the state (3, 2) the products are 6 and 9, with the slopes (2, 3) and (6, 0). The second
+    /// channel has the error 0.25.
+    #[test]
+    fn the_error_adds_to_its_channel_with_a_slope_of_one() {
+        let mut composer = Composer::default();
+        composer.begin("test");
+        let spec = |initial: &[f64]| BlockSpec {
+            mode: Mode::Estimate,
+            initial: initial.to_vec(),
+            sigma: vec![1.0; initial.len()],
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display: units::RATIOS,
+        };
+        let x = composer.block::<Vector<2>>("x", spec(&[3.0, 2.0])).expect("a block");
+        let error = composer.block::<Scalar>("error", spec(&[0.25])).expect("a block");
+        let layout = composer.finish().0;
+        let state = layout.initial_state();
+        let model = Correlated { inner: Arc::new(Erased(Products(x))), errors: vec![(1, error)] };
+        assert_eq!((model.difference(0, 25.0, 2.0), model.difference(1, 25.0, 2.0)), (23.0, 3.0));
+        let sample = Sample::new(Time::default(), SensorId(0), &[7.0, 11.0]);
+        let at = At { layout: &layout, state: &state, sample: &sample };
+        let mut z = [0.0; 2];
+        model.predict(&at, &mut z);
+        assert_eq!(z, [6.0, 9.25]);
+        let mut h = [0.0; 6];
+        model.differentiate(&at, &[0, 1, 2], &model.blocks(&at), &mut h);
+        let slopes = [2.0, 3.0, 0.0, 6.0, 0.0, 1.0];
+        assert_eq!(h, slopes);
+        let mut update = Update::with_capacity(3, 2);
+        model.linearise(&at, &mut update);
+        assert_eq!(
+            (&update.columns[..], &update.innovation[..]),
+            (&[0, 1, 2][..], &[1.0, 1.75][..])
+        );
+        assert_eq!(update.h, slopes);
+        // the second channel alone
+        let mut alone = Sample::empty(Time::default(), SensorId(0));
+        alone.set(1, 11.0);
+        let mut update = Update::with_capacity(3, 2);
+        model.linearise(&At { sample: &alone, ..at }, &mut update);
+        assert_eq!((&update.h[..], &update.innovation[..]), (&slopes[3..], &[1.75][..]));
+        // another state has other products, 20 and 16, and another error
+        let mut other = state.clone();
+        other.values.copy_from_slice(&[4.0, 5.0, 1.5]);
+        let mut change = [0.0; 2];
+        model.change(&at, &At { state: &other, ..at }, &mut change);
+        assert_eq!(change, [14.0, 8.25]);
+    }
+}

@@ -269,4 +269,46 @@ mod tests {
         assert_eq!(found(0b100, &[-2.0]), Some((2, -1.0)));
         assert_eq!(found(0b111, &[0.0; 3]), None);
     }
+
+    /// The mean of innovations with the variance `v` and the correlation `r` of neighbours has the
+    /// variance `v (1 + r) / (1 - r)` over their number. A variance below 1 counts as 1, and the
+    /// correlation is 0 to 0.9.
+    #[test]
+    fn correlated_innovations_weigh_as_little_as_their_mean_is_uncertain() {
+        for (square, product, variance) in
+            [(2.0, 1.0, 2.0 * 3.0), (2.0, 2.0, 2.0 * 19.0), (0.25, 0.05, 1.5), (4.0, -1.0, 4.0)]
+        {
+            for sign in [1.0, -1.0] {
+                let mut charts = BiasTest::with(SAMPLES, 1).channels[0];
+                (charts.square, charts.product, charts.seen) = (square, product, BEGINNING);
+                charts.take(Time::MIN, 30.0 * sign, &[f64::INFINITY; 3]);
+                for (pair, k) in charts.charts.iter().zip(HALVES) {
+                    let expected = 30.0 / f64::sqrt(variance) - k;
+                    let [same, other] = if sign > 0.0 { *pair } else { [pair[1], pair[0]] };
+                    assert!((same.value - expected).abs() < 1e-12, "{square} {product} {sign}");
+                    assert_eq!(other.value, 0.0);
+                }
+            }
+        }
+    }
+
+    /// The first 20 innovations are left out. The charts begin anew after an alarm.
+    #[test]
+    fn a_shift_counts_the_innovations_from_its_begin_to_the_alarm() {
+        let mut charts = BiasTest::new(1).channels[0];
+        let bounds = BiasTest::new(1).bounds;
+        let alarms: Vec<(i64, Shift)> = (0..400_i64)
+            .filter_map(|k| {
+                let e = if k < 100 { 0.0 } else { 2.0 };
+                charts.take(Time::from_nanos(k), e, &bounds).map(|shift| (k, shift))
+            })
+            .collect();
+        assert!(alarms.len() > 1, "{alarms:?}");
+        let mut begin = 100;
+        for (k, shift) in alarms {
+            assert_eq!((shift.since.nanos(), i64::from(shift.count)), (begin, k - begin + 1));
+            assert!((shift.mean - 2.0).abs() < 1e-12, "{}", shift.mean);
+            begin = k + 1;
+        }
+    }
 }

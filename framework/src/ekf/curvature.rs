@@ -150,12 +150,15 @@ impl Curved {
 mod tests {
     #![allow(clippy::expect_used, reason = "a test fails by panicking")]
     use super::*;
+    use crate::Real;
     use crate::compose::Composer;
+    use crate::model::measurement::{Erased, MeasurementModel};
     use crate::model::mounting::Mounting;
     use crate::model::sensor::Purpose;
     use crate::state::manifold::Vector;
-    use crate::state::{BlockSpec, Dynamics, Mode, display};
-    use crate::units::sample::Channel;
+    use crate::state::{BlockSpec, Dynamics, Handle, Mode, View, display};
+    use crate::units::sample::{Channel, Sample, SensorId};
+    use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
     /// A check of a sample that reads column 0, whose variance was 1 at the last one.
     fn due(check: Curvature, variance: f64) -> bool {
@@ -224,5 +227,82 @@ mod tests {
         let two = finding(10.0, [5, 2]);
         assert_eq!(two.severity, Severity::DoNotUse);
         assert!(two.text.contains("uncertainty of ins.attitude and ins.position:"), "{}", two.text);
+    }
+
+    /// Second derivatives and slope at zero of the second channel.
+    const BEND: [[f64; 3]; 3] = [[0.4, -0.3, 2.0], [-0.3, 0.1, 0.5], [2.0, 0.5, -0.6]];
+    const SLOPE: [f64; 3] = [1.0, -2.0, 0.5];
+
+    /// A model of two channels, the first of which is linear.
+    struct Bent(Handle<Vector<3>>);
+
+    impl MeasurementModel<2> for Bent {
+        fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 2> {
+            let x = x.get(self.0);
+            let bend = Matrix3::from(BEND).map(nalgebra::convert::<f64, T>);
+            let slope = Vector3::from(SLOPE).map(nalgebra::convert::<f64, T>);
+            let half: T = nalgebra::convert(0.5);
+            SVector::from([x[0], slope.dot(&x) + half * x.dot(&(bend * x))])
+        }
+        fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 2, 2> {
+            SMatrix::identity()
+        }
+    }
+
+    /// With the second derivatives `A`, the second-order term `x' A x / 2` of a Gaussian `x` has the
+    /// mean `tr(A P) / 2` and the variance `tr(A P A P) / 2`, and the slope `g` gives the variance
+    /// `g' P g`.
+    #[test]
+    fn the_ratio_is_the_second_order_term_of_a_gaussian_over_the_noise() {
+        let mut composer = Composer::default();
+        composer.begin("ins");
+        let mut block = |name: &str, initial: Vec<f64>| {
+            let spec = BlockSpec {
+                mode: Mode::Estimate,
+                initial,
+                sigma: vec![1.0; 3],
+                truth: None,
+                dynamics: Dynamics::Constant,
+                display: display::VELOCITY,
+            };
+            composer.block::<Vector<3>>(name, spec).expect("a block")
+        };
+        block("other", vec![0.0; 3]);
+        let model = Erased(Bent(block("read", vec![0.3, -0.2, 0.1])));
+        let layout = composer.finish().0;
+        let state = layout.initial_state();
+        let p = Matrix3::new(1.0, 0.2, -0.1, 0.2, 0.5, 0.15, -0.1, 0.15, 2.0);
+        let mut covariance = Covariance::zero(6);
+        (0..9).for_each(|k| covariance.set(3 + k / 3, 3 + k % 3, p[(k / 3, k % 3)]));
+        let mut update = Update::with_capacity(6, 2);
+        update.columns.extend(3..6);
+        let ap = Matrix3::from(BEND) * p;
+        let (mean, variance) = (0.5 * ap.trace(), 0.5 * (ap * ap).trace());
+        for (values, r) in [(vec![1.0, 2.0], vec![0.5, 0.0, 0.0, 0.2]), (vec![2.0], vec![0.2])] {
+            let mut sample = Sample::empty(Time::default(), SensorId(0));
+            (2 - values.len()..2).zip(&values).for_each(|(c, x)| sample.set(c, *x));
+            (update.m, update.r) = (values.len(), r);
+            let at = At { layout: &layout, state: &state, sample: &sample };
+            let (mut check, mut points) = (Curvature::default(), SigmaPoints::default());
+            assert!(check.check(&mut points, &at, &model, &covariance, &update).is_none());
+            let expected = ((mean * mean + variance) / 0.2).sqrt();
+            assert!((check.ratio / expected - 1.0).abs() < 1e-11, "{}", check.ratio);
+            assert!(expected > DOUBTFUL, "the second check in a row finds it");
+            let curved = check.check(&mut points, &at, &model, &covariance, &update);
+            let curved = curved.expect("a finding");
+            assert_eq!((curved.channel, curved.columns), (1, [5, 3]));
+            assert_eq!(check.variances, [1.0, 0.5, 2.0]);
+            assert!(check.check(&mut points, &at, &model, &covariance, &update).is_none());
+            let g = Vector3::from(SLOPE) + Matrix3::from(BEND) * Vector3::new(0.3, -0.2, 0.1);
+            let slopes: f64 = points.slopes.iter().map(|s| s[1] * s[1]).sum();
+            assert!((slopes / g.dot(&(p * g)) - 1.0).abs() < 1e-11, "{slopes}");
+        }
+        // a small ratio ends the row
+        let sample = Sample::new(Time::default(), SensorId(0), &[1.0, 2.0]);
+        let at = At { layout: &layout, state: &state, sample: &sample };
+        let (mut check, mut points) = (seen(9, 5.0, 1), SigmaPoints::default());
+        (update.m, update.r) = (2, vec![1e6, 0.0, 0.0, 1e6]);
+        assert!(check.check(&mut points, &at, &model, &covariance, &update).is_none());
+        assert_eq!(check.curved, 0);
     }
 }

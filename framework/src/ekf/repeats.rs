@@ -250,4 +250,39 @@ mod tests {
             assert_eq!(repeats.judge(&spread(f64::from(k) % 9.7 + 0.3, 8.0), 0.01), None, "{k}");
         }
     }
+
+    /// A first sample of zeros has nothing before it that it could repeat.
+    #[test]
+    fn the_first_sample_is_no_repetition() {
+        let mut repeats = repeats(None, false);
+        repeats.judge(&spread(0.0, 0.0), 0.01);
+        assert_eq!(repeats.in_a_row, 0);
+        repeats.judge(&spread(0.0, 0.0), 0.01);
+        assert_eq!(repeats.in_a_row, 1);
+    }
+
+    #[test]
+    fn a_frozen_sensor_is_found_from_the_101st_sample_on_and_a_stuck_channel_from_the_1001st() {
+        let mut frozen = repeats(Some(0.01), false);
+        warm(&mut frozen, 98);
+        let found = [99, 100, 101].map(|_| frozen.judge(&spread(3.5, 4.0), 0.01));
+        assert_eq!(found, [None, None, Some((Fault::Frozen, 0b11))]);
+        let mut stuck = repeats(None, false);
+        warm(&mut stuck, 970);
+        for k in 971..1010_u32 {
+            let found = stuck.judge(&spread(f64::from(k % 7) + 0.5, 7.0), 0.01);
+            assert_eq!(found, (k > 1000).then_some((Fault::Stuck, 0b10)), "{k}");
+        }
+    }
+
+    /// A sensor is frozen after 0.5 s here, 50 samples: no channel is stuck after 25 of those.
+    #[test]
+    fn channels_that_all_stand_still_are_not_stuck_but_frozen() {
+        let mut repeats = repeats(Some(0.5), false);
+        warm(&mut repeats, 1000);
+        for k in 0..60_u32 {
+            let found = repeats.judge(&spread(3.5, 4.0), 0.01);
+            assert_eq!(found, (k >= 50).then_some((Fault::Frozen, 0b11)), "{k}");
+        }
+    }
 }

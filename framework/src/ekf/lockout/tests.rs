@@ -1,0 +1,306 @@
+use super::*;
+
+#[test]
+fn an_outlier_on_either_side_of_an_outage_causes_no_suspicion_and_a_third_one_does() {
+    let suspects = |count: u64| {
+        let worst = ("x", 0.0);
+        let (since, silence, step) = (Time::MIN, None, false);
+        let (contradicted, reported) = (false, false);
+        let streak = Streak { since, count, silence, step, contradicted, reported, worst };
+        Lockout { streak: Some(streak), ..Lockout::new(None) }.suspects()
+    };
+    assert_eq!([1, 2, 3].map(suspects), [false, false, true]);
+    assert!(!Lockout::new(None).suspects());
+}
+
+/// Findings by their severity, and events by their level, of a run.
+#[derive(Default)]
+struct Reports {
+    findings: Vec<(Severity, String)>,
+    events: Vec<(Level, String)>,
+}
+
+impl Observer for Reports {
+    fn finding(&mut self, finding: Finding) {
+        self.findings.push((finding.severity, finding.text));
+    }
+
+    fn event(&mut self, event: Event) {
+        self.events.push((event.level, event.text));
+    }
+}
+
+/// A lock-out with its recovery and what it reports.
+struct Sensor {
+    lockout: Lockout,
+    recovery: Recovery,
+    reports: Reports,
+}
+
+/// A sample that passes, and one that is gated.
+const GOOD: Evidence = Evidence { passes: true, shared: false, contradicted: None };
+const BAD: Evidence = Evidence { passes: false, shared: false, contradicted: None };
+
+impl Sensor {
+    /// A sensor of which samples with a NIS of 1 passed at 0, 1, 2 to 10 s.
+    fn new(action: Action) -> Self {
+        let recovery = Recovery { action, ..Recovery::default() };
+        let lockout = Lockout::new(None);
+        let mut sensor = Self { lockout, recovery, reports: Reports::default() };
+        for k in 0..=10 {
+            assert_eq!(sensor.judge(f64::from(k), 1.0, 1.0, GOOD), Verdict::Pass);
+        }
+        sensor
+    }
+
+    /// Judges a sample against the threshold 10.
+    fn judge(&mut self, time: f64, nis: f64, share: f64, evidence: Evidence) -> Verdict {
+        let time = Time::from_nanos((time * 1e9).round() as i64);
+        let worst = ("depth", nis);
+        let sample = Judged { sensor: "depth", time, nis, threshold: 10.0, m: 1, share, worst };
+        self.lockout.judge(&sample, evidence, &self.recovery, &mut self.reports)
+    }
+
+    /// Judges gated samples with one NIS at those times, and returns the last verdict and its time.
+    /// Those before are gated.
+    fn until(&mut self, times: impl IntoIterator<Item = f64>, nis: f64) -> (f64, Verdict) {
+        let mut found = (f64::NAN, Verdict::Gate);
+        for time in times {
+            found = (time, self.judge(time, nis, 1.0, BAD));
+            if found.1 != Verdict::Gate {
+                break;
+            }
+        }
+        found
+    }
+
+    fn severities(&self) -> Vec<Severity> {
+        self.reports.findings.iter().map(|finding| finding.0).collect()
+    }
+}
+
+/// Times from one on, a second apart.
+fn from(first: f64) -> impl Iterator<Item = f64> {
+    (0..100).map(move |k| first + f64::from(k))
+}
+
+/// The longest of the first eight intervals is the usual one; three of those, and never less than
+/// 5 s. Two samples at once have no interval.
+#[test]
+fn the_silence_is_three_usual_intervals_or_5_s_unless_given() {
+    let silence = |timeout: Option<f64>, times: &[f64]| {
+        let recovery = Recovery::default();
+        let (lockout, reports) = (Lockout::new(timeout), Reports::default());
+        let mut sensor = Sensor { lockout, recovery, reports };
+        times.iter().for_each(|&time| {
+            sensor.judge(time, 1.0, 1.0, GOOD);
+        });
+        sensor.lockout.silence()
+    };
+    assert_eq!(silence(None, &[0.0]), f64::INFINITY);
+    assert_eq!(silence(None, &[0.0, 0.0]), f64::INFINITY);
+    assert_eq!(silence(Some(7.0), &[0.0, 9.0]), 7.0);
+    assert_eq!(silence(None, &[0.0, 1.0]), 5.0);
+    let eight = [0.0, 1.0, 2.0, 3.0, 7.0, 7.0, 8.0, 9.0, 10.0];
+    assert_eq!(silence(None, &eight), 12.0);
+    assert_eq!(silence(None, &[&eight[..], &[17.0, 18.0]].concat()), 21.0, "the eighth");
+    assert_eq!(silence(None, &[&eight[..], &[11.0, 18.0]].concat()), 12.0, "the ninth");
+}
+
+/// Every sample was gated for 30 s, and there were three.
+#[test]
+fn a_gated_sample_is_accepted_after_half_a_minute_and_not_before_the_third() {
+    let accepted = |times: &[f64], nis: f64| {
+        let mut sensor = Sensor::new(Action::Accept);
+        sensor.until(times.iter().copied(), nis)
+    };
+    let seconds: Vec<f64> = from(11.0).collect();
+    assert_eq!(accepted(&seconds, 90.0), (41.0, Verdict::Pass));
+    assert_eq!(accepted(&[11.0, 51.0, 52.0], 90.0), (52.0, Verdict::Pass));
+    assert_eq!(accepted(&seconds, f64::INFINITY).1, Verdict::Gate);
+}
+
+#[test]
+fn a_lock_out_is_reported_once_and_its_fifth_sample_warned_of() {
+    let mut sensor = Sensor::new(Action::Report);
+    for k in 0..60_u32 {
+        let nis = if k == 2 { 95.0 } else { 90.0 };
+        assert_eq!(sensor.judge(11.0 + f64::from(k), nis, 1.0, BAD), Verdict::Gate);
+        assert_eq!(sensor.reports.events.len(), 1.min(k as usize / 4) + 1.min(k as usize / 30));
+    }
+    let worst = &sensor.reports.events[0];
+    assert!(worst.1.contains("5 samples") && worst.1.contains("95.0 sigma"), "{}", worst.1);
+    assert!(sensor.reports.events.iter().all(|event| event.0 == Level::Warning));
+    assert!(sensor.reports.findings.is_empty());
+    assert!(sensor.lockout.suspects() && sensor.lockout.disagrees());
+    assert_eq!(sensor.judge(71.0, 1.0, 1.0, GOOD), Verdict::Pass);
+    assert!(!sensor.lockout.suspects() && !sensor.lockout.disagrees());
+}
+
+/// The silence is longer than 5 s here. It need not be before the first gated sample.
+#[test]
+fn the_covariance_is_inflated_at_the_third_sample_after_a_silence() {
+    let mut sensor = Sensor::new(Action::Inflate);
+    assert_eq!(sensor.until(from(16.0), 90.0), (18.0, Verdict::Inflate));
+    assert_eq!(sensor.severities(), [Severity::Doubtful]);
+    let mut sensor = Sensor::new(Action::Inflate);
+    assert_eq!(sensor.until([11.0, 17.0, 18.0], 39.0), (18.0, Verdict::Inflate));
+    // 5 s are no silence, and the jump came after a gap of more than three intervals
+    let mut sensor = Sensor::new(Action::Inflate);
+    assert_eq!(sensor.until(from(15.0), 90.0), (45.0, Verdict::Inflate));
+    assert_eq!(sensor.severities(), [Severity::DoNotUse]);
+    // only the inflation is due at once
+    let mut sensor = Sensor::new(Action::Accept);
+    assert_eq!(sensor.until(from(16.0), 90.0), (46.0, Verdict::Pass));
+}
+
+/// A jump is a NIS of four times the threshold of 10, within three intervals of the last used
+/// sample.
+#[test]
+fn a_sensor_that_jumped_is_isolated_and_one_that_drifted_inflates() {
+    let found = |first: f64, nis: f64| {
+        let mut sensor = Sensor::new(Action::Inflate);
+        let verdict = sensor.until(from(first), nis).1;
+        (verdict, sensor.severities())
+    };
+    let (isolated, inflated) = (
+        (Verdict::Isolate, vec![Severity::Doubtful]),
+        (Verdict::Inflate, vec![Severity::DoNotUse]),
+    );
+    assert_eq!(found(11.0, 41.0), isolated);
+    assert_eq!(found(11.0, 39.0), inflated);
+    assert_eq!(found(13.0, 41.0), isolated);
+    assert_eq!(found(13.5, 41.0), inflated);
+}
+
+/// With the weight 1/50 the mean NIS of each channel is `2 - 0.98^n` after `n` samples with 2: the
+/// bound of a jump is 40 times that.
+#[test]
+fn a_jump_is_judged_by_the_usual_nis_of_the_samples_that_passed() {
+    for (nis, expected) in [(70.0, Verdict::Inflate), (80.0, Verdict::Isolate)] {
+        let mut sensor = Sensor::new(Action::Inflate);
+        for k in 11..=110 {
+            sensor.judge(f64::from(k), 2.0, 1.0, GOOD);
+        }
+        let usual = 2.0 - 0.98_f64.powi(100);
+        assert!((sensor.lockout.spread - usual).abs() < 1e-12, "{}", sensor.lockout.spread);
+        assert!(70.0 < 40.0 * usual && 40.0 * usual < 80.0);
+        assert_eq!(sensor.until(from(111.0), nis).1, expected, "{nis}");
+    }
+    // two channels share the NIS
+    let mut sensor = Sensor::new(Action::Inflate);
+    let (time, worst) = (Time::from_nanos(11_000_000_000), ("depth", 1.0));
+    let sample =
+        Judged { sensor: "depth", time, nis: 6.0, threshold: 10.0, m: 2, share: 1.0, worst };
+    sensor.lockout.judge(&sample, GOOD, &sensor.recovery, &mut sensor.reports);
+    assert!((sensor.lockout.spread - 1.04).abs() < 1e-12, "{}", sensor.lockout.spread);
+}
+
+/// The inflation may have adopted a wrong sensor: a jump after it may be the right one.
+#[test]
+fn after_a_lock_out_that_nothing_decided_a_jump_is_no_evidence() {
+    let mut sensor = Sensor::new(Action::Inflate);
+    assert_eq!(sensor.until(from(11.0), 39.0), (41.0, Verdict::Inflate));
+    assert_eq!(sensor.judge(42.0, 1.0, 1.0, GOOD), Verdict::Pass);
+    assert_eq!(sensor.until(from(43.0), 90.0), (73.0, Verdict::Inflate));
+    // one that a silence explained leaves the evidence
+    let mut sensor = Sensor::new(Action::Inflate);
+    assert_eq!(sensor.until(from(20.0), 39.0), (22.0, Verdict::Inflate));
+    assert_eq!(sensor.judge(23.0, 1.0, 1.0, GOOD), Verdict::Pass);
+    assert_eq!(sensor.until(from(24.0), 90.0), (54.0, Verdict::Isolate));
+}
+
+#[test]
+fn other_sensors_decide_by_their_last_word_and_by_being_gated_too() {
+    let found = |words: [Option<bool>; 2], shared: bool, nis: f64| {
+        let mut sensor = Sensor::new(Action::Inflate);
+        let judged = from(11.0).map(|time| {
+            let contradicted = words[usize::from(time > 20.0)];
+            sensor.judge(time, nis, 1.0, Evidence { passes: false, shared, contradicted })
+        });
+        judged.take(31).last()
+    };
+    assert_eq!(found([None, None], false, 39.0), Some(Verdict::Inflate));
+    assert_eq!(found([Some(true), None], false, 39.0), Some(Verdict::Isolate));
+    assert_eq!(found([Some(true), Some(false)], false, 39.0), Some(Verdict::Inflate));
+    assert_eq!(found([Some(false), Some(true)], false, 39.0), Some(Verdict::Isolate));
+    assert_eq!(found([Some(true), None], true, 90.0), Some(Verdict::Inflate));
+}
+
+/// The gate passes again where the covariance has grown. The innovation is gone below half of its
+/// size, a quarter of its square.
+#[test]
+fn a_jump_that_the_gate_passes_again_is_isolated_unless_it_has_gone() {
+    let passed = |action: Action, gated: u32, nis: f64, share: f64, shared: bool| {
+        let mut sensor = Sensor::new(action);
+        for k in 0..gated {
+            assert_eq!(sensor.judge(11.0 + f64::from(k), nis, 1.0, BAD), Verdict::Gate);
+        }
+        let verdict =
+            sensor.judge(11.0 + f64::from(gated), 5.0, share, Evidence { shared, ..GOOD });
+        assert_eq!(sensor.lockout.disagrees(), verdict == Verdict::Isolate);
+        verdict
+    };
+    assert_eq!(passed(Action::Inflate, 3, 90.0, 0.26, false), Verdict::Isolate);
+    assert_eq!(passed(Action::Inflate, 3, 90.0, 0.25, false), Verdict::Pass);
+    assert_eq!(passed(Action::Inflate, 2, 90.0, 0.26, false), Verdict::Pass);
+    assert_eq!(passed(Action::Inflate, 3, 39.0, 0.26, false), Verdict::Pass);
+    assert_eq!(passed(Action::Inflate, 3, 90.0, 0.26, true), Verdict::Pass);
+    assert_eq!(passed(Action::Accept, 3, 90.0, 0.26, false), Verdict::Pass);
+}
+
+#[test]
+fn an_isolated_sensor_is_taken_back_when_five_samples_in_a_row_agree() {
+    let mut sensor = Sensor::new(Action::Inflate);
+    assert_eq!(sensor.until(from(11.0), 90.0), (41.0, Verdict::Isolate));
+    let mut time = 41.0;
+    let mut agree = |count: u32, share: f64, evidence: Evidence| {
+        let judged = (0..count).map(|_| {
+            time += 1.0;
+            sensor.judge(time, 5.0, share, evidence)
+        });
+        judged.last()
+    };
+    assert_eq!(agree(4, 0.25, GOOD), Some(Verdict::Isolate));
+    assert_eq!(agree(1, 0.25, BAD), Some(Verdict::Isolate));
+    assert_eq!(agree(4, 0.25, GOOD), Some(Verdict::Isolate));
+    assert_eq!(agree(5, 0.26, GOOD), Some(Verdict::Isolate), "it has not gone");
+    assert_eq!(agree(4, 0.25, GOOD), Some(Verdict::Isolate));
+    assert_eq!(agree(1, 0.25, GOOD), Some(Verdict::Pass));
+    assert!(!sensor.lockout.disagrees());
+}
+
+/// The isolation begins at 41 s and lasts for 300 s at most, unless other sensors contradict.
+#[test]
+fn an_isolation_ends_after_five_minutes_where_no_other_sensor_contradicts() {
+    let mut jumped = Sensor::new(Action::Inflate);
+    assert_eq!(jumped.until(from(11.0), 90.0), (41.0, Verdict::Isolate));
+    assert_eq!(jumped.judge(340.9, 90.0, 1.0, BAD), Verdict::Isolate);
+    jumped.lockout.finish("depth", Time::MIN, &mut jumped.reports);
+    assert_eq!(jumped.severities(), [Severity::Doubtful, Severity::DoNotUse]);
+    assert_eq!(jumped.judge(341.0, f64::INFINITY, 1.0, BAD), Verdict::Isolate);
+    assert_eq!(jumped.judge(342.0, 90.0, 1.0, BAD), Verdict::Inflate);
+    assert_eq!(jumped.severities()[2..], [Severity::DoNotUse]);
+    // the sensor is used again, and a new jump is no evidence
+    assert_eq!(jumped.judge(343.0, 1.0, 1.0, GOOD), Verdict::Pass);
+    assert_eq!(jumped.until(from(344.0), 90.0), (374.0, Verdict::Inflate));
+
+    let mut wrong = Sensor::new(Action::Inflate);
+    let contradicted = Some(true);
+    let last = from(11.0).map(|t| wrong.judge(t, 39.0, 1.0, Evidence { contradicted, ..BAD }));
+    assert_eq!(last.take(31).last(), Some(Verdict::Isolate));
+    assert_eq!(wrong.judge(1000.0, 39.0, 1.0, BAD), Verdict::Isolate);
+    wrong.lockout.finish("depth", Time::MIN, &mut wrong.reports);
+    assert_eq!(wrong.severities(), [Severity::Doubtful; 2]);
+}
+
+#[test]
+fn a_sensor_that_is_gated_at_the_end_is_warned_of() {
+    let mut sensor = Sensor::new(Action::Report);
+    sensor.lockout.finish("depth", Time::MIN, &mut sensor.reports);
+    assert!(sensor.reports.events.is_empty());
+    sensor.until([11.0, 12.0], 90.0);
+    sensor.lockout.finish("depth", Time::MIN, &mut sensor.reports);
+    let [(Level::Warning, text)] = &sensor.reports.events[..] else { unreachable!() };
+    assert!(text.contains("last 2 samples"), "{text}");
+}
