@@ -12,8 +12,8 @@ use navfuse_core::state::{Block, Dynamics, Mode};
 use navfuse_core::units::time::Time;
 use std::collections::VecDeque;
 
-/// Time between two estimates that are kept, s.
-const PERIOD: f64 = 20.0;
+/// Time between two estimates that are kept.
+const PERIOD: Time = Time::from_nanos(20_000_000_000);
 /// Number of estimates that are kept.
 const KEPT: usize = 16;
 /// Move in sigma at which the result is doubtful, and at which it is useless. Of a million moves of
@@ -50,7 +50,7 @@ impl Drift {
 
     #[inline]
     pub(super) fn take(&mut self, filter: &FilterView<'_>, time: Time) -> Option<Fault> {
-        if self.kept.back().is_some_and(|last| time.since(last.time) < PERIOD) {
+        if self.kept.back().is_some_and(|last| time < last.time + PERIOD) {
             return None;
         }
         if self.has_widened(filter) {
