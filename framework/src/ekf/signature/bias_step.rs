@@ -123,19 +123,22 @@ impl BiasSteps {
     }
 
     /// Ends a span where one is due. A significant step widens the covariance, and is returned if it is
-    /// more severe than those before.
+    /// more severe than those before. `rival` is the score of another error that was found.
     pub(super) fn corrected(
         &mut self,
         time: Time,
         covariance: &mut Covariance,
         considered: &[bool],
+        rival: impl Fn() -> f64,
     ) -> Option<Step> {
         if time.since(self.span) < SPAN {
             return None;
         }
         self.span = time;
         self.effects().for_each(Effect::end_span);
-        let Some((axis, found)) = self.worst(time, covariance, considered) else {
+        let worst = self.worst(time, covariance, considered);
+        let Some((axis, found)) = worst.filter(|(_, found)| found.score.sigmas().abs() > rival())
+        else {
             self.renew(time);
             return None;
         };

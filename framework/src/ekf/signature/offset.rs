@@ -5,8 +5,10 @@
 //! before, so that the noise of the driving sensor in the innovation is not in it: `b` is then a
 //! martingale for a consistent filter.
 //!
-//! An offset may begin at any time: one sum runs from the start, and three begin again in turn.
+//! An offset may begin at any time: one sum runs from the start, and three begin again in turn. From
+//! a finding on, the covariance contains the effect of each sum that is significant.
 
+use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
 use super::score::SPAN;
 use crate::model::finding::{Basis, Finding, Severity};
@@ -37,6 +39,7 @@ pub(super) struct Offset {
     due: bool,
     span: Time,
     severity: Option<Severity>,
+    containment: Containment,
 }
 
 /// Finding about the sensor.
@@ -49,7 +52,7 @@ pub(super) fn finding(found: &Found, time: Time, sensor: &str, layout: &Layout) 
         basis: Basis::Comparison,
         text: format!(
             "since {} its samples fit a time offset of {tau:+.3} s ({:.1} sigma), which is not \
-             modelled: it has moved {}",
+             modelled: it has moved {}; the covariance contains it from now on",
             score.since,
             score.sigmas().abs(),
             found.moved(layout),
@@ -72,6 +75,7 @@ impl Offset {
             due: false,
             span: Time::MIN,
             severity: None,
+            containment: Containment::default(),
         }
     }
 
@@ -81,6 +85,11 @@ impl Offset {
 
     pub(super) fn score(&self) -> f64 {
         self.effect.score()
+    }
+
+    /// Score of an offset that was found, else 0.
+    pub(super) fn found(&self) -> f64 {
+        self.severity.map_or(0.0, |_| self.score())
     }
 
     /// Takes a sample; `present` has the channels of one of the sensor itself.
@@ -118,12 +127,14 @@ impl Offset {
         self.due = true;
     }
 
-    /// Keeps the corrected state where the next slope begins there, and returns a significant offset
-    /// that is more severe than those before. `rival` is the score of another error of the sensor.
+    /// Keeps the corrected state where the next slope begins there, and widens the covariance where it
+    /// does not contain an offset that was found. Ends a span where one is due, and returns a
+    /// significant offset that is more severe than those before. `rival` is the score of another error
+    /// of the sensor.
     pub(super) fn corrected(
         &mut self,
         state: &State,
-        (covariance, considered): (&Covariance, &[bool]),
+        (covariance, considered): (&mut Covariance, &[bool]),
         rival: impl Fn() -> f64,
     ) -> Option<Found> {
         if std::mem::take(&mut self.due) {
@@ -136,19 +147,29 @@ impl Offset {
                 base => *base = Some(state.clone()),
             }
         }
-        if state.time.since(self.span) < SPAN {
-            return None;
+        let due = state.time.since(self.span) >= SPAN;
+        let worst = due.then(|| self.worst(state.time, covariance, considered)).flatten();
+        let worst = worst.filter(|worst| worst.score.sigmas().abs() > rival());
+        let before = self.severity;
+        self.severity = before.max(worst.map(|worst| worst.severity));
+        if self.severity.is_some() {
+            let significant = |sum: &usize| self.effect.scores[*sum].sigmas().abs() >= SIGNIFICANT;
+            for sum in (0..SUMS).filter(significant) {
+                self.containment.contain((&self.effect, sum), covariance);
+            }
         }
-        self.span = state.time;
+        worst.filter(|worst| before < Some(worst.severity))
+    }
+
+    /// Ends a span, and returns the most severe offset.
+    fn worst(&mut self, time: Time, covariance: &Covariance, considered: &[bool]) -> Option<Found> {
+        self.span = time;
         self.effect.end_span();
         let worst = self.effect.worst((SIGNIFICANT, |_| true), covariance, considered);
-        if state.time.since(self.effect.newest()) >= TURN {
-            self.effect.renew(self.next, state.time);
+        if time.since(self.effect.newest()) >= TURN {
+            self.effect.renew(self.next, time);
             self.next = 1 + self.next % (SUMS - 1);
         }
-        let worst = worst.filter(|w| w.score.sigmas().abs() > rival());
-        let found = worst.filter(|w| self.severity.is_none_or(|before| before < w.severity))?;
-        self.severity = Some(found.severity);
-        Some(found)
+        worst
     }
 }

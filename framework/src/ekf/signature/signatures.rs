@@ -147,7 +147,7 @@ impl Signatures {
     }
 
     /// Follows a corrected state, and reports what it finds about the sensor, its parameters and the
-    /// biases. A step of a bias widens the covariance.
+    /// biases. The covariance contains what is found.
     pub(in crate::ekf) fn corrected<'a>(
         &mut self,
         index: usize,
@@ -157,19 +157,22 @@ impl Signatures {
         mut report: impl FnMut(Finding),
     ) {
         let time = state.time;
-        if let Some(steps) = &mut self.steps
-            && let Some(step) = steps.corrected(time, covariance, considered)
+        let Self { offsets, steps, parameters, .. } = self;
+        let found =
+            || offsets.iter().flatten().map(Offset::found).fold(parameters.found(), f64::max);
+        if let Some(steps) = steps
+            && let Some(step) = steps.corrected(time, covariance, considered, found)
         {
             report(step.finding(time, sensor(steps.sensor), layout));
         }
-        let states = (&*covariance, considered);
-        let Self { offsets, parameters, .. } = self;
+        let rival = || parameters.score(index);
         if let Some(offset) = &mut offsets[index]
-            && let Some(found) = offset.corrected(state, states, || parameters.score(index))
+            && let Some(found) = offset.corrected(state, (&mut *covariance, considered), rival)
         {
             report(offset::finding(&found, time, sensor(index), layout));
         }
         let rival = |sensor: usize| offsets[sensor].as_ref().map_or(0.0, Offset::score);
+        let states = (covariance, considered);
         if let Some(wrong) = parameters.corrected(state, layout, states, rival) {
             report(wrong.finding(state, sensor(wrong.sensor()), layout));
         }
