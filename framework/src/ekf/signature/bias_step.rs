@@ -8,6 +8,7 @@
 //! One sum runs from the start. The others begin at one minute, two, four and so on after it, since
 //! a filter needs the longer to follow a step, the longer it has learnt the constant.
 
+use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened, name};
 use super::score::SPAN;
 use crate::model::finding::{Basis, Finding, Severity};
@@ -123,31 +124,28 @@ impl BiasSteps {
     }
 
     /// Ends a span where one is due. A significant step widens the covariance, and is returned if it is
-    /// more severe than those before. `rival` is the score of another error that was found.
+    /// more severe than those before.
     pub(super) fn corrected(
         &mut self,
         time: Time,
-        covariance: &mut Covariance,
-        considered: &[bool],
-        rival: impl Fn() -> f64,
+        (covariance, considered): (&mut Covariance, &[bool]),
+        containment: &mut Containment,
     ) -> Option<Step> {
         if time.since(self.span) < SPAN {
             return None;
         }
         self.span = time;
         self.effects().for_each(Effect::end_span);
-        let worst = self.worst(time, covariance, considered);
-        let Some((axis, found)) = worst.filter(|(_, found)| found.score.sigmas().abs() > rival())
-        else {
+        let Some((axis, found)) = self.worst(time, covariance, considered) else {
             self.renew(time);
             return None;
         };
         let Axis { row, ref effect } = self.axes[axis];
         let variance = (ROOM * found.score.size()).powi(2) + found.score.variance();
         for sum in 0..SUMS {
-            covariance.widen(variance, |i| effect.s[i][sum]);
+            containment.widen(covariance, variance, |i| effect.s[i][sum]);
         }
-        covariance.widen(variance, |i| if i == row { 1.0 } else { 0.0 });
+        containment.widen(covariance, variance, |i| if i == row { 1.0 } else { 0.0 });
         self.begin(time);
         if self.severity >= Some(found.severity) {
             return None;

@@ -18,18 +18,20 @@
 use super::effect::Effect;
 use crate::state::covariance::{Covariance, cholesky, forward};
 
-/// Workspace of the test.
+/// Widening of the covariance, with the workspace of the test.
 #[derive(Clone, Default)]
 pub(super) struct Containment {
     p: Vec<f64>,
     lower: Vec<f64>,
     white: Vec<f64>,
+    /// Set by each widening.
+    pub(super) widened: bool,
 }
 
 impl Containment {
     /// Widens the covariance if it does not contain the error of a hypothesis.
     pub(super) fn contain(&mut self, (effect, sum): (&Effect, usize), covariance: &mut Covariance) {
-        let Self { p, lower, white } = self;
+        let Self { p, lower, white, .. } = self;
         let (score, n) = (&effect.scores[sum], covariance.dimension());
         let variance = score.size().powi(2) + score.variance();
         p.clear();
@@ -41,8 +43,14 @@ impl Containment {
         }
         forward(lower, n, white);
         if variance * white.iter().map(|w| w * w).sum::<f64>() > 1.0 {
-            covariance.widen(variance, |i| effect.s[i][sum]);
+            self.widen(covariance, variance, |i| effect.s[i][sum]);
         }
+    }
+
+    /// `P = P + a s s'`.
+    pub(super) fn widen(&mut self, covariance: &mut Covariance, a: f64, s: impl Fn(usize) -> f64) {
+        covariance.widen(a, s);
+        self.widened = true;
     }
 }
 
@@ -67,8 +75,10 @@ mod tests {
     }
 
     fn contained(effect: &Effect, p: [f64; 3]) -> Vec<f64> {
-        let mut covariance = covariance(p);
-        Containment::default().contain((effect, 0), &mut covariance);
+        let (mut covariance, before) = (covariance(p), covariance(p));
+        let mut containment = Containment::default();
+        containment.contain((effect, 0), &mut covariance);
+        assert_eq!(containment.widened, covariance != before);
         covariance.lower().collect()
     }
 

@@ -39,7 +39,6 @@ pub(super) struct Offset {
     due: bool,
     span: Time,
     severity: Option<Severity>,
-    containment: Containment,
 }
 
 /// Finding about the sensor.
@@ -75,7 +74,6 @@ impl Offset {
             due: false,
             span: Time::MIN,
             severity: None,
-            containment: Containment::default(),
         }
     }
 
@@ -85,11 +83,6 @@ impl Offset {
 
     pub(super) fn score(&self) -> f64 {
         self.effect.score()
-    }
-
-    /// Score of an offset that was found, else 0.
-    pub(super) fn found(&self) -> f64 {
-        self.severity.map_or(0.0, |_| self.score())
     }
 
     /// Takes a sample; `present` has the channels of one of the sensor itself.
@@ -135,6 +128,7 @@ impl Offset {
         &mut self,
         state: &State,
         (covariance, considered): (&mut Covariance, &[bool]),
+        containment: &mut Containment,
         rival: impl Fn() -> f64,
     ) -> Option<Found> {
         if std::mem::take(&mut self.due) {
@@ -155,7 +149,7 @@ impl Offset {
         if self.severity.is_some() {
             let significant = |sum: &usize| self.effect.scores[*sum].sigmas().abs() >= SIGNIFICANT;
             for sum in (0..SUMS).filter(significant) {
-                self.containment.contain((&self.effect, sum), covariance);
+                containment.contain((&self.effect, sum), covariance);
             }
         }
         worst.filter(|worst| before < Some(worst.severity))

@@ -46,7 +46,6 @@ pub(super) struct Parameters {
     severity: Option<Severity>,
     /// Components that were found to be wrong.
     found: Vec<usize>,
-    containment: Containment,
 }
 
 /// A significant error of a parameter.
@@ -122,7 +121,6 @@ impl Parameters {
             span: Time::MIN,
             severity: None,
             found: Vec::new(),
-            containment: Containment::default(),
         }
     }
 
@@ -135,12 +133,6 @@ impl Parameters {
         let scores = self.effects.iter().flat_map(|effect| &effect.scores);
         let own = self.components.iter().zip(scores).filter(|(c, _)| c.sensor == sensor);
         own.fold(0.0, |most, (_, score)| most.max(score.sigmas().abs()))
-    }
-
-    /// Score of the most significant parameter that was found to be wrong, else 0.
-    pub(super) fn found(&self) -> f64 {
-        let scores = self.found.iter().map(|k| self.effects[k / SUMS].scores[k % SUMS]);
-        scores.fold(0.0, |most, score| most.max(score.sigmas().abs()))
     }
 
     /// Adds the fixed blocks that a sensor reads.
@@ -204,6 +196,7 @@ impl Parameters {
         state: &State,
         layout: &Layout,
         (covariance, considered): (&mut Covariance, &[bool]),
+        containment: &mut Containment,
         rival: impl Fn(usize) -> f64,
     ) -> Option<Wrong> {
         let due = state.time.since(self.span) >= SPAN;
@@ -216,7 +209,7 @@ impl Parameters {
         }
         for index in &self.found {
             let hypothesis = (&self.effects[index / SUMS], index % SUMS);
-            self.containment.contain(hypothesis, covariance);
+            containment.contain(hypothesis, covariance);
         }
         let worst = worst.filter(|worst| self.severity < Some(worst.found.severity))?;
         self.severity = Some(worst.found.severity);

@@ -125,7 +125,7 @@ fn a_clock_of_the_dvl_that_steps_is_named_with_its_offset() {
         );
         let trial = bench::run(CLOCK, &[&format!("seed={seed}"), &step]);
         let finding = worst(&trial, "dvl").unwrap();
-        assert_eq!(finding.severity, Severity::DoNotUse, "{finding:?}");
+        assert!(finding.severity >= Severity::Doubtful, "{finding:?}");
         let (offset, sigmas) = time_offset(finding).unwrap();
         // the score is the offset in units of its sigma: four of them for one of three runs
         assert!(
@@ -181,6 +181,24 @@ fn a_wrong_fixed_parameter_is_named_with_the_value_that_fits() {
         // one of 16 000 is farther off than four sigma; half a unit of the last digit is 3 % of the size
         let size = fit - used;
         assert!((fit - truth).abs() < (4.0 / sigmas + 0.03) * size.abs(), "{seed}: {finding:?}");
+    }
+}
+
+/// A state is off by its sigma more in the mean, at most, so that the square of its error has a mean
+/// of two. That of six runs is above 3.6 times that of a consistent state in 1 of 700 sets of them,
+/// and was 6 and 13 before the covariance contained the errors.
+#[test]
+fn the_sigma_contains_an_error_that_goes_on_once_it_is_found() {
+    for text in [CLOCK, LEVER_ARM] {
+        let squares = (1_000_001..=1_000_006).map(|seed| {
+            let trial = bench::run(text, &["estimator.draw=all", &format!("seed={seed}")]);
+            let (largest, place) = trial.errors.final_largest();
+            // 19 states of twelve runs: one in 100 sets has a larger one
+            assert!(largest < 4.0, "{seed}: {largest} {place}");
+            trial.errors.last["dvl.scale[0]"].powi(2)
+        });
+        let mean = squares.sum::<f64>() / 6.0;
+        assert!(mean < 3.6, "{mean}");
     }
 }
 
