@@ -198,4 +198,26 @@ mod tests {
         repeats.keep(&update(2.0, 0.5), 0b100, false);
         assert_eq!((repeats.variance[2], repeats.left[2]), (6.75, 2.0));
     }
+
+    /// The prediction of the second channel moves by 7.1, and the root of its S is 2: the noise of the
+    /// first channel and their correlation have no part in it.
+    #[test]
+    fn each_channel_has_its_own_noise() {
+        let mut repeats = Repeats::default();
+        let stuck = (1..=30).find(|&k| {
+            let sample = Sample::new(Time::default(), SensorId(0), &[3.0, 4.0]);
+            let factor = repeats.take(&sample, 0b11);
+            let mut update = Update::with_capacity(2, 2);
+            update.m = 2;
+            update.innovation.extend([0.0, if k > 1 { 7.1 } else { 0.0 }]);
+            update.r.extend([100.0, -50.0, -50.0, 1.0]);
+            // S holds the noise of the repeated sample
+            update.s.extend([400.0, 0.0, 0.0, 4.0 - 1.0 + factor * factor]);
+            update.r.iter_mut().for_each(|r| *r *= factor * factor);
+            let stuck = repeats.stuck(&update, 0b11, factor);
+            repeats.keep(&update, 0b11, false);
+            stuck.is_some()
+        });
+        assert_eq!(stuck, Some(5));
+    }
 }

@@ -167,3 +167,23 @@ impl Offset {
         worst
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+
+    /// The first sum runs from the start.
+    #[test]
+    fn three_sums_begin_again_in_turn_every_two_minutes() {
+        let mut offset = Offset::new(0);
+        offset.effect.begin(Time::default());
+        let begun = [120.0, 240.0, 360.0, 480.0, 600.0].map(|at| {
+            let time = Time::from_seconds(at).unwrap();
+            offset.worst(time, &Covariance::zero(0), &[]);
+            offset.effect.scores.iter().position(|score| score.since == time)
+        });
+        assert_eq!(begun, [1, 2, 3, 1, 2].map(Some));
+        assert_eq!(offset.effect.scores[0].since, Time::default());
+    }
+}

@@ -224,6 +224,9 @@ mod tests {
             pairs(&instants, &earth, None).iter().for_each(|(a, b)| sum.add(a, b));
             worst = worst.max(sum.solve().unwrap().rotation.angle_to(&start.c_b_n).to_degrees());
             assert!(error_deg(&instants, &start, &earth) < 0.02);
+            // and once every two seconds
+            let sparse: Vec<_> = instants.into_iter().step_by(2).collect();
+            assert!(error_deg(&sparse, &start, &earth) < 0.02);
         }
         assert!(worst > 0.5, "{worst}");
     }

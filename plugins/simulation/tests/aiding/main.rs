@@ -184,21 +184,21 @@ fn a_wrong_fixed_parameter_is_named_with_the_value_that_fits() {
     }
 }
 
-/// A state is off by its sigma more in the mean, at most, so that the square of its error has a mean
-/// of two. That of six runs is above 3.6 times that of a consistent state in 1 of 700 sets of them,
-/// and was 6 and 13 before the covariance contained the errors.
+/// The covariance contains the error, so that the mean of a state's error is at most its sigma. The
+/// square then has the mean 2 and the variance 6: that of twelve runs is below 2 + 3 sqrt(6 / 12). The
+/// scale factor has 13 and 6 where the covariance does not contain the error. The largest error is
+/// that which `how-to/faults.md` promises.
 #[test]
 fn the_sigma_contains_an_error_that_goes_on_once_it_is_found() {
     for text in [CLOCK, LEVER_ARM] {
-        let squares = (1_000_001..=1_000_006).map(|seed| {
+        let squares = (1_000_001..=1_000_012).map(|seed| {
             let trial = bench::run(text, &["estimator.draw=all", &format!("seed={seed}")]);
             let (largest, place) = trial.errors.final_largest();
-            // 19 states of twelve runs: one in 100 sets has a larger one
-            assert!(largest < 4.0, "{seed}: {largest} {place}");
+            assert!(largest < 3.5, "{seed}: {largest} {place}");
             trial.errors.last["dvl.scale[0]"].powi(2)
         });
-        let mean = squares.sum::<f64>() / 6.0;
-        assert!(mean < 3.6, "{mean}");
+        let mean = squares.sum::<f64>() / 12.0;
+        assert!(mean < 4.1, "{mean}");
     }
 }
 
