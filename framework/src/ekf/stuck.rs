@@ -199,9 +199,9 @@ mod tests {
         assert_eq!((repeats.variance[2], repeats.left[2]), (6.75, 2.0));
     }
 
-    /// After 21 different samples the noise of the ninth equal one is 9/5 times that of the first, so
-    /// that the root of S without the repetition is 2, and the prediction of the second channel has
-    /// moved by 7.1. The first channel and their correlation have no part in it.
+    /// After 21 different samples the noise of the ninth equal one is 9/5 times that of the first,
+    /// so that the root of S without the repetition is 2, and the prediction of the second channel
+    /// has moved by 7.1. The first channel and their correlation have no part in it.
     #[test]
     fn each_channel_has_its_own_noise() {
         let sample = |x: f64| Sample::new(Time::default(), SensorId(0), &[x, 2.0 * x]);

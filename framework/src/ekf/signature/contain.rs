@@ -1,19 +1,19 @@
 //! Covariance that contains an error which has been found.
 //!
-//! The samples fit an error of the size `a` with the variance `v`, so that the error of the state is
-//! `e0 + a s`, where `e0` is that of a filter without it. The error does not end at the finding: `s`
-//! goes on growing, and each sample that is wrong in the same way narrows the covariance around a
-//! wrong state. So after each sample
+//! The samples fit an error of the size `a` with the variance `v`, so that the error of the state
+//! is `e0 + a s`, where `e0` is that of a filter without it. The error does not end at the finding:
+//! `s` goes on growing, and each sample that is wrong in the same way narrows the covariance around
+//! a wrong state. So after each sample
 //! ```text
 //! A s' P^-1 s <= 1,   which is   P >= A s s',        A = a^2 + v
 //! ```
-//! is restored, where it fails, by `P := P + A s s'`, after which the left side is between 1/2 and 1.
-//! `s` is the whole effect since the start, and not its growth since the last widening: increments
-//! of one error add up, where those of white noise would partly cancel.
+//! is restored, where it fails, by `P := P + A s s'`; the left side is then between one half and
+//! one. `s` is the whole effect since the start, and not its growth since the last widening:
+//! increments of one error add up, where those of white noise would partly cancel.
 //!
 //! The covariance of `e0` is at most `P`: the same gains correct both, and what is added to `P` is
-//! positive. So the mean of the NEES is `tr(P^-1 cov e0) + A s' P^-1 s <= n + 1`, and no state is off
-//! by more than its sigma in the mean.
+//! positive. So the mean of the NEES is `tr(P^-1 cov e0) + A s' P^-1 s <= n + 1`, and no state is
+//! off by more than its sigma in the mean.
 
 use super::effect::Effect;
 use crate::state::covariance::{Covariance, cholesky, forward};

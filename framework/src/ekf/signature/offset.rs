@@ -5,8 +5,8 @@
 //! before, so that the noise of the driving sensor in the innovation is not in it: `b` is then a
 //! martingale for a consistent filter.
 //!
-//! An offset may begin at any time: one sum runs from the start, and three begin again in turn. From
-//! a finding on, the covariance contains the effect of each sum that is significant.
+//! An offset may begin at any time: one sum runs from the start, and three begin again in turn.
+//! From a finding on, the covariance contains the effect of each sum that is significant.
 
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
@@ -120,10 +120,10 @@ impl Offset {
         self.due = true;
     }
 
-    /// Keeps the corrected state where the next slope begins there, and widens the covariance where it
-    /// does not contain an offset that was found. Ends a span where one is due, and returns a
-    /// significant offset that is more severe than those before. `rival` is the score of another error
-    /// of the sensor.
+    /// Keeps the corrected state where the next slope begins there, and widens the covariance where
+    /// it does not contain an offset that was found. Ends a span where one is due, and returns a
+    /// significant offset that is more severe than those before. `rival` is the score of another
+    /// error of the sensor.
     pub(super) fn corrected(
         &mut self,
         state: &State,

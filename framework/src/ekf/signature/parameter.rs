@@ -1,7 +1,7 @@
 //! Test for a wrong value of a fixed parameter of a sensor, such as its lever arm.
 //!
-//! A parameter that is off by the unit size is in the innovations of each sensor that reads it:
-//! `d = dh/dp`. It is off from the start, so that one sum is enough. From a finding on, the covariance
+//! A parameter that is off by the unit size is in the innovations of each sensor that reads it: `d
+//! = dh/dp`. It is off from the start, so that one sum is enough. From a finding on, the covariance
 //! contains its effect.
 
 use super::contain::Containment;
@@ -188,9 +188,9 @@ impl Parameters {
         }
     }
 
-    /// Widens the covariance where it does not contain the errors that were found. Ends a span where
-    /// one is due, and returns the most significant error that is more severe than those before.
-    /// `rival` is the score of another error of a sensor.
+    /// Widens the covariance where it does not contain the errors that were found. Ends a span
+    /// where one is due, and returns the most significant error that is more severe than those
+    /// before. `rival` is the score of another error of a sensor.
     pub(super) fn corrected(
         &mut self,
         state: &State,

@@ -430,7 +430,8 @@ mod tests {
         assert_eq!((sum, squares, products, count), (4.0, 14.0, -5.0, 3.0));
     }
 
-    /// The probability 0.004 of the worst of `minutes` minutes, of which one in twenty may be wrong.
+    /// The probability 0.004 of the worst of `minutes` minutes, of which one in twenty may be
+    /// wrong.
     #[test]
     fn the_worst_minute_counts_from_two_minutes_on_and_by_their_number() {
         let found = |minutes: u64, probability: f64, inside: bool| {

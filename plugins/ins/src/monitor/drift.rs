@@ -62,8 +62,8 @@ impl Drift {
         fault
     }
 
-    /// Begins again with the next estimate: the difference of two variances says nothing about a move
-    /// across a covariance that the filter has widened.
+    /// Begins again with the next estimate: the difference of two variances says nothing about a
+    /// move across a covariance that the filter has widened.
     pub(super) fn widened(&mut self) {
         self.kept.iter_mut().for_each(|kept| kept.time = Time::MIN);
     }

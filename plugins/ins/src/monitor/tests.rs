@@ -265,8 +265,8 @@ fn moved_with(settings: &[&str], sensor: usize, units: f64) -> Option<Finding> {
     moved_across(settings, (sensor, units), |_| {})
 }
 
-/// As [`moved_with`], with what the filter does meanwhile. The velocity is corrected by many times its
-/// sigma.
+/// As [`moved_with`], with what the filter does meanwhile. The velocity is corrected by many times
+/// its sigma.
 fn moved_across(
     settings: &[&str],
     (sensor, units): (usize, f64),

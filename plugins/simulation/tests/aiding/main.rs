@@ -185,9 +185,9 @@ fn a_wrong_fixed_parameter_is_named_with_the_value_that_fits() {
 }
 
 /// The covariance contains the error, so that the mean of a state's error is at most its sigma. The
-/// square then has the mean 2 and the variance 6: that of twelve runs is below 2 + 3 sqrt(6 / 12). The
-/// scale factor has 13 and 6 where the covariance does not contain the error. The largest error is
-/// that which `how-to/faults.md` promises.
+/// square then has the mean 2 and the variance 6: that of twelve runs is below 2 + 3 sqrt(6 / 12).
+/// The scale factor has 13 and 6 where the covariance does not contain the error. The largest error
+/// is that which `how-to/faults.md` promises.
 #[test]
 fn the_sigma_contains_an_error_that_goes_on_once_it_is_found() {
     for text in [CLOCK, LEVER_ARM] {
