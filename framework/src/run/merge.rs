@@ -8,15 +8,25 @@ use crate::run::runner::RunError;
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
 
+const NO_SAMPLE: Sample = Sample::empty(Time::MIN, SensorId(0));
+
 /// The sources of a run.
 pub(crate) struct Merge {
     sources: Vec<NamedSource>,
-    /// The next sample of each source, with the time of its arrival.
-    heads: Vec<Option<(Time, Sample)>>,
+    heads: Vec<Head>,
     /// Events that the sources announced, the last one first.
     schedule: Vec<Event>,
     /// For each sensor, true for a reference.
     references: Vec<bool>,
+}
+
+/// The next sample of a source.
+#[derive(Clone)]
+struct Head {
+    sample: Sample,
+    arrival: Time,
+    /// Set while the source has samples.
+    open: bool,
 }
 
 impl Merge {
@@ -24,7 +34,8 @@ impl Merge {
         let mut schedule: Vec<Event> = sources.iter().flat_map(|(_, s)| s.schedule()).collect();
         schedule.sort_by_key(|e| std::cmp::Reverse(e.time));
         let references = sensors.iter().map(|s| s.purpose == Purpose::Reference).collect();
-        Self { heads: vec![None; sources.len()], sources, schedule, references }
+        let head = Head { sample: NO_SAMPLE, arrival: Time::MIN, open: false };
+        Self { heads: vec![head; sources.len()], sources, schedule, references }
     }
 
     /// Logs the scheduled events up to a time.
@@ -52,18 +63,17 @@ impl Merge {
 
     /// Reads the next sample of a source.
     pub(crate) fn advance(&mut self, k: usize) -> Result<(), RunError> {
-        let (name, source) = &mut self.sources[k];
-        let mut sample = Sample::empty(Time::MIN, SensorId(0));
+        let ((name, source), head) = (&mut self.sources[k], &mut self.heads[k]);
+        head.sample = NO_SAMPLE;
         let failed = |error| RunError::Source { source_name: name.clone(), error };
-        let more = source.next(&mut sample).map_err(failed)?;
-        let (found, count) = (sample.sensor.0, self.references.len());
+        head.open = source.next(&mut head.sample).map_err(failed)?;
+        let (found, count) = (head.sample.sensor.0, self.references.len());
         if found >= count {
             return Err(failed(StreamError::format(format!(
                 "a sample has the sensor number {found}, but the scenario has {count} sensors"
             ))));
         }
-        let arrival = self.sources[k].1.arrival().unwrap_or(sample.time);
-        self.heads[k] = more.then_some((arrival, sample));
+        head.arrival = source.arrival().unwrap_or(head.sample.time);
         Ok(())
     }
 
@@ -72,10 +82,14 @@ impl Merge {
     /// except that a running filter takes references last: the truth is compared with the estimate
     /// that has used every other sample of that time.
     pub(crate) fn first(&self, running: bool) -> Option<(Sample, usize)> {
-        let heads = self.heads.iter().enumerate().filter_map(|(k, h)| h.as_ref().map(|h| (h, k)));
-        heads
-            .min_by_key(|((arrival, h), k)| (*arrival, running && self.references[h.sensor.0], *k))
-            .map(|((_, h), k)| (*h, k))
+        let mut first = None;
+        for (k, head) in self.heads.iter().enumerate().filter(|(_, head)| head.open) {
+            let order = (head.arrival, running && self.references[head.sample.sensor.0]);
+            if first.is_none_or(|(least, _)| order < least) {
+                first = Some((order, k));
+            }
+        }
+        first.map(|(_, k)| (self.heads[k].sample, k))
     }
 
     /// Logs the warnings that the sources give after their last sample.

@@ -55,7 +55,11 @@ fn turn_rows(j: &[f64], g: &mut [f64], stride: usize) {
         let mut turned = [[0.0; COLUMNS]; MAX_TANGENT];
         for (j, turned) in j.chunks_exact(g.len() / stride).zip(&mut turned) {
             for (j, g) in j.iter().zip(g.chunks_exact(stride)) {
-                turned.iter_mut().zip(&g[from..from + count]).for_each(|(t, g)| *t += j * g);
+                // a whole group is compiled without a loop
+                match g[from..].first_chunk::<COLUMNS>() {
+                    Some(g) => turned.iter_mut().zip(g).for_each(|(t, g)| *t += j * g),
+                    None => turned.iter_mut().zip(&g[from..]).for_each(|(t, g)| *t += j * g),
+                }
             }
         }
         for (g, turned) in g.chunks_exact_mut(stride).zip(&turned) {
@@ -169,10 +173,11 @@ impl Layout {
             let (v, a) =
                 (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());
             let by = Vector3::z().cross(&Vector3::from_column_slice(&delta[v.clone()]));
-            for (row, by) in v.zip(by.iter()) {
-                for j in 0..stride {
-                    g[row * stride + j] += by * g[(a.start + 2) * stride + j];
-                }
+            let row = |row: usize| row * stride..(row + 1) * stride;
+            for (v, by) in v.zip(by.iter()) {
+                let rows = g.get_disjoint_mut([row(v), row(a.start + 2)]);
+                let Ok([to, heading]) = rows else { continue };
+                to.iter_mut().zip(heading).for_each(|(to, heading)| *to += by * *heading);
             }
         }
         let mut jacobian = [0.0; MAX_TANGENT * MAX_TANGENT];

@@ -217,8 +217,9 @@ struct SensorStream<P: Piece> {
     kind: Simulated,
     /// Input models of the sensor.
     correction: Option<Arc<Correction>>,
-    /// Number of the next time, and of the next observation of this time.
+    /// Number of the next time, the time before it, and the number of the next observation.
     count: i64,
+    before: Time,
     observation: usize,
     /// Largest number of observations of one time.
     observations: usize,
@@ -239,7 +240,7 @@ impl<P: Piece> SensorStream<P> {
     ) -> Self {
         let name = &composition.sensors[index].info.name;
         let truth = TrueState::of(composition);
-        Self {
+        let mut stream = Self {
             layout: Arc::clone(&composition.layout),
             processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
             lag: composition.sensors[index].time_offset.map(|offset| (offset, truth.clone())),
@@ -253,6 +254,7 @@ impl<P: Piece> SensorStream<P> {
             correction: composition.sensors[index].correction.clone(),
             // an integrating sensor's first sample covers the first interval
             count: i64::from(matches!(kind, Simulated::Driving(_))),
+            before: Time::MIN,
             observation: 0,
             observations: match &kind {
                 Simulated::Measuring(model) => model.observations(),
@@ -262,7 +264,9 @@ impl<P: Piece> SensorStream<P> {
             kind,
             end,
             schedule: Vec::new(),
-        }
+        };
+        stream.before = stream.time(stream.count - 1);
+        stream
     }
 
     /// Announces the parts of the trajectory in the log, once: with the driving sensor.
@@ -307,7 +311,7 @@ impl<P: Piece> SensorStream<P> {
 impl<P: Piece> Source for SensorStream<P> {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
         loop {
-            let (from, to) = (self.time(self.count - 1), self.time(self.count));
+            let (from, to) = (self.before, self.time(self.count));
             if to > self.end {
                 return Ok(false);
             }
@@ -317,6 +321,7 @@ impl<P: Piece> Source for SensorStream<P> {
             if self.observation >= self.observations {
                 self.observation = 0;
                 self.count += 1;
+                self.before = to;
             }
             *sample = Sample::empty(to, self.sensor);
             // a sample that lags holds the motion of an earlier time

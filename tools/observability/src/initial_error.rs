@@ -18,6 +18,7 @@
 
 use navfuse_core::state::Layout;
 use navfuse_core::state::covariance::{Chain, Transition, Update};
+use pulp::{Arch, Simd, WithSimd};
 
 /// Fixed-point smoother of the initial error. Rows are indices of the error state, columns are
 /// components of the initial error in units of their prior.
@@ -34,7 +35,10 @@ pub struct InitialError {
     alone: Vec<f64>,
     /// Transitions that `G` and `F` have not taken yet.
     chain: Chain,
+    /// Work space.
     rows: Vec<f64>,
+    lower: Lower,
+    processor: Arch,
 }
 
 impl InitialError {
@@ -59,6 +63,8 @@ impl InitialError {
             alone: vec![0.0; n],
             chain: Chain::default(),
             rows: Vec::new(),
+            lower: Lower::default(),
+            processor: Arch::new(),
         }
     }
 
@@ -80,46 +86,48 @@ impl InitialError {
     /// variance of each component.
     pub fn correction(&mut self, layout: &Layout, update: &Update, reduction: &mut [f64]) {
         self.settle();
-        let (n, m, stride) = (self.n, update.m, self.stride);
-        let (s, r) = (Lower::of(&update.s, m), Lower::of(&update.r, m));
-        let mut rows = std::mem::take(&mut self.rows);
+        let processor = self.processor;
+        processor.dispatch(Correction { error: self, update, reduction });
+        self.reset(layout, &update.delta);
+    }
+
+    #[inline(always)]
+    fn correct<S: Simd>(&mut self, simd: S, update: &Update, reduction: &mut [f64]) {
+        let Self { n, stride, maps, left, alone, rows, lower, .. } = self;
+        let (m, stride) = (update.m, *stride);
         // H G in the first half of each row, H F in the second
-        read(update, &self.maps, 2 * stride, &mut rows);
-        if let Some(r) = r {
-            r.solve(&mut rows, 2 * stride, stride);
+        read(simd, update, maps, 2 * stride, rows);
+        if lower.factorise(&update.r, m) {
+            lower.solve(simd, rows, 2 * stride, stride);
             // diagonal of F' H' R^-1 H F
             for row in rows.chunks_exact(2 * stride) {
-                self.alone.iter_mut().zip(&row[stride..]).for_each(|(sum, y)| *sum += y * y);
+                alone.iter_mut().zip(&row[stride..]).for_each(|(sum, y)| *sum += y * y);
             }
         }
         // G+ = G- - K (H G-)
-        let gains = update.gain().chunks_exact(m);
-        for (g, k) in self.maps.chunks_exact_mut(2 * stride).zip(gains) {
+        for (g, k) in maps.chunks_exact_mut(2 * stride).zip(update.gain().chunks_exact(m)) {
             for (k, row) in k.iter().zip(rows.chunks_exact(2 * stride)).filter(|(k, _)| **k != 0.0)
             {
-                g[..stride].iter_mut().zip(row).for_each(|(g, y)| *g -= k * y);
+                add(simd, &mut g[..stride], -k, &row[..stride]);
             }
         }
-        self.reset(layout, &update.delta);
-        if let Some(s) = s {
-            s.solve(&mut rows, 2 * stride, 0);
+        if lower.factorise(&update.s, m) {
+            lower.solve(simd, rows, 2 * stride, 0);
             for (i, reduction) in reduction.iter_mut().enumerate() {
-                *reduction = self.left[i * n + i];
+                *reduction = left[i * *n + i];
             }
             // M+ = M - Y' Y with Y = L_S^-1 H G- and S = L_S L_S'
             for y in rows.chunks_exact(2 * stride) {
-                for (i, left) in self.left.chunks_exact_mut(n).enumerate() {
-                    let by = y[i];
-                    left.iter_mut().zip(y).for_each(|(l, y)| *l -= by * y);
+                for (left, by) in left.chunks_exact_mut(*n).zip(y) {
+                    add(simd, left, -by, &y[..*n]);
                 }
             }
             for (i, reduction) in reduction.iter_mut().enumerate() {
-                let left = &mut self.left[i * n + i];
+                let left = &mut left[i * *n + i];
                 *left = left.max(SMALLEST);
                 *reduction = (*reduction / *left).max(1.0);
             }
         }
-        self.rows = rows;
     }
 
     /// Expresses the present error relative to the state with an injected error.
@@ -146,58 +154,88 @@ impl InitialError {
     }
 }
 
+/// A correction, compiled for any processor and for one with AVX2.
+struct Correction<'a> {
+    error: &'a mut InitialError,
+    update: &'a Update,
+    reduction: &'a mut [f64],
+}
+
+impl WithSimd for Correction<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.error.correct(simd, self.update, self.reduction);
+    }
+}
+
 /// Smallest remaining share of a prior variance; below it, rounding errors dominate (20 bits).
 const SMALLEST: f64 = 1e-12;
 
+/// Adds a multiple of a row to another one of its length.
+#[inline(always)]
+fn add<S: Simd>(simd: S, to: &mut [f64], factor: f64, row: &[f64]) {
+    let ((to, to_rest), (row, rest)) = (S::as_mut_simd_f64s(to), S::as_simd_f64s(row));
+    let factors = simd.splat_f64s(factor);
+    for (to, row) in to.iter_mut().zip(row) {
+        *to = simd.add_f64s(*to, simd.mul_f64s(factors, *row));
+    }
+    to_rest.iter_mut().zip(rest).for_each(|(to, row)| *to += factor * row);
+}
+
 /// Computes `H X`, with rows of the stride.
-fn read(update: &Update, x: &[f64], stride: usize, out: &mut Vec<f64>) {
+#[inline(always)]
+fn read<S: Simd>(simd: S, update: &Update, x: &[f64], stride: usize, out: &mut Vec<f64>) {
     let w = update.columns.len();
     out.clear();
     out.resize(update.m * stride, 0.0);
     for (row, h) in out.chunks_exact_mut(stride).zip(update.h.chunks_exact(w.max(1))) {
         for (&column, &h) in update.columns.iter().zip(h).filter(|(_, h)| **h != 0.0) {
-            row.iter_mut().zip(&x[column * stride..][..stride]).for_each(|(y, x)| *y += h * x);
+            add(simd, row, h, &x[column * stride..][..stride]);
         }
     }
 }
 
-/// Cholesky factor of a small matrix, on the stack.
+/// Cholesky factor of a small matrix.
+#[derive(Clone, Debug, Default)]
 struct Lower {
     m: usize,
-    l: [f64; MAX * MAX],
+    l: Vec<f64>,
 }
 
-const MAX: usize = navfuse_core::units::sample::MAX_CHANNELS;
-
 impl Lower {
-    /// Factorises a matrix; `None` if it is not positive definite.
-    fn of(a: &[f64], m: usize) -> Option<Self> {
-        let mut l = [0.0; MAX * MAX];
+    /// Factorises a matrix; `false` if it is not positive definite.
+    #[inline(always)]
+    fn factorise(&mut self, a: &[f64], m: usize) -> bool {
+        self.m = m;
+        self.l.resize(m * m, 0.0);
+        let l = &mut self.l[..m * m];
         for i in 0..m {
             for j in 0..=i {
-                let sum: f64 = (0..j).map(|k| l[i * MAX + k] * l[j * MAX + k]).sum();
+                let sum: f64 = (0..j).map(|k| l[i * m + k] * l[j * m + k]).sum();
                 let rest = a[i * m + j] - sum;
-                l[i * MAX + j] = if i == j { rest.sqrt() } else { rest / l[j * MAX + j] };
+                l[i * m + j] = if i == j { rest.sqrt() } else { rest / l[j * m + j] };
             }
-            if l[i * MAX + i].is_nan() || l[i * MAX + i] <= 0.0 {
-                return None;
+            if l[i * m + i].is_nan() || l[i * m + i] <= 0.0 {
+                return false;
             }
         }
-        Some(Self { m, l })
+        true
     }
 
     /// Computes `L^-1 X` in place, in the second or the first half of rows of a length: the columns
     /// `from` on, as many as half a row has.
-    fn solve(&self, x: &mut [f64], length: usize, from: usize) {
+    #[inline(always)]
+    fn solve<S: Simd>(&self, simd: S, x: &mut [f64], length: usize, from: usize) {
         let columns = from..from + length / 2;
-        for i in 0..self.m {
+        for (i, l) in self.l.chunks_exact(self.m).enumerate() {
             let (done, rest) = x.split_at_mut(i * length);
             let row = &mut rest[columns.clone()];
-            for (k, before) in done.chunks_exact(length).enumerate() {
-                let l = self.l[i * MAX + k];
-                row.iter_mut().zip(&before[columns.clone()]).for_each(|(y, b)| *y -= l * b);
+            for (l, before) in l.iter().zip(done.chunks_exact(length)) {
+                add(simd, row, -l, &before[columns.clone()]);
             }
-            let d = self.l[i * MAX + i];
+            let d = l[i];
             row.iter_mut().for_each(|y| *y /= d);
         }
     }

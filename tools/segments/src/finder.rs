@@ -1,7 +1,8 @@
 //! The finder of segments.
 
+use crate::attitude::rotation;
 use crate::{Attitude, AttitudeStart, Recording, SegmentError};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use std::ops::Range;
 
@@ -193,8 +194,7 @@ fn bins_of(
         let (mut rate, mut force, mut dt) = (Vector3::zeros(), Vector3::zeros(), 0.0);
         while k < last && imu.time[k] - 0.5 * imu.value[k].dt < end {
             let s = &imu.value[k];
-            let middle = attitude.c_b_n[k]
-                * UnitQuaternion::from_scaled_axis(attitude.w_nb_b[k] * (-0.5 * s.dt));
+            let middle = attitude.c_b_n[k] * rotation(attitude.w_nb_b[k] * (-0.5 * s.dt));
             rate += attitude.w_nb_b[k] * s.dt;
             force += middle * s.force * s.dt;
             dt += s.dt;

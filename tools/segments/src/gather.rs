@@ -245,24 +245,30 @@ impl<'a> Builder<'a> {
             self.layout.find(&format!("{name}.time_offset")).map_or(0.0, |b| b.spec.initial[0]);
         let rates = imu.samples.clone_rates();
         let nominal = probe.beams(model, &no_sample);
+        // a sample with the speed of sound has beams of its own
+        let sound = sensor.info.channels.len() > model.channels();
+        let (mut present, mut channels, mut inverse) = (Vec::new(), None, None);
         for sample in &self.samples[index] {
-            // a sample with the speed of sound has beams of its own
-            let sound = sensor.info.channels.len() > model.channels();
-            let beams = if sound { probe.beams(model, sample) } else { nominal.clone() };
-            let present: Vec<usize> =
-                (0..model.channels()).filter(|i| sample.get(*i).is_some()).collect();
-            let Some(inverse) = pseudo_inverse(&beams, &present) else { continue };
+            if sound || channels != Some(sample.present()) {
+                channels = Some(sample.present());
+                present = (0..model.channels()).filter(|i| sample.get(*i).is_some()).collect();
+                inverse = match sound {
+                    true => pseudo_inverse(&probe.beams(model, sample), &present),
+                    false => pseudo_inverse(&nominal, &present),
+                };
+            }
+            let Some(inverse) = &inverse else { continue };
             let z = DVector::from_iterator(
                 present.len(),
                 present.iter().filter_map(|i| sample.get(*i)),
             );
-            let y = &inverse * z;
+            let y = inverse * z;
             let time = sample.time.since(self.zero) - lag;
             let around = rates.at(time).map_or_else(Vector3::zeros, |w| w.cross(&lever_arm));
             let y = Vector3::new(y[0], y[1], y[2]) - initial.c_b_d * around * initial.k;
             values.push(time, y);
             if covariance.is_none() && present.len() == model.channels() {
-                let r = &inverse * self.noise(model, sample) * inverse.transpose();
+                let r = inverse * self.noise(model, sample) * inverse.transpose();
                 covariance = Some(Matrix3::from_fn(|i, j| r[(i, j)]));
             }
         }

@@ -66,7 +66,23 @@ impl<T> Series<T> {
     /// of the interval to the next sample. Times outside the series have the first or the last
     /// sample. `None` if the series is empty.
     pub(crate) fn place(&self, time: f64) -> Option<(usize, f64)> {
-        let after = self.time.partition_point(|t| *t <= time);
+        self.place_after(self.time.partition_point(|t| *t <= time), time)
+    }
+
+    /// As [`Self::place`], for times of which each is near the one before. `after` is the number of
+    /// samples until the last such time, and then until this one.
+    pub(crate) fn place_near(&self, after: &mut usize, time: f64) -> Option<(usize, f64)> {
+        while *after > 0 && self.time.get(*after - 1).is_none_or(|t| *t > time) {
+            *after -= 1;
+        }
+        while self.time.get(*after).is_some_and(|t| *t <= time) {
+            *after += 1;
+        }
+        self.place_after(*after, time)
+    }
+
+    /// The place of a time with that many samples until it.
+    fn place_after(&self, after: usize, time: f64) -> Option<(usize, f64)> {
         match (after, self.time.len()) {
             (_, 0) => None,
             (0, _) => Some((0, 0.0)),
@@ -80,9 +96,13 @@ impl Series<nalgebra::Vector3<f64>> {
     /// Returns the value at a time, interpolated linearly and held before the first and after the
     /// last sample; `None` if the series is empty.
     pub fn at(&self, time: f64) -> Option<nalgebra::Vector3<f64>> {
-        let (k, share) = self.place(time)?;
+        self.place(time).map(|place| self.value_at(place))
+    }
+
+    /// Returns the value at a place of [`Self::place`].
+    pub(crate) fn value_at(&self, (k, share): (usize, f64)) -> nalgebra::Vector3<f64> {
         let here = self.value[k];
-        Some(if share > 0.0 { here + (self.value[k + 1] - here) * share } else { here })
+        if share > 0.0 { here + (self.value[k + 1] - here) * share } else { here }
     }
 
     /// Returns the mean of the values from `from` to `to`, s, and their number.
@@ -90,5 +110,23 @@ impl Series<nalgebra::Vector3<f64>> {
         let range = self.within(from, to);
         let n = range.len();
         (n > 0).then(|| (self.value[range].iter().sum::<nalgebra::Vector3<f64>>() / n as f64, n))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_place_near_another_time_is_that_of_the_search() {
+        let mut series = Series::new("velocity");
+        (0..20).for_each(|k| series.push(f64::from(k * k), k));
+        // forward, backward, and with jumps, also outside of the series and at its samples
+        let times = (-20..800).chain((-20..800).rev()).chain((0..800).map(|k| (k * 577) % 800));
+        let mut after = 0;
+        for time in times.map(|t| 0.5 * f64::from(t)) {
+            assert_eq!(series.place_near(&mut after, time), series.place(time), "{time}");
+        }
+        assert_eq!(Series::<f64>::new("none").place_near(&mut 3, 1.0), None);
     }
 }

@@ -125,7 +125,8 @@ impl Bands {
                 // as much at once as fits into the registers, without a single lane at the end
                 at += match (band.height, lanes - at) {
                     (3, 1) => strip.sum::<3, 1>(out),
-                    (3, 2 | 4) => strip.sum::<3, 2>(out),
+                    (3, 2) => strip.sum::<3, 2>(out),
+                    (3, 4) => strip.sum::<3, 4>(out),
                     (3, _) => strip.sum::<3, 3>(out),
                     (_, 1) => strip.sum::<1, 1>(out),
                     (_, 2) => strip.sum::<1, 2>(out),
