@@ -16,6 +16,7 @@
 //! off by more than its sigma in the mean.
 
 use super::effect::Effect;
+use crate::model::finding::Finding;
 use crate::state::covariance::{Covariance, cholesky, forward};
 
 /// Widening of the covariance, with the workspace of the test.
@@ -26,11 +27,30 @@ pub(super) struct Containment {
     white: Vec<f64>,
     /// Set by each widening.
     pub(super) widened: bool,
+    /// Set where an alignment looks for the initial values: until it has found them the state may be
+    /// far off, and the effect of an error is not linear.
+    searched: bool,
 }
 
 impl Containment {
+    /// Containment of the errors of a filter whose initial values an alignment looks for, or not.
+    pub(super) fn new(searched: bool) -> Self {
+        Self { searched, ..Self::default() }
+    }
+
+    /// A finding, which states where the covariance contains the error.
+    pub(super) fn noted(&self, mut finding: Finding) -> Finding {
+        if !self.searched {
+            finding.text.push_str("; the covariance contains it from now on");
+        }
+        finding
+    }
+
     /// Widens the covariance if it does not contain the error of a hypothesis.
     pub(super) fn contain(&mut self, (effect, sum): (&Effect, usize), covariance: &mut Covariance) {
+        if self.searched {
+            return;
+        }
         let Self { p, lower, white, .. } = self;
         let (score, n) = (&effect.scores[sum], covariance.dimension());
         let variance = score.size().powi(2) + score.variance();
@@ -100,6 +120,13 @@ mod tests {
         let p = contained(&effect([0.1, -0.1]), [1.0, 0.98, 1.0]);
         let expected = [1.0925, 0.8875, 1.0925];
         assert!(p.iter().zip(expected).all(|(p, e)| (p - e).abs() < 1e-12), "{p:?}");
+    }
+
+    #[test]
+    fn the_covariance_stays_where_an_alignment_looks_for_the_initial_values() {
+        let mut p = covariance([1.0, 0.0, 4.0]);
+        Containment::new(true).contain((&effect([1.0, -2.0]), 0), &mut p);
+        assert_eq!(p, covariance([1.0, 0.0, 4.0]));
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub(super) fn finding(found: &Found, time: Time, sensor: &str, layout: &Layout) 
         basis: Basis::Comparison,
         text: format!(
             "since {} its samples fit a time offset of {tau:+.3} s ({:.1} sigma), which is not \
-             modelled: it has moved {}; the covariance contains it from now on",
+             modelled: it has moved {}",
             score.since,
             score.sigmas().abs(),
             found.moved(layout),

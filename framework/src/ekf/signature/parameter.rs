@@ -90,8 +90,7 @@ impl Wrong {
             severity: found.severity,
             basis: Basis::Comparison,
             text: format!(
-                "its samples fit {} for {}, which is fixed at {} ({:.1} sigma): this has moved {}; \
-                 the covariance contains it from now on",
+                "its samples fit {} for {}, which is fixed at {} ({:.1} sigma): this has moved {}",
                 with_unit(shown(size)).trim_end(),
                 name.trim_end(),
                 with_unit(shown(0.0)).trim_end(),

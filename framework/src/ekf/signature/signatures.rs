@@ -73,7 +73,9 @@ impl Signatures {
         let places: Vec<_> = places.map(|(&(i, j), one)| (i, j, one)).collect();
         let changes = Vec::with_capacity(places.len());
         let parameters = Parameters::new(tested, layout);
-        let (settled, time, containment) = (Time::MIN, Time::MIN, Containment::default());
+        let (settled, time) = (Time::MIN, Time::MIN);
+        let searched = composition.processes.iter().any(|process| process.alignment.is_some());
+        let containment = Containment::new(searched);
         Some(Self {
             offsets,
             steps,
@@ -180,12 +182,12 @@ impl Signatures {
         if let Some(offset) = &mut offsets[index]
             && let Some(found) = offset.corrected(state, states, containment, rival)
         {
-            report(offset::finding(&found, time, sensor(index), layout));
+            report(containment.noted(offset::finding(&found, time, sensor(index), layout)));
         }
         let states = (covariance, considered);
         let rival = |sensor: usize| offsets[sensor].as_ref().map_or(0.0, Offset::score);
         if let Some(wrong) = parameters.corrected(state, layout, states, containment, rival) {
-            report(wrong.finding(state, sensor(wrong.sensor()), layout));
+            report(containment.noted(wrong.finding(state, sensor(wrong.sensor()), layout)));
         }
         std::mem::take(&mut containment.widened)
     }
