@@ -1,7 +1,6 @@
 //! A sink on a thread of its own, beside the same sink on the thread of the run.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use nalgebra::DMatrix;
 use navfuse_core::model::record::{Epoch, Event, Repetition, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, Source, StreamError};
 use navfuse_core::model::verdict::Verdict;
@@ -31,9 +30,6 @@ impl Source for List {
     }
 }
 
-/// Number of error states, and of room for them in a matrix that a transition carries.
-const TANGENT: usize = 4;
-
 /// Keeps every record that it receives, as a line.
 #[derive(Clone)]
 struct Witness {
@@ -43,36 +39,16 @@ struct Witness {
     fails_at: usize,
     /// Holds the sink up while the test holds the lock.
     still: Arc<Mutex<()>>,
-    /// Each transition: the number of other records before it that are no samples, its `Phi` and
-    /// its `Q`.
-    transitions: Arc<Mutex<Vec<Passage>>>,
-    others: Arc<Mutex<usize>>,
-}
-
-type Passage = (usize, DMatrix<f64>, DMatrix<f64>);
-
-/// The product of the transitions between two records, and the sum of their noise.
-fn passages(witness: &Witness) -> Vec<Passage> {
-    let mut passages: Vec<Passage> = Vec::new();
-    for (at, phi, q) in witness.transitions.lock().unwrap().iter() {
-        match passages.last_mut().filter(|last| last.0 == *at) {
-            Some(last) => (last.1, last.2) = (phi * &last.1, &last.2 + q),
-            None => passages.push((*at, phi.clone(), q.clone())),
-        }
-    }
-    passages
 }
 
 impl Witness {
     fn new() -> Self {
         let (lines, still) = (Arc::default(), Arc::default());
-        let (transitions, others) = (Arc::default(), Arc::default());
-        Self { lines, newest: false, fails_at: usize::MAX, still, transitions, others }
+        Self { lines, newest: false, fails_at: usize::MAX, still }
     }
 
     fn add(&self, line: String) -> Result<(), StreamError> {
         drop(self.still.lock().unwrap());
-        *self.others.lock().unwrap() += usize::from(!line.starts_with("Sample"));
         let mut lines = self.lines.lock().unwrap();
         lines.push(line);
         if lines.len() == self.fails_at {
@@ -117,13 +93,11 @@ impl Sink for Witness {
         self.add(format!("{update:?}"))
     }
     fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
-        let (phi, q) = (transition.phi_dense(TANGENT), transition.noise_dense(TANGENT));
-        // as a tool that follows the error uses it
-        let mut carried = DMatrix::<f64>::identity(TANGENT, TANGENT);
-        transition.carry(carried.as_mut_slice(), TANGENT, &mut Vec::new());
-        assert_eq!(carried.transpose(), phi);
-        self.transitions.lock().unwrap().push((*self.others.lock().unwrap(), phi, q));
-        Ok(())
+        let phi: Vec<_> = transition.elements().collect();
+        let q: Vec<_> = transition.noise_elements().collect();
+        let mut carried: Vec<f64> = (0..64).map(f64::from).collect();
+        transition.carry(&mut carried, 4, &mut Vec::new());
+        self.add(format!("transition {phi:?} {q:?} {carried:?}"))
     }
     fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
         let Update { m, columns, read, h, innovation, r, s, delta, .. } = update;
@@ -180,8 +154,8 @@ fn the_sink_receives_every_record_of_the_run_in_order() {
     let smoothed: &[&str] = &["estimator.smooth=true"];
     let late: &[&str] = &["sensor.fix.late=\"2 s\""];
     for (settings, kinds) in [
-        (plain, &["Sample", "epoch", "Gated", "correction", "Event"][..]),
-        (smoothed, &["filtered", "epoch", "correction"]),
+        (plain, &["Sample", "epoch", "Gated", "transition", "correction", "Event"][..]),
+        (smoothed, &["filtered", "epoch", "transition", "correction"]),
         (late, &["newest", "epoch", "Sample"]),
     ] {
         let (mut here, mut there) = (Witness::new(), Witness::new());
@@ -193,14 +167,6 @@ fn the_sink_receives_every_record_of_the_run_in_order() {
         assert_eq!(finished.recorded.len(), 2);
         let lines = here.lines();
         assert_eq!(lines, there.lines());
-        let [exact, sums] = [&here, &there].map(passages);
-        assert!(exact.len() > 100 && exact.len() == sums.len());
-        for (exact, sum) in exact.iter().zip(&sums) {
-            assert_eq!(exact.0, sum.0);
-            // half the square of 3e-3, as in `run/background/sum.rs`, and rounding of the noise
-            assert!((&exact.1 - &sum.1).amax() < 5e-6, "{} {}", exact.1, sum.1);
-            assert!((&exact.2 - &sum.2).amax() < 1e-12 * exact.2.amax(), "{} {}", exact.2, sum.2);
-        }
         for kind in kinds {
             assert!(lines.iter().any(|line| line.contains(kind)), "no {kind} with {settings:?}");
         }
@@ -275,9 +241,9 @@ fn a_sink_that_stands_still_makes_the_run_wait_with_few_records_in_memory() {
             }
         }
         let received = lines.lock().unwrap().len();
-        // batches of 1024 records: four in the queue, one that the sink has, one that is filled, and
+        // batches of 256 records: four in the queue, one that the sink has, one that is filled, and
         // one that waits for its place in the queue; a sample makes no more than ten records
-        assert!(*count < received + 7 * 1024, "{count} samples taken, {received} records received");
+        assert!(*count < received + 7 * 256, "{count} samples taken, {received} records received");
         assert!(*count < 100_000);
         drop((count, held));
         assert!(running.join().unwrap().error.is_none());

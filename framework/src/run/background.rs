@@ -1,7 +1,6 @@
 //! A sink that works on a thread of its own, while the filter goes on.
 
 mod batch;
-mod sum;
 
 use crate::model::record::{Epoch, Event, Repetition, UpdateRecord};
 use crate::model::stream::{RunInfo, Sink, StreamError};
@@ -14,7 +13,6 @@ use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
-use sum::Sum;
 
 /// Number of batches that wait for the sink. A sink that is slower than the filter makes it wait
 /// from then on, so that the memory does not grow.
@@ -46,8 +44,8 @@ pub struct Background<S> {
 /// A thread, and the batch that is filled for it.
 struct Thread<S> {
     batch: Batch,
-    /// Transitions that are not in the batch yet.
-    sum: Sum,
+    /// A transition with the places that the thread knows.
+    places: Option<Transition>,
     sent: Instant,
     batches: SyncSender<Batch>,
     /// Batches that the sink has received, and whose memory is used again.
@@ -57,8 +55,7 @@ struct Thread<S> {
 
 impl<S> Thread<S> {
     /// Ends the thread once the sink has received everything.
-    fn end(mut self) -> std::thread::Result<(S, Result<(), StreamError>)> {
-        self.sum.pass_to(&mut self.batch);
+    fn end(self) -> std::thread::Result<(S, Result<(), StreamError>)> {
         if !self.batch.is_empty() {
             // a thread that has failed takes no batch, and returns its error
             self.batches.send(self.batch).ok();
@@ -82,32 +79,22 @@ impl<S: Sink> Background<S> {
         }
     }
 
-    /// As [`Self::new`], for a sink that follows the error through transitions and corrections. The
-    /// transitions between two other records arrive as few, in which the changes of the errors and
-    /// the process noise of the steps add up, for at most 64 steps.
+    /// As [`Self::new`], for a sink that follows the error through transitions and corrections.
     pub fn following(sink: S) -> Self {
         let mut sink = Self::new(sink);
         sink.follows = true;
         sink
     }
 
-    /// Adds a record that follows the transitions so far.
-    fn add(&mut self, record: impl FnOnce(&mut Batch)) -> Result<(), StreamError> {
-        self.fill(|thread| {
-            thread.sum.pass_to(&mut thread.batch);
-            record(&mut thread.batch);
-        })
-    }
-
-    /// Adds to the batch, and sends it once it is full.
-    fn fill(&mut self, record: impl FnOnce(&mut Thread<S>)) -> Result<(), StreamError> {
+    /// Adds a record to the batch, and sends it once it is full.
+    fn add(&mut self, record: impl FnOnce(&mut Thread<S>)) -> Result<(), StreamError> {
         let Some(thread) = &mut self.thread else { return Ok(()) };
         record(thread);
         if thread.batch.is_full() { self.send() } else { Ok(()) }
     }
 
     fn estimate(&mut self, kind: Estimate, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        self.add(|batch| batch.epoch(kind, epoch))?;
+        self.add(|thread| thread.batch.epoch(kind, epoch))?;
         match &self.thread {
             Some(thread) if thread.sent.elapsed() >= DELAY => self.send(),
             _ => Ok(()),
@@ -153,7 +140,7 @@ fn start<S: Sink>(sink: S, layout: Layout) -> Result<Thread<S>, StreamError> {
         StreamError::new("the system gives no thread to the sink").with_source(cause)
     })?;
     let (batch, sent) = (Batch::default(), Instant::now());
-    Ok(Thread { batch, sum: Sum::default(), sent, batches, empty, handle })
+    Ok(Thread { batch, places: None, sent, batches, empty, handle })
 }
 
 impl<S: Sink> Sink for Background<S> {
@@ -166,7 +153,7 @@ impl<S: Sink> Sink for Background<S> {
     }
 
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
-        self.fill(|thread| thread.batch.sample(sample))
+        self.add(|thread| thread.batch.sample(sample))
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
@@ -190,21 +177,21 @@ impl<S: Sink> Sink for Background<S> {
     }
 
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
-        self.add(|batch| batch.update(update))
+        self.add(|thread| thread.batch.update(update))
     }
 
     fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
         if !self.follows {
             return Ok(());
         }
-        self.fill(|thread| thread.sum.add(transition, &mut thread.batch))
+        self.add(|thread| thread.batch.transition(transition, &mut thread.places))
     }
 
     fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
         if !self.follows {
             return Ok(());
         }
-        self.add(|batch| batch.correction(update))
+        self.add(|thread| thread.batch.correction(update))
     }
 
     fn repeats(&self) -> bool {
@@ -212,14 +199,14 @@ impl<S: Sink> Sink for Background<S> {
     }
 
     fn repetition(&mut self, repetition: Repetition<'_>) -> Result<(), StreamError> {
-        self.add(|batch| batch.repetition(repetition))
+        self.add(|thread| thread.batch.repetition(repetition))
     }
 
     fn event(&mut self, event: &Event) -> Result<(), StreamError> {
         match &mut self.sink {
             // there may be events before the run and after its verdict
             Some(sink) => sink.event(event),
-            None => self.add(|batch| batch.event(event)),
+            None => self.add(|thread| thread.batch.event(event)),
         }
     }
 

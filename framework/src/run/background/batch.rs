@@ -8,7 +8,7 @@ use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
 
 /// Records of one batch. A thread is woken for a batch, which costs as much as a few dozen records.
-const RECORDS: usize = 1024;
+const RECORDS: usize = 256;
 
 /// Events of one batch: their texts need memory, which the next batch does not use again.
 const EVENTS: usize = 64;
@@ -153,12 +153,12 @@ impl Batch {
         self.updates.push(update);
     }
 
-    /// Takes the places of the transitions from here on.
-    pub(super) fn places(&mut self, transition: &Transition) {
-        self.order.push(Record::Places(Box::new(transition.clone())));
-    }
-
-    pub(super) fn transition(&mut self, transition: &Transition) {
+    /// Takes a transition; `before` is the one before it, whose places the other thread knows.
+    pub(super) fn transition(&mut self, transition: &Transition, before: &mut Option<Transition>) {
+        if before.as_ref().is_none_or(|before| !before.has_places_of(transition)) {
+            *before = Some(transition.clone());
+            self.order.push(Record::Places(Box::new(transition.clone())));
+        }
         self.order.push(Record::Transition);
         transition.write_step(&mut self.steps);
     }
