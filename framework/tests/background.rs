@@ -251,6 +251,24 @@ fn a_sink_that_stands_still_makes_the_run_wait_with_few_records_in_memory() {
     assert_eq!(witness.lines().last().unwrap(), "finish");
 }
 
+/// Judges no estimates.
+struct Silent;
+
+impl Sink for Silent {
+    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(None)
+    }
+}
+
+#[test]
+fn a_sink_judges_estimates_on_its_own_thread_if_it_does_so_elsewhere() {
+    assert!(Background::new(Witness::new()).compares());
+    assert!(!Background::new(Silent).compares());
+}
+
 #[test]
 fn a_sink_that_is_dropped_before_its_end_has_received_everything() {
     let witness = Witness::new();

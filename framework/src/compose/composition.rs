@@ -179,3 +179,25 @@ impl Composition {
         self.estimator.start()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::mounting::Mounting;
+    use crate::units::sample::Channel;
+
+    #[test]
+    fn a_sensor_has_as_many_channels_as_fit_a_sample() {
+        let fits = |count: usize| {
+            let info = SensorInfo {
+                name: "s".to_owned(),
+                kind: "s".to_owned(),
+                channels: vec![Channel::new("x", "1"); count],
+                purpose: Purpose::Input,
+                mounting: Mounting::default(),
+            };
+            Composition::check_channels(&info, &Role::Input(Box::new(()))).is_ok()
+        };
+        assert_eq!([MAX_CHANNELS, MAX_CHANNELS + 1].map(fits), [true, false]);
+    }
+}

@@ -164,3 +164,20 @@ impl EstimatorConfig {
         self.initial == Some(Initial::Reference)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_linearised_again_from_a_second_pass_on_or_for_a_time() {
+        let again = |passes: Option<u32>, relinearise: Option<f64>| {
+            let passes = passes.and_then(NonZeroU32::new);
+            let relinearise = relinearise.map(NonNegative::from_si);
+            EstimatorConfig { passes, relinearise, ..Default::default() }.linearises_again()
+        };
+        assert_eq!([None, Some(1), Some(2)].map(|p| again(p, None)), [false, false, true]);
+        assert_eq!([0.0, 60.0].map(|span| again(None, Some(span))), [false, true]);
+        assert!(again(Some(2), Some(60.0)));
+    }
+}

@@ -81,3 +81,30 @@ impl Composer {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+    use crate::state::display;
+    use crate::state::manifold::Scalar;
+
+    #[test]
+    fn a_label_has_the_true_value_that_was_stated_last() {
+        let mut composer = Composer::default();
+        composer.begin("sonar");
+        let spec = BlockSpec {
+            mode: Mode::Estimate,
+            initial: vec![0.0],
+            sigma: vec![1.0],
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display: display::LENGTH,
+        };
+        let posts = composer.transients::<Scalar>("post", 2, spec).unwrap();
+        for (label, value) in [(7, 1.0), (8, 2.0), (7, 3.0)] {
+            composer.true_transient(posts, label, &value).unwrap();
+        }
+        assert_eq!(composer.layout().pools[0].truths, [(8, vec![2.0]), (7, vec![3.0])]);
+    }
+}

@@ -89,3 +89,24 @@ impl fmt::Display for Excerpt {
         write!(f, "{margin} | {indent}{carets}")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The part of ten characters in the middle of 1000 has 80 characters before it.
+    #[test]
+    fn a_long_line_is_printed_around_its_part() {
+        let text = format!("{}0123456789{}", "a".repeat(495), "b".repeat(495));
+        let printed = Excerpt::of(&text, 495..505).to_string();
+        let lines: Vec<&str> = printed.lines().collect();
+        assert_eq!(lines[1], format!("1 | {}0123456789{}", "a".repeat(80), "b".repeat(70)));
+        assert_eq!(lines[2], format!("  | {}{}", " ".repeat(80), "^".repeat(10)));
+    }
+
+    #[test]
+    fn a_short_line_is_printed_whole() {
+        let printed = Excerpt::of("x = 1\n\ty = 2", 11..12).to_string();
+        assert_eq!(printed, "  |\n2 |  y = 2\n  |      ^");
+    }
+}

@@ -174,3 +174,37 @@ fn value(path: &str, value_of: &DeValue<'_>, add: Add<'_>) {
         _ => {}
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+
+    /// Places of `a.b`, `a.c` and `d`.
+    fn places() -> Places {
+        let text = "a = { b = 1, c = 2 }\nd = 3";
+        Places::of("s.toml", text, DeTable::parse(text).unwrap().get_ref())
+    }
+
+    fn shown(places: &Places, path: &str) -> String {
+        places.location(path, Part::Key).to_string()
+    }
+
+    #[test]
+    fn a_table_that_is_set_replaces_the_places_below_it() {
+        let mut places = places();
+        places.set("a", "a");
+        assert_eq!(
+            ["a", "a.b", "d"].map(|p| shown(&places, p)),
+            ["--set a", "--set a", "s.toml:2"]
+        );
+    }
+
+    #[test]
+    fn a_table_that_the_document_replaces_has_no_place_in_the_included_one() {
+        let text = "a = { e = 1 }";
+        let over = Places::of("own.toml", text, DeTable::parse(text).unwrap().get_ref());
+        let places = over.over(places(), &["a".to_owned()]);
+        assert_eq!(["a.b", "d"].map(|p| shown(&places, p)), ["own.toml:1", "s.toml:2"]);
+    }
+}

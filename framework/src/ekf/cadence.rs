@@ -50,4 +50,13 @@ mod tests {
         let slower: Vec<f64> = (0..10).map(|_| cadence.usual(0.02)).collect();
         assert_eq!(slower, [0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.02, 0.02]);
     }
+
+    /// 1.5 s is the longest interval that is a new rate of 1 Hz at once.
+    #[test]
+    fn samples_are_missing_above_one_and_a_half_intervals() {
+        let mut cadence = Cadence::default();
+        assert_eq!([1.0, 1.5].map(|d| cadence.usual(d)), [1.0, 1.5]);
+        assert_eq!([2.26, 1.5].map(|d| cadence.usual(d)), [1.5, 1.5]);
+        assert_eq!(cadence.missing, 1);
+    }
 }

@@ -195,13 +195,16 @@ impl Ekf {
             self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
         }
         if let Some(signatures) = m.signatures.as_mut().filter(|_| own) {
-            signatures.corrected(
+            let widened = signatures.corrected(
                 index,
                 (&self.layout, &m.state),
                 (&mut m.covariance, &self.considered),
                 |sensor| &m.sensors[sensor].name,
                 |finding| observer.finding(finding),
             );
+            if widened {
+                m.monitor.iter_mut().for_each(|monitor| monitor.widened());
+            }
         }
         let slot = &mut m.sensors[index];
         if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Iekf)

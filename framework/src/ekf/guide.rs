@@ -141,3 +141,31 @@ impl Guide {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A trajectory that cannot be read.
+    struct Unreadable;
+
+    impl Course for Unreadable {
+        fn read(&mut self, _: u64, time: Time, _: &mut [f64]) -> io::Result<Option<u64>> {
+            Err(io::Error::other(format!("nothing at {time}")))
+        }
+    }
+
+    #[test]
+    fn the_first_error_of_the_trajectory_is_kept_until_it_is_taken() {
+        let layout = Layout::default();
+        let mut guide = Guide::new(&layout, Box::new(Unreadable));
+        let mut offset = Offset::zero(&layout);
+        assert!(guide.failed().is_none());
+        for at in [1, 2] {
+            assert!(!guide.find(&mut offset, Time::from_nanos(at * 1_000_000_000)));
+        }
+        let failed = guide.failed().map(|e| e.to_string());
+        assert_eq!(failed.as_deref(), Some("nothing at 1.000 s"));
+        assert!(guide.failed().is_none());
+    }
+}

@@ -109,6 +109,7 @@ impl Ekf {
             if let Some(signatures) = &mut m.signatures {
                 signatures.recovered();
             }
+            m.monitor.iter_mut().for_each(|monitor| monitor.widened());
         }
         let outcome = match verdict {
             Verdict::Gate => Outcome::Gated,

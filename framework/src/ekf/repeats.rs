@@ -12,6 +12,8 @@ const FROZEN: f64 = 5.0;
 pub(super) const STUCK: u32 = 25;
 /// Share of repetitions above which a channel is too coarse to judge it by its repetitions.
 const COARSE: f64 = 0.02;
+/// Weight of one sample in that share.
+const SHARE: f64 = 1e-3;
 /// Longest repetition of a channel that counts for its share.
 const SHORT: u32 = 3;
 /// Number of samples before identical samples are judged.
@@ -66,26 +68,22 @@ impl Repeats {
         self.samples += 1;
         let all = ((1_u32 << n) - 1) as u16;
         let unit = if self.limits.integrals { interval } else { 1.0 };
-        let (mut zero, mut same, mut beyond, mut stuck) = (true, self.samples > 1, 0_u16, 0_u16);
-        for (c, &x) in x.iter().enumerate().take(n) {
+        // a channel without an interval has no limits yet
+        let unit = if unit > 0.0 { unit } else { f64::INFINITY };
+        let (mut zero, mut same, mut beyond, mut long) = (true, self.samples > 1, 0_u16, false);
+        for (c, (&x, limits)) in x.iter().zip(&self.limits.channels).enumerate() {
             zero &= x == 0.0;
-            // a channel without an interval has no limits yet
-            if x.abs() > self.limits.channels[c].range * unit && unit > 0.0 {
-                beyond |= 1 << c;
-            }
-            if x == self.raw[c] {
-                self.runs[c] += 1;
-                if self.runs[c] <= SHORT {
-                    self.coarse[c] += (1.0 - self.coarse[c]) / 1000.0;
-                } else if self.runs[c] >= STUCK && self.coarse[c] < COARSE && self.samples > 1000 {
-                    stuck |= 1 << c;
-                }
-            } else {
-                self.runs[c] = 0;
-                self.coarse[c] -= self.coarse[c] / 1000.0;
-                same = false;
-            }
+            beyond |= u16::from(x.abs() > limits.range * unit) << c;
+            let again = x == self.raw[c];
+            same &= again;
+            let run = if again { self.runs[c] + 1 } else { 0 };
+            self.runs[c] = run;
+            long |= run >= STUCK;
+            let coarse = self.coarse[c];
+            let target = if again { 1.0 } else { 0.0 };
+            self.coarse[c] = if run <= SHORT { coarse + (target - coarse) * SHARE } else { coarse };
         }
+        let stuck = if long && self.samples > 1000 { self.stuck() } else { 0 };
         self.raw = *x;
         self.in_a_row = if same { self.in_a_row + 1 } else { 0 };
         if zero {
@@ -103,6 +101,14 @@ impl Repeats {
             }
         }
         (stuck != 0 && stuck != all).then_some((Fault::Stuck, stuck))
+    }
+
+    /// Channels that are stuck.
+    #[cold]
+    fn stuck(&self) -> u16 {
+        let channels = self.runs.iter().zip(&self.coarse).enumerate();
+        let stuck = channels.filter(|(_, (run, coarse))| **run >= STUCK && **coarse < COARSE);
+        stuck.fold(0, |mask, (c, _)| mask | 1 << c)
     }
 
     /// Number of identical samples in a row that counts as frozen: as many as chance repeats with

@@ -157,3 +157,30 @@ fn remedy(fault: Fault) -> &'static str {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::mounting::Mounting;
+    use crate::model::sensor::Purpose;
+    use crate::units::sample::Channel;
+
+    #[test]
+    fn the_evidence_names_the_channels_that_were_beyond_the_range() {
+        let info = SensorInfo {
+            name: "imu".to_owned(),
+            kind: "imu".to_owned(),
+            channels: ["a", "b", "c"].map(|name| Channel::new(name, "1")).to_vec(),
+            purpose: Purpose::Input,
+            mounting: Mounting::default(),
+        };
+        let span = (Time::default(), Time::from_nanos(500_000_000));
+        let of = |channels| evidence(&info, Fault::Range, channels, span, false);
+        assert!(
+            of(0b101).starts_with("a, c beyond the plausible range for 0.50 s"),
+            "{}",
+            of(0b101)
+        );
+        assert!(of(0b010).starts_with("b beyond"), "{}", of(0b010));
+    }
+}

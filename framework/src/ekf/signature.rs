@@ -16,6 +16,7 @@
 //! An error may begin at any time, so four sums run in parallel, which begin at different times.
 
 mod bias_step;
+mod contain;
 mod effect;
 mod offset;
 mod parameter;

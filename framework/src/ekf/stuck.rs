@@ -198,4 +198,27 @@ mod tests {
         repeats.keep(&update(2.0, 0.5), 0b100, false);
         assert_eq!((repeats.variance[2], repeats.left[2]), (6.75, 2.0));
     }
+
+    /// After 21 different samples the noise of the ninth equal one is 9/5 times that of the first,
+    /// so that the root of S without the repetition is 2, and the prediction of the second channel
+    /// has moved by 7.1. The first channel and their correlation have no part in it.
+    #[test]
+    fn each_channel_has_its_own_noise() {
+        let sample = |x: f64| Sample::new(Time::default(), SensorId(0), &[x, 2.0 * x]);
+        let mut repeats = Repeats::default();
+        (1..=21).for_each(|k| assert_eq!(repeats.take(&sample(f64::from(k)), 0b11), 1.0));
+        let stuck = (1..=30).find(|&k| {
+            let factor = repeats.take(&sample(0.5), 0b11);
+            assert_eq!(factor, f64::from(k.max(5)) / 5.0);
+            let mut update = Update::with_capacity(2, 2);
+            update.m = 2;
+            update.innovation.extend([0.0, if k > 8 { 7.1 } else { 0.0 }]);
+            update.r.extend([100.0, -50.0, -50.0, 1.0].map(|r| r * factor * factor));
+            update.s.extend([400.0, 0.0, 0.0, 3.0 + factor * factor]);
+            let stuck = repeats.stuck(&update, 0b11, factor);
+            repeats.keep(&update, 0b11, false);
+            stuck.is_some()
+        });
+        assert_eq!(stuck, Some(9));
+    }
 }

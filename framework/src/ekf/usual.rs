@@ -109,7 +109,7 @@ impl Usual {
             let bend = (x - 2.0 * self.last[c] + self.before[c]).abs();
             // a channel that never changed has shown no step of its quantisation yet
             let usual = self.rough[c];
-            let learnt = usual > 0.0 && bend > JUMP * usual && bend > self.least[c];
+            let learnt = bend > self.least[c] && usual > 0.0 && bend > JUMP * usual;
             let limit = self.limits.channels[c].change;
             if limit.map_or(learnt, |l| (x - self.last[c]).abs() > l * self.unit()) {
                 jumping |= 1 << c;
@@ -118,20 +118,28 @@ impl Usual {
         jumping
     }
 
-    /// Learns the roughness of a channel from a second difference that is not zero.
+    /// Learns the roughness of the channels from second differences that are not zero.
     ///
     /// Each second difference `b` has the weight `|b|`: the roughness is the mean of `b^2` over that
     /// of `|b|`, times that ratio for white noise. A quiet sensor with a coarse quantisation repeats
     /// its value most of the time. Repetitions would make a plain mean less than one step, so that a
     /// change by a step would count as a spike.
-    fn roughen(&mut self, c: usize, bend: f64, share: f64) {
-        let most =
-            if self.count > WARM && self.rough[c] > 0.0 { 8.0 * self.rough[c] } else { bend };
-        let bend = bend.min(most);
-        let [mean, square] = &mut self.bends;
-        mean[c] += (bend - mean[c]) * share;
-        square[c] += (bend * bend - square[c]) * share;
-        self.rough[c] = GAUSSIAN * square[c] / mean[c];
+    ///
+    /// The loop has no branch, so that the compiler turns it into vector instructions.
+    fn roughen(&mut self, x: &Spread, share: f64) {
+        let warm = self.count > WARM;
+        let Self { n, last, before, rough, bends: [means, squares], .. } = self;
+        for c in 0..(*n).min(MAX_CHANNELS) {
+            let bend = (x[c] - 2.0 * last[c] + before[c]).abs();
+            let most = if warm && rough[c] > 0.0 { 8.0 * rough[c] } else { bend };
+            let bend = if bend < most { bend } else { most };
+            let mean = means[c] + (bend - means[c]) * share;
+            let square = squares[c] + (bend * bend - squares[c]) * share;
+            let bent = bend > 0.0;
+            rough[c] = if bent { GAUSSIAN * square / mean } else { rough[c] };
+            means[c] = if bent { mean } else { means[c] };
+            squares[c] = if bent { square } else { squares[c] };
+        }
     }
 
     /// Learns from a sample that passes. The mean takes `fresh` samples alone, no repetition.
@@ -139,14 +147,11 @@ impl Usual {
         self.count = self.count.saturating_add(1);
         let count = f64::from(self.count);
         let (share, recent) = (1.0 / count.min(MEMORY), 1.0 / count.min(RECENT));
-        for (c, &x) in x.iter().enumerate().take(self.n) {
-            let bend = (x - 2.0 * self.last[c] + self.before[c]).abs();
-            if self.count > 2 && bend > 0.0 {
-                self.roughen(c, bend, share);
-            }
-            if fresh {
-                self.mean[c] += (x - self.mean[c]) * recent;
-            }
+        if self.count > 2 {
+            self.roughen(x, share);
+        }
+        if fresh {
+            self.mean.iter_mut().zip(x).for_each(|(mean, x)| *mean += (x - *mean) * recent);
         }
         self.before = self.last;
         self.last = *x;

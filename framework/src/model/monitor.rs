@@ -54,6 +54,11 @@ pub trait Monitor: Send {
     /// its last sample.
     fn corrected(&mut self, _filter: &FilterView<'_>) {}
 
+    /// Sees that the filter has widened the covariance, after a recovery or for an error that it
+    /// has found: the difference of two variances says nothing about a move of the estimate across
+    /// it.
+    fn widened(&mut self) {}
+
     /// Copies the monitor for a snapshot of the filter.
     fn boxed_clone(&self) -> Box<dyn Monitor>;
 }

@@ -142,3 +142,35 @@ impl Course for Trajectory {
         Ok(None)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+    use crate::smooth::means::Points;
+
+    /// States at 1, 2 and 3 s with the values 10, 20 and 30.
+    fn reads(course: &mut dyn Course) {
+        let mut values = [0.0];
+        let mut read = |place, time: f64| {
+            let at = course.read(place, Time::from_seconds(time).unwrap(), &mut values).unwrap();
+            at.map(|at| (at, values[0]))
+        };
+        assert_eq!(read(0, 1.0), Some((1, 10.0)));
+        assert_eq!(read(1, 1.5), None);
+        assert_eq!(read(1, 3.0), Some((3, 30.0)));
+        assert_eq!(read(3, 4.0), None);
+    }
+
+    #[test]
+    fn a_trajectory_is_read_forwards_and_has_no_state_between_its_own() {
+        let times = [3, 2, 1].map(|s| Time::from_nanos(s * 1_000_000_000));
+        reads(&mut Points { width: 1, times: times.to_vec(), values: vec![30.0, 20.0, 10.0] });
+        let mut rows = Rows::new(2).unwrap();
+        for (time, value) in times.into_iter().zip([30.0, 20.0, 10.0]) {
+            rows.push(&[f64::from_bits(time.nanos().cast_unsigned()), value]).unwrap();
+        }
+        let (file, count) = rows.into_file().unwrap();
+        reads(&mut Trajectory { file, count, width: 2, chunk: Vec::new(), first: 0 });
+    }
+}

@@ -137,9 +137,9 @@ impl Mean {
 
 /// A trajectory in memory, the last state first.
 pub(super) struct Points {
-    width: usize,
-    times: Vec<Time>,
-    values: Vec<f64>,
+    pub(super) width: usize,
+    pub(super) times: Vec<Time>,
+    pub(super) values: Vec<f64>,
 }
 
 impl Course for Points {

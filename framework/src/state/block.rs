@@ -243,9 +243,9 @@ mod tests {
     use crate::state::manifold::{Manifold, Rotation, Vector};
     use std::f64::consts::{PI, TAU};
 
-    /// The error of an estimate that has these coordinates, in units of 0.5.
-    fn shown<M: Manifold>(estimate: [f64; 3], reference: [f64; 3]) -> [f64; 3] {
-        let block = Block {
+    /// A block of three components, in units of 0.5.
+    fn block<M: Manifold>() -> Block {
+        Block {
             name: "b".to_owned(),
             spec: BlockSpec {
                 mode: Mode::Estimate,
@@ -260,12 +260,20 @@ mod tests {
             tangent: Some(0),
             wanders: false,
             label: None,
-        };
-        let values = |coordinates: [f64; 3]| {
-            let mut ambient = vec![0.0; block.operations.ambient];
-            (block.operations.from_coordinates)(&coordinates, &mut ambient);
-            ambient
-        };
+        }
+    }
+
+    /// The numbers of the value that has these coordinates.
+    fn values(block: &Block, coordinates: [f64; 3]) -> Vec<f64> {
+        let mut ambient = vec![0.0; block.operations.ambient];
+        (block.operations.from_coordinates)(&coordinates, &mut ambient);
+        ambient
+    }
+
+    /// The error of an estimate that has these coordinates.
+    fn shown<M: Manifold>(estimate: [f64; 3], reference: [f64; 3]) -> [f64; 3] {
+        let block = block::<M>();
+        let values = |coordinates| values(&block, coordinates);
         let mut error = [0.0; 3];
         block.show_error(&values(estimate), &values(reference), &mut error);
         error
@@ -280,5 +288,16 @@ mod tests {
         assert!(angles.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{angles:?}");
         let lengths = shown::<Vector<3>>([PI + 1.0, -7.0, 0.0], [0.0, 7.0, 2.0]);
         assert_eq!(lengths, [2.0 * (PI + 1.0), -28.0, -4.0]);
+    }
+
+    /// Roll and yaw are one angle at a pitch of 90 deg.
+    #[test]
+    fn where_the_angles_are_singular_the_components_shown_are_those_of_the_error() {
+        let block = block::<Rotation>();
+        let of = |pitch: f64| block.shown_jacobian(&values(&block, [0.3, pitch, 0.7]));
+        let mut identity = [0.0; MAX_TANGENT * MAX_TANGENT];
+        (0..3).for_each(|i| identity[4 * i] = 1.0);
+        assert_eq!(of(PI / 2.0), identity);
+        assert_ne!(of(0.5), identity);
     }
 }

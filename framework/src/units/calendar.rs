@@ -240,4 +240,16 @@ mod tests {
             assert_eq!(parse(text), None, "{text}");
         }
     }
+
+    #[test]
+    fn a_day_ends_with_the_nanosecond_before_midnight_or_with_a_leap_second() {
+        assert_eq!(time_of_day(0, 0, 0, 0), Some(0));
+        assert_eq!(time_of_day(23, 59, 59, 999_999_999), Some(DAY - 1));
+        assert_eq!(time_of_day(23, 59, 60, 0), Some(DAY));
+        for (hour, minute, second, nanos) in
+            [(24, 0, 0, 0), (0, 60, 0, 0), (0, 0, 61, 0), (0, 0, 0, 1_000_000_000)]
+        {
+            assert_eq!(time_of_day(hour, minute, second, nanos), None);
+        }
+    }
 }

@@ -1,7 +1,9 @@
 //! Earth rotation and normal gravity in north-east-down axes.
 
 use nalgebra::Vector3;
-use navfuse_core::state::geodesy::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, FLATTENING};
+use navfuse_core::state::geodesy::{
+    ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, FLATTENING, radii_of_curvature,
+};
 
 /// Earth rotation rate of WGS-84, rad/s.
 pub const EARTH_RATE: f64 = 7.292_115e-5;
@@ -104,6 +106,49 @@ impl LocalEarth {
     }
 }
 
+/// A node of a grid of latitudes: sine and cosine of latitudes near it are short series, many times
+/// faster than the functions themselves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LatitudeNode {
+    latitude: f64,
+    sin: f64,
+    cos: f64,
+    /// Meridian radius of curvature at the node, m (Groves eq. 2.105).
+    pub r_n: f64,
+}
+
+impl LatitudeNode {
+    /// Distance of the nodes, rad: 6 km.
+    const STEP: f64 = 1.0 / 1024.0;
+
+    /// The node nearest to a latitude, rad.
+    pub fn near(latitude: f64) -> Self {
+        let latitude = (latitude / Self::STEP).round() * Self::STEP;
+        let ((sin, cos), (r_n, _)) = (latitude.sin_cos(), radii_of_curvature(latitude));
+        Self { latitude, sin, cos, r_n }
+    }
+
+    /// Returns `true` if it is the nearest node to a latitude, rad.
+    #[inline]
+    pub fn is_nearest(&self, latitude: f64) -> bool {
+        (latitude - self.latitude).abs() <= 0.5 * Self::STEP
+    }
+
+    /// Sine and cosine of a latitude (rad) for which this is the nearest node, or nearly so. With
+    /// `x` below 5e-4, the first terms omitted are `x^7 / 7!` and `x^6 / 6!`, below 3e-23.
+    #[inline]
+    pub fn sin_cos(&self, latitude: f64) -> (f64, f64) {
+        let x = latitude - self.latitude;
+        let x2 = x * x;
+        let sin_x = x * (1.0 - x2 * (1.0 / 6.0) * (1.0 - x2 * (1.0 / 20.0)));
+        // 1 - cos x
+        let versine = 0.5 * x2 * (1.0 - x2 * (1.0 / 12.0));
+        let sin = self.sin + (self.cos * sin_x - self.sin * versine);
+        let cos = self.cos - (self.sin * sin_x + self.cos * versine);
+        (sin, cos)
+    }
+}
+
 /// Earth rate `w_ie^n` at a latitude (rad), rad/s (Groves eq. 2.123).
 pub fn earth_rate_ned(latitude: f64) -> Vector3<f64> {
     let (s, c) = latitude.sin_cos();
@@ -125,7 +170,6 @@ pub fn normal_gravity(latitude: f64, height: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use navfuse_core::state::geodesy::radii_of_curvature;
 
     #[test]
     fn normal_gravity_has_the_published_values() {
@@ -159,5 +203,29 @@ mod tests {
             assert!((here.inv_n * (r_n + height) - 1.0).abs() < 1e-15);
             assert!((here.inv_e * (r_e + height) - 1.0).abs() < 1e-15);
         }
+    }
+
+    /// Rounding of two products and two sums below one: 2 eps.
+    #[test]
+    fn sine_and_cosine_near_a_node_are_those_of_the_functions() {
+        for k in -15_000..=15_000 {
+            let latitude = 1e-4 * f64::from(k);
+            let node = LatitudeNode::near(latitude);
+            assert!(node.is_nearest(latitude));
+            let ((sin, cos), exact) = (node.sin_cos(latitude), latitude.sin_cos());
+            let error = (sin - exact.0).abs().max((cos - exact.1).abs());
+            assert!(error <= 2.0 * f64::EPSILON, "{latitude}: {error:e}");
+        }
+    }
+
+    #[test]
+    fn a_node_is_the_nearest_one_up_to_half_a_step() {
+        let node = LatitudeNode::near(0.3);
+        let half = 0.5 * LatitudeNode::STEP;
+        for (offset, nearest) in [(-0.99, true), (0.99, true), (-1.01, false), (1.01, false)] {
+            assert_eq!(node.is_nearest(node.latitude + offset * half), nearest, "{offset}");
+        }
+        assert!(!node.is_nearest(f64::NAN));
+        assert_eq!(node.r_n, radii_of_curvature(node.latitude).0);
     }
 }

@@ -8,11 +8,11 @@
 //! to second order.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
-use navfuse_core::state::geodesy::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, Geodetic};
+use navfuse_core::state::geodesy::Geodetic;
 use std::f64::consts::PI;
 use thiserror::Error;
 
-use crate::earth::LocalEarth;
+use crate::earth::{LatitudeNode, LocalEarth};
 
 /// Largest latitude, degrees, north or south: north-east-down axes do not exist at the poles.
 pub const MAX_LATITUDE_DEG: f64 = 89.9;
@@ -103,7 +103,7 @@ pub enum MechanisationError {
 
 /// The strapdown integrator. It stores the previous inertial sample, for coning and sculling, and
 /// no part of the navigation state; so a filter may correct the state freely, and a copy is a
-/// snapshot.
+/// snapshot. Sine and cosine of the latitude come from the nearest node of a grid, which it keeps.
 ///
 /// A sample may be taken in parts, where an update falls inside its interval: see
 /// [`Self::step_part`]. After a gap in the samples, begin with a default integrator again: without
@@ -114,6 +114,7 @@ pub struct Mechanisation {
     previous: Option<Increments>,
     /// The parts taken so far of the sample that is not complete.
     pending: Option<Increments>,
+    node: Option<LatitudeNode>,
 }
 
 impl Mechanisation {
@@ -151,7 +152,12 @@ impl Mechanisation {
             return Err(MechanisationError::Interval { dt: inc.dt.min(sample_dt) });
         }
         let (rotation, dvel) = self.coning_sculling(inc, sample_dt);
-        let (next, rates) = advance(state, &rotation, &dvel, inc.dt);
+        let latitude = state.position.latitude;
+        let node = match self.node {
+            Some(node) if node.is_nearest(latitude) => node,
+            _ => LatitudeNode::near(latitude),
+        };
+        let (next, rates) = advance(state, &rotation, &dvel, inc.dt, &node);
         let p = &next.position;
         // A sum is finite only if all of its terms are.
         let sum =
@@ -162,6 +168,7 @@ impl Mechanisation {
         if p.latitude.abs() > MAX_LATITUDE_DEG.to_radians() {
             return Err(MechanisationError::Latitude { degrees: p.latitude.to_degrees() });
         }
+        self.node = Some(node);
         self.remember(inc, sample_dt);
         Ok((next, rates))
     }
@@ -261,13 +268,14 @@ impl Rotation {
 }
 
 /// Advances a state by one interval at constant body rates; the rotation vector and velocity
-/// increment already include coning and sculling.
+/// increment already include coning and sculling. `node` is the nearest one to the latitude.
 #[inline]
 fn advance(
     state: &NavState,
     phi: &Vector3<f64>,
     dvel: &Vector3<f64>,
     dt: f64,
+    node: &LatitudeNode,
 ) -> (NavState, StepRates) {
     let position = &state.position;
     let x = phi.norm_squared();
@@ -291,19 +299,13 @@ fn advance(
     let dr_f = start
         * (dvel * (0.5 - turn.c * x) + phi.cross(dvel) * turn.b + phi * (turn.c * phi.dot(dvel)));
 
-    // The Earth at the midpoint. The latitude is extrapolated with a series for R_N (Groves eq.
-    // 2.105) that is accurate to 1e-6 of it; the change of the latitude is so small that two terms
-    // suffice.
-    let (sin, cos) = position.latitude.sin_cos();
-    let e2s2 = ECCENTRICITY_SQUARED * sin * sin;
-    let r_n =
-        EQUATORIAL_RADIUS * (1.0 - ECCENTRICITY_SQUARED) * (1.0 + 1.5 * e2s2 * (1.0 + 1.25 * e2s2));
+    // The Earth at the midpoint. The latitude is extrapolated with R_N of the node, 3 km away at the
+    // most, which is accurate to 5e-6 of the extrapolation.
     let half = 0.5 * dt;
-    let d = state.velocity.x * half / (r_n + position.height);
-    let (sin_d, cos_d) = (d * (1.0 - F3 * d * d), 1.0 - 0.5 * d * d);
+    let ahead = state.velocity.x * half / (node.r_n + position.height);
+    let (sin, cos) = node.sin_cos(position.latitude + ahead);
     let height = position.height - state.velocity.z * half;
-    let earth =
-        LocalEarth::from_sin_cos(sin * cos_d + cos * sin_d, cos * cos_d - sin * sin_d, height);
+    let earth = LocalEarth::from_sin_cos(sin, cos, height);
     let gravity = Vector3::new(0.0, 0.0, earth.gravity * dt);
     let earth_rate = earth.earth_rate();
 

@@ -102,7 +102,8 @@ fn coning_drift(angle: f64, x: f64, with_history: bool) -> f64 {
     };
     let steps = 1_000;
     let mut q = truth(0.0);
-    let mut mechanisation = Mechanisation { previous: Some(sample(-1.0)), pending: None };
+    let mut mechanisation =
+        Mechanisation { previous: Some(sample(-1.0)), ..Mechanisation::default() };
     for k in 0..steps {
         let inc = sample(k as f64);
         let phi = mechanisation.coning_sculling(&inc, inc.dt).0;
@@ -137,7 +138,9 @@ fn sculling_drift(angle: f64, x: f64, correct: bool) -> f64 {
         dt: 1.0,
     };
     let steps = 1_000; // whole periods, by the choice of x
-    let mut mechanisation = Mechanisation { previous: Some(sample(-1.0)), pending: None };
+    let mut mechanisation =
+        Mechanisation { previous: Some(sample(-1.0)), ..Mechanisation::default() };
+    let node = LatitudeNode::near(0.0);
     let mut velocity = 0.0;
     for k in 0..steps {
         let inc = sample(k as f64);
@@ -150,7 +153,7 @@ fn sculling_drift(angle: f64, x: f64, correct: bool) -> f64 {
             position: geodetic(0.0, 0.0, 0.0),
         };
         // The specific force's part alone: `mean * dvel`.
-        velocity += (advance(&still, &inc.dtheta, &dvel, 1.0).1.c_b_n * dvel).y;
+        velocity += (advance(&still, &inc.dtheta, &dvel, 1.0, &node).1.c_b_n * dvel).y;
     }
     // - mean of sin(a sin Wt) sin Wt = -J1(a) = -a/2 (1 - a^2/8) to 1e-10 of itself for a = 0.01.
     velocity / steps as f64 + angle / 2.0 * (1.0 - angle * angle / 8.0)

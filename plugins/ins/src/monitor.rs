@@ -96,6 +96,10 @@ impl Monitor for ImuMonitor {
         self.turning.velocity = c_b_n.inverse() * v;
     }
 
+    fn widened(&mut self) {
+        self.drift.widened();
+    }
+
     fn boxed_clone(&self) -> Box<dyn Monitor> {
         Box::new(self.clone())
     }

@@ -386,8 +386,10 @@ impl ProcessModel for StrapdownModel {
         out.set(s.p_p, &phi.p_p);
         // w = share z - b_g and f = share z - b_a: a channel acts as a bias of the other sign
         let share = self.imu.share(usual);
-        out.set_input(s.phi_gyro, &(phi.phi_bg * -share));
-        out.set_input(s.v_accel, &(phi.v_ba * -share));
+        if out.has_inputs() {
+            out.set_input(s.phi_gyro, &(phi.phi_bg * -share));
+            out.set_input(s.v_accel, &(phi.v_ba * -share));
+        }
         let (gyro, accel) = (self.imu.gyro_noise.value().si(), self.imu.accel_noise.value().si());
         let mut q_phi = self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt, duration);
         let mut q_v = self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt, duration);

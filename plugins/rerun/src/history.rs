@@ -121,16 +121,33 @@ impl<const N: usize> History<N> {
 
 /// Adds the rows with the extremes of each key column, in order of time and each once.
 fn extremes<const N: usize>(rows: &[Row<N>], keys: &[usize], out: &mut Vec<Row<N>>) {
-    let mut kept: Vec<Row<N>> = Vec::with_capacity(2 * keys.len());
+    let start = out.len();
     for &key in keys {
-        // rows with an unknown key are not extremes
-        let known = || rows.iter().filter(|row| row.1[key].is_finite());
-        kept.extend(known().min_by(|a, b| a.1[key].total_cmp(&b.1[key])));
-        kept.extend(known().max_by(|a, b| a.1[key].total_cmp(&b.1[key])));
+        let mut found: Option<[usize; 2]> = None;
+        for (k, row) in rows.iter().enumerate() {
+            let value = row.1[key];
+            // a row with an unknown key is no extreme
+            if !value.is_finite() {
+                continue;
+            }
+            let [least, greatest] = found.get_or_insert([k; 2]);
+            if value < rows[*least].1[key] {
+                *least = k;
+            }
+            if value >= rows[*greatest].1[key] {
+                *greatest = k;
+            }
+        }
+        for k in found.into_iter().flatten() {
+            let row = rows[k];
+            // few rows are kept: the right place is near the end
+            let after = out[start..].iter().rposition(|kept| kept.0 <= row.0);
+            let place = start + after.map_or(0, |at| at + 1);
+            if place == start || out[place - 1].0 != row.0 {
+                out.insert(place, row);
+            }
+        }
     }
-    kept.sort_by_key(|row| row.0);
-    kept.dedup_by_key(|row| row.0);
-    out.append(&mut kept);
 }
 
 #[cfg(test)]

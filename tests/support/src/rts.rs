@@ -41,6 +41,8 @@ pub struct Records {
     pub steps: Vec<Step>,
     pub filtered: Vec<Estimate>,
     pub smoothed: Vec<Estimate>,
+    /// Covariance after all steps, from the first estimate on.
+    covariance: Option<DMatrix<f64>>,
 }
 
 impl Records {
@@ -48,6 +50,28 @@ impl Records {
         let covariance = epoch.covariance.to_dense();
         let truth = epoch.truth.map(|truth| truth.state.clone());
         Estimate { after: self.steps.len(), state: epoch.state.clone(), covariance, truth }
+    }
+
+    /// Adds a step, and carries the covariance over it.
+    fn step(&mut self, step: Step) {
+        if let Some(p) = &mut self.covariance {
+            let next = &step.map * &*p * step.map.transpose() + &step.noise;
+            *p = (&next + next.transpose()) * 0.5;
+        }
+        self.steps.push(step);
+    }
+
+    /// Adds a step of noise alone where the filter has widened its covariance, for an error that it
+    /// has found.
+    fn widen(&mut self, own: DMatrix<f64>) {
+        let Some(p) = self.covariance.replace(own.clone()) else { return };
+        let wider = own - &p;
+        let scale = |i: usize, j: usize| (p[(i, i)] * p[(j, j)]).sqrt();
+        let (n, rounding) = (p.nrows(), 1e-6);
+        if (0..n).any(|i| (0..n).any(|j| wider[(i, j)].abs() > rounding * scale(i, j))) {
+            let (map, moved) = (DMatrix::identity(n, n), DVector::zeros(n));
+            self.steps.push(Step { map, noise: wider, moved, correction: None });
+        }
     }
 
     /// Smoothed estimates of the textbook, in the order of the filter's: `x_s [-] x`, and `P_s` of
@@ -280,7 +304,7 @@ impl Sink for Records {
     fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
         let n = self.layout.tangent;
         let (map, noise) = (transition.phi_dense(n), transition.noise_dense(n));
-        self.steps.push(Step { map, noise, moved: DVector::zeros(n), correction: None });
+        self.step(Step { map, noise, moved: DVector::zeros(n), correction: None });
         Ok(())
     }
 
@@ -299,7 +323,7 @@ impl Sink for Records {
         let reset = DMatrix::from_row_slice(n, n, &reset);
         let r = DMatrix::from_row_slice(m, m, &update.r);
         let carried = &reset * &gain;
-        self.steps.push(Step {
+        self.step(Step {
             map: &reset * (DMatrix::identity(n, n) - &gain * &h),
             noise: &carried * r * carried.transpose(),
             moved: &gain * &innovation,
@@ -309,6 +333,7 @@ impl Sink for Records {
     }
 
     fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        self.widen(epoch.covariance.to_dense());
         self.filtered.push(self.estimate(epoch));
         Ok(())
     }

@@ -8,6 +8,7 @@
 //! One sum runs from the start. The others begin at one minute, two, four and so on after it, since
 //! a filter needs the longer to follow a step, the longer it has learnt the constant.
 
+use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened, name};
 use super::score::SPAN;
 use crate::model::finding::{Basis, Finding, Severity};
@@ -127,8 +128,8 @@ impl BiasSteps {
     pub(super) fn corrected(
         &mut self,
         time: Time,
-        covariance: &mut Covariance,
-        considered: &[bool],
+        (covariance, considered): (&mut Covariance, &[bool]),
+        containment: &mut Containment,
     ) -> Option<Step> {
         if time.since(self.span) < SPAN {
             return None;
@@ -142,9 +143,9 @@ impl BiasSteps {
         let Axis { row, ref effect } = self.axes[axis];
         let variance = (ROOM * found.score.size()).powi(2) + found.score.variance();
         for sum in 0..SUMS {
-            covariance.widen(variance, |i| effect.s[i][sum]);
+            containment.widen(covariance, variance, |i| effect.s[i][sum]);
         }
-        covariance.widen(variance, |i| if i == row { 1.0 } else { 0.0 });
+        containment.widen(covariance, variance, |i| if i == row { 1.0 } else { 0.0 });
         self.begin(time);
         if self.severity >= Some(found.severity) {
             return None;

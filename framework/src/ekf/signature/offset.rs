@@ -6,7 +6,9 @@
 //! martingale for a consistent filter.
 //!
 //! An offset may begin at any time: one sum runs from the start, and three begin again in turn.
+//! From a finding on, the covariance contains the effect of each sum that is significant.
 
+use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
 use super::score::SPAN;
 use crate::model::finding::{Basis, Finding, Severity};
@@ -118,12 +120,15 @@ impl Offset {
         self.due = true;
     }
 
-    /// Keeps the corrected state where the next slope begins there, and returns a significant offset
-    /// that is more severe than those before. `rival` is the score of another error of the sensor.
+    /// Keeps the corrected state where the next slope begins there, and widens the covariance where
+    /// it does not contain an offset that was found. Ends a span where one is due, and returns a
+    /// significant offset that is more severe than those before. `rival` is the score of another
+    /// error of the sensor.
     pub(super) fn corrected(
         &mut self,
         state: &State,
-        (covariance, considered): (&Covariance, &[bool]),
+        (covariance, considered): (&mut Covariance, &[bool]),
+        containment: &mut Containment,
         rival: impl Fn() -> f64,
     ) -> Option<Found> {
         if std::mem::take(&mut self.due) {
@@ -136,19 +141,49 @@ impl Offset {
                 base => *base = Some(state.clone()),
             }
         }
-        if state.time.since(self.span) < SPAN {
-            return None;
+        let due = state.time.since(self.span) >= SPAN;
+        let worst = due.then(|| self.worst(state.time, covariance, considered)).flatten();
+        let worst = worst.filter(|worst| worst.score.sigmas().abs() > rival());
+        let before = self.severity;
+        self.severity = before.max(worst.map(|worst| worst.severity));
+        if self.severity.is_some() {
+            let significant = |sum: &usize| self.effect.scores[*sum].sigmas().abs() >= SIGNIFICANT;
+            for sum in (0..SUMS).filter(significant) {
+                containment.contain((&self.effect, sum), covariance);
+            }
         }
-        self.span = state.time;
+        worst.filter(|worst| before < Some(worst.severity))
+    }
+
+    /// Ends a span, and returns the most severe offset.
+    fn worst(&mut self, time: Time, covariance: &Covariance, considered: &[bool]) -> Option<Found> {
+        self.span = time;
         self.effect.end_span();
         let worst = self.effect.worst((SIGNIFICANT, |_| true), covariance, considered);
-        if state.time.since(self.effect.newest()) >= TURN {
-            self.effect.renew(self.next, state.time);
+        if time.since(self.effect.newest()) >= TURN {
+            self.effect.renew(self.next, time);
             self.next = 1 + self.next % (SUMS - 1);
         }
-        let worst = worst.filter(|w| w.score.sigmas().abs() > rival());
-        let found = worst.filter(|w| self.severity.is_none_or(|before| before < w.severity))?;
-        self.severity = Some(found.severity);
-        Some(found)
+        worst
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+
+    /// The first sum runs from the start.
+    #[test]
+    fn three_sums_begin_again_in_turn_every_two_minutes() {
+        let mut offset = Offset::new(0);
+        offset.effect.begin(Time::default());
+        let begun = [120.0, 240.0, 360.0, 480.0, 600.0].map(|at| {
+            let time = Time::from_seconds(at).unwrap();
+            offset.worst(time, &Covariance::zero(0), &[]);
+            offset.effect.scores.iter().position(|score| score.since == time)
+        });
+        assert_eq!(begun, [1, 2, 3, 1, 2].map(Some));
+        assert_eq!(offset.effect.scores[0].since, Time::default());
     }
 }

@@ -1,8 +1,10 @@
 //! Test for a wrong value of a fixed parameter of a sensor, such as its lever arm.
 //!
-//! A parameter that is off by the unit size is in the innovations of each sensor that reads it:
-//! `d = dh/dp`. It is off from the start, so that one sum is enough.
+//! A parameter that is off by the unit size is in the innovations of each sensor that reads it: `d
+//! = dh/dp`. It is off from the start, so that one sum is enough. From a finding on, the covariance
+//! contains its effect.
 
+use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
 use super::score::SPAN;
 use crate::model::finding::{Basis, Finding, Severity};
@@ -42,11 +44,14 @@ pub(super) struct Parameters {
     rotations: Vec<usize>,
     span: Time,
     severity: Option<Severity>,
+    /// Components that were found to be wrong.
+    found: Vec<usize>,
 }
 
 /// A significant error of a parameter.
 pub(super) struct Wrong {
     found: Found,
+    index: usize,
     of: Component,
 }
 
@@ -62,7 +67,7 @@ impl Wrong {
 
     /// Finding about the sensor.
     pub(super) fn finding(&self, state: &State, sensor: &str, layout: &Layout) -> Finding {
-        let Self { ref found, of: Component { block, component, .. } } = *self;
+        let Self { ref found, of: Component { block, component, .. }, .. } = *self;
         let block = &layout.blocks[block];
         let n = block.operations.tangent;
         let shown = |delta: f64| {
@@ -106,8 +111,16 @@ impl Parameters {
         let known = vec![false; tested.len()];
         let rotations = layout.blocks.iter().filter(|block| turns(block));
         let rotations = rotations.flat_map(Block::tangent_range).collect();
-        let (components, effects, severity) = (Vec::new(), Vec::new(), None);
-        Self { components, effects, tested, known, rotations, span: Time::MIN, severity }
+        Self {
+            components: Vec::new(),
+            effects: Vec::new(),
+            tested,
+            known,
+            rotations,
+            span: Time::MIN,
+            severity: None,
+            found: Vec::new(),
+        }
     }
 
     pub(super) fn effects(&mut self) -> impl Iterator<Item = &mut Effect> {
@@ -174,22 +187,46 @@ impl Parameters {
         }
     }
 
-    /// Ends a span where one is due, and returns the most significant error that is more severe than
-    /// those before. `rival` is the score of another error of a sensor.
+    /// Widens the covariance where it does not contain the errors that were found. Ends a span
+    /// where one is due, and returns the most significant error that is more severe than those
+    /// before. `rival` is the score of another error of a sensor.
     pub(super) fn corrected(
+        &mut self,
+        state: &State,
+        layout: &Layout,
+        (covariance, considered): (&mut Covariance, &[bool]),
+        containment: &mut Containment,
+        rival: impl Fn(usize) -> f64,
+    ) -> Option<Wrong> {
+        let due = state.time.since(self.span) >= SPAN;
+        let worst =
+            due.then(|| self.worst(state, layout, (covariance, considered), rival)).flatten();
+        if let Some(worst) = &worst
+            && !self.found.contains(&worst.index)
+        {
+            self.found.push(worst.index);
+        }
+        for index in &self.found {
+            let hypothesis = (&self.effects[index / SUMS], index % SUMS);
+            containment.contain(hypothesis, covariance);
+        }
+        let worst = worst.filter(|worst| self.severity < Some(worst.found.severity))?;
+        self.severity = Some(worst.found.severity);
+        Some(worst)
+    }
+
+    /// Ends a span, and returns the most significant error.
+    fn worst(
         &mut self,
         state: &State,
         layout: &Layout,
         (covariance, considered): (&Covariance, &[bool]),
         rival: impl Fn(usize) -> f64,
     ) -> Option<Wrong> {
-        if state.time.since(self.span) < SPAN {
-            return None;
-        }
         self.span = state.time;
         self.effects().for_each(Effect::end_span);
-        let found = self.effects.iter().zip(self.components.chunks(SUMS)).filter_map(|tests| {
-            let (effect, components) = tests;
+        let tests = self.effects.iter().zip(self.components.chunks(SUMS)).enumerate();
+        let found = tests.filter_map(|(k, (effect, components))| {
             let counts = |sum: usize| {
                 let Some(of) = components.get(sum) else { return false };
                 let (size, score) = (effect.scores[sum].size(), effect.scores[sum].sigmas().abs());
@@ -198,15 +235,9 @@ impl Parameters {
                 turned.fold(own, f64::max) < LINEAR && score > rival(of.sensor)
             };
             let found = effect.worst((SIGNIFICANT, counts), covariance, considered)?;
-            let of = components[found.sum];
-            Some(Wrong { found, of })
+            Some(Wrong { found, index: k * SUMS + found.sum, of: components[found.sum] })
         });
         let weight = |wrong: &Wrong| wrong.found.score.sigmas().abs();
-        let worst = found.max_by(|a, b| weight(a).total_cmp(&weight(b)))?;
-        if self.severity >= Some(worst.found.severity) {
-            return None;
-        }
-        self.severity = Some(worst.found.severity);
-        Some(worst)
+        found.max_by(|a, b| weight(a).total_cmp(&weight(b)))
     }
 }

@@ -1,6 +1,7 @@
 //! All tests of a filter.
 
 use super::bias_step::BiasSteps;
+use super::contain::Containment;
 use super::effect::Whitened;
 use super::offset::{self, Offset};
 use super::parameter::Parameters;
@@ -20,6 +21,7 @@ pub(in crate::ekf) struct Signatures {
     offsets: Vec<Option<Offset>>,
     steps: Option<BiasSteps>,
     parameters: Parameters,
+    containment: Containment,
     /// Row and column of each element of `Phi`, and its value in the identity.
     places: Vec<(usize, usize, f64)>,
     /// Elements of `Phi - I` that are not zero.
@@ -72,7 +74,19 @@ impl Signatures {
         let changes = Vec::with_capacity(places.len());
         let parameters = Parameters::new(tested, layout);
         let (settled, time) = (Time::MIN, Time::MIN);
-        Some(Self { offsets, steps, parameters, places, changes, settled, time, step: 0.0 })
+        let searched = composition.processes.iter().any(|process| process.alignment.is_some());
+        let containment = Containment::new(searched);
+        Some(Self {
+            offsets,
+            steps,
+            parameters,
+            containment,
+            places,
+            changes,
+            settled,
+            time,
+            step: 0.0,
+        })
     }
 
     /// Records a propagation of the state to a time.
@@ -147,7 +161,7 @@ impl Signatures {
     }
 
     /// Follows a corrected state, and reports what it finds about the sensor, its parameters and the
-    /// biases. A step of a bias widens the covariance.
+    /// biases. The covariance contains what is found. Returns `true` if it was widened.
     pub(in crate::ekf) fn corrected<'a>(
         &mut self,
         index: usize,
@@ -155,23 +169,26 @@ impl Signatures {
         (covariance, considered): (&mut Covariance, &[bool]),
         sensor: impl Fn(usize) -> &'a str,
         mut report: impl FnMut(Finding),
-    ) {
+    ) -> bool {
         let time = state.time;
-        if let Some(steps) = &mut self.steps
-            && let Some(step) = steps.corrected(time, covariance, considered)
+        let Self { offsets, steps, parameters, containment, .. } = self;
+        if let Some(steps) = steps
+            && let Some(step) = steps.corrected(time, (covariance, considered), containment)
         {
             report(step.finding(time, sensor(steps.sensor), layout));
         }
-        let states = (&*covariance, considered);
-        let Self { offsets, parameters, .. } = self;
+        let states = (&mut *covariance, considered);
+        let rival = || parameters.score(index);
         if let Some(offset) = &mut offsets[index]
-            && let Some(found) = offset.corrected(state, states, || parameters.score(index))
+            && let Some(found) = offset.corrected(state, states, containment, rival)
         {
-            report(offset::finding(&found, time, sensor(index), layout));
+            report(containment.noted(offset::finding(&found, time, sensor(index), layout)));
         }
+        let states = (covariance, considered);
         let rival = |sensor: usize| offsets[sensor].as_ref().map_or(0.0, Offset::score);
-        if let Some(wrong) = parameters.corrected(state, layout, states, rival) {
-            report(wrong.finding(state, sensor(wrong.sensor()), layout));
+        if let Some(wrong) = parameters.corrected(state, layout, states, containment, rival) {
+            report(containment.noted(wrong.finding(state, sensor(wrong.sensor()), layout)));
         }
+        std::mem::take(&mut containment.widened)
     }
 }

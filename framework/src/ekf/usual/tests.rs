@@ -107,10 +107,10 @@ fn the_recent_mean_is_that_of_16_samples_and_fades_after() {
 #[test]
 fn one_large_second_difference_counts_as_8_times_the_roughness() {
     let mut usual = usual();
-    usual.roughen(0, 3.0, 1.0);
+    usual.roughen(&[3.0; MAX_CHANNELS], 1.0);
     assert!((usual.rough[0] - 3.0 * GAUSSIAN).abs() < 1e-15, "{}", usual.rough[0]);
     usual.count = WARM + 1;
-    usual.roughen(0, 1e9, 0.5);
+    usual.roughen(&[1e9; MAX_CHANNELS], 0.5);
     let most = 24.0 * GAUSSIAN;
     let expected = GAUSSIAN * (9.0 + most * most) / (3.0 + most);
     assert!((usual.rough[0] - expected).abs() < 1e-13, "{} {expected}", usual.rough[0]);
@@ -200,8 +200,8 @@ fn the_roughness_begins_with_the_third_sample_and_a_line_has_none() {
 fn a_large_second_difference_is_not_limited_among_the_first_100() {
     let mut usual = usual();
     usual.count = WARM;
-    usual.roughen(0, 3.0, 1.0);
-    usual.roughen(0, 300.0, 0.5);
+    usual.roughen(&[3.0; MAX_CHANNELS], 1.0);
+    usual.roughen(&[300.0; MAX_CHANNELS], 0.5);
     let expected = GAUSSIAN * (9.0 + 9e4) / 303.0;
     assert!((usual.rough[0] / expected - 1.0).abs() < 1e-14, "{}", usual.rough[0]);
 }

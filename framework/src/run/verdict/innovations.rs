@@ -429,4 +429,24 @@ mod tests {
         let Memory { sum, squares, products, count, .. } = memory;
         assert_eq!((sum, squares, products, count), (4.0, 14.0, -5.0, 3.0));
     }
+
+    /// The probability 0.004 of the worst of `minutes` minutes, of which one in twenty may be
+    /// wrong.
+    #[test]
+    fn the_worst_minute_counts_from_two_minutes_on_and_by_their_number() {
+        let found = |minutes: u64, probability: f64, inside: bool| {
+            let mut sensor = SensorStatistics::new("dvl".to_owned(), Vec::new(), false);
+            let sums = NisSums { count: 60, nis: 360.0, expected: 180.0, variance: 360.0 };
+            sensor.worst = Some(Minute { begin: Time::default(), probability, sums });
+            sensor.minutes = minutes;
+            let mut report = Report::default();
+            sensor.judge_minutes(0.05, inside, &mut report);
+            !report.reasons.is_empty()
+        };
+        assert!(found(2, 0.004, true) && found(12, 0.004, true));
+        assert!(!found(1, 0.004, true), "one minute is the run");
+        assert!(!found(12, 0.004, false), "the run is outside its band");
+        assert!(!found(13, 0.004, true), "0.052");
+        assert!(!found(10, 0.005, true), "0.05");
+    }
 }

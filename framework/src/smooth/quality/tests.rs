@@ -40,6 +40,10 @@ fn a_sensor_is_named_below_half_of_its_samples_or_three_quarters_of_its_channels
     // 88 channels in 40 samples; three quarters of three are 2.25, or 90
     is(rare([20.0, 40.0], [20.0, 48.0]), "2.2 of 3 channels on average");
     assert_eq!(rare([20.0, 42.0], [20.0, 48.0]), None);
+    // parts without a sample have no channels on average: seven of ten here
+    let few = |k: usize| if k < 7 { [0.0; 2] } else { [20.0, 60.0 - 30.0 * f64::from(k == 9)] };
+    let found = quality((0..10).map(|k| part(0.0, few(k)))).rare(0, 9, 10, 3);
+    is(found, "1.5 of 3 channels on average");
     // a sensor without any sample in the run is not usual anywhere
     assert_eq!(quality((0..10).map(|_| part(0.0, [0.0; 2]))).rare(0, 3, 5, 3), None);
 }

@@ -61,6 +61,12 @@ impl Transition {
         }))
     }
 
+    /// Returns `true` if input models read the derivatives that [`Self::set_input`] writes.
+    #[inline]
+    pub fn has_inputs(&self) -> bool {
+        !self.inputs.links.is_empty()
+    }
+
     /// Writes the derivative of the error states with respect to the channels of the driving sample
     /// as the process receives it.
     #[inline]
@@ -70,7 +76,7 @@ impl Transition {
         block: &nalgebra::SMatrix<f64, R, C>,
     ) {
         // without input models nobody reads it
-        if let Some(place) = slot.0.filter(|_| !self.inputs.links.is_empty()) {
+        if let Some(place) = slot.0.filter(|_| self.has_inputs()) {
             let at = self.inputs.places[place].at;
             let out = &mut self.inputs.values[at..at + R * C];
             for i in 0..R {

@@ -21,7 +21,7 @@ pub struct NoiseSlot<const N: usize>(Option<usize>);
 /// their declared places.
 #[derive(Clone, Debug, Default)]
 pub struct Transition {
-    /// The values of all declared elements of `Phi`.
+    /// The values of all declared elements of `Phi`, those of a block column by column.
     pub(super) phi: Vec<f64>,
     /// `(row, column)` of each element.
     pub(super) places: Vec<(usize, usize)>,
@@ -57,7 +57,7 @@ impl Transition {
     ) -> PhiSlot<R, C> {
         PhiSlot(row.zip(column).map(|(r, c)| {
             let at = self.phi.len();
-            self.places.extend((0..R * C).map(|k| (r + k / C, c + k % C)));
+            self.places.extend((0..R * C).map(|k| (r + k % R, c + k / R)));
             self.phi.resize(at + R * C, 0.0);
             at
         }))
@@ -120,12 +120,7 @@ impl Transition {
         block: &nalgebra::SMatrix<f64, R, C>,
     ) {
         if let Some(at) = slot.0 {
-            let out = &mut self.phi[at..at + R * C];
-            for i in 0..R {
-                for j in 0..C {
-                    out[i * C + j] = block[(i, j)];
-                }
-            }
+            self.phi[at..at + R * C].copy_from_slice(block.as_slice());
         }
     }
 
@@ -191,9 +186,8 @@ impl Transition {
         let share = 1.0 + self.excess;
         for &(at, row, size) in &self.noise {
             let (q, p) = (&self.q[at..at + size * size], &mut p[row * stride..][..size * stride]);
-            // compiled for three axes and for any number
-            match size {
-                3 => add_block(p, stride, row, 3, q, share),
+            match (q.first_chunk::<9>(), size) {
+                (Some(q), 3) => add_three(p, stride, row, q, share),
                 _ => add_block(p, stride, row, size, q, share),
             }
         }
@@ -343,8 +337,18 @@ impl Transition {
     }
 }
 
-/// Adds `share` times a block of `size` rows to the rows of `p`, from that column on.
+/// As [`add_block`], for three axes.
 #[inline(always)]
+fn add_three(p: &mut [f64], stride: usize, column: usize, q: &[f64; 9], share: f64) {
+    let rows = q.as_chunks::<3>().0;
+    for (p, q) in p.chunks_exact_mut(stride).zip(rows) {
+        if let Some(p) = p.get_mut(column..).and_then(|p| p.first_chunk_mut::<3>()) {
+            (0..3).for_each(|k| p[k] += share * q[k]);
+        }
+    }
+}
+
+/// Adds `share` times a block of `size` rows to the rows of `p`, from that column on.
 fn add_block(p: &mut [f64], stride: usize, column: usize, size: usize, q: &[f64], share: f64) {
     for (p, q) in p.chunks_exact_mut(stride).zip(q.chunks_exact(size.max(1))) {
         p[column..column + size].iter_mut().zip(q).for_each(|(p, q)| *p += share * q);

@@ -117,15 +117,17 @@ fn a_run_without_the_bottom_is_metres_off_with_the_water_and_hundreds_without() 
     assert!((mean - 1.0).abs() < tolerance, "{mean} +- {tolerance}");
 }
 
-/// Water that is taken for the bottom: the current, 10 cm/s, is then an error of the velocity.
+/// Water that is taken for the bottom: the current, 10 cm/s, is then an error of the velocity, a wrong
+/// fixed parameter that the filter finds and contains.
 #[test]
-fn the_same_samples_without_a_current_are_tens_of_metres_off_and_the_sigma_does_not_say_so() {
+fn the_same_samples_without_a_current_are_tens_of_metres_off_and_the_sigma_contains_it() {
     let known = "process.water.current={ initial = \"0 m/s\", truth = [\"10 cm/s\", \"-10 \
                  cm/s\", \"0 m/s\"] }";
     let log = run(SCENARIO, &[known, "sensor.water-track.gate=\"off\""]);
     let back = log.at(1499.9);
     // 14 cm/s for 600 s are 85 m
-    assert!(back.error > 50.0 && back.sigma < 10.0, "{back:?}");
+    assert!(back.error > 20.0 && back.error < 85.0, "{back:?}");
+    assert!(back.sigma < 85.0 && back.error < 2.0 * back.sigma, "{back:?}");
 }
 
 #[test]

@@ -167,6 +167,11 @@ fn what_is_wrong_is_told_with_its_place() {
 }
 
 #[test]
+fn a_beam_may_always_be_lost() {
+    compose(&["sensor.laser.beam_dropout=100 %"]);
+}
+
+#[test]
 fn one_beam_notes_what_no_motion_shows_and_only_where_it_is_uncertain() {
     let notes =
         |settings: &[&str]| compose(settings).notes.into_iter().map(|n| n.1).collect::<Vec<_>>();

@@ -210,6 +210,10 @@ mod tests {
             // `align` keeps the initial latitude: 600 m to the north change the latitude by
             // 1e-4 rad, and the direction of `a` by 0.01 deg
             assert!(error < 0.02, "seed {seed}: {error} deg");
+            // and from one instant in two seconds
+            let sparse: Vec<_> = instants.into_iter().step_by(2).collect();
+            let error = error_deg(&sparse, &start, &earth);
+            assert!(error < 0.02, "seed {seed}: {error} deg");
         }
     }
 

@@ -12,8 +12,8 @@ use navfuse_core::state::{Block, Dynamics, Mode};
 use navfuse_core::units::time::Time;
 use std::collections::VecDeque;
 
-/// Time between two estimates that are kept, s.
-const PERIOD: f64 = 20.0;
+/// Time between two estimates that are kept.
+const PERIOD: Time = Time::from_nanos(20_000_000_000);
 /// Number of estimates that are kept.
 const KEPT: usize = 16;
 /// Move in sigma at which the result is doubtful, and at which it is useless. Of a million moves of
@@ -50,25 +50,18 @@ impl Drift {
 
     #[inline]
     pub(super) fn take(&mut self, filter: &FilterView<'_>, time: Time) -> Option<Fault> {
-        if self.kept.back().is_some_and(|last| time.since(last.time) < PERIOD) {
+        if self.kept.back().is_some_and(|last| time < last.time + PERIOD) {
             return None;
-        }
-        if self.has_widened(filter) {
-            self.kept.iter_mut().for_each(|kept| kept.time = Time::MIN);
         }
         let fault = self.judge(filter);
         self.keep(filter, time);
         fault
     }
 
-    /// Returns `true` if a variance of a constant has grown: the filter has widened the covariance, so
-    /// that the difference of two variances says nothing about the move between them.
-    fn has_widened(&self, filter: &FilterView<'_>) -> bool {
-        let Some(last) = self.kept.back().filter(|last| last.time > Time::MIN) else {
-            return false;
-        };
-        let grown = |i: usize| filter.covariance.get(i, i) > last.variances[i] * (1.0 + DECREASE);
-        self.constants(filter).any(|(_, block)| block.tangent_range().any(grown))
+    /// Begins again with the next estimate: the difference of two variances says nothing about a
+    /// move across a covariance that the filter has widened.
+    pub(super) fn widened(&mut self) {
+        self.kept.iter_mut().for_each(|kept| kept.time = Time::MIN);
     }
 
     /// Blocks that no process moves, with their slots.

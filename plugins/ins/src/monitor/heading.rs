@@ -16,9 +16,9 @@ use navfuse_core::model::finding::{Basis, Severity};
 use navfuse_core::model::start::FilterView;
 use navfuse_core::units::time::Time;
 
-/// Time between two comparisons, s, and the number of them in a row that count: the first fixes of an
+/// Time between two comparisons, and the number of them in a row that count: the first fixes of an
 /// alignment in motion reduce a wide heading within seconds.
-const PERIOD: f64 = 1.0;
+const PERIOD: Time = Time::from_nanos(1_000_000_000);
 const COUNT: u32 = 10;
 /// Ratio from which a result is doubtful, and from which it is useless.
 const DOUBTFUL: f64 = 0.5;
@@ -28,7 +28,8 @@ const USELESS: f64 = 3.0;
 #[derive(Clone)]
 pub(super) struct Heading {
     navigation: Navigation,
-    last: Option<Time>,
+    /// Time of the next comparison.
+    next: Time,
     /// Comparisons in a row that were doubtful, and useless.
     doubtful: u32,
     useless: u32,
@@ -37,15 +38,15 @@ pub(super) struct Heading {
 
 impl Heading {
     pub(super) fn new(navigation: Navigation) -> Self {
-        Self { navigation, last: None, doubtful: 0, useless: 0, severity: None }
+        Self { navigation, next: Time::MIN, doubtful: 0, useless: 0, severity: None }
     }
 
     #[inline]
     pub(super) fn take(&mut self, filter: &FilterView<'_>, time: Time) -> Option<Fault> {
-        if self.last.is_some_and(|last| time.since(last) < PERIOD) {
+        if time < self.next {
             return None;
         }
-        self.last = Some(time);
+        self.next = time + PERIOD;
         let n = &self.navigation;
         let tangent = |slot: usize| filter.layout.blocks[slot].tangent;
         let (heading, position) = (tangent(n.attitude.slot())? + 2, tangent(n.position.slot())?);

@@ -15,8 +15,8 @@ use navfuse_core::model::finding::{Basis, Severity};
 use navfuse_core::model::start::FilterView;
 use navfuse_core::units::time::Time;
 
-/// Time between two comparisons, s.
-const PERIOD: f64 = 1.0;
+/// Time between two comparisons.
+const PERIOD: Time = Time::from_nanos(1_000_000_000);
 /// Ratio from which a result is doubtful, and from which it is useless: at 0.3 the errors of the bias
 /// agree with their sigma, at 1.9 they are 1.5 times as large.
 const DOUBTFUL: f64 = 0.5;
@@ -49,7 +49,7 @@ impl Levelling {
 
     #[inline]
     pub(super) fn take(&mut self, filter: &FilterView<'_>, time: Time) -> Option<Fault> {
-        if self.aligned || self.last.is_some_and(|last| time.since(last) < PERIOD) {
+        if self.aligned || self.last.is_some_and(|last| time < last + PERIOD) {
             return None;
         }
         let n = &self.navigation;

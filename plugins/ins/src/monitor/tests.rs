@@ -4,6 +4,7 @@
 use crate::testing::Bench;
 use nalgebra::{Rotation3, Vector2, Vector3};
 use navfuse_core::model::finding::{Finding, Severity};
+use navfuse_core::model::monitor::Monitor;
 use navfuse_core::model::process::Input;
 use navfuse_core::model::screening::Spread;
 use navfuse_core::model::start::FilterView;
@@ -259,13 +260,24 @@ fn moved(sensor: usize, units: f64) -> Option<Finding> {
     moved_with(&[], sensor, units)
 }
 
-/// As [`moved`], with settings. The velocity is corrected by many times its sigma meanwhile.
+/// As [`moved`], with settings.
 fn moved_with(settings: &[&str], sensor: usize, units: f64) -> Option<Finding> {
+    moved_across(settings, (sensor, units), |_| {})
+}
+
+/// As [`moved_with`], with what the filter does meanwhile. The velocity is corrected by many times
+/// its sigma.
+fn moved_across(
+    settings: &[&str],
+    (sensor, units): (usize, f64),
+    meanwhile: impl FnOnce(&mut dyn Monitor),
+) -> Option<Finding> {
     let mut watch = Watch::new(settings);
     watch.sigma("ins.velocity", [1.0; 3]);
     let (name, unit) = (["ins.gyro_bias", "ins.accel_bias"][sensor], UNITS[sensor].1);
     watch.sigma(name, [2.0 * unit; 3]);
     assert!(watch.take(1.0, 1.0, STILL).is_none());
+    meanwhile(watch.bench.composition.processes[0].monitor.as_deref_mut().unwrap());
     let layout = &watch.bench.composition.layout;
     let at = layout.find(name).unwrap().tangent.unwrap();
     (0..3).for_each(|k| watch.covariance.set(at + k, at + k, 3.0 * unit * unit));
@@ -292,6 +304,15 @@ fn a_bias_that_moves_beyond_its_uncertainty_is_named() {
         assert_eq!(severity(5.5625), Some(Severity::DoNotUse));
         let text = moved(sensor, 8.0).unwrap().text;
         assert!(text.contains(&format!("of the {name} bias has moved by 8.0 times")), "{text}");
+    }
+}
+
+/// The variance may have grown and fallen again, so that its decrease is not that of the move.
+#[test]
+fn a_move_while_the_filter_widens_the_covariance_is_not_compared() {
+    for sensor in [0, 1] {
+        assert!(moved_across(&[], (sensor, 8.0), |_| {}).is_some());
+        assert!(moved_across(&[], (sensor, 8.0), |monitor| monitor.widened()).is_none());
     }
 }
 

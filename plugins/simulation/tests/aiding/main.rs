@@ -125,7 +125,7 @@ fn a_clock_of_the_dvl_that_steps_is_named_with_its_offset() {
         );
         let trial = bench::run(CLOCK, &[&format!("seed={seed}"), &step]);
         let finding = worst(&trial, "dvl").unwrap();
-        assert_eq!(finding.severity, Severity::DoNotUse, "{finding:?}");
+        assert!(finding.severity >= Severity::Doubtful, "{finding:?}");
         let (offset, sigmas) = time_offset(finding).unwrap();
         // the score is the offset in units of its sigma: four of them for one of three runs
         assert!(
@@ -181,6 +181,24 @@ fn a_wrong_fixed_parameter_is_named_with_the_value_that_fits() {
         // one of 16 000 is farther off than four sigma; half a unit of the last digit is 3 % of the size
         let size = fit - used;
         assert!((fit - truth).abs() < (4.0 / sigmas + 0.03) * size.abs(), "{seed}: {finding:?}");
+    }
+}
+
+/// The covariance contains the error, so that the mean of a state's error is at most its sigma. The
+/// square then has the mean 2 and the variance 6: that of twelve runs is below 2 + 3 sqrt(6 / 12).
+/// The scale factor has 13 and 6 where the covariance does not contain the error. The largest error
+/// is that which `how-to/faults.md` promises.
+#[test]
+fn the_sigma_contains_an_error_that_goes_on_once_it_is_found() {
+    for text in [CLOCK, LEVER_ARM] {
+        let squares = (1_000_001..=1_000_012).map(|seed| {
+            let trial = bench::run(text, &["estimator.draw=all", &format!("seed={seed}")]);
+            let (largest, place) = trial.errors.final_largest();
+            assert!(largest < 3.5, "{seed}: {largest} {place}");
+            trial.errors.last["dvl.scale[0]"].powi(2)
+        });
+        let mean = squares.sum::<f64>() / 12.0;
+        assert!(mean < 4.1, "{mean}");
     }
 }
 
