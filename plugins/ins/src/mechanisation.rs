@@ -299,10 +299,9 @@ fn advance(
     let dr_f = start
         * (dvel * (0.5 - turn.c * x) + phi.cross(dvel) * turn.b + phi * (turn.c * phi.dot(dvel)));
 
-    // The Earth at the midpoint. The latitude is extrapolated with R_N of the node, 3 km away at the
-    // most, which is accurate to 5e-6 of the extrapolation.
+    // The Earth at the midpoint. R_N of the extrapolation is accurate to 3e-9.
     let half = 0.5 * dt;
-    let ahead = state.velocity.x * half / (node.r_n + position.height);
+    let ahead = state.velocity.x * half / (node.r_n(position.latitude) + position.height);
     let (sin, cos) = node.sin_cos(position.latitude + ahead);
     let height = position.height - state.velocity.z * half;
     let earth = LocalEarth::from_sin_cos(sin, cos, height);
