@@ -151,6 +151,17 @@ fn a_scenario_that_does_not_fit_it_is_refused_with_line_key_and_remedy() {
     assert!(text.contains("scale") && text.contains("needs a sigma"), "{text}");
 }
 
+/// The message lists the keys of the type and those that the framework reads from every sensor; for
+/// a table within the sensor's, only those of that table.
+#[test]
+fn the_keys_of_an_unknown_one_are_those_of_its_table() {
+    let refused = |setting: &str| compose(&[setting]).err().unwrap();
+    let text = refused("sensor.tape.exclud=1");
+    assert!(text.contains("sensor.tape.exclud: ") && text.contains("\"exclude\"?"), "{text}");
+    let text = refused("sensor.tape.scale={ exclud = 1, initial = 1 }");
+    assert!(text.contains("sensor.tape.scale.exclud: ") && !text.contains("exclude"), "{text}");
+}
+
 /// A star's altitude stands for it: the latitude itself, rad.
 struct Latitude(Handle<Position>);
 

@@ -8,7 +8,7 @@ use navfuse_core::model::detector::Detector;
 use navfuse_core::model::process::Input;
 use navfuse_core::model::screening::{ChannelLimits, Screening};
 use navfuse_core::model::simulate::Simulate;
-use navfuse_core::model::start::{InitialAlignment, Progress};
+use navfuse_core::model::start::{AlignmentReport, InitialAlignment, Progress};
 use navfuse_core::nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
 use navfuse_core::prelude::*;
 use navfuse_core::run::runner::{Finished, run};
@@ -143,6 +143,9 @@ impl InitialAlignment for Counting {
     fn search(&mut self, _: &Layout, _: &mut State, _: &Sample) -> Result<Progress, ProcessError> {
         self.left -= 1;
         Ok(if self.left == 0 { Progress::Found } else { Progress::Searching })
+    }
+    fn report(&self) -> Option<AlignmentReport> {
+        Some(AlignmentReport { text: "counted".into(), values: serde_json::json!({}) })
     }
     fn boxed_clone(&self) -> Box<dyn InitialAlignment> {
         Box::new(self.clone())
@@ -365,6 +368,41 @@ fn a_filter_that_never_starts_names_the_state_that_the_reference_lacks() {
         let error = finished("[sensor.survey]\n", &settings, (0..5).flat_map(both).collect()).error;
         let text = error.map(|error| error.to_string()).unwrap_or_default();
         assert!(text.contains("no sample of [sensor.survey] gives trolley.place"), "{text}");
+    }
+}
+
+/// The reference gives no initial value here, so that it is not at fault.
+#[test]
+fn a_filter_whose_values_are_given_and_that_never_starts_lacks_samples_of_the_driving_sensor() {
+    let settings = ["estimator.initial=\"given\"", "estimator.start=\"10 s\""];
+    let samples = (0..5).map(|k| ("log", f64::from(k), vec![1.0, 0.0]));
+    let samples = samples.chain([("survey", 4.5, vec![0.0])]);
+    let error = finished("[sensor.survey]\n", &settings, samples.collect()).error;
+    let text = error.map(|error| error.to_string()).unwrap_or_default();
+    assert!(text.contains("no sample of the driving sensor at or after"), "{text}");
+}
+
+/// The filter starts at 2 s; the samples up to then move nothing.
+#[test]
+fn driving_samples_are_counted_as_used_from_the_start_on() {
+    let log = |k: i32| ("log", 0.5 * f64::from(k), vec![1.0, 0.0]);
+    let finished = finished("", &["estimator.start=\"2 s\""], (0..12).map(log).collect());
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let log = &finished.summary.samples["log"];
+    let count = |key: &str| log[key].as_u64().unwrap();
+    // at 0, 0.5, ... 5.5 s, and from 2.5 s on
+    assert_eq!((count("read"), count("used")), (12, 7), "{log}");
+}
+
+#[test]
+fn a_filter_that_linearises_again_reports_how_it_started() {
+    for relinearise in ["0 s", "10 s"] {
+        let relinearise = format!("estimator.relinearise=\"{relinearise}\"");
+        let log = |k: i32| ("log", 0.1 * f64::from(k), vec![1.0, 0.0]);
+        let settings = ["process.trolley.search=5", &*relinearise];
+        let finished = finished("", &settings, (0..20).map(log).collect());
+        assert!(finished.error.is_none(), "{:?}", finished.error);
+        assert!(finished.summary.starts.contains_key("trolley"), "{relinearise}");
     }
 }
 

@@ -153,6 +153,26 @@ proptest! {
         }
     }
 
+    /// A manifold without a Jacobian of its own, as a plugin may define it.
+    #[test]
+    fn the_jacobian_of_coordinates_is_their_slope_where_a_manifold_gives_none(
+        latitude in -1.4..1.4_f64, h in -11_000.0..9_000.0_f64,
+    ) {
+        let x = values::<Position>(&[latitude, 0.5, h]);
+        let mut found = [f64::NAN; 9];
+        (Operations::of::<Position>().coordinate_jacobian)(&x, &mut found);
+        for k in 0..3 {
+            let [to, from] = [10.0, -10.0].map(|step| retract::<Position>(&x, Vector3::ith(k, step).as_slice()));
+            for i in 0..3 {
+                // 20 m: the coordinates round at 1e-16 rad and 2e-12 m; the terms of the second order
+                // of both steps cancel, and those of the third are below 100 (20 m / R)^2
+                let slope = (to[i] - from[i]) / 20.0;
+                let bound = 1e-9 * slope.abs() + if i == 2 { 1e-5 } else { 1e-16 };
+                prop_assert!((found[3 * i + k] - slope).abs() < bound, "{} {}", found[3 * i + k], slope);
+            }
+        }
+    }
+
     #[test]
     fn on_positions_local_undoes_retract_and_longitude_stays_within_half_a_turn(
         latitude in -1.5..1.5_f64, from_antimeridian in -1e-3..1e-3_f64, turn in prop::bool::ANY,

@@ -244,6 +244,21 @@ fn the_smoothed_places_are_those_of_least_squares_over_the_whole_run() {
     }
 }
 
+/// Innovations beside a considered state are not white, so they have no statistics. A fix 90 cm off
+/// for three seconds is gated, and not judged again.
+#[test]
+fn samples_beside_a_considered_state_are_neither_rated_nor_judged_again() {
+    let considered = "sensor.fix.bias={ mode = \"consider\", sigma = \"1 mm\" }";
+    let mut samples = samples(60.0, 10, true);
+    let late = samples.iter_mut().filter(|s| s.sensor.0 == 1 && s.time > seconds(30.5));
+    late.for_each(|fix| fix.set(0, fix.get(0).unwrap() + 0.9));
+    let quality = smoothed(&[considered], samples).1.summary.smoothing.unwrap();
+    let fix = quality.sensors.iter().find(|fit| fit.sensor == "fix").unwrap();
+    assert!(fix.gated > 0, "{fix:?}");
+    assert_eq!((fix.used, fix.mean, fix.plausible), (0, None, 0));
+    assert!(quality.reconsidered.is_empty(), "{:?}", quality.reconsidered);
+}
+
 #[test]
 fn the_covariance_beside_a_considered_state_is_that_of_the_error() {
     let considered = "sensor.fix.bias={ mode = \"consider\", sigma = \"30 cm\" }";

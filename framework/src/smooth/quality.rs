@@ -249,16 +249,14 @@ impl Quality {
     /// Sums the run up.
     pub(super) fn report(self, composition: &Composition) -> QualityReport {
         let (mut weak, mut contradictions, mut unobserved) = (Vec::new(), Vec::new(), Vec::new());
+        let sensors = composition.sensors.iter();
+        let sensors: Vec<_> = sensors.map(|s| (&*s.info.name, s.info.channels.len())).collect();
         for (first, block) in judged(&composition.layout) {
             for k in 0..block.operations.tangent {
                 let component = block.spec.display.components.get(k).copied().unwrap_or("");
                 let name = format!("{} {component}", block.name);
-                weak.extend(self.weak(
-                    first + k,
-                    name.trim_end(),
-                    block.spec.display.unit,
-                    composition,
-                ));
+                let unit = block.spec.display.unit;
+                weak.extend(self.weak(first + k, name.trim_end(), unit, &sensors));
                 contradictions.extend(self.contradiction(first + k, name.trim_end()));
                 let (prior, smallest) = (self.priors[first + k], self.smallest[first + k]);
                 if smallest.is_finite() && smallest >= UNOBSERVED * prior {
@@ -337,13 +335,14 @@ impl Quality {
         spans
     }
 
-    /// Spans in which a component is weak: the ratio to its median, and the sentence.
+    /// Spans in which a component is weak: the ratio to its median, and the sentence. `sensors` has
+    /// the name of each sensor, and the number of its channels.
     fn weak(
         &self,
         component: usize,
         name: &str,
         unit: &str,
-        composition: &Composition,
+        sensors: &[(&str, usize)],
     ) -> Vec<(f64, String)> {
         let of = |part: &Part| Some(part.sigmas[component]).filter(|sigma| *sigma > 0.0);
         let Some(usual) = median(self.parts.iter().filter_map(of)) else { return Vec::new() };
@@ -356,9 +355,9 @@ impl Quality {
                 self.span(from, to),
                 sigma / usual
             );
-            for (k, sensor) in composition.sensors.iter().enumerate() {
-                if let Some(cause) = self.rare(k, from, to, sensor.info.channels.len()) {
-                    let _ = write!(text, "; {}: {cause}", sensor.info.name);
+            for (k, &(sensor, channels)) in sensors.iter().enumerate() {
+                if let Some(cause) = self.rare(k, from, to, channels) {
+                    let _ = write!(text, "; {sensor}: {cause}");
                 }
             }
             (sigma / usual, text)

@@ -17,7 +17,7 @@
 //! information that the measurements would hold on each component if all others were known.
 
 use navfuse_core::state::Layout;
-use navfuse_core::state::covariance::{Chain, Transition, Update};
+use navfuse_core::state::covariance::{StepSum, Transition, Update};
 use pulp::{Arch, Simd, WithSimd};
 
 /// Fixed-point smoother of the initial error. Rows are indices of the error state, columns are
@@ -33,8 +33,8 @@ pub struct InitialError {
     left: Vec<f64>,
     /// Diagonal of the Gramian of `F`.
     alone: Vec<f64>,
-    /// Transitions that `G` and `F` have not taken yet.
-    chain: Chain,
+    /// Steps that `G` and `F` have not taken yet.
+    steps: StepSum,
     /// Work space.
     rows: Vec<f64>,
     lower: Lower,
@@ -61,7 +61,7 @@ impl InitialError {
             maps,
             left,
             alone: vec![0.0; n],
-            chain: Chain::default(),
+            steps: StepSum::default(),
             rows: Vec::new(),
             lower: Lower::default(),
             processor: Arch::new(),
@@ -70,16 +70,15 @@ impl InitialError {
 
     /// Takes a transition. `G` and `F` follow with [`Self::settle`].
     pub fn transition(&mut self, transition: &Transition) {
-        if !self.chain.append(transition) {
+        if !self.steps.add(transition) {
             self.settle();
-            self.chain.append(transition);
+            self.steps.add(transition);
         }
     }
 
-    /// Propagates `G` and `F` with the product of the transitions since the last call.
+    /// Propagates `G` and `F` over the steps since the last call.
     pub fn settle(&mut self) {
-        self.chain.carry(&mut self.maps, 2 * self.stride);
-        self.chain.restart();
+        self.steps.carry(&mut self.maps, 2 * self.stride);
     }
 
     /// Applies an update. `reduction` receives the factor by which the update reduced the remaining

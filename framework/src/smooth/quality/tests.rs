@@ -62,6 +62,16 @@ fn a_contradiction_is_a_difference_of_more_than_5_sigma_and_the_largest_names_th
     assert!(text.contains("by 6.2 sigma of the difference from 30 to 50 s;"), "{text}");
 }
 
+/// The worst span comes first in the report, whatever the unit of its state.
+#[test]
+fn a_span_is_weak_by_its_sigma_over_the_usual_one() {
+    let sigma = |k: usize| if k == 4 { 0.5 } else { 0.125 };
+    let parts = (0..9).map(|k| Part { sigmas: vec![sigma(k)], ..part(0.0, [0.0; 2]) });
+    let found = quality(parts).weak(0, "dvl.scale", "", &[("dvl", 3)]);
+    let text = "dvl.scale from 40 to 50 s: 1-sigma up to 0.500, 4.0 times the usual one";
+    assert_eq!(found, [(4.0, text.to_owned())]);
+}
+
 #[test]
 fn a_part_without_an_estimate_neither_begins_nor_ends_a_span() {
     let spans = |holds: &[Option<bool>]| {

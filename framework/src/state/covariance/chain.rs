@@ -1,16 +1,13 @@
-//! Products of transitions, for a tool that carries errors over many steps.
+//! Products of transitions.
 
 use super::Transition;
-use super::kernel::Kernel;
 use std::sync::Arc;
 
 /// Product `Psi = Phi_k ... Phi_1` of the transitions since the last [`Self::restart`].
 ///
-/// Many steps follow each other between two updates, and each of them would carry every column of
-/// a wide matrix. `Psi` has the few columns that the transitions read; [`Self::carry`] applies it
-/// once, when the matrix is needed.
+/// It has the few columns that the transitions read.
 #[derive(Clone, Debug, Default)]
-pub struct Chain {
+pub(super) struct Chain {
     /// Rows that the transitions change, which copies of one transition share.
     rows: Arc<[usize]>,
     /// Columns in which `Psi` may differ from the identity, ascending.
@@ -20,44 +17,27 @@ pub struct Chain {
     psi: Vec<f64>,
     /// Set once the product has a factor.
     moved: bool,
-    /// Product with these rows and columns, the places of its elements in `psi` in the order of the
-    /// kernel, and their values.
-    kernel: Kernel,
-    at: Vec<usize>,
-    elements: Vec<f64>,
-    /// Work space of [`Self::append`] and of [`Self::carry`].
-    appended: Vec<f64>,
-    carried: Vec<f64>,
+    /// Work space of [`Self::append`].
+    work: Vec<f64>,
 }
 
 impl Chain {
     /// Multiplies the product by a transition from the left. Returns `false`, and leaves the
-    /// product as it is, for a transition with other places than those before: carry the product
-    /// and restart it first.
-    pub fn append(&mut self, transition: &Transition) -> bool {
+    /// product as it is, for a transition with other places than those before: restart it first.
+    pub(super) fn append(&mut self, transition: &Transition) -> bool {
         if !Arc::ptr_eq(&self.rows, transition.kernel.rows()) {
             if self.moved {
                 return false;
             }
             self.begin(transition);
         }
-        transition.carry(&mut self.psi, self.stride, &mut self.appended);
+        transition.carry(&mut self.psi, self.stride, &mut self.work);
         self.moved = true;
         true
     }
 
-    /// Applies the product: `G = Psi G`, row-major with rows of `stride`, a multiple of four.
-    pub fn carry(&mut self, g: &mut [f64], stride: usize) {
-        if !self.moved {
-            return;
-        }
-        self.elements.clear();
-        self.elements.extend(self.at.iter().map(|at| self.psi[*at]));
-        self.kernel.carry(&self.elements, g, stride, &mut self.carried);
-    }
-
     /// Sets the product to the identity.
-    pub fn restart(&mut self) {
+    pub(super) fn restart(&mut self) {
         if !std::mem::take(&mut self.moved) {
             return;
         }
@@ -99,20 +79,5 @@ impl Chain {
             self.psi[column * self.stride + k] = 1.0;
         }
         self.rows = Arc::clone(transition.kernel.rows());
-        let places: Vec<_> = by_blocks(&self.rows, &self.columns).collect();
-        self.at = places.iter().filter_map(|&(i, j)| self.place(i, j)).collect();
-        self.kernel = Kernel::new(rows, &places);
     }
-}
-
-/// Places of all elements in three rows and three columns at a time, since the kernel multiplies
-/// blocks of three axes faster than single elements.
-fn by_blocks<'a>(
-    rows: &'a [usize],
-    columns: &'a [usize],
-) -> impl Iterator<Item = (usize, usize)> + 'a {
-    let blocks = rows.chunks(3).flat_map(|rows| columns.chunks(3).map(move |c| (rows, c)));
-    blocks.flat_map(|(rows, columns)| {
-        rows.iter().flat_map(move |&row| columns.iter().map(move |&column| (row, column)))
-    })
 }

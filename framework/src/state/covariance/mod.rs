@@ -12,6 +12,7 @@ mod kernel;
 mod matrix;
 mod product;
 mod rank;
+mod sum;
 mod transition;
 mod update;
 
@@ -19,10 +20,10 @@ mod update;
 mod tests;
 
 pub(crate) use back::{BackwardCorrection, BackwardStep, sandwich};
-pub use chain::Chain;
 pub use inputs::InputSlot;
 pub use matrix::Covariance;
 pub(crate) use product::{Closure, Product};
+pub use sum::StepSum;
 pub use transition::{NoiseSlot, PhiDiagonal, PhiSlot, Transition};
 pub use update::Update;
 pub(crate) use update::{Reach, backward, cholesky, forward};

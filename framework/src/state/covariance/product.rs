@@ -1,6 +1,7 @@
 //! Products of transitions as values of a sparse pattern, for the records of the smoother.
 
-use super::{Chain, Transition};
+use super::Transition;
+use super::chain::Chain;
 use std::sync::Arc;
 
 /// Elements in which a product of transitions of one pattern may differ from the identity.

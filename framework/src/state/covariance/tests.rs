@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use super::{
-    BackwardStep, Chain, Covariance, NoiseSlot, PhiDiagonal, PhiSlot, Product, Transition, Update,
+    BackwardStep, Covariance, NoiseSlot, PhiDiagonal, PhiSlot, Product, StepSum, Transition, Update,
 };
 use crate::compose::Composer;
 use crate::state::dynamics::BlockDynamics;
@@ -236,8 +236,9 @@ proptest! {
         portable.kernel.processor = Arch::Scalar;
         let stride = n.next_multiple_of(4);
         let mut g: Vec<f64> = (0..n * stride).map(|_| u.next()).collect();
-        let (mut same_g, mut chained, mut work) = (g.clone(), g.clone(), Vec::new());
-        let (mut chain, mut product) = (Chain::default(), Product::default());
+        let (mut same_g, mut summed, mut work) = (g.clone(), g.clone(), Vec::new());
+        let start = nalgebra::DMatrix::from_row_slice(n, stride, &g);
+        let (mut sum, mut product) = (StepSum::default(), Product::default());
         for _ in 0..3 {
             transition.propagate(&mut p);
             portable.propagate(&mut same_p);
@@ -247,13 +248,23 @@ proptest! {
             transition.carry(&mut g, stride, &mut work);
             portable.carry(&mut same_g, stride, &mut work);
             prop_assert_eq!(&g, &same_g);
-            prop_assert!(chain.append(&transition) && product.append(&transition));
+            prop_assert!(product.append(&transition));
+            if !sum.add(&transition) {
+                sum.carry(&mut summed, stride);
+                prop_assert!(sum.add(&transition));
+            }
         }
-        chain.carry(&mut chained, stride);
-        // three products of n terms, rounded in another order
-        let (apart, size) = g.iter().zip(&chained).fold((0.0_f64, 1.0_f64), |(apart, size), (a, b)| {
+        sum.carry(&mut summed, stride);
+        // the sum of three equal steps lacks the term of the third order: A^3
+        let change = &phi - nalgebra::DMatrix::identity(n, n);
+        let own = transition.identity().iter().filter(|one| **one != 0.0).count();
+        let short = own == transition.kernel.rows().len();
+        let cube = (change.pow(3) * start).transpose() * f64::from(u8::from(short));
+        let whole = summed.iter().zip(cube.iter()).map(|(summed, cube)| summed + cube);
+        let (apart, size) = g.iter().zip(whole).fold((0.0_f64, 1.0_f64), |(apart, size), (a, b)| {
             (apart.max((a - b).abs()), size.max(a.abs()))
         });
+        // three products of n terms, rounded in another order
         prop_assert!(apart <= 1e-12 * size, "{} of {}", apart, size);
         // the elements of the product are all that differ from the identity
         let values: Vec<f64> = product.values().collect();
@@ -266,10 +277,13 @@ proptest! {
         // the places of another transition may be others
         let mut other = transition.clone();
         other.compile(&layout);
-        prop_assert!(!chain.append(&other) && !product.append(&other));
-        chain.restart();
+        prop_assert!(sum.add(&transition) && !sum.add(&other) && !product.append(&other));
+        sum.carry(&mut summed, stride);
         product.restart();
-        prop_assert!(chain.append(&other) && product.append(&other) && !product.is_empty());
+        prop_assert!(sum.add(&other) && product.append(&other) && !product.is_empty());
+        // as many steps as the documentation says
+        let more = (0..40).take_while(|_| sum.add(&other)).count();
+        prop_assert_eq!(more, if short { 31 } else { 0 });
     }
 
     #[test]
