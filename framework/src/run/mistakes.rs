@@ -111,3 +111,21 @@ impl Repairs {
 fn depth(path: &str) -> usize {
     if path.is_empty() { 0 } else { path.split('.').count() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn caused(coarse: bool, path: &str, fault: &Fault) -> bool {
+        Repairs { removed: Vec::new(), coarse }.caused(path, fault)
+    }
+
+    /// Other parts of the scenario may need a table that was removed, but no name in them does.
+    #[test]
+    fn a_table_that_was_removed_may_have_caused_errors_of_other_parts() {
+        assert!(caused(true, "sensor.dvl", &Fault::Value));
+        assert!(!caused(false, "sensor.dvl", &Fault::Value));
+        assert!(!caused(true, "sensor.dvl.noise", &Fault::Value));
+        assert!(!caused(true, "sensor.dvl", &Fault::Unknown(None)));
+    }
+}

@@ -343,3 +343,32 @@ fn keep_positive(smoothed: &mut Covariance, p: &Covariance, scales: &mut [f64]) 
         smoothed.set(i, j, positive[(i, j)] / (scales[i] * scales[j]));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn covariance(lower: [f64; 3]) -> Covariance {
+        let mut covariance = Covariance::zero(2);
+        covariance.set_lower(&lower);
+        covariance
+    }
+
+    /// The sigmas of the filter are 10 and 0.1. What rounding leaves of the sum of both is -1e-12 of
+    /// its variance.
+    #[test]
+    fn a_variance_that_rounding_made_negative_is_one_of_rounding_and_the_others_stay() {
+        let (filtered, mut scales) = (covariance([100.0, 0.0, 0.01]), [0.0; 2]);
+        let correlation = -(1.0 + 1e-12);
+        let mut smoothed = covariance([1e-2, 1e-4 * correlation, 1e-6]);
+        let before = smoothed.clone();
+        keep_positive(&mut smoothed, &filtered, &mut scales);
+        let [p, q, r] = [(0, 0), (1, 0), (1, 1)].map(|(i, j)| smoothed.get(i, j));
+        assert!(p * r > q * q, "{p} {q} {r}");
+        let apart = |i: usize, j: usize| (smoothed.get(i, j) / before.get(i, j) - 1.0).abs();
+        assert!(apart(0, 0) < 1e-11 && apart(1, 0) < 1e-11 && apart(1, 1) < 1e-11);
+        let positive = smoothed.clone();
+        keep_positive(&mut smoothed, &filtered, &mut scales);
+        assert_eq!(smoothed, positive);
+    }
+}
