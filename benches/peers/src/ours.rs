@@ -61,11 +61,14 @@ fn filter(name: &'static str, overrides: &[&str]) -> Ours {
     Ours { name, start: filter.snapshot(), filter, samples }
 }
 
-/// The filter of the scenario, with 19 states, the INS of it with 15, and the IMU samples.
+/// The filter of the scenario, with 19 states, the INS of it with 15, the same without the checks of
+/// samples that the peers do not have either, and the IMU samples.
 pub fn filters() -> (Vec<Box<dyn Peer>>, Vec<Imu>) {
     let whole = filter("navfuse, 19 states, f64", &[]);
     let fixed = ["sensor.dvl.scale.mode=fixed", "sensor.dvl.misalignment.mode=fixed"];
     let alone = filter("navfuse, 15 states, f64", &fixed);
+    let unchecked = [&fixed[..], &["sensor.imu.screening=off"]].concat();
+    let unchecked = filter("navfuse, 15 states, no screening", &unchecked);
     let mut before = whole.filter.state().time;
     let samples = whole.samples.iter().map(|sample| {
         let interval = sample.time.since(before);
@@ -74,5 +77,5 @@ pub fn filters() -> (Vec<Box<dyn Peer>>, Vec<Imu>) {
         Imu { time: sample.time.seconds(), interval, rate: axis(0), force: axis(3) }
     });
     let samples = samples.collect();
-    (vec![Box::new(whole), Box::new(alone)], samples)
+    (vec![Box::new(whole), Box::new(alone), Box::new(unchecked)], samples)
 }
