@@ -91,7 +91,7 @@ pub(super) struct Memory {
     pub(super) clones: Vec<Clones>,
     /// Recent states, kept where some sensor has a time offset.
     pub(super) history: Option<History>,
-    /// Score tests for time offsets that are not modelled.
+    /// Score tests for errors that nothing models; `None` where they do not hold, or hold no longer.
     pub(super) signatures: Option<Signatures>,
     /// Time of the last driving sample.
     pub(super) input: Option<Time>,

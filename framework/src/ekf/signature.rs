@@ -1,4 +1,5 @@
-//! Score tests for errors that nothing models: a time offset of a sensor, and a step of a bias.
+//! Score tests for errors that nothing models: a time offset of a sensor, a step of a bias, and a
+//! wrong fixed parameter.
 //!
 //! An error of the size `a` gives the innovations the mean `a g`, and moves the error of the state
 //! by `a s`. With the direct effect `d` on the innovation and the gain `K`,

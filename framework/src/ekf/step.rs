@@ -194,7 +194,7 @@ impl Ekf {
         if self.running()
             && let Some(finding) = self.watch_input(&input)
         {
-            // what impossible samples do to the state is none of the errors that the tests look for
+            // what such samples do to the state is none of the errors that the tests look for
             if (finding.basis, finding.severity) == (Basis::Samples, Severity::DoNotUse) {
                 self.memory.signatures = None;
             }

@@ -18,6 +18,9 @@ pub enum Severity {
 pub enum Basis {
     /// The filter compares sensors with each other, so that another sensor may be at fault.
     Comparison,
+    /// An error of the sensor, with its size, explains what contradicts the filter: such a finding
+    /// says more than that they contradict each other.
+    Explanation,
     /// The samples of the sensor alone contradict physics or the sensor's settings. A fault of the
     /// driving sensor makes all others contradict the filter, so such a finding comes before those of
     /// comparisons.

@@ -182,9 +182,9 @@ impl Attitude {
 /// Squared half angle up to which [`rotation`] is a series, rad^2.
 const SMALL: f64 = 1e-4;
 
-/// Rotation by a vector `v`, with the quaternion `(cos(|v|/2), v sin(|v|/2) / |v|)`. The small angle
-/// between two samples of an IMU has the terms to the sixth power of `|v|/2`; the next ones are
-/// below `SMALL^4 / 8! = 2.5e-21`.
+/// Rotation by a vector `v`, with the quaternion `(cos(|v|/2), v sin(|v|/2) / |v|)`. For the small
+/// angle between two samples of an IMU, the series have the terms to the sixth power of `|v|/2`; the
+/// next ones are below `SMALL^4 / 8! = 2.5e-21`.
 pub(crate) fn rotation(v: Vector3<f64>) -> UnitQuaternion<f64> {
     let q = 0.25 * v.norm_squared();
     if q > SMALL {

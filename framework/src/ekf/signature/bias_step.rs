@@ -73,7 +73,7 @@ impl Step {
             time,
             about: sensor.to_owned(),
             severity: found.severity,
-            basis: Basis::Comparison,
+            basis: Basis::Explanation,
             text: format!(
                 "{} has stepped after {}: the innovations fit a step of {:+.3} {unit} ({:.1} sigma), \
                  which has moved {}; the covariance contains it from now on",

@@ -16,8 +16,10 @@
 //! off by more than its sigma in the mean.
 
 use super::effect::Effect;
+use crate::compose::Composition;
 use crate::model::finding::Finding;
 use crate::state::covariance::{Covariance, cholesky, forward};
+use crate::units::time::Time;
 
 /// Widening of the covariance, with the workspace of the test.
 #[derive(Clone, Default)]
@@ -27,28 +29,42 @@ pub(super) struct Containment {
     white: Vec<f64>,
     /// Set by each widening.
     pub(super) widened: bool,
-    /// Set where an alignment looks for the initial values: until it has found them the state may be
-    /// far off, and the effect of an error is not linear.
-    searched: bool,
+    /// Set where nothing is contained, for the whole run: an alignment looks for the initial values, so
+    /// that the state may be far off and the effect of an error is not linear, or passes linearise
+    /// the run again, and know no finding.
+    never: bool,
+    /// Time after the first sample up to which passes may take the samples again, and that sample's.
+    again: Option<Time>,
+    first: Option<Time>,
+    /// Set where nothing is contained at present.
+    off: bool,
 }
 
 impl Containment {
-    /// Containment of the errors of a filter whose initial values an alignment looks for, or not.
-    pub(super) fn new(searched: bool) -> Self {
-        Self { searched, ..Self::default() }
+    pub(super) fn new(composition: &Composition) -> Self {
+        let searched = composition.processes.iter().any(|process| process.alignment.is_some());
+        let estimator = &composition.estimator;
+        let never = searched || estimator.passes() > 1;
+        Self { never, again: estimator.relinearise(), ..Self::default() }
+    }
+
+    /// Begins with the findings of a sample of that time.
+    pub(super) fn begin(&mut self, time: Time) {
+        let first = *self.first.get_or_insert(time);
+        self.off = self.never || self.again.is_some_and(|again| time <= first + again);
     }
 
     /// A finding, which states where the covariance contains the error.
     pub(super) fn noted(&self, mut finding: Finding) -> Finding {
-        if !self.searched {
-            finding.text.push_str("; the covariance contains it from now on");
+        if !self.off {
+            finding.text.push_str("; the covariance contains it from now on, and not before");
         }
         finding
     }
 
     /// Widens the covariance if it does not contain the error of a hypothesis.
     pub(super) fn contain(&mut self, (effect, sum): (&Effect, usize), covariance: &mut Covariance) {
-        if self.searched {
+        if self.off {
             return;
         }
         let Self { p, lower, white, .. } = self;
@@ -77,7 +93,6 @@ impl Containment {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::time::Time;
 
     /// Effect whose first sum has an error of the size 3 with the variance 1/4.
     fn effect(s: [f64; 2]) -> Effect {
@@ -122,11 +137,20 @@ mod tests {
         assert!(p.iter().zip(expected).all(|(p, e)| (p - e).abs() < 1e-12), "{p:?}");
     }
 
+    /// A second of the run is linearised again.
     #[test]
-    fn the_covariance_stays_where_an_alignment_looks_for_the_initial_values() {
-        let mut p = covariance([1.0, 0.0, 4.0]);
-        Containment::new(true).contain((&effect([1.0, -2.0]), 0), &mut p);
-        assert_eq!(p, covariance([1.0, 0.0, 4.0]));
+    fn the_covariance_stays_while_passes_may_take_the_samples_again() {
+        let again = Time::from_seconds(1.0);
+        let contains = |mut containment: Containment, seconds: f64| {
+            let mut p = covariance([1.0, 0.0, 4.0]);
+            containment.begin(Time::default());
+            containment.begin(Time::from_seconds(seconds).unwrap_or_default());
+            containment.contain((&effect([1.0, -2.0]), 0), &mut p);
+            p != covariance([1.0, 0.0, 4.0])
+        };
+        assert!(!contains(Containment { again, ..Containment::default() }, 1.0));
+        assert!(contains(Containment { again, ..Containment::default() }, 1.1));
+        assert!(!contains(Containment { never: true, ..Containment::default() }, 1.1));
     }
 
     #[test]

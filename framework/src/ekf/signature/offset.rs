@@ -48,7 +48,7 @@ pub(super) fn finding(found: &Found, time: Time, sensor: &str, layout: &Layout) 
         time,
         about: sensor.to_owned(),
         severity: found.severity,
-        basis: Basis::Comparison,
+        basis: Basis::Explanation,
         text: format!(
             "since {} its samples fit a time offset of {tau:+.3} s ({:.1} sigma), which is not \
              modelled: it has moved {}",

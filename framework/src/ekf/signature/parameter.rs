@@ -88,7 +88,7 @@ impl Wrong {
             time: state.time,
             about: sensor.to_owned(),
             severity: found.severity,
-            basis: Basis::Comparison,
+            basis: Basis::Explanation,
             text: format!(
                 "its samples fit {} for {}, which is fixed at {} ({:.1} sigma): this has moved {}",
                 with_unit(shown(size)).trim_end(),

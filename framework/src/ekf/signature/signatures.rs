@@ -45,12 +45,12 @@ fn bias_steps(composition: &Composition) -> Option<BiasSteps> {
 
 impl Signatures {
     /// Tests of a composition for offsets that are not estimated and biases that are constant;
-    /// `None` where the innovations of a consistent filter are not white, or where blocks come and
-    /// go.
+    /// `None` where the innovations of a consistent filter are not white, where blocks come and go,
+    /// or where sensors read past states.
     pub(in crate::ekf) fn new(composition: &Composition, transition: &Transition) -> Option<Self> {
         let layout = &*composition.layout;
         let considers = layout.blocks.iter().any(|b| b.spec.mode == Mode::Consider);
-        if considers || layout.labels > 0 {
+        if considers || layout.labels > 0 || !layout.clones.is_empty() {
             return None;
         }
         let tested = composition.sensors.iter().map(|sensor| {
@@ -74,8 +74,7 @@ impl Signatures {
         let changes = Vec::with_capacity(places.len());
         let parameters = Parameters::new(tested, layout);
         let (settled, time) = (Time::MIN, Time::MIN);
-        let searched = composition.processes.iter().any(|process| process.alignment.is_some());
-        let containment = Containment::new(searched);
+        let containment = Containment::new(composition);
         Some(Self {
             offsets,
             steps,
@@ -172,6 +171,7 @@ impl Signatures {
     ) -> bool {
         let time = state.time;
         let Self { offsets, steps, parameters, containment, .. } = self;
+        containment.begin(time);
         if let Some(steps) = steps
             && let Some(step) = steps.corrected(time, (covariance, considered), containment)
         {

@@ -115,8 +115,8 @@ impl Judge {
     }
 }
 
-/// The finding of each sensor or process with the highest severity, of these the one with the best
-/// evidence, of these the first: a fault may return.
+/// The finding of each sensor or process with the highest severity, of these the one that says most
+/// (see [`Basis`]), of these the first: a fault may return.
 fn of_each_part(findings: &[Finding]) -> Vec<&Finding> {
     let mut found: Vec<&Finding> = Vec::new();
     for finding in findings {

@@ -161,10 +161,10 @@ fn shares_of_gated_faulty_and_missing_samples_are_judged_apart() {
     assert!(report.reasons[1].text.contains("30 of 60"), "{:?}", report.reasons[1]);
 }
 
-/// A later finding of the same part replaces an earlier one if it is worse, or rests on the samples
-/// of that part instead of a comparison with others.
+/// A later finding of the same part replaces an earlier one if it is worse, or names an error that
+/// explains the comparison, or rests on the samples of that part alone.
 #[test]
-fn of_the_findings_of_a_part_the_one_with_the_best_evidence_counts() {
+fn of_the_findings_of_a_part_the_one_that_says_most_counts() {
     let finding = |about: &str, severity, basis, text: &str| Finding {
         time: Time::MIN,
         about: about.to_owned(),
@@ -179,9 +179,12 @@ fn of_the_findings_of_a_part_the_one_with_the_best_evidence_counts() {
         finding("imu", Severity::DoNotUse, Basis::Samples, "its axes are swapped"),
         finding("imu", Severity::Doubtful, Basis::Samples, "many spikes"),
         finding("dvl", Severity::DoNotUse, Basis::Comparison, "locked out again"),
+        finding("gnss", Severity::DoNotUse, Basis::Comparison, "its innovations have a mean"),
+        finding("gnss", Severity::DoNotUse, Basis::Explanation, "its clock is late"),
+        finding("gnss", Severity::Doubtful, Basis::Samples, "many repetitions"),
     ];
     let texts: Vec<&str> = of_each_part(&findings).iter().map(|f| f.text.as_str()).collect();
-    assert_eq!(texts, ["its axes are swapped", "locked out"]);
+    assert_eq!(texts, ["its axes are swapped", "locked out", "its clock is late"]);
 }
 
 /// Judges one sensor that corrects one constant state, whose prior is 0 with a sigma of 1: one

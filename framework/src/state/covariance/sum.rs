@@ -4,6 +4,8 @@ use super::Transition;
 
 /// Most steps that are taken as one: a third of a second of an IMU of 100 Hz.
 const MOST: u32 = 32;
+/// Largest decay of a state over these: the terms that are neglected are then below 2e-4.
+const DECAY: f64 = 0.1;
 
 /// The steps `I + A_k` since they were carried last, as one.
 ///
@@ -21,8 +23,11 @@ pub struct StepSum {
     /// The share of the identity in its elements.
     identity: Vec<f64>,
     steps: u32,
-    /// Most steps that are taken as one.
-    most: u32,
+    /// Set where no step fits any more.
+    full: bool,
+    /// Elements on the diagonal, and whether each changed row has one.
+    own: Vec<usize>,
+    complete: bool,
     /// Rows of the matrix before, and after the first of two products; work space of these.
     before: Vec<f64>,
     once: Vec<f64>,
@@ -31,24 +36,29 @@ pub struct StepSum {
 
 impl StepSum {
     /// Adds a step, unless it does not fit: carry the steps so far, and add it then. Returns `false`
-    /// for a step too many, with other places than those before, or after one that replaces a state.
+    /// for a step too many, with other places than those before, or after one that replaces a state
+    /// or lets it decay.
     pub fn add(&mut self, step: &Transition) -> bool {
         match &mut self.whole {
             Some(whole) if whole.has_places_of(step) => match self.steps {
                 0 => whole.phi.copy_from_slice(&step.phi),
-                steps if steps >= self.most => return false,
+                _ if self.full => return false,
                 _ => step.add_to(&mut whole.phi),
             },
             Some(_) if self.steps > 0 => return false,
             whole => {
                 self.identity = step.identity();
+                let own = self.identity.iter().enumerate().filter(|(_, one)| **one != 0.0);
+                self.own = own.map(|(at, _)| at).collect();
                 // a row without its own element is no change of the identity that could add up
-                let own = self.identity.iter().filter(|one| **one != 0.0).count();
-                self.most = if own == step.kernel.rows().len() { MOST } else { 1 };
+                self.complete = self.own.len() == step.kernel.rows().len();
                 *whole = Some(step.clone());
             }
         }
         self.steps += 1;
+        let (steps, phi) = (f64::from(self.steps), self.whole.as_ref().map_or(&[][..], |w| &w.phi));
+        let decays = self.own.iter().any(|at| (phi[*at] - steps).abs() > DECAY);
+        self.full = self.steps >= MOST || decays || !self.complete;
         true
     }
 
@@ -57,7 +67,7 @@ impl StepSum {
     pub fn carry(&mut self, g: &mut [f64], stride: usize) {
         let Self { whole, identity, before, once, work, .. } = self;
         let (steps, Some(whole)) = (std::mem::take(&mut self.steps), whole) else { return };
-        if steps == 0 {
+        if steps == 0 || stride == 0 {
             return;
         }
         let surplus = f64::from(steps - 1);

@@ -39,8 +39,10 @@ pub(super) struct Drift {
     severity: Option<Severity>,
 }
 
+/// Of a block that comes and goes, another object may have the place by now.
 fn is_constant(block: &Block) -> bool {
-    block.spec.mode == Mode::Estimate && matches!(block.spec.dynamics, Dynamics::Constant)
+    let stays = block.spec.mode == Mode::Estimate && block.label.is_none();
+    stays && matches!(block.spec.dynamics, Dynamics::Constant)
 }
 
 impl Drift {
