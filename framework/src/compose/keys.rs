@@ -57,6 +57,10 @@ sensor_keys! {
         /// that a large innovation that passes the gate counts less. Default: off.
         #[serde(default)]
         pub robust: Robust,
+        /// Whether the level of the noise follows the innovations, between half and twice the stated
+        /// sigma.
+        #[serde(default)]
+        pub adaptive_noise: bool,
         /// Rule by which a sample corrects the estimate: `"ekf"`, `"iekf"` or `"ukf"`. Default:
         /// `update` of `[estimator]`.
         pub update: Option<UpdateRule>,

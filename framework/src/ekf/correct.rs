@@ -107,6 +107,9 @@ impl Ekf {
         if repeated != 1.0 {
             update.r.iter_mut().for_each(|r| *r *= repeated * repeated);
         }
+        if let Some(level) = &slot.noise {
+            update.r.iter_mut().for_each(|r| *r *= level.variance());
+        }
         if rule == UpdateRule::Ukf {
             let at = At { layout: &self.layout, state: &m.state, sample };
             regress(&mut self.points, &at, model, &m.covariance, update);
@@ -152,6 +155,11 @@ impl Ekf {
         {
             let info = &self.composition.sensors[index].info;
             observer.finding(shift.finding(sample.time, info));
+        }
+        if let Some(level) = &mut slot.noise
+            && verdict == Verdict::Pass
+        {
+            level.take(update, &mut self.lower);
         }
         let at = At { layout: &self.layout, state: &m.state, sample };
         let how = (rule, slot.robust);

@@ -16,6 +16,7 @@ mod inputs;
 mod iterated;
 mod judge;
 mod lockout;
+mod noise_level;
 mod passage;
 mod past;
 mod points;

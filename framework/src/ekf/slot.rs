@@ -3,6 +3,7 @@
 use super::bias::BiasTest;
 use super::curvature::Curvature;
 use super::lockout::{Isolation, Lockout};
+use super::noise_level::NoiseLevel;
 use super::stuck::Repeats;
 use crate::model::gate::Recovery;
 use crate::model::limits::Limit;
@@ -32,6 +33,8 @@ pub(super) struct SensorSlot {
     pub(super) thresholds: [f64; MAX_CHANNELS + 1],
     pub(super) recovery: Recovery,
     pub(super) robust: Robust,
+    /// Level of the noise that follows the innovations.
+    pub(super) noise: Option<NoiseLevel>,
     /// Repetitions of samples; none where samples may repeat for ever, or are several of one time.
     pub(super) repeats: Option<Repeats>,
     /// Sequential test on the innovations; none where a constraint gives them, or several of one
@@ -57,6 +60,7 @@ impl SensorSlot {
         };
         let measures = matches!(sensor.role, Role::Measurement(_)) && !sensor.constraint;
         let watched = measures && !sensor.is_noise_free();
+        let thresholds = sensor.gate.thresholds();
         Self {
             name: sensor.info.name.clone(),
             channels: ((1u32 << used) - 1) as u16,
@@ -65,9 +69,10 @@ impl SensorSlot {
             lockout: Lockout::new(sensor.timeout),
             reach: Reach::with_capacity(n, sensor.info.channels.len()),
             refused: None,
-            thresholds: sensor.gate.thresholds(),
+            thresholds,
             recovery: sensor.recovery,
             robust: sensor.robust,
+            noise: (watched && sensor.adaptive_noise).then(|| NoiseLevel::new(&thresholds)),
             // successive observations are not of one channel
             repeats: (watched && !several).then(Repeats::default),
             bias: (watched && !several).then(|| BiasTest::new(used)),

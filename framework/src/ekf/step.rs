@@ -4,6 +4,7 @@
 use super::cadence::Cadence;
 use super::filter::{Ekf, MAX_PENDING, Memory, rejected};
 use super::inputs::{correct, replace};
+use super::noise_level::NoiseLevel;
 use super::passage::propagate;
 use super::stage::Stage;
 use crate::model::estimator_error::EstimatorError;
@@ -112,6 +113,11 @@ impl Ekf {
             observer.update(&rejected(&sample, Rejection::NoInput));
         }
         for (slot, sensor) in self.memory.sensors.iter().zip(&self.composition.sensors) {
+            if let Some((text, limit)) = slot.noise.as_ref().map(NoiseLevel::words) {
+                let level = if limit { Level::Warning } else { Level::Info };
+                let (time, about) = (self.memory.state.time, slot.name.clone());
+                observer.event(Event { time, level, about, text });
+            }
             // the alignment has already reported the samples of its own constraint
             if !sensor.constraint || sensor.detector.is_some() {
                 slot.lockout.finish(&slot.name, slot.last, observer);

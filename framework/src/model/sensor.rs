@@ -106,6 +106,8 @@ pub struct Sensor {
     pub recovery: Recovery,
     /// Weight of large innovations.
     pub robust: Robust,
+    /// Set if the level of the noise follows the innovations.
+    pub adaptive_noise: bool,
     /// Rule by which a sample corrects the estimate.
     pub update: UpdateRule,
     /// Plausible values, each with the index of its channel.
@@ -147,6 +149,7 @@ impl Sensor {
             gate: Gate::default(),
             recovery: Recovery::default(),
             robust: Robust::Off,
+            adaptive_noise: false,
             update: UpdateRule::default(),
             limits: Vec::new(),
             timeout: None,

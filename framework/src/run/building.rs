@@ -361,6 +361,7 @@ fn place_sensor(
         gate: keys.gate,
         recovery: keys.recovery,
         robust: keys.robust,
+        adaptive_noise: keys.adaptive_noise,
         update,
         limits,
         timeout: keys.timeout.map(|t| t.value().si()),
