@@ -391,16 +391,16 @@ fn a_standard_error_that_is_closed_is_no_panic() {
 }
 
 #[test]
-fn a_gate_on_a_sensor_that_corrects_nothing_is_refused() {
-    let recording = Recording::new();
-    recording.change(
-        "accel_noise = \"10 ug/sqrt(Hz)\"",
-        "accel_noise = \"10 ug/sqrt(Hz)\"\ngate = 0.99",
-    );
-    fails_with(
-        &run(&recording, &[]),
-        &["rest.toml:11", "sensor.imu.gate = 0.99", "corrects the state"],
-    );
+fn a_gate_or_an_adaptive_noise_of_a_sensor_that_corrects_nothing_is_refused() {
+    for key in ["gate = 0.99", "adaptive_noise = true"] {
+        let recording = Recording::new();
+        let noise = "accel_noise = \"10 ug/sqrt(Hz)\"";
+        recording.change(noise, &format!("{noise}\n{key}"));
+        fails_with(
+            &run(&recording, &[]),
+            &["rest.toml:11", &format!("sensor.imu.{key}"), "corrects the state"],
+        );
+    }
 }
 
 #[test]

@@ -58,8 +58,8 @@ impl SensorSlot {
             Role::Measurement(model) => model.observations() > 1,
             Role::Input(_) | Role::Reference(_) => false,
         };
-        let measures = matches!(sensor.role, Role::Measurement(_)) && !sensor.constraint;
-        let watched = measures && !sensor.is_noise_free();
+        let corrects = matches!(sensor.role, Role::Measurement(_)) && !sensor.is_noise_free();
+        let watched = corrects && !sensor.constraint;
         let thresholds = sensor.gate.thresholds();
         Self {
             name: sensor.info.name.clone(),
@@ -72,7 +72,7 @@ impl SensorSlot {
             thresholds,
             recovery: sensor.recovery,
             robust: sensor.robust,
-            noise: (watched && sensor.adaptive_noise).then(|| NoiseLevel::new(&thresholds)),
+            noise: (corrects && sensor.adaptive_noise).then(|| NoiseLevel::new(&thresholds)),
             // successive observations are not of one channel
             repeats: (watched && !several).then(Repeats::default),
             bias: (watched && !several).then(|| BiasTest::new(used)),

@@ -434,6 +434,7 @@ fn reject_corrections(part: &Part<'_>) -> Result<(), DocumentError> {
         ("gate", "a gate"),
         ("recovery", "a gate"),
         ("robust", "a robust update"),
+        ("adaptive_noise", "noise that its innovations show"),
         ("update", "an update rule"),
         ("correlated_error", "a state of its error"),
         ("time_offset", "a time offset"),
