@@ -49,11 +49,12 @@ impl NoiseLevel {
     /// The noise in words, at the end of a run, and whether it is at a limit.
     pub(super) fn words(&self) -> (String, bool) {
         let sigma = self.variance.sqrt();
-        let limit = LEVELS.contains(&self.variance);
+        // an innovation below the mean moves the level off its limit for a while
+        let limit = self.variance < 1.05 * LEVELS[0] || self.variance > 0.95 * LEVELS[1];
         let mut text =
             format!("its noise followed the innovations to {sigma:.2} times the stated one");
         if limit {
-            text.push_str(", which is the limit: state another one");
+            text.push_str(", which is at the limit: state another one");
         }
         (text, limit)
     }
