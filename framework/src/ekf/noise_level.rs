@@ -105,8 +105,8 @@ mod tests {
         NoiseLevel::new(&[f64::INFINITY; MAX_CHANNELS + 1])
     }
 
-    /// An update of two channels with the noise 1 and 4 at the level, the variance 3 of both
-    /// predictions, and innovations of that many sigma of the true noise.
+    /// Takes an update of two channels with the stated variances 1 and 4. Both predictions have the
+    /// variance `predicted`, and the squares of the innovations are those of the level `truth`.
     fn taken(level: &mut NoiseLevel, predicted: f64, truth: f64) {
         let l = level.variance();
         let r = [l, 0.0, 0.0, 4.0 * l];
@@ -146,8 +146,9 @@ mod tests {
         assert!(!open().words().1);
     }
 
-    /// Innovations of one channel, drawn from the noise as it is stated; one in ten is gated. With that
-    /// of a memory of 500, the mean over 100 000 innovations is good to a percent.
+    /// Innovations of one channel, drawn from the noise as it is stated, of which one in ten is gated.
+    /// Without the share that passes, the level would sink to its limit; its mean over 100 000 is good
+    /// to 1 %, so that 2 % are two sigma.
     #[test]
     fn a_gate_does_not_lower_the_level() {
         let gate = 2.706; // chi-square of one channel, 90 %
