@@ -1,7 +1,9 @@
 //! Repetitions of the driving sensor's samples, zeros, and values beyond the range.
 
+use super::usual::{lanes, lanes_mut};
 use crate::model::screening::{Screening, Spread};
 use crate::units::sample::MAX_CHANNELS;
+use pulp::Simd;
 use std::sync::Arc;
 
 /// Probability of a repetition by chance that counts as frozen.
@@ -36,6 +38,9 @@ pub(super) enum Fault {
 #[derive(Clone)]
 pub(super) struct Repeats {
     limits: Arc<Screening>,
+    /// Number of channels, and their ranges.
+    n: usize,
+    range: Spread,
     /// Last values as they came.
     pub(super) raw: Spread,
     /// Number of samples.
@@ -51,7 +56,11 @@ pub(super) struct Repeats {
 impl Repeats {
     pub(super) fn new(limits: Arc<Screening>) -> Self {
         const ZERO: Spread = [0.0; MAX_CHANNELS];
+        let mut range = ZERO;
+        range.iter_mut().zip(&limits.channels).for_each(|(range, limits)| *range = limits.range);
         Self {
+            n: limits.channels.len().min(MAX_CHANNELS),
+            range,
             limits,
             raw: ZERO,
             samples: 0,
@@ -63,13 +72,52 @@ impl Repeats {
     }
 
     /// Fault of a sample by itself and by its repetition, with the channels that have it.
-    pub(super) fn judge(&mut self, x: &Spread, interval: f64) -> Option<(Fault, u16)> {
-        let n = self.limits.channels.len().min(MAX_CHANNELS);
+    #[inline(always)]
+    pub(super) fn judge<S: Simd>(
+        &mut self,
+        simd: S,
+        x: &Spread,
+        interval: f64,
+    ) -> Option<(Fault, u16)> {
         self.samples += 1;
-        let all = ((1_u32 << n) - 1) as u16;
         let unit = if self.limits.integrals { interval } else { 1.0 };
         // a channel without an interval has no limits yet
         let unit = if unit > 0.0 { unit } else { f64::INFINITY };
+        if !self.is_plain(simd, x, unit) {
+            return self.judge_each(x, unit, interval);
+        }
+        let share = simd.splat_f64s(-SHARE);
+        for coarse in lanes_mut::<S>(&mut self.coarse, self.n) {
+            *coarse = simd.add_f64s(*coarse, simd.mul_f64s(*coarse, share));
+        }
+        self.runs = [0; MAX_CHANNELS];
+        self.raw = *x;
+        self.in_a_row = 0;
+        None
+    }
+
+    /// Returns `true` if each channel is within its range and differs from zero and from its last
+    /// value.
+    #[inline(always)]
+    fn is_plain<S: Simd>(&self, simd: S, x: &Spread, unit: f64) -> bool {
+        let n = self.n;
+        let (x, raw) = (lanes::<S>(x, n), lanes::<S>(&self.raw, n));
+        let range = lanes::<S>(&self.range, n);
+        let (zero, unit) = (simd.splat_f64s(0.0), simd.splat_f64s(unit));
+        let mut any = false;
+        for k in 0..x.len() {
+            let channels = (n - (k * S::F64_LANES).min(n)).min(S::F64_LANES);
+            let channels = simd.mask_between_m64s(0, channels as u64).mask();
+            let stays = simd.or_m64s(simd.equal_f64s(x[k], raw[k]), simd.equal_f64s(x[k], zero));
+            let beyond = simd.less_than_f64s(simd.mul_f64s(range[k], unit), simd.abs_f64s(x[k]));
+            let suspect = simd.and_m64s(simd.or_m64s(stays, beyond), channels);
+            any |= simd.first_true_m64s(suspect) < S::F64_LANES;
+        }
+        !any && self.samples > 1
+    }
+
+    fn judge_each(&mut self, x: &Spread, unit: f64, interval: f64) -> Option<(Fault, u16)> {
+        let all = ((1_u32 << self.n) - 1) as u16;
         let (mut zero, mut same, mut beyond, mut long) = (true, self.samples > 1, 0_u16, false);
         for (c, (&x, limits)) in x.iter().zip(&self.limits.channels).enumerate() {
             zero &= x == 0.0;
@@ -128,6 +176,13 @@ impl Repeats {
 mod tests {
     use super::*;
     use crate::model::screening::ChannelLimits;
+    use pulp::Scalar;
+
+    impl Repeats {
+        fn take(&mut self, x: &Spread, interval: f64) -> Option<(Fault, u16)> {
+            self.judge(Scalar::new(), x, interval)
+        }
+    }
 
     fn repeats(frozen: Option<f64>, integrals: bool) -> Repeats {
         let channel =
@@ -146,7 +201,7 @@ mod tests {
     fn warm(repeats: &mut Repeats, samples: u32) {
         for k in 0..samples {
             assert_eq!(
-                repeats.judge(
+                repeats.take(
                     &spread(f64::from(k) + 1.0, 1.0 / f64::from(k + 1)).map(|x| x % 10.0),
                     0.01
                 ),
@@ -158,29 +213,29 @@ mod tests {
     #[test]
     fn zeros_and_values_beyond_the_range_are_faults_of_one_sample() {
         let mut rates = repeats(None, false);
-        assert_eq!(rates.judge(&spread(0.0, 0.0), 0.01), Some((Fault::Zeros, 0b11)));
-        assert_eq!(rates.judge(&spread(0.0, 10.0), 0.01), None, "the range itself is plausible");
-        assert_eq!(rates.judge(&spread(1.0, -10.1), 0.01), Some((Fault::Range, 0b10)));
+        assert_eq!(rates.take(&spread(0.0, 0.0), 0.01), Some((Fault::Zeros, 0b11)));
+        assert_eq!(rates.take(&spread(0.0, 10.0), 0.01), None, "the range itself is plausible");
+        assert_eq!(rates.take(&spread(1.0, -10.1), 0.01), Some((Fault::Range, 0b10)));
         // increments over 10 ms are a hundredth of the range
         let mut increments = repeats(None, true);
-        assert_eq!(increments.judge(&spread(0.09, 0.0), 0.01), None);
-        assert_eq!(increments.judge(&spread(0.11, 0.0), 0.01), Some((Fault::Range, 0b01)));
-        assert_eq!(increments.judge(&spread(0.11, 0.0), 0.0), None, "no interval, no limit yet");
+        assert_eq!(increments.take(&spread(0.09, 0.0), 0.01), None);
+        assert_eq!(increments.take(&spread(0.11, 0.0), 0.01), Some((Fault::Range, 0b01)));
+        assert_eq!(increments.take(&spread(0.11, 0.0), 0.0), None, "no interval, no limit yet");
     }
 
     #[test]
     fn identical_samples_are_frozen_after_the_given_time_and_not_before_the_100th_sample() {
         let mut repeats = repeats(Some(0.05), false);
         for _ in 0..50 {
-            assert_eq!(repeats.judge(&spread(1.0, 2.0), 0.01), None);
+            assert_eq!(repeats.take(&spread(1.0, 2.0), 0.01), None);
         }
         warm(&mut repeats, 100);
         let same = spread(3.0, 4.0);
-        let found: Vec<_> = (0..7).map(|_| repeats.judge(&same, 0.01).map(|f| f.0)).collect();
+        let found: Vec<_> = (0..7).map(|_| repeats.take(&same, 0.01).map(|f| f.0)).collect();
         // the first is new, and the fifth repetition makes 50 ms
         let frozen = Some(Fault::Frozen);
         assert_eq!(found, [None, None, None, None, None, frozen, frozen]);
-        assert_eq!(repeats.judge(&spread(3.5, 4.0), 0.01), None);
+        assert_eq!(repeats.take(&spread(3.5, 4.0), 0.01), None);
     }
 
     /// With a share `p` of repetitions, `n` in a row have the probability `p^n`: 1e-9 at the share
@@ -205,7 +260,7 @@ mod tests {
         warm(&mut repeats, 1000);
         let stuck = Some((Fault::Stuck, 0b10));
         for k in 0..30_u32 {
-            let found = repeats.judge(&spread(f64::from(k) * 0.1 + 0.05, 7.0), 0.01);
+            let found = repeats.take(&spread(f64::from(k) * 0.1 + 0.05, 7.0), 0.01);
             assert_eq!(found, if k < STUCK { None } else { stuck }, "{k}");
         }
     }
@@ -217,11 +272,11 @@ mod tests {
         let mut repeats = repeats(None, false);
         warm(&mut repeats, 20);
         for k in 0..4_u32 {
-            repeats.judge(&spread(f64::from(k) + 0.5, 3.0), 0.01);
+            repeats.take(&spread(f64::from(k) + 0.5, 3.0), 0.01);
         }
         assert_eq!((repeats.repeated, repeats.in_a_row), (0, 0));
         for k in 1..=8 {
-            repeats.judge(&spread(3.5, 3.0), 0.01);
+            repeats.take(&spread(3.5, 3.0), 0.01);
             assert_eq!((repeats.repeated, repeats.in_a_row), (k.min(5), k), "{k}");
         }
     }
@@ -232,12 +287,12 @@ mod tests {
     fn the_share_of_repetitions_of_a_channel_is_learnt_over_a_thousand_samples() {
         let mut repeats = repeats(None, false);
         for k in 0..20_000_u32 {
-            repeats.judge(&spread(f64::from(k) % 9.7, f64::from(k / 2) % 9.9), 0.01);
+            repeats.take(&spread(f64::from(k) % 9.7, f64::from(k / 2) % 9.9), 0.01);
         }
         assert!((repeats.coarse[1] - 0.5).abs() < 2e-3, "{}", repeats.coarse[1]);
         assert!(repeats.coarse[0] < 1e-3, "{}", repeats.coarse[0]);
         for _ in 0..10 {
-            repeats.judge(&spread(1.1, 5.05), 0.01);
+            repeats.take(&spread(1.1, 5.05), 0.01);
         }
         // one change, three repetitions, six that do not count
         assert!((repeats.coarse[0] - 3e-3).abs() < 1e-4, "{}", repeats.coarse[0]);
@@ -250,10 +305,10 @@ mod tests {
         let mut repeats = repeats(None, false);
         for k in 0..2000_u32 {
             let coarse = f64::from(k / 2 % 7);
-            repeats.judge(&spread(f64::from(k) % 9.7 + 0.1, coarse), 0.01);
+            repeats.take(&spread(f64::from(k) % 9.7 + 0.1, coarse), 0.01);
         }
         for k in 0..60_u32 {
-            assert_eq!(repeats.judge(&spread(f64::from(k) % 9.7 + 0.3, 8.0), 0.01), None, "{k}");
+            assert_eq!(repeats.take(&spread(f64::from(k) % 9.7 + 0.3, 8.0), 0.01), None, "{k}");
         }
     }
 
@@ -261,9 +316,9 @@ mod tests {
     #[test]
     fn the_first_sample_is_no_repetition() {
         let mut repeats = repeats(None, false);
-        repeats.judge(&spread(0.0, 0.0), 0.01);
+        repeats.take(&spread(0.0, 0.0), 0.01);
         assert_eq!(repeats.in_a_row, 0);
-        repeats.judge(&spread(0.0, 0.0), 0.01);
+        repeats.take(&spread(0.0, 0.0), 0.01);
         assert_eq!(repeats.in_a_row, 1);
     }
 
@@ -271,12 +326,12 @@ mod tests {
     fn a_frozen_sensor_is_found_from_the_101st_sample_on_and_a_stuck_channel_from_the_1001st() {
         let mut frozen = repeats(Some(0.01), false);
         warm(&mut frozen, 98);
-        let found = [99, 100, 101].map(|_| frozen.judge(&spread(3.5, 4.0), 0.01));
+        let found = [99, 100, 101].map(|_| frozen.take(&spread(3.5, 4.0), 0.01));
         assert_eq!(found, [None, None, Some((Fault::Frozen, 0b11))]);
         let mut stuck = repeats(None, false);
         warm(&mut stuck, 970);
         for k in 971..1010_u32 {
-            let found = stuck.judge(&spread(f64::from(k % 7) + 0.5, 7.0), 0.01);
+            let found = stuck.take(&spread(f64::from(k % 7) + 0.5, 7.0), 0.01);
             assert_eq!(found, (k > 1000).then_some((Fault::Stuck, 0b10)), "{k}");
         }
     }
@@ -287,7 +342,7 @@ mod tests {
         let mut repeats = repeats(Some(0.5), false);
         warm(&mut repeats, 1000);
         for k in 0..60_u32 {
-            let found = repeats.judge(&spread(3.5, 4.0), 0.01);
+            let found = repeats.take(&spread(3.5, 4.0), 0.01);
             assert_eq!(found, (k >= 50).then_some((Fault::Frozen, 0b11)), "{k}");
         }
     }

@@ -4,12 +4,16 @@
 //! if the channel came back (a spike, which is interpolated) or stayed (a manoeuvre, which passes
 //! unchanged). While the sensor is frozen or out of range, its samples are replaced by the recent
 //! mean, with an uncertainty that grows as the motion of the vehicle allows.
+//!
+//! Most samples are good, and a good sample costs little: the loops over its channels take four at
+//! once where the processor can, with the same bits as one by one.
 
 use super::repeats::{Fault, Repeats, STUCK};
 use super::usual::Usual;
 use crate::model::screening::{Screening, Spread};
 use crate::units::sample::{MAX_CHANNELS, Sample};
 use crate::units::time::Time;
+use pulp::{Arch, Scalar, Simd, WithSimd};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -68,6 +72,21 @@ pub(super) struct Screen {
     pub(super) spikes: u64,
 }
 
+/// Judgement of a sample on the vector instructions that the processor has.
+struct Judgement<'a> {
+    screen: &'a mut Screen,
+    sample: &'a Sample,
+}
+
+impl WithSimd for Judgement<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        self.screen.judge(simd, self.sample)
+    }
+}
+
 impl Screen {
     pub(super) fn new(limits: &Screening) -> Self {
         let limits = Arc::new(limits.clone());
@@ -91,9 +110,14 @@ impl Screen {
     /// Takes a sample. Returns `true` if it passes as it is; otherwise the samples to use, if any,
     /// are in `ready`.
     pub(super) fn take(&mut self, sample: &Sample) -> bool {
+        Arch::new().dispatch(Judgement { screen: self, sample })
+    }
+
+    #[inline(always)]
+    fn judge<S: Simd>(&mut self, simd: S, sample: &Sample) -> bool {
         let x = sample.values();
         self.usual.tick(sample.time);
-        let bad = self.repeats.judge(x, self.usual.interval);
+        let bad = self.repeats.judge(simd, x, self.usual.interval);
         if self.bridge.is_some() {
             return self.go_on(sample, bad);
         }
@@ -111,12 +135,12 @@ impl Screen {
                 false
             }
             None => {
-                let jumping = self.usual.jumping(x);
+                let jumping = self.usual.jumping(simd, x);
                 if jumping != 0 {
                     self.hold(sample, jumping, None);
                     return false;
                 }
-                self.usual.learn(x, sample.time, self.repeats.in_a_row == 0);
+                self.usual.learn(simd, x, sample.time, self.repeats.in_a_row == 0);
                 true
             }
         }
@@ -183,7 +207,7 @@ impl Screen {
 
     /// Passes a held sample on as it came.
     fn pass(&mut self, sample: Sample) {
-        self.usual.learn(sample.values(), sample.time, true);
+        self.usual.learn(Scalar::new(), sample.values(), sample.time, true);
         self.ready.push_back((sample, None));
     }
 

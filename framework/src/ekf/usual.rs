@@ -1,8 +1,11 @@
 //! Usual behaviour of the channels of the driving sensor, learnt from the samples that pass.
+//!
+//! The loops over the channels take some at once: see [`super::screen`].
 
 use crate::model::screening::{Screening, Spread};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
+use pulp::Simd;
 use std::sync::Arc;
 
 /// Jump that counts as faulty, as a multiple of the roughness. White noise has a roughness of 1.95
@@ -44,11 +47,25 @@ pub(super) struct Usual {
     bends: [Spread; 2],
     /// Jump that is always possible, in the unit of the channels.
     pub(super) least: Spread,
+    /// Largest rate of change, infinite where none is given.
+    change: Spread,
     /// Recent mean, its value before [`CHANGE`], and the largest change.
     pub(super) mean: Spread,
     mean_before: Spread,
     changed: Time,
     pub(super) motion: Spread,
+}
+
+/// The first `n` channels in whole lanes.
+#[inline(always)]
+pub(super) fn lanes<S: Simd>(spread: &Spread, n: usize) -> &[S::f64s] {
+    S::as_simd_f64s(&spread[..n.next_multiple_of(4)]).0
+}
+
+/// [`lanes`] to be written.
+#[inline(always)]
+pub(super) fn lanes_mut<S: Simd>(spread: &mut Spread, n: usize) -> &mut [S::f64s] {
+    S::as_mut_simd_f64s(&mut spread[..n.next_multiple_of(4)]).0
 }
 
 impl Usual {
@@ -57,6 +74,10 @@ impl Usual {
 
     pub(super) fn new(limits: Arc<Screening>) -> Self {
         const ZERO: Spread = [0.0; MAX_CHANNELS];
+        let mut change = [f64::INFINITY; MAX_CHANNELS];
+        for (change, limits) in change.iter_mut().zip(&limits.channels) {
+            *change = limits.change.unwrap_or(f64::INFINITY);
+        }
         Self {
             n: limits.channels.len().min(MAX_CHANNELS),
             limits,
@@ -69,6 +90,7 @@ impl Usual {
             rough: ZERO,
             bends: [ZERO; 2],
             least: [f64::INFINITY; MAX_CHANNELS],
+            change,
             mean: ZERO,
             mean_before: ZERO,
             changed: Time::MIN,
@@ -77,6 +99,7 @@ impl Usual {
     }
 
     /// Follows the usual interval, and the limits that depend on it.
+    #[inline(always)]
     pub(super) fn tick(&mut self, time: Time) {
         let dt = if self.time == Time::MIN { 0.0 } else { time.since(self.time) };
         self.time = time;
@@ -100,11 +123,36 @@ impl Usual {
     }
 
     /// Channels that jump away from the line through the last two samples.
-    pub(super) fn jumping(&self, x: &Spread) -> u16 {
-        let mut jumping = 0;
-        if self.count < WARM {
-            return 0;
+    #[inline(always)]
+    pub(super) fn jumping<S: Simd>(&self, simd: S, x: &Spread) -> u16 {
+        if self.count < WARM || !self.may_jump(simd, x) { 0 } else { self.jumps(x) }
+    }
+
+    /// Returns `false` if no channel jumps.
+    #[inline(always)]
+    fn may_jump<S: Simd>(&self, simd: S, x: &Spread) -> bool {
+        let n = self.n;
+        let (x, last) = (lanes::<S>(x, n), lanes::<S>(&self.last, n));
+        let (before, least) = (lanes::<S>(&self.before, n), lanes::<S>(&self.least, n));
+        let (rough, change) = (lanes::<S>(&self.rough, n), lanes::<S>(&self.change, n));
+        let [two, many, unit] = [2.0, JUMP, self.unit()].map(|v| simd.splat_f64s(v));
+        let mut any = false;
+        for k in 0..x.len() {
+            let ahead = simd.sub_f64s(x[k], simd.mul_f64s(two, last[k]));
+            let bend = simd.abs_f64s(simd.add_f64s(ahead, before[k]));
+            let usual = simd.mul_f64s(many, rough[k]);
+            let bends = simd
+                .and_m64s(simd.less_than_f64s(least[k], bend), simd.less_than_f64s(usual, bend));
+            let step = simd.abs_f64s(simd.sub_f64s(x[k], last[k]));
+            let steps = simd.less_than_f64s(simd.mul_f64s(change[k], unit), step);
+            any |= simd.first_true_m64s(simd.or_m64s(bends, steps)) < S::F64_LANES;
         }
+        any
+    }
+
+    #[cold]
+    fn jumps(&self, x: &Spread) -> u16 {
+        let mut jumping = 0;
         for (c, &x) in x.iter().enumerate().take(self.n) {
             let bend = (x - 2.0 * self.last[c] + self.before[c]).abs();
             // a channel that never changed has shown no step of its quantisation yet
@@ -124,34 +172,51 @@ impl Usual {
     /// of `|b|`, times that ratio for white noise. A quiet sensor with a coarse quantisation repeats
     /// its value most of the time. Repetitions would make a plain mean less than one step, so that a
     /// change by a step would count as a spike.
-    ///
-    /// The loop has no branch, so that the compiler turns it into vector instructions.
-    fn roughen(&mut self, x: &Spread, share: f64) {
-        let warm = self.count > WARM;
+    #[inline(always)]
+    fn roughen<S: Simd>(&mut self, simd: S, x: &Spread, share: f64) {
+        let most = if self.count > WARM { 8.0 } else { f64::INFINITY };
         let Self { n, last, before, rough, bends: [means, squares], .. } = self;
-        for c in 0..(*n).min(MAX_CHANNELS) {
-            let bend = (x[c] - 2.0 * last[c] + before[c]).abs();
-            let most = if warm && rough[c] > 0.0 { 8.0 * rough[c] } else { bend };
-            let bend = if bend < most { bend } else { most };
-            let mean = means[c] + (bend - means[c]) * share;
-            let square = squares[c] + (bend * bend - squares[c]) * share;
-            let bent = bend > 0.0;
-            rough[c] = if bent { GAUSSIAN * square / mean } else { rough[c] };
-            means[c] = if bent { mean } else { means[c] };
-            squares[c] = if bent { square } else { squares[c] };
+        let (x, last, before) = (lanes::<S>(x, *n), lanes::<S>(last, *n), lanes::<S>(before, *n));
+        let rough = lanes_mut::<S>(rough, *n);
+        let (means, squares) = (lanes_mut::<S>(means, *n), lanes_mut::<S>(squares, *n));
+        let share = simd.splat_f64s(share);
+        let [zero, two] = [0.0, 2.0].map(|v| simd.splat_f64s(v));
+        let [most, none] = [most, f64::INFINITY].map(|v| simd.splat_f64s(v));
+        let gaussian = simd.splat_f64s(GAUSSIAN);
+        for k in 0..x.len() {
+            let ahead = simd.sub_f64s(x[k], simd.mul_f64s(two, last[k]));
+            let bend = simd.abs_f64s(simd.add_f64s(ahead, before[k]));
+            let known = simd.less_than_f64s(zero, rough[k]);
+            let limit = simd.select_f64s(known, simd.mul_f64s(most, rough[k]), none);
+            let bend = simd.select_f64s(simd.less_than_f64s(bend, limit), bend, limit);
+            let bent = simd.less_than_f64s(zero, bend);
+            let follow =
+                |mean, value| simd.add_f64s(mean, simd.mul_f64s(simd.sub_f64s(value, mean), share));
+            let mean = follow(means[k], bend);
+            let square = follow(squares[k], simd.mul_f64s(bend, bend));
+            let ratio = simd.div_f64s(simd.mul_f64s(gaussian, square), mean);
+            rough[k] = simd.select_f64s(bent, ratio, rough[k]);
+            means[k] = simd.select_f64s(bent, mean, means[k]);
+            squares[k] = simd.select_f64s(bent, square, squares[k]);
         }
     }
 
     /// Learns from a sample that passes. The mean takes `fresh` samples alone, no repetition.
-    pub(super) fn learn(&mut self, x: &Spread, time: Time, fresh: bool) {
+    #[inline(always)]
+    pub(super) fn learn<S: Simd>(&mut self, simd: S, x: &Spread, time: Time, fresh: bool) {
         self.count = self.count.saturating_add(1);
         let count = f64::from(self.count);
         let (share, recent) = (1.0 / count.min(MEMORY), 1.0 / count.min(RECENT));
         if self.count > 2 {
-            self.roughen(x, share);
+            self.roughen(simd, x, share);
         }
         if fresh {
-            self.mean.iter_mut().zip(x).for_each(|(mean, x)| *mean += (x - *mean) * recent);
+            let recent = simd.splat_f64s(recent);
+            for (mean, x) in
+                lanes_mut::<S>(&mut self.mean, self.n).iter_mut().zip(lanes::<S>(x, self.n))
+            {
+                *mean = simd.add_f64s(*mean, simd.mul_f64s(simd.sub_f64s(*x, *mean), recent));
+            }
         }
         self.before = self.last;
         self.last = *x;

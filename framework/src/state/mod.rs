@@ -12,10 +12,12 @@ pub mod geodesy;
 pub mod layout;
 pub mod manifold;
 pub mod transient;
+mod vectorised;
 pub mod view;
 
 pub use block::{Block, BlockSpec, Display, Dynamics, Mode};
 pub use block_set::BlockSet;
 pub use layout::{Handle, Layout, Past, Signal, State};
 pub use transient::Transients;
+pub(crate) use vectorised::vectorised;
 pub use view::View;

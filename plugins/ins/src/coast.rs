@@ -10,7 +10,7 @@
 
 use crate::navigation::Navigation;
 use crate::places::Places;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix3x2, Vector3};
 use navfuse_core::state::covariance::Transition;
 use navfuse_core::state::{Layout, State};
 use navfuse_core::units::{AccelerationNoise, AngularRateNoise, Sigma, Triple};
@@ -49,8 +49,12 @@ impl Coast {
         for place in [s.phi_phi, s.v_v, s.p_p] {
             out.set(place, &one);
         }
-        for place in [s.phi_v, s.phi_p, s.phi_bg, s.v_phi, s.v_p, s.v_ba] {
+        for place in [s.phi_bg, s.v_phi, s.v_ba] {
             out.set(place, &none);
+        }
+        out.set(s.phi_v, &Matrix3x2::zeros());
+        for place in [s.phi_p, s.v_p].into_iter().flatten() {
+            out.set(place, &Vector3::zeros());
         }
         out.set_diagonal(s.p_v, &[dt; 3]);
         let variance = |density: Vector3<f64>| Matrix3::from_diagonal(&density.map(|d| d * d * dt));

@@ -50,7 +50,7 @@ pub struct ErrorDynamics {
 
 impl ErrorDynamics {
     /// Computes the dynamics from the mean values of a step.
-    #[inline]
+    #[inline(always)]
     pub fn new(rates: &StepRates) -> Self {
         let e = &rates.earth;
         let v = &rates.velocity;
@@ -145,7 +145,7 @@ pub struct InertialTransition {
 ///
 /// The share of the biases in coning and sculling, the difference of two samples over 12 (1e-5 of
 /// `phi_bg` for a change of rate of 1 rad/s^2 at 100 Hz), is omitted too.
-#[inline]
+#[inline(always)]
 pub fn transition(rates: &StepRates) -> InertialTransition {
     let dt = rates.dt;
     let f = ErrorDynamics::new(rates);

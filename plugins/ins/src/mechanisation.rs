@@ -141,6 +141,7 @@ impl Mechanisation {
     ///
     /// # Errors
     /// See [`MechanisationError`]. A step that failed leaves the integrator unchanged.
+    #[inline(always)]
     pub fn step_part(
         &mut self,
         state: &NavState,
@@ -241,7 +242,7 @@ struct Rotation {
 }
 
 impl Rotation {
-    #[inline]
+    #[inline(always)]
     fn new(phi: &Vector3<f64>) -> Self {
         let x = phi.norm_squared();
         // Half angle: sine over the whole angle, and cosine.
@@ -269,7 +270,7 @@ impl Rotation {
 
 /// Advances a state by one interval at constant body rates; the rotation vector and velocity
 /// increment already include coning and sculling. `node` is the nearest one to the latitude.
-#[inline]
+#[inline(always)]
 fn advance(
     state: &NavState,
     phi: &Vector3<f64>,

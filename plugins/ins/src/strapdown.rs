@@ -265,6 +265,7 @@ impl StrapdownModel {
     /// Process noise over `dt` in navigation axes, `C_b^n Q_b C_b^n'` (compare Groves section
     /// 14.2.6). The rotation is omitted where all axes have the same noise, since it changes
     /// nothing there.
+    #[inline(always)]
     fn noise(
         &self,
         c_b_n: &Matrix3<f64>,
@@ -297,6 +298,7 @@ impl StrapdownModel {
     }
 
     /// Publishes the angular rate at a time, for the sensors that read it then.
+    #[inline(always)]
     fn publish(&self, state: &mut State, at: Time) {
         if let Some(w) = self.rates.angular_rate(at) {
             state.publish(self.navigation.angular_rate, &[w.x, w.y, w.z]);
@@ -375,12 +377,14 @@ impl ProcessModel for StrapdownModel {
         let phi = transition(&rates);
         let s = &self.places;
         out.set(s.phi_phi, &phi.phi_phi);
-        out.set(s.phi_v, &phi.phi_v);
-        out.set(s.phi_p, &phi.phi_p);
+        out.set(s.phi_v, &phi.phi_v.fixed_columns::<2>(0).into_owned());
+        out.set(s.phi_p[0], &phi.phi_p.column(0).into_owned());
+        out.set(s.phi_p[1], &phi.phi_p.column(2).into_owned());
         out.set(s.phi_bg, &phi.phi_bg);
         out.set(s.v_phi, &phi.v_phi);
         out.set(s.v_v, &phi.v_v);
-        out.set(s.v_p, &phi.v_p);
+        out.set(s.v_p[0], &phi.v_p.column(0).into_owned());
+        out.set(s.v_p[1], &phi.v_p.column(2).into_owned());
         out.set(s.v_ba, &phi.v_ba);
         out.set_diagonal(s.p_v, &[dt; 3]);
         out.set(s.p_p, &phi.p_p);

@@ -2,8 +2,8 @@
 
 use super::score::Score;
 use crate::model::finding::Severity;
-use crate::state::Layout;
 use crate::state::covariance::{Covariance, Update};
+use crate::state::{Layout, vectorised};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 
@@ -15,6 +15,9 @@ const USELESS: f64 = 2.0;
 
 /// Sensitivity `g` of the channels of a sample.
 pub(super) type Seen = [[f64; SUMS]; MAX_CHANNELS];
+
+/// A row of [`SUMS`] per state.
+type Rows = Vec<[f64; SUMS]>;
 
 /// Innovation of a sample in the forms that all hypotheses share.
 pub(super) struct Whitened<'a> {
@@ -28,9 +31,9 @@ pub(super) struct Whitened<'a> {
 /// Sensitivity of the error states, and the scores.
 #[derive(Clone)]
 pub(super) struct Effect {
-    /// One row of [`SUMS`] per state, and the changes of a step.
-    pub(super) s: Vec<[f64; SUMS]>,
-    moved: Vec<[f64; SUMS]>,
+    pub(super) s: Rows,
+    /// Changes of a step.
+    moved: Rows,
     pub(super) scores: [Score; SUMS],
 }
 
@@ -63,6 +66,12 @@ pub(super) fn name(layout: &Layout, row: usize) -> String {
     })
 }
 
+/// `sum := sum + a x`.
+#[inline(always)]
+fn add(sum: &mut [f64; SUMS], a: f64, x: &[f64; SUMS]) {
+    sum.iter_mut().zip(x).for_each(|(sum, x)| *sum += a * x);
+}
+
 impl Effect {
     pub(super) fn new(n: usize) -> Self {
         Self {
@@ -73,56 +82,89 @@ impl Effect {
     }
 
     /// `s := s + (Phi - I) s`, with the elements of `Phi - I`.
-    #[inline(always)]
     pub(super) fn carry(&mut self, changes: &[(usize, usize, f64)]) {
-        let Self { s, moved, .. } = self;
-        moved.iter_mut().for_each(|m| *m = [0.0; SUMS]);
-        for &(i, j, a) in changes {
-            let s = s[j];
-            moved[i].iter_mut().zip(s).for_each(|(m, s)| *m += a * s);
-        }
-        for (s, moved) in s.iter_mut().zip(moved) {
-            s.iter_mut().zip(moved).for_each(|(s, m)| *s += *m);
-        }
+        vectorised(
+            (&mut self.s, &mut self.moved, changes),
+            #[inline(always)]
+            |(s, moved, changes): (&mut Rows, &mut Rows, &[(usize, usize, f64)])| {
+                moved.iter_mut().for_each(|m| *m = [0.0; SUMS]);
+                for &(i, j, a) in changes {
+                    add(&mut moved[i], a, &s[j]);
+                }
+                for (s, moved) in s.iter_mut().zip(moved) {
+                    add(s, 1.0, moved);
+                }
+            },
+        );
     }
 
     /// `g = H s`.
     pub(super) fn seen(&self, update: &Update) -> Seen {
+        vectorised(
+            (self, update),
+            #[inline(always)]
+            |(effect, update): (&Self, &Update)| effect.project(update),
+        )
+    }
+
+    #[inline(always)]
+    fn project(&self, update: &Update) -> Seen {
         let w = update.columns.len();
         let mut g = [[0.0; SUMS]; MAX_CHANNELS];
         for (g, h) in g.iter_mut().zip(update.h.chunks_exact(w.max(1))).take(update.m) {
+            let mut sum = [0.0; SUMS];
             for (&column, h) in update.columns.iter().zip(h) {
-                g.iter_mut().zip(&self.s[column]).for_each(|(g, s)| *g += h * s);
+                add(&mut sum, *h, &self.s[column]);
             }
+            *g = sum;
         }
         g
     }
 
     /// Adds the innovation to the sums, and corrects the sensitivity: `s := s - K g`.
     pub(super) fn take(&mut self, sample: &Whitened<'_>, g: &Seen) {
+        vectorised(
+            (self, sample, g),
+            #[inline(always)]
+            |(effect, sample, g): (&mut Self, &Whitened<'_>, &Seen)| {
+                effect.score_with(sample, g);
+                effect.correct(sample.update, g);
+            },
+        );
+    }
+
+    /// `b := b + g' S^-1 y`, `i := i + g' S^-1 g`.
+    #[inline(always)]
+    fn score_with(&mut self, sample: &Whitened<'_>, g: &Seen) {
         let (m, lower) = (sample.update.m, sample.lower);
         // L^-1 g, whose square is g' S^-1 g
-        let mut white = *g;
+        let mut white = [[0.0; SUMS]; MAX_CHANNELS];
         let (mut b, mut i) = ([0.0; SUMS], [0.0; SUMS]);
-        for row in 0..m {
-            let (done, rest) = white.split_at_mut(row);
-            let (own, l) = (&mut rest[0], &lower[row * m..]);
-            for (done, l) in done.iter().zip(l) {
-                own.iter_mut().zip(done).for_each(|(own, done)| *own -= l * done);
+        for (row, l) in lower.chunks_exact(m.max(1)).enumerate().take(MAX_CHANNELS) {
+            let mut own = g[row];
+            for (done, l) in white.iter().zip(l).take(row) {
+                add(&mut own, -l, done);
             }
-            for k in 0..SUMS {
-                own[k] /= l[row];
-                i[k] += own[k] * own[k];
-                b[k] += g[row][k] * sample.y[row];
+            own.iter_mut().for_each(|own| *own /= l[row]);
+            for (i, own) in i.iter_mut().zip(own) {
+                *i += own * own;
             }
+            add(&mut b, sample.y[row], &g[row]);
+            white[row] = own;
         }
         for (score, (b, i)) in self.scores.iter_mut().zip(b.into_iter().zip(i)) {
             score.add(b, i);
         }
-        for (s, gain) in self.s.iter_mut().zip(sample.update.gain().chunks_exact(m.max(1))) {
+    }
+
+    #[inline(always)]
+    fn correct(&mut self, update: &Update, g: &Seen) {
+        for (s, gain) in self.s.iter_mut().zip(update.gain().chunks_exact(update.m.max(1))) {
+            let mut sum = *s;
             for (gain, g) in gain.iter().zip(g) {
-                s.iter_mut().zip(g).for_each(|(s, g)| *s -= gain * g);
+                add(&mut sum, -gain, g);
             }
+            *s = sum;
         }
     }
 

@@ -13,7 +13,6 @@ use crate::state::covariance::{Covariance, Transition, Update, backward, cholesk
 use crate::state::{Dynamics, Layout, Mode, State};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
-use pulp::Arch;
 
 /// Score tests of all sensors.
 #[derive(Clone)]
@@ -111,14 +110,9 @@ impl Signatures {
         let offsets = offsets.iter_mut().flatten().map(Offset::effect);
         let effects = offsets.chain(biases.iter_mut().flat_map(BiasSteps::effects));
         let changes = &*changes;
-        Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for effect in effects.chain(parameters.effects()) {
-                    effect.carry(changes);
-                }
-            },
-        );
+        for effect in effects.chain(parameters.effects()) {
+            effect.carry(changes);
+        }
     }
 
     /// Takes an accepted sample before the state is corrected. Call after [`Update::apply`].

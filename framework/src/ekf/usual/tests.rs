@@ -1,5 +1,6 @@
 use super::*;
 use crate::model::screening::ChannelLimits;
+use pulp::Scalar;
 
 /// One channel at 100 Hz whose stated noise hides no step of 1.
 fn usual() -> Usual {
@@ -16,8 +17,8 @@ fn jumps(usual: &mut Usual, values: impl IntoIterator<Item = f64>) -> usize {
         let mut values = [0.0; MAX_CHANNELS];
         values[0] = x;
         usual.tick(time);
-        let jumping = usual.jumping(&values) != 0;
-        usual.learn(&values, time, true);
+        let jumping = usual.jumping(Scalar::new(), &values) != 0;
+        usual.learn(Scalar::new(), &values, time, true);
         jumping
     };
     values.into_iter().map(jumps).filter(|jumps| *jumps).count()
@@ -98,7 +99,7 @@ fn the_recent_mean_is_that_of_16_samples_and_fades_after() {
     jumps(&mut usual, [0.0; 4]);
     let faded = 8.5 * (15.0_f64 / 16.0).powi(4);
     assert!((usual.mean[0] - faded).abs() < 1e-12, "{}", usual.mean[0]);
-    usual.learn(&[0.0; MAX_CHANNELS], usual.time, false);
+    usual.learn(Scalar::new(), &[0.0; MAX_CHANNELS], usual.time, false);
     assert!((usual.mean[0] - faded).abs() < 1e-12, "{}", usual.mean[0]);
 }
 
@@ -107,10 +108,10 @@ fn the_recent_mean_is_that_of_16_samples_and_fades_after() {
 #[test]
 fn one_large_second_difference_counts_as_8_times_the_roughness() {
     let mut usual = usual();
-    usual.roughen(&[3.0; MAX_CHANNELS], 1.0);
+    usual.roughen(Scalar::new(), &[3.0; MAX_CHANNELS], 1.0);
     assert!((usual.rough[0] - 3.0 * GAUSSIAN).abs() < 1e-15, "{}", usual.rough[0]);
     usual.count = WARM + 1;
-    usual.roughen(&[1e9; MAX_CHANNELS], 0.5);
+    usual.roughen(Scalar::new(), &[1e9; MAX_CHANNELS], 0.5);
     let most = 24.0 * GAUSSIAN;
     let expected = GAUSSIAN * (9.0 + most * most) / (3.0 + most);
     assert!((usual.rough[0] - expected).abs() < 1e-13, "{} {expected}", usual.rough[0]);
@@ -149,9 +150,9 @@ fn a_learnt_jump_leaves_the_line_by_25_roughnesses_and_by_the_least_jump() {
         (usual.rough[0], usual.least[0]) = (rough, least);
         let mut values = [0.0; MAX_CHANNELS];
         values[0] = x;
-        let warm = usual.jumping(&values) == 1;
+        let warm = usual.jumping(Scalar::new(), &values) == 1;
         usual.count = WARM - 1;
-        assert_eq!(usual.jumping(&values), 0, "too few samples to judge");
+        assert_eq!(usual.jumping(Scalar::new(), &values), 0, "too few samples to judge");
         warm
     };
     for side in [1.0, -1.0] {
@@ -177,7 +178,7 @@ fn a_stated_change_between_two_samples_replaces_the_learnt_jump() {
         for (away, jumping) in [(0.9, 0), (1.1, 0b10), (-0.9, 0), (-1.1, 0b10)] {
             let mut values = [0.0; MAX_CHANNELS];
             values[1] = 5.0 + away * change;
-            assert_eq!(usual.jumping(&values), jumping, "{integrals} {away}");
+            assert_eq!(usual.jumping(Scalar::new(), &values), jumping, "{integrals} {away}");
         }
     }
 }
@@ -200,8 +201,8 @@ fn the_roughness_begins_with_the_third_sample_and_a_line_has_none() {
 fn a_large_second_difference_is_not_limited_among_the_first_100() {
     let mut usual = usual();
     usual.count = WARM;
-    usual.roughen(&[3.0; MAX_CHANNELS], 1.0);
-    usual.roughen(&[300.0; MAX_CHANNELS], 0.5);
+    usual.roughen(Scalar::new(), &[3.0; MAX_CHANNELS], 1.0);
+    usual.roughen(Scalar::new(), &[300.0; MAX_CHANNELS], 0.5);
     let expected = GAUSSIAN * (9.0 + 9e4) / 303.0;
     assert!((usual.rough[0] / expected - 1.0).abs() < 1e-14, "{}", usual.rough[0]);
 }
@@ -237,7 +238,7 @@ fn a_change_of_the_mean_among_the_first_99_samples_is_no_motion() {
         for k in 1..=100_i64 {
             let mut values = [0.0; MAX_CHANNELS];
             values[0] = if k < 50 { 0.0 } else { 5.0 };
-            usual.learn(&values, Time::from_nanos(k * nanos), true);
+            usual.learn(Scalar::new(), &values, Time::from_nanos(k * nanos), true);
         }
         usual.motion[0]
     };

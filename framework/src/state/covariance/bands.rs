@@ -20,6 +20,8 @@ struct Band {
     height: usize,
     /// End of its terms.
     end: usize,
+    /// Number of groups up to that of its last row.
+    groups: usize,
 }
 
 /// Elements of a band: its first column, and the index of its first value.
@@ -38,6 +40,8 @@ enum Shape {
     Turned,
     /// Three elements on a diagonal.
     Diagonal,
+    /// Three elements in one column.
+    Column,
     /// One element, in this row of the band.
     One(usize),
 }
@@ -76,7 +80,7 @@ impl Bands {
         };
         let all: Vec<(usize, Term)> = declared.iter().flat_map(singles).collect();
         let (mut bands, mut row) = (Self::default(), 0);
-        for &group in groups {
+        for (before, &group) in groups.iter().enumerate() {
             row = row.max(4 * group);
             while row < 4 * group + 4 {
                 let height = if begins(row) { 3 } else { 1 };
@@ -89,7 +93,9 @@ impl Bands {
                     .collect();
                 own.sort_by_key(|term| (term.column, term.value));
                 bands.terms.extend(own);
-                bands.bands.push(Band { row, height, end: bands.terms.len() });
+                let beyond = usize::from(row + height > 4 * group + 4);
+                let groups = before + 1 + beyond;
+                bands.bands.push(Band { row, height, end: bands.terms.len(), groups });
                 row += height;
             }
         }
@@ -107,6 +113,33 @@ impl Bands {
         stride: usize,
         out: &mut [f64],
     ) {
+        self.partial(simd, phi, (x, stride), out, |_| stride);
+    }
+
+    /// [`Self::product`] where the columns of `x` are the groups of rows: each row of `out` up to
+    /// its own group, which contains the lower triangle. The rest of `out` stays.
+    #[inline(always)]
+    pub(super) fn lower_product<S: Simd>(
+        &self,
+        simd: S,
+        phi: &[f64],
+        x: &[f64],
+        stride: usize,
+        out: &mut [f64],
+    ) {
+        self.partial(simd, phi, (x, stride), out, |band| 4 * band.groups);
+    }
+
+    /// The first columns of a product, as many as each band needs.
+    #[inline(always)]
+    fn partial<S: Simd>(
+        &self,
+        simd: S,
+        phi: &[f64],
+        (x, stride): (&[f64], usize),
+        out: &mut [f64],
+        columns: impl Fn(&Band) -> usize,
+    ) {
         let (x, out) = (S::as_simd_f64s(x).0, S::as_mut_simd_f64s(out).0);
         let lanes = stride / S::F64_LANES;
         let (mut start, mut rest) = (0, out);
@@ -119,11 +152,11 @@ impl Bands {
                 keep(simd, x, band.row * lanes, out);
                 continue;
             }
-            let mut at = 0;
-            while at < lanes {
+            let (mut at, end) = (0, columns(band).min(stride) / S::F64_LANES);
+            while at < end {
                 let strip = Strip { simd, terms, phi, x, lanes, at };
                 // as much at once as fits into the registers, without a single lane at the end
-                at += match (band.height, lanes - at) {
+                at += match (band.height, end - at) {
                     (3, 1) => strip.sum::<3, 1>(out),
                     (3, 2) => strip.sum::<3, 2>(out),
                     (3, 4) => strip.sum::<3, 4>(out),
@@ -152,6 +185,8 @@ impl Shape {
             Self::Turned
         } else if begins(3, |k| (k, k)) {
             Self::Diagonal
+        } else if begins(3, |k| (k, 0)) {
+            Self::Column
         } else {
             Self::One(0)
         }
@@ -160,7 +195,7 @@ impl Shape {
     fn elements(self) -> usize {
         match self {
             Self::Block | Self::Turned => 9,
-            Self::Diagonal => 3,
+            Self::Diagonal | Self::Column => 3,
             Self::One(_) => 1,
         }
     }
@@ -200,6 +235,11 @@ impl<S: Simd> Strip<'_, S> {
                     for (i, sum) in sum.iter_mut().enumerate() {
                         self.add(sum, a[i], x[i]);
                     }
+                }
+                Shape::Column => {
+                    let parts = x.first_chunk::<W>().zip(first::<3>(self.phi, value));
+                    let Some((x, a)) = parts else { continue };
+                    self.column(&mut sum, *a, x);
                 }
                 Shape::Block => {
                     let parts = self.three(x).zip(first::<9>(self.phi, value));
@@ -288,7 +328,8 @@ mod tests {
             assert_eq!(at(&block), Shape::Block);
             assert_eq!(at(&turned), Shape::Turned);
             assert_eq!(at(&[(0, 0), (1, 1), (2, 2), (0, 1)]), Shape::Diagonal);
-            for other in [&block[..8], &turned[..8], &[(0, 0), (1, 1)], &[(0, 0), (1, 1), (2, 1)]] {
+            assert_eq!(at(&turned[..8]), Shape::Column);
+            for other in [&block[..8], &turned[..2], &[(0, 0), (1, 1)], &[(0, 0), (1, 1), (2, 1)]] {
                 assert_eq!(at(other), Shape::One(0));
             }
         }

@@ -112,8 +112,9 @@ impl Kernel {
         // X = A P, with A the changed rows of Phi
         bands.product(simd, phi, &covariance.p, 4 * lanes, x.as_flattened_mut());
         transpose(simd, x, lanes, xt, width);
-        // Y = A X', the elements of P where changed rows and columns meet
-        bands.product(simd, phi, xt.as_flattened(), 4 * width, y.as_flattened_mut());
+        // Y = A X', the elements of P where changed rows and columns meet: it is symmetric but for
+        // rounding, and the elements left of the diagonal count
+        bands.lower_product(simd, phi, xt.as_flattened(), 4 * width, y.as_flattened_mut());
         let p = covariance.p.as_chunks_mut::<4>().0;
         for (&group, x) in groups.iter().zip(x.chunks_exact(4 * lanes)) {
             for (to, from) in p[4 * group * lanes..].iter_mut().zip(x) {
@@ -126,9 +127,8 @@ impl Kernel {
                 to[group] = *from;
             }
         }
-        // Y is symmetric but for rounding: the elements right of the diagonal count
         for (g, (&row, rows)) in groups.iter().zip(y.chunks_exact(4 * width)).enumerate() {
-            for (h, &column) in groups.iter().enumerate().skip(g) {
+            for (h, &column) in groups.iter().enumerate().take(g + 1) {
                 let tile = [rows[h], rows[width + h], rows[2 * width + h], rows[3 * width + h]];
                 if h == g {
                     put(p, lanes, (row, row), mirrored(simd, tile));
@@ -161,28 +161,30 @@ pub(super) fn turned<S: Simd>(simd: S, tile: [Lane; 4]) -> [Lane; 4] {
         return cast(simd.deinterleave_shfl_f64s(cast::<_, [S::f64s; 4]>(tile)));
     }
     let [a, b, c, d] = tile;
-    [0, 1, 2, 3].map(|i| [a[i], b[i], c[i], d[i]])
+    let column = |i: usize| [a[i], b[i], c[i], d[i]];
+    [column(0), column(1), column(2), column(3)]
 }
 
-/// A tile with the elements right of the diagonal on both sides of it.
+/// A tile with the elements left of the diagonal on both sides of it.
 #[inline(always)]
 fn mirrored<S: Simd>(simd: S, tile: [Lane; 4]) -> [Lane; 4] {
     if S::F64_LANES == 4 {
         let mut rows: [S::f64s; 4] = cast(tile);
         let columns = simd.deinterleave_shfl_f64s(rows);
         for (i, (row, column)) in (0..).zip(rows.iter_mut().zip(columns)) {
-            *row = simd.select_f64s(simd.mask_between_m64s(0, i).mask(), column, *row);
+            *row = simd.select_f64s(simd.mask_between_m64s(0, i).mask(), *row, column);
         }
         return cast(rows);
     }
     let [a, b, c, d] = tile;
-    [a, [a[1], b[1], b[2], b[3]], [a[2], b[2], c[2], c[3]], [a[3], b[3], c[3], d[3]]]
+    [[a[0], b[0], c[0], d[0]], [b[0], b[1], c[1], d[1]], [c[0], c[1], c[2], d[2]], d]
 }
 
 /// Reads the tile of a group of rows and columns, with zeros in rows that the matrix lacks.
 #[inline(always)]
 pub(super) fn tile(p: &[Lane], lanes: usize, (row, column): (usize, usize)) -> [Lane; 4] {
-    [0, 1, 2, 3].map(|i| p.get((4 * row + i) * lanes + column).copied().unwrap_or_default())
+    let lane = |i: usize| p.get((4 * row + i) * lanes + column).copied().unwrap_or_default();
+    [lane(0), lane(1), lane(2), lane(3)]
 }
 
 /// Writes the tile of a group of rows and columns, as far as the matrix has its rows.

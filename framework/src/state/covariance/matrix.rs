@@ -217,8 +217,12 @@ impl Covariance {
                 let below = tile(p, lanes, (g, h));
                 let above = if g == h { below } else { tile(p, lanes, (h, g)) };
                 let (mut mean, other) = (below, turned(simd, above));
-                for (mean, other) in mean.as_flattened_mut().iter_mut().zip(other.as_flattened()) {
-                    *mean = 0.5 * (*mean + other);
+                let other = S::as_simd_f64s(other.as_flattened()).0;
+                let half = simd.splat_f64s(0.5);
+                for (mean, other) in
+                    S::as_mut_simd_f64s(mean.as_flattened_mut()).0.iter_mut().zip(other)
+                {
+                    *mean = simd.mul_f64s(half, simd.add_f64s(*mean, *other));
                 }
                 put(p, lanes, (g, h), mean);
                 put(p, lanes, (h, g), turned(simd, mean));

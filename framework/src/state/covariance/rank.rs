@@ -130,32 +130,38 @@ impl Update {
         }
     }
 
-    /// Joseph's form, row by row: `A = P - K (H P)`, then `A - (A H' - K R) K'`.
+    /// Joseph's form: `A = P - K (H P)`, then `A - (A H' - K R) K'`.
     #[inline(always)]
     fn join<S: Simd>(&mut self, simd: S, covariance: &mut Covariance) {
         let (n, m, stride) = (covariance.n, self.m, covariance.stride);
         let Self { columns, ht, r, hp, kt, work, reached, .. } = self;
         let wide = m.next_multiple_of(LANES);
+        // R, K and A H' - K R, with padded rows
         work.clear();
-        work.resize(m + wide, 0.0);
-        let (k, d) = work.split_at_mut(m);
-        for i in reached.iter().cloned().flatten().take_while(|i| *i < n) {
-            let row = &mut covariance.p[i * stride..][..stride];
-            for (k, kt) in k.iter_mut().zip(kt.chunks_exact(stride)) {
-                *k = kt[i];
-            }
-            for run in &*reached {
-                subtract(simd, row, k, hp, run.clone());
-            }
-            dots(simd, ht, columns, row, d);
-            for (a, d) in d[..m].iter_mut().enumerate() {
-                let kr: f64 = k.iter().enumerate().map(|(b, k)| k * r[b * m + a]).sum();
-                *d -= kr;
-            }
-            for run in &*reached {
-                subtract(simd, row, &d[..m], kt, run.clone());
+        work.resize((m + 2 * n) * wide, 0.0);
+        let (rt, rest) = work.split_at_mut(m * wide);
+        let (k, d) = rest.split_at_mut(n * wide);
+        for (to, from) in rt.chunks_exact_mut(wide.max(1)).zip(r.chunks_exact(m.max(1))) {
+            to[..m].copy_from_slice(from);
+        }
+        for (a, kt) in kt.chunks_exact(stride).enumerate() {
+            k.iter_mut().skip(a).step_by(wide).zip(kt).for_each(|(k, kt)| *k = *kt);
+        }
+        let rows = || reached.iter().cloned().flatten().take_while(|i| *i < n);
+        subtract(simd, covariance, (k, m), hp, reached);
+        for i in rows() {
+            let at = i * wide..i * wide + wide;
+            let (k, d) = (&k[at.clone()], &mut d[at]);
+            dots(simd, ht, columns, &covariance.p[i * stride..][..stride], d);
+            let (d, rt) = (S::as_mut_simd_f64s(d).0, S::as_simd_f64s(rt).0);
+            for (k, rt) in k[..m].iter().zip(rt.chunks_exact(d.len().max(1))) {
+                let k = simd.splat_f64s(*k);
+                for (d, r) in d.iter_mut().zip(rt) {
+                    *d = simd.sub_f64s(*d, simd.mul_f64s(k, *r));
+                }
             }
         }
+        subtract(simd, covariance, (d, m), kt, reached);
         covariance.symmetrise_reached(simd, reached);
     }
 }
@@ -188,21 +194,71 @@ fn dots<S: Simd>(simd: S, ht: &[f64], columns: &[usize], row: &[f64], out: &mut 
     let (ht, out) = (S::as_simd_f64s(ht).0, S::as_mut_simd_f64s(out).0);
     let width = out.len();
     for (a, out) in out.iter_mut().enumerate() {
-        let mut sum = simd.splat_f64s(-0.0);
-        for (h, &column) in ht.chunks_exact(width).zip(columns) {
-            sum = simd.add_f64s(sum, simd.mul_f64s(h[a], simd.splat_f64s(row[column])));
+        let term = |k: usize, column: usize| {
+            simd.mul_f64s(ht[k * width + a], simd.splat_f64s(row[column]))
+        };
+        // two sums, so that one is added to while the other waits
+        let (mut even, mut odd) = (simd.splat_f64s(-0.0), simd.splat_f64s(-0.0));
+        let (pairs, last) = columns.as_chunks::<2>();
+        for (k, &[i, j]) in pairs.iter().enumerate() {
+            even = simd.add_f64s(even, term(2 * k, i));
+            odd = simd.add_f64s(odd, term(2 * k + 1, j));
         }
-        *out = sum;
+        for &column in last {
+            even = simd.add_f64s(even, term(columns.len() - 1, column));
+        }
+        *out = simd.add_f64s(even, odd);
     }
 }
 
-/// `row = row - k' X` in a range of columns.
+/// `P = P - C X` where these ranges of rows and columns meet; `C` has `m` columns and padded rows.
 #[inline(always)]
-fn subtract<S: Simd>(simd: S, row: &mut [f64], k: &[f64], x: &[f64], at: Range<usize>) {
-    let lanes = row.len() / S::F64_LANES;
-    let (first, row) = (at.start / S::F64_LANES, S::as_mut_simd_f64s(&mut row[at]).0);
-    let terms = k.iter().zip(S::as_simd_f64s(x).0.chunks_exact(lanes).map(|x| &x[first..]));
-    sums(simd, row, terms, |row, sum| simd.sub_f64s(row, sum));
+fn subtract<S: Simd>(
+    simd: S,
+    covariance: &mut Covariance,
+    (c, m): (&[f64], usize),
+    x: &[f64],
+    reached: &[Range<usize>],
+) {
+    let stride = covariance.stride;
+    for columns in reached {
+        let x = |a: usize| S::as_simd_f64s(&x[a * stride..][columns.clone()]).0;
+        for a in (0..m).step_by(LANES) {
+            let part = (&c[a..], m.next_multiple_of(LANES));
+            let place = (reached, columns);
+            match m - a {
+                1 => less(simd, covariance, part, [x(a)], place),
+                2 => less(simd, covariance, part, [x(a), x(a + 1)], place),
+                3 => less(simd, covariance, part, [x(a), x(a + 1), x(a + 2)], place),
+                _ => less(simd, covariance, part, [x(a), x(a + 1), x(a + 2), x(a + 3)], place),
+            }
+        }
+    }
+}
+
+/// `P = P - C X` with `M` columns of `C`, in these columns of `P`.
+#[inline(always)]
+fn less<S: Simd, const M: usize>(
+    simd: S,
+    covariance: &mut Covariance,
+    (c, wide): (&[f64], usize),
+    x: [&[S::f64s]; M],
+    (reached, columns): (&[Range<usize>], &Range<usize>),
+) {
+    let (n, stride) = (covariance.n, covariance.stride);
+    for i in reached.iter().cloned().flatten().take_while(|i| *i < n) {
+        let row = S::as_mut_simd_f64s(&mut covariance.p[i * stride..][columns.clone()]).0;
+        let Some(c) = c.get(i * wide..).and_then(|c| c.first_chunk::<M>()) else { continue };
+        let mut by = [simd.splat_f64s(0.0); M];
+        by.iter_mut().zip(c).for_each(|(by, c)| *by = simd.splat_f64s(*c));
+        for (at, row) in row.iter_mut().enumerate() {
+            let mut sum = simd.mul_f64s(by[0], x[0][at]);
+            for (by, x) in by[1..].iter().zip(&x[1..]) {
+                sum = simd.add_f64s(sum, simd.mul_f64s(*by, x[at]));
+            }
+            *row = simd.sub_f64s(*row, sum);
+        }
+    }
 }
 
 /// `out = put(out, sum of a x)`, some lanes at once, whose sums stay in registers.

@@ -131,7 +131,7 @@ impl Update {
             l: Vec::with_capacity(n * m),
             processor: Arch::new(),
             reached: Vec::with_capacity(n.div_ceil(8)),
-            work: Vec::with_capacity((m * m).max(2 * m + 4)),
+            work: Vec::with_capacity((m + 2 * n) * m.next_multiple_of(4)),
         }
     }
 

@@ -1,0 +1,29 @@
+//! Functions that are compiled twice: for any processor of the target, and for one with AVX2.
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// Calls a function on the vector instructions that the processor has. Both versions add and multiply
+/// in the same order and never fuse the two, so that their results agree to the bit.
+///
+/// The function must be a closure with `#[inline(always)]` that captures nothing, and what it calls in
+/// its loops must be inlined too; otherwise that part is compiled for any processor alone.
+// `FnOnce::call_once` of a closure is a function of its own, which the compiler may leave apart;
+// `Fn::call` is the closure
+#[inline(always)]
+pub(crate) fn vectorised<A, R>(arguments: A, function: impl Fn(A) -> R) -> R {
+    Arch::new().dispatch(Call { arguments, function })
+}
+
+struct Call<A, F> {
+    arguments: A,
+    function: F,
+}
+
+impl<A, R, F: Fn(A) -> R> WithSimd for Call<A, F> {
+    type Output = R;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> R {
+        (self.function)(self.arguments)
+    }
+}
