@@ -77,11 +77,11 @@ impl Merge {
         Ok(())
     }
 
-    /// The sample that arrives first and the index of its source; it arrives at its own time unless
-    /// the source gives another. Among samples that arrive at the same time the first source wins,
+    /// The source whose sample arrives first; a sample arrives at its own time unless the source
+    /// gives another. Among samples that arrive at the same time the first source wins,
     /// except that a running filter takes references last: the truth is compared with the estimate
     /// that has used every other sample of that time.
-    pub(crate) fn first(&self, running: bool) -> Option<(Sample, usize)> {
+    pub(crate) fn first(&self, running: bool) -> Option<usize> {
         let mut first = None;
         for (k, head) in self.heads.iter().enumerate().filter(|(_, head)| head.open) {
             let order = (head.arrival, running && self.references[head.sample.sensor.0]);
@@ -89,7 +89,12 @@ impl Merge {
                 first = Some((order, k));
             }
         }
-        first.map(|(_, k)| (self.heads[k].sample, k))
+        first.map(|(_, k)| k)
+    }
+
+    /// The next sample of a source.
+    pub(crate) fn sample(&self, source: usize) -> Sample {
+        self.heads[source].sample
     }
 
     /// Logs the warnings that the sources give after their last sample.

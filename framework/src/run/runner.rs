@@ -200,7 +200,7 @@ impl Run {
                 Err(error) => run.error = Some(error.into()),
             }
         }
-        let time = run.merge.first(false).map_or(Time::MIN, |(sample, _)| sample.time);
+        let time = run.merge.first(false).map_or(Time::MIN, |source| run.merge.sample(source).time);
         for (about, text) in notes {
             run.outputs.event(Event { time, level: Level::Info, about, text });
         }
@@ -212,7 +212,8 @@ impl Run {
         let end = self.merge.end().map(|e| self.until.map_or(e, |u| u.min(e)));
         let mut count = 0_u64;
         while self.error.is_none() {
-            let Some((sample, source)) = self.merge.first(self.estimator.running()) else { break };
+            let Some(source) = self.merge.first(self.estimator.running()) else { break };
+            let sample = self.merge.sample(source);
             if self.until.is_some_and(|u| sample.time > u + self.window()) {
                 break;
             }

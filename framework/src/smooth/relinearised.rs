@@ -34,8 +34,9 @@ use std::sync::Arc;
 const PASSES: u32 = 12;
 
 /// Largest change of the estimate by a pass, in its sigma, at which the passes have converged, and
-/// that at the last time. The error of the trajectory counts in the second order alone.
-const CONVERGED: f64 = 1e-2;
+/// that at the last time. The error of the trajectory counts in the second order alone, and the next
+/// time takes the same samples again.
+const CONVERGED: f64 = 0.1;
 const CONVERGED_LAST: f64 = 1e-3;
 
 /// Part of the span after which the first passes are made.
@@ -48,7 +49,7 @@ const GROWTH: i64 = 4;
 const REPORTED: u32 = 3;
 
 /// Number of samples that are kept before the filter starts.
-const WAITING: usize = 64;
+const WAITING: usize = 256;
 
 /// An EKF whose first samples are linearised again.
 pub(crate) struct Relinearised {

@@ -328,3 +328,41 @@ fn a_bridge_keeps_the_name_of_its_first_fault_unless_a_stuck_sensor_freezes() {
     assert_eq!(name(Fault::Stuck, Fault::Range), Some(Fault::Stuck));
     assert_eq!(name(Fault::Zeros, Fault::Frozen), Some(Fault::Zeros));
 }
+
+/// Six channels with repetitions, steps of a quantisation, spikes and values beyond the range: a
+/// processor without vector instructions takes one channel at a time.
+#[test]
+fn the_screening_is_the_same_to_the_bit_on_any_processor() {
+    let channel =
+        |change, step| ChannelLimits { range: 50.0, change, noise: 1e-4, step, motion: 0.0 };
+    let mut channels = vec![channel(None, 0.0); 4];
+    channels.extend([channel(Some(900.0), 0.0), channel(None, 0.1)]);
+    let limits = Screening { channels, integrals: false, frozen: None, max_bridge: 10.0 };
+    let (mut wide, mut single) = (Screen::new(&limits), Screen::new(&limits));
+    let mut seed = 7_u64;
+    let mut uniform = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (seed >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let (mut passed, mut held) = (0, 0);
+    for k in 0..20_000 {
+        let mut values: [f64; 6] = std::array::from_fn(|_| uniform() - 0.5);
+        values[5] = (10.0 * values[5]).round() / 10.0;
+        if k % 997 == 500 {
+            values[k as usize % 6] = if k % 2 == 0 { 40.0 } else { 60.0 };
+        }
+        let sample = Sample::new(Time::from_nanos(k * 10_000_000), SensorId(0), &values);
+        let passes = wide.take(&sample);
+        assert_eq!(passes, single.judge(Scalar::new(), &sample), "{k}");
+        (passed, held) = (passed + u32::from(passes), held + u32::from(!passes));
+        let bits = |screen: &Screen| {
+            let usual = &screen.usual;
+            [usual.rough, usual.mean, usual.least].map(|spread| spread.map(f64::to_bits))
+        };
+        assert_eq!(bits(&wide), bits(&single), "{k}");
+        assert_eq!((&wide.ready, wide.news), (&single.ready, single.news), "{k}");
+        wide.ready.clear();
+        single.ready.clear();
+    }
+    assert!(passed > 19_000 && held > 20 && wide.spikes > 5, "{passed} {held} {}", wide.spikes);
+}
