@@ -3,7 +3,7 @@
 use super::inputs::Inputs;
 use super::kernel::Kernel;
 use super::{Covariance, Reach};
-use crate::state::Layout;
+use crate::state::{Layout, vectorised};
 
 /// Place of an `R` x `C` block of the transition matrix; a block of a fixed state has no place.
 #[derive(Clone, Copy, Debug)]
@@ -278,7 +278,13 @@ impl Transition {
 
     /// Adds the elements of the last step's `Phi` to `sum`, as far as `sum` goes.
     pub(crate) fn add_to(&self, sum: &mut [f64]) {
-        sum.iter_mut().zip(&self.phi).for_each(|(sum, phi)| *sum += phi);
+        vectorised(
+            (sum, &self.phi),
+            #[inline(always)]
+            |(sum, phi): (&mut [f64], &Vec<f64>)| {
+                sum.iter_mut().zip(phi).for_each(|(sum, phi)| *sum += phi);
+            },
+        );
     }
 
     /// Computes the density of the models' process noise in a step of `dt` seconds: for each error
