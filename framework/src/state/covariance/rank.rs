@@ -57,7 +57,7 @@ impl Update {
             // row and column of P are the same
             let terms = self.h[a * w..][..w].iter();
             let terms = terms.zip(self.columns.iter().map(|column| &rows[column * lanes..]));
-            sums(simd, hp, terms, |_, sum| sum);
+            sums(simd, hp, terms);
         }
         self.find_reached();
         self.turn();
@@ -147,9 +147,8 @@ impl Update {
         for (a, kt) in kt.chunks_exact(stride).enumerate() {
             k.iter_mut().skip(a).step_by(wide).zip(kt).for_each(|(k, kt)| *k = *kt);
         }
-        let rows = || reached.iter().cloned().flatten().take_while(|i| *i < n);
         subtract(simd, covariance, (k, m), hp, reached);
-        for i in rows() {
+        for i in rows(reached, n) {
             let at = i * wide..i * wide + wide;
             let (k, d) = (&k[at.clone()], &mut d[at]);
             dots(simd, ht, columns, &covariance.p[i * stride..][..stride], d);
@@ -211,6 +210,12 @@ fn dots<S: Simd>(simd: S, ht: &[f64], columns: &[usize], row: &[f64], out: &mut 
     }
 }
 
+/// The rows of `n` in these ranges, whose end may be padding.
+#[inline(always)]
+fn rows(reached: &[Range<usize>], n: usize) -> impl Iterator<Item = usize> {
+    reached.iter().cloned().flatten().take_while(move |i| *i < n)
+}
+
 /// `P = P - C X` where these ranges of rows and columns meet; `C` has `m` columns and padded rows.
 #[inline(always)]
 fn subtract<S: Simd>(
@@ -246,7 +251,7 @@ fn less<S: Simd, const M: usize>(
     (reached, columns): (&[Range<usize>], &Range<usize>),
 ) {
     let (n, stride) = (covariance.n, covariance.stride);
-    for i in reached.iter().cloned().flatten().take_while(|i| *i < n) {
+    for i in rows(reached, n) {
         let row = S::as_mut_simd_f64s(&mut covariance.p[i * stride..][columns.clone()]).0;
         let Some(c) = c.get(i * wide..).and_then(|c| c.first_chunk::<M>()) else { continue };
         let mut by = [simd.splat_f64s(0.0); M];
@@ -261,22 +266,21 @@ fn less<S: Simd, const M: usize>(
     }
 }
 
-/// `out = put(out, sum of a x)`, some lanes at once, whose sums stay in registers.
+/// `out = sum of a x`, some lanes at once, whose sums stay in registers.
 #[inline(always)]
 fn sums<'a, S: Simd>(
     simd: S,
     out: &mut [S::f64s],
     terms: impl Iterator<Item = (&'a f64, &'a [S::f64s])> + Clone,
-    put: impl Fn(S::f64s, S::f64s) -> S::f64s,
 ) {
     let mut at = 0;
     while at < out.len() {
         at += match out.len() - at {
-            1 => strip::<S, 1>(simd, out, at, terms.clone(), &put),
-            2 => strip::<S, 2>(simd, out, at, terms.clone(), &put),
-            3 | 6 => strip::<S, 3>(simd, out, at, terms.clone(), &put),
-            4 | 7 | 8 => strip::<S, 4>(simd, out, at, terms.clone(), &put),
-            _ => strip::<S, 5>(simd, out, at, terms.clone(), &put),
+            1 => strip::<S, 1>(simd, out, at, terms.clone()),
+            2 => strip::<S, 2>(simd, out, at, terms.clone()),
+            3 | 6 => strip::<S, 3>(simd, out, at, terms.clone()),
+            4 | 7 | 8 => strip::<S, 4>(simd, out, at, terms.clone()),
+            _ => strip::<S, 5>(simd, out, at, terms.clone()),
         };
     }
 }
@@ -288,7 +292,6 @@ fn strip<'a, S: Simd, const W: usize>(
     out: &mut [S::f64s],
     at: usize,
     terms: impl Iterator<Item = (&'a f64, &'a [S::f64s])>,
-    put: &impl Fn(S::f64s, S::f64s) -> S::f64s,
 ) -> usize {
     let mut sum = [simd.splat_f64s(-0.0); W];
     for (a, x) in terms {
@@ -299,8 +302,6 @@ fn strip<'a, S: Simd, const W: usize>(
             }
         }
     }
-    for (out, sum) in out[at..].iter_mut().zip(sum) {
-        *out = put(*out, sum);
-    }
+    out[at..][..W].copy_from_slice(&sum);
     W
 }
