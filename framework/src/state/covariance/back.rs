@@ -177,10 +177,10 @@ impl WithSimd for Sandwich<'_> {
         let Self { p, x, work, out } = self;
         let stride = p.stride;
         work.resize(p.p.len(), 0.0);
-        for (x, row) in x.p.chunks_exact(stride).zip(work.chunks_exact_mut(stride)) {
+        for (x, row) in x.p.chunks_exact(stride).take(x.n).zip(work.chunks_exact_mut(stride)) {
             product(&x[..p.n], &p.p, stride, row);
         }
-        for (i, p) in p.p.chunks_exact(stride).enumerate() {
+        for (i, p) in p.p.chunks_exact(stride).enumerate().take(p.n) {
             let half = (i + 1).next_multiple_of(4);
             product(&p[..out.n], work, stride, &mut out.p[i * stride..][..half]);
         }

@@ -3,311 +3,240 @@
 //! Most blocks of an error state have three axes, so three rows are taken at once: each lane of the
 //! matrix is loaded once for three sums, which stay in registers.
 
-use pulp::Simd;
+use super::kernel::{Lane, Lanes};
+use pulp::{Simd, WithSimd};
+use std::ops::Range;
 
 /// The changed groups of rows of `Phi`, as bands.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bands {
     bands: Vec<Band>,
     /// Elements of all bands, each by ascending column.
-    terms: Vec<Term>,
+    columns: Vec<Column>,
+    singles: Vec<Single>,
 }
 
-/// Three rows, or a single one. A row without terms is that of the identity.
+/// Three rows, a single one, or neighbours without elements, which are rows of the identity.
 #[derive(Clone, Copy, Debug)]
 struct Band {
     row: usize,
     height: usize,
-    /// End of its terms.
-    end: usize,
-    /// Number of groups up to that of its last row.
-    groups: usize,
+    /// Number of its columns, and of its single elements.
+    columns: usize,
+    singles: usize,
 }
 
-/// Elements of a band: its first column, and the index of its first value.
+/// An element in each row of a band, with the index of the first one's value.
 #[derive(Clone, Copy, Debug)]
-struct Term {
-    shape: Shape,
+struct Column {
     column: usize,
     value: usize,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Shape {
-    /// Three by three elements, row by row.
-    Block,
-    /// Three by three elements, column by column.
-    Turned,
-    /// Three elements on a diagonal.
-    Diagonal,
-    /// Three elements in one column.
-    Column,
-    /// One element, in this row of the band.
-    One(usize),
+/// An element in one row of a band.
+#[derive(Clone, Copy, Debug)]
+struct Single {
+    row: usize,
+    column: usize,
+    value: usize,
+}
+
+impl Band {
+    fn is_kept(&self) -> bool {
+        self.columns == 0 && self.singles == 0
+    }
 }
 
 impl Bands {
     /// Approximate size, bytes.
     pub(super) fn size(&self) -> usize {
-        self.terms.len() * size_of::<Term>() + self.bands.len() * size_of::<Band>()
+        self.bands.len() * size_of::<Band>()
+            + self.columns.len() * size_of::<Column>()
+            + self.singles.len() * size_of::<Single>()
     }
 
     /// Orders the `(row, column)` of each element by bands, for the groups of four rows that have
     /// any.
     pub(super) fn new(groups: &[usize], places: &[(usize, usize)]) -> Self {
-        let (mut declared, mut value) = (Vec::new(), 0);
-        while let Some(rest) = places.get(value..).filter(|rest| !rest.is_empty()) {
-            let shape = Shape::of(rest);
-            declared.push((rest[0].0, Term { shape, column: rest[0].1, value }));
-            value += shape.elements();
-        }
+        let pieces = Piece::all(places);
         // a band begins with the first row of a block, unless it overlaps the band before
-        let is_block = |term: &Term| !matches!(term.shape, Shape::One(_));
-        let mut starts: Vec<usize> =
-            declared.iter().filter(|(_, term)| is_block(term)).map(|(row, _)| *row).collect();
+        let blocks = pieces.iter().filter(|piece| piece.elements == 3);
+        let mut starts: Vec<usize> = blocks.map(|piece| places[piece.first].0).collect();
         starts.sort_unstable();
         starts.dedup_by(|row, before| *row < *before + 3);
         let begins = |row: usize| starts.binary_search(&row).is_ok();
-        let singles = |&(row, term): &(usize, Term)| {
-            let whole = !is_block(&term) || begins(row);
-            let count = if whole { 1 } else { term.shape.elements() };
-            (0..count).map(move |k| match (whole, places[term.value + k]) {
-                (true, _) => (row, term),
-                (false, (row, column)) => {
-                    (row, Term { shape: Shape::One(0), column, value: term.value + k })
-                }
-            })
-        };
-        let all: Vec<(usize, Term)> = declared.iter().flat_map(singles).collect();
         let (mut bands, mut row) = (Self::default(), 0);
-        for (before, &group) in groups.iter().enumerate() {
+        for &group in groups {
             row = row.max(4 * group);
             while row < 4 * group + 4 {
                 let height = if begins(row) { 3 } else { 1 };
-                let own = all.iter().filter(|(r, _)| (row..row + height).contains(r));
-                let mut own: Vec<Term> = own
-                    .map(|&(r, term)| match term.shape {
-                        Shape::One(_) => Term { shape: Shape::One(r - row), ..term },
-                        _ => term,
-                    })
-                    .collect();
-                own.sort_by_key(|term| (term.column, term.value));
-                bands.terms.extend(own);
-                let beyond = usize::from(row + height > 4 * group + 4);
-                let groups = before + 1 + beyond;
-                bands.bands.push(Band { row, height, end: bands.terms.len(), groups });
+                bands.push(row..row + height, places, &pieces);
                 row += height;
             }
         }
         bands
     }
 
-    /// `out = A x` for the bands `A`, with rows of `stride`, a multiple of four, in `x` and `out`.
-    /// Rows that `x` does not have count as zero.
-    #[inline(always)]
-    pub(super) fn product<S: Simd>(
-        &self,
-        simd: S,
-        phi: &[f64],
-        x: &[f64],
-        stride: usize,
-        out: &mut [f64],
-    ) {
-        self.partial(simd, phi, (x, stride), out, |_| stride);
-    }
-
-    /// [`Self::product`] where the columns of `x` are the groups of rows: each row of `out` up to
-    /// its own group, which contains the lower triangle. The rest of `out` stays.
-    #[inline(always)]
-    pub(super) fn lower_product<S: Simd>(
-        &self,
-        simd: S,
-        phi: &[f64],
-        x: &[f64],
-        stride: usize,
-        out: &mut [f64],
-    ) {
-        self.partial(simd, phi, (x, stride), out, |band| 4 * band.groups);
-    }
-
-    /// The first columns of a product, as many as each band needs.
-    #[inline(always)]
-    fn partial<S: Simd>(
-        &self,
-        simd: S,
-        phi: &[f64],
-        (x, stride): (&[f64], usize),
-        out: &mut [f64],
-        columns: impl Fn(&Band) -> usize,
-    ) {
-        let (x, out) = (S::as_simd_f64s(x).0, S::as_mut_simd_f64s(out).0);
-        let lanes = stride / S::F64_LANES;
-        let (mut start, mut rest) = (0, out);
-        for band in &self.bands {
-            let terms = &self.terms[start..band.end];
-            start = band.end;
-            let (out, after) = rest.split_at_mut(band.height * lanes);
-            rest = after;
-            if terms.is_empty() {
-                keep(simd, x, band.row * lanes, out);
+    /// Appends a band with the elements of its rows.
+    fn push(&mut self, rows: Range<usize>, places: &[(usize, usize)], pieces: &[Piece]) {
+        let mut band = Band { row: rows.start, height: rows.len(), columns: 0, singles: 0 };
+        for piece in pieces {
+            let (first, column) = places[piece.first];
+            if rows.len() == 3 && piece.column && first == rows.start {
+                self.columns.push(Column { column, value: piece.first });
+                band.columns += 1;
                 continue;
             }
-            let (mut at, end) = (0, columns(band).min(stride) / S::F64_LANES);
+            let own = (piece.first..piece.first + piece.elements)
+                .map(|value| (places[value], value))
+                .filter(|((row, _), _)| rows.contains(row));
+            for ((row, column), value) in own {
+                if rows.len() == 1 {
+                    self.columns.push(Column { column, value });
+                    band.columns += 1;
+                } else {
+                    self.singles.push(Single { row: row - rows.start, column, value });
+                    band.singles += 1;
+                }
+            }
+        }
+        let (columns, singles) =
+            (self.columns.len() - band.columns, self.singles.len() - band.singles);
+        self.columns[columns..].sort_by_key(|element| (element.column, element.value));
+        self.singles[singles..].sort_by_key(|element| (element.column, element.value));
+        match self.bands.last_mut() {
+            Some(last)
+                if last.is_kept() && band.is_kept() && last.row + last.height == band.row =>
+            {
+                last.height += band.height;
+            }
+            _ => self.bands.push(band),
+        }
+    }
+}
+
+/// `out = A x` for the bands `A`, with rows of `lanes` in `x` and `out`. Other rows of `out` stay.
+///
+/// It is compiled as a function of its own, which has all registers.
+pub(super) struct Product<'a, const L: usize, const ANY: bool> {
+    pub(super) bands: &'a Bands,
+    pub(super) phi: &'a [f64],
+    pub(super) x: &'a [Lane],
+    pub(super) lanes: Lanes<L, ANY>,
+    pub(super) out: &'a mut [Lane],
+    /// Computes each row up to the group of its number, which contains the lower triangle.
+    pub(super) lower: bool,
+}
+
+impl<const L: usize, const ANY: bool> WithSimd for Product<'_, L, ANY> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { bands, phi, x, lanes, out, lower } = self;
+        let width = lanes.count();
+        let (mut columns, mut singles) = (&bands.columns[..], &bands.singles[..]);
+        for band in &bands.bands {
+            let own = (columns.split_at(band.columns), singles.split_at(band.singles));
+            (columns, singles) = (own.0.1, own.1.1);
+            let out = &mut out[band.row * width..][..band.height * width];
+            if band.is_kept() {
+                let from = x.get(band.row * width..).unwrap_or_default();
+                out.iter_mut().zip(from).for_each(|(out, x)| *out = *x);
+                continue;
+            }
+            let elements = Elements { columns: own.0.0, singles: own.1.0, phi, x, lanes };
+            let end = (band.row + band.height).div_ceil(4);
+            let (mut at, end) = (0, if lower { end.min(width) } else { width });
             while at < end {
-                let strip = Strip { simd, terms, phi, x, lanes, at };
                 // as much at once as fits into the registers, without a single lane at the end
                 at += match (band.height, end - at) {
-                    (3, 1) => strip.sum::<3, 1>(out),
-                    (3, 2) => strip.sum::<3, 2>(out),
-                    (3, 4) => strip.sum::<3, 4>(out),
-                    (3, _) => strip.sum::<3, 3>(out),
-                    (_, 1) => strip.sum::<1, 1>(out),
-                    (_, 2) => strip.sum::<1, 2>(out),
-                    (_, 3 | 5) => strip.sum::<1, 3>(out),
-                    _ => strip.sum::<1, 4>(out),
+                    (3, 1) => elements.strip::<S, 3, 1>(simd, at, out),
+                    (3, 2 | 4) => elements.strip::<S, 3, 2>(simd, at, out),
+                    (3, _) => elements.strip::<S, 3, 3>(simd, at, out),
+                    (_, 1) => elements.strip::<S, 1, 1>(simd, at, out),
+                    (_, 2) => elements.strip::<S, 1, 2>(simd, at, out),
+                    (_, 3 | 5) => elements.strip::<S, 1, 3>(simd, at, out),
+                    _ => elements.strip::<S, 1, 4>(simd, at, out),
                 };
             }
         }
     }
 }
 
-impl Shape {
-    /// The largest shape with which a list of places begins.
-    fn of(places: &[(usize, usize)]) -> Self {
-        let (row, column) = places[0];
-        let begins = |n: usize, place: fn(usize) -> (usize, usize)| {
-            let of = |k: usize| (row + place(k).0, column + place(k).1);
-            places.len() >= n && (0..n).all(|k| places[k] == of(k))
-        };
-        if begins(9, |k| (k / 3, k % 3)) {
-            Self::Block
-        } else if begins(9, |k| (k % 3, k / 3)) {
-            Self::Turned
-        } else if begins(3, |k| (k, k)) {
-            Self::Diagonal
-        } else if begins(3, |k| (k, 0)) {
-            Self::Column
-        } else {
-            Self::One(0)
-        }
-    }
+/// Neighbours in the list of elements: three of one column, three on a diagonal, or a single one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Piece {
+    first: usize,
+    elements: usize,
+    column: bool,
+}
 
-    fn elements(self) -> usize {
-        match self {
-            Self::Block | Self::Turned => 9,
-            Self::Diagonal | Self::Column => 3,
-            Self::One(_) => 1,
+impl Piece {
+    fn all(places: &[(usize, usize)]) -> Vec<Self> {
+        let (mut pieces, mut first) = (Vec::new(), 0);
+        while let Some(&[(row, column), ..]) = places.get(first..).filter(|rest| !rest.is_empty()) {
+            let begins = |step: usize| {
+                let three = [0, 1, 2].map(|k| (row + k, column + step * k));
+                places[first..].starts_with(&three)
+            };
+            let elements = if begins(0) || begins(1) { 3 } else { 1 };
+            pieces.push(Self { first, elements, column: begins(0) });
+            first += elements;
         }
+        pieces
     }
 }
 
-/// Some lanes of a band.
-struct Strip<'a, S: Simd> {
-    simd: S,
-    terms: &'a [Term],
+/// Elements of a band, and the rows of `lanes` that they multiply.
+struct Elements<'a, const L: usize, const ANY: bool> {
+    columns: &'a [Column],
+    singles: &'a [Single],
     phi: &'a [f64],
-    x: &'a [S::f64s],
-    /// Number of lanes of a row, and the first of this strip.
-    lanes: usize,
-    at: usize,
+    x: &'a [Lane],
+    lanes: Lanes<L, ANY>,
 }
 
-impl<S: Simd> Strip<'_, S> {
-    /// `W` lanes of the `H` rows of the band, kept in registers; returns `W`.
+impl<const L: usize, const ANY: bool> Elements<'_, L, ANY> {
+    /// The `W` lanes from `at` on of the `H` rows of the band, kept in registers; returns `W`.
     #[inline(always)]
-    fn sum<const H: usize, const W: usize>(&self, out: &mut [S::f64s]) -> usize {
-        let mut sum = [[self.simd.splat_f64s(0.0); W]; H];
-        for &Term { shape, column, value } in self.terms {
-            let Some(x) = self.x.get(column * self.lanes + self.at..) else { continue };
-            match shape {
-                Shape::One(row) => {
-                    let parts = x.first_chunk::<W>().zip(self.phi.get(value));
-                    let Some((x, a)) = parts else { continue };
-                    for (i, sum) in sum.iter_mut().enumerate() {
-                        if i == row {
-                            self.add(sum, *a, x);
-                        }
-                    }
-                }
-                Shape::Diagonal => {
-                    let parts = self.three(x).zip(first::<3>(self.phi, value));
-                    let Some((x, a)) = parts else { continue };
-                    for (i, sum) in sum.iter_mut().enumerate() {
-                        self.add(sum, a[i], x[i]);
-                    }
-                }
-                Shape::Column => {
-                    let parts = x.first_chunk::<W>().zip(first::<3>(self.phi, value));
-                    let Some((x, a)) = parts else { continue };
-                    self.column(&mut sum, *a, x);
-                }
-                Shape::Block => {
-                    let parts = self.three(x).zip(first::<9>(self.phi, value));
-                    let Some((x, a)) = parts else { continue };
-                    self.column(&mut sum, [a[0], a[3], a[6]], x[0]);
-                    self.column(&mut sum, [a[1], a[4], a[7]], x[1]);
-                    self.column(&mut sum, [a[2], a[5], a[8]], x[2]);
-                }
-                Shape::Turned => {
-                    let parts = self.three(x).zip(first::<9>(self.phi, value));
-                    let Some((x, a)) = parts else { continue };
-                    self.column(&mut sum, [a[0], a[1], a[2]], x[0]);
-                    self.column(&mut sum, [a[3], a[4], a[5]], x[1]);
-                    self.column(&mut sum, [a[6], a[7], a[8]], x[2]);
+    fn strip<S: Simd, const H: usize, const W: usize>(
+        &self,
+        simd: S,
+        at: usize,
+        out: &mut [Lane],
+    ) -> usize {
+        let Self { columns, singles, phi, x, lanes } = *self;
+        let mut sum = [[[0.0; 4]; W]; H];
+        for &Column { column, value } in columns {
+            let (x, a) = (&lanes.row(x, column)[at..][..W], &phi[value..][..H]);
+            for (sum, a) in sum.iter_mut().zip(a) {
+                add(simd, sum, *a, x);
+            }
+        }
+        for &Single { row, column, value } in singles {
+            let (x, a) = (&lanes.row(x, column)[at..][..W], phi[value]);
+            for (i, sum) in sum.iter_mut().enumerate() {
+                if i == row {
+                    add(simd, sum, a, x);
                 }
             }
         }
-        for (sum, out) in sum.iter().zip(out.chunks_exact_mut(self.lanes)) {
-            out[self.at..][..W].copy_from_slice(sum);
+        for (i, sum) in sum.iter().enumerate() {
+            out[i * lanes.count() + at..][..W].copy_from_slice(sum);
         }
         W
     }
-
-    /// Adds the share of one row of `x` to all sums.
-    #[inline(always)]
-    fn column<const H: usize, const W: usize>(
-        &self,
-        sum: &mut [[S::f64s; W]; H],
-        a: [f64; 3],
-        x: &[S::f64s; W],
-    ) {
-        for (sum, a) in sum.iter_mut().zip(a) {
-            self.add(sum, a, x);
-        }
-    }
-
-    /// `sum = sum + a x`, never fused.
-    #[inline(always)]
-    fn add<const W: usize>(&self, sum: &mut [S::f64s; W], a: f64, x: &[S::f64s; W]) {
-        let a = self.simd.splat_f64s(a);
-        for (sum, x) in sum.iter_mut().zip(x) {
-            *sum = self.simd.add_f64s(*sum, self.simd.mul_f64s(a, *x));
-        }
-    }
-
-    /// The first lanes of three rows.
-    #[inline(always)]
-    fn three<'x, const W: usize>(&self, x: &'x [S::f64s]) -> Option<[&'x [S::f64s; W]; 3]> {
-        let last = x.get(2 * self.lanes..)?.first_chunk()?;
-        Some([x.first_chunk()?, x[self.lanes..].first_chunk()?, last])
-    }
 }
 
-/// The first values of a shape.
+/// `sum = sum + a x`, never fused.
 #[inline(always)]
-fn first<const N: usize>(phi: &[f64], value: usize) -> Option<&[f64; N]> {
-    phi.get(value..)?.first_chunk()
-}
-
-/// Copies a row of the identity's product.
-#[inline(always)]
-fn keep<S: Simd>(simd: S, x: &[S::f64s], at: usize, out: &mut [S::f64s]) {
-    let from = x.get(at..).unwrap_or_default();
-    if from.is_empty() {
-        out.fill(simd.splat_f64s(0.0));
-    }
-    for (to, from) in out.iter_mut().zip(from) {
-        *to = *from;
+fn add<S: Simd, const W: usize>(simd: S, sum: &mut [Lane; W], a: f64, x: &[Lane]) {
+    let a = simd.splat_f64s(a);
+    for (sum, x) in sum.iter_mut().zip(x) {
+        for (sum, x) in S::as_mut_simd_f64s(sum).0.iter_mut().zip(S::as_simd_f64s(x).0) {
+            *sum = simd.add_f64s(*sum, simd.mul_f64s(a, *x));
+        }
     }
 }
 
@@ -316,22 +245,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_block_a_turned_one_and_a_diagonal_are_found_anywhere_in_phi() {
+    fn columns_and_diagonals_of_a_block_are_found_anywhere_in_phi() {
         for (row, column) in [(0, 0), (4, 2), (3, 12)] {
-            let at = |places: &[(usize, usize)]| {
+            let at = |places: &[(usize, usize)]| -> Vec<(usize, bool)> {
                 let moved: Vec<_> = places.iter().map(|&(i, j)| (row + i, column + j)).collect();
-                Shape::of(&moved)
+                Piece::all(&moved).iter().map(|piece| (piece.elements, piece.column)).collect()
             };
-            let block: Vec<(usize, usize)> =
+            let by_row: Vec<(usize, usize)> =
                 (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).collect();
-            let turned: Vec<(usize, usize)> = block.iter().map(|&(i, j)| (j, i)).collect();
-            assert_eq!(at(&block), Shape::Block);
-            assert_eq!(at(&turned), Shape::Turned);
-            assert_eq!(at(&[(0, 0), (1, 1), (2, 2), (0, 1)]), Shape::Diagonal);
-            assert_eq!(at(&turned[..8]), Shape::Column);
-            for other in [&block[..8], &turned[..2], &[(0, 0), (1, 1)], &[(0, 0), (1, 1), (2, 1)]] {
-                assert_eq!(at(other), Shape::One(0));
-            }
+            let by_column: Vec<(usize, usize)> = by_row.iter().map(|&(i, j)| (j, i)).collect();
+            assert_eq!(at(&by_column), [(3, true); 3]);
+            assert_eq!(at(&by_column[..7]), [(3, true), (3, true), (1, false)]);
+            assert_eq!(at(&[(0, 0), (1, 1), (2, 2), (0, 1)]), [(3, false), (1, false)]);
+            assert_eq!(at(&by_row), [(1, false); 9]);
         }
     }
 

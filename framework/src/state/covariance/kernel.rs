@@ -9,7 +9,8 @@
 //! never fuse the two, so that their results agree to the bit.
 
 use super::Covariance;
-use super::bands::Bands;
+use super::aligned::Aligned;
+use super::bands::{Bands, Product};
 use crate::units::sample::MAX_CHANNELS;
 use pulp::bytemuck::cast;
 use pulp::{Arch, Simd, WithSimd};
@@ -18,53 +19,102 @@ use std::sync::Arc;
 /// Four columns of a row.
 pub(super) type Lane = [f64; 4];
 
+/// Number of lanes of a row: `L`, known when the loops are compiled, or `ANY` number.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lanes<const L: usize, const ANY: bool>(usize);
+
+impl<const L: usize, const ANY: bool> Lanes<L, ANY> {
+    #[inline(always)]
+    pub(super) fn count(self) -> usize {
+        if ANY { self.0 } else { L }
+    }
+
+    /// A row of a matrix.
+    #[inline(always)]
+    pub(super) fn row(self, x: &[Lane], row: usize) -> &[Lane] {
+        if ANY { &x[row * self.0..][..self.0] } else { &x.as_chunks::<L>().0[row] }
+    }
+}
+
+/// Calls a method with the number of lanes, compiled for rows of up to 36 states and for any.
+macro_rules! with_lanes {
+    ($lanes:expr, $kernel:ident.$method:ident($($argument:expr),*)) => {
+        match $lanes {
+            1 => $kernel.$method(Lanes::<1, false>(1), $($argument),*),
+            2 => $kernel.$method(Lanes::<2, false>(2), $($argument),*),
+            3 => $kernel.$method(Lanes::<3, false>(3), $($argument),*),
+            4 => $kernel.$method(Lanes::<4, false>(4), $($argument),*),
+            5 => $kernel.$method(Lanes::<5, false>(5), $($argument),*),
+            6 => $kernel.$method(Lanes::<6, false>(6), $($argument),*),
+            7 => $kernel.$method(Lanes::<7, false>(7), $($argument),*),
+            8 => $kernel.$method(Lanes::<8, false>(8), $($argument),*),
+            9 => $kernel.$method(Lanes::<9, false>(9), $($argument),*),
+            lanes => $kernel.$method(Lanes::<1, true>(lanes), $($argument),*),
+        }
+    };
+}
+
 /// The pattern of `Phi` in the kernel's order, and its work space.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Kernel {
     /// Rows of `Phi` that differ from the identity, ascending. All copies share them.
     rows: Arc<[usize]>,
-    /// Groups of four rows of which one differs from the identity, and all rows of the others.
+    /// Groups of four rows of which one differs from the identity, and all others.
     groups: Vec<usize>,
     kept: Vec<usize>,
     bands: Bands,
-    x: Vec<Lane>,
-    xt: Vec<Lane>,
-    y: Vec<Lane>,
+    x: Aligned,
+    xt: Aligned,
+    y: Aligned,
     pub(super) carried: Vec<f64>,
     pub(super) processor: Arch,
 }
 
 /// A propagation on the instructions that the processor has.
-struct Propagation<'a> {
+struct Propagation<'a, const L: usize, const ANY: bool> {
     kernel: &'a mut Kernel,
+    lanes: Lanes<L, ANY>,
     phi: &'a [f64],
-    covariance: &'a mut Covariance,
+    p: &'a mut [Lane],
 }
 
-impl WithSimd for Propagation<'_> {
+impl<const L: usize, const ANY: bool> WithSimd for Propagation<'_, L, ANY> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.kernel.product_with(simd, self.phi, self.covariance);
-    }
-}
-
-/// A product with the rows of a matrix on the instructions that the processor has.
-struct Carry<'a> {
-    kernel: &'a Kernel,
-    phi: &'a [f64],
-    g: &'a [f64],
-    stride: usize,
-    out: &'a mut [f64],
-}
-
-impl WithSimd for Carry<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        self.kernel.bands.product(simd, self.phi, self.g, self.stride, self.out);
+        let Self { kernel, lanes, phi, p } = self;
+        let Kernel { groups, kept, bands, x, xt, y, .. } = kernel;
+        let (x, xt, y) = (x.as_chunks_mut().0, xt.as_chunks_mut().0, y.as_chunks_mut().0);
+        // X = A P, with A the changed rows of Phi
+        simd.vectorize(Product { bands, phi, x: p, lanes, out: x, lower: false });
+        let n = lanes.count();
+        for &group in &*groups {
+            for &column in &*groups {
+                put(xt, n, (column, group), turned(simd, tile(x, n, (group, column))));
+            }
+            for &column in &*kept {
+                let tile = tile(x, n, (group, column));
+                put(p, n, (group, column), tile);
+                let tile = turned(simd, tile);
+                put(xt, n, (column, group), tile);
+                put(p, n, (column, group), tile);
+            }
+        }
+        // Y = A X', the elements of P where changed rows and columns meet: it is symmetric but for
+        // rounding, and the elements left of the diagonal count
+        simd.vectorize(Product { bands, phi, x: xt, lanes, out: y, lower: true });
+        for (at, &row) in groups.iter().enumerate() {
+            for &column in &groups[..=at] {
+                let tile = tile(y, n, (row, column));
+                if row == column {
+                    put(p, n, (row, row), mirrored(simd, tile));
+                } else {
+                    put(p, n, (row, column), tile);
+                    put(p, n, (column, row), turned(simd, tile));
+                }
+            }
+        }
     }
 }
 
@@ -76,13 +126,14 @@ impl Kernel {
         rows.dedup();
         let mut groups: Vec<usize> = rows.iter().map(|row| row / 4).collect();
         groups.dedup();
-        let (lanes, width) = (n.max(1).div_ceil(4), groups.len().max(1));
+        let lanes = n.max(1).div_ceil(4);
+        let square = || Aligned::zeros(16 * lanes * lanes);
         Self {
-            kept: (0..n).filter(|row| groups.binary_search(&(row / 4)).is_err()).collect(),
-            x: vec![[0.0; 4]; 4 * width * lanes],
-            xt: vec![[0.0; 4]; 4 * lanes * width],
-            y: vec![[0.0; 4]; 4 * width * width],
-            carried: Vec::with_capacity(4 * width * MAX_CHANNELS.next_multiple_of(4)),
+            kept: (0..lanes).filter(|group| groups.binary_search(group).is_err()).collect(),
+            x: square(),
+            xt: square(),
+            y: square(),
+            carried: Vec::with_capacity(4 * lanes * MAX_CHANNELS.next_multiple_of(4)),
             processor: Arch::new(),
             bands: Bands::new(&groups, places),
             groups,
@@ -97,60 +148,47 @@ impl Kernel {
 
     /// Approximate size, bytes.
     pub(super) fn size(&self) -> usize {
-        (self.x.len() + self.xt.len() + self.y.len()) * size_of::<Lane>() + self.bands.size()
+        (self.x.len() + self.xt.len() + self.y.len()) * size_of::<f64>() + self.bands.size()
     }
 
     /// `P = Phi P Phi'`, without allocation.
     pub(super) fn propagate(&mut self, phi: &[f64], covariance: &mut Covariance) {
-        self.processor.dispatch(Propagation { kernel: self, phi, covariance });
+        with_lanes!(covariance.stride / 4, self.propagate_rows(phi, covariance));
     }
 
-    #[inline(always)]
-    fn product_with<S: Simd>(&mut self, simd: S, phi: &[f64], covariance: &mut Covariance) {
-        let Self { groups, kept, bands, x, xt, y, .. } = self;
-        let (width, lanes) = (groups.len().max(1), covariance.stride / 4);
-        // X = A P, with A the changed rows of Phi
-        bands.product(simd, phi, &covariance.p, 4 * lanes, x.as_flattened_mut());
-        transpose(simd, x, lanes, xt, width);
-        // Y = A X', the elements of P where changed rows and columns meet: it is symmetric but for
-        // rounding, and the elements left of the diagonal count
-        bands.lower_product(simd, phi, xt.as_flattened(), 4 * width, y.as_flattened_mut());
-        let p = covariance.p.as_chunks_mut::<4>().0;
-        for (&group, x) in groups.iter().zip(x.chunks_exact(4 * lanes)) {
-            for (to, from) in p[4 * group * lanes..].iter_mut().zip(x) {
-                *to = *from;
-            }
-        }
-        for &row in &*kept {
-            let (to, from) = (&mut p[row * lanes..][..lanes], &xt[row * width..][..width]);
-            for (&group, from) in groups.iter().zip(from) {
-                to[group] = *from;
-            }
-        }
-        for (g, (&row, rows)) in groups.iter().zip(y.chunks_exact(4 * width)).enumerate() {
-            for (h, &column) in groups.iter().enumerate().take(g + 1) {
-                let tile = [rows[h], rows[width + h], rows[2 * width + h], rows[3 * width + h]];
-                if h == g {
-                    put(p, lanes, (row, row), mirrored(simd, tile));
-                } else {
-                    put(p, lanes, (row, column), tile);
-                    put(p, lanes, (column, row), turned(simd, tile));
-                }
-            }
-        }
+    fn propagate_rows<const L: usize, const ANY: bool>(
+        &mut self,
+        lanes: Lanes<L, ANY>,
+        phi: &[f64],
+        covariance: &mut Covariance,
+    ) {
+        let p = covariance.p.as_chunks_mut().0;
+        self.processor.dispatch(Propagation { kernel: self, lanes, phi, p });
     }
 
     /// `G = Phi G`: see [`super::Transition::carry`].
     pub(super) fn carry(&self, phi: &[f64], g: &mut [f64], stride: usize, work: &mut Vec<f64>) {
-        work.resize(4 * self.groups.len() * stride, 0.0);
-        let carry = Carry { kernel: self, phi, g, stride, out: &mut work[..] };
-        self.processor.dispatch(carry);
+        let rows = self.groups.last().map_or(0, |group| 4 * group + 4);
+        work.resize(rows * stride, 0.0);
+        with_lanes!(stride / 4, self.carry_rows(phi, g, work));
         // the product keeps the rows of a group that are those of the identity
-        for (&group, new) in self.groups.iter().zip(work.chunks_exact(4 * stride)) {
-            let rows = &mut g[4 * group * stride..];
-            let length = rows.len().min(new.len());
-            rows[..length].copy_from_slice(&new[..length]);
+        for &group in &self.groups {
+            let (to, from) = (&mut g[4 * group * stride..], &work[4 * group * stride..]);
+            let length = to.len().min(4 * stride);
+            to[..length].copy_from_slice(&from[..length]);
         }
+    }
+
+    fn carry_rows<const L: usize, const ANY: bool>(
+        &self,
+        lanes: Lanes<L, ANY>,
+        phi: &[f64],
+        g: &[f64],
+        work: &mut [f64],
+    ) {
+        let (x, out) = (g.as_chunks().0, work.as_chunks_mut().0);
+        let product = Product { bands: &self.bands, phi, x, lanes, out, lower: false };
+        self.processor.dispatch(product);
     }
 }
 
@@ -180,34 +218,45 @@ fn mirrored<S: Simd>(simd: S, tile: [Lane; 4]) -> [Lane; 4] {
     [[a[0], b[0], c[0], d[0]], [b[0], b[1], c[1], d[1]], [c[0], c[1], c[2], d[2]], d]
 }
 
-/// Reads the tile of a group of rows and columns, with zeros in rows that the matrix lacks.
+/// Reads the tile of a group of rows and columns.
 #[inline(always)]
 pub(super) fn tile(p: &[Lane], lanes: usize, (row, column): (usize, usize)) -> [Lane; 4] {
-    let lane = |i: usize| p.get((4 * row + i) * lanes + column).copied().unwrap_or_default();
-    [lane(0), lane(1), lane(2), lane(3)]
+    let p = &p[4 * row * lanes + column..][..3 * lanes + 1];
+    [p[0], p[lanes], p[2 * lanes], p[3 * lanes]]
 }
 
-/// Writes the tile of a group of rows and columns, as far as the matrix has its rows.
+/// Writes the tile of a group of rows and columns.
 #[inline(always)]
 pub(super) fn put(p: &mut [Lane], lanes: usize, (row, column): (usize, usize), tile: [Lane; 4]) {
-    for (i, lane) in tile.into_iter().enumerate() {
-        if let Some(to) = p.get_mut((4 * row + i) * lanes + column) {
-            *to = lane;
-        }
-    }
+    let p = &mut p[4 * row * lanes + column..][..3 * lanes + 1];
+    [p[0], p[lanes], p[2 * lanes], p[3 * lanes]] = tile;
 }
 
-/// `xt = x'` in tiles, for rows of `lanes` and `width`.
-#[inline(always)]
-fn transpose<S: Simd>(simd: S, x: &[Lane], lanes: usize, xt: &mut [Lane], width: usize) {
-    for (k, rows) in x.chunks_exact(4 * lanes).enumerate() {
-        let (a, rest) = rows.split_at(lanes);
-        let (b, rest) = rest.split_at(lanes);
-        let (c, d) = rest.split_at(lanes);
-        let tiles = a.iter().zip(b).zip(c).zip(d);
-        for ((((a, b), c), d), to) in tiles.zip(xt.chunks_exact_mut(4 * width)) {
-            [to[k], to[width + k], to[2 * width + k], to[3 * width + k]] =
-                turned(simd, [*a, *b, *c, *d]);
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_product_is_the_same_to_the_bit_whether_its_rows_are_known_or_not() {
+        for n in 1..=36 {
+            let numbers = |seed: usize| {
+                let next = move |k: usize| (((k + seed) * 7919) % 1009) as f64 / 1009.0 - 0.5;
+                (0..).map(next)
+            };
+            // a block where there is room for it, and elements all over
+            let block = (0..9).map(|k| (k % 3, k / 3 + 3)).filter(|place| n >= 6 || place.1 < n);
+            let others = (0..2 * n).map(|k| ((k * 5) % n, (k * 3 + 1) % n));
+            let places: Vec<(usize, usize)> = block.filter(|p| p.0 < n).chain(others).collect();
+            let phi: Vec<f64> = numbers(0).take(places.len()).collect();
+            let mut kernel = Kernel::new(n, &places);
+            let mut known = Covariance::zero(n);
+            for (k, value) in numbers(n).take(n * n).enumerate() {
+                known.set(k / n, k % n, value);
+            }
+            let mut any = known.clone();
+            kernel.propagate(&phi, &mut known);
+            kernel.propagate_rows(Lanes::<1, true>(n.div_ceil(4)), &phi, &mut any);
+            assert_eq!(known, any, "{n} states");
         }
     }
 }

@@ -1,18 +1,19 @@
 //! The symmetric covariance of the error state.
 
+use super::aligned::Aligned;
 use super::kernel::{put, tile, turned};
 use crate::state::manifold::MAX_TANGENT;
 use nalgebra::{DMatrix, DVector};
 use pulp::Simd;
 use std::ops::Range;
 
-/// A symmetric covariance, row-major, with rows padded to a multiple of four so that the kernel
-/// runs on whole vectors.
+/// A symmetric covariance, row-major, with rows and columns padded by zeros to a multiple of four
+/// so that the kernel runs on whole vectors and tiles.
 #[derive(Debug, PartialEq)]
 pub struct Covariance {
     pub(super) n: usize,
     pub(super) stride: usize,
-    pub(super) p: Vec<f64>,
+    pub(super) p: Aligned,
 }
 
 impl Clone for Covariance {
@@ -31,7 +32,7 @@ impl Covariance {
     /// The zero covariance of dimension `n`.
     pub fn zero(n: usize) -> Self {
         let stride = n.max(1).next_multiple_of(4);
-        Self { n, stride, p: vec![0.0; n * stride] }
+        Self { n, stride, p: Aligned::zeros(stride * stride) }
     }
 
     /// The dimension.
@@ -151,7 +152,7 @@ impl Covariance {
 
     /// Rows of the matrix.
     pub(crate) fn rows(&self) -> impl Iterator<Item = &[f64]> {
-        self.p.chunks_exact(self.stride).map(|row| &row[..self.n])
+        self.p.chunks_exact(self.stride).take(self.n).map(|row| &row[..self.n])
     }
 
     /// Elements of the lower triangle, row by row.
@@ -171,7 +172,7 @@ impl Covariance {
 
     /// `X = X - Y`, of one dimension.
     pub(crate) fn subtract(&mut self, other: &Self) {
-        self.p.iter_mut().zip(&other.p).for_each(|(x, y)| *x -= y);
+        self.p.iter_mut().zip(other.p.iter()).for_each(|(x, y)| *x -= y);
     }
 
     /// Adds a column to column `c`, and to row `c`.

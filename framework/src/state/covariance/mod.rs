@@ -4,6 +4,7 @@
 //! therefore a sparse pattern, found once, and one kernel, `y_i = sum_k a_ik x_k` over rows of `x`,
 //! does all the work.
 
+mod aligned;
 mod back;
 mod bands;
 mod chain;

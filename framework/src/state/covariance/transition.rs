@@ -346,11 +346,9 @@ impl Transition {
 /// As [`add_block`], for three axes.
 #[inline(always)]
 fn add_three(p: &mut [f64], stride: usize, column: usize, q: &[f64; 9], share: f64) {
-    let rows = q.as_chunks::<3>().0;
-    for (p, q) in p.chunks_exact_mut(stride).zip(rows) {
-        if let Some(p) = p.get_mut(column..).and_then(|p| p.first_chunk_mut::<3>()) {
-            (0..3).for_each(|k| p[k] += share * q[k]);
-        }
+    for (i, q) in q.as_chunks::<3>().0.iter().enumerate() {
+        let p = &mut p[i * stride + column..][..3];
+        p.iter_mut().zip(q).for_each(|(p, q)| *p += share * q);
     }
 }
 
