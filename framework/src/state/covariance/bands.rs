@@ -3,7 +3,7 @@
 //! Most blocks of an error state have three axes, so three rows are taken at once: each lane of the
 //! matrix is loaded once for three sums, which stay in registers.
 
-use super::kernel::{Lane, Lanes};
+use super::lanes::{Lane, Lanes};
 use pulp::{Simd, WithSimd};
 use std::ops::Range;
 

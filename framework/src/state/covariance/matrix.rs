@@ -1,7 +1,7 @@
 //! The symmetric covariance of the error state.
 
 use super::aligned::Aligned;
-use super::kernel::{put, tile, turned};
+use super::lanes::{put, tile, turned};
 use crate::state::manifold::MAX_TANGENT;
 use nalgebra::{DMatrix, DVector};
 use pulp::Simd;

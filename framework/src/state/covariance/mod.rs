@@ -10,6 +10,7 @@ mod bands;
 mod chain;
 mod inputs;
 mod kernel;
+mod lanes;
 mod matrix;
 mod product;
 mod rank;
