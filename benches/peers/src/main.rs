@@ -5,13 +5,20 @@
 //! alternate, each in another order, so that a busy machine slows all of them down. The clock is
 //! the processor time of the thread. The program prints medians, the ratio to navfuse within each
 //! round, and the spread of that ratio.
+//!
+//! ```text
+//! cargo run --release -- [ROUNDS [FOLDER OF KF-GINS]]
+//! ```
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot start has nothing to report")]
 
 mod fusion;
+mod kf_gins;
 mod kinavis;
 mod ours;
 
+use rustix::time::{ClockId, clock_gettime};
 use std::fs::read_to_string;
+use std::path::Path;
 
 /// Rounds, unless the command names another number.
 const ROUNDS: usize = 10;
@@ -34,12 +41,18 @@ pub trait Peer {
     fn restart(&mut self);
     /// Propagates state and covariance through all samples.
     fn propagate(&mut self);
+    /// Processor time of a propagation, s.
+    fn time(&mut self) -> f64 {
+        let begin = clock();
+        self.propagate();
+        clock() - begin
+    }
 }
 
 /// Processor time of this thread, s.
 fn clock() -> f64 {
-    let spent = read_to_string("/proc/thread-self/schedstat").unwrap();
-    1e-9 * spent.split(' ').next().unwrap().parse::<f64>().unwrap()
+    let spent = clock_gettime(ClockId::ThreadCPUTime);
+    spent.tv_sec as f64 + 1e-9 * spent.tv_nsec as f64
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -57,19 +70,21 @@ fn machine() -> String {
 }
 
 fn main() {
-    let rounds = std::env::args().nth(1).map_or(ROUNDS, |text| text.parse().unwrap());
+    let mut arguments = std::env::args().skip(1);
+    let rounds = arguments.next().map_or(ROUNDS, |text| text.parse().unwrap());
     let before = machine();
     let (mut peers, samples) = ours::filters();
     peers.push(Box::new(kinavis::filter(&samples)));
     peers.push(Box::new(fusion::filter(&samples)));
+    if let Some(checkout) = arguments.next() {
+        peers.push(Box::new(kf_gins::filter(Path::new(&checkout), &samples)));
+    }
     let mut times = vec![Vec::new(); peers.len()];
     for round in 0..rounds {
         for k in 0..peers.len() {
             let k = (k + round) % peers.len();
             peers[k].restart();
-            let begin = clock();
-            peers[k].propagate();
-            times[k].push(1e6 * (clock() - begin) / samples.len() as f64);
+            times[k].push(1e6 * peers[k].time() / samples.len() as f64);
         }
     }
     println!("{before}; at the end {}", machine());

@@ -19,114 +19,45 @@
 //! magnitude. The position rows use `d(R_E cos L)/dL = -R_N sin L`; the slope of `R_N` cancels in
 //! the first.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix3x2, Vector3};
 
 use crate::earth::EARTH_RATE;
 use crate::mechanisation::StepRates;
 
-/// The blocks of `F` in `x' = F x`; the field `x_y` is the effect of `y` on `x'`. `p_v` is the
-/// identity, and the blocks that are not named are zero.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ErrorDynamics {
-    /// Attitude on attitude, 1/s.
-    pub phi_phi: Matrix3<f64>,
-    /// Velocity on attitude, 1/m.
-    pub phi_v: Matrix3<f64>,
-    /// Position on attitude, 1/(m s).
-    pub phi_p: Matrix3<f64>,
-    /// Gyroscope bias on attitude.
-    pub phi_bg: Matrix3<f64>,
-    /// Attitude on velocity, m/s^2.
-    pub v_phi: Matrix3<f64>,
-    /// Velocity on velocity, 1/s.
-    pub v_v: Matrix3<f64>,
-    /// Position on velocity, 1/s^2.
-    pub v_p: Matrix3<f64>,
-    /// Accelerometer bias on velocity.
-    pub v_ba: Matrix3<f64>,
-    /// Position on position, 1/s.
-    pub p_p: Matrix3<f64>,
-}
-
-impl ErrorDynamics {
-    /// Computes the dynamics from the mean values of a step.
-    #[inline(always)]
-    pub fn new(rates: &StepRates) -> Self {
-        let e = &rates.earth;
-        let v = &rates.velocity;
-        let tan = e.sin * e.inv_cos;
-        let (north, east) = (v.x * e.inv_n, v.y * e.inv_e);
-
-        // dw_en / dv of w_en = [v_E/(R_E+h), -v_N/(R_N+h), -v_E tan(L)/(R_E+h)] (Groves eq. 5.44)
-        #[rustfmt::skip]
-        let phi_v = Matrix3::new(
-            0.0, -e.inv_e, 0.0,
-            e.inv_n, 0.0, 0.0,
-            0.0, e.inv_e * tan, 0.0,
-        );
-        // dw_ie / dp_N of w_ie = W [cos L, 0, -sin L] (Groves eq. 2.123), with dL = dp_N / (R_N+h)
-        let earth_p = Vector3::new(-e.sin, 0.0, -e.cos) * (EARTH_RATE * e.inv_n);
-        // dw_en / dp: by dp_N through the radii, whose slopes count, and tan(L); by dp_D through
-        // the height, dh = -dp_D
-        let east_n = -east * e.inv_e * e.r_e_slope * e.inv_n;
-        let north_n = -north * e.inv_n * e.r_n_slope * e.inv_n;
-        let transport_n =
-            Vector3::new(east_n, -north_n, -east_n * tan - east * e.inv_cos * e.inv_cos * e.inv_n);
-        let (east_d, north_d) = (east * e.inv_e, north * e.inv_n);
-        let transport_d = Vector3::new(east_d, -north_d, -east_d * tan);
-
-        // dv' / dp: the Coriolis term -(2 dw_ie + dw_en) x v, and the gradient of gravity, which
-        // makes the vertical channel unstable (Schuler's dynamics follow from v_phi and phi_v)
-        let v_p_n = v.cross(&(earth_p * 2.0 + transport_n))
-            + Vector3::new(0.0, 0.0, e.gravity_latitude * e.inv_n);
-        let v_p_d = v.cross(&transport_d) - Vector3::new(0.0, 0.0, e.gravity_height);
-        let zero = Vector3::zeros();
-        let w_in = rates.earth_rate + rates.transport_rate;
-        // from dL' = v_N/(R_N+h) and dlon' = v_E/((R_E+h) cos L) (Groves eq. 2.111), in metres
-        #[rustfmt::skip]
-        let p_p = Matrix3::new(
-            -v.z * e.inv_n, 0.0, north,
-            east * tan, -(v.x * tan + v.z) * e.inv_e, east,
-            0.0, 0.0, 0.0,
-        );
-        Self {
-            phi_phi: -w_in.cross_matrix(),
-            phi_v,
-            phi_p: -Matrix3::from_columns(&[earth_p + transport_n, zero, transport_d]),
-            phi_bg: -rates.c_b_n,
-            v_phi: -rates.specific_force.cross_matrix(),
-            v_v: -(w_in + rates.earth_rate).cross_matrix() - v.cross_matrix() * phi_v,
-            v_p: Matrix3::from_columns(&[v_p_n, zero, v_p_d]),
-            v_ba: -rates.c_b_n,
-            p_p,
-        }
-    }
-}
-
-/// The blocks of the transition matrix `Phi` of the inertial error state over a step. Blocks that
-/// are not named are zero, or the identity on the diagonal of the biases.
+/// The blocks of the transition matrix `Phi` of the inertial error state over a step; the field
+/// `x_y` is the effect of `y` on `x`. The block `p_v` is the identity times the interval. Blocks
+/// that are not named are zero, or the identity on the diagonal of the biases.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InertialTransition {
     /// Attitude on attitude.
     pub phi_phi: Matrix3<f64>,
-    /// Velocity on attitude, s/m.
-    pub phi_v: Matrix3<f64>,
-    /// Position on attitude, 1/m.
-    pub phi_p: Matrix3<f64>,
+    /// Velocity north and east on attitude, s/m. A velocity down turns no axes.
+    pub phi_v: Matrix3x2<f64>,
+    /// Position north and down on attitude, 1/m. A position to the east changes no rate.
+    pub phi_p: [Vector3<f64>; 2],
     /// Gyroscope bias on attitude, s.
     pub phi_bg: Matrix3<f64>,
     /// Attitude on velocity, m/s.
     pub v_phi: Matrix3<f64>,
     /// Velocity on velocity.
     pub v_v: Matrix3<f64>,
-    /// Position on velocity, 1/s.
-    pub v_p: Matrix3<f64>,
+    /// Position north and down on velocity, 1/s.
+    pub v_p: [Vector3<f64>; 2],
     /// Accelerometer bias on velocity, s.
     pub v_ba: Matrix3<f64>,
-    /// Velocity on position, s.
-    pub p_v: Matrix3<f64>,
     /// Position on position.
     pub p_p: Matrix3<f64>,
+}
+
+/// `I - [w x]`.
+#[inline(always)]
+#[rustfmt::skip]
+fn turned_back(w: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::new(
+        1.0, w.z, -w.y,
+        -w.z, 1.0, w.x,
+        w.y, -w.x, 1.0,
+    )
 }
 
 /// Computes the transition over a step: `Phi = I + F dt` (Groves eq. 3.34 to first order) with `F`
@@ -147,20 +78,53 @@ pub struct InertialTransition {
 /// `phi_bg` for a change of rate of 1 rad/s^2 at 100 Hz), is omitted too.
 #[inline(always)]
 pub fn transition(rates: &StepRates) -> InertialTransition {
-    let dt = rates.dt;
-    let f = ErrorDynamics::new(rates);
-    let identity = Matrix3::identity();
+    let (dt, e, v) = (rates.dt, &rates.earth, &rates.velocity);
+    let tan = e.sin * e.inv_cos;
+    // over the step: angle of a metre to the north and to the east, and of the velocity
+    let (inv_n, inv_e) = (e.inv_n * dt, e.inv_e * dt);
+    let (north, east) = (v.x * inv_n, v.y * inv_e);
+
+    // dw_ie / dp_N of w_ie = W [cos L, 0, -sin L] (Groves eq. 2.123), with dL = dp_N / (R_N+h)
+    let earth_n = Vector3::new(-e.sin, 0.0, -e.cos) * (EARTH_RATE * inv_n);
+    // dw_en / dp: by dp_N through the radii, whose slopes count, and tan(L); by dp_D through the
+    // height, dh = -dp_D
+    let east_n = -east * e.inv_e * e.r_e_slope * e.inv_n;
+    let north_n = -north * e.inv_n * e.r_n_slope * e.inv_n;
+    let transport_n =
+        Vector3::new(east_n, -north_n, -east_n * tan - east * e.inv_cos * e.inv_cos * e.inv_n);
+    let (east_d, north_d) = (east * e.inv_e, north * e.inv_n);
+    let transport_d = Vector3::new(east_d, -north_d, -east_d * tan);
+    // dv' / dp: the Coriolis term -(2 dw_ie + dw_en) x v, and the gradient of gravity, which makes
+    // the vertical channel unstable (Schuler's dynamics follow from v_phi and phi_v)
+    let mut v_n = v.cross(&(earth_n * 2.0 + transport_n));
+    v_n.z += e.gravity_latitude * inv_n;
+    let mut v_d = v.cross(&transport_d);
+    v_d.z -= e.gravity_height * dt;
+
+    let earth = rates.earth_rate * dt;
+    let w_in = earth + rates.transport_rate * dt;
+    let c_dt = rates.c_b_n * -dt;
+    // dv' / dv: -[(2 w_ie + w_en) x] - [v x] dw_en/dv, which has few elements
+    let (east_tan, north_down) = (east * tan, v.z * inv_n);
+    let turn = (v.x * tan + v.z) * inv_e;
+    let mut v_v = turned_back(&(w_in + earth));
+    v_v.m11 += north_down;
+    v_v.m12 -= east_tan;
+    v_v.m22 += turn;
+    v_v.m31 -= north;
+    v_v.m32 -= east;
     InertialTransition {
-        phi_phi: identity + f.phi_phi * dt,
-        phi_v: f.phi_v * dt,
-        phi_p: f.phi_p * dt,
-        phi_bg: f.phi_bg * dt,
-        v_phi: f.v_phi * dt,
-        v_v: identity + f.v_v * dt,
-        v_p: f.v_p * dt,
-        v_ba: f.v_ba * dt,
-        p_v: identity * dt,
-        p_p: identity + f.p_p * dt,
+        phi_phi: turned_back(&w_in),
+        // dw_en / dv of w_en = [v_E/(R_E+h), -v_N/(R_N+h), -v_E tan(L)/(R_E+h)] (Groves eq. 5.44)
+        phi_v: Matrix3x2::new(0.0, -inv_e, inv_n, 0.0, 0.0, inv_e * tan),
+        phi_p: [-(earth_n + transport_n), -transport_d],
+        phi_bg: c_dt,
+        v_phi: (rates.specific_force * -dt).cross_matrix(),
+        v_v,
+        v_p: [v_n, v_d],
+        v_ba: c_dt,
+        // from dL' = v_N/(R_N+h) and dlon' = v_E/((R_E+h) cos L) (Groves eq. 2.111), in metres
+        p_p: Matrix3::new(1.0 - north_down, 0.0, north, east_tan, 1.0 - turn, east, 0.0, 0.0, 1.0),
     }
 }
 
@@ -267,23 +231,29 @@ mod tests {
             let phi = numerical(&state, &sample, &perturbations());
             let t = transition(&rates);
             let z = Matrix3::zeros();
+            let v = Vector3::zeros();
+            let phi_v =
+                Matrix3::from_columns(&[t.phi_v.column(0).into(), t.phi_v.column(1).into(), v]);
+            let phi_p = Matrix3::from_columns(&[t.phi_p[0], v, t.phi_p[1]]);
+            let v_p = Matrix3::from_columns(&[t.v_p[0], v, t.v_p[1]]);
+            let p_v = Matrix3::identity() * rates.dt;
             let relative = |b: &Matrix3<f64>| RELATIVE * b.amax();
             let expected = [
                 [
                     (t.phi_phi, DIAGONAL),
-                    (t.phi_v, relative(&t.phi_v)),
-                    (t.phi_p, relative(&t.phi_p)),
+                    (phi_v, relative(&phi_v)),
+                    (phi_p, relative(&phi_p)),
                     (t.phi_bg, relative(&t.phi_bg)),
                     (z, 5e-11),
                 ],
                 [
                     (t.v_phi, relative(&t.v_phi)),
                     (t.v_v, DIAGONAL),
-                    (t.v_p, relative(&t.v_p)),
+                    (v_p, relative(&v_p)),
                     (z, 7e-4),
                     (t.v_ba, relative(&t.v_ba)),
                 ],
-                [(z, 7e-4), (t.p_v, relative(&t.p_v)), (t.p_p, DIAGONAL), (z, 2.4e-6), (z, 5.1e-5)],
+                [(z, 7e-4), (p_v, relative(&p_v)), (t.p_p, DIAGONAL), (z, 2.4e-6), (z, 5.1e-5)],
             ];
             for (i, row) in expected.iter().enumerate() {
                 for (j, (block, bound)) in row.iter().enumerate() {

@@ -126,7 +126,7 @@ impl Imu {
     /// `step^2/12`), of which a part of the interval has its share, so that the parts add up to the
     /// `step^2/12 duration^2` of the whole sample.
     pub(crate) fn variance(noise: f64, step: f64, dt: f64, duration: f64) -> f64 {
-        noise * noise * dt + step * step / 12.0 * dt * duration
+        noise * noise * dt + step * step * (1.0 / 12.0) * dt * duration
     }
 
     pub(crate) fn gyro_step(&self) -> f64 {

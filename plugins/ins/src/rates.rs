@@ -32,9 +32,11 @@ impl LastRates {
         }
     }
 
-    /// The one before the last.
-    pub fn before(&self) -> Option<&Rates> {
-        self.before.as_ref()
+    /// Change of angular rate and specific force from the sample before to the last one; the last
+    /// one's values without a sample before.
+    pub fn change(&self) -> [Vector3<f64>; 2] {
+        let Some(Rates { w, f, .. }) = self.last else { return Default::default() };
+        self.before.map_or([w, f], |before| [w - before.w, f - before.f])
     }
 
     /// Computes the angular rate at a time within the last sample, rad/s, on the line through both
@@ -143,6 +145,6 @@ mod tests {
         last.take(rates);
         assert_eq!(last.angular_rate(time(1.0)), Some(Vector3::x()));
         last.take(rates);
-        assert!(last.before().is_none(), "the same sample again");
+        assert!(last.before.is_none(), "the same sample again");
     }
 }

@@ -18,6 +18,7 @@ use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::motion::Motion;
 use navfuse_core::model::process::BuiltProcess;
 use navfuse_core::model::process::{Input, Interval, ProcessError, ProcessModel};
+use navfuse_core::model::screening::Spread;
 use navfuse_core::plugin::ProcessType;
 use navfuse_core::state::covariance::Transition;
 use navfuse_core::state::display;
@@ -275,7 +276,7 @@ impl StrapdownModel {
         duration: f64,
     ) -> Matrix3<f64> {
         if self.isotropic {
-            return Matrix3::identity() * Imu::variance(density.x, step, dt, duration);
+            return Matrix3::from_diagonal_element(Imu::variance(density.x, step, dt, duration));
         }
         let variance = density.map(|n| Imu::variance(n, step, dt, duration));
         c_b_n * Matrix3::from_diagonal(&variance) * c_b_n.transpose()
@@ -295,6 +296,29 @@ impl StrapdownModel {
         let variance =
             Vector3::from_column_slice(spread).map(|sigma| (sigma * share).powi(2) * time);
         c_b_n * Matrix3::from_diagonal(&variance) * c_b_n.transpose()
+    }
+
+    /// Variances of attitude and velocity, in navigation axes, over a part `dt` of an interval whose
+    /// sample is missing for a time or was replaced.
+    #[cold]
+    fn doubt(
+        &self,
+        c_b_n: &Matrix3<f64>,
+        spread: Option<&Spread>,
+        (dt, usual, duration): (f64, f64, f64),
+    ) -> [Matrix3<f64>; 2] {
+        let mut q = [Matrix3::zeros(); 2];
+        if usual < duration {
+            let [change_w, change_f] = self.rates.change();
+            q[0] += Self::bridged(&change_w, duration - usual, dt, duration);
+            q[1] += Self::bridged(&change_f, duration - usual, dt, duration);
+        }
+        if let Some(spread) = spread {
+            let share = self.imu.share(usual);
+            q[0] += Self::unknown(c_b_n, &spread[0..3], share, dt * duration);
+            q[1] += Self::unknown(c_b_n, &spread[3..6], share, dt * duration);
+        }
+        q
     }
 
     /// Publishes the angular rate at a time, for the sensors that read it then.
@@ -377,14 +401,14 @@ impl ProcessModel for StrapdownModel {
         let phi = transition(&rates);
         let s = &self.places;
         out.set(s.phi_phi, &phi.phi_phi);
-        out.set(s.phi_v, &phi.phi_v.fixed_columns::<2>(0).into_owned());
-        out.set(s.phi_p[0], &phi.phi_p.column(0).into_owned());
-        out.set(s.phi_p[1], &phi.phi_p.column(2).into_owned());
+        out.set(s.phi_v, &phi.phi_v);
+        out.set(s.phi_p[0], &phi.phi_p[0]);
+        out.set(s.phi_p[1], &phi.phi_p[1]);
         out.set(s.phi_bg, &phi.phi_bg);
         out.set(s.v_phi, &phi.v_phi);
         out.set(s.v_v, &phi.v_v);
-        out.set(s.v_p[0], &phi.v_p.column(0).into_owned());
-        out.set(s.v_p[1], &phi.v_p.column(2).into_owned());
+        out.set(s.v_p[0], &phi.v_p[0]);
+        out.set(s.v_p[1], &phi.v_p[1]);
         out.set(s.v_ba, &phi.v_ba);
         out.set_diagonal(s.p_v, &[dt; 3]);
         out.set(s.p_p, &phi.p_p);
@@ -395,20 +419,16 @@ impl ProcessModel for StrapdownModel {
             out.set_input(s.v_accel, &(phi.v_ba * -share));
         }
         let (gyro, accel) = (self.imu.gyro_noise.value().si(), self.imu.accel_noise.value().si());
-        let mut q_phi = self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt, duration);
-        let mut q_v = self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt, duration);
-        if usual < duration {
-            let (w_before, f_before) =
-                self.rates.before().map_or_else(Default::default, |before| (before.w, before.f));
-            q_phi += Self::bridged(&(w - w_before), duration - usual, dt, duration);
-            q_v += Self::bridged(&(f - f_before), duration - usual, dt, duration);
+        let q_phi = self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt, duration);
+        let q_v = self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt, duration);
+        if usual < duration || input.spread.is_some() {
+            let more = self.doubt(&rates.c_b_n, input.spread, (dt, usual, duration));
+            out.set_noise(s.q_phi, &(q_phi + more[0]));
+            out.set_noise(s.q_v, &(q_v + more[1]));
+        } else {
+            out.set_noise(s.q_phi, &q_phi);
+            out.set_noise(s.q_v, &q_v);
         }
-        if let Some(spread) = input.spread {
-            q_phi += Self::unknown(&rates.c_b_n, &spread[0..3], share, dt * duration);
-            q_v += Self::unknown(&rates.c_b_n, &spread[3..6], share, dt * duration);
-        }
-        out.set_noise(s.q_phi, &q_phi);
-        out.set_noise(s.q_v, &q_v);
         Ok(())
     }
 
