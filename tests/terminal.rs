@@ -274,7 +274,8 @@ fn viewer(folder: &Path, version: &str) -> String {
 #[test]
 fn view_opens_the_recording_of_a_run_and_converts_a_log_without_one() {
     let folder = tempfile::tempdir().expect("a folder");
-    let run = folder.path().join("run").display().to_string();
+    // an accent as macOS writes it: a letter of its own, which combines with the one before
+    let run = folder.path().join("Mu\u{308}ritz").display().to_string();
     let path = scenario("quickstart").display().to_string();
     let off = ["--set", "estimator.stop=100 s", "--set", "sink.rerun.enabled=false"];
     let output = navfuse(&[&["run", &path, "--out", &run][..], &off].concat());
@@ -302,4 +303,26 @@ fn view_opens_the_recording_of_a_run_and_converts_a_log_without_one() {
     assert!(stderr(&other).contains("version 0.20.0"), "{}", stderr(&other));
     let none = view(folder.path().join("none").to_str().expect("a path"), "/bin/true");
     assert!(stderr(&none).contains("navfuse run"), "{}", stderr(&none));
+}
+
+/// The next call converts the log from its beginning.
+#[cfg(all(unix, feature = "rerun"))]
+#[test]
+fn a_conversion_that_is_interrupted_leaves_no_recording() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = folder.path().join("run");
+    let (path, out) = (scenario("auv").display().to_string(), run.display().to_string());
+    let output = navfuse(&["run", &path, "--out", &out, "--set", "sink.rerun.enabled=false"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let mut view = command();
+    view.args(["view", &out]).env("RERUN_BIN", viewer(folder.path(), "0.36.3"));
+    let mut child = view.spawn().expect("it starts");
+    let begun = std::time::Instant::now();
+    while !run.join("run.rrd.part").is_file() && begun.elapsed().as_secs() < 60 {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let signal = ["-INT", &child.id().to_string()];
+    assert!(std::process::Command::new("kill").args(signal).status().expect("kill").success());
+    assert_eq!(child.wait().expect("it ends").code(), Some(130));
+    assert!(!run.join("run.rrd").exists(), "half a run is no recording of it");
 }

@@ -5,6 +5,7 @@ use crate::execution::input::{has_extension, is_log, of_log};
 use crate::output;
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use clap::Args;
+use navfuse_core::document::{key, quoted};
 use navfuse_core::files::FolderLock;
 use navfuse_core::plugin::{Kind, Registry};
 use navfuse_core::run::runner;
@@ -88,8 +89,8 @@ fn convert(registry: &Registry, log: &Path) -> Result<Option<PathBuf>> {
     // of the sinks, the viewer's alone writes
     let off = registry.entries().filter(|e| e.kind == Kind::Sink);
     let sinks = off.map(|e| match e.name {
-        "rerun" => format!("rerun = {{ path = {name:?} }}"),
-        other => format!("{other} = {{ enabled = false }}"),
+        "rerun" => format!("rerun = {{ path = {} }}", quoted(&name)),
+        other => format!("{} = {{ enabled = false }}", key(other)),
     });
     let sinks = format!("sink={{ {} }}", sinks.collect::<Vec<_>>().join(", "));
     let scenario = Scenario::new(registry, document, &[source, sinks])?;
@@ -100,8 +101,15 @@ fn convert(registry: &Registry, log: &Path) -> Result<Option<PathBuf>> {
     let finished = runner::run(assembly, &stop, |progress| bar.run(progress));
     bar.done();
     output::run::events(&finished.events);
-    match finished.error {
-        Some(error) if !recording.is_file() => Err(error.into()),
-        _ => Ok((!finished.interrupted).then_some(recording)),
+    if finished.interrupted {
+        // the next call would show the part as the whole run
+        std::fs::remove_file(&recording).ok();
+        return Ok(None);
     }
+    match finished.error {
+        Some(error) if !recording.is_file() => return Err(error.into()),
+        Some(error) => output::warn(format_args!("warning: the run ended early: {error}")),
+        None => {}
+    }
+    Ok(Some(recording))
 }

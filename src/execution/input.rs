@@ -2,7 +2,7 @@
 
 use crate::error::{CommandError, Result};
 use crate::output::warn;
-use navfuse_core::document::Document;
+use navfuse_core::document::{Document, quoted};
 use navfuse_core::files::part_of;
 use navfuse_core::plugin::Kind;
 use navfuse_core::units::Time as Duration;
@@ -74,7 +74,10 @@ pub fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)>
             document
         }
     };
-    Ok((document, format!("source={{ mcap = {{ path = {:?} }} }}", path.display().to_string())))
+    Ok((
+        document,
+        format!("source={{ mcap = {{ path = {} }} }}", quoted(&path.display().to_string())),
+    ))
 }
 
 /// True for the path of a log, which may be the part of one that a killed run left.

@@ -6,7 +6,7 @@ use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::terminal::Detail;
 use crate::output::{self, Format};
 use clap::Args;
-use navfuse_core::document::Document;
+use navfuse_core::document::{Document, key, quoted};
 use navfuse_core::files::FolderLock;
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::model::verdict::VerdictLevel;
@@ -69,7 +69,7 @@ impl Live {
     fn assignment(&self) -> Option<(&'static str, String)> {
         match (self.rerun, &self.connect, self.serve) {
             (true, _, _) => Some(("--rerun", "spawn=true".to_owned())),
-            (_, Some(address), _) => Some(("--connect", format!("connect={address:?}"))),
+            (_, Some(address), _) => Some(("--connect", format!("connect={}", quoted(address)))),
             (_, _, true) => Some(("--serve", "serve=true".to_owned())),
             _ => None,
         }
@@ -132,12 +132,6 @@ fn viewer(registry: &Registry, scenario: &Scenario<'_>, option: &str) -> Result<
             ),
         )),
     }
-}
-
-/// A name as a key of TOML, in quotes where it needs them.
-fn key(name: &str) -> String {
-    let bare = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    if name.chars().all(bare) { name.to_owned() } else { format!("{name:?}") }
 }
 
 /// The folder that the sinks write into.

@@ -9,6 +9,7 @@ mod include;
 mod location;
 mod node;
 mod places;
+mod quote;
 mod reader;
 #[cfg(test)]
 mod tests;
@@ -19,3 +20,4 @@ pub use explain::{did_you_mean, unknown};
 pub use location::{Excerpt, Location};
 pub(crate) use node::Inside;
 pub use node::Node;
+pub use quote::{key, quoted};

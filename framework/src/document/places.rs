@@ -48,9 +48,7 @@ pub struct Places {
 
 /// `key` below `path`, quoted where TOML needs it.
 pub fn join(path: &str, key: &str) -> String {
-    let bare =
-        !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'));
-    let key = if bare { key.to_owned() } else { format!("{key:?}") };
+    let key = super::quote::key(key);
     if path.is_empty() { key } else { format!("{path}.{key}") }
 }
 

@@ -1,15 +1,24 @@
 //! Cadence of the driving sensor: its usual interval, and intervals with missing samples.
 
-/// Ratio to the usual interval above which samples are missing.
+/// Ratio to the usual interval above which samples are missing, and below whose inverse the sensor
+/// is faster.
 const LONG: f64 = 1.5;
-/// Number of long intervals in a row that is a new rate, not a loss.
+/// Number of long or short intervals in a row that is a new rate, neither a loss nor a late stamp.
 const NEW_RATE: u32 = 8;
+/// Weight of an interval in the usual one.
+const WEIGHT: f64 = 1.0 / 64.0;
 
-/// Usual interval of the driving sensor.
+/// Usual interval of the driving sensor: the mean of those that are about as long.
+///
+/// A late time stamp makes one interval longer and the next one shorter. Neither changes the usual
+/// interval much, and a stamp that is off by less than a third of an interval is no loss.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Cadence {
-    usual: Option<f64>,
-    in_a_row: u32,
+    /// Usual interval, s; zero before the second sample.
+    pub interval: f64,
+    /// Number of intervals in a row that are longer, and shorter.
+    longer: u32,
+    shorter: u32,
     /// Number of intervals with missing samples.
     pub missing: u64,
     /// Longest of those intervals, s.
@@ -17,23 +26,35 @@ pub(super) struct Cadence {
 }
 
 impl Cadence {
-    /// Usual interval, s, after an interval of `duration`: the duration itself unless samples are
-    /// missing.
+    /// Time that a sample covers, s, after an interval of `duration`: the duration itself, or the
+    /// usual interval where samples are missing.
+    #[inline]
     pub(super) fn usual(&mut self, duration: f64) -> f64 {
-        match self.usual {
-            Some(usual) if duration > LONG * usual && self.in_a_row < NEW_RATE => {
-                self.in_a_row += 1;
+        if duration <= 0.0 {
+            // the first sample, or a second one of the same time
+            return duration;
+        }
+        let Self { interval, longer, shorter, .. } = *self;
+        (self.longer, self.shorter) = (0, 0);
+        if interval <= 0.0 {
+            self.interval = duration;
+        } else if duration > LONG * interval {
+            if longer < NEW_RATE {
+                self.longer = longer + 1;
                 self.missing += 1;
                 self.longest = self.longest.max(duration);
-                usual
+                return interval;
             }
-            _ => {
-                self.in_a_row = 0;
-                // the first sample has no interval
-                self.usual = (duration > 0.0).then_some(duration);
-                duration
+            self.interval = duration;
+        } else if duration * LONG < interval {
+            self.shorter = shorter + 1;
+            if self.shorter > NEW_RATE {
+                self.interval = duration;
             }
+        } else {
+            self.interval += WEIGHT * (duration - interval);
         }
+        duration
     }
 }
 
@@ -49,14 +70,39 @@ mod tests {
         assert_eq!((cadence.missing, cadence.longest), (1, 0.05));
         let slower: Vec<f64> = (0..10).map(|_| cadence.usual(0.02)).collect();
         assert_eq!(slower, [0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.02, 0.02]);
+        // a faster rate is no loss, and is learnt after eight samples
+        assert!((0..9).all(|_| cadence.usual(0.005) == 0.005));
+        assert_eq!((cadence.interval, cadence.usual(0.011)), (0.005, 0.005));
     }
 
-    /// 1.5 s is the longest interval that is a new rate of 1 Hz at once.
     #[test]
     fn samples_are_missing_above_one_and_a_half_intervals() {
         let mut cadence = Cadence::default();
         assert_eq!([1.0, 1.5].map(|d| cadence.usual(d)), [1.0, 1.5]);
-        assert_eq!([2.26, 1.5].map(|d| cadence.usual(d)), [1.5, 1.5]);
+        let usual = 1.0 + 0.5 / 64.0;
+        assert_eq!([1.52, 1.5].map(|d| cadence.usual(d)), [usual, 1.5]);
         assert_eq!(cadence.missing, 1);
+    }
+
+    /// Increments over the interval before a late stamp and after it are those of the whole intervals
+    /// between the stamps, so nothing is bridged.
+    #[test]
+    fn a_late_time_stamp_is_no_loss() {
+        let mut cadence = Cadence::default();
+        for _ in 0..100 {
+            for duration in [0.01, 0.01, 0.014, 0.006, 0.0065, 0.0135, 0.01] {
+                assert_eq!(cadence.usual(duration), duration);
+            }
+        }
+        assert_eq!(cadence.missing, 0);
+    }
+
+    /// Two samples that come at once at the beginning do not make all others late.
+    #[test]
+    fn a_short_first_interval_is_forgotten() {
+        let mut cadence = Cadence::default();
+        cadence.usual(1e-6);
+        (0..9).for_each(|_| _ = cadence.usual(0.01));
+        assert_eq!((cadence.interval, cadence.usual(0.01)), (0.01, 0.01));
     }
 }

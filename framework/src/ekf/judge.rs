@@ -114,7 +114,7 @@ impl Ekf {
         let outcome = match verdict {
             Verdict::Gate => Outcome::Gated,
             Verdict::Isolate => Outcome::Rejected(Rejection::Isolated),
-            Verdict::Pass | Verdict::Inflate => Outcome::Accepted,
+            Verdict::Pass | Verdict::Accept | Verdict::Inflate => Outcome::Accepted,
         };
         Judgement { verdict, outcome, nis, threshold }
     }

@@ -47,6 +47,8 @@ pub(super) const GONE: f64 = 0.25;
 pub(super) enum Verdict {
     Pass,
     Gate,
+    /// The sample is used, although the gate does not pass.
+    Accept,
     Inflate,
     Isolate,
 }
@@ -180,7 +182,7 @@ impl Lockout {
         } else {
             self.disagree(sample, before, evidence, recovery, observer)
         };
-        if matches!(verdict, Verdict::Pass | Verdict::Inflate) {
+        if matches!(verdict, Verdict::Pass | Verdict::Accept | Verdict::Inflate) {
             self.used = Some(sample.time);
             self.streak = None;
         }
@@ -302,7 +304,7 @@ impl Lockout {
             }
             Action::Accept => {
                 log(sample, Level::Warning, format!("{lock_out}; this one is used"), observer);
-                Verdict::Pass
+                Verdict::Accept
             }
             Action::Inflate if !evidence.shared && (contradicted || step) => {
                 self.isolate(sample, since, contradicted, &lock_out, observer)

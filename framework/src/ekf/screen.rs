@@ -31,6 +31,8 @@ const CORRELATED: f64 = 1.25;
 pub(super) enum News {
     /// Spike of some channels, bridged.
     Spike { time: Time, channel: usize, jump: f64, samples: usize },
+    /// Faulty samples before the first good one, which are not used.
+    Skipped { fault: Fault, channels: u16, from: Time, to: Time },
     /// End of a span of faulty samples, or its length when it became too long.
     Bridge { fault: Fault, channels: u16, from: Time, to: Time, too_long: bool, first: bool },
 }
@@ -49,6 +51,15 @@ struct Bridge {
     reported: bool,
 }
 
+/// Span of faulty samples before the first good one.
+#[derive(Clone, Copy)]
+struct Skipped {
+    fault: Fault,
+    channels: u16,
+    from: Time,
+    to: Time,
+}
+
 /// State of the screening.
 #[derive(Clone)]
 pub(super) struct Screen {
@@ -62,6 +73,8 @@ pub(super) struct Screen {
     suspects: u16,
     faulty: Option<Fault>,
     bridge: Option<Bridge>,
+    /// Faulty samples before the first good one.
+    skipped: Option<Skipped>,
     /// Samples that may be used, with the uncertainty of those that were replaced.
     pub(super) ready: VecDeque<(Sample, Option<Spread>)>,
     pub(super) news: Option<News>,
@@ -76,6 +89,13 @@ pub(super) struct Screen {
 struct Judgement<'a> {
     screen: &'a mut Screen,
     sample: &'a Sample,
+}
+
+impl Skipped {
+    fn news(self) -> News {
+        let Self { fault, channels, from, to } = self;
+        News::Skipped { fault, channels, from, to }
+    }
 }
 
 impl WithSimd for Judgement<'_> {
@@ -99,6 +119,7 @@ impl Screen {
             suspects: 0,
             faulty: None,
             bridge: None,
+            skipped: None,
             ready: VecDeque::with_capacity(SPIKE + 2),
             news: None,
             bridged: false,
@@ -117,13 +138,16 @@ impl Screen {
     fn judge<S: Simd>(&mut self, simd: S, sample: &Sample) -> bool {
         let x = sample.values();
         self.usual.tick(sample.time);
-        let bad = self.repeats.judge(simd, x, self.usual.interval);
+        let bad = self.repeats.judge(simd, x, self.usual.interval());
         if self.bridge.is_some() {
             return self.go_on(sample, bad);
         }
         if !self.held.is_empty() {
             self.compare(sample, bad);
             return false;
+        }
+        if self.usual.good == Time::MIN {
+            return self.skip(sample, bad);
         }
         match bad {
             Some((fault @ (Fault::Frozen | Fault::Stuck), channels)) => {
@@ -146,6 +170,28 @@ impl Screen {
         }
     }
 
+    /// Skips a faulty sample before the first good one: nothing is known to bridge it with. Returns
+    /// `true` if the sample is good.
+    #[cold]
+    fn skip(&mut self, sample: &Sample, bad: Option<(Fault, u16)>) -> bool {
+        let Some((fault, channels)) = bad else {
+            self.news = self.skipped.take().map(Skipped::news);
+            self.usual.learn(Scalar::new(), sample.values(), sample.time, true);
+            return true;
+        };
+        let from = self.skipped.map_or(sample.time, |skipped| skipped.from);
+        self.skipped = Some(Skipped { fault, channels, from, to: sample.time });
+        false
+    }
+
+    /// Reports the faults anew that the filter meets, which begins now.
+    pub(super) fn begin_run(&mut self) {
+        (self.bridged, self.unusable) = (false, false);
+        if let Some(bridge) = &mut self.bridge {
+            bridge.reported = false;
+        }
+    }
+
     /// Number of samples so far.
     pub(super) fn samples(&self) -> u64 {
         self.repeats.samples
@@ -160,6 +206,9 @@ impl Screen {
             self.ready.push_back((replaced, Some(recent)));
         }
         self.end_of_bridge();
+        if let Some(skipped) = self.skipped.take() {
+            self.news = Some(skipped.news());
+        }
     }
 
     fn hold(&mut self, sample: &Sample, channels: u16, fault: Option<Fault>) {
@@ -263,7 +312,7 @@ impl Screen {
             Fault::Zeros | Fault::Range => 0.0,
         };
         let from = Time::from_nanos(
-            self.usual.good.nanos() - (repeated * self.usual.interval * 1e9) as i64,
+            self.usual.good.nanos() - (repeated * self.usual.interval() * 1e9) as i64,
         );
         let (to, unknown) = (self.usual.good, [0.0; MAX_CHANNELS]);
         self.bridge = Some(Bridge { fault, channels, from, to, unknown, reported: false });
@@ -317,7 +366,7 @@ impl Screen {
         let unit = self.usual.unit();
         let Some(bridge) = &mut self.bridge else { return };
         let age = sample.time.since(bridge.from);
-        let interval = sample.time.since(bridge.to).max(0.5 * self.usual.interval);
+        let interval = sample.time.since(bridge.to).max(0.5 * self.usual.interval());
         bridge.to = sample.time;
         let mut spread = [0.0; MAX_CHANNELS];
         let mut values = self.usual.mean;

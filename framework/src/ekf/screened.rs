@@ -88,10 +88,17 @@ impl Ekf {
                 );
                 observer.event(Event { time, level, about, text });
             }
+            News::Skipped { fault, channels, from, to } => {
+                let text = evidence(info, fault, channels, (from, to), Use::Skipped);
+                observer.event(Event { time: to, level: Level::Warning, about, text });
+            }
             News::Bridge { fault, channels, from, to, too_long, first } => {
-                let text = evidence(info, fault, channels, (from, to), too_long);
-                if !first {
-                    observer.event(Event { time: to, level: Level::Info, about, text });
+                let of = if too_long { Use::TooLong } else { Use::Bridged };
+                let text = evidence(info, fault, channels, (from, to), of);
+                // before the filter begins, a fault costs it nothing
+                if !first || self.memory.stage.waits() {
+                    let level = if first { Level::Warning } else { Level::Info };
+                    observer.event(Event { time: to, level, about, text });
                     return;
                 }
                 observer.finding(Finding {
@@ -107,16 +114,24 @@ impl Ekf {
     }
 }
 
-/// Evidence of a bridge.
+/// Use of the samples of a faulty span.
+#[derive(Clone, Copy, PartialEq)]
+enum Use {
+    Bridged,
+    TooLong,
+    Skipped,
+}
+
+/// Evidence of a faulty span.
 fn evidence(
     info: &SensorInfo,
     fault: Fault,
     channels: u16,
     (from, to): (Time, Time),
-    too_long: bool,
+    of: Use,
 ) -> String {
     let duration = to.since(from);
-    let span = if too_long {
+    let span = if of == Use::TooLong {
         format!("for more than {duration:.2} s from {from}")
     } else {
         format!("for {duration:.2} s from {from}")
@@ -132,10 +147,10 @@ fn evidence(
         Fault::Frozen => "the samples repeated one value: the sensor was frozen".to_owned(),
         Fault::Stuck => format!("{names} repeated one value: stuck or saturated"),
     };
-    let unknown = if too_long {
-        "the motion in that span is unknown"
-    } else {
-        "bridged at the recent mean, with an uncertainty that grew meanwhile"
+    let unknown = match of {
+        Use::TooLong => "the motion in that span is unknown",
+        Use::Bridged => "bridged at the recent mean, with an uncertainty that grew meanwhile",
+        Use::Skipped => "no good sample came before them, so they are not used",
     };
     format!("{what} {span}; {unknown}")
 }
@@ -175,7 +190,7 @@ mod tests {
             mounting: Mounting::default(),
         };
         let span = (Time::default(), Time::from_nanos(500_000_000));
-        let of = |channels| evidence(&info, Fault::Range, channels, span, false);
+        let of = |channels| evidence(&info, Fault::Range, channels, span, Use::Bridged);
         assert!(
             of(0b101).starts_with("a, c beyond the plausible range for 0.50 s"),
             "{}",

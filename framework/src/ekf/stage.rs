@@ -22,6 +22,11 @@ pub(super) enum Stage {
 }
 
 impl Stage {
+    /// Returns `true` until the filter begins, or the search for its initial values.
+    pub(super) fn waits(&self) -> bool {
+        matches!(self, Self::At(_) | Self::FromReference(_))
+    }
+
     /// Returns `true` if a driving sample of this time starts the filter, or a measurement if no
     /// sensor drives.
     pub(super) fn is_due(&self, time: Time) -> bool {

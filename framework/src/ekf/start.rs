@@ -44,6 +44,9 @@ impl Ekf {
                 (block.operations.retract)(values, &delta[..range.len()]);
             }
         }
+        if let Some(screen) = &mut self.memory.screen {
+            screen.begin_run();
+        }
         if self.composition.processes.iter().any(|p| p.searches) {
             self.memory.stage = Stage::Searching(Vec::new());
         } else {

@@ -2,6 +2,7 @@
 //!
 //! The loops over the channels take some at once: see [`super::screen`].
 
+use super::cadence::Cadence;
 use crate::model::screening::{Screening, Spread};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
@@ -34,8 +35,9 @@ pub(super) struct Usual {
     n: usize,
     count: u32,
     time: Time,
-    /// Usual interval, s.
-    pub(super) interval: f64,
+    pub(super) cadence: Cadence,
+    /// Interval for which `least` was computed, s.
+    least_of: f64,
     /// The last two values that passed, the last one being from `good`.
     pub(super) last: Spread,
     pub(super) before: Spread,
@@ -83,7 +85,8 @@ impl Usual {
             limits,
             count: 0,
             time: Time::MIN,
-            interval: 0.0,
+            cadence: Cadence::default(),
+            least_of: 0.0,
             last: ZERO,
             before: ZERO,
             good: Time::MIN,
@@ -103,23 +106,30 @@ impl Usual {
     pub(super) fn tick(&mut self, time: Time) {
         let dt = if self.time == Time::MIN { 0.0 } else { time.since(self.time) };
         self.time = time;
-        if dt <= 0.0 || (self.interval > 0.0 && dt > 1.5 * self.interval && self.count > 8) {
-            return;
+        self.cadence.usual(dt);
+        if (self.interval() - self.least_of).abs() > 0.01 * self.least_of {
+            self.follow_interval();
         }
-        let before = self.interval;
-        self.interval = if before > 0.0 { before + (dt - before) / 64.0 } else { dt };
-        if (self.interval - before).abs() > 1e-3 * before {
-            for (least, limits) in self.least.iter_mut().zip(&self.limits.channels) {
-                let sigma = limits.noise / self.interval.sqrt();
-                let unit = if self.limits.integrals { self.interval } else { 1.0 };
-                *least = (JUMP_SIGMA * sigma + JUMP * limits.step) * unit;
-            }
+    }
+
+    /// Computes the limits that depend on the usual interval.
+    #[cold]
+    fn follow_interval(&mut self) {
+        self.least_of = self.interval();
+        let (root, unit) = (self.interval().sqrt(), self.unit());
+        for (least, limits) in self.least.iter_mut().zip(&self.limits.channels) {
+            *least = (JUMP_SIGMA * limits.noise / root + JUMP * limits.step) * unit;
         }
+    }
+
+    /// Usual interval, s.
+    pub(super) fn interval(&self) -> f64 {
+        self.cadence.interval
     }
 
     /// Factor from the limits, which are rates, to the unit of the channels.
     pub(super) fn unit(&self) -> f64 {
-        if self.limits.integrals { self.interval } else { 1.0 }
+        if self.limits.integrals { self.interval() } else { 1.0 }
     }
 
     /// Channels that jump away from the line through the last two samples.

@@ -44,3 +44,10 @@ pub struct Finding {
     /// Remedy: the key or the part of the vehicle to look at.
     pub remedy: String,
 }
+
+impl Finding {
+    /// Weight among the findings of one part: the severity, and of equal ones how much it says.
+    pub(crate) fn weight(&self) -> (Severity, Basis) {
+        (self.severity, self.basis)
+    }
+}

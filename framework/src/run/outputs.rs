@@ -16,7 +16,7 @@ use std::panic::resume_unwind;
 /// Warnings that a run keeps in memory; the sinks receive all of them.
 const WARNINGS: usize = 1000;
 
-/// Findings that a run keeps in memory.
+/// Findings that a run keeps in memory, beside the heaviest one of each part.
 const FINDINGS: usize = 1000;
 
 /// A sink of the run, open until it fails.
@@ -39,7 +39,7 @@ pub(crate) struct Outputs {
     /// Set while a filter takes its samples again.
     repeating: bool,
     pub(crate) events: Vec<Event>,
-    /// Faults that the filter found, at most [`FINDINGS`].
+    /// Faults that the filter found: see [`keep`].
     pub(crate) findings: Vec<Finding>,
 }
 
@@ -240,8 +240,45 @@ impl Observer for Outputs {
     fn finding(&mut self, finding: Finding) {
         let Finding { time, about, text, remedy, .. } = finding.clone();
         self.event(Event { time, level: Level::Warning, about, text: format!("{text}; {remedy}") });
-        if self.findings.len() < FINDINGS {
-            self.findings.push(finding);
+        keep(&mut self.findings, finding);
+    }
+}
+
+/// Keeps a finding: one of the first [`FINDINGS`], or a later one that is heavier than all of its
+/// part, since the verdict rests on the heaviest finding of each part.
+fn keep(findings: &mut Vec<Finding>, finding: Finding) {
+    let outweighed = |f: &Finding| f.about == finding.about && f.weight() >= finding.weight();
+    if findings.len() < FINDINGS || !findings.iter().any(outweighed) {
+        findings.push(finding);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::finding::{Basis, Severity};
+
+    /// A fault that is found after very many others decides the verdict as well.
+    #[test]
+    fn the_heaviest_finding_of_each_part_is_kept_however_many_came_before() {
+        let finding = |about: &str, severity| Finding {
+            time: Time::MIN,
+            about: about.to_owned(),
+            severity,
+            basis: Basis::Comparison,
+            text: String::new(),
+            remedy: String::new(),
+        };
+        let mut findings = Vec::new();
+        for _ in 0..10 * FINDINGS {
+            keep(&mut findings, finding("dvl", Severity::Doubtful));
         }
+        assert_eq!(findings.len(), FINDINGS);
+        for _ in 0..2 {
+            keep(&mut findings, finding("dvl", Severity::DoNotUse));
+            keep(&mut findings, finding("depth", Severity::DoNotUse));
+        }
+        let late: Vec<&str> = findings[FINDINGS..].iter().map(|f| f.about.as_str()).collect();
+        assert_eq!(late, ["dvl", "depth"]);
     }
 }

@@ -82,7 +82,7 @@ impl McapSource {
             let offset = info.as_ref().map_or(0, |i: &LogInfo| i.log_time_offset);
             source.end = (summary.stats.filter(|s| s.message_count > 0))
                 .and_then(|s| i64::try_from(s.message_end_time).ok())
-                .map(|end| Time::from_nanos(end - offset));
+                .map(|end| Time::from_nanos(end.saturating_sub(offset)));
         }
         Ok(source)
     }

@@ -1,6 +1,7 @@
 //! Health of the sensors over time: one lane for each sensor, and the stretches in which it was
 //! not used.
 
+use crate::history::Pace;
 use crate::recording::Recording;
 use crate::style::{Colour, path};
 use navfuse_core::model::chi_square::{gated_moments, outside};
@@ -102,7 +103,7 @@ pub struct Lane {
     latest: VecDeque<(Time, Health)>,
     nis: VecDeque<[f64; 3]>,
     moments: (usize, f64, [f64; 2]),
-    usual: Option<f64>,
+    pace: Pace,
     last: Option<Time>,
 }
 
@@ -122,7 +123,7 @@ impl Lane {
             latest: VecDeque::with_capacity(MAJORITY),
             nis: VecDeque::with_capacity(NIS_WINDOW),
             moments: (0, f64::NAN, [0.0; 2]),
-            usual: None,
+            pace: Pace::default(),
             last: None,
         })
     }
@@ -144,7 +145,7 @@ impl Lane {
         match (self.current, self.last) {
             (None, None) => self.change(recording, Health::Silent, now),
             (Some((health, _)), Some(last)) if health != Health::Silent => {
-                let Some(usual) = self.usual else { return Ok(()) };
+                let Some(usual) = self.pace.usual else { return Ok(()) };
                 if now.since(last) <= (SILENT_INTERVALS * usual).max(SHORTEST_SILENCE) {
                     return Ok(());
                 }
@@ -236,12 +237,7 @@ impl Lane {
         self.tick(recording, time)?;
         if let Some(last) = self.last {
             let interval = time.since(last);
-            // a gap does not change the usual interval, and a faster rate does at once
-            self.usual = Some(match self.usual {
-                None => interval,
-                Some(usual) if interval < 3.0 * usual => usual + 0.1 * (interval - usual),
-                Some(usual) => usual,
-            });
+            self.pace.take(interval, |usual| interval >= 3.0 * usual);
         }
         self.last = Some(time);
         if self.latest.len() == MAJORITY {

@@ -10,10 +10,38 @@ const GAP: f64 = 5.0;
 /// Shortest silence at which a line breaks, s.
 const SHORTEST_GAP: f64 = 1.0;
 
+/// Long intervals in a row that are a new rate.
+const NEW_RATE: u32 = 4;
+
+/// Usual interval of a sequence of samples: it follows the intervals, without those of gaps.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Pace {
+    /// Usual interval, s, once there are two samples of different times.
+    pub usual: Option<f64>,
+    longer: u32,
+}
+
+impl Pace {
+    /// Takes an interval, s. One for which `is_gap` holds, given the usual interval, changes the
+    /// latter only after others like it.
+    pub fn take(&mut self, interval: f64, is_gap: impl Fn(f64) -> bool) {
+        if interval <= 0.0 {
+            return; // several observations of one time
+        }
+        let usual = self.usual.unwrap_or(interval);
+        self.longer = if is_gap(usual) { self.longer + 1 } else { 0 };
+        self.usual = Some(match self.longer {
+            0 => usual + 0.1 * (interval - usual),
+            NEW_RATE.. => interval,
+            _ => usual,
+        });
+    }
+}
+
 /// Finds the gaps in a sequence of times.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Gaps {
-    usual: Option<f64>,
+    pace: Pace,
     last: Option<Time>,
 }
 
@@ -22,12 +50,10 @@ impl Gaps {
     pub fn after(&mut self, now: Time) -> Option<i64> {
         let last = self.last.replace(now)?;
         let interval = now.since(last);
-        let usual = *self.usual.get_or_insert(interval);
-        if interval > (GAP * usual).max(SHORTEST_GAP) {
-            return Some(last.nanos() + (now.nanos() - last.nanos()) / 2);
-        }
-        self.usual = Some(usual + 0.1 * (interval - usual));
-        None
+        let long = |usual: f64| interval > (GAP * usual).max(SHORTEST_GAP);
+        let gap = self.pace.usual.is_some_and(long);
+        self.pace.take(interval, long);
+        gap.then(|| last.nanos() + (now.nanos() - last.nanos()) / 2)
     }
 }
 
@@ -155,6 +181,15 @@ mod tests {
     use super::*;
 
     /// A wave with one spike up and one down.
+    /// Two samples that come at once at the beginning, or of one time, do not make all others late.
+    #[test]
+    fn a_sequence_whose_first_interval_is_short_has_few_gaps() {
+        let mut gaps = Gaps::default();
+        let times = [0, 0, 100].into_iter().chain((1..20).map(|k| 100 + 5000 * k));
+        let found = times.filter(|t| gaps.after(Time::from_nanos(t * 1_000_000)).is_some());
+        assert_eq!(found.count(), NEW_RATE as usize);
+    }
+
     fn wave(count: i64) -> History<2> {
         let mut history = History::new(&[0], false);
         for t in 0..count {

@@ -3,7 +3,7 @@
 use super::outcome::Outcome;
 use crate::error::{CommandError, Result};
 use navfuse_calibration::{CalibrationData, Estimate, IntermediateEstimate};
-use navfuse_core::document::Document;
+use navfuse_core::document::{Document, key};
 use navfuse_core::model::chi_square::sigmas;
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::sensor::Purpose;
@@ -40,7 +40,7 @@ pub fn outcomes(
     let mut out = vec![filter(scenario.assemble(None)?, "ekf", list(&others), data, progress)?];
     if !others.is_empty() {
         let settings: Vec<String> =
-            others.iter().map(|o| format!("sensor.{o}.enabled=false")).collect();
+            others.iter().map(|o| format!("sensor.{}.enabled=false", key(o))).collect();
         let alone = Scenario::new(registry, document.clone(), &settings)?;
         let mut alone =
             filter(alone.assemble(None)?, "ekf, IMU and DVL", list(&[]), data, progress)?;

@@ -3,7 +3,7 @@
 use super::edit;
 use crate::error::{CommandError, Result};
 use navfuse_calibration::{CalibrationData, Estimate};
-use navfuse_core::document::Document;
+use navfuse_core::document::{Document, key};
 use navfuse_core::files::write_whole;
 use std::path::Path;
 
@@ -36,15 +36,16 @@ pub fn scenario(
     let degrees = |x: f64| format!("\"{:.6} deg\"", x.to_degrees());
     let angles =
         |of: &dyn Fn(usize) -> f64| format!("[{}]", [1, 2, 3].map(|i| degrees(of(i))).join(", "));
+    let sensor = key(name);
     let mut set = |block: &str, initial: String, sigma: String| -> Result<()> {
         let whole =
             document.root().get("sensor").and_then(|s| s.get(name)).and_then(|s| s.get(block));
         if whole.is_some_and(|node| node.value().is_table()) {
-            document.set(&format!("sensor.{name}.{block}.initial={initial}"))?;
-            document.set(&format!("sensor.{name}.{block}.sigma={sigma}"))?;
+            document.set(&format!("sensor.{sensor}.{block}.initial={initial}"))?;
+            document.set(&format!("sensor.{sensor}.{block}.sigma={sigma}"))?;
         } else {
             document.set(&format!(
-                "sensor.{name}.{block}={{ initial = {initial}, sigma = {sigma} }}"
+                "sensor.{sensor}.{block}={{ initial = {initial}, sigma = {sigma} }}"
             ))?;
         }
         Ok(())

@@ -2,6 +2,7 @@
 
 use crate::lab::{Lab, Types, assemble};
 use crate::{Failure, Report};
+use navfuse_core::document::key;
 use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::run::runner;
@@ -67,7 +68,7 @@ struct Run {
 fn runs(lab: &Lab<'_>) -> Result<Vec<Run>, Failure> {
     let mut settings = vec!["estimator.draw=all".to_owned()];
     for sensor in &lab.composition.sensors {
-        let name = &sensor.info.name;
+        let name = key(&sensor.info.name);
         // the constraint of a process has no table
         let table = !sensor.constraint || sensor.detector.is_some();
         if table && matches!(sensor.role, navfuse_core::model::sensor::Role::Measurement(_)) {

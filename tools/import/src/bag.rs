@@ -1,6 +1,7 @@
 //! Bags of ROS 2: the sensors by the types of the topics.
 
-use crate::recording::{Found, OdometryUse, quote};
+use crate::recording::{Found, OdometryUse};
+use navfuse_core::document::quoted;
 use navfuse_core::model::stream::StreamError;
 use navfuse_ros2::{Survey, TopicSurvey, Use};
 use std::path::Path;
@@ -108,12 +109,12 @@ pub fn sensors(
         let mut found = Found {
             kind,
             sensor: Vec::new(),
-            source: vec![format!("topic = {}", quote(&topic.name))],
+            source: vec![format!("topic = {}", quoted(&topic.name))],
             questions: Vec::new(),
             velocity: more.is_some(),
         };
         if let Some(more) = more {
-            found.source.push(format!("more = [{}]", quote(&more.name)));
+            found.source.push(format!("more = [{}]", quoted(&more.name)));
             found.questions.push(format!(
                 "{} is taken for the velocity of the receiver along east, north, up",
                 more.name

@@ -1,8 +1,9 @@
 //! The text of the scenario.
 
 use crate::Answers;
-use crate::recording::{Part, Reader, Recording, quote};
+use crate::recording::{Part, Reader, Recording};
 use crate::stream::StreamSurvey;
+use navfuse_core::document::quoted;
 use navfuse_core::units::calendar::Calendar;
 use navfuse_vehicle_logs::Format;
 use std::fmt::Write;
@@ -57,7 +58,7 @@ pub fn scenario(
         "# Written by `navfuse import`. The values of the lines marked with ANSWER are guesses:",
     );
     out.line("# check them first.");
-    out.line(&format!("name = {}", quote(&answers.name)));
+    out.line(&format!("name = {}", quoted(&answers.name)));
     out.line("");
     start(&mut out, recording, &stream);
     process(&mut out, recording, &stream, answers);
@@ -355,7 +356,7 @@ fn vehicles(out: &mut Text, recording: &Recording) {
 }
 
 fn path(part: &Part) -> String {
-    quote(&part.file.display().to_string())
+    quoted(&part.file.display().to_string())
 }
 
 fn questions(out: &mut Text, part: &Part) {

@@ -1,6 +1,7 @@
 //! Tables of inertial units that programs write without headings, or with a line of units.
 
-use crate::recording::{Found, quote};
+use crate::recording::Found;
+use navfuse_core::document::quoted;
 
 /// The columns of KF-GINS: increments of an IMU, positions of a receiver, and a solution. Times are
 /// seconds of the GPS week.
@@ -58,7 +59,7 @@ pub fn without_headings(rows: &[Vec<String>]) -> Option<Found> {
     } else {
         return None;
     };
-    let list: Vec<String> = headings.iter().map(|h| quote(h)).collect();
+    let list: Vec<String> = headings.iter().map(|h| quoted(h)).collect();
     let question = format!("the columns are taken for those of KF-GINS: {}", headings.join(", "));
     let increments = kind == "imu";
     Some(Found {
@@ -82,8 +83,8 @@ pub fn sbg(headings: &[String], units: &[String]) -> Option<Found> {
     let mut source = vec!["comment = \"(\"    # the line of units".to_owned()];
     let (title, format) = headings.first().zip(units.first())?;
     source.push(match format.as_str() {
-        "(us)" => format!("time = {{ column = {}, unit = \"us\" }}", quote(title)),
-        _ => format!("time = {{ column = {}, format = \"date-time\" }}", quote(title)),
+        "(us)" => format!("time = {{ column = {}, unit = \"us\" }}", quoted(title)),
+        _ => format!("time = {{ column = {}, format = \"date-time\" }}", quoted(title)),
     });
     for (channel, heading) in [
         ("gyro_x", "gyroX"),
@@ -96,8 +97,8 @@ pub fn sbg(headings: &[String], units: &[String]) -> Option<Found> {
         let unit = unit(heading)?;
         source.push(format!(
             "columns.{channel} = {{ column = {}, unit = {} }}",
-            quote(heading),
-            quote(&unit)
+            quoted(heading),
+            quoted(&unit)
         ));
     }
     let (sensor, questions) = (Vec::new(), Vec::new());

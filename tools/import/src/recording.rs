@@ -79,20 +79,6 @@ pub struct Recording {
     turned: bool,
 }
 
-/// A text as a string of TOML.
-pub fn quote(text: &str) -> String {
-    let mut out = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' | '\\' => out.extend(['\\', c]),
-            c if c.is_control() => out.push_str(&format!("\\u{:04X}", u32::from(c))),
-            _ => out.push(c),
-        }
-    }
-    out.push('"');
-    out
-}
-
 impl Recording {
     /// Recognises files; `None` if `stop` was set.
     ///

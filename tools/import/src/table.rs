@@ -1,7 +1,8 @@
 //! Tables: the sensor of a file by its headings.
 
 use crate::plain;
-use crate::recording::{Found, quote};
+use crate::recording::Found;
+use navfuse_core::document::quoted;
 use navfuse_core::units::{column_suffix, parse_unit};
 use std::fmt::Write;
 
@@ -128,7 +129,7 @@ pub fn recognise(beginning: &str) -> Result<Vec<Found>, String> {
     let headings = split(header);
     let delimiter_key = match delimiter {
         Some(',') => None,
-        Some(c) => Some(format!("delimiter = {}", quote(&c.to_string()))),
+        Some(c) => Some(format!("delimiter = {}", quoted(&c.to_string()))),
         None => Some("delimiter = \"whitespace\"".to_owned()),
     };
     let with_delimiter = |mut found: Found| {
@@ -195,8 +196,8 @@ pub fn recognise(beginning: &str) -> Result<Vec<Found>, String> {
                 }
                 let unit = found.unit.unwrap_or(si);
                 let unit = toml_unit(unit);
-                let mut text = format!("columns.{name} = {{ column = {}", quote(found.heading));
-                let _ = write!(text, ", unit = {} }}", quote(&unit));
+                let mut text = format!("columns.{name} = {{ column = {}", quoted(found.heading));
+                let _ = write!(text, ", unit = {} }}", quoted(&unit));
                 if found.unit.is_none() {
                     questions.push(format!("the unit of {}: {unit} is assumed", found.heading));
                 }
@@ -243,7 +244,7 @@ fn time(
     let place = headings.iter().position(|h| h == found.heading).unwrap_or(0);
     let cell = first.get(place).map_or("", String::as_str);
     if cell.contains(['-', '/']) && cell.contains(':') {
-        let heading = quote(found.heading);
+        let heading = quoted(found.heading);
         return Ok(Some(format!("time = {{ column = {heading}, format = \"date-time\" }}")));
     }
     let unit = found.unit.map(str::to_owned).unwrap_or_else(|| {
@@ -257,7 +258,7 @@ fn time(
         questions.push(format!("the unit of the time {}: {unit} is assumed", found.heading));
         unit.to_owned()
     });
-    Ok(Some(format!("time = {{ column = {}, unit = {} }}", quote(found.heading), quote(&unit))))
+    Ok(Some(format!("time = {{ column = {}, unit = {} }}", quoted(found.heading), quoted(&unit))))
 }
 
 /// A solution of RTKLIB with latitude and longitude in degrees and dates.
@@ -277,7 +278,7 @@ fn rtklib(beginning: &str) -> Result<Vec<Found>, String> {
     let scale = if titles[0] == "UTC" { "utc" } else { "gps" };
     let heading = |title: &&str| {
         let known = RTKLIB.iter().find(|(name, _)| name == title);
-        quote(known.map_or(title, |(_, heading)| heading))
+        quoted(known.map_or(title, |(_, heading)| heading))
     };
     let headings: Vec<String> = titles[1..].iter().map(heading).collect();
     let velocity = titles.contains(&"vn(m/s)");

@@ -1,6 +1,7 @@
 //! Logs of vehicles and inertial units: the messages by which each sensor is recognised.
 
-use crate::recording::{Found, quote};
+use crate::recording::Found;
+use navfuse_core::document::quoted;
 use navfuse_vehicle_logs::{Format, Options, Topic};
 use std::io::Cursor;
 
@@ -74,7 +75,7 @@ fn sensor(format: Format, (kind, messages): &Choice, topics: &[&Topic]) -> Optio
     let instances: Vec<u32> =
         topics.iter().filter(|t| t.name == *message).map(|t| t.instance).collect();
     let mut questions = Vec::new();
-    let mut text = format!("sensors.{kind} = {{ message = {}", quote(message));
+    let mut text = format!("sensors.{kind} = {{ message = {}", quoted(message));
     if let [first, _, ..] = instances.as_slice() {
         text += &format!(", instance = {first}");
         questions.push(format!(
@@ -83,7 +84,7 @@ fn sensor(format: Format, (kind, messages): &Choice, topics: &[&Topic]) -> Optio
         ));
     }
     if let Some(with) = with.filter(|with| has(with)) {
-        text += &format!(", with = {}", quote(with));
+        text += &format!(", with = {}", quoted(with));
     }
     text += " }";
     if *kind == "reference" && format != Format::Sbet {

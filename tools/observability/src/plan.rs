@@ -6,7 +6,7 @@
 
 use crate::tracker::{Tracker, TrackerSink};
 use crate::{Verdict, words};
-use navfuse_core::document::{Document, DocumentError, Node};
+use navfuse_core::document::{Document, DocumentError, Node, key};
 use navfuse_core::plugin::{BuildError, Registry};
 use navfuse_core::run::runner::{self, RunError};
 use navfuse_core::run::scenario::Scenario;
@@ -225,7 +225,7 @@ impl Base {
             .map(|s| s.parse::<Speed>())
             .transpose()?;
         let mut base = Self {
-            key: format!("source.{name}.segments"),
+            key: format!("source.{}.segments", key(name)),
             segments: Vec::new(),
             end: 0.0,
             speed: start.map_or(0.0, |s| s.si()),

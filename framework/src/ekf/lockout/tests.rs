@@ -115,8 +115,8 @@ fn a_gated_sample_is_accepted_after_half_a_minute_and_not_before_the_third() {
         sensor.until(times.iter().copied(), nis)
     };
     let seconds: Vec<f64> = from(11.0).collect();
-    assert_eq!(accepted(&seconds, 90.0), (41.0, Verdict::Pass));
-    assert_eq!(accepted(&[11.0, 51.0, 52.0], 90.0), (52.0, Verdict::Pass));
+    assert_eq!(accepted(&seconds, 90.0), (41.0, Verdict::Accept));
+    assert_eq!(accepted(&[11.0, 51.0, 52.0], 90.0), (52.0, Verdict::Accept));
     assert_eq!(accepted(&seconds, f64::INFINITY).1, Verdict::Gate);
 }
 
@@ -151,7 +151,7 @@ fn the_covariance_is_inflated_at_the_third_sample_after_a_silence() {
     assert_eq!(sensor.severities(), [Severity::DoNotUse]);
     // only the inflation is due at once
     let mut sensor = Sensor::new(Action::Accept);
-    assert_eq!(sensor.until(from(16.0), 90.0), (46.0, Verdict::Pass));
+    assert_eq!(sensor.until(from(16.0), 90.0), (46.0, Verdict::Accept));
 }
 
 /// A jump is a NIS of four times the threshold of 10, within three intervals of the last used

@@ -173,7 +173,8 @@ fn bridged(fault: Fault) -> Screen {
     let (to, unknown) = (from, [0.0; MAX_CHANNELS]);
     screen.bridge = Some(Bridge { fault, channels: 0b01, from, to, unknown, reported: false });
     let usual = &mut screen.usual;
-    (usual.interval, usual.mean[0], usual.motion[0], usual.rough[0]) = (0.01, 7.0, 0.2, 0.06);
+    (usual.cadence.interval, usual.mean[0], usual.motion[0], usual.rough[0]) =
+        (0.01, 7.0, 0.2, 0.06);
     screen
 }
 
@@ -229,7 +230,7 @@ fn a_bridge_has_at_least_the_motion_that_is_always_possible() {
         let limits = Screening { channels, integrals, frozen: None, max_bridge: 1.0 };
         let limits = Arc::new(limits);
         screen.usual = Usual::new(Arc::clone(&limits));
-        (screen.usual.interval, screen.usual.mean[0], screen.limits) = (0.01, 7.0, limits);
+        (screen.usual.cadence.interval, screen.usual.mean[0], screen.limits) = (0.01, 7.0, limits);
         let (_, spread) = filled(&mut screen, 2.0);
         assert!((spread - 1.25 * least).abs() < 1e-12, "{integrals}: {spread}");
     }
@@ -365,4 +366,46 @@ fn the_screening_is_the_same_to_the_bit_on_any_processor() {
         single.ready.clear();
     }
     assert!(passed > 19_000 && held > 20 && wide.spikes > 5, "{passed} {held} {}", wide.spikes);
+}
+
+/// Nothing is known to bridge them with: neither the last good sample nor the usual motion.
+#[test]
+fn zeros_and_values_out_of_range_at_the_beginning_are_skipped() {
+    let mut screen = screen();
+    assert!(!take(&mut screen, 0, [0.0; 2]) && !take(&mut screen, 1, [2e3, 0.1]));
+    assert!((2..7).all(|k| !take(&mut screen, k, [0.0; 2])));
+    assert!(screen.ready.is_empty() && screen.held.is_empty() && screen.bridge.is_none());
+    assert!(take(&mut screen, 7, usual(7)));
+    let skipped = |from, to| News::Skipped {
+        fault: Fault::Zeros,
+        channels: 0b11,
+        from: Time::from_nanos(from),
+        to: Time::from_nanos(to),
+    };
+    assert_eq!(screen.news.take(), Some(skipped(0, 60_000_000)));
+    assert!((8..200).all(|k| take(&mut screen, k, usual(k))));
+    // a sensor that never works is reported too
+    let mut dead = self::screen();
+    assert!((0..5).all(|k| !take(&mut dead, k, [0.0; 2])));
+    dead.finish();
+    assert_eq!(dead.news, Some(skipped(0, 40_000_000)));
+}
+
+/// A fault before the filter begins is reported once more if it reaches into the run.
+#[test]
+fn a_bridge_that_became_too_long_before_the_run_is_reported_in_it() {
+    let mut screen = warm(false);
+    let long = |screen: &mut Screen, samples: std::ops::Range<i64>| {
+        samples
+            .filter(|&k| {
+                take(screen, k, [0.0; 2]);
+                let news = screen.news.take();
+                matches!(news, Some(News::Bridge { too_long: true, first: true, .. }))
+            })
+            .count()
+    };
+    assert_eq!(long(&mut screen, 200..230), 1);
+    assert_eq!(long(&mut screen, 230..240), 0);
+    screen.begin_run();
+    assert_eq!(long(&mut screen, 240..250), 1);
 }

@@ -117,27 +117,23 @@ fn one_large_second_difference_counts_as_8_times_the_roughness() {
     assert!((usual.rough[0] - expected).abs() < 1e-13, "{} {expected}", usual.rough[0]);
 }
 
-/// Each interval weighs 1/64. The first samples may be irregular: a gap counts among those.
+/// Each interval from two thirds of the usual one to three halves weighs 1/64.
 #[test]
-fn a_gap_or_a_repeated_time_leaves_the_usual_interval() {
-    let after = |count: u32, nanos: i64| {
+fn a_gap_a_burst_or_a_repeated_time_leaves_the_usual_interval() {
+    for (nanos, expected) in [
+        (14_800_000, 0.0048 / 64.0),
+        (15_200_000, 0.0),
+        (7_000_000, -0.003 / 64.0),
+        (6_000_000, 0.0),
+        (0, 0.0),
+        (-10_000_000, 0.0),
+    ] {
         let mut usual = usual();
-        usual.count = count;
         for nanos in [0, 10_000_000, 10_000_000 + nanos] {
             usual.tick(Time::from_nanos(nanos));
         }
-        usual.interval - 0.01
-    };
-    for (count, nanos, expected) in [
-        (9, 14_800_000, 0.0048 / 64.0),
-        (9, 15_200_000, 0.0),
-        (8, 15_200_000, 0.0052 / 64.0),
-        (9, 5_000_000, -0.005 / 64.0),
-        (9, 0, 0.0),
-        (9, -10_000_000, 0.0),
-    ] {
-        let found = after(count, nanos);
-        assert!((found - expected).abs() < 1e-15, "{count} {nanos}: {found}");
+        let found = usual.interval() - 0.01;
+        assert!((found - expected).abs() < 1e-15, "{nanos}: {found}");
     }
 }
 
@@ -173,7 +169,7 @@ fn a_stated_change_between_two_samples_replaces_the_learnt_jump() {
         let channels = vec![limits; 2];
         let limits = Screening { channels, integrals, frozen: None, max_bridge: 1.0 };
         let mut usual = Usual::new(Arc::new(limits));
-        (usual.interval, usual.count) = (0.5, WARM);
+        (usual.cadence.interval, usual.count) = (0.5, WARM);
         (usual.last[1], usual.before[1]) = (5.0, 0.0);
         for (away, jumping) in [(0.9, 0), (1.1, 0b10), (-0.9, 0), (-1.1, 0b10)] {
             let mut values = [0.0; MAX_CHANNELS];

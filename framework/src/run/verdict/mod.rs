@@ -120,9 +120,8 @@ impl Judge {
 fn of_each_part(findings: &[Finding]) -> Vec<&Finding> {
     let mut found: Vec<&Finding> = Vec::new();
     for finding in findings {
-        let weight = |f: &Finding| (f.severity, f.basis);
         match found.iter_mut().find(|before| before.about == finding.about) {
-            Some(before) if weight(before) >= weight(finding) => {}
+            Some(before) if before.weight() >= finding.weight() => {}
             Some(before) => *before = finding,
             None => found.push(finding),
         }
