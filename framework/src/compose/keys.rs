@@ -57,7 +57,7 @@ sensor_keys! {
         /// that a large innovation that passes the gate counts less. Default: off.
         #[serde(default)]
         pub robust: Robust,
-        /// Whether the level of the noise follows the innovations, between half and twice the stated
+        /// Lets the level of the noise follow the innovations, between half and twice the stated
         /// sigma.
         #[serde(default)]
         pub adaptive_noise: bool,

@@ -52,7 +52,7 @@ pub struct EstimatorConfig {
     /// while the filter runs: after a 64th of this time, whenever the time since the start has grown by
     /// a quarter, and after the whole of it. For a wide prior, such as a heading known to 30 deg; see
     /// the explanation of update rules. `0 s`, the default, does not. A smoothed run, an estimator other
-    /// than `ekf`, and blocks that come and go leave the key without effect, and an event says so.
+    /// than `ekf`, and blocks that come and go leave the key without effect; an event reports it.
     relinearise: Option<NonNegative<Duration>>,
     /// Rule by which samples correct the estimate: `ekf` (one linearisation), `iekf` (iterated) or
     /// `ukf` (unscented). A sensor's own `update` has precedence.

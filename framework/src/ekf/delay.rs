@@ -72,6 +72,10 @@ pub(super) struct History {
     /// One row of the Jacobian.
     row: Vec<f64>,
     columns: Vec<usize>,
+    /// Place in a sample's columns of each error state, and for each element of `Phi` in these rows
+    /// the place, the column and what has passed through it since.
+    index: Vec<Option<usize>>,
+    seen: Vec<(usize, usize, f64)>,
     wide: Vec<f64>,
 }
 
@@ -114,6 +118,7 @@ impl History {
         let declared = composition.transition.places().iter();
         let places: Vec<(usize, usize, f64)> =
             declared.zip(identity).map(|(&(i, j), identity)| (i, j, identity)).collect();
+        let elements = places.len();
         let state = layout.initial_state();
         let entry = Entry {
             time: Time::MIN,
@@ -141,7 +146,9 @@ impl History {
             around: [state.clone(), state],
             scratch: vec![0.0; layout.ambient],
             row: vec![0.0; layout.tangent],
-            columns: Vec::with_capacity(layout.tangent),
+            columns: Vec::with_capacity(layout.tangent + 1 + elements),
+            index: vec![None; layout.tangent],
+            seen: Vec::with_capacity(elements),
             wide: Vec::with_capacity(layout.tangent * MAX_CHANNELS),
         })
     }
@@ -338,8 +345,16 @@ impl History {
         // present columns through which the past columns are observed
         self.columns.clear();
         self.columns.extend_from_slice(&update.columns);
-        let seen = self.places.iter().filter(|p| update.columns.contains(&p.0)).map(|p| p.1);
-        self.columns.extend(seen.chain(offset.map(|o| o.0)));
+        self.seen.clear();
+        self.index.fill(None);
+        update.columns.iter().enumerate().for_each(|(at, &column)| self.index[column] = Some(at));
+        for (n, &(i, j, one)) in self.places.iter().enumerate() {
+            let Some(at) = self.index[i] else { continue };
+            let passed = self.drift[n] - (from.drift[n] + share * (to[n] - from.drift[n]));
+            self.seen.push((at, j, passed - one * steps));
+            self.columns.push(j);
+        }
+        self.columns.extend(offset.map(|o| o.0));
         self.columns.sort_unstable();
         self.columns.dedup();
         let (w, wide) = (update.columns.len(), self.columns.len());
@@ -349,11 +364,7 @@ impl History {
             self.row.fill(0.0);
             let h = &update.h[a * w..][..w];
             update.columns.iter().zip(h).for_each(|(&c, h)| self.row[c] = *h);
-            for (n, &(i, j, one)) in self.places.iter().enumerate() {
-                let Some(at) = update.columns.iter().position(|&c| c == i) else { continue };
-                let passed = self.drift[n] - (from.drift[n] + share * (to[n] - from.drift[n]));
-                self.row[j] -= h[at] * (passed - one * steps);
-            }
+            self.seen.iter().for_each(|&(at, j, passed)| self.row[j] -= h[at] * passed);
             if let Some((column, slopes)) = &offset {
                 self.row[*column] = slopes[channel];
             }
@@ -399,6 +410,8 @@ mod tests {
             scratch: Vec::new(),
             row: Vec::new(),
             columns: Vec::new(),
+            index: Vec::new(),
+            seen: Vec::new(),
             wide: Vec::new(),
         }
     }

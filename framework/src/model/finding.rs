@@ -39,7 +39,7 @@ pub struct Finding {
     pub severity: Severity,
     /// Basis of the finding.
     pub basis: Basis,
-    /// What was measured, and what was expected.
+    /// Measured and expected values, in words.
     pub text: String,
     /// Remedy: the key or the part of the vehicle to look at.
     pub remedy: String,

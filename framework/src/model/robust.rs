@@ -24,7 +24,7 @@ const FREEDOM: f64 = 4.0;
 /// Weight of the channels of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Robust {
-    /// Every channel counts as its noise says.
+    /// Every channel has the weight of its stated noise.
     #[default]
     Off,
     /// Huber's weight with this threshold, sigma.

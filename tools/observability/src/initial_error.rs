@@ -117,7 +117,7 @@ impl InitialError {
             }
             // M+ = M - Y' Y with Y = L_S^-1 H G- and S = L_S L_S'
             for y in rows.chunks_exact(2 * stride) {
-                for (left, by) in left.chunks_exact_mut(*n).zip(y) {
+                for (left, by) in left.chunks_exact_mut(*n).zip(y).filter(|(_, by)| **by != 0.0) {
                     add(simd, left, -by, &y[..*n]);
                 }
             }

@@ -1,8 +1,8 @@
 //! The uncertainty of each state without measurements, from its own dynamics alone: the reference
 //! of its sigma.
 
-use navfuse_core::state::Layout;
 use navfuse_core::state::covariance::{Covariance, Transition};
+use navfuse_core::state::{Block, Layout};
 use std::ops::Range;
 
 /// Prior covariance of every block, propagated with the block's own part of `Phi` and `Q`: `P <-
@@ -15,25 +15,37 @@ use std::ops::Range;
 pub struct Reference {
     covariance: Covariance,
     prior: Covariance,
-    /// Slot, tangent range and driven flag of each uncertain block.
-    blocks: Vec<(usize, Range<usize>, bool)>,
+    blocks: Vec<Own>,
     /// Index in `blocks` for each tangent axis.
     owner: Vec<usize>,
-    /// Set if any block that is not driven has dynamics; `None` before the first transition.
-    moves: Option<bool>,
+    /// Set after the first transition.
+    learnt: bool,
     phi: Vec<f64>,
     work: Vec<f64>,
+}
+
+/// An uncertain block.
+#[derive(Clone, Debug)]
+struct Own {
+    slot: usize,
+    range: Range<usize>,
+    /// Set if the errors of other blocks drive it.
+    driven: bool,
+    /// Set if it is not driven, and has dynamics of its own.
+    moves: bool,
 }
 
 impl Reference {
     /// Creates the reference from the initial covariance.
     pub fn new(layout: &Layout, start: &Covariance) -> Self {
         let n = layout.tangent;
-        let ranges =
-            layout.blocks.iter().enumerate().map(|(slot, b)| (slot, b.tangent_range(), false));
-        let blocks: Vec<_> = ranges.filter(|(_, range, _)| !range.is_empty()).collect();
+        let own = |(slot, block): (usize, &Block)| {
+            let range = block.tangent_range();
+            (!range.is_empty()).then_some(Own { slot, range, driven: false, moves: false })
+        };
+        let blocks: Vec<Own> = layout.blocks.iter().enumerate().filter_map(own).collect();
         let (mut covariance, mut owner) = (Covariance::zero(n), vec![0; n]);
-        for (at, (_, range, _)) in blocks.iter().enumerate() {
+        for (at, Own { range, .. }) in blocks.iter().enumerate() {
             for i in range.clone() {
                 owner[i] = at;
                 range.clone().for_each(|j| covariance.set(i, j, start.get(i, j)));
@@ -44,7 +56,7 @@ impl Reference {
             covariance,
             blocks,
             owner,
-            moves: None,
+            learnt: false,
             phi: vec![0.0; n * n],
             work: vec![0.0; n * n],
         }
@@ -52,7 +64,7 @@ impl Reference {
 
     /// Returns `true` if the errors of other blocks drive the block.
     pub fn driven(&self, slot: usize) -> bool {
-        self.blocks.iter().any(|b| b.0 == slot && b.2)
+        self.blocks.iter().any(|b| b.slot == slot && b.driven)
     }
 
     /// Returns the prior, propagated by the blocks' own dynamics.
@@ -67,34 +79,35 @@ impl Reference {
 
     /// Propagates the reference.
     pub fn transition(&mut self, transition: &Transition) {
-        match self.moves {
-            None => self.learn(transition),
-            Some(false) => return,
-            Some(true) => {}
+        if !self.learnt {
+            self.learn(transition);
         }
-        let n = self.owner.len();
-        self.phi.fill(0.0);
-        (0..n).for_each(|i| self.phi[i * n + i] = 1.0);
+        let Self { covariance, blocks, owner, phi, work, .. } = self;
+        let n = owner.len();
+        let moving = || blocks.iter().filter(|block| block.moves).map(|block| &block.range);
+        if moving().next().is_none() {
+            return;
+        }
+        for (i, j) in moving().flat_map(pairs) {
+            phi[i * n + j] = if i == j { 1.0 } else { 0.0 };
+        }
+        let own = |i: usize| blocks[owner[i]].moves;
         // a row with declared elements has no implicit one on the diagonal
-        transition.elements().for_each(|(i, ..)| self.phi[i * n + i] = 0.0);
-        transition.elements().for_each(|(i, j, value)| self.phi[i * n + j] += value);
-        for (_, range, driven) in &self.blocks {
-            if *driven {
-                continue;
-            }
+        let elements = || transition.elements().filter(|(i, ..)| own(*i));
+        elements().for_each(|(i, ..)| phi[i * n + i] = 0.0);
+        elements().for_each(|(i, j, value)| phi[i * n + j] += value);
+        for range in moving() {
             for (i, j) in pairs(range) {
-                self.work[i * n + j] =
-                    range.clone().map(|k| self.phi[i * n + k] * self.covariance.get(k, j)).sum();
+                let product = |k: usize| phi[i * n + k] * covariance.get(k, j);
+                work[i * n + j] = range.clone().map(product).sum();
             }
             for (i, j) in pairs(range).filter(|(i, j)| j <= i) {
-                let sum = range.clone().map(|k| self.work[i * n + k] * self.phi[j * n + k]).sum();
-                self.covariance.set(i, j, sum);
+                let sum = range.clone().map(|k| work[i * n + k] * phi[j * n + k]).sum();
+                covariance.set(i, j, sum);
             }
         }
-        for (i, j, q) in transition.noise_elements().filter(|&(i, j, _)| j <= i) {
-            if !self.blocks[self.owner[i]].2 {
-                self.covariance.set(i, j, self.covariance.get(i, j) + q);
-            }
+        for (i, j, q) in transition.noise_elements().filter(|&(i, j, _)| j <= i && own(i)) {
+            covariance.set(i, j, covariance.get(i, j) + q);
         }
     }
 
@@ -102,12 +115,14 @@ impl Reference {
     fn learn(&mut self, transition: &Transition) {
         for (i, j, _) in transition.elements().filter(|&(i, j, _)| self.owner[i] != self.owner[j]) {
             debug_assert_ne!(i, j);
-            self.blocks[self.owner[i]].2 = true;
+            self.blocks[self.owner[i]].driven = true;
         }
-        let own = |i: usize| !self.blocks[self.owner[i]].2;
-        let moves = transition.elements().any(|(i, ..)| own(i))
-            || transition.noise_elements().any(|(i, ..)| own(i));
-        self.moves = Some(moves);
+        let elements = transition.elements().map(|(i, ..)| i);
+        for i in elements.chain(transition.noise_elements().map(|(i, ..)| i)) {
+            let block = &mut self.blocks[self.owner[i]];
+            block.moves = !block.driven;
+        }
+        self.learnt = true;
     }
 }
 

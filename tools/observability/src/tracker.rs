@@ -254,11 +254,14 @@ impl Tracker {
         sensor.bits.iter_mut().zip(gains).for_each(|(sum, bits)| *sum += bits);
         let (w, prior) = (update.columns.len(), started.reference.prior());
         for (k, &column) in update.columns.iter().enumerate() {
+            if sensor.reads[column] {
+                continue;
+            }
             let sigma = prior.get(column, column).sqrt();
             let seen = |a: usize| {
                 (update.h[a * w + k] * sigma).powi(2) > READS * update.r[a * update.m + a]
             };
-            sensor.reads[column] |= (0..update.m).any(seen);
+            sensor.reads[column] = (0..update.m).any(seen);
         }
     }
 

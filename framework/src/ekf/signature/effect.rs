@@ -1,4 +1,4 @@
-//! What an error of unit size does to the error states, and how the innovations show it.
+//! Effect of an error of unit size on the error states and on the innovations.
 
 use super::score::Score;
 use crate::model::finding::Severity;

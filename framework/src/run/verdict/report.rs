@@ -1,4 +1,4 @@
-//! What the criteria share: the level of the tests, and the reasons that they report.
+//! Parts that the criteria share: the level of the tests, and the reasons that they report.
 
 use crate::model::finding::Severity;
 use crate::model::verdict::{Criterion, Reason, SensorConsistency};

@@ -56,9 +56,15 @@ impl Bands {
     }
 
     /// Orders the `(row, column)` of each element by bands, for the groups of four rows that have
-    /// any.
-    pub(super) fn new(groups: &[usize], places: &[(usize, usize)]) -> Self {
-        let pieces = Piece::all(places);
+    /// any. The elements of rows for which `keeps` holds are left out.
+    pub(super) fn new(
+        groups: &[usize],
+        places: &[(usize, usize)],
+        keeps: impl Fn(usize) -> bool,
+    ) -> Self {
+        let whole = Piece::all(places);
+        let apart = whole.into_iter().flat_map(|piece| piece.without(places, &keeps));
+        let pieces: Vec<Piece> = apart.collect();
         // a band begins with the first row of a block, unless it overlaps the band before
         let blocks = pieces.iter().filter(|piece| piece.elements == 3);
         let mut starts: Vec<usize> = blocks.map(|piece| places[piece.first].0).collect();
@@ -186,6 +192,16 @@ impl Piece {
         }
         pieces
     }
+
+    /// The elements in rows that are not left out: all together, or each by itself.
+    fn without(self, places: &[(usize, usize)], keeps: impl Fn(usize) -> bool) -> Vec<Self> {
+        let all = self.first..self.first + self.elements;
+        if !all.clone().any(|at| keeps(places[at].0)) {
+            return vec![self];
+        }
+        let rest = all.filter(|at| !keeps(places[*at].0));
+        rest.map(|first| Self { first, elements: 1, column: false }).collect()
+    }
 }
 
 /// Elements of a band, and the rows of `lanes` that they multiply.
@@ -264,7 +280,7 @@ mod tests {
     #[test]
     fn the_stated_size_is_that_of_a_copy() {
         let places: Vec<(usize, usize)> = (0..12).map(|k| (k, (k * 5) % 12)).collect();
-        let bands = Bands::new(&[0, 1, 2], &places);
+        let bands = Bands::new(&[0, 1, 2], &places, |_| false);
         let copied = allocation_counter::measure(|| drop(bands.clone()));
         assert_eq!(bands.size() as u64, copied.bytes_total);
     }

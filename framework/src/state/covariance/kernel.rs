@@ -11,6 +11,7 @@
 use super::Covariance;
 use super::aligned::Aligned;
 use super::bands::{Bands, Product};
+use super::decay::{Decay, Decays};
 use super::lanes::{Lane, Lanes, mirrored, put, tile, turned, with_lanes};
 use crate::units::sample::MAX_CHANNELS;
 use pulp::{Arch, Simd, WithSimd};
@@ -21,10 +22,12 @@ use std::sync::Arc;
 pub(super) struct Kernel {
     /// Rows of `Phi` that differ from the identity, ascending. All copies share them.
     rows: Arc<[usize]>,
-    /// Groups of four rows of which one differs from the identity, and all others.
+    /// Groups of four rows of which one differs from the identity, but for its decay, and all
+    /// others.
     groups: Vec<usize>,
     kept: Vec<usize>,
     bands: Bands,
+    decays: Decays,
     x: Aligned,
     xt: Aligned,
     y: Aligned,
@@ -86,9 +89,11 @@ impl Kernel {
         let mut rows: Vec<usize> = places.iter().map(|p| p.0).collect();
         rows.sort_unstable();
         rows.dedup();
-        let mut groups: Vec<usize> = rows.iter().map(|row| row / 4).collect();
-        groups.dedup();
         let lanes = n.max(1).div_ceil(4);
+        let decays = Decays::new(lanes, places);
+        let product = rows.iter().filter(|row| !decays.contains(**row));
+        let mut groups: Vec<usize> = product.map(|row| row / 4).collect();
+        groups.dedup();
         let square = || Aligned::zeros(16 * lanes * lanes);
         Self {
             kept: (0..lanes).filter(|group| groups.binary_search(group).is_err()).collect(),
@@ -97,7 +102,8 @@ impl Kernel {
             y: square(),
             carried: Vec::with_capacity(4 * lanes * MAX_CHANNELS.next_multiple_of(4)),
             processor: Arch::new(),
-            bands: Bands::new(&groups, places),
+            bands: Bands::new(&groups, places, |row| decays.contains(row)),
+            decays,
             groups,
             rows: rows.into(),
         }
@@ -110,7 +116,9 @@ impl Kernel {
 
     /// Approximate size, bytes.
     pub(super) fn size(&self) -> usize {
-        (self.x.len() + self.xt.len() + self.y.len()) * size_of::<f64>() + self.bands.size()
+        (self.x.len() + self.xt.len() + self.y.len()) * size_of::<f64>()
+            + self.bands.size()
+            + self.decays.size()
     }
 
     /// `P = Phi P Phi'`, without allocation.
@@ -126,6 +134,9 @@ impl Kernel {
     ) {
         let p = covariance.p.as_chunks_mut().0;
         self.processor.dispatch(Propagation { kernel: self, lanes, phi, p });
+        if !self.decays.is_empty() {
+            self.processor.dispatch(Decay { decays: &mut self.decays, phi, p });
+        }
     }
 
     /// `G = Phi G`: see [`super::Transition::carry`].
@@ -139,6 +150,7 @@ impl Kernel {
             let length = to.len().min(4 * stride);
             to[..length].copy_from_slice(&from[..length]);
         }
+        self.decays.scale(phi, g, stride);
     }
 
     fn carry_rows<const L: usize, const ANY: bool>(

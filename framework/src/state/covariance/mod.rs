@@ -8,6 +8,7 @@ mod aligned;
 mod back;
 mod bands;
 mod chain;
+mod decay;
 mod inputs;
 mod kernel;
 mod lanes;

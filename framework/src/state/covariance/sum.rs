@@ -77,11 +77,11 @@ impl StepSum {
             to.clear();
             rows.iter().for_each(|row| to.extend_from_slice(&from[row * stride..][..stride]));
         };
+        if steps == 1 {
+            return whole.carry(g, stride, work);
+        }
         copy(g, before);
         whole.carry(g, stride, work);
-        if steps == 1 {
-            return;
-        }
         copy(g, once);
         whole.carry(g, stride, work);
         // with c = (1 - 1/n) / 2: c (I + S)^2 + (I + S) / n + c I

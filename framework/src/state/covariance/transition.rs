@@ -290,9 +290,10 @@ impl Transition {
     /// Computes the density of the models' process noise in a step of `dt` seconds: for each error
     /// state, the variance divided by `dt`.
     pub(crate) fn noise_density(&self, dt: f64, density: &mut [f64]) {
+        let rate = (1.0 + self.excess) / dt;
         for &(at, row, size) in &self.noise {
             for i in 0..size {
-                density[row + i] = (1.0 + self.excess) * self.q[at + i * size + i] / dt;
+                density[row + i] = rate * self.q[at + i * size + i];
             }
         }
     }
