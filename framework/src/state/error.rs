@@ -17,6 +17,7 @@
 use crate::state::covariance::Covariance;
 use crate::state::layout::Turning;
 use crate::state::manifold::{MAX_TANGENT, left_jacobian};
+use crate::state::vectorised::vectorised;
 use crate::state::{Layout, State};
 use nalgebra::{Matrix3, Vector3};
 
@@ -49,6 +50,7 @@ fn turn(phi: &Vector3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
 const COLUMNS: usize = 8;
 
 /// `G = J G` in place, for the rows of one block; `j` and `g` are row-major.
+#[inline(always)]
 fn turn_rows(j: &[f64], g: &mut [f64], stride: usize) {
     for from in (0..stride).step_by(COLUMNS) {
         let count = COLUMNS.min(stride - from);
@@ -169,6 +171,17 @@ impl Layout {
     /// that [`crate::model::record::Observer::correction`] receives; any other breaks the joint
     /// covariance.
     pub fn reset_rows(&self, delta: &[f64], g: &mut [f64], stride: usize) {
+        vectorised(
+            (self, delta, g, stride),
+            #[inline(always)]
+            |(layout, delta, g, stride): (&Self, &[f64], &mut [f64], usize)| {
+                layout.reset_each_row(delta, g, stride);
+            },
+        );
+    }
+
+    #[inline(always)]
+    fn reset_each_row(&self, delta: &[f64], g: &mut [f64], stride: usize) {
         for t in self.corrected() {
             let (v, a) =
                 (self.blocks[t.velocity].tangent_range(), self.blocks[t.attitude].tangent_range());

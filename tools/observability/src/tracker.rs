@@ -96,7 +96,8 @@ impl Propagation {
 
 impl Tracker {
     /// Creates a tracker of a run with a history at the interval `every`, s; an infinite interval
-    /// keeps no history. It judges the states at the first epoch of each second.
+    /// keeps no history. It judges the states at the first epoch of each interval, and of each second
+    /// where the interval is longer.
     pub fn new(run: &RunInfo, every: f64) -> Self {
         let layout = run.layout.clone();
         let components = Component::of(&layout);

@@ -5,6 +5,10 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_ins::earth::LocalEarth;
 
+/// Time for which a rate of the axes is held, s: in it, an acceleration of 1 m/s^2 changes the
+/// transport rate by 1.6e-8 rad/s, 2e-4 of the Earth's rate.
+const HELD: f64 = 0.1;
+
 /// Start of an [`Attitude`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AttitudeStart {
@@ -85,10 +89,12 @@ impl Attitude {
             });
             y.map_or_else(Vector3::zeros, |v| c * v)
         };
+        let mut held = (f64::NEG_INFINITY, Vector3::zeros());
         let mut rate_of_axes = |t: f64, c: &UnitQuaternion<f64>| {
-            c.inverse_transform_vector(
-                &(earth.earth_rate() + earth.transport_rate(&velocity(t, c))),
-            )
+            if (t - held.0).abs() >= HELD {
+                held = (t, earth.earth_rate() + earth.transport_rate(&velocity(t, c)));
+            }
+            c.inverse_transform_vector(&held.1)
         };
         let mut c_b_n = vec![start.c_b_n; n];
         let mut w_nb_b = vec![Vector3::zeros(); n];

@@ -1,6 +1,5 @@
 //! The finder of segments.
 
-use crate::attitude::rotation;
 use crate::{Attitude, AttitudeStart, Recording, SegmentError};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -194,9 +193,13 @@ fn bins_of(
         let (mut rate, mut force, mut dt) = (Vector3::zeros(), Vector3::zeros(), 0.0);
         while k < last && imu.time[k] - 0.5 * imu.value[k].dt < end {
             let s = &imu.value[k];
-            let middle = attitude.c_b_n[k] * rotation(attitude.w_nb_b[k] * (-0.5 * s.dt));
+            // in the axes of the interval's end, turned from its middle: to the second order, 1e-10
+            // of the force for 0.1 rad/s at 100 Hz
+            let back = attitude.w_nb_b[k] * (-0.5 * s.dt);
+            let turn = back.cross(&s.force);
+            let at_end = s.force + turn + back.cross(&turn) * 0.5;
             rate += attitude.w_nb_b[k] * s.dt;
-            force += middle * s.force * s.dt;
+            force += attitude.c_b_n[k] * (at_end * s.dt);
             dt += s.dt;
             k += 1;
         }
