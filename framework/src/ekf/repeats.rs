@@ -34,23 +34,25 @@ pub(super) enum Fault {
     Stuck,
 }
 
-/// Repetitions so far.
+/// Repetitions so far. The channels come first, as in [`super::usual::Usual`].
 #[derive(Clone)]
+#[repr(C, align(64))]
 pub(super) struct Repeats {
-    limits: Arc<Screening>,
-    /// Number of channels, and their ranges.
-    n: usize,
+    /// Ranges of the channels.
     range: Spread,
     /// Last values as they came.
     pub(super) raw: Spread,
+    /// Share of repetitions of each channel.
+    coarse: Spread,
+    limits: Arc<Screening>,
+    /// Number of channels.
+    n: usize,
     /// Number of samples.
     pub(super) samples: u64,
     /// Number of identical samples in a row, of all so far, and of each channel in a row.
     pub(super) in_a_row: u32,
     repeated: u32,
     runs: [u32; MAX_CHANNELS],
-    /// Share of repetitions of each channel.
-    coarse: Spread,
 }
 
 impl Repeats {

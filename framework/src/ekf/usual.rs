@@ -27,21 +27,14 @@ const RECENT: f64 = 16.0;
 /// Number of such times after which the largest change is forgotten.
 const FORGOTTEN: f64 = 600.0;
 
-/// Usual behaviour of the channels.
+/// Usual behaviour of the channels. The channels come first, so that no vector of them crosses a cache
+/// line.
 #[derive(Clone)]
+#[repr(C, align(64))]
 pub(super) struct Usual {
-    limits: Arc<Screening>,
-    /// Number of channels.
-    n: usize,
-    count: u32,
-    time: Time,
-    pub(super) cadence: Cadence,
-    /// Interval for which `least` was computed, s.
-    least_of: f64,
     /// The last two values that passed, the last one being from `good`.
     pub(super) last: Spread,
     pub(super) before: Spread,
-    pub(super) good: Time,
     /// Roughness: the mean magnitude of the second differences of white noise, and never less than
     /// the quantisation.
     pub(super) rough: Spread,
@@ -54,8 +47,17 @@ pub(super) struct Usual {
     /// Recent mean, its value before [`CHANGE`], and the largest change.
     pub(super) mean: Spread,
     mean_before: Spread,
-    changed: Time,
     pub(super) motion: Spread,
+    changed: Time,
+    pub(super) good: Time,
+    limits: Arc<Screening>,
+    /// Number of channels.
+    n: usize,
+    count: u32,
+    time: Time,
+    pub(super) cadence: Cadence,
+    /// Interval for which `least` was computed, s.
+    least_of: f64,
 }
 
 /// The first `n` channels in whole lanes.
