@@ -44,7 +44,7 @@ impl Drop for KfGins {
 /// Compiles and starts the checkout in a folder.
 pub fn filter(checkout: &Path, samples: &[Imu]) -> KfGins {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let program = here.join("target/kf-gins");
+    let program = std::env::current_exe().unwrap().with_file_name("kf-gins");
     let engine = checkout.join("src");
     let compiler = std::env::var("CXX").unwrap_or_else(|_| "c++".into());
     let eigen = std::env::var("EIGEN").unwrap_or_else(|_| EIGEN.into());

@@ -179,8 +179,12 @@ impl Screen {
             self.usual.learn(Scalar::new(), sample.values(), sample.time, true);
             return true;
         };
-        let from = self.skipped.map_or(sample.time, |skipped| skipped.from);
-        self.skipped = Some(Skipped { fault, channels, from, to: sample.time });
+        let to = sample.time;
+        self.skipped = Some(match self.skipped {
+            // the first fault names the span, as that of a bridge
+            Some(before) => Skipped { channels: before.channels | channels, to, ..before },
+            None => Skipped { fault, channels, from: to, to },
+        });
         false
     }
 

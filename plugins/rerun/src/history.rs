@@ -180,7 +180,6 @@ fn extremes<const N: usize>(rows: &[Row<N>], keys: &[usize], out: &mut Vec<Row<N
 mod tests {
     use super::*;
 
-    /// A wave with one spike up and one down.
     /// Two samples that come at once at the beginning, or of one time, do not make all others late.
     #[test]
     fn a_sequence_whose_first_interval_is_short_has_few_gaps() {
@@ -190,6 +189,7 @@ mod tests {
         assert_eq!(found.count(), NEW_RATE as usize);
     }
 
+    /// A wave with one spike up and one down.
     fn wave(count: i64) -> History<2> {
         let mut history = History::new(&[0], false);
         for t in 0..count {

@@ -119,7 +119,7 @@ fn times(lab: &Lab<'_>, sensor: &str, key: &str, factor: f64) -> Option<String> 
         let number: f64 = text[..unit].parse().ok()?;
         Some(format!("{:e}{}", number * factor, &text[unit..]))
     };
-    let value = node.value();
+    let (value, sensor) = (node.value(), navfuse_core::document::key(sensor));
     if let Some(text) = value.as_str() {
         return Some(format!("sensor.{sensor}.{key}={}", scaled(text)?));
     }

@@ -18,8 +18,8 @@ pub struct Reference {
     blocks: Vec<Own>,
     /// Index in `blocks` for each tangent axis.
     owner: Vec<usize>,
-    /// Set after the first transition.
-    learnt: bool,
+    /// The last transition of a new pattern: states that come and go have patterns of their own.
+    learnt: Option<Transition>,
     phi: Vec<f64>,
     work: Vec<f64>,
 }
@@ -56,7 +56,7 @@ impl Reference {
             covariance,
             blocks,
             owner,
-            learnt: false,
+            learnt: None,
             phi: vec![0.0; n * n],
             work: vec![0.0; n * n],
         }
@@ -79,7 +79,7 @@ impl Reference {
 
     /// Propagates the reference.
     pub fn transition(&mut self, transition: &Transition) {
-        if !self.learnt {
+        if self.learnt.as_ref().is_none_or(|known| !known.has_places_of(transition)) {
             self.learn(transition);
         }
         let Self { covariance, blocks, owner, phi, work, .. } = self;
@@ -111,18 +111,19 @@ impl Reference {
         }
     }
 
-    /// Finds the driven blocks and those with dynamics from the declared elements of `Phi` and `Q`.
+    /// Finds the blocks with dynamics from the declared elements of `Phi` and `Q`, and from those of
+    /// the first transition the driven blocks.
     fn learn(&mut self, transition: &Transition) {
-        for (i, j, _) in transition.elements().filter(|&(i, j, _)| self.owner[i] != self.owner[j]) {
-            debug_assert_ne!(i, j);
-            self.blocks[self.owner[i]].driven = true;
+        if self.learnt.is_none() {
+            let others = transition.elements().filter(|&(i, j, _)| self.owner[i] != self.owner[j]);
+            others.for_each(|(i, ..)| self.blocks[self.owner[i]].driven = true);
         }
         let elements = transition.elements().map(|(i, ..)| i);
         for i in elements.chain(transition.noise_elements().map(|(i, ..)| i)) {
             let block = &mut self.blocks[self.owner[i]];
             block.moves = !block.driven;
         }
-        self.learnt = true;
+        self.learnt = Some(transition.clone());
     }
 }
 

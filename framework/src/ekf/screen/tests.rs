@@ -372,23 +372,23 @@ fn the_screening_is_the_same_to_the_bit_on_any_processor() {
 #[test]
 fn zeros_and_values_out_of_range_at_the_beginning_are_skipped() {
     let mut screen = screen();
-    assert!(!take(&mut screen, 0, [0.0; 2]) && !take(&mut screen, 1, [2e3, 0.1]));
+    assert!(!take(&mut screen, 0, [2e3, 0.1]) && !take(&mut screen, 1, [0.1, 2e3]));
     assert!((2..7).all(|k| !take(&mut screen, k, [0.0; 2])));
     assert!(screen.ready.is_empty() && screen.held.is_empty() && screen.bridge.is_none());
     assert!(take(&mut screen, 7, usual(7)));
-    let skipped = |from, to| News::Skipped {
-        fault: Fault::Zeros,
+    let skipped = |fault, to| News::Skipped {
+        fault,
         channels: 0b11,
-        from: Time::from_nanos(from),
+        from: Time::from_nanos(0),
         to: Time::from_nanos(to),
     };
-    assert_eq!(screen.news.take(), Some(skipped(0, 60_000_000)));
+    assert_eq!(screen.news.take(), Some(skipped(Fault::Range, 60_000_000)));
     assert!((8..200).all(|k| take(&mut screen, k, usual(k))));
     // a sensor that never works is reported too
     let mut dead = self::screen();
     assert!((0..5).all(|k| !take(&mut dead, k, [0.0; 2])));
     dead.finish();
-    assert_eq!(dead.news, Some(skipped(0, 40_000_000)));
+    assert_eq!(dead.news, Some(skipped(Fault::Zeros, 40_000_000)));
 }
 
 /// A fault before the filter begins is reported once more if it reaches into the run.

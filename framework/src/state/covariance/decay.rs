@@ -41,7 +41,9 @@ impl Decays {
 
     /// Approximate size, bytes.
     pub(super) fn size(&self) -> usize {
-        size_of_val(&self.states[..]) + size_of_val(&self.factors[..])
+        size_of_val(&self.states[..])
+            + size_of_val(&self.lanes[..])
+            + size_of_val(&self.factors[..])
     }
 
     /// `G = D G`, for rows of `stride` numbers.

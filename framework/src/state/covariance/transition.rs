@@ -210,7 +210,7 @@ impl Transition {
     }
 
     /// Returns `true` if the transition is a copy of the other one, but for its step.
-    pub(crate) fn has_places_of(&self, other: &Self) -> bool {
+    pub fn has_places_of(&self, other: &Self) -> bool {
         std::sync::Arc::ptr_eq(self.kernel.rows(), other.kernel.rows())
     }
 
