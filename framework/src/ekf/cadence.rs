@@ -15,8 +15,8 @@ const WEIGHT: f64 = 1.0 / 64.0;
 /// Usual interval of the driving sensor: the mean of those that are about as long.
 ///
 /// A late time stamp makes one interval longer and the next one shorter. Neither changes the usual
-/// interval much. A longer interval is no loss if the stamps scatter as much, which matters for an IMU of
-/// increments: they belong to the whole interval between two stamps, or to the part of a sample.
+/// interval much, and a longer interval is no loss if the stamps scatter as much. This matters for an IMU
+/// of increments: after a late stamp they cover the whole interval, after a loss the usual one alone.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Cadence {
     /// Usual interval, s; zero before the second sample.

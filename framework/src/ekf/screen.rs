@@ -32,7 +32,7 @@ pub(super) enum News {
     /// Spike of some channels, bridged.
     Spike { time: Time, channel: usize, jump: f64, samples: usize },
     /// Faulty samples before the first good one, which are not used.
-    Skipped { fault: Fault, channels: u16, from: Time, to: Time },
+    Skipped(Skipped),
     /// End of a span of faulty samples, or its length when it became too long.
     Bridge { fault: Fault, channels: u16, from: Time, to: Time, too_long: bool, first: bool },
 }
@@ -52,12 +52,12 @@ struct Bridge {
 }
 
 /// Span of faulty samples before the first good one.
-#[derive(Clone, Copy)]
-struct Skipped {
-    fault: Fault,
-    channels: u16,
-    from: Time,
-    to: Time,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Skipped {
+    pub(super) fault: Fault,
+    pub(super) channels: u16,
+    pub(super) from: Time,
+    pub(super) to: Time,
 }
 
 /// State of the screening.
@@ -89,13 +89,6 @@ pub(super) struct Screen {
 struct Judgement<'a> {
     screen: &'a mut Screen,
     sample: &'a Sample,
-}
-
-impl Skipped {
-    fn news(self) -> News {
-        let Self { fault, channels, from, to } = self;
-        News::Skipped { fault, channels, from, to }
-    }
 }
 
 impl WithSimd for Judgement<'_> {
@@ -175,7 +168,7 @@ impl Screen {
     #[cold]
     fn skip(&mut self, sample: &Sample, bad: Option<(Fault, u16)>) -> bool {
         let Some((fault, channels)) = bad else {
-            self.news = self.skipped.take().map(Skipped::news);
+            self.news = self.skipped.take().map(News::Skipped);
             self.usual.learn(Scalar::new(), sample.values(), sample.time, true);
             return true;
         };
@@ -188,7 +181,7 @@ impl Screen {
         false
     }
 
-    /// Reports the faults anew that the filter meets, which begins now.
+    /// Begins the run of the filter: a fault that goes on is reported once more.
     pub(super) fn begin_run(&mut self) {
         (self.bridged, self.unusable) = (false, false);
         if let Some(bridge) = &mut self.bridge {
@@ -211,7 +204,7 @@ impl Screen {
         }
         self.end_of_bridge();
         if let Some(skipped) = self.skipped.take() {
-            self.news = Some(skipped.news());
+            self.news = Some(News::Skipped(skipped));
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::filter::Ekf;
 use super::repeats::Fault;
-use super::screen::News;
+use super::screen::{News, Skipped};
 use crate::model::estimator_error::EstimatorError;
 use crate::model::finding::{Basis, Finding, Severity};
 use crate::model::record::{Event, Level, Observer};
@@ -88,7 +88,7 @@ impl Ekf {
                 );
                 observer.event(Event { time, level, about, text });
             }
-            News::Skipped { fault, channels, from, to } => {
+            News::Skipped(Skipped { fault, channels, from, to }) => {
                 let text = evidence(info, fault, channels, (from, to), Use::Skipped);
                 observer.event(Event { time: to, level: Level::Warning, about, text });
             }

@@ -17,8 +17,7 @@
 use crate::state::covariance::Covariance;
 use crate::state::layout::Turning;
 use crate::state::manifold::{MAX_TANGENT, left_jacobian};
-use crate::state::vectorised::vectorised;
-use crate::state::{Layout, State};
+use crate::state::{Layout, State, vectorised};
 use nalgebra::{Matrix3, Vector3};
 
 impl Turning {

@@ -376,11 +376,9 @@ fn zeros_and_values_out_of_range_at_the_beginning_are_skipped() {
     assert!((2..7).all(|k| !take(&mut screen, k, [0.0; 2])));
     assert!(screen.ready.is_empty() && screen.held.is_empty() && screen.bridge.is_none());
     assert!(take(&mut screen, 7, usual(7)));
-    let skipped = |fault, to| News::Skipped {
-        fault,
-        channels: 0b11,
-        from: Time::from_nanos(0),
-        to: Time::from_nanos(to),
+    let skipped = |fault, to| {
+        let (from, to) = (Time::from_nanos(0), Time::from_nanos(to));
+        News::Skipped(Skipped { fault, channels: 0b11, from, to })
     };
     assert_eq!(screen.news.take(), Some(skipped(Fault::Range, 60_000_000)));
     assert!((8..200).all(|k| take(&mut screen, k, usual(k))));
