@@ -25,14 +25,25 @@ fn uses(folder: &Path) -> BTreeSet<String> {
     ours.filter(|n| *n != "core").map(Into::into).collect()
 }
 
-/// The crates in a room, by the names of their folders.
+/// The crates below a folder, at any depth, each by its name without the prefix.
 fn crates(room: &str) -> Vec<(String, PathBuf)> {
-    let folders = std::fs::read_dir(root().join(room)).expect("the folder exists");
-    let folders = folders.map(|f| f.expect("the folder is readable").path());
-    folders
-        .filter(|f| f.join("Cargo.toml").is_file())
-        .map(|f| (f.file_name().and_then(|n| n.to_str()).expect("a name").to_owned(), f.clone()))
-        .collect()
+    let mut found = Vec::new();
+    add_crates(&root().join(room), &mut found);
+    found
+}
+
+fn add_crates(folder: &Path, found: &mut Vec<(String, PathBuf)>) {
+    for entry in std::fs::read_dir(folder).expect("the folder exists") {
+        let path = entry.expect("the folder is readable").path();
+        let file = path.join("Cargo.toml");
+        if let Ok(text) = std::fs::read_to_string(&file) {
+            let table: toml::Table = text.parse().expect("Cargo.toml is TOML");
+            let name = table["package"]["name"].as_str().expect("a package has a name");
+            found.push((name.trim_start_matches("navfuse-").to_owned(), path));
+        } else if path.is_dir() {
+            add_crates(&path, found);
+        }
+    }
 }
 
 /// The names in back-quotes.

@@ -5,7 +5,7 @@
 mod common;
 
 use common::{navfuse, run_without_sinks, scenario, stdout};
-use navfuse_core::model::verdict::{Criterion, Reason, Verdict, VerdictLevel};
+use navfuse_core::model::record::verdict::{Criterion, Reason, Verdict, VerdictLevel};
 use serde_json::Value;
 
 /// Returns the report of a campaign.

@@ -2,7 +2,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod common;
-#[path = "../plugins/vehicle-logs/tests/vehicle_logs/generate.rs"]
+#[path = "../plugins/formats/vehicle-logs/tests/vehicle_logs/generate.rs"]
 #[allow(dead_code, missing_docs, reason = "generators of formats that other tests use")]
 mod generate;
 

@@ -10,7 +10,7 @@ use navfuse_core::run::scenario::{Scenario, common_keys};
 use navfuse_core::run::schema::{Parameter, parameters, scenario_schema};
 use serde_json::Value;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/src/reference/scenario.md");
 
@@ -218,6 +218,21 @@ fn every_sensor_takes_simulated_faults() {
     }
 }
 
+/// The front pages of the crates below a folder.
+fn add_pages(folder: &Path, pages: &mut Vec<PathBuf>) {
+    let page = folder.join("README.md");
+    if page.is_file() {
+        pages.push(page);
+        return;
+    }
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            add_pages(&path, pages);
+        }
+    }
+}
+
 #[test]
 fn the_example_of_every_plugin_composes() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -225,9 +240,10 @@ fn the_example_of_every_plugin_composes() {
     let quickstart = std::fs::read_to_string(root.join("scenarios/quickstart.toml")).unwrap();
     let quickstart: toml::Table = quickstart.parse().unwrap();
     let (mut composed, output) = (0, tempfile::tempdir().unwrap());
-    for plugin in std::fs::read_dir(root.join("plugins")).unwrap() {
-        let page = plugin.unwrap().path().join("README.md");
-        let Ok(text) = std::fs::read_to_string(&page) else { continue };
+    let mut pages = Vec::new();
+    add_pages(&root.join("plugins"), &mut pages);
+    for page in pages {
+        let text = std::fs::read_to_string(&page).unwrap();
         for example in examples(&text) {
             let mut scenario = quickstart.clone();
             for (kind, named) in example {

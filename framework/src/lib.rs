@@ -117,7 +117,7 @@
 //! | room | concept |
 //! |---|---|
 //! | [`run`] | scenario, runner, summary, JSON Schema |
-//! | [`ekf`] | the error-state EKF |
+//! | [`filter`] | the error-state EKF |
 //! | [`plugin`] | plugins, and the registry of the types that they provide |
 //! | [`compose`] | composer, calibration states, draws from priors, settings of the estimator |
 //! | [`model`] | process and measurement models, initial alignment, sensors, sources, sinks |
@@ -131,8 +131,8 @@
 
 pub mod compose;
 pub mod document;
-pub mod ekf;
 pub mod files;
+pub mod filter;
 pub mod model;
 pub mod plugin;
 pub mod prelude;

@@ -6,13 +6,13 @@ pub use crate::compose::calibration::{
     Calibration, LengthBias, LeverArm, Misalignment, ScaleFactor,
 };
 pub use crate::model::error::ComposeError;
-pub use crate::model::input::InputModel;
-pub use crate::model::measurement::{Jacobian, MeasurementModel};
-pub use crate::model::motion::Motion;
-pub use crate::model::mounting::Mounting;
+pub use crate::model::process::input::InputModel;
 pub use crate::model::process::{BuiltProcess, Interval, OwnDynamics, ProcessError, ProcessModel};
-pub use crate::model::roster::Roster;
 pub use crate::model::sensor::Role;
+pub use crate::model::sensor::measurement::{Jacobian, MeasurementModel};
+pub use crate::model::sensor::motion::Motion;
+pub use crate::model::sensor::mounting::Mounting;
+pub use crate::model::sensor::roster::Roster;
 pub use crate::model::simulate::Scene;
 pub use crate::model::stream::{RunInfo, Sink, Source, StreamError};
 pub use crate::plugin::{

@@ -1,9 +1,9 @@
 //! A sink on a thread of its own, beside the same sink on the thread of the run.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
+use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::record::{Epoch, Event, Repetition, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, Source, StreamError};
-use navfuse_core::model::verdict::Verdict;
 use navfuse_core::run::background::Background;
 use navfuse_core::run::runner::{Finished, run};
 use navfuse_core::run::scenario::Assembly;

@@ -5,12 +5,12 @@
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::document::Document;
-use navfuse_core::ekf::Ekf;
+use navfuse_core::filter::Ekf;
 use navfuse_core::model::error::ComposeError;
-use navfuse_core::model::measurement::{At, MeasurementModel, jacobian_error};
 use navfuse_core::model::process::{BuiltProcess, OwnDynamics};
 use navfuse_core::model::record::{Observer, Outcome, UpdateRecord};
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::measurement::{At, MeasurementModel, jacobian_error};
 use navfuse_core::nalgebra::{SMatrix, SVector, Vector2, Vector3, convert};
 use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};
 use navfuse_core::run::scenario::Scenario;

@@ -5,13 +5,13 @@
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::document::Document;
-use navfuse_core::ekf::Ekf;
+use navfuse_core::filter::Ekf;
 use navfuse_core::model::error::ComposeError;
-use navfuse_core::model::measurement::MeasurementModel;
-use navfuse_core::model::motion::Motion;
 use navfuse_core::model::process::BuiltProcess;
 use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::measurement::MeasurementModel;
+use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::simulate::Random;
 use navfuse_core::nalgebra::{Matrix4, SMatrix, SVector, Vector2, Vector4, convert};
 use navfuse_core::plugin::{Plugin, ProcessType, Registry, SensorType};

@@ -3,12 +3,12 @@
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::document::Document;
-use navfuse_core::ekf::Ekf;
-use navfuse_core::model::detector::Detector;
+use navfuse_core::filter::Ekf;
 use navfuse_core::model::process::Input;
-use navfuse_core::model::screening::{ChannelLimits, Screening};
+use navfuse_core::model::process::screening::{ChannelLimits, Screening};
+use navfuse_core::model::process::start::{AlignmentReport, InitialAlignment, Progress};
+use navfuse_core::model::sensor::detector::Detector;
 use navfuse_core::model::simulate::Simulate;
-use navfuse_core::model::start::{AlignmentReport, InitialAlignment, Progress};
 use navfuse_core::nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
 use navfuse_core::prelude::*;
 use navfuse_core::run::runner::{Finished, run};

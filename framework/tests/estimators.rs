@@ -4,11 +4,11 @@
 use navfuse_core::compose::estimator::{Estimator, EstimatorType};
 use navfuse_core::compose::{Composer, Composition};
 use navfuse_core::document::Document;
-use navfuse_core::ekf::{Ekf, EstimatorError, Ukf};
+use navfuse_core::filter::{Ekf, EstimatorError, Ukf};
 use navfuse_core::model::error::ComposeError;
-use navfuse_core::model::motion::Motion;
 use navfuse_core::model::process::{BuiltProcess, Interval, ProcessError, ProcessModel};
 use navfuse_core::model::record::{Epoch, Observer, Truth};
+use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::nalgebra::Vector1;
 use navfuse_core::plugin::{ProcessType, Registry, SourceType};
 use navfuse_core::prelude::{OpenContext, Source, StreamError};

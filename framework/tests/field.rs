@@ -5,11 +5,11 @@
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::document::Document;
-use navfuse_core::ekf::Ekf;
+use navfuse_core::filter::Ekf;
 use navfuse_core::model::error::ComposeError;
-use navfuse_core::model::measurement::MeasurementModel;
 use navfuse_core::model::process::{BuiltProcess, OwnDynamics};
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::measurement::MeasurementModel;
 use navfuse_core::model::simulate::Random;
 use navfuse_core::nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector2, convert};
 use navfuse_core::plugin::{ProcessType, Registry, SensorType};

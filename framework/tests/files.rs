@@ -2,7 +2,7 @@
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::document::Document;
-use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::sensor::measurement::MeasurementModel;
 use navfuse_core::nalgebra::{SMatrix, SVector};
 use navfuse_core::prelude::*;
 use navfuse_core::run::scenario::Scenario;

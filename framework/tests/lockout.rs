@@ -4,12 +4,12 @@
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::document::Document;
-use navfuse_core::ekf::Ekf;
+use navfuse_core::filter::Ekf;
 use navfuse_core::model::error::ComposeError;
-use navfuse_core::model::finding::Severity;
-use navfuse_core::model::measurement::MeasurementModel;
+use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::{Outcome, Rejection};
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::measurement::MeasurementModel;
 use navfuse_core::nalgebra::{SMatrix, SVector};
 use navfuse_core::plugin::{Registry, SensorType};
 use navfuse_core::run::scenario::Scenario;

@@ -1,9 +1,9 @@
 //! Samples in and out of order, whole and damaged: what the filter does with each.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::model::measurement::{At, jacobian_error};
 use navfuse_core::model::record::{Outcome, Rejection};
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::measurement::{At, jacobian_error};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_testing::lab::{self, Bench, SCENARIO, seconds};
 

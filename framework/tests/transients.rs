@@ -2,7 +2,7 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use navfuse_core::document::Document;
-use navfuse_core::ekf::{Ekf, Timeline};
+use navfuse_core::filter::{Ekf, Timeline};
 use navfuse_core::model::record::{Outcome, Rejection};
 use navfuse_core::nalgebra::{DMatrix, DVector};
 use navfuse_core::prelude::*;

@@ -3,8 +3,8 @@
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::document::Document;
-use navfuse_core::ekf::Ekf;
-use navfuse_core::model::finding::{Finding, Severity};
+use navfuse_core::filter::Ekf;
+use navfuse_core::model::record::finding::{Finding, Severity};
 use navfuse_core::model::record::{Outcome, Rejection};
 use navfuse_core::model::simulate::Random;
 use navfuse_core::nalgebra::{DMatrix, DVector, Rotation3, SMatrix, SVector, Vector2, Vector3};

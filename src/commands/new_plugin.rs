@@ -160,7 +160,7 @@ fn check_name(name: &str) -> Result<()> {
 /// it still exists.
 fn checkout(given: Option<&Path>) -> Result<Option<PathBuf>> {
     let is_one = |path: &Path| {
-        path.join("framework/Cargo.toml").is_file() && path.join("plugins/ins").is_dir()
+        path.join("framework/Cargo.toml").is_file() && path.join("plugins/sensors/ins").is_dir()
     };
     match given {
         None => {
@@ -263,7 +263,7 @@ mod tests {
             ),
             "{text}"
         );
-        assert!(text.contains("navfuse-ins = { path = \"/a b/navfuse/plugins/ins\" }\n"), "{text}");
+        assert!(text.contains("navfuse-ins = { path = \"/a b/navfuse/plugins/sensors/ins\" }\n"), "{text}");
         let text = filled(cargo, "usbl", None).unwrap();
         assert!(
             text.contains(concat!(

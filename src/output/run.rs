@@ -2,9 +2,9 @@
 
 use super::terminal::{Detail, Tone};
 use super::{Table, line, marked_line, marked_table, right, table, warn};
+use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::model::verdict::{Verdict, VerdictLevel};
 use navfuse_core::run::summary::{Recorded, StateRow, Summary};
 use navfuse_core::smooth::QualityReport;
 use navfuse_core::state::Mode;

@@ -2,7 +2,7 @@
 
 use crate::{Imu, Peer};
 use navfuse_core::document::Document;
-use navfuse_core::ekf::{Ekf, Snapshot};
+use navfuse_core::filter::{Ekf, Snapshot};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::Scenario;

@@ -1,5 +1,5 @@
 //! A preset of a sensor type of another crate.
-use navfuse_core::model::limits::Limit;
+use navfuse_core::model::sensor::limits::Limit;
 use navfuse_core::prelude::*;
 use navfuse_gnss::Gnss;
 

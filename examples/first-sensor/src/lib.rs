@@ -7,8 +7,8 @@ use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{LengthBias, LeverArm};
 use navfuse_core::model::error::ComposeError;
-use navfuse_core::model::measurement::MeasurementModel;
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::measurement::MeasurementModel;
 use navfuse_core::nalgebra::{SMatrix, SVector};
 use navfuse_core::plugin::{Plugin, Registry, SensorType};
 use navfuse_core::state::display;
@@ -104,7 +104,7 @@ mod tests {
     #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
     use super::*;
     use navfuse_core::document::Document;
-    use navfuse_core::model::measurement::At;
+    use navfuse_core::model::sensor::measurement::At;
     use navfuse_core::run::runner;
     use navfuse_core::run::runner::Finished;
     use navfuse_core::run::scenario::Scenario;

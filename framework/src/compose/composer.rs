@@ -1,9 +1,9 @@
 //! The composer, with which process and sensor types build their models.
 
-use crate::model::detector::Detector;
 use crate::model::error::ComposeError;
-use crate::model::mounting::Mounting;
 use crate::model::sensor::Role;
+use crate::model::sensor::detector::Detector;
+use crate::model::sensor::mounting::Mounting;
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::state::covariance::{InputSlot, Transition};
 use crate::state::layout::Turning;
@@ -235,11 +235,11 @@ impl Composer {
 
     /// Adds knowledge without a sensor, such as that the vehicle is at rest: `0 = h(x) + v`, `v ~
     /// N(0, R)`. The filter applies it when the process's alignment asks for it
-    /// ([`crate::model::start::Supervision`]), and gates, records and counts it like a sensor of
+    /// ([`crate::model::process::start::Supervision`]), and gates, records and counts it like a sensor of
     /// that name. A process has at most one constraint.
     pub fn constraint<M, const N: usize>(&mut self, name: &str, channels: [Channel; N], model: M)
     where
-        M: crate::model::measurement::MeasurementModel<N> + Sync,
+        M: crate::model::sensor::measurement::MeasurementModel<N> + Sync,
     {
         let info = SensorInfo {
             name: name.to_owned(),

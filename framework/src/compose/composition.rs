@@ -4,16 +4,16 @@ use crate::compose::draw::Draw;
 use crate::compose::estimator::Creator;
 use crate::compose::settings::Initial;
 use crate::model::error::ComposeError;
-use crate::model::fault::Fault;
-use crate::model::monitor::Monitor;
-use crate::model::motion::Motion;
 use crate::model::process::ProcessModel;
-use crate::model::screening::Screening;
+use crate::model::process::monitor::Monitor;
+use crate::model::process::screening::Screening;
+use crate::model::process::start::InitialAlignment;
 use crate::model::sensor::Role;
 use crate::model::sensor::Sensor;
+use crate::model::sensor::motion::Motion;
+use crate::model::sensor::update_rule::UpdateRule;
 use crate::model::sensor::{Purpose, SensorInfo};
-use crate::model::start::InitialAlignment;
-use crate::model::update_rule::UpdateRule;
+use crate::model::simulate::fault::Fault;
 use crate::state::covariance::Transition;
 use crate::state::{Layout, Mode};
 use crate::units::Sigma;
@@ -183,7 +183,7 @@ impl Composition {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::mounting::Mounting;
+    use crate::model::sensor::mounting::Mounting;
     use crate::units::sample::Channel;
 
     #[test]

@@ -8,8 +8,8 @@
 use crate::compose::Composer;
 use crate::document::unknown;
 use crate::model::error::ComposeError;
-use crate::model::measurement::{AnyMeasurement, At};
-use crate::model::roster::Roster;
+use crate::model::sensor::measurement::{AnyMeasurement, At};
+use crate::model::sensor::roster::Roster;
 use crate::model::simulate::Scene;
 use crate::state::covariance::Update;
 use crate::state::manifold::Scalar;
@@ -224,7 +224,7 @@ mod tests {
     #![allow(clippy::expect_used, reason = "a test fails by panicking")]
     use super::*;
     use crate::Real;
-    use crate::model::measurement::{Erased, MeasurementModel};
+    use crate::model::sensor::measurement::{Erased, MeasurementModel};
     use crate::state::manifold::Vector;
     use crate::state::{View, display as units};
     use crate::units::sample::SensorId;

@@ -3,8 +3,8 @@
 use crate::compose::Composition;
 use crate::model::error::ComposeError;
 use crate::model::estimator_error::EstimatorError;
+use crate::model::process::start::AlignmentReport;
 use crate::model::record::{Epoch, Event, Observer, Truth};
-use crate::model::start::AlignmentReport;
 use crate::state::covariance::Covariance;
 use crate::state::{Block, State};
 use crate::units::sample::Sample;
@@ -14,14 +14,14 @@ use std::any::Any;
 /// An estimator: takes samples in order of time, and gives estimates with their uncertainty.
 ///
 /// An estimator reports everything that happens to its [`Observer`]: updates, comparisons with a
-/// reference, events and findings. The framework has two, [`crate::ekf::Ekf`] and
-/// [`crate::ekf::Ukf`]; a plugin registers others with
+/// reference, events and findings. The framework has two, [`crate::filter::Ekf`] and
+/// [`crate::filter::Ukf`]; a plugin registers others with
 /// [`crate::plugin::Registry::estimator`].
 ///
 /// One that changes what another gives, and hands the rest over:
 /// ```
 /// use navfuse_core::compose::estimator::{Estimator, EstimatorType};
-/// use navfuse_core::ekf::{Ekf, EstimatorError};
+/// use navfuse_core::filter::{Ekf, EstimatorError};
 /// use navfuse_core::model::record::{Epoch, Observer, Truth};
 /// use navfuse_core::plugin::Registry;
 /// use navfuse_core::prelude::*;
@@ -134,7 +134,7 @@ pub trait Estimator: Any + Send {
 ///
 /// ```
 /// # use navfuse_core::compose::estimator::{Estimator, EstimatorType};
-/// # use navfuse_core::ekf::Ekf;
+/// # use navfuse_core::filter::Ekf;
 /// # use navfuse_core::prelude::*;
 /// # use navfuse_core::compose::Composition;
 /// /// A filter for vehicles, not for sensors on a bench.

@@ -2,12 +2,12 @@
 
 use crate::compose::calibration::TimeOffset;
 use crate::compose::correlated::CorrelatedError;
-use crate::model::delivery::Delay;
-use crate::model::gate::{Gate, Recovery};
-use crate::model::limits::LimitKeys;
-use crate::model::robust::Robust;
+use crate::model::sensor::delivery::Delay;
+use crate::model::sensor::gate::{Gate, Recovery};
+use crate::model::sensor::limits::LimitKeys;
+use crate::model::sensor::robust::Robust;
+use crate::model::sensor::update_rule::UpdateRule;
 use crate::model::simulate::Faults;
-use crate::model::update_rule::UpdateRule;
 use crate::units::{Positive, Time as Duration};
 use schemars::JsonSchema;
 use serde::Deserialize;

@@ -1,7 +1,7 @@
 //! The table `[estimator]`: start, end and initial values of the filter.
 
 use crate::compose::draw::Draw;
-use crate::model::update_rule::UpdateRule;
+use crate::model::sensor::update_rule::UpdateRule;
 use crate::units::time::Time;
 use crate::units::{Frequency, NonNegative, Positive, Time as Duration};
 use schemars::JsonSchema;

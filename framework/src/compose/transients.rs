@@ -18,7 +18,7 @@ impl Composer {
     /// is placed by a sample. `spec.initial` is the mean to which a Gauss-Markov block returns.
     ///
     /// [`View::transient`]: crate::state::View::transient
-    /// [`Roster::add`]: crate::model::roster::Roster::add
+    /// [`Roster::add`]: crate::model::sensor::roster::Roster::add
     ///
     /// # Errors
     /// When the count is zero, the specification does not fit the manifold, or a name is taken.

@@ -1,6 +1,6 @@
 //! Reasons why an estimator cannot continue.
 
-use crate::model::process_error::ProcessError;
+use crate::model::process::ProcessError;
 use crate::units::time::Time;
 
 /// Reason why an estimator cannot continue.

@@ -2,9 +2,9 @@
 
 mod batch;
 
+use crate::model::record::verdict::Verdict;
 use crate::model::record::{Epoch, Event, Repetition, UpdateRecord};
 use crate::model::stream::{RunInfo, Sink, StreamError};
-use crate::model::verdict::Verdict;
 use crate::state::Layout;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;

@@ -1,8 +1,8 @@
 //! Sources whose samples arrive later than they are valid: the key `delay` of a sensor.
 
 use crate::compose::Composition;
-use crate::model::delivery::Delay;
 use crate::model::record::Event;
+use crate::model::sensor::delivery::Delay;
 use crate::model::stream::{NamedSource, Source, StreamError};
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;

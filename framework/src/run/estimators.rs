@@ -3,10 +3,10 @@
 use crate::compose::Composition;
 use crate::compose::estimator::{Creator, Estimator};
 use crate::document::{DocumentError, Node, unknown};
-use crate::ekf::{Ekf, Ukf};
+use crate::filter::{Ekf, Ukf};
 use crate::model::error::ComposeError;
 use crate::model::sensor::Role;
-use crate::model::update_rule::UpdateRule;
+use crate::model::sensor::update_rule::UpdateRule;
 use crate::plugin::Registry;
 use crate::smooth::Relinearised;
 use std::any::Any;

@@ -1,7 +1,7 @@
 //! Connection of input models with the driving sensors that they correct.
 
 use crate::document::{DocumentError, Node, did_you_mean};
-use crate::model::input::{AnyInput, Correction};
+use crate::model::process::input::{AnyInput, Correction};
 use crate::model::sensor::{Purpose, Sensor};
 use crate::run::building::process_place;
 use crate::state::Layout;

@@ -1,9 +1,9 @@
 //! The recipients of a run: its sinks, its statistics and its list of events.
 
-use crate::model::finding::Finding;
+use crate::model::record::finding::Finding;
+use crate::model::record::verdict::Verdict;
 use crate::model::record::{Epoch, Event, Level, Observer, Rejection, Repetition, UpdateRecord};
 use crate::model::stream::{NamedSink, Sink, StreamError};
-use crate::model::verdict::Verdict;
 use crate::run::output_rate::OutputRate;
 use crate::run::summary::{Recorded, Statistics};
 use crate::run::verdict::Judge;
@@ -256,7 +256,7 @@ fn keep(findings: &mut Vec<Finding>, finding: Finding) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::finding::{Basis, Severity};
+    use crate::model::record::finding::{Basis, Severity};
 
     /// A fault that is found after very many others decides the verdict as well.
     #[test]

@@ -3,9 +3,9 @@
 
 use crate::compose::Composition;
 use crate::compose::estimator::Estimator;
-use crate::ekf::Timeline;
+use crate::filter::Timeline;
 use crate::model::estimator_error::EstimatorError;
-use crate::model::finding::Finding;
+use crate::model::record::finding::Finding;
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::SensorInfo;
 use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};

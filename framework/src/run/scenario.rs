@@ -3,7 +3,7 @@
 use crate::compose::Composition;
 use crate::compose::estimator::Creator;
 use crate::document::{Document, DocumentError};
-use crate::ekf::Ekf;
+use crate::filter::Ekf;
 use crate::model::stream::{NamedSink, NamedSource};
 use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry, Shared};
 use crate::run::building::{Building, Header};

@@ -1,11 +1,11 @@
 //! The results of a run in numbers.
 
 use crate::compose::estimator::Estimator;
+use crate::model::record::verdict::Verdict;
 use crate::model::record::{Epoch, Event, Level, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::Purpose;
 use crate::model::sensor::Role;
 use crate::model::stream::RunInfo;
-use crate::model::verdict::Verdict;
 use crate::run::track::Track;
 use crate::smooth::QualityReport;
 use crate::state::Mode;

@@ -12,7 +12,7 @@ use super::error::SmoothError;
 use super::estimate::Row;
 use super::segment::{Kind, Recorder, Segment, correction_length, gated_length};
 use super::tape::{Entry, Steps};
-use crate::ekf::{Course, Ekf, EstimatorError, Snapshot};
+use crate::filter::{Course, Ekf, EstimatorError, Snapshot};
 use crate::model::record::{Epoch, Observer};
 use crate::state::Layout;
 use crate::state::covariance::{Closure, Transition, Update};

@@ -18,12 +18,12 @@ use super::change::Change;
 use super::means::Records;
 use crate::compose::Composition;
 use crate::compose::estimator::Estimator;
-use crate::ekf::{Ekf, EstimatorError, Snapshot};
-use crate::model::finding::Finding;
+use crate::filter::{Ekf, EstimatorError, Snapshot};
+use crate::model::process::start::AlignmentReport;
+use crate::model::record::finding::Finding;
 use crate::model::record::{
     Epoch, Event, Level, Observer, Rejection, Repetition, Truth, UpdateRecord,
 };
-use crate::model::start::AlignmentReport;
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Block, State};
 use crate::units::sample::Sample;

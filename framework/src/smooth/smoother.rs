@@ -5,7 +5,7 @@ use super::forward::Forward;
 use super::lag::Lagged;
 use super::passes;
 use super::quality::QualityReport;
-use crate::ekf::Ekf;
+use crate::filter::Ekf;
 use crate::model::record::Epoch;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;

@@ -10,7 +10,7 @@
 )]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use navfuse_core::ekf::Ekf;
+use navfuse_core::filter::Ekf;
 use navfuse_core::model::process::{Input, Interval};
 use navfuse_core::nalgebra::{DMatrix, SMatrix};
 use navfuse_core::plugin::Registry;

@@ -7,7 +7,7 @@
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot start has nothing to report")]
 
 use navfuse_core::document::Document;
-use navfuse_core::ekf::{Ekf, Timeline};
+use navfuse_core::filter::{Ekf, Timeline};
 use navfuse_core::model::record::Observer;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::nalgebra::DMatrix;

@@ -6,7 +6,7 @@
 
 use crate::Trajectory;
 use nalgebra::Vector3;
-use navfuse_core::model::motion::Motion;
+use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::units::time::Time;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};

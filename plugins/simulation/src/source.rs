@@ -6,14 +6,14 @@ use crate::{Cursor, Trajectory, TrajectoryConfig};
 use nalgebra::Vector3;
 use navfuse_core::compose::Composition;
 use navfuse_core::compose::truth::TrueState;
-use navfuse_core::model::fault::Injector;
-use navfuse_core::model::input::Correction;
-use navfuse_core::model::measurement::AnyMeasurement;
-use navfuse_core::model::motion::Motion;
 use navfuse_core::model::process::ProcessModel;
+use navfuse_core::model::process::input::Correction;
 use navfuse_core::model::record::{Event, Level};
+use navfuse_core::model::sensor::measurement::AnyMeasurement;
+use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::sensor::{Reference, Role};
+use navfuse_core::model::simulate::fault::Injector;
 use navfuse_core::model::simulate::{Faults, Random, Scene, Simulate};
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
@@ -170,7 +170,7 @@ struct Path<P: Piece> {
     shared: Option<IdealReader>,
 }
 
-impl<P: Piece> navfuse_core::model::motion::Trajectory for Path<P> {
+impl<P: Piece> navfuse_core::model::sensor::motion::Trajectory for Path<P> {
     fn at(&mut self, time: Time) -> Motion {
         let Self { cursor, number, shared } = self;
         let mut compute = || {
@@ -367,7 +367,7 @@ impl<P: Piece> Source for SensorStream<P> {
             if self.gone {
                 continue;
             }
-            let motion = navfuse_core::model::motion::Trajectory::at(&mut self.path, to);
+            let motion = navfuse_core::model::sensor::motion::Trajectory::at(&mut self.path, to);
             match &self.kind {
                 Simulated::Measuring(model) => {
                     let TrueState { state, known, .. } = &mut self.truth;

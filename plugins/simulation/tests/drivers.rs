@@ -2,7 +2,7 @@
 //! through an outage of the IMU, as outsiders would write them.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::model::motion::Motion;
+use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::simulate::{Random, Simulate};
 use navfuse_core::prelude::*;
 use navfuse_core::run::runner::Finished;

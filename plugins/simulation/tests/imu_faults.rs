@@ -1,7 +1,7 @@
 //! Faults of the IMU: each is survived within the reported uncertainty, or the run reports that its
 //! result must not be used, names the IMU and gives a remedy.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
-use navfuse_core::model::finding::{Finding, Severity};
+use navfuse_core::model::record::finding::{Finding, Severity};
 use navfuse_core::run::runner::{self, Finished};
 use navfuse_core::run::scenario::Scenario;
 use navfuse_testing::{document, registry, scenario};

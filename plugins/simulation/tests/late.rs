@@ -1,8 +1,8 @@
 //! Late samples: any order of arrival within the window gives the results of the run in order.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::ekf::{Ekf, EstimatorError, Timeline};
-use navfuse_core::model::finding::Finding;
+use navfuse_core::filter::{Ekf, EstimatorError, Timeline};
+use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Random;

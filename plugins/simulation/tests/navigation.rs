@@ -1,9 +1,9 @@
 //! The estimator with the inertial, DVL and depth plugins: Jacobians, intervals, long runs, memory.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
-use navfuse_core::ekf::Ekf;
-use navfuse_core::model::measurement::{At, jacobian_error};
+use navfuse_core::filter::Ekf;
 use navfuse_core::model::record::{Epoch, Observer, Outcome, UpdateRecord};
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::measurement::{At, jacobian_error};
 use navfuse_core::model::simulate::Random;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::nalgebra::{DMatrix, Matrix3, Vector3};

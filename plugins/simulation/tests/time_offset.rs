@@ -2,7 +2,7 @@
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use navfuse_core::document::Document;
-use navfuse_core::ekf::Ekf;
+use navfuse_core::filter::Ekf;
 use navfuse_core::model::record::{Observer, Outcome, UpdateRecord};
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::{Assembly, Scenario};

@@ -5,11 +5,11 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 #![allow(dead_code, reason = "the generators have more than the corpus needs")]
 
-#[path = "../../../plugins/dvl-files/tests/dvl_files/generate.rs"]
+#[path = "../../../plugins/formats/dvl-files/tests/dvl_files/generate.rs"]
 mod dvl;
-#[path = "../../../plugins/ros2/tests/ros2/recorder.rs"]
+#[path = "../../../plugins/formats/ros2/tests/ros2/recorder.rs"]
 mod recorder;
-#[path = "../../../plugins/vehicle-logs/tests/vehicle_logs/generate.rs"]
+#[path = "../../../plugins/formats/vehicle-logs/tests/vehicle_logs/generate.rs"]
 mod vehicle;
 
 use navfuse_core::document::Document;

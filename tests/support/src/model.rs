@@ -2,9 +2,9 @@
 
 use crate::scenario;
 use navfuse_core::compose::Composition;
-use navfuse_core::model::measurement::{AnyMeasurement, At, jacobian_error};
-use navfuse_core::model::motion::{Motion, Trajectory};
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::measurement::{AnyMeasurement, At, jacobian_error};
+use navfuse_core::model::sensor::motion::{Motion, Trajectory};
 use navfuse_core::model::simulate::{Random, Scene};
 use navfuse_core::nalgebra::Vector3;
 use navfuse_core::state::State;

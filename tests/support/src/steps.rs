@@ -1,8 +1,8 @@
 //! Steps of a filter, one by one, for tests that measure each of them.
 
 use navfuse_core::document::Document;
-use navfuse_core::ekf::Ekf;
-use navfuse_core::model::finding::Finding;
+use navfuse_core::filter::Ekf;
+use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::{Event, Observer, Outcome, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::plugin::Registry;

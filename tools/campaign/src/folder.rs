@@ -11,7 +11,7 @@ use crate::statistics::PointStatistics;
 use crate::sweep;
 use crate::tables::{Names, TableWriter};
 use navfuse_core::files::{FolderError, FolderLock, keep_earlier, write_whole};
-use navfuse_core::model::verdict::VerdictLevel;
+use navfuse_core::model::record::verdict::VerdictLevel;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -8,7 +8,7 @@
 use crate::CampaignError;
 use crate::campaign::{Campaign, Job, Shard};
 use crate::record::{BoundRecord, Record, Row, RunRecord};
-use navfuse_core::model::verdict::VerdictLevel;
+use navfuse_core::model::record::verdict::VerdictLevel;
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};

@@ -8,7 +8,7 @@ use crate::folder::{
 };
 use crate::record::{BoundRecord, Record, Row, RunRecord};
 use crate::tables::{Names, TableReader, checksum};
-use navfuse_core::model::verdict::VerdictLevel;
+use navfuse_core::model::record::verdict::VerdictLevel;
 use std::path::{Path, PathBuf};
 
 fn read_log(folder: &Path) -> Result<Log, CampaignError> {

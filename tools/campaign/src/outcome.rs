@@ -4,7 +4,7 @@
 use crate::columns::Columns;
 use crate::record::RunRecord;
 use crate::statistics::PointStatistics;
-use navfuse_core::model::verdict::VerdictLevel;
+use navfuse_core::model::record::verdict::VerdictLevel;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

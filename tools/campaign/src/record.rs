@@ -1,7 +1,7 @@
 //! Records: the results of jobs.
 
 use crate::columns::Columns;
-use navfuse_core::model::verdict::VerdictLevel;
+use navfuse_core::model::record::verdict::VerdictLevel;
 
 /// Result of one job: the bound of a point, or one run.
 #[derive(Clone, Debug, PartialEq)]

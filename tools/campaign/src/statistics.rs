@@ -3,7 +3,7 @@
 use crate::columns::Columns;
 use crate::outcome::Outcomes;
 use crate::record::{BoundRecord, Row, RunRecord, SENSOR};
-use navfuse_core::model::verdict::VerdictLevel;
+use navfuse_core::model::record::verdict::VerdictLevel;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -2,8 +2,8 @@
 
 use crate::lab::{Lab, all_estimated};
 use crate::{Failure, Report};
-use navfuse_core::model::measurement::At;
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::measurement::At;
 use navfuse_core::state::covariance::Update;
 use navfuse_core::units::sample::{Channel, MAX_CHANNELS, Sample};
 

@@ -5,7 +5,7 @@
 
 use crate::lab::{Lab, Moment, all_estimated};
 use crate::{Failure, Report, lab, seams};
-use navfuse_core::model::measurement::{AnyMeasurement, At};
+use navfuse_core::model::sensor::measurement::{AnyMeasurement, At};
 use navfuse_core::state::covariance::Update;
 use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::state::{Block, BlockSet, Layout};

@@ -4,11 +4,11 @@
 use crate::Failure;
 use navfuse_core::compose::Composition;
 use navfuse_core::document::{Document, Node};
-use navfuse_core::ekf::Ekf;
-use navfuse_core::model::measurement::AnyMeasurement;
-use navfuse_core::model::motion::Motion;
+use navfuse_core::filter::Ekf;
 use navfuse_core::model::record::{Observer, Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::measurement::AnyMeasurement;
+use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::simulate::Random;
 use navfuse_core::model::stream::Source;
 use navfuse_core::nalgebra::{UnitQuaternion, Vector3};

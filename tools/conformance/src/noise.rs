@@ -2,7 +2,7 @@
 
 use crate::lab::{Lab, Moment};
 use crate::{Failure, Report};
-use navfuse_core::model::measurement::At;
+use navfuse_core::model::sensor::measurement::At;
 use navfuse_core::nalgebra::DMatrix;
 
 pub fn check(lab: &Lab<'_>, report: &mut Report) {

@@ -4,7 +4,7 @@
 
 use crate::lab::{Heard, Lab, assemble_to, merged};
 use crate::{Failure, Report};
-use navfuse_core::ekf::Ekf;
+use navfuse_core::filter::Ekf;
 use navfuse_core::model::record::Rejection;
 use navfuse_core::model::sensor::Role;
 use navfuse_core::plugin::Kind;
@@ -192,7 +192,7 @@ fn rejection(lab: &Lab<'_>, sensor: usize) -> Result<String, Failure> {
     Ok(format!("{tried} samples that are NaN, infinite or empty are rejected, and change nothing"))
 }
 
-fn ekf_at(snapshot: &navfuse_core::ekf::Snapshot, lab: &Lab<'_>) -> Result<Ekf, Failure> {
+fn ekf_at(snapshot: &navfuse_core::filter::Snapshot, lab: &Lab<'_>) -> Result<Ekf, Failure> {
     let mut ekf = Ekf::new(lab.compose(&[])?);
     ekf.restore(snapshot);
     Ok(ekf)

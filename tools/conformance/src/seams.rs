@@ -6,7 +6,7 @@
 
 use crate::Failure;
 use crate::lab::Moment;
-use navfuse_core::model::measurement::{AnyMeasurement, At};
+use navfuse_core::model::sensor::measurement::{AnyMeasurement, At};
 use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::state::{BlockSet, Layout, State};
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample};

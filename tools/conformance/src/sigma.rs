@@ -4,8 +4,8 @@ use crate::lab::{Lab, Moment, Part};
 use crate::{Failure, Report};
 use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
-use navfuse_core::model::measurement::At;
 use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::measurement::At;
 use navfuse_core::plugin::Kind;
 
 /// Largest relative error of a ratio of variances: rounding of units, and of differences of `R`.

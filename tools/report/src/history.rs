@@ -1,9 +1,9 @@
 //! History of a run: counts of everything, and series of a bounded length.
 
 use crate::thin::{Merge, Thin};
+use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::model::sensor::Purpose;
-use navfuse_core::model::verdict::Verdict;
 use navfuse_core::smooth::SMOOTHER;
 use navfuse_core::state::Mode;
 use navfuse_core::state::geodesy::Geodetic;

@@ -1,9 +1,9 @@
 //! History of a run during the run.
 
 use crate::history::{BlockInfo, Fate, History, Row, SensorHistory};
+use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::record::{Epoch, Event, Outcome, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::model::verdict::Verdict;
 use navfuse_core::state::manifold::{MAX_TANGENT, Position};
 use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::time::Time;

@@ -4,8 +4,8 @@ use crate::recording::{BodyVelocity, Imu, Inertial, Mounting, PositionFix, Posit
 use crate::{SegmentError, Series};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use navfuse_core::compose::Composition;
-use navfuse_core::model::measurement::{AnyMeasurement, At};
-use navfuse_core::model::motion::Motion;
+use navfuse_core::model::sensor::measurement::{AnyMeasurement, At};
+use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::sensor::{Role, Sensor};
 use navfuse_core::state::geodesy::{Geodetic, radii_of_curvature};
 use navfuse_core::state::manifold::{Manifold, Position, Rotation};

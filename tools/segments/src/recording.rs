@@ -4,7 +4,7 @@ use crate::gather::Builder;
 use crate::gatherer::dropped_samples;
 use crate::{SegmentError, Series};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
-use navfuse_core::model::motion::Motion;
+use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::run::scenario::{Assembly, Scenario};
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::units::sample::{Sample, SensorId};

@@ -2,8 +2,8 @@
 
 use super::report::{SLIGHT, UNTRUE, size};
 use crate::model::chi_square::{outside, sigmas};
-use crate::model::finding::Severity;
-use crate::model::verdict::Criterion;
+use crate::model::record::finding::Severity;
+use crate::model::record::verdict::Criterion;
 
 /// Correlation of successive innovations below which a run is not doubted: the sigma of a mean is
 /// then wrong by less than `sqrt((1 + 0.1) / (1 - 0.1))`, 11 %.

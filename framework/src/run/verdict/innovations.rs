@@ -8,9 +8,9 @@
 use super::channel::{ChannelStatistics, Departure};
 use super::report::{Report, SLIGHT, reason, size};
 use crate::model::chi_square::{Band, band, gated_moments, probability};
-use crate::model::finding::Severity;
+use crate::model::record::finding::Severity;
+use crate::model::record::verdict::{Criterion, SensorConsistency};
 use crate::model::record::{Outcome, Rejection, UpdateRecord};
-use crate::model::verdict::{Criterion, SensorConsistency};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 

@@ -6,8 +6,8 @@
 
 use super::report::reason;
 use crate::compose::Composition;
-use crate::model::finding::Severity;
-use crate::model::verdict::{Criterion, Reason};
+use crate::model::record::finding::Severity;
+use crate::model::record::verdict::{Criterion, Reason};
 use crate::state::manifold::Reading;
 
 /// Mean of `e^2 / 2` from which a run is doubtful: 1 %, a sigma of 8 deg.

@@ -10,10 +10,10 @@ mod report;
 mod states;
 
 use crate::compose::{Composition, moved};
-use crate::model::finding::{Basis, Finding, Severity};
+use crate::model::record::finding::{Basis, Finding, Severity};
+use crate::model::record::verdict::{Criterion, Reason, Verdict};
 use crate::model::record::{Outcome, UpdateRecord};
 use crate::model::sensor::{Purpose, SensorInfo};
-use crate::model::verdict::{Criterion, Reason, Verdict};
 use crate::state::Mode;
 use crate::state::covariance::Update;
 use crate::units::sample::Channel;

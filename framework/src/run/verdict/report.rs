@@ -1,7 +1,7 @@
 //! Parts that the criteria share: the level of the tests, and the reasons that they report.
 
-use crate::model::finding::Severity;
-use crate::model::verdict::{Criterion, Reason, SensorConsistency};
+use crate::model::record::finding::Severity;
+use crate::model::record::verdict::{Criterion, Reason, SensorConsistency};
 
 /// Probability that the statistical tests doubt a consistent run. All tests share it.
 pub(crate) const FALSE_ALARM: f64 = 0.005;

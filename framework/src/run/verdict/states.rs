@@ -15,9 +15,9 @@
 
 use super::report::{Report, SLIGHT, reason};
 use crate::model::chi_square::sigmas;
-use crate::model::finding::Severity;
+use crate::model::record::finding::Severity;
+use crate::model::record::verdict::Criterion;
 use crate::model::sensor::SensorInfo;
-use crate::model::verdict::Criterion;
 use crate::state::covariance::Update;
 use crate::state::{Block, Layout};
 
@@ -220,8 +220,8 @@ mod tests {
     #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
     use super::*;
     use crate::compose::Composer;
-    use crate::model::mounting::Mounting;
     use crate::model::sensor::Purpose;
+    use crate::model::sensor::mounting::Mounting;
     use crate::state::covariance::Covariance;
     use crate::state::manifold::{Scalar, Vector};
     use crate::state::{BlockSpec, Display, Dynamics, Mode};

@@ -4,7 +4,7 @@
 mod bench;
 
 use bench::Trial;
-use navfuse_core::model::finding::{Finding, Severity};
+use navfuse_core::model::record::finding::{Finding, Severity};
 
 const DIVE: &str = include_str!("../../../../scenarios/surface-dive.toml");
 

@@ -12,7 +12,7 @@ pub use keys::KeyDifference;
 use keys::differences;
 use navfuse_core::document::{Document, DocumentError};
 use navfuse_core::model::record::Level;
-use navfuse_core::model::verdict::VerdictLevel;
+use navfuse_core::model::record::verdict::VerdictLevel;
 use serde::Serialize;
 
 /// Full turn, deg.

@@ -4,7 +4,7 @@ use super::{Comparison, SensorCounts, StateNumbers};
 use crate::page::tables::number;
 use crate::page::{document, picture};
 use maud::{Markup, html};
-use navfuse_core::model::verdict::VerdictLevel;
+use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_figures::{Figure, FigureError};
 
 /// Ratio of a difference to its sigma above which it is marked.

@@ -4,7 +4,7 @@ use crate::history::History;
 use maud::{Markup, html};
 use navfuse_core::model::chi_square::beyond;
 use navfuse_core::model::record::Level;
-use navfuse_core::model::verdict::{Verdict, VerdictLevel};
+use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 
 /// Creates the list of facts of the run.
 pub(super) fn facts(history: &History) -> Markup {

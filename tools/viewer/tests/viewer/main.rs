@@ -7,7 +7,7 @@
     reason = "a test ends where it fails"
 )]
 
-#[path = "../../../../plugins/rerun/tests/common/mod.rs"]
+#[path = "../../../../plugins/viewer/tests/common/mod.rs"]
 mod common;
 mod driver;
 mod figures;

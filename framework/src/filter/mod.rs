@@ -1,0 +1,46 @@
+//! Estimators: the error-state extended Kalman filter and the unscented Kalman filter.
+
+mod alignment;
+mod bias;
+mod cadence;
+mod clones;
+mod correct;
+mod curvature;
+mod delay;
+mod drivers;
+mod ekf;
+mod guide;
+mod guided;
+mod held;
+mod inputs;
+mod iterated;
+mod judge;
+mod lockout;
+mod noise_level;
+mod passage;
+mod past;
+mod points;
+mod pooled;
+mod presence;
+mod refine;
+mod reject;
+mod repeats;
+mod screen;
+mod screened;
+mod signature;
+mod slot;
+mod stage;
+mod start;
+mod step;
+mod stuck;
+mod timeline;
+mod transient;
+mod ukf;
+mod unscented;
+mod usual;
+
+pub use crate::model::estimator_error::EstimatorError;
+pub use ekf::{Ekf, Snapshot};
+pub(crate) use guide::Course;
+pub use timeline::Timeline;
+pub use ukf::Ukf;

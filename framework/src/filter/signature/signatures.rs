@@ -1,0 +1,191 @@
+//! All tests of a filter.
+
+use super::bias_step::BiasSteps;
+use super::contain::Containment;
+use super::effect::Whitened;
+use super::offset::{self, Offset};
+use super::parameter::Parameters;
+use crate::compose::Composition;
+use crate::model::record::finding::Finding;
+use crate::model::sensor::Role;
+use crate::model::sensor::measurement::{AnyMeasurement, At};
+use crate::state::covariance::{Covariance, Transition, Update, backward, cholesky, forward};
+use crate::state::{Dynamics, Layout, Mode, State};
+use crate::units::sample::MAX_CHANNELS;
+use crate::units::time::Time;
+
+/// Score tests of all sensors.
+#[derive(Clone)]
+pub(in crate::filter) struct Signatures {
+    offsets: Vec<Option<Offset>>,
+    steps: Option<BiasSteps>,
+    parameters: Parameters,
+    containment: Containment,
+    /// Row and column of each element of `Phi`, and its value in the identity.
+    places: Vec<(usize, usize, f64)>,
+    /// Elements of `Phi - I` that are not zero.
+    changes: Vec<(usize, usize, f64)>,
+    /// Times up to which the sensitivities are carried, and up to which the state is, and the length
+    /// of the last step, s.
+    settled: Time,
+    time: Time,
+    step: f64,
+}
+
+/// Test for steps of the constant biases of the first driving sensor.
+fn bias_steps(composition: &Composition) -> Option<BiasSteps> {
+    let layout = &*composition.layout;
+    let process = composition.processes.iter().find(|process| process.input.is_some())?;
+    let blocks = process.biases.iter().map(|slot| &layout.blocks[*slot]);
+    let constant = blocks.filter(|b| b.estimated() && b.spec.dynamics == Dynamics::Constant);
+    let rows = constant.flat_map(|b| b.tangent_range());
+    BiasSteps::new(process.input?, rows, layout.tangent)
+}
+
+impl Signatures {
+    /// Tests of a composition for offsets that are not estimated and biases that are constant;
+    /// `None` where the innovations of a consistent filter are not white, where blocks come and go,
+    /// or where sensors read past states.
+    pub(in crate::filter) fn new(
+        composition: &Composition,
+        transition: &Transition,
+    ) -> Option<Self> {
+        let layout = &*composition.layout;
+        let considers = layout.blocks.iter().any(|b| b.spec.mode == Mode::Consider);
+        if considers || layout.labels > 0 || !layout.clones.is_empty() {
+            return None;
+        }
+        let tested = composition.sensors.iter().map(|sensor| {
+            let Role::Measurement(model) = &sensor.role else { return false };
+            let judged = !sensor.constraint && sensor.detector.is_none();
+            judged && !sensor.is_noise_free() && model.observations() == 1
+        });
+        let tested: Vec<_> = tested.collect();
+        let offsets = composition.sensors.iter().zip(&tested).map(|(sensor, tested)| {
+            let tested = *tested && sensor.time_offset.is_none();
+            tested.then(|| Offset::new(layout.tangent))
+        });
+        let offsets: Vec<_> = offsets.collect();
+        let steps = bias_steps(composition);
+        if !tested.contains(&true) && steps.is_none() {
+            return None;
+        }
+        let identity = transition.identity();
+        let places = transition.places().iter().zip(identity);
+        let places: Vec<_> = places.map(|(&(i, j), one)| (i, j, one)).collect();
+        let changes = Vec::with_capacity(places.len());
+        let parameters = Parameters::new(tested, layout);
+        let (settled, time) = (Time::MIN, Time::MIN);
+        let containment = Containment::new(composition);
+        Some(Self {
+            offsets,
+            steps,
+            parameters,
+            containment,
+            places,
+            changes,
+            settled,
+            time,
+            step: 0.0,
+        })
+    }
+
+    /// Records a propagation of the state to a time.
+    #[inline]
+    pub(in crate::filter) fn moved(&mut self, time: Time) {
+        self.step = if self.time == Time::MIN { 0.0 } else { time.since(self.time) };
+        self.time = time;
+    }
+
+    /// Carries the sensitivities to the present with the rate of the last step, which changes little
+    /// between two corrections: `s := s + (Phi - I) s t / dt`.
+    fn settle(&mut self, transition: &Transition) {
+        let since = std::mem::replace(&mut self.settled, self.time);
+        if since == Time::MIN || self.step <= 0.0 {
+            return;
+        }
+        let steps = self.time.since(since) / self.step;
+        let Self { offsets, steps: biases, parameters, places, changes, .. } = self;
+        let all = places.iter().zip(transition.elements());
+        let all = all.map(|(&(i, j, one), (.., phi))| (i, j, steps * (phi - one)));
+        changes.clear();
+        changes.extend(all.filter(|change| change.2 != 0.0));
+        let offsets = offsets.iter_mut().flatten().map(Offset::effect);
+        let effects = offsets.chain(biases.iter_mut().flat_map(BiasSteps::effects));
+        let changes = &*changes;
+        for effect in effects.chain(parameters.effects()) {
+            effect.carry(changes);
+        }
+    }
+
+    /// Takes an accepted sample before the state is corrected. Call after [`Update::apply`].
+    pub(in crate::filter) fn take(
+        &mut self,
+        (index, present): (usize, u16),
+        model: &dyn AnyMeasurement,
+        (at, transition): (&At<'_>, &Transition),
+        update: &Update,
+        lower: &mut Vec<f64>,
+    ) {
+        self.settle(transition);
+        let m = update.m;
+        if !cholesky(&update.s, m, lower) {
+            return;
+        }
+        let mut y = [0.0; MAX_CHANNELS];
+        y[..m].copy_from_slice(&update.innovation[..m]);
+        forward(lower, m, &mut y[..m]);
+        backward(lower, m, &mut y[..m]);
+        let (sample, time) = (Whitened { update, lower, y }, at.state.time);
+        for (k, offset) in self.offsets.iter_mut().enumerate() {
+            let Some(offset) = offset else { continue };
+            let own = k == index;
+            offset.take(&sample, time, own.then_some(present));
+            if own {
+                offset.follow(model, at);
+            }
+        }
+        if let Some(steps) = &mut self.steps {
+            steps.take(&sample, time);
+        }
+        self.parameters.take((index, present), &sample, model, at);
+    }
+
+    /// Restarts the tests for steps: the errors up to a recovery are those of another fault.
+    pub(in crate::filter) fn recovered(&mut self) {
+        self.steps.iter_mut().for_each(BiasSteps::restart);
+    }
+
+    /// Follows a corrected state, and reports what it finds about the sensor, its parameters and the
+    /// biases. The covariance contains what is found. Returns `true` if it was widened.
+    pub(in crate::filter) fn corrected<'a>(
+        &mut self,
+        index: usize,
+        (layout, state): (&Layout, &State),
+        (covariance, considered): (&mut Covariance, &[bool]),
+        sensor: impl Fn(usize) -> &'a str,
+        mut report: impl FnMut(Finding),
+    ) -> bool {
+        let time = state.time;
+        let Self { offsets, steps, parameters, containment, .. } = self;
+        containment.begin(time);
+        if let Some(steps) = steps
+            && let Some(step) = steps.corrected(time, (covariance, considered), containment)
+        {
+            report(step.finding(time, sensor(steps.sensor), layout));
+        }
+        let states = (&mut *covariance, considered);
+        let rival = || parameters.score(index);
+        if let Some(offset) = &mut offsets[index]
+            && let Some(found) = offset.corrected(state, states, containment, rival)
+        {
+            report(containment.noted(offset::finding(&found, time, sensor(index), layout)));
+        }
+        let states = (covariance, considered);
+        let rival = |sensor: usize| offsets[sensor].as_ref().map_or(0.0, Offset::score);
+        if let Some(wrong) = parameters.corrected(state, layout, states, containment, rival) {
+            report(containment.noted(wrong.finding(state, sensor(wrong.sensor()), layout)));
+        }
+        std::mem::take(&mut containment.widened)
+    }
+}

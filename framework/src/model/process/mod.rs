@@ -1,0 +1,12 @@
+//! Processes: their models, driving sensors, screening, monitors and initial alignment.
+
+pub mod input;
+pub mod monitor;
+#[allow(clippy::module_inception, reason = "the room and its first concept")]
+mod process;
+mod process_error;
+pub mod screening;
+pub mod start;
+
+pub use process::{BuiltProcess, Input, Interval, OwnDynamics, ProcessModel};
+pub use process_error::{ProcessError, ProcessErrorKind};

@@ -1,0 +1,10 @@
+//! What a run records: estimates, updates, events, findings and the verdict.
+
+pub mod finding;
+#[allow(clippy::module_inception, reason = "the room and its first concept")]
+mod record;
+pub mod verdict;
+
+pub use record::{
+    Epoch, Event, Level, Observer, Outcome, Rejection, Repetition, Truth, UpdateRecord,
+};

@@ -1,0 +1,210 @@
+//! Records of a run: epochs, updates and events.
+
+use crate::model::record::finding::Finding;
+use crate::state::covariance::{Covariance, Transition, Update};
+use crate::state::{Layout, State};
+use crate::units::sample::{Sample, SensorId};
+use crate::units::time::Time;
+use serde::Serialize;
+
+/// Outcome of a measuring sensor's sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// The state was corrected.
+    Accepted,
+    /// The sample placed a block that was absent; it has no innovation and corrected no other state.
+    Placed,
+    /// The innovation was outside the gate; the state is unchanged.
+    Gated,
+    /// The sample could not be used; the state is unchanged.
+    Rejected(Rejection),
+}
+
+/// Reason of a rejection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rejection {
+    /// The channel is NaN or infinite.
+    NotFinite(usize),
+    /// No channel is present, or for a driving sensor not all of them.
+    Missing,
+    /// The time is not later than that of the sensor's previous sample.
+    OutOfOrder,
+    /// The time is before that of the state, which cannot go back.
+    Late,
+    /// The innovation covariance is not positive definite.
+    Singular,
+    /// The driving sensor fell silent before this time was reached.
+    NoInput,
+    /// The sensor is isolated: it contradicts the filter, and the evidence is against it.
+    Isolated,
+    /// The sample repeats the previous ones exactly, while the prediction has moved.
+    Repeated,
+    /// The channel is outside its plausible range.
+    OutOfRange(usize),
+    /// The channel changed faster than is plausible.
+    TooFast(usize),
+    /// The scenario excludes samples of this time.
+    Excluded,
+    /// The sample observes a block that is absent.
+    Absent,
+}
+
+impl Rejection {
+    /// The reason in words; `columns` are the names of the sensor's channels.
+    pub fn reason(self, columns: &[String]) -> String {
+        let column = |i: usize| columns.get(i).map_or("a channel", String::as_str);
+        match self {
+            Self::NotFinite(i) => format!("{} is not finite", column(i)),
+            Self::Missing => "channels are missing".into(),
+            Self::OutOfOrder => "not later than the sample before".into(),
+            Self::Late => "earlier than the state".into(),
+            Self::Singular => "the innovation covariance is singular".into(),
+            Self::NoInput => "the driving sensor is silent".into(),
+            Self::Isolated => "the sensor is isolated".into(),
+            Self::Repeated => "repeats the samples before".into(),
+            Self::OutOfRange(i) => format!("{} is out of range", column(i)),
+            Self::TooFast(i) => format!("{} changes too fast", column(i)),
+            Self::Excluded => "the scenario excludes this time".into(),
+            Self::Absent => "observes an absent state".into(),
+        }
+    }
+}
+
+/// Record of a measuring sensor's sample.
+#[derive(Clone, Copy, Debug)]
+pub struct UpdateRecord<'a> {
+    /// The sample's time.
+    pub time: Time,
+    /// The sensor.
+    pub sensor: SensorId,
+    /// Outcome.
+    pub outcome: Outcome,
+    /// Normalised innovation squared; NaN where none was computed. An isolated sensor's samples
+    /// have one too.
+    pub nis: f64,
+    /// The gate's threshold on it; infinite where the gate is off.
+    pub threshold: f64,
+    /// Present channels, one bit each: the order of the innovation.
+    pub present: u16,
+    /// Innovation `z [-] h(x)` of the present channels, SI.
+    pub innovation: &'a [f64],
+    /// Innovation covariance `S`, row-major.
+    pub covariance: &'a [f64],
+}
+
+impl UpdateRecord<'_> {
+    /// Present channels among the first `N`, each with its innovation and 1-sigma.
+    pub fn channels(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
+        let m = self.innovation.len();
+        let present = self.present;
+        (0..u16::BITS as usize).filter(move |i| present >> i & 1 == 1).zip(0..m).map(
+            move |(channel, k)| {
+                (channel, self.innovation[k], self.covariance[k * m + k].max(0.0).sqrt())
+            },
+        )
+    }
+}
+
+/// The estimate at one time.
+#[derive(Clone, Copy, Debug)]
+pub struct Epoch<'a> {
+    /// The layout of the state.
+    pub layout: &'a Layout,
+    /// The estimate; `state.time` is the epoch's time.
+    pub state: &'a State,
+    /// Its covariance.
+    pub covariance: &'a Covariance,
+    /// The truth, where a reference gives it at this time.
+    pub truth: Option<Truth<'a>>,
+}
+
+/// Known truth of a state.
+#[derive(Clone, Copy, Debug)]
+pub struct Truth<'a> {
+    /// True state.
+    pub state: &'a State,
+    /// Which blocks of the state are known, one entry per slot.
+    pub known: &'a [bool],
+}
+
+/// Severity of an event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// Information for the log.
+    Info,
+    /// The run continues, but not as intended.
+    Warning,
+    /// The run, or a part of it, ends.
+    Error,
+}
+
+/// An event for the log and the user.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// Time, on the run's clock.
+    pub time: Time,
+    /// Severity.
+    pub level: Level,
+    /// Sensor, process, source or sink concerned.
+    pub about: String,
+    /// Message.
+    pub text: String,
+}
+
+/// A filter takes all samples since its start once more, linearised at another trajectory. Until the
+/// end of the repetition, [`Observer::transition`] and [`Observer::correction`] receive what
+/// replaces those before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Repetition<'a> {
+    /// The filter is at its start again; also after a repetition that another one follows.
+    Begins,
+    /// The filter has reached the present again, and injects this error.
+    Ends(&'a [f64]),
+    /// The repetition failed: what it replaced holds again.
+    Failed,
+}
+
+/// Observes a filter: every method does nothing by default, and `()` observes nothing.
+///
+/// ```
+/// use navfuse_core::model::record::{Observer, Outcome, UpdateRecord};
+/// /// Counts the gated samples.
+/// #[derive(Default)]
+/// struct Gated(usize);
+/// impl Observer for Gated {
+///     fn update(&mut self, update: &UpdateRecord<'_>) {
+///         self.0 += usize::from(update.outcome == Outcome::Gated);
+///     }
+/// }
+/// ```
+pub trait Observer {
+    /// Receives an estimate, at the output rate and wherever a reference is known.
+    fn epoch(&mut self, _epoch: &Epoch<'_>) {}
+    /// Receives the outcome of a measuring sensor's sample.
+    fn update(&mut self, _update: &UpdateRecord<'_>) {}
+    /// Receives `Phi` and the accumulated `Q` of a propagation, which a backward pass needs.
+    fn transition(&mut self, _transition: &Transition) {}
+    /// Receives a correction: Jacobian, gain and innovation covariance in the update's work space.
+    /// Its `delta` is the injected error, as [`crate::state::Layout::reset_rows`] takes it.
+    fn correction(&mut self, _update: &Update) {}
+    /// Receives state and covariance at the start and after each propagation. In a further pass of
+    /// the smoother, the state is that at which the filter linearises, and `offset` the estimate
+    /// relative to it; otherwise `offset` is empty.
+    fn moved(&mut self, _state: &State, _covariance: &Covariance, _offset: &[f64]) {}
+    /// Receives the offset of [`Self::moved`] after a correction or a clone.
+    fn corrected(&mut self, _offset: &[f64]) {}
+    /// Receives the beginning and the end of a repetition.
+    fn repetition(&mut self, _repetition: Repetition<'_>) {}
+    /// Receives the innovation of a gated sample, its covariance and that with the error, after
+    /// [`Self::update`].
+    fn gated(&mut self, _update: &Update) {}
+    /// Receives a sample of the driving sensor, and the reason if the filter rejected it.
+    fn input(&mut self, _sample: &Sample, _rejected: Option<Rejection>) {}
+    /// Receives an event.
+    fn event(&mut self, _event: Event) {}
+    /// Receives a fault that the filter found.
+    fn finding(&mut self, _finding: Finding) {}
+}
+
+impl Observer for () {}

@@ -1,0 +1,182 @@
+//! Verdict of a run: whether its result may be used, and the reasons.
+
+use crate::model::chi_square::Band;
+use crate::model::record::finding::Severity;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Level of a verdict.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum VerdictLevel {
+    /// No criterion contradicts the reported uncertainty.
+    #[default]
+    Consistent,
+    /// The result may be used with care: an engineer should look at the reasons first.
+    Doubtful,
+    /// The result must not be used: the reported uncertainty is wrong by a factor of about two or
+    /// more, or sensors contradict each other.
+    DoNotUse,
+}
+
+impl VerdictLevel {
+    /// Words for a person: `consistent`, `doubtful`, `do not use`.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Consistent => "consistent",
+            Self::Doubtful => "doubtful",
+            Self::DoNotUse => "do not use",
+        }
+    }
+}
+
+impl From<Severity> for VerdictLevel {
+    fn from(severity: Severity) -> Self {
+        match severity {
+            Severity::Doubtful => Self::Doubtful,
+            Severity::DoNotUse => Self::DoNotUse,
+        }
+    }
+}
+
+/// Criterion that a run violated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Criterion {
+    /// The run ended early with an error.
+    Ended,
+    /// The filter or a monitor reported a fault.
+    Finding,
+    /// The initial alignment is incomplete.
+    Alignment,
+    /// Two sensors pull the same state in opposite directions.
+    Contradiction,
+    /// A state ended too far from its prior.
+    Prior,
+    /// A prior is too wide for the linearisation of the filter.
+    Linearisation,
+    /// The gate rejected too many samples.
+    Gated,
+    /// Too many samples were faulty.
+    Rejected,
+    /// No sample of a sensor corrected the state.
+    Unused,
+    /// The mean NIS of a sensor is outside its band.
+    Nis,
+    /// The mean NIS of one minute is outside its band.
+    NisOfMinute,
+    /// The innovations of one channel are too large or too small.
+    Channel,
+    /// The innovations of one channel have a mean.
+    Bias,
+    /// Successive innovations of one channel are correlated.
+    Correlation,
+    /// The innovations of one channel drift: their means over a minute are too large.
+    Drift,
+}
+
+/// Reason of a verdict.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reason {
+    /// Criterion that was violated.
+    pub criterion: Criterion,
+    /// Consequence for the result.
+    pub severity: Severity,
+    /// Sensor, state or process concerned.
+    pub about: String,
+    /// Evidence: what was measured, and what was expected.
+    pub text: String,
+    /// Remedy: the key or the part of the vehicle to look at; empty if the evidence names it.
+    pub remedy: String,
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.about, self.text)
+    }
+}
+
+/// NIS of a sensor over a run, against its band.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SensorConsistency {
+    /// Name of the sensor.
+    pub sensor: String,
+    /// Mean NIS of the used samples.
+    pub mean_nis: f64,
+    /// Expected NIS of samples that passed the gate.
+    pub expected_nis: f64,
+    /// Band of the mean NIS at the level of the verdict.
+    pub band: Band,
+    /// Set if the mean NIS is in the band, or close enough to its expectation.
+    pub inside: bool,
+}
+
+/// Verdict of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Verdict {
+    /// Level: the highest severity of the reasons.
+    pub level: VerdictLevel,
+    /// Verdict in one line.
+    pub text: String,
+    /// Reasons, the most severe first.
+    pub reasons: Vec<Reason>,
+    /// NIS of each sensor that corrected the state.
+    pub sensors: Vec<SensorConsistency>,
+}
+
+impl Verdict {
+    /// Number of reasons in the line of the verdict.
+    const IN_LINE: usize = 2;
+
+    /// Creates the verdict from its reasons, which it sorts by severity.
+    pub fn new(mut reasons: Vec<Reason>, sensors: Vec<SensorConsistency>) -> Self {
+        reasons.sort_by_key(|reason| std::cmp::Reverse(reason.severity));
+        let level = reasons.first().map_or(VerdictLevel::Consistent, |r| r.severity.into());
+        let mut text = level.words().to_owned();
+        for (k, reason) in reasons.iter().take(Self::IN_LINE).enumerate() {
+            text += if k == 0 { ": " } else { "; " };
+            text += &reason.to_string();
+        }
+        if reasons.len() > Self::IN_LINE {
+            text += &format!("; and {} more", reasons.len() - Self::IN_LINE);
+        }
+        Self { level, text, reasons, sensors }
+    }
+
+    /// NIS of the sensor of that name.
+    pub fn sensor(&self, name: &str) -> Option<&SensorConsistency> {
+        self.sensors.iter().find(|s| s.sensor == name)
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reason(severity: Severity, about: &str) -> Reason {
+        let (text, remedy) = ("is wrong".to_owned(), String::new());
+        Reason { criterion: Criterion::Nis, severity, about: about.to_owned(), text, remedy }
+    }
+
+    #[test]
+    fn the_most_severe_reason_gives_the_level_and_comes_first() {
+        let reasons = [
+            reason(Severity::Doubtful, "dvl"),
+            reason(Severity::DoNotUse, "depth"),
+            reason(Severity::Doubtful, "gnss"),
+        ];
+        let verdict = Verdict::new(reasons.to_vec(), Vec::new());
+        assert_eq!(verdict.level, VerdictLevel::DoNotUse);
+        assert_eq!(verdict.to_string(), "do not use: depth: is wrong; dvl: is wrong; and 1 more");
+        assert_eq!(Verdict::new(Vec::new(), Vec::new()).to_string(), "consistent");
+    }
+}

@@ -1,0 +1,16 @@
+//! Sensors: their roles, measurement models, and what a scenario states about each of them.
+
+pub mod delivery;
+pub mod detector;
+pub mod gate;
+pub mod limits;
+pub mod measurement;
+pub mod motion;
+pub mod mounting;
+pub mod robust;
+pub mod roster;
+#[allow(clippy::module_inception, reason = "the room and its first concept")]
+mod sensor;
+pub mod update_rule;
+
+pub use sensor::{Purpose, Reference, Role, Sensor, SensorInfo};

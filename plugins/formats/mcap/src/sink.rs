@@ -1,0 +1,332 @@
+//! The sink: every sample, estimate, innovation and event of a run in one MCAP file.
+
+use crate::background::Background as Writer;
+use crate::chunk::{Chunk, Definitions, LENGTH};
+use crate::file::LogFile;
+use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
+use crate::message::Encoder;
+use crate::topics::{Estimate, SensorTopics, Topic, Topics};
+use navfuse_core::files::{WholeFile, part_of};
+use navfuse_core::model::record::verdict::Verdict;
+use navfuse_core::model::record::{Epoch, Event, UpdateRecord};
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::plugin::{OpenContext, SinkType};
+use navfuse_core::run::background::Background;
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Records the run in an MCAP file, which `navfuse replay`, ROS 2 tools, Foxglove and rerun read:
+/// every sample, the estimates of all states, innovations, events and the scenario.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Mcap {
+    /// The file, relative to the output folder of the run. Default: `run.mcap`.
+    #[serde(default = "run_mcap")]
+    pub path: PathBuf,
+    /// `zstd` (default, smallest), `lz4` (faster) or `none` (fastest).
+    #[serde(default)]
+    pub compression: Compression,
+}
+
+fn run_mcap() -> PathBuf {
+    "run.mcap".into()
+}
+
+const SECOND: u64 = 1_000_000_000;
+
+/// Compression of the chunks of the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Compression {
+    /// Zstandard.
+    #[default]
+    Zstd,
+    /// LZ4.
+    Lz4,
+    /// Not at all.
+    None,
+}
+
+impl SinkType for Mcap {
+    const TYPE: &'static str = "mcap";
+
+    fn files(&self) -> Vec<PathBuf> {
+        vec![self.path.clone()]
+    }
+
+    fn open(self, context: &OpenContext<'_>) -> Result<Box<dyn Sink>, StreamError> {
+        let sink = McapSink::create(&context.output.join(&self.path), self.compression)?;
+        Ok(Box::new(Background::new(sink)))
+    }
+}
+
+/// A log that is being written.
+///
+/// Writing starts with the first sample: its time decides the offset of the log time.
+#[derive(Debug)]
+pub struct McapSink {
+    path: PathBuf,
+    compression: Compression,
+    file: Option<WholeFile>,
+    run: Option<RunInfo>,
+    /// Events before the first sample.
+    held: Vec<Event>,
+    recording: Option<Recording>,
+}
+
+impl McapSink {
+    /// Creates the part of the file; the file takes its name when the log is whole. A program that
+    /// is reading an older log of the same name still reads it to the end.
+    ///
+    /// # Errors
+    /// When the file cannot be created.
+    pub fn create(path: &Path, compression: Compression) -> Result<Self, StreamError> {
+        let file = WholeFile::create(path).map_err(|e| failure(path, e))?;
+        let path = path.to_path_buf();
+        Ok(Self {
+            path,
+            compression,
+            file: Some(file),
+            run: None,
+            held: Vec::new(),
+            recording: None,
+        })
+    }
+
+    /// The recording, which starts now unless it has started before.
+    fn recording(&mut self, now: Time) -> Result<&mut Recording, StreamError> {
+        let recording = match self.recording.take() {
+            Some(recording) => recording,
+            None => {
+                let (Some(file), Some(run)) = (self.file.take(), self.run.take()) else {
+                    return Err(failure(&self.path, "it is closed"));
+                };
+                let mut recording = Recording::begin(file, self.compression, &run, now)
+                    .map_err(|e| failure(&self.path, e))?;
+                for event in std::mem::take(&mut self.held) {
+                    recording.event(&event).map_err(|e| failure(&self.path, e))?;
+                }
+                recording
+            }
+        };
+        Ok(self.recording.insert(recording))
+    }
+
+    fn record(
+        &mut self,
+        now: Time,
+        write: impl FnOnce(&mut Recording) -> Result<(), StreamFailure>,
+    ) -> Result<(), StreamError> {
+        let written = write(self.recording(now)?);
+        if written.is_err() {
+            // a log with a hole never takes its name
+            self.recording = None;
+        }
+        written.map_err(|e| failure(&self.path, e))
+    }
+}
+
+/// An error of writing the log, with its remedy.
+fn failure(path: &Path, cause: impl Into<Box<dyn Error + Send + Sync>>) -> StreamError {
+    let error = StreamError::write(path, cause).with_remedy(
+        "free space there, give another folder with --out, or set sink.mcap.enabled=false",
+    );
+    let part = part_of(path);
+    if part.is_file() {
+        error.with_remedy(format!("`navfuse replay {}` reads what was written", part.display()))
+    } else {
+        error
+    }
+}
+
+impl Sink for McapSink {
+    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
+        self.run = Some(run.clone());
+        Ok(())
+    }
+
+    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+        self.record(sample.time, |r| r.sample(sample))
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        self.record(epoch.state.time, |r| r.epoch(epoch))
+    }
+
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        self.record(update.time, |r| r.update(update))
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
+        if self.recording.is_none() {
+            self.held.push(event.clone());
+            return Ok(());
+        }
+        self.record(event.time, |r| r.event(event))
+    }
+
+    fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
+        let json = serde_json::to_string(verdict).map_err(|e| failure(&self.path, e))?;
+        let metadata = BTreeMap::from([(VERDICT_ENTRY.to_owned(), json)]);
+        self.record(Time::default(), |r| r.metadata(VERDICT, metadata))
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        self.recording(Time::default())?;
+        if let Some(recording) = self.recording.take() {
+            recording.finish().map_err(|e| failure(&self.path, e))?;
+        }
+        Ok(Some(self.path.display().to_string()))
+    }
+}
+
+/// The file, and the chunk that is being filled.
+#[derive(Debug)]
+pub(crate) struct LogWriter {
+    file: Writer,
+    chunk: Chunk,
+    /// Log time minus run time, ns.
+    offset: i64,
+    /// The latest time that was logged.
+    latest: Time,
+}
+
+impl LogWriter {
+    /// Begins a file whose log times are those of the run plus an offset in ns; `head` writes what
+    /// stands before the messages.
+    pub(crate) fn begin(
+        file: WholeFile,
+        compression: Compression,
+        version: &str,
+        definitions: Definitions,
+        offset: i64,
+        head: impl FnOnce(&mut LogFile<WholeFile>) -> io::Result<()>,
+    ) -> io::Result<Self> {
+        let mut chunk = Chunk::default();
+        chunk.records.extend_from_slice(&definitions.schemas);
+        chunk.records.extend_from_slice(&definitions.channels);
+        let library = format!("navfuse {version}");
+        let mut file = LogFile::begin(file, compression, &library, definitions)?;
+        head(&mut file)?;
+        let file = Writer::start(file)?;
+        Ok(Self { file, chunk, offset, latest: Time::MIN })
+    }
+
+    /// The log time of a time of the run, in ns; zero for an earlier one.
+    pub(crate) fn log_time(&self, time: Time) -> u64 {
+        u64::try_from(time.nanos().saturating_add(self.offset)).unwrap_or(0)
+    }
+
+    /// Completes the file, which then takes its name.
+    pub(crate) fn finish(&mut self) -> Result<(), StreamFailure> {
+        self.write_chunk()?;
+        self.file.finish()
+    }
+
+    /// Writes a message.
+    pub(crate) fn send(
+        &mut self,
+        topic: &mut Topic,
+        time: Time,
+        encode: impl FnOnce(Encoder<'_>),
+    ) -> Result<(), StreamFailure> {
+        let log_time = self.log_time(time);
+        self.chunk.message(topic, log_time, |out| encode(Encoder::new(out)));
+        topic.sequence = topic.sequence.wrapping_add(1);
+        self.latest = self.latest.max(time);
+        if self.chunk.records.len() < LENGTH { Ok(()) } else { self.write_chunk() }
+    }
+
+    fn write_chunk(&mut self) -> Result<(), StreamFailure> {
+        if self.chunk.records.is_empty() { Ok(()) } else { self.file.write(&mut self.chunk) }
+    }
+}
+
+impl Drop for LogWriter {
+    /// Writes the messages so far: a run that was aborted leaves them in the part of the file.
+    fn drop(&mut self) {
+        self.write_chunk().ok();
+    }
+}
+
+/// A log to which messages are being written.
+#[derive(Debug)]
+struct Recording {
+    log: LogWriter,
+    sensors: Vec<SensorTopics>,
+    estimate: Estimate,
+    events: Topic,
+}
+
+impl Recording {
+    fn begin(
+        file: WholeFile,
+        compression: Compression,
+        run: &RunInfo,
+        first: Time,
+    ) -> Result<Self, StreamFailure> {
+        // whole seconds, so that log times and stamps have the same fraction of a second
+        let offset = (-first.nanos()).max(0).unsigned_abs().div_ceil(SECOND) * SECOND;
+        let offset = i64::try_from(offset).unwrap_or(0);
+        let mut entries = vec![
+            ("name", run.name.clone()),
+            ("version", run.version.clone()),
+            ("seed", run.seed.to_string()),
+            ("simulated", run.simulated.to_string()),
+            ("log_time_offset_ns", offset.to_string()),
+            ("scenario", run.scenario.clone()),
+        ];
+        entries.extend(run.description.clone().map(|text| ("description", text)));
+        let metadata = entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+        let mut definitions = Definitions::default();
+        let Topics { sensors, estimate, events } = Topics::open(&mut definitions, run);
+        let start = u64::try_from(first.nanos().saturating_add(offset)).unwrap_or(0);
+        let head = |file: &mut LogFile<WholeFile>| {
+            file.metadata(METADATA, &metadata)?;
+            file.attach(SCENARIO, "application/toml", start, run.scenario.as_bytes())
+        };
+        let mut log = LogWriter::begin(file, compression, &run.version, definitions, offset, head)?;
+        log.latest = first;
+        Ok(Self { log, sensors, estimate, events })
+    }
+
+    /// Completes the file, which then takes its name.
+    fn finish(mut self) -> Result<(), StreamFailure> {
+        self.log.finish()
+    }
+
+    /// Writes texts by their names, after all messages so far.
+    fn metadata(
+        &mut self,
+        name: &'static str,
+        entries: BTreeMap<String, String>,
+    ) -> Result<(), StreamFailure> {
+        self.log.write_chunk()?;
+        self.log.file.metadata(name, entries)
+    }
+
+    fn sample(&mut self, sample: &Sample) -> Result<(), StreamFailure> {
+        self.sensors[sample.sensor.0].sample(&mut self.log, sample)
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
+        self.estimate.epoch(&mut self.log, epoch)
+    }
+
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamFailure> {
+        self.sensors[update.sensor.0].update(&mut self.log, update)
+    }
+
+    /// Writes an event. An event from before the clock was known has the latest logged time.
+    fn event(&mut self, event: &Event) -> Result<(), StreamFailure> {
+        let time = if event.time <= Time::MIN { self.log.latest } else { event.time };
+        let stamp = crate::message::Stamp::new(time)?;
+        self.log.send(&mut self.events, time, |m| m.log(stamp, event))
+    }
+}

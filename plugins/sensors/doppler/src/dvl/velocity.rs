@@ -1,0 +1,97 @@
+//! The velocity along the instrument's own three axes.
+
+use super::FASTEST;
+use super::altitude::{self, Altitude};
+use super::geometry::directions;
+use crate::instrument::{Instrument, TrackingMode};
+use crate::keys::doppler_sensor;
+use navfuse_core::Real;
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::{LeverArm, Misalignment, ScaleFactor};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::sensor::Role;
+use navfuse_core::model::sensor::limits::Limit;
+use navfuse_core::model::sensor::measurement::{Jacobian, MeasurementModel};
+use navfuse_core::model::simulate::Scene;
+use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
+use navfuse_core::plugin::SensorType;
+use navfuse_core::state::View;
+use navfuse_core::units::sample::{Channel, Sample};
+use navfuse_core::units::{Ratio, Sigma, Speed, Triple};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+doppler_sensor! {
+    /// Doppler velocity log that outputs the velocity over the bottom, or through the water, along
+    /// its own three axes.
+    pub struct Dvl {
+        /// 1-sigma noise of one sample, one value or one per axis.
+        pub noise: Sigma<Triple<Speed>>,
+        /// Noise that grows with the speed: its 1-sigma as a share of the speed, such as "0.25 %",
+        /// one value or one per axis. It adds to `noise` as a variance. Default: none.
+        pub relative_noise: Option<Sigma<Triple<Ratio>>>,
+    } tracks
+}
+
+impl SensorType for Dvl {
+    const TYPE: &'static str = "dvl";
+
+    fn channels(&self) -> Vec<Channel> {
+        let axes = ["vel_x", "vel_y", "vel_z"].map(|name| Channel::new(name, "mps"));
+        axes.into_iter().chain(self.altitude.then_some(altitude::CHANNEL)).collect()
+    }
+
+    fn limits(&self) -> Vec<Limit> {
+        ["vel_x", "vel_y", "vel_z"].map(|name| Limit::range(name, -FASTEST, FASTEST)).to_vec()
+    }
+
+    fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let instrument = self.instrument(composer)?;
+        let altitude = Altitude::new(self.altitude, self.simulated_bottom, 3)?;
+        // the usual four beams: the instrument does not give its own
+        let beams = directions(None, None, None)?;
+        let beams = altitude::drawn(&beams, false, altitude.as_ref());
+        composer.mounted(instrument.mounting().with_beams(beams));
+        let sigma = self.noise.value().si();
+        let relative = self.relative_noise.map(|share| share.value().si());
+        Ok(Role::measurement(DvlModel { instrument, sigma, relative, altitude }))
+    }
+}
+
+/// The measurement model of a [`Dvl`].
+#[derive(Clone, Debug)]
+pub struct DvlModel {
+    instrument: Instrument,
+    sigma: Vector3<f64>,
+    /// Noise as a share of the speed.
+    relative: Option<Vector3<f64>>,
+    altitude: Option<Altitude>,
+}
+
+impl MeasurementModel<3> for DvlModel {
+    fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
+        self.instrument.velocity(x)
+    }
+
+    fn noise(&self, x: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
+        let mut variances = self.sigma.map(|s| s * s);
+        if let Some(relative) = self.relative {
+            let speed_squared = self.instrument.velocity(x).norm_squared();
+            variances += relative.map(|share| share * share * speed_squared);
+        }
+        SMatrix::from_diagonal(&variances)
+    }
+
+    fn jacobian(&self, x: &View<'_, f64>, h: &mut Jacobian<'_, 3>) -> bool {
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        self.instrument.differentiate(x, &axes, h);
+        true
+    }
+
+    fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
+        if let Some(altitude) = &self.altitude {
+            altitude.simulate(&self.instrument, scene, sample);
+        }
+        scene.measure(self, sample);
+    }
+}

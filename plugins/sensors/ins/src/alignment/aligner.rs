@@ -1,0 +1,367 @@
+//! Initial alignment of a strapdown process, from the first sample to the end of the fine stage.
+
+use super::coarse::CoarseAlignment;
+use super::error::AlignmentError;
+use super::settings::AlignmentSettings;
+use super::{Alignment, AlignmentMethod};
+use crate::earth::EARTH_RATE;
+use crate::imu::Imu;
+use crate::navigation::Navigation;
+use nalgebra::UnitQuaternion;
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::process::ProcessError;
+use navfuse_core::model::process::start::{
+    AlignmentReport, FilterView, InitialAlignment, Progress, Supervision,
+};
+use navfuse_core::model::record::Level;
+use navfuse_core::model::sensor::Purpose;
+use navfuse_core::model::sensor::measurement::AnyMeasurement;
+use navfuse_core::model::sensor::{Role, Sensor};
+use navfuse_core::state::display;
+use navfuse_core::state::{Layout, State};
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
+use std::sync::Arc;
+
+/// Interval of the zero-velocity updates and of the checks of the heading.
+const PERIOD: Time = Time::from_nanos(1_000_000_000);
+/// Number of consecutive gated zero-velocity updates that indicate motion.
+const MOVED: u64 = 3;
+/// Largest expected error of the coarse heading, rad: beyond it the filter cannot linearise.
+const HOPELESS: f64 = 0.5;
+
+/// Change of the attitude below which trials end, rad: half of the error that a navigation-grade
+/// IMU leaves after 240 s.
+const SETTLED: f64 = 3.5e-4;
+
+/// Sensors of an alignment.
+#[derive(Clone)]
+pub(crate) struct Sensed {
+    pub imu: Imu,
+    pub driver: usize,
+    /// Index and model of the sensor that measures the velocity.
+    pub velocity: Option<(usize, Arc<dyn AnyMeasurement + Sync>)>,
+}
+
+#[derive(Clone)]
+enum Phase {
+    /// Before the first sample.
+    Waiting,
+    Searching(Box<CoarseAlignment>),
+    /// The fine stage: its beginning, the time of the next check, and whether the delay was
+    /// reported.
+    Fine {
+        begin: Time,
+        next: Time,
+        late: bool,
+    },
+    Done,
+}
+
+/// Finds attitude and velocity at the start, and supervises the filter until they are good enough.
+#[derive(Clone)]
+pub(crate) struct Aligner {
+    settings: AlignmentSettings,
+    navigation: Navigation,
+    /// Velocity sensor that the scenario names.
+    wanted: Option<String>,
+    imu: (String, Imu),
+    sensed: Option<Sensed>,
+    phase: Phase,
+    /// Attitude of the first coarse solution.
+    coarse: Option<UnitQuaternion<f64>>,
+    /// Attitude of the latest coarse solution.
+    before: Option<UnitQuaternion<f64>>,
+    /// Warning to report at the start of the fine stage.
+    doubt: Option<(String, String)>,
+    report: Option<AlignmentReport>,
+}
+
+impl Aligner {
+    pub fn new(
+        config: &Alignment,
+        settings: AlignmentSettings,
+        imu: (String, Imu),
+        navigation: Navigation,
+    ) -> Self {
+        let wanted = config.0.velocity.clone();
+        Self {
+            settings,
+            navigation,
+            wanted,
+            imu,
+            sensed: None,
+            phase: Phase::Waiting,
+            coarse: None,
+            before: None,
+            doubt: None,
+            report: None,
+        }
+    }
+
+    /// The sensor that the scenario names, or else the only one with at least three channels that
+    /// are speeds.
+    fn velocity_sensor(
+        &self,
+        sensors: &[Sensor],
+    ) -> Result<(usize, Arc<dyn AnyMeasurement + Sync>), ComposeError> {
+        let measures = |s: &&Sensor| s.info.purpose == Purpose::Measurement && !s.constraint;
+        let names = |list: &[&Sensor]| {
+            list.iter().map(|s| s.info.name.clone()).collect::<Vec<_>>().join(", ")
+        };
+        let all: Vec<&Sensor> = sensors.iter().filter(measures).collect();
+        let speeds = |s: &&&Sensor| s.info.channels.iter().filter(|c| c.unit == "mps").count() >= 3;
+        let fitting: Vec<&Sensor> = match &self.wanted {
+            Some(name) => all.iter().copied().filter(|s| s.info.name == *name).collect(),
+            None => all.iter().filter(speeds).copied().collect(),
+        };
+        let [one] = fitting.as_slice() else {
+            let what = match (&self.wanted, fitting.len()) {
+                (Some(name), _) => format!("there is no [sensor.{name}] that corrects the state"),
+                (None, 0) => {
+                    "an alignment in motion needs a sensor that measures the velocity, such as \
+                     [sensor.dvl]"
+                        .into()
+                }
+                (None, _) => {
+                    format!("more than one sensor measures the velocity: {}", names(&fitting))
+                }
+            };
+            let text = format!(
+                "{what}; name one with alignment.velocity (sensors that correct the state: {})",
+                names(&all)
+            );
+            return Err(ComposeError::new("alignment", text));
+        };
+        let index = sensors.iter().position(|s| s.info.name == one.info.name).unwrap_or_default();
+        match &one.role {
+            Role::Measurement(model) => Ok((index, Arc::clone(model))),
+            Role::Input(_) | Role::Reference(_) => {
+                Err(ComposeError::new("alignment", "the sensor measures nothing"))
+            }
+        }
+    }
+
+    /// Heading and 1-sigma of the heading, rad.
+    fn heading(&self, now: &FilterView<'_>) -> (f64, f64) {
+        let block = now.layout.block(self.navigation.attitude);
+        let (mut angles, mut sigma) = ([0.0; 3], [0.0; 3]);
+        block.show(&now.state.values, &mut angles);
+        block.show_sigma(&now.state.values, now.covariance, &mut sigma);
+        let scale = display::ANGLES.scale;
+        (angles[2] * scale, sigma[2] * scale)
+    }
+
+    fn finish(&mut self, now: &FilterView<'_>, elapsed: f64) {
+        let (heading, sigma) = self.heading(now);
+        let degrees = |rad: f64| rad.to_degrees().rem_euclid(360.0);
+        let (heading, sigma) = (degrees(heading), sigma.to_degrees());
+        let method =
+            if self.settings.method == AlignmentMethod::Static { "static" } else { "in-motion" };
+        let coarse = self.coarse.as_ref().map(|found| degrees(found.euler_angles().2));
+        let from =
+            coarse.map_or_else(String::new, |c| format!(" (coarse, at the start: {c:.2} deg)"));
+        let text = format!(
+            "aligned, {method}, {elapsed:.0} s: heading {heading:.3} deg{from}, \
+             1-sigma {sigma:.3} deg"
+        );
+        let values = serde_json::json!({
+            "method": method,
+            "duration_s": elapsed,
+            "heading_deg": heading,
+            "heading_sigma_deg": sigma,
+            "coarse_heading_deg": coarse,
+        });
+        self.report = Some(AlignmentReport { text, values });
+        self.phase = Phase::Done;
+    }
+}
+
+impl InitialAlignment for Aligner {
+    fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
+        let driver = sensors.iter().position(|s| s.info.name == self.imu.0).unwrap_or_default();
+        let velocity = match self.settings.method {
+            AlignmentMethod::InMotion => Some(self.velocity_sensor(sensors)?),
+            AlignmentMethod::Given | AlignmentMethod::Static | AlignmentMethod::Course => None,
+        };
+        self.sensed = Some(Sensed { imu: self.imu.1.clone(), driver, velocity });
+        Ok(())
+    }
+
+    fn search(
+        &mut self,
+        layout: &Layout,
+        state: &mut State,
+        sample: &Sample,
+    ) -> Result<Progress, ProcessError> {
+        let Some(sensed) = &self.sensed else { return Ok(Progress::Found) };
+        if matches!(self.phase, Phase::Waiting) {
+            let latitude = state.get(layout, self.navigation.position).latitude;
+            let error = self.settings.heading_error(&sensed.imu, EARTH_RATE * latitude.cos());
+            if error > HOPELESS {
+                return Err(AlignmentError::GyrosTooCoarse {
+                    heading: error.to_degrees(),
+                    duration: self.settings.coarse_duration,
+                    latitude: latitude.to_degrees(),
+                }
+                .into());
+            }
+            self.phase =
+                Phase::Searching(Box::new(CoarseAlignment::new(layout, state, self.navigation)));
+        }
+        let Phase::Searching(search) = &mut self.phase else { return Ok(Progress::Found) };
+        if !search.take(layout, sensed, &self.settings, sample)? {
+            return Ok(Progress::Searching);
+        }
+        let found = search.find(sensed, &self.settings)?;
+        found.set(layout, &self.navigation, state);
+        self.doubt = search.unverified(layout, sensed);
+        self.coarse = Some(found.c_b_n);
+        self.before = Some(found.c_b_n);
+        // at rest no other state disturbs the linearisation, so no trial is needed
+        Ok(if self.settings.method == AlignmentMethod::InMotion {
+            Progress::Trial
+        } else {
+            Progress::Found
+        })
+    }
+
+    fn search_again(
+        &mut self,
+        layout: &Layout,
+        state: &mut State,
+    ) -> Result<Progress, ProcessError> {
+        let (Some(sensed), Phase::Searching(search)) = (&self.sensed, &mut self.phase) else {
+            return Ok(Progress::Found);
+        };
+        search.measure_again(layout, sensed, state);
+        let found = search.find(sensed, &self.settings)?;
+        found.set(layout, &self.navigation, state);
+        let before = self.before.replace(found.c_b_n);
+        let settled = before.is_some_and(|before| before.angle_to(&found.c_b_n) < SETTLED);
+        Ok(if settled { Progress::Found } else { Progress::Trial })
+    }
+
+    fn supervise(&mut self, now: &FilterView<'_>) -> Result<Supervision, ProcessError> {
+        let time = now.state.time;
+        if matches!(self.phase, Phase::Waiting | Phase::Searching(_)) {
+            self.phase = Phase::Fine { begin: time, next: time + PERIOD, late: false };
+            let found = self.coarse.as_ref().map(|found| {
+                let yaw = found.euler_angles().2.to_degrees().rem_euclid(360.0);
+                (
+                    Level::Info,
+                    format!(
+                        "coarse alignment: heading {yaw:.2} deg, from {:.1} s",
+                        self.settings.coarse_duration
+                    ),
+                )
+            });
+            return Ok(Supervision { message: found, ..Supervision::default() });
+        }
+        if let Some(doubt) = self.doubt.take() {
+            return Ok(Supervision { doubt: Some(doubt), ..Supervision::default() });
+        }
+        let Phase::Fine { begin, next, late } = &mut self.phase else {
+            return Ok(Supervision::default());
+        };
+        if time < *next {
+            return Ok(Supervision::default());
+        }
+        while *next <= time {
+            *next = *next + PERIOD;
+        }
+        let (begin, reported, settings) = (*begin, *late, &self.settings);
+        let (elapsed, sigma) = (time.since(begin), self.heading(now).1);
+        let good = sigma <= settings.gate;
+        let deg = |rad: f64| format!("{:.3} deg", rad.to_degrees());
+        if let Some((since, _)) = now.gated.filter(|(_, count)| *count >= MOVED) {
+            if !good {
+                return Err(AlignmentError::Moved {
+                    at: since,
+                    elapsed: since.since(begin),
+                    sigma: sigma.to_degrees(),
+                    gate: settings.gate.to_degrees(),
+                }
+                .into());
+            }
+            let text = format!(
+                "the vehicle moved at {since}, {:.1} s into a static alignment of {} s, which ends \
+                 so: 1-sigma of the heading {}, gate {}",
+                since.since(begin),
+                settings.duration,
+                deg(sigma),
+                deg(settings.gate)
+            );
+            self.finish(now, elapsed);
+            let message = Some((Level::Warning, text));
+            return Ok(Supervision { message, ..Supervision::default() });
+        }
+        if elapsed >= settings.duration && good {
+            self.finish(now, elapsed);
+            let message = self.report.as_ref().map(|r| (Level::Info, r.text.clone()));
+            return Ok(Supervision { message, ..Supervision::default() });
+        }
+        let mut message = None;
+        if elapsed >= settings.duration && !reported {
+            let (duration, gate) = (settings.duration, deg(settings.gate));
+            let text = format!(
+                "after {duration} s the heading has a 1-sigma of {}, gate {gate}: it goes on",
+                deg(sigma)
+            );
+            message = Some((Level::Warning, text));
+            if let Phase::Fine { late, .. } = &mut self.phase {
+                *late = true;
+            }
+        }
+        let constrain = self.settings.method == AlignmentMethod::Static;
+        Ok(Supervision { constrain, message, doubt: None })
+    }
+
+    fn unfinished(&self, now: &FilterView<'_>) -> Option<(Level, String)> {
+        let settings = &self.settings;
+        let need = match settings.method {
+            AlignmentMethod::Static => format!("an alignment at rest of {} s", settings.duration),
+            AlignmentMethod::Given | AlignmentMethod::InMotion | AlignmentMethod::Course => {
+                format!("an alignment in motion of {} s", settings.duration)
+            }
+        };
+        let shorter = "begin earlier (estimator.start), or give alignment.duration less";
+        match &self.phase {
+            Phase::Waiting | Phase::Done => None,
+            Phase::Searching(search) => Some((
+                Level::Error,
+                format!("the samples end {:.1} s into {need}: {shorter}", search.elapsed()),
+            )),
+            Phase::Fine { begin, .. } => {
+                let elapsed = now.state.time.since(*begin);
+                let (sigma, gate) = (self.heading(now).1, settings.gate);
+                let reached = format!(
+                    "the samples end {elapsed:.1} s into {need}, with a 1-sigma of the heading of \
+                     {:.3} deg, gate {:.3} deg",
+                    sigma.to_degrees(),
+                    gate.to_degrees()
+                );
+                match (sigma <= gate, elapsed < settings.duration) {
+                    (true, true) => Some((Level::Warning, format!("{reached}: {shorter}"))),
+                    (true, false) => None,
+                    (false, _) => {
+                        let remedy = "more time or turns, better gyros (noise, bias), or a wider \
+                                      alignment.heading_gate";
+                        Some((Level::Error, format!("{reached}: it needs {remedy}")))
+                    }
+                }
+            }
+        }
+    }
+
+    fn report(&self) -> Option<AlignmentReport> {
+        self.report.clone()
+    }
+
+    fn boxed_clone(&self) -> Box<dyn InitialAlignment> {
+        Box::new(self.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,268 @@
+//! Coarse alignment of a vehicle that drives: attitude from the velocity of GNSS and the
+//! accelerometers, for gyros that cannot find north.
+//!
+//! The navigation equation, integrated from the first fix on with Earth rate and transport rate
+//! left out (they change the velocity by less than 1 mg, as the accelerometers do), gives for every
+//! later fix
+//! ```text
+//! C_b0^n int C_b^b0 f^b dt = v^n(t) - v^n(0) - g t
+//! ```
+//! and the assumption that the vehicle moves along its forward axis gives
+//! ```text
+//! C_b0^n C_b^b0 [1 0 0]' = v^n / |v^n|
+//! ```
+//! `C_b^b0` is integrated from the gyros. The constant `C_b0^n` is fitted to all fixes. The first
+//! pair determines the tilt, and the heading as far as the vehicle accelerates; the second one
+//! determines the heading within the mounting of the IMU and the side slip.
+
+use super::AlignmentConfig;
+use super::error::AlignmentError;
+use super::inertial::Integral;
+use super::optimisation::Pairs;
+use crate::earth::LocalEarth;
+use crate::imu::Imu;
+use crate::mechanisation::Increments;
+use crate::navigation::Navigation;
+use nalgebra::Vector3;
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::process::ProcessError;
+use navfuse_core::model::process::start::{
+    AlignmentReport, FilterView, InitialAlignment, Progress,
+};
+use navfuse_core::model::record::Level;
+use navfuse_core::model::sensor::{Purpose, Sensor};
+use navfuse_core::state::geodesy::Geodetic;
+use navfuse_core::state::{Layout, State};
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
+
+/// Expected angle between the direction of motion and the forward axis of the IMU, rad: mounting and
+/// side slip.
+const SLIP: f64 = 0.2;
+/// Expected error of one velocity of GNSS, m/s.
+const VELOCITY: f64 = 0.1;
+/// Least number of fixes in motion.
+const FEWEST: usize = 4;
+/// Prior sigma of the filter, rad: tilt, and heading.
+const PRIOR: [f64; 2] = [0.05, 0.2];
+
+/// Settings of an alignment by the course, in SI.
+#[derive(Clone, Debug)]
+pub(crate) struct CourseSettings {
+    /// Shortest time, s.
+    duration: f64,
+    /// Speed from which the course is used, m/s.
+    min_speed: f64,
+    /// GNSS receiver that the scenario names.
+    wanted: Option<String>,
+    /// Largest prior sigma of the gyro biases, rad/s, and of the accelerometer biases, m/s^2.
+    bias: (f64, f64),
+}
+
+impl CourseSettings {
+    pub fn new(config: &AlignmentConfig, bias: (f64, f64)) -> Self {
+        Self {
+            duration: config.duration.map_or(10.0, |d| d.value().si()),
+            min_speed: config.min_speed.map_or(2.0, |v| v.value().si()),
+            wanted: config.velocity.clone(),
+            bias,
+        }
+    }
+
+    /// Prior sigma of the attitude about the coarse solution, rad: wide, since the filter uses the
+    /// same samples again.
+    pub fn attitude_prior() -> Vector3<f64> {
+        Vector3::new(PRIOR[0], PRIOR[0], PRIOR[1])
+    }
+
+    /// Prior sigma of the velocity, m/s: the vehicle accelerates between its start and the first
+    /// fix.
+    pub fn velocity_prior() -> f64 {
+        1.0
+    }
+}
+
+/// The first fix, and the integral of the specific force then.
+#[derive(Clone, Copy, Debug)]
+struct First {
+    time: Time,
+    velocity: Vector3<f64>,
+    dvel: Vector3<f64>,
+    position: Geodetic<f64>,
+    gravity: f64,
+}
+
+/// Sensors of the alignment, and the first channels of position and velocity.
+#[derive(Clone, Copy, Debug)]
+struct Sensed {
+    driver: usize,
+    gnss: usize,
+    position: usize,
+    velocity: usize,
+}
+
+/// Finds attitude, velocity and position of a vehicle that drives.
+#[derive(Clone)]
+pub(crate) struct CourseAlignment {
+    settings: CourseSettings,
+    navigation: Navigation,
+    imu: (String, Imu),
+    /// Set if the scenario does not give the position.
+    finds_position: bool,
+    sensed: Option<Sensed>,
+    /// Time of the beginning and of the last driving sample.
+    span: Option<(Time, Time)>,
+    integral: Integral,
+    first: Option<First>,
+    pairs: Pairs,
+    /// Number of fixes in motion.
+    moving: usize,
+    report: Option<AlignmentReport>,
+}
+
+impl CourseAlignment {
+    pub fn new(
+        settings: CourseSettings,
+        imu: (String, Imu),
+        navigation: Navigation,
+        finds_position: bool,
+    ) -> Self {
+        Self {
+            settings,
+            navigation,
+            imu,
+            finds_position,
+            sensed: None,
+            span: None,
+            integral: Integral::default(),
+            first: None,
+            pairs: Pairs::default(),
+            moving: 0,
+            report: None,
+        }
+    }
+
+    /// Adds the pairs of vectors of a fix.
+    fn fix(&mut self, sample: &Sample, velocity: Vector3<f64>, position: Geodetic<f64>) {
+        let Some(first) = self.first else {
+            let gravity = LocalEarth::at(position.latitude, position.height).gravity;
+            let (time, dvel) = (sample.time, self.integral.dvel);
+            self.first = Some(First { time, velocity, dvel, position, gravity });
+            return;
+        };
+        let t = sample.time.since(first.time);
+        let force = velocity - first.velocity - Vector3::z() * (first.gravity * t);
+        let measured = self.integral.dvel - first.dvel;
+        // accelerometer bias, and tilt by the gyro bias
+        let (gyro, accel) = self.settings.bias;
+        let sigma = (accel * t).hypot(0.5 * first.gravity * gyro * t * t).hypot(VELOCITY);
+        self.pairs.add(&(force / sigma), &(measured / sigma));
+        if velocity.xy().norm() >= self.settings.min_speed {
+            let forward = self.integral.c_b_b0 * Vector3::x();
+            self.pairs.add(&(velocity.normalize() / SLIP), &(forward / SLIP));
+            self.moving += 1;
+        }
+    }
+
+    /// Sets the blocks of the process, if there are enough fixes.
+    fn find(&mut self, layout: &Layout, state: &mut State, elapsed: f64) -> Option<()> {
+        let first = self.first.filter(|_| self.moving >= FEWEST)?;
+        let fit = self.pairs.solve()?;
+        let n = &self.navigation;
+        state.set(layout, n.attitude, &fit.rotation.to_rotation_matrix());
+        state.set(layout, n.velocity, &first.velocity);
+        if self.finds_position {
+            state.set(layout, n.position, &first.position);
+        }
+        let (roll, pitch, yaw) = fit.rotation.euler_angles();
+        let heading = yaw.to_degrees().rem_euclid(360.0);
+        let text = format!(
+            "aligned by the course, {elapsed:.1} s: heading {heading:.1} deg at the start, coarse"
+        );
+        let values = serde_json::json!({
+            "method": "course",
+            "duration_s": elapsed,
+            "coarse_heading_deg": heading,
+            "coarse_roll_deg": roll.to_degrees(),
+            "coarse_pitch_deg": pitch.to_degrees(),
+        });
+        self.report = Some(AlignmentReport { text, values });
+        Some(())
+    }
+}
+
+impl InitialAlignment for CourseAlignment {
+    fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
+        let channel = |s: &Sensor, name: &str| s.info.channels.iter().position(|c| c.name == name);
+        let fitting = |s: &Sensor| {
+            let wanted = self.settings.wanted.as_ref().is_none_or(|name| s.info.name == *name);
+            let measures = s.info.purpose == Purpose::Measurement && !s.constraint;
+            channel(s, "lat").zip(channel(s, "vel_n")).filter(|_| wanted && measures)
+        };
+        let found = sensors.iter().enumerate().find_map(|(k, s)| Some((k, fitting(s)?)));
+        let Some((gnss, (position, velocity))) = found else {
+            let text = "an alignment by the course needs a sensor that measures position and \
+                        velocity in north, east, down, such as [sensor.gnss] with velocity_noise; \
+                        name it with alignment.velocity";
+            return Err(ComposeError::new("alignment", text));
+        };
+        let driver = sensors.iter().position(|s| s.info.name == self.imu.0).unwrap_or_default();
+        self.sensed = Some(Sensed { driver, gnss, position, velocity });
+        Ok(())
+    }
+
+    fn search(
+        &mut self,
+        layout: &Layout,
+        state: &mut State,
+        sample: &Sample,
+    ) -> Result<Progress, ProcessError> {
+        let Some(sensed) = self.sensed else { return Ok(Progress::Found) };
+        let (begin, last) = *self.span.get_or_insert((state.time, state.time));
+        if sample.sensor.0 == sensed.driver {
+            let dt = sample.time.since(last);
+            if dt > 0.0
+                && let Some((w, f)) = self.imu.1.rates(sample, dt)
+            {
+                let w = w - state.get(layout, self.navigation.gyro_bias);
+                let f = f - state.get(layout, self.navigation.accel_bias);
+                self.integral.advance(&Increments { dtheta: w * dt, dvel: f * dt, dt });
+                self.span = Some((begin, sample.time));
+            }
+        } else if sample.sensor.0 == sensed.gnss
+            && let Some([latitude, longitude, height]) = sample.array(sensed.position)
+            && let Some(velocity) = sample.array::<3>(sensed.velocity)
+        {
+            self.fix(sample, velocity.into(), Geodetic { latitude, longitude, height });
+            let elapsed = sample.time.since(begin);
+            if elapsed >= self.settings.duration && self.find(layout, state, elapsed).is_some() {
+                return Ok(Progress::Found);
+            }
+        }
+        Ok(Progress::Searching)
+    }
+
+    fn unfinished(&self, _: &FilterView<'_>) -> Option<(Level, String)> {
+        if self.report.is_some() {
+            return None;
+        }
+        let error = AlignmentError::NoCourse {
+            count: self.moving,
+            least: FEWEST,
+            speed: self.settings.min_speed,
+            duration: self.settings.duration,
+        };
+        self.span.map(|_| (Level::Error, error.to_string()))
+    }
+
+    fn report(&self) -> Option<AlignmentReport> {
+        self.report.clone()
+    }
+
+    fn boxed_clone(&self) -> Box<dyn InitialAlignment> {
+        Box::new(self.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests;

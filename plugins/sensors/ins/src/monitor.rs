@@ -1,0 +1,109 @@
+//! Monitor of the IMU: faults that its samples contradict physics with.
+//!
+//! Six rules, each in a file of its own: the specific force is about as large as gravity and points
+//! up, gravity turns as the gyros turn, white noise is as strong as stated, the tilt is known well
+//! enough for the accelerometers, the heading for the way made, and constant biases stay constant.
+
+mod drift;
+mod gravity;
+mod heading;
+mod levelling;
+mod turning;
+mod whiteness;
+
+use crate::imu::Imu;
+use crate::navigation::Navigation;
+use drift::Drift;
+use gravity::Gravity;
+use heading::Heading;
+use levelling::Levelling;
+use nalgebra::Vector3;
+use navfuse_core::model::process::Input;
+use navfuse_core::model::process::monitor::Monitor;
+use navfuse_core::model::process::start::FilterView;
+use navfuse_core::model::record::finding::{Basis, Finding, Severity};
+use navfuse_core::units::time::Time;
+use turning::Turning;
+use whiteness::Whiteness;
+
+/// A contradiction: its severity, the evidence and the remedy.
+struct Fault {
+    severity: Severity,
+    basis: Basis,
+    text: String,
+    remedy: &'static str,
+}
+
+/// Monitor of one IMU.
+#[derive(Clone)]
+pub(crate) struct ImuMonitor {
+    name: String,
+    imu: Imu,
+    navigation: Navigation,
+    gravity: Gravity,
+    levelling: Levelling,
+    heading: Heading,
+    turning: Turning,
+    whiteness: Whiteness,
+    drift: Drift,
+}
+
+impl ImuMonitor {
+    /// A monitor of the IMU of that name; `tilt` is the prior sigma of roll and pitch, where they
+    /// are known without the IMU.
+    pub(crate) fn new(name: &str, imu: &Imu, navigation: Navigation, tilt: Option<f64>) -> Self {
+        Self {
+            name: name.to_owned(),
+            imu: imu.clone(),
+            navigation,
+            gravity: Gravity::new(tilt),
+            levelling: Levelling::new(navigation, tilt.is_none()),
+            heading: Heading::new(navigation),
+            turning: Turning::default(),
+            whiteness: Whiteness::new(imu),
+            drift: Drift::new(navigation),
+        }
+    }
+
+    fn finding(&self, time: Time, fault: Fault) -> Finding {
+        let Fault { severity, basis, text, remedy } = fault;
+        let (about, remedy) = (self.name.clone(), remedy.to_owned());
+        Finding { time, about, severity, basis, text, remedy }
+    }
+}
+
+impl Monitor for ImuMonitor {
+    fn input(&mut self, filter: &FilterView<'_>, input: &Input<'_>) -> Option<Finding> {
+        // a sample that the filter replaced is no evidence
+        if input.spread.is_some() || input.usual <= 0.0 {
+            return None;
+        }
+        let (w, f) = self.imu.rates(input.sample, input.usual)?;
+        let (time, dt) = (input.sample.time, input.usual);
+        let fault = (self.gravity.take(filter, &self.navigation, &f, dt))
+            .or_else(|| self.turning.take(&w, &f, dt))
+            .or_else(|| self.whiteness.take(&w, &f, dt))
+            .or_else(|| self.levelling.take(filter, time))
+            .or_else(|| self.heading.take(filter, time))
+            .or_else(|| self.drift.take(filter, time));
+        fault.map(|fault| self.finding(time, fault))
+    }
+
+    fn corrected(&mut self, filter: &FilterView<'_>) {
+        let n = &self.navigation;
+        let c_b_n = filter.state.get(filter.layout, n.attitude);
+        let v: Vector3<f64> = filter.state.get(filter.layout, n.velocity);
+        self.turning.velocity = c_b_n.inverse() * v;
+    }
+
+    fn widened(&mut self) {
+        self.drift.widened();
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Monitor> {
+        Box::new(self.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,453 @@
+//! The strapdown process: mechanisation and error model as a process model of the framework.
+
+use crate::alignment::{
+    Aligner, Alignment, AlignmentMethod, AlignmentSettings, CourseAlignment, CourseSettings,
+    ZeroVelocity,
+};
+use crate::error_model::transition;
+use crate::imu::{Imu, SimulatedImu};
+use crate::mechanisation::{Increments, MAX_LATITUDE_DEG, Mechanisation, NavState};
+use crate::monitor::ImuMonitor;
+use crate::navigation::Navigation;
+use crate::places::Places;
+use crate::rates::{LastRates, Rates};
+use nalgebra::{Matrix3, Vector3};
+use navfuse_core::compose::Composer;
+use navfuse_core::compose::calibration::{AccelBias, GyroBias};
+use navfuse_core::model::error::ComposeError;
+use navfuse_core::model::process::BuiltProcess;
+use navfuse_core::model::process::screening::Spread;
+use navfuse_core::model::process::{Input, Interval, ProcessError, ProcessModel};
+use navfuse_core::model::sensor::motion::Motion;
+use navfuse_core::plugin::ProcessType;
+use navfuse_core::state::covariance::Transition;
+use navfuse_core::state::display;
+use navfuse_core::state::geodesy::Geodetic;
+use navfuse_core::state::manifold::{load_quaternion, store_quaternion};
+use navfuse_core::state::{BlockSpec, Display, Dynamics, Layout, Mode, State};
+use navfuse_core::units::time::Time;
+use navfuse_core::units::{Angle, Components, Latitude, Length, Longitude, Sigma, Speed, Triple};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Strapdown inertial navigation in north, east, down on WGS-84, driven by an IMU: attitude,
+/// velocity, position, gyro and accelerometer bias.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Strapdown {
+    /// IMU that drives the process: the name of its `[sensor.NAME]` table.
+    #[serde(default = "imu")]
+    pub imu: String,
+    /// Source of attitude and velocity at the start: `given` (default), `static`, `in-motion` or
+    /// `course`, or a table with that `method` and its keys.
+    #[serde(default)]
+    pub alignment: Alignment,
+    /// Roll, pitch and yaw: prior sigma, and the initial value where no reference gives it. Not
+    /// used with an alignment.
+    pub attitude: Option<InitialValue<Triple<Angle>>>,
+    /// Velocity north, east, down: prior sigma, and the initial value where no reference gives it.
+    /// Not used with an alignment.
+    pub velocity: Option<InitialValue<Triple<Speed>>>,
+    /// Position: prior sigma north, east, down, and the initial value where no reference gives it.
+    pub position: InitialPosition,
+    /// Gyro bias.
+    #[serde(default)]
+    pub gyro_bias: GyroBias,
+    /// Accelerometer bias.
+    #[serde(default)]
+    pub accel_bias: AccelBias,
+}
+
+fn imu() -> String {
+    "imu".into()
+}
+
+/// Prior and initial value of a state.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, bound = "V: Components")]
+pub struct InitialValue<V: Components> {
+    /// Prior 1-sigma.
+    pub sigma: Sigma<V>,
+    /// Initial value; left out where a reference gives it.
+    pub initial: Option<V>,
+}
+
+/// Prior and initial value of the position.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InitialPosition {
+    /// Prior 1-sigma north, east, down.
+    pub sigma: Sigma<Triple<Length>>,
+    /// Geodetic latitude; left out where a reference gives it.
+    pub latitude: Option<Latitude>,
+    /// Longitude.
+    pub longitude: Option<Longitude>,
+    /// Height above the ellipsoid.
+    pub height: Option<Length>,
+}
+
+fn spec(
+    composer: &mut Composer,
+    name: &str,
+    sigma: Vector3<f64>,
+    initial: Option<[f64; 3]>,
+    display: Display,
+) -> Result<BlockSpec, ComposeError> {
+    if sigma.iter().any(|s| *s <= 0.0) {
+        return Err(ComposeError::new(
+            format!("{name}.sigma"),
+            "a prior sigma of zero makes the covariance singular: give a positive one on every axis",
+        ));
+    }
+    if initial.is_none() {
+        composer.needs_reference(name);
+    }
+    Ok(BlockSpec {
+        mode: Mode::Estimate,
+        initial: initial.unwrap_or_default().to_vec(),
+        sigma: sigma.as_slice().to_vec(),
+        truth: None,
+        dynamics: Dynamics::Constant,
+        display,
+    })
+}
+
+/// As [`spec`], for a state that the scenario gives, or that the alignment finds with the prior
+/// sigma `found`.
+fn start<V: Components>(
+    composer: &mut Composer,
+    name: &str,
+    given: Option<InitialValue<V>>,
+    found: Option<Vector3<f64>>,
+    display: Display,
+) -> Result<BlockSpec, ComposeError> {
+    match (given, found) {
+        (Some(given), None) => {
+            let three = |v: V| Vector3::from_iterator(v.components());
+            let initial = given.initial.map(|v| three(v).into());
+            spec(composer, name, three(given.sigma.value()), initial, display)
+        }
+        (None, None) => {
+            let text = format!(
+                "missing: give {name} = {{ sigma = ... }}, or let it be found: alignment = \"static\""
+            );
+            Err(ComposeError::new("", text))
+        }
+        (given, Some(sigma)) => {
+            if given.is_some() {
+                composer.note(format!(
+                    "{name} is found by the alignment: its sigma and initial value are not used"
+                ));
+            }
+            spec(composer, name, sigma, Some([0.0; 3]), display)
+        }
+    }
+}
+
+/// Rejects an angle beyond a limit in degrees, north or south, east or west.
+fn within(key: &str, angle: Angle, limit: f64) -> Result<(), ComposeError> {
+    if angle.si().abs().to_degrees() <= limit {
+        return Ok(());
+    }
+    Err(ComposeError::new(key, format!("found \"{angle}\"; give a value within {limit} deg")))
+}
+
+impl ProcessType for Strapdown {
+    const TYPE: &'static str = "ins";
+
+    fn build(self, composer: &mut Composer) -> Result<BuiltProcess, ComposeError> {
+        let imu: Imu = composer.input::<Imu>("imu", &self.imu)?.clone();
+        let bias = (
+            self.gyro_bias.sigma.map_or(0.0, |s| s.value().si().amax()),
+            self.accel_bias.sigma.map_or(0.0, |s| s.value().si().amax()),
+        );
+        let settings = AlignmentSettings::new(&self.alignment, bias)?;
+        let course = (self.alignment.0.method == AlignmentMethod::Course)
+            .then(|| CourseSettings::new(&self.alignment.0, bias));
+        let p = &self.position;
+        let angles = (p.latitude.map(Latitude::angle), p.longitude.map(Longitude::angle));
+        let position = match (angles.0, angles.1, p.height) {
+            (Some(latitude), Some(longitude), Some(height)) => {
+                within("position.latitude", latitude, MAX_LATITUDE_DEG)?;
+                within("position.longitude", longitude, 360.0)?;
+                Some([latitude.si(), longitude.si(), height.si()])
+            }
+            (None, None, None) => None,
+            _ => {
+                return Err(ComposeError::new(
+                    "position",
+                    "give latitude, longitude and height, or none of them",
+                ));
+            }
+        };
+        // an alignment finds roll and pitch from the IMU itself, which cannot contradict them
+        let tilt_prior =
+            self.attitude.filter(|_| settings.is_none() && course.is_none()).map(|a| {
+                let sigma = a.sigma.value().si();
+                sigma.x.max(sigma.y)
+            });
+        let found = settings.as_ref().map(|s| s.attitude_prior(&imu));
+        let found = found.or(course.as_ref().map(|_| CourseSettings::attitude_prior()));
+        let attitude = start(composer, "attitude", self.attitude, found, display::ANGLES)?;
+        let attitude = composer.block("attitude", attitude)?;
+        let found = settings.as_ref().map(AlignmentSettings::velocity_prior);
+        let found = found.or(course.as_ref().map(|_| CourseSettings::velocity_prior()));
+        let found = found.map(Vector3::repeat);
+        let velocity = start(composer, "velocity", self.velocity, found, display::VELOCITY)?;
+        let velocity = composer.block("velocity", velocity)?;
+        // the first fix gives it where the scenario does not
+        let finds_position = course.is_some() && position.is_none();
+        let position = if finds_position { Some([0.0; 3]) } else { position };
+        let position =
+            spec(composer, "position", p.sigma.value().si(), position, display::POSITION)?;
+        let position = composer.block("position", position)?;
+        composer.turns_with_heading(velocity, attitude);
+        let gyro_bias =
+            self.gyro_bias.block(composer, "gyro_bias", &[0.0; 3], display::GYRO_BIAS)?;
+        let accel_bias =
+            self.accel_bias.block(composer, "accel_bias", &[0.0; 3], display::ACCEL_BIAS)?;
+        let angular_rate = composer.signal("angular_rate");
+        let navigation =
+            Navigation { attitude, velocity, position, gyro_bias, accel_bias, angular_rate };
+        let places = Places::new(composer, &navigation, &self.imu);
+        if let Some(model) = settings.as_ref().and_then(|s| s.constraint(velocity)) {
+            composer.constraint(ZeroVelocity::NAME, ZeroVelocity::CHANNELS, model);
+        }
+        let aligner = settings.map(|settings| {
+            Aligner::new(&self.alignment, settings, (self.imu.clone(), imu.clone()), navigation)
+        });
+        let driving = || (self.imu.clone(), imu.clone());
+        let course = course
+            .map(|settings| CourseAlignment::new(settings, driving(), navigation, finds_position));
+        let simulator = SimulatedImu { imu: imu.clone(), gyro_bias, accel_bias };
+        let gyro = imu.gyro_noise.value().si();
+        let accel = imu.accel_noise.value().si();
+        let isotropic =
+            gyro.x == gyro.y && gyro.y == gyro.z && accel.x == accel.y && accel.y == accel.z;
+        let mechanisation = Mechanisation::default();
+        let screening = imu.screening();
+        let monitor = ImuMonitor::new(&self.imu, &imu, navigation, tilt_prior);
+        let rates = LastRates::default();
+        let model = StrapdownModel { imu, navigation, places, mechanisation, isotropic, rates };
+        let built = match model.imu.coast {
+            Some(_) => {
+                let gap = model.imu.max_gap.value().si();
+                BuiltProcess::new(model).coasts_after(gap)
+            }
+            None => BuiltProcess::new(model),
+        };
+        let built = built.driven_by(self.imu, simulator);
+        let built = match screening {
+            Some(screening) => {
+                built.screened_by(screening).watched_by(monitor).with_bias(navigation.gyro_bias)
+            }
+            None => built,
+        };
+        Ok(match (aligner, course) {
+            (Some(aligner), _) => built.aligned_by(aligner),
+            (None, Some(course)) => built.aligned_by(course),
+            (None, None) => built,
+        })
+    }
+}
+
+#[derive(Clone)]
+struct StrapdownModel {
+    imu: Imu,
+    navigation: Navigation,
+    places: Places,
+    mechanisation: Mechanisation,
+    isotropic: bool,
+    /// Rates of the current sample and of the one before.
+    rates: LastRates,
+}
+
+impl StrapdownModel {
+    /// Process noise over `dt` in navigation axes, `C_b^n Q_b C_b^n'` (compare Groves section
+    /// 14.2.6). The rotation is omitted where all axes have the same noise, since it changes
+    /// nothing there.
+    #[inline(always)]
+    fn noise(
+        &self,
+        c_b_n: &Matrix3<f64>,
+        density: Vector3<f64>,
+        step: f64,
+        dt: f64,
+        duration: f64,
+    ) -> Matrix3<f64> {
+        if self.isotropic {
+            return Matrix3::from_diagonal_element(Imu::variance(density.x, step, dt, duration));
+        }
+        let variance = density.map(|n| Imu::variance(n, step, dt, duration));
+        c_b_n * Matrix3::from_diagonal(&variance) * c_b_n.transpose()
+    }
+
+    /// Variance that bridging adds over `dt`. Where samples are missing for `hole` of `duration`
+    /// seconds, the mean rate in the hole is uncertain by the change of the rate over it, which is
+    /// taken as one sigma on each axis.
+    fn bridged(change: &Vector3<f64>, hole: f64, dt: f64, duration: f64) -> Matrix3<f64> {
+        Matrix3::identity() * (change.norm_squared() * hole * hole * dt / duration)
+    }
+
+    /// Variance, in navigation axes, of the integral of a rate with a 1-sigma of `spread` times
+    /// `share` in body axes: the filter replaced a faulty sample. A part `dt` of an interval
+    /// `duration` has the share `time` = `dt duration` of the square of the whole.
+    fn unknown(c_b_n: &Matrix3<f64>, spread: &[f64], share: f64, time: f64) -> Matrix3<f64> {
+        let variance =
+            Vector3::from_column_slice(spread).map(|sigma| (sigma * share).powi(2) * time);
+        c_b_n * Matrix3::from_diagonal(&variance) * c_b_n.transpose()
+    }
+
+    /// Variances of attitude and velocity, in navigation axes, over a part `dt` of an interval whose
+    /// sample is missing for a time or was replaced.
+    #[cold]
+    fn doubt(
+        &self,
+        c_b_n: &Matrix3<f64>,
+        spread: Option<&Spread>,
+        (dt, usual, duration): (f64, f64, f64),
+    ) -> [Matrix3<f64>; 2] {
+        let mut q = [Matrix3::zeros(); 2];
+        if usual < duration {
+            let [change_w, change_f] = self.rates.change();
+            q[0] += Self::bridged(&change_w, duration - usual, dt, duration);
+            q[1] += Self::bridged(&change_f, duration - usual, dt, duration);
+        }
+        if let Some(spread) = spread {
+            let share = self.imu.share(usual);
+            q[0] += Self::unknown(c_b_n, &spread[0..3], share, dt * duration);
+            q[1] += Self::unknown(c_b_n, &spread[3..6], share, dt * duration);
+        }
+        q
+    }
+
+    /// Publishes the angular rate at a time, for the sensors that read it then.
+    #[inline(always)]
+    fn publish(&self, state: &mut State, at: Time) {
+        if let Some(w) = self.rates.angular_rate(at) {
+            state.publish(self.navigation.angular_rate, &[w.x, w.y, w.z]);
+        }
+    }
+}
+
+impl ProcessModel for StrapdownModel {
+    fn prepare(&mut self, _layout: &Layout, state: &mut State, input: &Input<'_>) {
+        let dt = if input.usual > 0.0 { input.usual } else { 1.0 };
+        if let Some((w, f)) = self.imu.rates(input.sample, dt) {
+            let time = input.sample.time;
+            self.rates.take(Rates { time, duration: input.usual, w, f });
+            self.publish(state, time);
+        }
+    }
+
+    fn restart(&mut self) {
+        self.mechanisation = Mechanisation::default();
+    }
+
+    fn propagate(
+        &mut self,
+        layout: &Layout,
+        state: &mut State,
+        interval: &Interval<'_>,
+        out: &mut Transition,
+    ) -> Result<(), ProcessError> {
+        let dt = interval.duration();
+        let Some(input) = interval.input else {
+            let Some(coast) = self.imu.coast else {
+                return Err(ProcessError::input("no IMU sample covers this time"));
+            };
+            self.mechanisation = Mechanisation::default();
+            coast.propagate((&self.navigation, &self.places), (layout, state), dt, out);
+            return Ok(());
+        };
+        let gap = self.imu.max_gap.value().si();
+        let hole = input.duration.max(input.sample.time.since(interval.from));
+        if hole > gap {
+            return Err(ProcessError::input(format!(
+                "no IMU sample for {:.3} s before {}, more than max_gap = {gap} s: the track cannot be bridged; repair \
+                 the recording, start after the gap (estimator.start), or raise max_gap of the IMU",
+                hole, input.sample.time
+            )));
+        }
+        // without an earlier sample, the rate of the first one holds since the start of the filter
+        let duration = if input.duration > 0.0 { input.duration } else { dt };
+        let usual = if input.usual > 0.0 { input.usual } else { duration };
+        let Some((w, f)) = self.imu.rates(input.sample, usual) else {
+            return Err(ProcessError::input("channels of the IMU are missing"));
+        };
+        self.rates.take(Rates { time: input.sample.time, duration: usual, w, f });
+        let n = &self.navigation;
+        let at = |slot: usize| layout.blocks[slot].offset;
+        let (a, v, p) = (at(n.attitude.slot()), at(n.velocity.slot()), at(n.position.slot()));
+        let x = &mut state.values;
+        let nav = NavState {
+            c_b_n: load_quaternion(&x[a..a + 4]),
+            velocity: Vector3::new(x[v], x[v + 1], x[v + 2]),
+            position: Geodetic { latitude: x[p], longitude: x[p + 1], height: x[p + 2] },
+        };
+        let bias = |slot: usize| Vector3::new(x[at(slot)], x[at(slot) + 1], x[at(slot) + 2]);
+        let (bg, ba) = (bias(n.gyro_bias.slot()), bias(n.accel_bias.slot()));
+        let increments = Increments { dtheta: (w - bg) * dt, dvel: (f - ba) * dt, dt };
+        let (next, rates) = (self.mechanisation.step_part(&nav, &increments, duration.max(dt)))
+            .map_err(|e| ProcessError::domain(e.to_string()).with_source(e))?;
+        store_quaternion(&next.c_b_n, &mut x[a..a + 4]);
+        x[v..v + 3].copy_from_slice(next.velocity.as_slice());
+        x[p..p + 3].copy_from_slice(&[
+            next.position.latitude,
+            next.position.longitude,
+            next.position.height,
+        ]);
+        self.publish(state, interval.to);
+        let phi = transition(&rates);
+        let s = &self.places;
+        out.set(s.phi_phi, &phi.phi_phi);
+        out.set(s.phi_v, &phi.phi_v);
+        out.set(s.phi_p[0], &phi.phi_p[0]);
+        out.set(s.phi_p[1], &phi.phi_p[1]);
+        out.set(s.phi_bg, &phi.phi_bg);
+        out.set(s.v_phi, &phi.v_phi);
+        out.set(s.v_v, &phi.v_v);
+        out.set(s.v_p[0], &phi.v_p[0]);
+        out.set(s.v_p[1], &phi.v_p[1]);
+        out.set(s.v_ba, &phi.v_ba);
+        out.set_diagonal(s.p_v, &[dt; 3]);
+        out.set(s.p_p, &phi.p_p);
+        // w = share z - b_g and f = share z - b_a: a channel acts as a bias of the other sign
+        let share = self.imu.share(usual);
+        if out.has_inputs() {
+            out.set_input(s.phi_gyro, &(phi.phi_bg * -share));
+            out.set_input(s.v_accel, &(phi.v_ba * -share));
+        }
+        let (gyro, accel) = (self.imu.gyro_noise.value().si(), self.imu.accel_noise.value().si());
+        let q_phi = self.noise(&rates.c_b_n, gyro, self.imu.gyro_step(), dt, duration);
+        let q_v = self.noise(&rates.c_b_n, accel, self.imu.accel_step(), dt, duration);
+        if usual < duration || input.spread.is_some() {
+            let more = self.doubt(&rates.c_b_n, input.spread, (dt, usual, duration));
+            out.set_noise(s.q_phi, &(q_phi + more[0]));
+            out.set_noise(s.q_v, &(q_v + more[1]));
+        } else {
+            out.set_noise(s.q_phi, &q_phi);
+            out.set_noise(s.q_v, &q_v);
+        }
+        Ok(())
+    }
+
+    fn follow(&self, layout: &Layout, motion: &Motion, state: &mut State, known: &mut [bool]) {
+        let n = &self.navigation;
+        state.set(layout, n.attitude, &motion.c_b_n.to_rotation_matrix());
+        state.set(layout, n.velocity, &motion.velocity);
+        state.set(layout, n.position, &motion.position);
+        let w = motion.w_ib_b + state.get(layout, n.gyro_bias);
+        state.publish(n.angular_rate, &[w.x, w.y, w.z]);
+        for slot in [n.attitude.slot(), n.velocity.slot(), n.position.slot()] {
+            known[slot] = true;
+        }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn ProcessModel> {
+        Box::new(self.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,309 @@
+//! The overview: whether the run may be used, what converged, which sensor was bad and when.
+
+use crate::axis;
+use crate::health::{Health, Lane, Stretch};
+use crate::innovation::{SensorSeries, words};
+use crate::state::BlockSeries;
+use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
+use navfuse_core::units::time::Time;
+use std::fmt::Write;
+
+/// Sigma at the end relative to the first one, above which a state has not converged.
+const CONVERGED: f64 = 0.5;
+/// Number of states in the lists.
+const STATES: usize = 4;
+/// Number of stretches in the line of a sensor.
+const STRETCHES: usize = 4;
+/// Shortest stretch of bad samples in the line of a sensor, and shortest silence, s.
+const SHORTEST: f64 = 1.0;
+const SHORTEST_SILENCE: f64 = 3.0;
+/// Number of gated samples from which on their share in turns counts.
+const GATED: u64 = 20;
+/// Share of gated samples in turns that names the turns, and how many times larger than the share
+/// of all samples it is then.
+const IN_TURNS: f64 = 0.7;
+const MORE_OFTEN: f64 = 2.0;
+/// Share of epochs outside 3 sigma up to which an error agrees with its sigma; a correlated error
+/// of the right size is outside for 0.3 % of the time on the average, and for more in some runs.
+const OUTSIDE: f64 = 0.03;
+
+/// The component with the largest error in sigma, as block and component; without a truth, the
+/// component that converged least.
+pub fn worst(blocks: &[BlockSeries]) -> Option<(usize, usize)> {
+    let all = || {
+        blocks.iter().enumerate().flat_map(|(b, block)| {
+            block.components.iter().enumerate().map(move |(k, c)| (b, k, &c.tally))
+        })
+    };
+    let error = all()
+        .filter_map(|(b, k, tally)| Some((b, k, tally.worst?.0)))
+        .max_by(|x, y| x.2.total_cmp(&y.2));
+    let sigma = || {
+        all()
+            .filter_map(|(b, k, tally)| Some((b, k, tally.converged()?)))
+            .max_by(|x, y| x.2.total_cmp(&y.2))
+    };
+    error.or_else(sigma).map(|(b, k, _)| (b, k))
+}
+
+/// The page of the overview.
+pub fn page(
+    name: &str,
+    blocks: &[BlockSeries],
+    lanes: &[Lane],
+    sensors: &[SensorSeries],
+    verdict: Option<&Verdict>,
+) -> String {
+    let mut page = String::new();
+    match verdict {
+        Some(verdict) => write_verdict(&mut page, name, verdict),
+        None => page += &format!("# {name}\n\nThe run has no verdict yet.\n"),
+    }
+    write_sensors(&mut page, lanes, sensors, verdict);
+    write_convergence(&mut page, blocks);
+    write_errors(&mut page, blocks);
+    page
+}
+
+fn write_verdict(page: &mut String, name: &str, verdict: &Verdict) {
+    let _ = writeln!(page, "# {name}: {}\n", verdict.level.words());
+    if verdict.reasons.is_empty() {
+        page.push_str("No criterion contradicts the reported uncertainty.\n");
+    }
+    for reason in &verdict.reasons {
+        let words = VerdictLevel::from(reason.severity).words();
+        let _ = write!(page, "- {words}: **{}**: {}", reason.about, reason.text);
+        if !reason.remedy.is_empty() {
+            let _ = write!(page, "; *{}*", reason.remedy);
+        }
+        page.push_str(".\n");
+    }
+}
+
+fn write_sensors(
+    page: &mut String,
+    lanes: &[Lane],
+    sensors: &[SensorSeries],
+    verdict: Option<&Verdict>,
+) {
+    page.push_str("\n## Which sensor was bad, and when\n\n");
+    let bad: Vec<String> = lanes.iter().filter_map(bad).collect();
+    match bad.is_empty() {
+        true => page.push_str("**None** for longer than a second.\n\n"),
+        false => {
+            let _ = writeln!(page, "{}.\n", bad.join("; "));
+        }
+    }
+    page.push_str("| sensor | used | gated | rejected | NIS (expected) | bad or silent |\n");
+    page.push_str("|---|--:|--:|--:|--:|---|\n");
+    for lane in lanes {
+        let rejected: u64 = lane.rejected.iter().map(|r| r.1).sum();
+        let nis = verdict.and_then(|v| v.sensor(&lane.name)).map_or_else(String::new, |s| {
+            let mark = if s.inside { "" } else { " **!**" };
+            format!("{:.2} ({:.2}){mark}", s.mean_nis, s.expected_nis)
+        });
+        let series = sensors.iter().find(|s| s.name == lane.name);
+        let _ = writeln!(
+            page,
+            "| **{}** | {} | {} | {rejected} | {nis} | {} |",
+            lane.name,
+            lane.accepted,
+            lane.gated,
+            not_used(lane, series)
+        );
+    }
+}
+
+/// The name of a sensor that was bad, and for how long; `None` for a good one.
+fn bad(lane: &Lane) -> Option<String> {
+    let bad = |s: &&Stretch| !matches!(s.health, Health::Used | Health::Silent);
+    let length: f64 = lane.stretches.iter().filter(bad).map(|s| s.to.since(s.from)).sum();
+    (length >= SHORTEST).then(|| {
+        let turns = if is_bad_in_turns(lane) {
+            ", mostly in turns: look at its lever arm, mounting angles and clock"
+        } else {
+            ""
+        };
+        format!("**{}**, for {length:.0} s{turns}", lane.name)
+    })
+}
+
+/// Set where the gate rejects samples in turns above all.
+fn is_bad_in_turns(lane: &Lane) -> bool {
+    let share = |part: u64, whole: u64| part as f64 / whole.max(1) as f64;
+    let gated = share(lane.in_turns[1], lane.gated);
+    lane.gated >= GATED
+        && gated >= IN_TURNS
+        && gated >= MORE_OFTEN * share(lane.in_turns[0], lane.accepted + lane.gated)
+}
+
+/// The longest stretches in which a sensor was not used, in order of time, and the reasons.
+fn not_used(lane: &Lane, series: Option<&SensorSeries>) -> String {
+    let bad = |s: &&Stretch| {
+        let shortest = if s.health == Health::Silent { SHORTEST_SILENCE } else { SHORTEST };
+        s.health != Health::Used && s.to.since(s.from) >= shortest
+    };
+    let mut stretches: Vec<&Stretch> = lane.stretches.iter().filter(bad).collect();
+    let count = stretches.len();
+    // a fault is more important than a silence of the same length
+    stretches.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
+    stretches.truncate(STRETCHES);
+    stretches.sort_by_key(|s| s.from);
+    let mut parts: Vec<String> =
+        stretches.iter().map(|s| format!("{} {}", s.health.word(), span(s.from, s.to))).collect();
+    if count > STRETCHES {
+        parts.push(format!("{} more", count - STRETCHES));
+    }
+    let names: Vec<&str> =
+        series.iter().flat_map(|s| (0..s.channels.len()).map(|k| s.channel(k))).collect();
+    if let Some((reason, _)) = lane.rejected.iter().max_by_key(|r| r.1)
+        && stretches.iter().any(|s| s.health == Health::Rejected)
+    {
+        parts.push(words(*reason, &names));
+    }
+    parts.join(", ")
+}
+
+fn weight(stretch: &Stretch) -> f64 {
+    let length = stretch.to.since(stretch.from);
+    if stretch.health == Health::Silent { length } else { 100.0 * length }
+}
+
+/// A span of time in words.
+pub fn span(from: Time, to: Time) -> String {
+    format!("{:.0}–{:.0} s", from.seconds(), to.seconds())
+}
+
+fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
+    let mut shares: Vec<(String, f64)> = blocks
+        .iter()
+        .flat_map(|b| (0..b.components.len()).map(move |k| (b, k)))
+        .filter_map(|(b, k)| Some((b.full_name(k), b.components[k].tally.converged()?)))
+        .collect();
+    shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let total = shares.len();
+    shares.retain(|s| s.1 > CONVERGED);
+    page.push_str("\n## Did it converge\n\n");
+    let answer = match shares.len() {
+        0 => "Yes",
+        n if n < total => "In part",
+        _ => "No",
+    };
+    let _ = writeln!(
+        page,
+        "**{answer}**: {} of {total} states ended with at most half of their first sigma.",
+        total - shares.len()
+    );
+    if !shares.is_empty() {
+        page.push_str("Not so, with the last sigma over the first one:");
+        for (k, (name, share)) in shares.iter().take(STATES).enumerate() {
+            let _ = write!(page, "{} **{name}** ({share:.2})", if k == 0 { "" } else { "," });
+        }
+        match shares.len().saturating_sub(STATES) {
+            0 => page.push_str(".\n"),
+            more => page.push_str(&format!(" and {more} more.\n")),
+        }
+    }
+}
+
+fn write_errors(page: &mut String, blocks: &[BlockSeries]) {
+    page.push_str("\n## Is the sigma to be believed\n\n");
+    let mut errors: Vec<_> = blocks
+        .iter()
+        .flat_map(|b| (0..b.components.len()).map(move |k| (b, k)))
+        .filter_map(|(b, k)| Some((b, k, b.components[k].tally.worst?)))
+        .collect();
+    if errors.is_empty() {
+        page.push_str(
+            "**Not known**: there is no truth. The NIS above and the verdict are the evidence.\n",
+        );
+        return;
+    }
+    errors.sort_by(|a, b| b.2.0.total_cmp(&a.2.0));
+    let share = |b: &BlockSeries, k: usize| {
+        let tally = &b.components[k].tally;
+        tally.outside as f64 / tally.compared.max(1) as f64
+    };
+    let wrong = errors.iter().filter(|(b, k, _)| share(b, *k) > OUTSIDE).count();
+    let answer = if wrong == 0 { "Yes" } else { "No" };
+    let _ = writeln!(
+        page,
+        "**{answer}**: {} of {} states were outside 3 sigma for more than {:.0} % of the time.\n",
+        wrong,
+        errors.len(),
+        100.0 * OUTSIDE
+    );
+    page.push_str(
+        "| state | error at the end | 1 sigma | largest, in sigma | at | left 3 sigma at |\n",
+    );
+    page.push_str("|---|--:|--:|--:|--:|--:|\n");
+    for (b, k, (size, at)) in errors.iter().take(STATES) {
+        let c = &b.components[*k];
+        let scale = axis::scale(c.unit, c.tally.sigma);
+        let error = c.tally.error.unwrap_or(f64::NAN) / scale.size;
+        let sigma = c.tally.sigma / scale.size;
+        let left = c.tally.left.map_or_else(String::new, |e| format!("{:.0} s", e.from.seconds()));
+        let _ = writeln!(
+            page,
+            "| {} | {} {} | {} | {size:.1} | {:.0} s | {left} |",
+            b.full_name(*k),
+            short(error),
+            scale.unit,
+            short(sigma),
+            at.seconds()
+        );
+    }
+}
+
+/// A number with three digits.
+fn short(x: f64) -> String {
+    if x == 0.0 || !x.is_finite() {
+        return format!("{x}");
+    }
+    let digits = 2 - x.abs().log10().floor() as i32;
+    if (0..=7).contains(&digits) {
+        format!("{x:.*}", digits as usize)
+    } else if digits < 0 {
+        format!("{x:.0}")
+    } else {
+        format!("{x:.2e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{bad, short};
+    use crate::health::{Health, Lane, Stretch};
+    use navfuse_core::model::sensor::{Purpose, SensorInfo};
+    use navfuse_core::units::time::Time;
+
+    #[test]
+    fn a_sensor_is_bad_in_turns_where_the_gate_rejects_more_there_than_elsewhere() {
+        let info = SensorInfo {
+            name: "dvl".into(),
+            kind: "dvl".into(),
+            channels: Vec::new(),
+            purpose: Purpose::Measurement,
+            mounting: Default::default(),
+        };
+        let lane = |in_turns: [u64; 2]| {
+            let mut lane = Lane::new(&info)?;
+            let [from, to] = [10, 16].map(|s| Time::from_nanos(s * 1_000_000_000));
+            lane.stretches.push(Stretch { health: Health::Gated, from, to });
+            (lane.accepted, lane.gated, lane.in_turns) = (900, 100, in_turns);
+            bad(&lane)
+        };
+        // a fifth of all samples are in turns, and with them 90 or 20 of the 100 gated ones
+        let found = lane([200, 90]).unwrap_or_default();
+        assert!(found.starts_with("**dvl**, for 6 s, mostly in turns"), "{found}");
+        assert_eq!(lane([200, 20]).as_deref(), Some("**dvl**, for 6 s"));
+        // a vehicle that turns all the time says nothing about turns
+        assert_eq!(lane([950, 95]).as_deref(), Some("**dvl**, for 6 s"));
+    }
+
+    #[test]
+    fn numbers_have_three_digits() {
+        assert_eq!([0.0012345, -12.345, 98765.0].map(short), ["0.00123", "-12.3", "98765"]);
+        assert_eq!(short(1.5e-9), "1.50e-9");
+    }
+}

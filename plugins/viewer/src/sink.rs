@@ -1,0 +1,430 @@
+//! The sink.
+
+use crate::arrangement;
+use crate::columns::ROWS;
+use crate::health::Lane;
+use crate::innovation::SensorSeries;
+use crate::overview;
+use crate::quantity::Here;
+use crate::recording::Recording;
+use crate::rig::Mount;
+use crate::samples::SampleSeries;
+use crate::scene;
+use crate::state::{self, BlockSeries};
+use crate::style::path;
+use crate::tab::Tab;
+use crate::tally::{Excursion, Excursions};
+use crate::track::Track;
+use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
+use navfuse_core::model::record::{Epoch, Event, Level, Repetition, UpdateRecord};
+use navfuse_core::model::sensor::Purpose;
+use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::state::covariance::{Transition, Update};
+use navfuse_core::units::sample::Sample;
+use navfuse_core::units::time::Time;
+use re_sdk_types::archetypes::{TextDocument, TextLog};
+use re_sdk_types::components::TextLogLevel;
+use std::time::{Duration, Instant};
+
+/// The time between two refreshes of a viewer that watches.
+const LIVE_INTERVAL: Duration = Duration::from_millis(500);
+
+/// The age at which a run that nobody watches writes its first layout, which shows the file of a run
+/// that was killed. A short run saves its cost.
+const LAYOUT_AFTER: Duration = Duration::from_secs(1);
+
+/// The series of a run, from which the layout is made.
+pub struct Run {
+    /// The name of the scenario.
+    pub name: String,
+    /// The blocks that have an uncertainty.
+    pub blocks: Vec<BlockSeries>,
+    /// The sensors that correct the state.
+    pub sensors: Vec<SensorSeries>,
+    /// The samples that are recorded.
+    pub samples: Vec<SampleSeries>,
+    /// The health of the sensors.
+    pub lanes: Vec<Lane>,
+    /// The track, where there is a position.
+    pub track: Option<Track>,
+    /// Set for a run that is smoothed.
+    pub smoothed: bool,
+    /// The component with the largest error in sigma, once the run is over.
+    pub worst: Option<(usize, usize)>,
+    /// The first and the last time of an epoch, ns.
+    pub span: Option<(i64, i64)>,
+    /// Place of each sensor, by its id, among those above.
+    places: Vec<Places>,
+}
+
+/// Places of a sensor among the series.
+#[derive(Clone, Copy, Default)]
+struct Places {
+    series: Option<usize>,
+    samples: Option<usize>,
+    lane: Option<usize>,
+    mount: Option<usize>,
+}
+
+/// Records a run for the viewer.
+pub struct RerunSink {
+    recording: Recording,
+    samples: bool,
+    full: bool,
+    tabs: Vec<Box<dyn Tab>>,
+    run: Option<Run>,
+    epochs: usize,
+    last: Option<Time>,
+    waiting: Vec<Event>,
+    left: Vec<(String, Excursion)>,
+    excursions: Excursions,
+    verdict: Option<Verdict>,
+    refreshed: Instant,
+    begun: Instant,
+    /// Set once the first layout is written.
+    laid_out: bool,
+    place: Option<String>,
+}
+
+impl RerunSink {
+    /// A sink that writes to an open recording; with `samples` also those of driving and reference
+    /// sensors, and with `full` every row.
+    pub fn new(recording: Recording, samples: bool, full: bool, tabs: Vec<Box<dyn Tab>>) -> Self {
+        Self {
+            recording,
+            samples,
+            full,
+            tabs,
+            run: None,
+            epochs: 0,
+            last: None,
+            waiting: Vec::new(),
+            left: Vec::new(),
+            excursions: Excursions::default(),
+            verdict: None,
+            refreshed: Instant::now(),
+            begun: Instant::now(),
+            laid_out: false,
+            place: None,
+        }
+    }
+
+    /// Sends to the viewers that watch what came since the last refresh.
+    fn refresh(&mut self) -> Result<(), StreamError> {
+        let Some(run) = &mut self.run else { return Ok(()) };
+        for tab in &mut self.tabs {
+            tab.flush(&self.recording)?;
+        }
+        if self.recording.is_live() {
+            run.blocks.iter_mut().try_for_each(|b| b.refresh(&self.recording))?;
+            run.sensors.iter_mut().try_for_each(|s| s.refresh(&self.recording))?;
+            if let Some(track) = &run.track {
+                scene::draw(&self.recording, track)?;
+                scene::follow(&self.recording, track)?;
+            }
+            run.write_overview(&self.recording, self.verdict.as_ref())?;
+        }
+        self.refreshed = Instant::now();
+        self.recording.flush()
+    }
+
+    fn lay_out_in_time(&mut self) -> Result<(), StreamError> {
+        let due = !self.laid_out && self.begun.elapsed() >= LAYOUT_AFTER;
+        if due { self.lay_out() } else { Ok(()) }
+    }
+
+    /// Writes the first layout, which knows no ranges yet.
+    fn lay_out(&mut self) -> Result<(), StreamError> {
+        if let Some(run) = &self.run {
+            let layout = arrangement::messages(run, &self.tabs, false);
+            self.recording.first_layout(&layout.map_err(|e| self.recording.error(e))?);
+        }
+        self.laid_out = true;
+        Ok(())
+    }
+
+    fn write(&self, event: &Event, time: Time) -> Result<(), StreamError> {
+        let level = match event.level {
+            Level::Info => TextLogLevel::INFO,
+            Level::Warning => TextLogLevel::WARN,
+            Level::Error => TextLogLevel::ERROR,
+        };
+        let text = if event.about.is_empty() {
+            event.text.clone()
+        } else {
+            format!("{}: {}", event.about, event.text)
+        };
+        // the viewer cuts its own column of times
+        let text = format!("{:>9.3} s  {text}", time.seconds());
+        self.recording.log(&path(&["events"]), time.nanos(), &TextLog::new(text).with_level(level))
+    }
+
+    /// Writes the events that came before the first epoch set the clock.
+    fn write_waiting(&mut self, first: Time) -> Result<(), StreamError> {
+        std::mem::take(&mut self.waiting).iter().try_for_each(|e| self.write(e, e.time.max(first)))
+    }
+
+    /// Writes the excursions of errors that ended.
+    fn write_excursions(&mut self) -> Result<(), StreamError> {
+        let left = std::mem::take(&mut self.left);
+        let events = left.into_iter().filter_map(|(about, e)| self.excursions.add(about, e));
+        let events: Vec<Event> = events.collect();
+        events.iter().try_for_each(|event| self.write(event, event.time))
+    }
+
+    fn close(&mut self) -> Result<String, StreamError> {
+        let end = self.last.unwrap_or_default();
+        self.write_waiting(end)?;
+        if let Some(run) = &mut self.run {
+            self.tabs.iter_mut().try_for_each(|tab| tab.finish(&self.recording))?;
+            run.finish(end, &mut self.left);
+        }
+        self.write_excursions()?;
+        self.excursions.finish().iter().try_for_each(|event| self.write(event, event.time))?;
+        self.refresh()?;
+        if let Some(run) = &mut self.run {
+            run.write(&self.recording)?;
+            run.write_overview(&self.recording, self.verdict.as_ref())?;
+            let layout = arrangement::messages(run, &self.tabs, true)
+                .map_err(|e| self.recording.error(e))?;
+            self.recording.last_layout(&layout);
+        }
+        self.recording.flush()?;
+        self.recording.close()
+    }
+}
+
+impl Run {
+    fn new(info: &RunInfo, all_samples: bool, full: bool) -> Self {
+        let mut run = Self {
+            name: info.name.clone(),
+            blocks: state::blocks(&info.layout, full),
+            sensors: Vec::new(),
+            samples: Vec::new(),
+            lanes: Vec::new(),
+            track: Track::new(&info.layout, full),
+            smoothed: info.smoothed,
+            worst: None,
+            span: None,
+            places: Vec::new(),
+        };
+        for sensor in &info.sensors {
+            let mut places = Places::default();
+            if let Some(series) = SensorSeries::new(sensor, full) {
+                places.series = Some(run.sensors.len());
+                run.sensors.push(series);
+            }
+            if all_samples || sensor.purpose == Purpose::Measurement {
+                places.samples = Some(run.samples.len());
+                run.samples.push(SampleSeries::new(sensor, full));
+            }
+            if let Some(lane) = Lane::new(sensor) {
+                places.lane = Some(run.lanes.len());
+                run.lanes.push(lane);
+            }
+            let mount = Mount::new(sensor, full).filter(|_| sensor.purpose != Purpose::Reference);
+            if let (Some(track), Some(mount)) = (&mut run.track, mount) {
+                places.mount = Some(track.mounts.len());
+                track.mounts.push(mount);
+            }
+            run.places.push(places);
+        }
+        run
+    }
+
+    fn here(&self) -> Here {
+        self.track.as_ref().map_or_else(Here::default, Track::here)
+    }
+
+    /// Ends stretches and excursions.
+    fn finish(&mut self, end: Time, left: &mut Vec<(String, Excursion)>) {
+        self.lanes.iter_mut().for_each(|lane| lane.finish(end));
+        for block in &mut self.blocks {
+            for k in 0..block.components.len() {
+                if let Some(excursion) = block.components[k].tally.finish() {
+                    left.push((block.full_name(k), excursion));
+                }
+            }
+        }
+        self.worst = overview::worst(&self.blocks);
+    }
+
+    /// Writes the whole run.
+    fn write(&mut self, recording: &Recording) -> Result<(), StreamError> {
+        self.blocks.iter_mut().try_for_each(|block| block.write(recording))?;
+        if let Some((block, component)) = self.worst {
+            self.blocks[block].write_normalised(recording, component)?;
+        }
+        self.sensors.iter_mut().try_for_each(|sensor| sensor.write(recording))?;
+        self.samples.iter_mut().try_for_each(|samples| samples.write(recording))?;
+        match &self.track {
+            Some(track) => {
+                scene::draw(recording, track)?;
+                scene::finish(recording, track)
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn write_overview(
+        &self,
+        recording: &Recording,
+        verdict: Option<&Verdict>,
+    ) -> Result<(), StreamError> {
+        let page = overview::page(&self.name, &self.blocks, &self.lanes, &self.sensors, verdict);
+        recording.log_static(&path(&["overview"]), &TextDocument::from_markdown(page))
+    }
+}
+
+impl Sink for RerunSink {
+    fn start(&mut self, info: &RunInfo) -> Result<(), StreamError> {
+        let run = Run::new(info, self.samples, self.full);
+        self.recording.name(&info.name)?;
+        let scenario = format!("```toml\n{}\n```\n\nnavfuse {}\n", info.scenario, info.version);
+        self.recording.log_static(&path(&["scenario"]), &TextDocument::from_markdown(scenario))?;
+        if run.track.is_some() {
+            scene::start(&self.recording)?;
+        }
+        run.lanes.iter().try_for_each(|lane| lane.start(&self.recording))?;
+        for tab in &mut self.tabs {
+            tab.start(info, &self.recording)?;
+        }
+        self.run = Some(run);
+        if self.recording.is_live() {
+            self.lay_out()?;
+        }
+        self.recording.flush()
+    }
+
+    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+        let Some(run) = &mut self.run else { return Ok(()) };
+        let here = run.here();
+        let Some(places) = run.places.get(sample.sensor.0) else { return Ok(()) };
+        if let Some(samples) = places.samples {
+            run.samples[samples].sample(sample, here);
+        }
+        if let (Some(track), Some(mount)) = (&mut run.track, places.mount) {
+            track.sample(mount, sample);
+        }
+        match places.lane {
+            Some(lane) => run.lanes[lane].sample(&self.recording, sample.time),
+            None => Ok(()),
+        }
+    }
+
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        let time = epoch.state.time;
+        if self.last.replace(time).is_none() {
+            self.write_waiting(time)?;
+        }
+        let Some(run) = &mut self.run else { return Ok(()) };
+        let now = time.nanos();
+        run.span = Some(run.span.map_or((now, now), |(a, b)| (a.min(now), b.max(now))));
+        for block in &mut run.blocks {
+            block.epoch(&self.recording, epoch, &mut self.left)?;
+        }
+        if !run.smoothed {
+            run.lanes.iter_mut().try_for_each(|lane| lane.tick(&self.recording, time))?;
+            for tab in &mut self.tabs {
+                tab.epoch(epoch, &self.recording)?;
+            }
+        }
+        if let Some(track) = &mut run.track {
+            track.epoch(epoch);
+        }
+        self.write_excursions()?;
+        self.epochs += 1;
+        self.lay_out_in_time()?;
+        let watched = self.recording.is_live() && self.refreshed.elapsed() >= LIVE_INTERVAL;
+        if watched || self.epochs.is_multiple_of(ROWS) { self.refresh() } else { Ok(()) }
+    }
+
+    fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        let time = epoch.state.time;
+        if self.last.replace(time).is_none() {
+            self.write_waiting(time)?;
+        }
+        // the tabs and the sensors follow the filter
+        for tab in &mut self.tabs {
+            tab.epoch(epoch, &self.recording)?;
+        }
+        let Some(run) = &mut self.run else { return Ok(()) };
+        run.lanes.iter_mut().try_for_each(|lane| lane.tick(&self.recording, time))?;
+        run.blocks.iter_mut().for_each(|block| block.filtered(epoch));
+        if let Some(track) = &mut run.track {
+            track.filtered(epoch);
+        }
+        self.lay_out_in_time()
+    }
+
+    fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
+        self.tabs.iter_mut().for_each(|tab| tab.transition(transition));
+        Ok(())
+    }
+
+    fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
+        self.tabs.iter_mut().for_each(|tab| tab.correction(update));
+        Ok(())
+    }
+
+    fn repeats(&self) -> bool {
+        true
+    }
+
+    fn repetition(&mut self, repetition: Repetition<'_>) -> Result<(), StreamError> {
+        self.tabs.iter_mut().for_each(|tab| tab.repetition(repetition));
+        Ok(())
+    }
+
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
+        for tab in &mut self.tabs {
+            tab.update(update, &self.recording)?;
+        }
+        let Some(run) = &mut self.run else { return Ok(()) };
+        let here = run.here();
+        let Some(places) = run.places.get(update.sensor.0) else { return Ok(()) };
+        if let Some(lane) = places.lane {
+            let turning = run.track.as_ref().is_some_and(|t| t.turning);
+            run.lanes[lane].update(&self.recording, update, turning)?;
+        }
+        match places.series {
+            Some(series) => run.sensors[series].update(&self.recording, update, here),
+            None => Ok(()),
+        }
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
+        if self.last.is_none() {
+            self.waiting.push(event.clone());
+            return Ok(());
+        }
+        self.write(event, event.time)
+    }
+
+    fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
+        let time = self.last.unwrap_or_default();
+        let level = match verdict.level {
+            VerdictLevel::Consistent => Level::Info,
+            VerdictLevel::Doubtful => Level::Warning,
+            VerdictLevel::DoNotUse => Level::Error,
+        };
+        let (about, text) = ("verdict".to_owned(), verdict.to_string());
+        self.verdict = Some(verdict.clone());
+        self.write(&Event { time, level, about, text }, time)
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        let place = self.close()?;
+        self.place = Some(place.clone());
+        Ok(Some(place))
+    }
+}
+
+impl Drop for RerunSink {
+    /// Closes the recording, so that a run that was aborted leaves a file that opens.
+    fn drop(&mut self) {
+        if self.place.is_none() {
+            self.close().ok();
+        }
+    }
+}
