@@ -263,7 +263,10 @@ mod tests {
             ),
             "{text}"
         );
-        assert!(text.contains("navfuse-ins = { path = \"/a b/navfuse/plugins/sensors/ins\" }\n"), "{text}");
+        assert!(
+            text.contains("navfuse-ins = { path = \"/a b/navfuse/plugins/sensors/ins\" }\n"),
+            "{text}"
+        );
         let text = filled(cargo, "usbl", None).unwrap();
         assert!(
             text.contains(concat!(

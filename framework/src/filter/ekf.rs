@@ -4,24 +4,24 @@
 //! Measurements wait until the samples of the driving sensor reach their time. The filter then
 //! splits the driving interval there, so that every update happens at its own time.
 
-use super::cadence::Cadence;
-use super::clones::Clones;
-use super::delay::History;
-use super::guide::{Guide, Offset};
-use super::held::Held;
-use super::inputs::Corrected;
-use super::passage::Passage;
-use super::points::SigmaPoints;
-use super::pooled::PooledSteps;
-use super::presence::Presence;
-use super::refine::Refinement;
-use super::screen::Screen;
-use super::signature::Signatures;
-use super::slot::SensorSlot;
-use super::stage::Stage;
 use crate::compose::Composition;
 use crate::compose::draw::Draw;
 use crate::compose::truth::TrueState;
+use crate::filter::course::guide::{Guide, Offset};
+use crate::filter::judge::signature::Signatures;
+use crate::filter::judge::slot::SensorSlot;
+use crate::filter::past::clones::Clones;
+use crate::filter::past::delay::History;
+use crate::filter::propagate::cadence::Cadence;
+use crate::filter::propagate::held::Held;
+use crate::filter::propagate::inputs::Corrected;
+use crate::filter::propagate::passage::Passage;
+use crate::filter::propagate::pooled::PooledSteps;
+use crate::filter::screen::screening::Screen;
+use crate::filter::start::stage::Stage;
+use crate::filter::transients::presence::Presence;
+use crate::filter::update::points::SigmaPoints;
+use crate::filter::update::refine::Refinement;
 use crate::model::process::ProcessModel;
 use crate::model::process::monitor::Monitor;
 use crate::model::process::start::InitialAlignment;

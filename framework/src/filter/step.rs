@@ -1,12 +1,12 @@
 //! Propagation: samples wait for the driving sensor, and the filter splits its interval at their
 //! times.
 
-use super::cadence::Cadence;
-use super::ekf::{Ekf, MAX_PENDING, Memory, rejected};
-use super::inputs::{correct, replace};
-use super::noise_level::NoiseLevel;
-use super::passage::propagate;
-use super::stage::Stage;
+use crate::filter::ekf::{Ekf, MAX_PENDING, Memory, rejected};
+use crate::filter::judge::noise_level::NoiseLevel;
+use crate::filter::propagate::cadence::Cadence;
+use crate::filter::propagate::inputs::{correct, replace};
+use crate::filter::propagate::linear::propagate;
+use crate::filter::start::stage::Stage;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::monitor::Monitor;
 use crate::model::process::screening::Spread;

@@ -1,9 +1,9 @@
 //! The unscented Kalman filter.
 
-use super::ekf::Ekf;
-use super::passage::Passage;
 use crate::compose::Composition;
 use crate::compose::estimator::{Estimator, EstimatorType};
+use crate::filter::ekf::Ekf;
+use crate::filter::propagate::passage::Passage;
 use crate::model::error::ComposeError;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::start::AlignmentReport;

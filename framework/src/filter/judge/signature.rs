@@ -1,0 +1,27 @@
+//! Score tests for errors that nothing models: a time offset of a sensor, a step of a bias, and a
+//! wrong fixed parameter.
+//!
+//! An error of the size `a` gives the innovations the mean `a g`, and moves the error of the state
+//! by `a s`. With the direct effect `d` on the innovation and the gain `K`,
+//! ```text
+//! g = H s + d        s := s - K g   (correction)
+//!                    s := Phi s     (propagation, to first order between two corrections)
+//! b = sum g' S^-1 y,   i = sum g' S^-1 g,   a = b / i,   z = b / sqrt(i) ~ N(0, 1)
+//! ```
+//! (Willsky & Jones 1976, the generalised likelihood ratio). What the estimated states can absorb is
+//! projected out exactly, since `s` contains it, and `a s` is the error that is left in each state.
+//!
+//! Real innovations are wider and correlated. `i` in `z` is therefore at least the sum of the squares
+//! of `b - a i` over spans of 10 s, which contains any correlation within them.
+//!
+//! An error may begin at any time, so four sums run in parallel, which begin at different times.
+
+mod bias_step;
+mod contain;
+mod effect;
+mod offset;
+mod parameter;
+mod score;
+mod signatures;
+
+pub(in crate::filter) use signatures::Signatures;

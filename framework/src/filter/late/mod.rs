@@ -1,0 +1,3 @@
+//! Late samples.
+
+pub(super) mod timeline;

@@ -1,0 +1,59 @@
+//! The clones that the sensors take: pairs of source and past, and the transition between them.
+
+use crate::compose::Composition;
+use crate::state::Layout;
+use crate::state::covariance::{Covariance, Transition};
+use nalgebra::SMatrix;
+
+/// Clones that one sensor takes.
+#[derive(Clone)]
+pub(in crate::filter) struct Clones {
+    pub(in crate::filter) sensor: usize,
+    /// Source and past, a pair of slots each.
+    pub(in crate::filter) pairs: Vec<[usize; 2]>,
+    pub(in crate::filter) transition: Transition,
+    /// Set once a sample of the sensor was there to take the clones at.
+    pub(in crate::filter) taken: bool,
+}
+
+impl Clones {
+    /// Copies values and covariance of the sources to the past blocks.
+    pub(in crate::filter) fn take(
+        &mut self,
+        layout: &Layout,
+        values: &mut [f64],
+        covariance: &mut Covariance,
+    ) {
+        layout.copy_past(&self.pairs, values);
+        self.transition.propagate(covariance);
+    }
+
+    /// Clones of all sensors of a composition.
+    pub(in crate::filter) fn of(composition: &Composition) -> Vec<Self> {
+        let layout = &*composition.layout;
+        let sensors = composition.sensors.iter().enumerate();
+        sensors
+            .filter(|(_, s)| !s.clones.is_empty())
+            .map(|(sensor, s)| Self {
+                sensor,
+                transition: selection(layout, &s.clones),
+                pairs: s.clones.clone(),
+                taken: false,
+            })
+            .collect()
+    }
+}
+
+/// Transition that sets the errors of the past blocks to those of their sources.
+fn selection(layout: &Layout, pairs: &[[usize; 2]]) -> Transition {
+    let mut transition = Transition::default();
+    for pair in pairs {
+        let [source, past] = pair.map(|slot| layout.blocks[slot].tangent_range());
+        for (row, column) in past.zip(source) {
+            let place = transition.phi::<1, 1>(Some(row), Some(column));
+            transition.set(place, &SMatrix::from([[1.0]]));
+        }
+    }
+    transition.compile(layout);
+    transition
+}

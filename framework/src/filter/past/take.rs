@@ -1,0 +1,59 @@
+//! Past states: clones of blocks, taken at the samples of a sensor (stochastic cloning, Roumeliotis
+//! & Burdick, ICRA 2002).
+//!
+//! A clone is a linear map of the error state, `dx_past := dx`. The filter therefore applies it as
+//! a transition without noise, which observers receive like any other:
+//! ```text
+//! P := C P C',   C = identity, except that the rows of the past block select those of its source
+//! ```
+//! The past then keeps its value, and its correlation with every other block.
+
+use crate::filter::ekf::Ekf;
+use crate::model::record::Observer;
+use crate::model::sensor::Role;
+use crate::units::sample::Sample;
+
+impl Ekf {
+    /// Returns `true` if the past that the sensor's model reads is there, or it reads none.
+    pub(in crate::filter) fn has_past(&self, sensor: usize) -> bool {
+        self.memory.clones.iter().all(|c| c.sensor != sensor || c.taken)
+    }
+
+    /// Takes the clones of a sensor at the state's time.
+    pub(in crate::filter) fn take_past(&mut self, sensor: usize, observer: &mut dyn Observer) {
+        let m = &mut self.memory;
+        let Some(clones) = m.clones.iter_mut().find(|c| c.sensor == sensor) else { return };
+        clones.take(&self.layout, &mut m.state.values, &mut m.covariance);
+        clones.taken = true;
+        observer.transition(&clones.transition);
+        if let Some((guide, offset)) = self.guide.as_mut().zip(m.offset.as_mut()) {
+            guide.carry(offset, &clones.transition);
+            observer.corrected(&offset.d);
+        }
+        for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
+            clones.transition.carry_reach(&mut slot.reach);
+        }
+    }
+
+    /// Gives every past block the value of its source when the filter begins; it is no frame of a
+    /// sensor yet.
+    pub(in crate::filter) fn begin_past(&mut self) {
+        let m = &mut self.memory;
+        for clones in &mut m.clones {
+            clones.take(&self.layout, &mut m.state.values, &mut m.covariance);
+            clones.taken = false;
+        }
+    }
+
+    /// Forgets the past of a sensor, if the filter cannot use a sample at which the next one
+    /// begins.
+    pub(in crate::filter) fn lose_past(&mut self, sample: &Sample) {
+        let sensor = sample.sensor.0;
+        let role = &self.composition.sensors[sensor].role;
+        if matches!(role, Role::Measurement(model) if !model.keyframe(sample)) {
+            return;
+        }
+        let clones = self.memory.clones.iter_mut();
+        clones.filter(|c| c.sensor == sensor).for_each(|c| c.taken = false);
+    }
+}

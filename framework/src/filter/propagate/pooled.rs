@@ -1,0 +1,46 @@
+//! A covariance rate below that of the driving sensor: the transitions of several steps as one.
+//!
+//! To first order, the product of the transitions `I + A_k` of short steps is `I + sum A_k`, and
+//! their process noise adds up. Products of two `A_k` are neglected: a tilt that turns into a
+//! velocity, which turns into a position, does so one pooled step later. The estimate itself takes
+//! every sample.
+
+use crate::compose::Composition;
+use crate::state::covariance::Transition;
+use crate::units::time::Time;
+
+/// The steps since the covariance was propagated.
+#[derive(Clone)]
+pub(in crate::filter) struct PooledSteps {
+    /// Time between two propagations of the covariance.
+    period: Time,
+    /// Begin of the first step, if there is one.
+    pub(in crate::filter) since: Option<Time>,
+    /// The transition over all steps.
+    pub(in crate::filter) whole: Transition,
+    /// The share of the identity in its elements.
+    identity: Vec<f64>,
+}
+
+impl PooledSteps {
+    /// The pool of a composition that sets a covariance rate.
+    pub(in crate::filter) fn new(
+        composition: &Composition,
+        transition: &Transition,
+    ) -> Option<Self> {
+        let period = composition.estimator.covariance_period()?;
+        let identity = transition.identity();
+        Some(Self { period, since: None, whole: transition.clone(), identity })
+    }
+
+    /// Adds the step of a transition from one time to another. Returns `true` when the covariance
+    /// is due.
+    pub(in crate::filter) fn add(&mut self, transition: &Transition, from: Time, to: Time) -> bool {
+        match self.since {
+            None => self.whole.copy_step(transition),
+            Some(_) => self.whole.add_step(transition, &self.identity),
+        }
+        // the step after this one, if as long as this one, would end too late
+        to + (to - from) - *self.since.get_or_insert(from) > self.period
+    }
+}

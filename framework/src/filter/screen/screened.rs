@@ -1,0 +1,201 @@
+//! Use of the screened samples of the driving sensor, and the reports of the screening.
+
+use crate::filter::ekf::Ekf;
+use crate::filter::screen::repeats::Fault;
+use crate::filter::screen::screening::{News, Skipped};
+use crate::model::estimator_error::EstimatorError;
+use crate::model::record::finding::{Basis, Finding, Severity};
+use crate::model::record::{Event, Level, Observer};
+use crate::model::sensor::SensorInfo;
+use crate::units::sample::{MAX_CHANNELS, Sample};
+use crate::units::time::Time;
+
+/// Number of spikes that is no finding, however short the run.
+const FEW: u64 = 10;
+/// Share of spikes among the samples that is no finding.
+const SHARE: f64 = 1e-3;
+
+impl Ekf {
+    /// Screens a sample of the driving sensor, and uses the samples that pass.
+    pub(in crate::filter) fn screen(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        let passes = match &mut self.memory.screen {
+            None => true,
+            Some(screen) => {
+                let passes = screen.take(sample);
+                if let Some(news) = screen.news.take() {
+                    self.report_screening(news, observer);
+                }
+                passes
+            }
+        };
+        if passes { self.drive(sample, None, observer) } else { self.use_screened(observer) }
+    }
+
+    fn use_screened(&mut self, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
+        while let Some((sample, spread)) =
+            self.memory.screen.as_mut().and_then(|s| s.ready.pop_front())
+        {
+            self.drive(&sample, spread.as_ref(), observer)?;
+        }
+        Ok(())
+    }
+
+    /// Uses the samples that the screening holds after the last one, and reports its counts.
+    pub(in crate::filter) fn finish_screening(&mut self, observer: &mut dyn Observer) {
+        let Some(screen) = &mut self.memory.screen else { return };
+        screen.finish();
+        let (spikes, samples, news) = (screen.spikes, screen.samples(), screen.news.take());
+        if let Some(news) = news {
+            self.report_screening(news, observer);
+        }
+        // a failure here loses a few samples at the very end of the run
+        self.use_screened(observer).ok();
+        let Some(driver) = self.driver else { return };
+        let about = self.composition.sensors[driver].info.name.clone();
+        let time = self.memory.state.time;
+        if spikes > FEW && spikes as f64 > SHARE * samples as f64 {
+            observer.finding(Finding {
+                time,
+                about,
+                severity: Severity::Doubtful,
+                basis: Basis::Samples,
+                text: format!("{spikes} spikes among {samples} samples were replaced"),
+                remedy: "check the cable, the supply and the driver of the sensor; a jump that is \
+                         real needs a larger screening.*_change"
+                    .to_owned(),
+            });
+        } else if spikes > 1 {
+            let text = format!("{spikes} spikes were replaced");
+            observer.event(Event { time, level: Level::Warning, about, text });
+        }
+    }
+
+    fn report_screening(&self, news: News, observer: &mut dyn Observer) {
+        let Some(driver) = self.driver else { return };
+        let info = &self.composition.sensors[driver].info;
+        let about = info.name.clone();
+        match news {
+            News::Spike { time, channel, jump, samples } => {
+                let first = self.memory.screen.as_ref().is_none_or(|s| s.spikes == 1);
+                let level = if first { Level::Warning } else { Level::Info };
+                let name = info.channels.get(channel).map_or("?", |c| c.name);
+                let text = format!(
+                    "spike of {samples} sample(s) replaced: {name} jumped by {jump:.3} and came back"
+                );
+                observer.event(Event { time, level, about, text });
+            }
+            News::Skipped(Skipped { fault, channels, from, to }) => {
+                let text = evidence(info, fault, channels, (from, to), Use::Skipped);
+                observer.event(Event { time: to, level: Level::Warning, about, text });
+            }
+            News::Bridge { fault, channels, from, to, too_long, first } => {
+                let of = if too_long { Use::TooLong } else { Use::Bridged };
+                let text = evidence(info, fault, channels, (from, to), of);
+                // before the filter begins, a fault costs it nothing
+                if !first || self.memory.stage.waits() {
+                    let level = if first { Level::Warning } else { Level::Info };
+                    observer.event(Event { time: to, level, about, text });
+                    return;
+                }
+                observer.finding(Finding {
+                    time: to,
+                    about,
+                    severity: if too_long { Severity::DoNotUse } else { Severity::Doubtful },
+                    basis: Basis::Samples,
+                    text,
+                    remedy: remedy(fault).to_owned(),
+                });
+            }
+        }
+    }
+}
+
+/// Use of the samples of a faulty span.
+#[derive(Clone, Copy, PartialEq)]
+enum Use {
+    Bridged,
+    TooLong,
+    Skipped,
+}
+
+/// Evidence of a faulty span.
+fn evidence(
+    info: &SensorInfo,
+    fault: Fault,
+    channels: u16,
+    (from, to): (Time, Time),
+    of: Use,
+) -> String {
+    let duration = to.since(from);
+    let span = if of == Use::TooLong {
+        format!("for more than {duration:.2} s from {from}")
+    } else {
+        format!("for {duration:.2} s from {from}")
+    };
+    let names: Vec<&str> = (0..MAX_CHANNELS)
+        .filter(|c| channels >> c & 1 == 1)
+        .filter_map(|c| info.channels.get(c).map(|c| c.name))
+        .collect();
+    let names = names.join(", ");
+    let what = match fault {
+        Fault::Zeros => "every channel was exactly zero".to_owned(),
+        Fault::Range => format!("{names} beyond the plausible range"),
+        Fault::Frozen => "the samples repeated one value: the sensor was frozen".to_owned(),
+        Fault::Stuck => format!("{names} repeated one value: stuck or saturated"),
+    };
+    let unknown = match of {
+        Use::TooLong => "the motion in that span is unknown",
+        Use::Bridged => "bridged at the recent mean, with an uncertainty that grew meanwhile",
+        Use::Skipped => "no good sample came before them, so they are not used",
+    };
+    format!("{what} {span}; {unknown}")
+}
+
+/// Remedy of a bridge.
+fn remedy(fault: Fault) -> &'static str {
+    match fault {
+        Fault::Zeros | Fault::Frozen => {
+            "check the sensor, its driver and the recording, and start after the fault \
+             (estimator.start) or end before it (estimator.stop)"
+        }
+        Fault::Range => {
+            "check the units of the sensor's channels and its screening.*_range; end the run \
+             before the fault (estimator.stop)"
+        }
+        Fault::Stuck => {
+            "use a sensor with a larger range, or move more gently; end the run before the fault \
+             (estimator.stop)"
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::sensor::Purpose;
+    use crate::model::sensor::mounting::Mounting;
+    use crate::units::sample::Channel;
+
+    #[test]
+    fn the_evidence_names_the_channels_that_were_beyond_the_range() {
+        let info = SensorInfo {
+            name: "imu".to_owned(),
+            kind: "imu".to_owned(),
+            channels: ["a", "b", "c"].map(|name| Channel::new(name, "1")).to_vec(),
+            purpose: Purpose::Input,
+            mounting: Mounting::default(),
+        };
+        let span = (Time::default(), Time::from_nanos(500_000_000));
+        let of = |channels| evidence(&info, Fault::Range, channels, span, Use::Bridged);
+        assert!(
+            of(0b101).starts_with("a, c beyond the plausible range for 0.50 s"),
+            "{}",
+            of(0b101)
+        );
+        assert!(of(0b010).starts_with("b beyond"), "{}", of(0b010));
+    }
+}

@@ -1,0 +1,35 @@
+//! Stages of a filter: waiting for its start, searching for its initial values, running.
+
+use crate::units::sample::Sample;
+use crate::units::time::Time;
+
+/// Stage of a filter.
+#[derive(Clone)]
+pub(in crate::filter) enum Stage {
+    /// Waits for the first driving sample from this time on, or for the first measurement if no
+    /// sensor drives.
+    At(Time),
+    /// Waits for the first reference from this time on.
+    FromReference(Time),
+    /// Searches for the initial values from the time of the state on. The buffer holds the samples
+    /// since that time.
+    Searching(Vec<Sample>),
+    /// Has found the initial values, and begins with the next sample. The samples since the time of
+    /// the state, which the filter takes next, are here until [`crate::filter::Ekf::take_found`].
+    Found(Vec<Sample>),
+    /// Runs.
+    Running,
+}
+
+impl Stage {
+    /// Returns `true` until the filter begins, or the search for its initial values.
+    pub(in crate::filter) fn waits(&self) -> bool {
+        matches!(self, Self::At(_) | Self::FromReference(_))
+    }
+
+    /// Returns `true` if a driving sample of this time starts the filter, or a measurement if no
+    /// sensor drives.
+    pub(in crate::filter) fn is_due(&self, time: Time) -> bool {
+        matches!(self, Self::At(start) if time >= *start)
+    }
+}

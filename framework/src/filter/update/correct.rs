@@ -1,0 +1,258 @@
+//! The measurement update: innovation, judgement, refinement, injection and reset.
+
+use crate::filter::ekf::Ekf;
+use crate::filter::judge::lockout::Verdict;
+use crate::filter::transients::presence::Presence;
+use crate::filter::update::unscented::regress;
+use crate::model::estimator_error::EstimatorError;
+use crate::model::record::{Observer, Outcome, Rejection};
+use crate::model::sensor::Sensor;
+use crate::model::sensor::measurement::{AnyMeasurement, At};
+use crate::model::sensor::update_rule::UpdateRule;
+use crate::units::sample::Sample;
+use crate::units::time::Time;
+
+/// The sample of one update, and its treatment.
+#[derive(Clone, Copy)]
+pub(in crate::filter) struct Attempt<'a> {
+    pub(in crate::filter) sample: &'a Sample,
+    model: &'a dyn AnyMeasurement,
+    /// Number of the sensor.
+    pub(in crate::filter) index: usize,
+    rule: UpdateRule,
+    /// The channels that the sample has, one bit each.
+    pub(in crate::filter) present: u16,
+    /// Factor of the noise, for a sample that repeats the one before.
+    repeated: f64,
+}
+
+impl Ekf {
+    /// Updates the estimate at the state's time.
+    pub(in crate::filter) fn correct(
+        &mut self,
+        sample: &Sample,
+        model: &dyn AnyMeasurement,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        let Some(attempt) = self.linearise(sample, model) else {
+            return Ok(()); // the sample's time minus its offset is before the start
+        };
+        if self.reads_absent() {
+            self.reject(sample, Rejection::Absent, observer);
+            return Ok(());
+        }
+        let Some(nis) = self.update.innovate(&self.memory.covariance) else {
+            self.reject(sample, Rejection::Singular, observer);
+            return Ok(());
+        };
+        if self.is_stuck(&attempt, observer) {
+            return Ok(());
+        }
+        let judgement = self.judge(&attempt, nis, observer);
+        let accepted = judgement.outcome == Outcome::Accepted;
+        if accepted && !self.refine(&attempt, judgement.verdict, observer) {
+            self.reject(sample, Rejection::Singular, observer);
+            return Ok(());
+        }
+        self.record(&attempt, &judgement, observer);
+        if !accepted {
+            self.withhold(&attempt);
+            return Ok(());
+        }
+        self.apply(&attempt, observer);
+        self.verify(sample.time)
+    }
+
+    /// Computes innovation, Jacobian and noise of a sample. Returns `false` where a sensor with a
+    /// time offset measures a state before the start.
+    pub(in crate::filter) fn evaluate(
+        &mut self,
+        sample: &Sample,
+        model: &dyn AnyMeasurement,
+    ) -> bool {
+        let (m, update) = (&mut self.memory, &mut self.update);
+        let &Sensor { noise, time_offset, .. } = &self.composition.sensors[sample.sensor.0];
+        match time_offset.zip(m.history.as_mut()) {
+            None => model.linearise(&At { layout: &self.layout, state: &m.state, sample }, update),
+            Some((offset, history)) => {
+                if !history.linearise(model, offset, (&self.layout, &m.state), sample, update) {
+                    return false;
+                }
+            }
+        }
+        if noise != 1.0 {
+            update.r.iter_mut().for_each(|r| *r *= noise * noise);
+        }
+        true
+    }
+
+    /// Predicts the sample and its derivative, with the noise that the scenario states.
+    fn linearise<'a>(
+        &mut self,
+        sample: &'a Sample,
+        model: &'a dyn AnyMeasurement,
+    ) -> Option<Attempt<'a>> {
+        if !self.evaluate(sample, model) {
+            return None;
+        }
+        let (m, update) = (&mut self.memory, &mut self.update);
+        let index = sample.sensor.0;
+        // a given trajectory is the point of linearisation, whatever the rule
+        let rule = match &m.offset {
+            Some(offset) => {
+                offset.innovation(update);
+                UpdateRule::Ekf
+            }
+            None => self.composition.sensors[index].update,
+        };
+        let slot = &mut m.sensors[index];
+        let present = sample.present() & slot.channels;
+        let repeated = slot.repeats.as_mut().map_or(1.0, |repeats| repeats.take(sample, present));
+        if repeated != 1.0 {
+            update.r.iter_mut().for_each(|r| *r *= repeated * repeated);
+        }
+        if let Some(level) = &slot.noise {
+            update.r.iter_mut().for_each(|r| *r *= level.variance());
+        }
+        if rule == UpdateRule::Ukf {
+            let at = At { layout: &self.layout, state: &m.state, sample };
+            regress(&mut self.points, &at, model, &m.covariance, update);
+        }
+        Some(Attempt { sample, model, index, rule, present, repeated })
+    }
+
+    /// Rejects a sample of a sensor that repeats one sample while the vehicle moves.
+    fn is_stuck(&mut self, attempt: &Attempt<'_>, observer: &mut dyn Observer) -> bool {
+        let &Attempt { sample, present, repeated, .. } = attempt;
+        let slot = &mut self.memory.sensors[attempt.index];
+        let stuck = slot.repeats.as_mut().and_then(|repeats| {
+            let stuck = repeats.stuck(&self.update, present, repeated)?;
+            repeats.keep(&self.update, present, false);
+            Some(stuck)
+        });
+        let Some(stuck) = stuck else {
+            slot.refused = None;
+            return false;
+        };
+        if slot.refused != Some(Rejection::Repeated) {
+            observer.finding(stuck.finding(sample.time, &slot.name));
+        }
+        self.reject(sample, Rejection::Repeated, observer);
+        true
+    }
+
+    /// Weighs the channels of an accepted sample and iterates its linearisation, as the sensor
+    /// demands; returns `false` if the innovation covariance turns singular.
+    fn refine(
+        &mut self,
+        attempt: &Attempt<'_>,
+        verdict: Verdict,
+        observer: &mut dyn Observer,
+    ) -> bool {
+        let (m, update) = (&mut self.memory, &mut self.update);
+        let &Attempt { sample, model, index, rule, present, .. } = attempt;
+        let slot = &mut m.sensors[index];
+        slot.reach.clear();
+        if let Some(test) = &mut slot.bias
+            && verdict == Verdict::Pass
+            && let Some(shift) = test.take(sample.time, update, present)
+        {
+            let info = &self.composition.sensors[index].info;
+            observer.finding(shift.finding(sample.time, info));
+        }
+        if let Some(level) = &mut slot.noise
+            && verdict == Verdict::Pass
+        {
+            level.take(update, &mut self.lower);
+        }
+        let at = At { layout: &self.layout, state: &m.state, sample };
+        let how = (rule, slot.robust);
+        self.refinement.run((&at, model), how, &m.covariance, &self.considered, update)
+    }
+
+    /// Updates the covariance, and injects the error into the state.
+    fn apply(&mut self, attempt: &Attempt<'_>, observer: &mut dyn Observer) {
+        let (m, update) = (&mut self.memory, &mut self.update);
+        let &Attempt { sample, model, index, rule, present, .. } = attempt;
+        // an unscented update treats the curvature as noise, and an iterated one is checked at the
+        // state after the update
+        let mut curved = None;
+        let own = m.offset.is_none();
+        let slot = &mut m.sensors[index];
+        if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Ekf && own)
+            && check.is_due(update, &m.covariance)
+        {
+            let at = At { layout: &self.layout, state: &m.state, sample };
+            curved = check.check(&mut self.points, &at, model, &m.covariance, update);
+        }
+        update.apply(&mut m.covariance, &self.considered);
+        if rule == UpdateRule::Iekf {
+            self.refinement.correct(&mut update.delta);
+        }
+        if let Some(repeats) = &mut slot.repeats {
+            repeats.keep(update, present, true);
+        }
+        for other in m.sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
+            update.correct(&mut other.reach);
+        }
+        if let Some(signatures) = m.signatures.as_mut().filter(|_| own) {
+            let at = At { layout: &self.layout, state: &m.state, sample };
+            let transition = m.pool.as_ref().map_or(&m.transition, |pool| &pool.whole);
+            signatures.take((index, present), model, (&at, transition), update, &mut self.lower);
+        }
+        if let Some(offset) = &mut m.offset {
+            offset.correct(&mut update.delta);
+            observer.corrected(&offset.d);
+        } else {
+            self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
+        }
+        if let Some(signatures) = m.signatures.as_mut().filter(|_| own) {
+            let widened = signatures.corrected(
+                index,
+                (&self.layout, &m.state),
+                (&mut m.covariance, &self.considered),
+                |sensor| &m.sensors[sensor].name,
+                |finding| observer.finding(finding),
+            );
+            if widened {
+                m.monitor.iter_mut().for_each(|monitor| monitor.widened());
+            }
+        }
+        let slot = &mut m.sensors[index];
+        if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Iekf)
+            && check.is_due(update, &m.covariance)
+        {
+            let at = At { layout: &self.layout, state: &m.state, sample };
+            curved = check.check(&mut self.points, &at, model, &m.covariance, update);
+        }
+        if let Some(curved) = curved {
+            let info = &self.composition.sensors[index].info;
+            observer.finding(curved.finding(sample.time, info, &self.layout));
+        }
+        // report the injected error: a velocity that turns with the heading changes by more than
+        // the product of gain and innovation
+        observer.correction(update);
+        m.presence.note(&self.layout, update, sample.time);
+        if let Some(history) = &mut m.history {
+            history.corrected(&update.delta);
+        }
+    }
+
+    /// Checks the covariance, and passes the estimate to the monitors while the sensors agree.
+    fn verify(&mut self, time: Time) -> Result<(), EstimatorError> {
+        let m = &self.memory;
+        if let Some(i) = Presence::first_invalid(&self.layout, &m.state, &m.covariance) {
+            let block = self.layout.blocks.iter().find(|b| b.tangent_range().contains(&i));
+            let block = block.map_or_else(String::new, |b| b.name.clone());
+            return Err(EstimatorError::Covariance { time, block });
+        }
+        // while a sensor contradicts the estimate, a correction by another proves nothing
+        if self.memory.sensors.iter().all(|slot| !slot.lockout.disagrees()) {
+            self.watch(|monitor, filter| -> Option<()> {
+                monitor.corrected(filter);
+                None
+            });
+        }
+        Ok(())
+    }
+}
