@@ -26,7 +26,7 @@ pub use crate::state::{
     BlockSpec, Display, Dynamics, Handle, Layout, Mode, Past, State, Transients, View,
 };
 pub use crate::units::sample::{Channel, Sample, SensorId};
-pub use crate::units::time::Time;
+pub use crate::units::time::{Span, Time};
 pub use crate::units::{
     Acceleration, AccelerationNoise, Angle, AngularRate, AngularRateNoise, AngularRateRandomWalk,
     Frequency, GSensitivity, GSensitivityRandomWalk, Length, LengthRandomWalk, Positive, Pressure,

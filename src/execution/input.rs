@@ -5,7 +5,7 @@ use crate::output::warn;
 use navfuse_core::document::{Document, quoted};
 use navfuse_core::files::part_of;
 use navfuse_core::plugin::Kind;
-use navfuse_core::units::Time as Duration;
+use navfuse_core::units::Duration;
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
 use serde::de::value::Error as ValueError;

@@ -1,7 +1,7 @@
 //! A trajectory: a horizontal figure of eight with a dive.
 
 use navfuse_core::prelude::*;
-use navfuse_core::units::Time as Duration;
+use navfuse_core::units::Duration;
 use navfuse_simulation::TrajectoryType;
 use std::f64::consts::TAU;
 

@@ -13,8 +13,8 @@ use crate::state::manifold::Manifold;
 use crate::state::{BlockSpec, Display, Dynamics, Handle, Mode};
 use crate::units::{
     Acceleration, AccelerationRandomWalk, Angle, AngularRate, AngularRateNoise,
-    AngularRateRandomWalk, Components, Length, LengthRandomWalk, Positive, Ratio, RatioRandomWalk,
-    Sigma, Time as Duration, TimeRandomWalk, Triple,
+    AngularRateRandomWalk, Components, Duration, DurationRandomWalk, Length, LengthRandomWalk,
+    Positive, Ratio, RatioRandomWalk, Sigma, Triple,
 };
 use schemars::JsonSchema;
 use serde::de::{IntoDeserializer, MapAccess, SeqAccess, Visitor};
@@ -62,7 +62,7 @@ pub type LeverArm = Calibration<Triple<Length>, Triple<LengthRandomWalk>>;
 /// Bias of a length, such as a depth.
 pub type LengthBias = Calibration<Length, LengthRandomWalk>;
 /// Offset of a sensor's clock or output.
-pub type TimeOffset = Calibration<Duration, TimeRandomWalk>;
+pub type TimeOffset = Calibration<Duration, DurationRandomWalk>;
 /// Bias of three gyros.
 pub type GyroBias = Calibration<Triple<AngularRate>, Triple<AngularRateRandomWalk>>;
 /// Bias of three accelerometers.

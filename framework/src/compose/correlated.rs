@@ -15,7 +15,7 @@ use crate::state::covariance::Update;
 use crate::state::manifold::Scalar;
 use crate::state::{BlockSet, BlockSpec, Display, Dynamics, Handle, Layout, Mode};
 use crate::units::sample::{Channel, Sample};
-use crate::units::{AnyQuantity, Positive, Time as Duration};
+use crate::units::{AnyQuantity, Duration, Positive};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::sync::Arc;

@@ -8,7 +8,7 @@ use crate::model::sensor::limits::LimitKeys;
 use crate::model::sensor::robust::Robust;
 use crate::model::sensor::update_rule::UpdateRule;
 use crate::model::simulate::Faults;
-use crate::units::{Positive, Time as Duration};
+use crate::units::{Duration, Positive};
 use schemars::JsonSchema;
 use serde::Deserialize;
 

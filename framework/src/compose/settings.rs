@@ -2,8 +2,8 @@
 
 use crate::compose::draw::Draw;
 use crate::model::sensor::update_rule::UpdateRule;
-use crate::units::time::Time;
-use crate::units::{Frequency, NonNegative, Positive, Time as Duration};
+use crate::units::time::{Span, Time};
+use crate::units::{Duration, Frequency, NonNegative, Positive};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::num::NonZeroU32;
@@ -118,8 +118,8 @@ impl EstimatorConfig {
     }
 
     /// Fixed lag of the smoother, if there is one.
-    pub fn lag(&self) -> Option<Time> {
-        self.lag.and_then(|lag| Time::from_seconds(lag.value().si()))
+    pub fn lag(&self) -> Option<Span> {
+        self.lag.and_then(|lag| Span::from_seconds(lag.value().si()))
     }
 
     /// Returns `true` if the run is smoothed, with or without a fixed lag.
@@ -133,9 +133,9 @@ impl EstimatorConfig {
     }
 
     /// Time after the start whose samples are linearised again.
-    pub(crate) fn relinearise(&self) -> Option<Time> {
-        let span = self.relinearise.and_then(|span| Time::from_seconds(span.value().si()));
-        span.filter(|span| *span > Time::default())
+    pub(crate) fn relinearise(&self) -> Option<Span> {
+        let span = self.relinearise.and_then(|span| Span::from_seconds(span.value().si()));
+        span.filter(|span| *span > Span::ZERO)
     }
 
     /// Lets every sample be linearised once.
@@ -148,15 +148,15 @@ impl EstimatorConfig {
         self.relinearise().is_some() || self.passes() > 1
     }
 
-    /// Nanoseconds between recorded estimates.
-    pub fn output_period(&self) -> i64 {
-        ((1e9 / self.output_rate.value().si()).round() as i64).max(1)
+    /// Time between recorded estimates.
+    pub fn output_period(&self) -> Span {
+        Span::from_nanos(((1e9 / self.output_rate.value().si()).round() as i64).max(1))
     }
 
     /// Time between propagations of the covariance, if it is not every sample.
-    pub(crate) fn covariance_period(&self) -> Option<Time> {
+    pub(crate) fn covariance_period(&self) -> Option<Span> {
         let rate = self.covariance_rate.as_ref()?.value().si();
-        Time::from_seconds(1.0 / rate)
+        Span::from_seconds(1.0 / rate)
     }
 
     /// Returns `true` if the filter starts from a reference.

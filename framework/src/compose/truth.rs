@@ -7,10 +7,10 @@ use crate::model::simulate::Random;
 use crate::state::covariance::Transition;
 use crate::state::manifold::MAX_TANGENT;
 use crate::state::{Block, Dynamics, Layout, State};
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 
 /// Interval between draws of wandering truths, which are linear between draws.
-const STEP: Time = Time::from_nanos(100_000_000);
+const STEP: Span = Span::from_nanos(100_000_000);
 
 /// True state of the blocks that the scenario states or a draw gives. Moves forward in time only.
 #[derive(Clone, Debug)]

@@ -17,8 +17,8 @@ use crate::run::inputs::{self, InputPart};
 use crate::run::parts::Part;
 use crate::state::Layout;
 use crate::state::manifold::Scalar;
-use crate::units::Time as Duration;
-use crate::units::time::Time;
+use crate::units::Duration;
+use crate::units::time::{Span, Time};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -378,7 +378,7 @@ fn place_sensor(
 }
 
 /// Longest time from a sample to its arrival.
-fn longest_lateness(part: &Part<'_>, keys: &SensorKeys) -> Result<Option<Time>, DocumentError> {
+fn longest_lateness(part: &Part<'_>, keys: &SensorKeys) -> Result<Option<Span>, DocumentError> {
     let Some(late) = keys.late else { return Ok(None) };
     let seconds = late.value().si();
     if seconds > LATEST {
@@ -388,7 +388,7 @@ fn longest_lateness(part: &Part<'_>, keys: &SensorKeys) -> Result<Option<Time>, 
              {LATEST} s are possible"
         )));
     }
-    Ok(Time::from_seconds(seconds))
+    Ok(Span::from_seconds(seconds))
 }
 
 /// Update rule of a sensor: its own, or the default. A state in the past is linearised once.

@@ -1,6 +1,6 @@
 //! The times at which estimates are recorded.
 
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 
 /// Chooses the estimates that the sinks receive: one in each period of the output rate.
 ///
@@ -9,8 +9,8 @@ use crate::units::time::Time;
 /// period is recorded, and no estimate beside it: the recorded estimates are those with a truth.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OutputRate {
-    /// Time between recorded estimates, ns.
-    period: i64,
+    /// Time between recorded estimates.
+    period: Span,
     /// The time from which the next estimate is recorded.
     next: Time,
     /// The time of the last estimate that was compared with a reference.
@@ -20,14 +20,14 @@ pub(crate) struct OutputRate {
 }
 
 impl OutputRate {
-    pub(crate) fn new(period: i64) -> Self {
+    pub(crate) fn new(period: Span) -> Self {
         Self { period, next: Time::MIN, compared: None, fast: false }
     }
 
     /// Decides on an estimate at the time of a reference.
     pub(crate) fn records_comparison(&mut self, time: Time) -> bool {
         if let Some(before) = self.compared.replace(time) {
-            self.fast = time.nanos().saturating_sub(before.nanos()) < self.period;
+            self.fast = time - before < self.period;
         }
         let due = !self.fast || time >= self.next;
         if due {
@@ -38,14 +38,13 @@ impl OutputRate {
 
     /// Returns `true` if an estimate at this time is due, whether or not there is a reference.
     pub(crate) fn is_due(&self, time: Time) -> bool {
-        let expected =
-            self.fast && self.compared.is_some_and(|t| time.nanos() - t.nanos() < self.period);
+        let expected = self.fast && self.compared.is_some_and(|t| time - t < self.period);
         time >= self.next && !expected
     }
 
     /// The period in which an estimate was recorded is over at the next multiple of its length.
     pub(crate) fn begin_period(&mut self, time: Time) {
-        self.next = Time::from_nanos((time.nanos().div_euclid(self.period) + 1) * self.period);
+        self.next = time.next_multiple(self.period);
     }
 }
 
@@ -58,7 +57,7 @@ mod tests {
     /// Times, in ms, of the recorded estimates of a run with a driving sensor of 100 Hz, an output
     /// rate of 1 Hz, and a reference every `interval` ms from `first` to `last`.
     fn recorded(first: i64, interval: i64, last: i64) -> Vec<i64> {
-        let mut rate = OutputRate::new(1000 * MS);
+        let mut rate = OutputRate::new(Span::from_nanos(1000 * MS));
         let mut times = Vec::new();
         for now in (0..=4000).step_by(10) {
             let time = Time::from_nanos(now * MS);

@@ -20,7 +20,7 @@ use crate::run::summary::{Recorded, Statistics, Summary};
 use crate::run::verdict::Judge;
 use crate::smooth::{QualityReport, SmoothError, Smoother};
 use crate::units::sample::Sample;
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 use std::any::Any;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -244,8 +244,8 @@ impl Run {
     }
 
     /// Longest time from a sample to its arrival.
-    fn window(&self) -> Time {
-        self.timeline.as_ref().map_or(Time::default(), Timeline::window)
+    fn window(&self) -> Span {
+        self.timeline.as_ref().map_or(Span::ZERO, Timeline::window)
     }
 
     /// Takes a sample that arrives.

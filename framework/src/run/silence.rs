@@ -4,7 +4,7 @@ use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::run::outputs::Outputs;
 use crate::units::sample::Sample;
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 
 /// Warns when a sensor falls silent, and logs when it is back.
 pub(crate) struct SilenceMonitor {
@@ -41,7 +41,7 @@ impl Activity {
 
 impl SilenceMonitor {
     /// Time between two checks.
-    const PERIOD: Time = Time::from_nanos(100_000_000);
+    const PERIOD: Span = Span::from_nanos(100_000_000);
     /// Number of intervals that define the usual one.
     const INTERVALS: u32 = 8;
 

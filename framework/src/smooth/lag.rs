@@ -24,14 +24,14 @@ use crate::filter::Ekf;
 use crate::model::record::{Epoch, Observer};
 use crate::state::Layout;
 use crate::state::covariance::{Transition, Update};
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 use std::sync::Arc;
 
 /// Estimates that wait until the filter is the lag ahead of them.
 pub(super) struct Lagged {
     layout: Arc<Layout>,
     row: Row,
-    lag: Time,
+    lag: Span,
     /// Steps since the boundary.
     stretch: Stretch,
     /// Estimates before the boundary: each with the sums from its time to the boundary, the
@@ -49,7 +49,7 @@ pub(super) struct Lagged {
 }
 
 impl Lagged {
-    pub(super) fn new(ekf: &Ekf, lag: Time) -> Result<Self, SmoothError> {
+    pub(super) fn new(ekf: &Ekf, lag: Span) -> Result<Self, SmoothError> {
         let layout = Arc::clone(&ekf.composition().layout);
         let row = Row::new(&layout);
         let considers = ekf.considered().contains(&true);

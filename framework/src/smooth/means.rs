@@ -8,12 +8,12 @@ use crate::model::record::Observer;
 use crate::state::covariance::{Covariance, Transition, Update, backward, cholesky, forward};
 use crate::state::{Layout, State};
 use crate::units::sample::SensorId;
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 use std::io;
 
 /// Time between the states of the trajectory. In between the filter propagates them with its
 /// samples, and misses no more than the process noise of this time.
-const SPACING: Time = Time::from_nanos(100_000_000);
+const SPACING: Span = Span::from_nanos(100_000_000);
 
 /// Records of a filter, or of a pass, from its start on.
 pub(super) struct Records {

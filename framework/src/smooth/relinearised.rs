@@ -27,7 +27,7 @@ use crate::model::record::{
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Block, State};
 use crate::units::sample::Sample;
-use crate::units::time::Time;
+use crate::units::time::Span;
 use std::sync::Arc;
 
 /// Largest number of passes at one time.
@@ -65,8 +65,8 @@ struct Record {
     first: Snapshot,
     samples: Vec<Sample>,
     /// Time from the start to the next passes, and to the last ones.
-    next: Time,
-    span: Time,
+    next: Span,
+    span: Span,
     /// Number of times in a row at which the passes failed.
     failures: u32,
     /// Records of the filter, and of the last pass.
@@ -76,14 +76,14 @@ struct Record {
 
 impl Relinearised {
     /// Creates an estimator that linearises the samples of the span after its start again.
-    pub(crate) fn new(composition: Composition, span: Time) -> Self {
+    pub(crate) fn new(composition: Composition, span: Span) -> Self {
         let ekf = Ekf::new(composition);
         let considers = ekf.considered().contains(&true);
         let records = || Records::new(ekf.layout(), considers);
         let record = Record {
             first: ekf.snapshot(),
             samples: Vec::new(),
-            next: Time::from_nanos(span.nanos() / FIRST),
+            next: Span::from_nanos(span.nanos() / FIRST),
             span,
             failures: 0,
             run: records(),
@@ -142,7 +142,7 @@ impl Relinearised {
             }
         }
         let grown = (time - start).nanos();
-        record.next = Time::from_nanos(grown.saturating_add(grown / GROWTH)).min(record.span);
+        record.next = Span::from_nanos(grown.saturating_add(grown / GROWTH)).min(record.span);
         if last {
             *place = None;
         }

@@ -28,8 +28,8 @@ pub type Acceleration = Quantity<2, 0, -4, 0, 0>;
 pub type AccelerationNoise = Quantity<2, 0, -3, 0, 0>;
 /// Random walk of an accelerometer bias, m/s^2/sqrt(s).
 pub type AccelerationRandomWalk = Quantity<2, 0, -5, 0, 0>;
-/// A time, s.
-pub type Time = Quantity<0, 0, 2, 0, 0>;
+/// A length of time, s.
+pub type Duration = Quantity<0, 0, 2, 0, 0>;
 /// A frequency, Hz.
 pub type Frequency = Quantity<0, 0, -2, 0, 0>;
 /// A pressure, Pa.
@@ -39,7 +39,7 @@ pub type Density = Quantity<-6, 2, 0, 0, 0>;
 /// A difference of temperature, K.
 pub type Temperature = Quantity<0, 0, 0, 0, 2>;
 /// Random walk of a time, s/sqrt(s).
-pub type TimeRandomWalk = Quantity<0, 0, 1, 0, 0>;
+pub type DurationRandomWalk = Quantity<0, 0, 1, 0, 0>;
 /// Random walk of a ratio, 1/sqrt(s).
 pub type RatioRandomWalk = Quantity<0, 0, -1, 0, 0>;
 /// Sensitivity of a gyro to specific force, rad/s per m/s^2. In TOML `"1 deg/h/g"`.

@@ -48,8 +48,8 @@ fn data_sheet_values_are_read_in_si() {
     close(read::<Speed>("2 kn").si(), 3704.0 / 3600.0);
     close(read::<Length>("1 km").si(), 1000.0);
     close(read::<LengthRandomWalk>("6 cm/sqrt(h)").si(), 0.001);
-    close(read::<Time>("1.5 h").si(), 5400.0);
-    close(read::<Time>("10 min").si(), 600.0);
+    close(read::<Duration>("1.5 h").si(), 5400.0);
+    close(read::<Duration>("10 min").si(), 600.0);
     close(read::<Frequency>("5 Hz").si(), 5.0);
     close(read::<Frequency>("5 1/s").si(), 5.0);
     close(read::<Pressure>("0.2 bar").si(), 2e4);
@@ -152,7 +152,7 @@ fn a_quantity_prints_in_the_unit_it_is_usually_given_in() {
             .or_else(|| try_as::<Acceleration>(text))
             .or_else(|| try_as::<Speed>(text))
             .or_else(|| try_as::<Ratio>(text))
-            .or_else(|| try_as::<Time>(text))
+            .or_else(|| try_as::<Duration>(text))
     }
     for text in same.into_iter().chain([
         "50 ug",
@@ -326,7 +326,7 @@ fn every_unit_has_its_value_in_si_and_its_dimension() {
     close(read::<Acceleration>("1 g").si(), 9.80665);
     close(read::<Acceleration>("1 Gal").si(), 0.01);
     for (text, si) in [("1 day", 86_400.0), ("1 hr", 3600.0), ("1 ms", 1e-3), ("1 ns", 1e-9)] {
-        close(read::<Time>(text).si(), si);
+        close(read::<Duration>(text).si(), si);
     }
     for (text, si) in [("1 kHz", 1e3), ("1 MHz", 1e6), ("1 mHz", 1e-3)] {
         close(read::<Frequency>(text).si(), si);

@@ -1,4 +1,4 @@
-//! Time as an exact count of nanoseconds.
+//! Instants and their differences as exact counts of nanoseconds.
 
 use std::fmt;
 use std::ops::{Add, Sub};
@@ -38,21 +38,33 @@ impl Time {
 
     /// Seconds from `earlier` to this time.
     pub fn since(self, earlier: Self) -> f64 {
-        self.0.saturating_sub(earlier.0) as f64 / 1e9
+        (self - earlier).seconds()
+    }
+
+    /// The first multiple of a period after this time, counted from zero.
+    pub fn next_multiple(self, period: Span) -> Self {
+        Self((self.0.div_euclid(period.0) + 1).saturating_mul(period.0))
     }
 }
 
-impl Add for Time {
+impl Add<Span> for Time {
     type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self(self.0.saturating_add(other.0))
+    fn add(self, span: Span) -> Self {
+        Self(self.0.saturating_add(span.0))
+    }
+}
+
+impl Sub<Span> for Time {
+    type Output = Self;
+    fn sub(self, span: Span) -> Self {
+        Self(self.0.saturating_sub(span.0))
     }
 }
 
 impl Sub for Time {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        Self(self.0.saturating_sub(other.0))
+    type Output = Span;
+    fn sub(self, earlier: Self) -> Span {
+        Span(self.0.saturating_sub(earlier.0))
     }
 }
 
@@ -62,10 +74,74 @@ impl fmt::Display for Time {
     }
 }
 
+/// The difference of two times, in whole nanoseconds. It is exact, and an instant cannot stand in
+/// its place.
+///
+/// ```
+/// use navfuse_core::units::time::{Span, Time};
+/// let (begin, end) = (Time::from_nanos(40), Time::from_nanos(100));
+/// assert_eq!(end - begin, Span::from_nanos(60));
+/// assert_eq!(begin + (end - begin), end);
+/// ```
+/// ```compile_fail
+/// # use navfuse_core::units::time::{Span, Time};
+/// let sum = Time::from_nanos(40) + Time::from_nanos(60);
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Span(i64);
+
+impl Span {
+    /// No time at all.
+    pub const ZERO: Self = Self(0);
+    /// A span after which every instant of a run has passed.
+    pub const MAX: Self = Self(Time::MAX.0);
+
+    /// The span of a number of nanoseconds.
+    pub const fn from_nanos(nanos: i64) -> Self {
+        Self(nanos)
+    }
+
+    /// The span of a number of seconds, rounded to the nearest nanosecond; `None` if the number is
+    /// not finite or beyond 73 years.
+    pub fn from_seconds(seconds: f64) -> Option<Self> {
+        Time::from_seconds(seconds).map(|time| Self(time.0))
+    }
+
+    /// The span in nanoseconds.
+    pub const fn nanos(self) -> i64 {
+        self.0
+    }
+
+    /// The span in seconds.
+    pub fn seconds(self) -> f64 {
+        self.0 as f64 / 1e9
+    }
+}
+
+impl Add for Span {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self(self.0.saturating_add(other.0))
+    }
+}
+
+impl Sub for Span {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        Self(self.0.saturating_sub(other.0))
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.3} s", self.seconds())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-    use super::Time;
+    use super::{Span, Time};
     use proptest::prelude::*;
 
     proptest! {
@@ -89,11 +165,13 @@ mod tests {
         }
 
         #[test]
-        fn an_interval_is_exact_however_late_it_is(
+        fn a_span_is_exact_however_late_it_is(
             start in 0..1_i64 << 60, length in 0..1_i64 << 50
         ) {
             let (a, b) = (Time::from_nanos(start), Time::from_nanos(start + length));
-            prop_assert_eq!(b.since(a), Time::from_nanos(length).seconds());
+            let span = Span::from_nanos(length);
+            prop_assert_eq!((b - a, a + span, b - span), (span, b, a));
+            prop_assert_eq!(b.since(a), span.seconds());
         }
     }
 
@@ -103,7 +181,9 @@ mod tests {
             assert_eq!(Time::from_seconds(s), None);
         }
         let (first, last) = (Time::from_nanos(i64::MIN), Time::from_nanos(i64::MAX));
-        assert!(last.since(first) > 0.0 && (last + last) >= last && (first - last) <= first);
+        let span = Span::from_nanos(i64::MAX);
+        assert!(last.since(first) > 0.0 && first.since(last) < 0.0);
+        assert_eq!((last + span, first - span, span + span), (last, first, span));
     }
 
     /// `MAX` is 2^61 - 1 ns, which as f64 is 2^61. The f64 of 2^61 ns in seconds gives 2^61 exactly,

@@ -22,7 +22,7 @@ use std::sync::Arc;
 /// ```
 /// use navfuse_core::prelude::*;
 /// use navfuse_core::state::geodesy::Geodetic;
-/// use navfuse_core::units::{Angle, Speed, Time};
+/// use navfuse_core::units::{Angle, Speed, Duration};
 /// use navfuse_simulation::{On, TrajectoryType};
 ///
 /// /// A circle at constant speed.
@@ -34,7 +34,7 @@ use std::sync::Arc;
 ///     /// Speed along the circle.
 ///     speed: Speed,
 ///     /// Time of one round.
-///     round: Time,
+///     round: Duration,
 /// }
 ///
 /// impl TrajectoryType for Circle {

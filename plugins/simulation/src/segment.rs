@@ -2,7 +2,7 @@
 
 use crate::phase::{Phase, Pose};
 use crate::trajectory::TrajectoryError;
-use navfuse_core::units::{Angle, Speed, Time};
+use navfuse_core::units::{Angle, Duration, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -23,24 +23,24 @@ pub enum SegmentConfig {
     /// At rest. The segments before must have brought the speed to zero.
     Static {
         /// Duration.
-        duration: Time,
+        duration: Duration,
     },
     /// Straight and level at constant speed and attitude.
     Cruise {
         /// Duration.
-        duration: Time,
+        duration: Duration,
     },
     /// Straight and level at constant attitude: the forward speed changes smoothly.
     Surge {
         /// Duration.
-        duration: Time,
+        duration: Duration,
         /// Forward speed at the end.
         speed: Speed,
     },
     /// Straight and level at constant attitude: the forward speed changes and returns.
     Pulse {
         /// Duration.
-        duration: Time,
+        duration: Duration,
         /// The change of forward speed in the middle.
         speed_change: Speed,
     },
@@ -48,14 +48,14 @@ pub enum SegmentConfig {
     /// constant forward speed. The descent is 16/35 of the peak rate times the duration.
     Descend {
         /// Duration.
-        duration: Time,
+        duration: Duration,
         /// The vertical speed in the middle, above zero.
         rate: Speed,
     },
     /// Up at constant attitude, by ballast: as `descend`, upwards.
     Ascend {
         /// Duration.
-        duration: Time,
+        duration: Duration,
         /// The vertical speed in the middle, above zero.
         rate: Speed,
     },
@@ -64,7 +64,7 @@ pub enum SegmentConfig {
     /// the duration.
     Sway {
         /// Duration.
-        duration: Time,
+        duration: Duration,
         /// The speed to starboard in the middle: negative is to port.
         speed: Speed,
     },
@@ -72,14 +72,14 @@ pub enum SegmentConfig {
     /// follows it, at constant horizontal speed.
     Slope {
         /// Duration.
-        duration: Time,
+        duration: Duration,
         /// The slope in the middle: positive is up.
         angle: Angle,
     },
     /// A turn at constant speed; the velocity turns with the heading.
     Turn {
         /// Duration.
-        duration: Time,
+        duration: Duration,
         /// The change of heading, positive to starboard.
         angle: Angle,
         /// Additional roll in the middle: positive leans into the turn. Default: zero.
@@ -90,9 +90,9 @@ pub enum SegmentConfig {
     /// Four equal legs at constant speed, each a straight part and then a turn by 90 deg.
     Square {
         /// Duration of the four legs.
-        duration: Time,
+        duration: Duration,
         /// Duration of each turn.
-        turn: Time,
+        turn: Duration,
         /// As in a turn.
         bank: Option<Angle>,
         /// As in a turn.
@@ -131,7 +131,7 @@ impl Check {
         }
     }
 
-    fn duration(&self, key: &'static str, value: Time) -> Result<f64, TrajectoryError> {
+    fn duration(&self, key: &'static str, value: Duration) -> Result<f64, TrajectoryError> {
         let s = value.si();
         if DURATION.contains(&s) {
             return Ok(s);
@@ -197,7 +197,7 @@ impl SegmentConfig {
     }
 
     /// Duration.
-    pub fn duration(&self) -> Time {
+    pub fn duration(&self) -> Duration {
         match self {
             Self::Static { duration }
             | Self::Cruise { duration }

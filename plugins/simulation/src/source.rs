@@ -20,7 +20,7 @@ use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::state::manifold::Scalar;
 use navfuse_core::state::{Handle, Layout};
 use navfuse_core::units::sample::{Sample, SensorId};
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -293,10 +293,10 @@ impl<P: Piece> SensorStream<P> {
     }
 
     /// Lag of the sample at that time.
-    fn lag(&mut self, time: Time) -> Option<Time> {
+    fn lag(&mut self, time: Time) -> Option<Span> {
         let (offset, truth) = self.lag.as_mut()?;
         truth.advance(&self.layout, time);
-        Time::from_seconds(truth.state.get(&self.layout, *offset))
+        Span::from_seconds(truth.state.get(&self.layout, *offset))
     }
 
     /// Draws whether the sample at that time is lost.

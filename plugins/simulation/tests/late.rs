@@ -10,7 +10,7 @@ use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::run::runner::{self, Finished};
 use navfuse_core::run::scenario::Assembly;
 use navfuse_core::units::sample::{Sample, SensorId};
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 use navfuse_testing::scenario;
 use std::sync::atomic::AtomicBool;
 
@@ -188,7 +188,7 @@ fn shuffled(samples: &[Sample], seed: u64, delayed: impl Fn(SensorId) -> bool) -
         .iter()
         .map(|s| {
             let delay = if delayed(s.sensor) { 3.0 * random.uniform() } else { 0.0 };
-            (s.time + Time::from_seconds(delay).unwrap(), *s)
+            (s.time + Span::from_seconds(delay).unwrap(), *s)
         })
         .collect();
     arrivals.sort_by_key(|(arrival, _)| *arrival);

@@ -8,7 +8,7 @@ use navfuse_core::nalgebra::Matrix2;
 use navfuse_core::prelude::*;
 use navfuse_core::run::runner::{self, Finished};
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::units::Time as Duration;
+use navfuse_core::units::Duration;
 use navfuse_ins::Navigation;
 use navfuse_testing::judge::{Judge, judged};
 use navfuse_testing::rts::Records;

@@ -8,7 +8,7 @@ use navfuse_core::model::chi_square::{gated_moments, outside};
 use navfuse_core::model::record::{Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 use re_sdk::EntityPath;
 use re_sdk_types::archetypes::{StateChange, StateConfiguration};
 use re_sdk_types::components::Color;
@@ -270,5 +270,5 @@ impl Lane {
 
 /// The time that many seconds later.
 fn after(time: Time, seconds: f64) -> Time {
-    Time::from_nanos(time.nanos().saturating_add((seconds * 1e9) as i64))
+    time + Span::from_nanos((seconds * 1e9) as i64)
 }

@@ -53,7 +53,7 @@ impl Gaps {
         let long = |usual: f64| interval > (GAP * usual).max(SHORTEST_GAP);
         let gap = self.pace.usual.is_some_and(long);
         self.pace.take(interval, long);
-        gap.then(|| last.nanos() + (now.nanos() - last.nanos()) / 2)
+        gap.then(|| last.nanos() + (now - last).nanos() / 2)
     }
 }
 

@@ -8,15 +8,15 @@ use navfuse_core::nalgebra::{Matrix3, Quaternion, Rotation3, SymmetricEigen, Uni
 use navfuse_core::state::Layout;
 use navfuse_core::state::manifold::{Position, Rotation, Vector};
 use navfuse_core::units::sample::Sample;
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 use std::any::TypeId;
 
 /// Greatest number of vertices of a track: more would make a software renderer slow.
 const VERTICES: usize = 4000;
 /// Greatest number of poses of a thinned recording.
 const POSES: usize = 2000;
-/// Time between two poses of a full recording, ns: 50 poses a second look continuous.
-const POSE_INTERVAL: i64 = 20_000_000;
+/// Time between two poses of a full recording: 50 poses a second look continuous.
+const POSE_INTERVAL: Span = Span::from_nanos(20_000_000);
 
 /// Angular rate above which the vehicle turns, rad/s: 1 deg/s.
 const TURNING: f64 = 0.0175;
@@ -72,7 +72,7 @@ pub struct Track {
     turned: Option<Time>,
     /// Set while the vehicle turns.
     pub turning: bool,
-    last: Option<i64>,
+    last: Option<Time>,
 }
 
 /// The box around the estimated and the true track.
@@ -208,7 +208,7 @@ impl Track {
             self.truth.push(there);
         }
         self.set_turn(epoch);
-        let time = epoch.state.time.nanos();
+        let time = epoch.state.time;
         if self.last.is_none_or(|last| time - last >= POSE_INTERVAL) {
             self.last = Some(time);
             let of = |slot: usize| &values[epoch.layout.blocks[slot].range()];
@@ -219,6 +219,7 @@ impl Track {
             let velocity =
                 self.velocity.map_or([0.0; 3], |slot| std::array::from_fn(|k| of(slot)[k] as f32));
             let ellipsoid = ellipsoid(&covariance);
+            let time = time.nanos();
             self.poses.push(Pose { time, place: here, attitude, velocity, ellipsoid });
         }
     }

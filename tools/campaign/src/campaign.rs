@@ -6,7 +6,7 @@ use crate::grid::interval;
 use navfuse_core::document::Document;
 use navfuse_core::plugin::{BuildError, Registry};
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 use serde::{Deserialize, Serialize};
 
 /// Largest number of runs of a point. Run seeds are `seed * MAX_RUNS + run`, so two campaigns with
@@ -209,7 +209,7 @@ impl Campaign {
                     "give a positive time",
                 ));
             }
-            Some(every) => Time::from_seconds(every).map_or(1, Time::nanos),
+            Some(every) => Span::from_seconds(every).map_or(1, Span::nanos),
             None => interval(longest, EPOCHS),
         };
         Ok(campaign)

@@ -10,7 +10,7 @@ use navfuse_core::document::{Document, DocumentError, Node, key};
 use navfuse_core::plugin::{BuildError, Registry};
 use navfuse_core::run::runner::{self, RunError};
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::units::{Speed, Time};
+use navfuse_core::units::{Duration, Speed};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -216,7 +216,7 @@ impl Base {
         let stop = root
             .get("estimator")
             .and_then(|e| e.get("stop"))
-            .map(|s| s.parse::<Time>())
+            .map(|s| s.parse::<Duration>())
             .transpose()?;
         let limit = at.or(stop.map(|s| s.si())).unwrap_or(f64::INFINITY);
         let start = source
@@ -235,7 +235,7 @@ impl Base {
         for k in 0..rows {
             let Some(row) = segments.get(&k.to_string()) else { break };
             let kind: String = row.get("type").ok_or_else(refuse)?.parse()?;
-            let duration = row.get("duration").ok_or_else(refuse)?.parse::<Time>()?.si();
+            let duration = row.get("duration").ok_or_else(refuse)?.parse::<Duration>()?.si();
             let left = limit - base.end;
             if duration > left + 1e-9 {
                 // uniform motion can be cut anywhere; the shortest part is 1 s

@@ -13,7 +13,7 @@ use navfuse_core::state::Layout;
 use navfuse_core::state::covariance::{Covariance, Transition, Update};
 use navfuse_core::state::manifold::MAX_TANGENT;
 use navfuse_core::units::sample::SensorId;
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 
 /// Longest time between two judgements of the states, s.
 const JUDGED: f64 = 1.0;
@@ -64,8 +64,8 @@ pub struct Tracker {
     values: Vec<f64>,
     covariance: Covariance,
     judged: Time,
-    /// Intervals of judgements and of the history, ns, and the times at which the next are due.
-    intervals: [i64; 2],
+    /// Intervals of judgements and of the history, and the times at which the next are due.
+    intervals: [Span; 2],
     next: [Time; 2],
     /// Times of the history; `history` holds the normalised sigmas, row by row.
     times: Vec<f64>,
@@ -137,7 +137,7 @@ impl Tracker {
             values: Vec::new(),
             judged: Time::MIN,
             intervals: [every.min(JUDGED), every]
-                .map(|s| Time::from_seconds(s).map_or(i64::MAX, Time::nanos).max(1)),
+                .map(|s| Span::from_seconds(s).unwrap_or(Span::MAX).max(Span::from_nanos(1))),
             next: [Time::MIN; 2],
             times: Vec::new(),
             history: Vec::new(),
@@ -304,13 +304,12 @@ impl Tracker {
         }
         let changed = self.judge();
         let [_, every] = self.intervals;
-        if time >= self.next[1] && every < i64::MAX {
+        if time >= self.next[1] && every < Span::MAX {
             self.times.push(time.seconds());
             self.history.extend(self.status.iter().map(ComponentStatus::normalised));
         }
         for (next, every) in self.next.iter_mut().zip(self.intervals) {
-            let after = (time.nanos().div_euclid(every) + 1).saturating_mul(every);
-            *next = if time < *next { *next } else { Time::from_nanos(after) };
+            *next = if time < *next { *next } else { time.next_multiple(every) };
         }
         changed
     }

@@ -18,7 +18,7 @@ use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Epoch, Observer, Rejection};
 use crate::model::sensor::Role;
 use crate::units::sample::{MAX_CHANNELS, Sample};
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 use std::cmp::Ordering;
 use std::collections::VecDeque;
 
@@ -58,9 +58,9 @@ const SNAPSHOTS: i64 = 32;
 /// ```
 pub struct Timeline {
     /// Longest `late` of the sensors.
-    window: Time,
+    window: Span,
     /// The key `late` of each sensor.
-    late: Vec<Option<Time>>,
+    late: Vec<Option<Span>>,
     /// For each sensor, true for a reference.
     references: Vec<bool>,
     /// Sensor whose clock is that of the timeline; any sensor's, if there is none.
@@ -104,7 +104,7 @@ impl Timeline {
     /// Creates a timeline; `None` where no sensor may be late.
     pub fn new(composition: &Composition) -> Option<Self> {
         let sensors = &composition.sensors;
-        let late: Vec<Option<Time>> = sensors.iter().map(|s| s.late).collect();
+        let late: Vec<Option<Span>> = sensors.iter().map(|s| s.late).collect();
         Some(Self {
             window: late.iter().flatten().copied().max()?,
             late,
@@ -118,7 +118,7 @@ impl Timeline {
     }
 
     /// Longest time for which a sample waits.
-    pub fn window(&self) -> Time {
+    pub fn window(&self) -> Span {
         self.window
     }
 
@@ -195,7 +195,7 @@ impl Timeline {
     /// the last one.
     fn replay(&mut self, ekf: &mut Ekf, start: Start) -> Result<Option<Place>, EstimatorError> {
         let Self { samples, references, ahead, .. } = self;
-        let spacing = Time::from_nanos(self.window.nanos() / SNAPSHOTS);
+        let spacing = Span::from_nanos(self.window.nanos() / SNAPSHOTS);
         let (time, mut last) = match start {
             Start::Before(time) => (time, None),
             Start::After(place) => (place.sample.time, Some(place)),

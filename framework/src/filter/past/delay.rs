@@ -27,11 +27,11 @@ use crate::state::covariance::{Transition, Update};
 use crate::state::manifold::{MAX_TANGENT, Scalar};
 use crate::state::{Block, Dynamics, Handle, Layout, State};
 use crate::units::sample::{MAX_CHANNELS, Sample};
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 
 /// Shortest time between entries: a motion of 5 m/s^3 deviates from a straight line by 0.25 mm/s
 /// over it.
-const SPACING: Time = Time::from_nanos(20_000_000);
+const SPACING: Span = Span::from_nanos(20_000_000);
 
 /// Half of the time over which the slope is taken, s. For a motion with a period of 1 s the slope
 /// is then 6 % too small.
@@ -246,7 +246,7 @@ impl History {
     /// Recalls the state `back` seconds ago into `out`.
     fn recall(&self, layout: &Layout, state: &State, back: f64, out: &mut State, from: &mut [f64]) {
         let (k, to, share) = self.piece(state.time, back);
-        out.time = state.time - Time::from_seconds(back).unwrap_or_default();
+        out.time = state.time - Span::from_seconds(back).unwrap_or_default();
         out.values.copy_from_slice(&state.values);
         out.labels.copy_from_slice(&state.labels);
         for &Moving { slot, estimated } in &self.moving {

@@ -13,7 +13,7 @@ use crate::filter::propagate::inputs::{correct, replace};
 use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Event, Level, Observer, Rejection};
 use crate::units::sample::Sample;
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 
 impl Ekf {
     /// Takes a sample of a driving sensor beside the first, which holds from its time on.
@@ -80,7 +80,7 @@ impl Ekf {
         if self.coasts_after().is_none_or(|gap| duration <= gap) {
             return Ok(None);
         }
-        let begin = sample.time - Time::from_seconds(usual).unwrap_or_default();
+        let begin = sample.time - Span::from_seconds(usual).unwrap_or_default();
         while let Some(waiting) = self.memory.pending.front().copied()
             && waiting.time <= begin
         {

@@ -7,13 +7,13 @@
 
 use crate::compose::Composition;
 use crate::state::covariance::Transition;
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 
 /// The steps since the covariance was propagated.
 #[derive(Clone)]
 pub(in crate::filter) struct PooledSteps {
     /// Time between two propagations of the covariance.
-    period: Time,
+    period: Span,
     /// Begin of the first step, if there is one.
     pub(in crate::filter) since: Option<Time>,
     /// The transition over all steps.

@@ -108,12 +108,11 @@ impl Ekf {
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
         let period = self.composition.estimator.output_period();
-        let after = |time: Time| Time::from_nanos((time.nanos().div_euclid(period) + 1) * period);
-        let mut next = after(self.memory.state.time);
+        let mut next = self.memory.state.time.next_multiple(period);
         for sample in samples {
             let now = self.memory.state.time;
             if !self.has_reference() && now >= next && sample.time > now {
-                next = after(now);
+                next = now.next_multiple(period);
                 self.settle(observer);
                 observer.epoch(&self.epoch());
             }

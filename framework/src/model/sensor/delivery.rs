@@ -1,8 +1,8 @@
 //! Delay of delivery: the time from the instant at which a sample is valid to its arrival.
 
 use crate::model::simulate::Random;
-use crate::units::time::Time;
-use crate::units::{Sigma, Time as Duration};
+use crate::units::time::{Span, Time};
+use crate::units::{Duration, Sigma};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -32,7 +32,7 @@ impl Delay {
         let seed = seed ^ time.nanos().cast_unsigned().wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let (mean, sigma) = (self.mean.value().si(), self.sigma.value().si());
         let delay = mean + sigma * Random::new(seed, purpose).normal();
-        time + Time::from_seconds(delay.max(0.0)).unwrap_or(Time::MAX)
+        time + Span::from_seconds(delay.max(0.0)).unwrap_or(Span::MAX)
     }
 }
 
@@ -48,7 +48,7 @@ mod tests {
                 let time = Time::from_nanos(k * 200_000_000);
                 delay.arrival(seed, "delay of gnss", time) - time
             };
-            let mut delays: Vec<Time> = (0..100).map(late).collect();
+            let mut delays: Vec<Span> = (0..100).map(late).collect();
             assert!(delays.iter().enumerate().all(|(k, d)| *d == late(k as i64)), "{seed}");
             delays.sort_unstable();
             delays.dedup();

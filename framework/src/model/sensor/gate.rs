@@ -1,7 +1,7 @@
 //! Innovation gates, and recovery from lock-out.
 
 use crate::units::sample::MAX_CHANNELS;
-use crate::units::{Positive, Time as Duration};
+use crate::units::{Duration, Positive};
 use schemars::JsonSchema;
 use serde::de::Visitor;
 use serde::{Deserialize, Deserializer};

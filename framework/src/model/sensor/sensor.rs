@@ -14,7 +14,7 @@ use crate::model::simulate::{Faults, Simulate};
 use crate::state::manifold::Scalar;
 use crate::state::{Handle, Layout, State};
 use crate::units::sample::{Channel, Sample};
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 use std::any::Any;
 use std::sync::Arc;
 
@@ -115,7 +115,7 @@ pub struct Sensor {
     /// Silence after which the sensor counts as lost, s; by default from its usual interval.
     pub timeout: Option<f64>,
     /// Longest time from a sample to its arrival; `None` where samples arrive in order.
-    pub late: Option<Time>,
+    pub late: Option<Span>,
     /// Delay of delivery, with which a run rehearses late samples.
     pub delay: Option<Delay>,
     /// Source and past of each clone that the sensor takes, a pair of slots.

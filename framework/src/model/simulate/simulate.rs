@@ -6,7 +6,7 @@ use crate::model::simulate::fault::Fault;
 use crate::state::{Layout, State, View};
 use crate::units::sample::{MAX_CHANNELS, Sample};
 use crate::units::time::Time;
-use crate::units::{Frequency, Positive, Ratio, Sigma, Time as Duration};
+use crate::units::{Duration, Frequency, Positive, Ratio, Sigma};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_xoshiro::Xoshiro256PlusPlus;

@@ -1,6 +1,6 @@
 //! The parameters of the source.
 
-use navfuse_core::units::{Date, Ratio, Time as Duration, Unit, parse_unit};
+use navfuse_core::units::{Date, Duration, Ratio, Unit, parse_unit};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};

@@ -328,7 +328,7 @@ impl Stream {
             "is the time of a row before, too".to_owned()
         } else {
             let mut step = Vec::new();
-            time::write_seconds(before - time, &mut step);
+            time::write_seconds((before - time).nanos(), &mut step);
             format!("goes back by {} s", String::from_utf8_lossy(&step))
         };
         let remedy = format!(

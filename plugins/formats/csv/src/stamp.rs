@@ -7,7 +7,7 @@ use csv::ByteRecord;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::calendar::{self, GPS_ZERO, WEEK};
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 
 /// Longest text of a date with a time of the day.
 const LONGEST_DATE: usize = 48;
@@ -20,7 +20,7 @@ pub struct TimeCell {
     /// UTC of the run's zero, in nanoseconds since 1970; zero for a number.
     origin: i64,
     /// Offset that is added to the time.
-    offset: Time,
+    offset: Span,
 }
 
 /// The content of the columns.

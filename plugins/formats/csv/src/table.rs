@@ -74,7 +74,7 @@ impl Table {
     pub fn time(&mut self, time: Time) -> Result<(), StreamError> {
         let mut cell = std::mem::take(&mut self.cell);
         cell.clear();
-        write_seconds(time, &mut cell);
+        write_seconds(time.nanos(), &mut cell);
         let done = self.bytes(&cell);
         self.cell = cell;
         done

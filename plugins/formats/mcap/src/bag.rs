@@ -20,7 +20,7 @@ use crate::topics::Topic;
 use navfuse_core::files::WholeFile;
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::Span;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -36,7 +36,7 @@ const TOPICS: [(&str, &Schema); 3] =
 pub struct BagSink {
     folder: PathBuf,
     /// Stamp minus run time.
-    origin: Time,
+    origin: Span,
     /// From the start of the run until the bag is whole.
     recording: Option<Recording>,
     /// Number of epochs.
@@ -59,7 +59,7 @@ impl BagSink {
     /// A bag in a folder, which the start of the run makes. The stamps are those of the run plus
     /// `origin`, the nanoseconds since 1970 of the run's zero.
     pub fn new(folder: &Path, origin: i64) -> Self {
-        let (folder, origin) = (folder.to_path_buf(), Time::from_nanos(origin));
+        let (folder, origin) = (folder.to_path_buf(), Span::from_nanos(origin));
         Self { folder, origin, recording: None, epochs: 0, whole: false }
     }
 

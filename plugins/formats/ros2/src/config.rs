@@ -1,7 +1,7 @@
 //! The parameters of the source.
 
 use crate::axes::Axes;
-use navfuse_core::units::{Angle, Density, Length, Pressure, Time, Triple};
+use navfuse_core::units::{Angle, Density, Duration, Length, Pressure, Triple};
 use navfuse_frames::TimeConfig;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -23,7 +23,7 @@ pub struct Ros2 {
     #[serde(default)]
     pub stamp: Stamping,
     /// Longest time that a message may be received after messages with later stamps. Default: 10 s.
-    pub wait: Option<Time>,
+    pub wait: Option<Duration>,
     /// The clock of the bag, which counts from 1970.
     #[serde(default)]
     pub time: TimeConfig,

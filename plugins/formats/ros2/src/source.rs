@@ -8,7 +8,7 @@ use crate::route::{Reading, Route, routes};
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::Sample;
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 
 /// Longest delay of messages, in seconds, where no key gives another.
 const WAIT: f64 = 10.0;
@@ -29,7 +29,7 @@ impl SourceType for Ros2 {
         }
         let zero = self.time.zero()?;
         let wait = self.wait.map_or(WAIT, |w| w.si());
-        let window = Time::from_seconds(wait).filter(|w| w.nanos() >= 0).ok_or_else(|| {
+        let window = Span::from_seconds(wait).filter(|w| w.nanos() >= 0).ok_or_else(|| {
             StreamError::scenario("it is a time from 0 s to 73 years").at_key("wait")
         })?;
         let mut all = Vec::new();

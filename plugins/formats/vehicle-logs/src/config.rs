@@ -1,7 +1,7 @@
 //! The parameters of the source.
 
 use crate::format::Format;
-use navfuse_core::units::{Positive, Time as Duration};
+use navfuse_core::units::{Duration, Positive};
 use navfuse_frames::TimeConfig;
 use schemars::JsonSchema;
 use serde::Deserialize;

@@ -8,7 +8,7 @@ use crate::target::{Filling, Target, targets};
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::Sample;
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 use navfuse_frames::{Clock, Count, Stamp, TimeConfig, open, recognise};
 use std::path::PathBuf;
 
@@ -38,8 +38,8 @@ impl SourceType for VehicleLog {
                 week: self.week,
                 interval: self
                     .interval
-                    .and_then(|i| Time::from_seconds(i.value().si()))
-                    .map(Time::nanos),
+                    .and_then(|i| Span::from_seconds(i.value().si()))
+                    .map(Span::nanos),
                 unit: self.unit,
             };
             let mut stream = Stream {

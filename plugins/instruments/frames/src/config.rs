@@ -3,7 +3,7 @@
 use crate::clock::{Stamp, Zero};
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::units::time::Time;
-use navfuse_core::units::{Date, Time as Duration};
+use navfuse_core::units::{Date, Duration};
 use schemars::JsonSchema;
 use serde::Deserialize;
 

@@ -124,7 +124,7 @@ impl Detector for Periodic {
     fn detects(&mut self, sample: &Sample) -> bool {
         let due = sample.time >= self.next;
         if due {
-            let period = Time::from_seconds(self.period).unwrap_or_default();
+            let period = Span::from_seconds(self.period).unwrap_or_default();
             // a grid from the first sample on, without the samples' own rounding
             let on_grid = self.next > Time::MIN && sample.time < self.next + period;
             self.next = if on_grid { self.next + period } else { sample.time + period };

@@ -167,7 +167,7 @@ impl Detector for Standstill {
         let rests =
             self.quiet(sample.time) && (sensed.odometer.is_none() || self.no_speed(sample.time));
         let pause = if rests { self.settings.period } else { TEST };
-        self.next = sample.time + Time::from_seconds(pause).unwrap_or_default();
+        self.next = sample.time + Span::from_seconds(pause).unwrap_or_default();
         rests
     }
 

@@ -5,7 +5,7 @@
 
 use crate::standstill::{LONGEST, Settings, Standstill};
 use navfuse_core::prelude::*;
-use navfuse_core::units::Time as Duration;
+use navfuse_core::units::Duration;
 use navfuse_ins::Navigation;
 
 /// Zero velocity of a vehicle that stands still. It needs no sensor of its own: the vehicle stands

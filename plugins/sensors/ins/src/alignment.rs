@@ -21,7 +21,7 @@ pub(crate) use course::{CourseAlignment, CourseSettings};
 pub(crate) use settings::AlignmentSettings;
 pub(crate) use zero_velocity::ZeroVelocity;
 
-use navfuse_core::units::{Angle, Positive, Speed, Time as Duration};
+use navfuse_core::units::{Angle, Duration, Positive, Speed};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, IntoDeserializer, MapAccess, Visitor};

@@ -12,8 +12,8 @@ use navfuse_core::state::Handle;
 use navfuse_core::state::manifold::Vector;
 use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::{
-    Acceleration, AccelerationNoise, AngularRate, AngularRateNoise, Positive, Sigma,
-    Time as Duration, Triple,
+    Acceleration, AccelerationNoise, AngularRate, AngularRateNoise, Duration, Positive, Sigma,
+    Triple,
 };
 use schemars::JsonSchema;
 use serde::Deserialize;

@@ -2,7 +2,7 @@
 
 use crate::imu::{Imu, Output};
 use navfuse_core::model::process::screening::{ChannelLimits, Screening};
-use navfuse_core::units::{Acceleration, AngularRate, Positive, Time as Duration};
+use navfuse_core::units::{Acceleration, AngularRate, Duration, Positive};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};

@@ -9,8 +9,8 @@ use navfuse_core::model::sensor::limits::Limit;
 use navfuse_core::plugin::SensorType;
 use navfuse_core::state::display;
 use navfuse_core::units::sample::Channel;
-use navfuse_core::units::time::Time;
-use navfuse_core::units::{Angle, Length, Positive, Sigma, Time as Duration, Triple};
+use navfuse_core::units::time::Span;
+use navfuse_core::units::{Angle, Duration, Length, Positive, Sigma, Triple};
 use navfuse_ins::Navigation;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -43,10 +43,10 @@ pub struct RelativePose {
     pub navigation: String,
 }
 
-/// The time between keyframes, ns.
-fn keyframes(every: Positive<Duration>) -> Result<i64, ComposeError> {
-    let nanos = Time::from_seconds(every.value().si()).map(Time::nanos);
-    nanos.filter(|nanos| *nanos > 0).ok_or_else(|| {
+/// The time between keyframes.
+fn keyframes(every: Positive<Duration>) -> Result<Span, ComposeError> {
+    let span = Span::from_seconds(every.value().si());
+    span.filter(|span| *span > Span::ZERO).ok_or_else(|| {
         ComposeError::new("simulated_keyframes", "it is a time from 1 ns to 73 years")
     })
 }

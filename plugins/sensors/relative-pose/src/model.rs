@@ -9,7 +9,7 @@ use navfuse_core::nalgebra::{SMatrix, SVector, Vector3};
 use navfuse_core::state::manifold::{Position, Rotation, Scalar, Vector};
 use navfuse_core::state::{Handle, Past, View};
 use navfuse_core::units::sample::Sample;
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::Span;
 use navfuse_ins::Navigation;
 
 /// The measurement model of a [`crate::RelativePose`].
@@ -24,8 +24,8 @@ pub struct RelativePoseModel {
     pub(crate) translation: Vector3<f64>,
     /// 1-sigma, rad.
     pub(crate) rotation: Vector3<f64>,
-    /// Time between simulated keyframes, ns.
-    pub(crate) keyframes: Option<i64>,
+    /// Time between simulated keyframes.
+    pub(crate) keyframes: Option<Span>,
 }
 
 impl MeasurementModel<6> for RelativePoseModel {
@@ -57,8 +57,7 @@ impl MeasurementModel<6> for RelativePoseModel {
     fn simulate(&self, scene: &mut Scene<'_>, sample: &mut Sample) {
         scene.measure(self, sample);
         if let Some(every) = self.keyframes {
-            let number = |time: Time| time.nanos().div_euclid(every);
-            let first = number(scene.to) > number(scene.from);
+            let first = scene.to >= scene.from.next_multiple(every);
             sample.set(KEYFRAME, f64::from(u8::from(first)));
         }
     }

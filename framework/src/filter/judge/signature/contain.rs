@@ -19,7 +19,7 @@ use super::effect::Effect;
 use crate::compose::Composition;
 use crate::model::record::finding::Finding;
 use crate::state::covariance::{Covariance, cholesky, forward};
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 
 /// Widening of the covariance, with the workspace of the test.
 #[derive(Clone, Default)]
@@ -33,8 +33,8 @@ pub(super) struct Containment {
     /// that the state may be far off and the effect of an error is not linear, or passes linearise
     /// the run again, and know no finding.
     never: bool,
-    /// Time after the first sample up to which passes may take the samples again, and that sample's.
-    again: Option<Time>,
+    /// Span after the first sample up to which passes may take the samples again, and that sample's.
+    again: Option<Span>,
     first: Option<Time>,
     /// Set where nothing is contained at present.
     off: bool,
@@ -140,7 +140,7 @@ mod tests {
     /// A second of the run is linearised again.
     #[test]
     fn the_covariance_stays_while_passes_may_take_the_samples_again() {
-        let again = Time::from_seconds(1.0);
+        let again = Span::from_seconds(1.0);
         let contains = |mut containment: Containment, seconds: f64| {
             let mut p = covariance([1.0, 0.0, 4.0]);
             containment.begin(Time::default());

@@ -6,7 +6,7 @@ use crate::document::unknown;
 use crate::model::error::ComposeError;
 use crate::model::simulate::Random;
 use crate::units::sample::{Channel, MAX_CHANNELS};
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 use crate::units::{AnyQuantity, Exponents, Unit, parse_unit};
 use std::f64::consts::TAU;
 
@@ -88,7 +88,7 @@ impl Check<'_> {
 
     /// Begin and end of the fault.
     fn span(&self) -> Result<(Time, Time), ComposeError> {
-        let read = |key, value: Option<crate::units::Time>, default| match value {
+        let read = |key, value: Option<crate::units::Duration>, default| match value {
             None => Ok(default),
             Some(value) => Time::from_seconds(value.si()).ok_or_else(|| {
                 self.error(key, "beyond 73 years, the longest time that can be represented")
@@ -221,7 +221,7 @@ impl Check<'_> {
             FaultType::Swap => self.swap(channels)?,
             FaultType::ClockOffset | FaultType::ClockStep => {
                 let beyond = || self.error("size", "beyond 73 years, the longest time");
-                Effect::Shift(Time::from_seconds(size).ok_or_else(beyond)?)
+                Effect::Shift(Span::from_seconds(size).ok_or_else(beyond)?)
             }
             FaultType::ClockDrift => Effect::Run(size),
             FaultType::Quantisation => Effect::Round(self.positive(size)?),

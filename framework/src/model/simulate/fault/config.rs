@@ -1,6 +1,6 @@
 //! The keys of a simulated fault.
 
-use crate::units::{AnyQuantity, Frequency, Positive, Ratio, Time as Duration};
+use crate::units::{AnyQuantity, Duration, Frequency, Positive, Ratio};
 use schemars::JsonSchema;
 use serde::Deserialize;
 

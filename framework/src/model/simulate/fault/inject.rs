@@ -6,7 +6,7 @@ use crate::model::error::ComposeError;
 use crate::model::sensor::SensorInfo;
 use crate::model::simulate::Random;
 use crate::units::sample::{MAX_CHANNELS, Sample};
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 
 /// Applies the faults of a simulated sensor to its samples.
 ///
@@ -102,7 +102,7 @@ pub(super) enum Effect {
     /// Exchanges two channels.
     Exchange(usize, usize),
     /// Adds a constant to the time stamp.
-    Shift(Time),
+    Shift(Span),
     /// Adds a constant times the time since the begin to the time stamp.
     Run(f64),
     /// Rounds to multiples.
@@ -159,7 +159,7 @@ impl Stage {
             }
             Effect::Shift(offset) => sample.time = sample.time + offset,
             Effect::Run(rate) => {
-                let offset = Time::from_seconds(rate * elapsed).unwrap_or_default();
+                let offset = Span::from_seconds(rate * elapsed).unwrap_or_default();
                 sample.time = sample.time + offset;
             }
             Effect::Round(step) => self.change(sample, |_, x| (x / step).round() * step),

@@ -14,7 +14,7 @@ use navfuse_core::state::manifold::{
 };
 use navfuse_core::state::{Block, BlockSpec, Display, Dynamics, Layout, Mode, State};
 use navfuse_core::units::sample::{Channel, Sample, SensorId};
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 use navfuse_mcap::{Compression, McapSink};
 use std::path::Path;
 
@@ -146,7 +146,7 @@ pub fn samples(first: Time, count: usize) -> Vec<Sample> {
             let sensor = draw.below(4);
             let channels = [6, 3, 1, 4][sensor];
             let mut sample = Sample::empty(
-                first + Time::from_nanos(k as i64 / 3 * 10_000_001),
+                first + Span::from_nanos(k as i64 / 3 * 10_000_001),
                 SensorId(sensor),
             );
             (0..channels).filter(|_| draw.below(5) > 0).collect::<Vec<_>>().into_iter().for_each(

@@ -20,11 +20,11 @@ use navfuse_core::model::sensor::{Role, Sensor};
 use navfuse_core::state::display;
 use navfuse_core::state::{Layout, State};
 use navfuse_core::units::sample::Sample;
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 use std::sync::Arc;
 
 /// Interval of the zero-velocity updates and of the checks of the heading.
-const PERIOD: Time = Time::from_nanos(1_000_000_000);
+const PERIOD: Span = Span::from_nanos(1_000_000_000);
 /// Number of consecutive gated zero-velocity updates that indicate motion.
 const MOVED: u64 = 3;
 /// Largest expected error of the coarse heading, rad: beyond it the filter cannot linearise.

@@ -15,7 +15,7 @@ use navfuse_core::state::covariance::Update;
 use navfuse_core::state::manifold::Reading;
 use navfuse_core::state::{Block, Layout, Mode, State, View};
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 use std::collections::VecDeque;
 
 /// Interval between the instants of an alignment at rest, s.
@@ -236,7 +236,7 @@ impl CoarseAlignment {
         if time - last <= settings.max_gap {
             return Ok(());
         }
-        let at = |t: f64| self.begin + Time::from_seconds(t).unwrap_or_default();
+        let at = |t: f64| self.begin + Span::from_seconds(t).unwrap_or_default();
         Err(AlignmentError::VelocityGap {
             gap: time - last,
             from: at(last),
@@ -287,7 +287,7 @@ impl CoarseAlignment {
         if let Some((time, error)) =
             times.zip(&found.residuals).find(|(t, r)| **r > MOTION * sigma(*t))
         {
-            let at = self.begin + Time::from_seconds(time).unwrap_or_default();
+            let at = self.begin + Span::from_seconds(time).unwrap_or_default();
             return Err(AlignmentError::NotAtRest {
                 error: *error,
                 at,

@@ -9,11 +9,11 @@ use crate::navigation::Navigation;
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
 use navfuse_core::state::{Block, Dynamics, Mode};
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 use std::collections::VecDeque;
 
 /// Time between two estimates that are kept.
-const PERIOD: Time = Time::from_nanos(20_000_000_000);
+const PERIOD: Span = Span::from_nanos(20_000_000_000);
 /// Number of estimates that are kept.
 const KEPT: usize = 16;
 /// Move in sigma at which the result is doubtful, and at which it is useless. Of a million moves of

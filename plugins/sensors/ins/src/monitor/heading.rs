@@ -14,11 +14,11 @@ use crate::navigation::Navigation;
 use nalgebra::{Matrix2, Vector2};
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 
 /// Time between two comparisons, and the number of them in a row that count: the first fixes of an
 /// alignment in motion reduce a wide heading within seconds.
-const PERIOD: Time = Time::from_nanos(1_000_000_000);
+const PERIOD: Span = Span::from_nanos(1_000_000_000);
 const COUNT: u32 = 10;
 /// Ratio from which a result is doubtful, and from which it is useless.
 const DOUBTFUL: f64 = 0.5;

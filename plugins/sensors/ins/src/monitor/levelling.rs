@@ -13,10 +13,10 @@ use crate::navigation::Navigation;
 use nalgebra::{Matrix3, Vector3};
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 
 /// Time between two comparisons.
-const PERIOD: Time = Time::from_nanos(1_000_000_000);
+const PERIOD: Span = Span::from_nanos(1_000_000_000);
 /// Ratio from which a result is doubtful, and from which it is useless: at 0.3 the errors of the bias
 /// agree with their sigma, at 1.9 they are 1.5 times as large.
 const DOUBTFUL: f64 = 0.5;

@@ -10,7 +10,7 @@ use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::{State, View};
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
-use navfuse_core::units::time::Time;
+use navfuse_core::units::time::{Span, Time};
 
 /// 0.1 deg/h/sqrt(Hz) and 20 ug/sqrt(Hz), the noise of the bench, in SI.
 const NOISE: [f64; 2] = [0.1 / 180.0 * std::f64::consts::PI / 3600.0, 20.0 * 9.80665e-6];
@@ -56,10 +56,10 @@ impl Run {
         let (Run { bench, state, attitude, time }, mut sums) = (self, [Matrix3::zeros(); 2]);
         let composition = &mut bench.composition;
         let layout = &*composition.layout;
-        let end = *time + Time::from_seconds(parts.iter().sum()).unwrap();
+        let end = *time + Span::from_seconds(parts.iter().sum()).unwrap();
         let sample = Sample::new(end, SensorId(0), &channels);
         for part in parts {
-            let (from, to) = (*time, *time + Time::from_seconds(*part).unwrap());
+            let (from, to) = (*time, *time + Span::from_seconds(*part).unwrap());
             let input = Some(Input { sample: &sample, duration, usual, spread });
             let interval = Interval { from, to, input };
             let (model, out) = (&mut composition.processes[0].model, &mut composition.transition);

@@ -202,7 +202,7 @@ fn moving(
     let sensed = Sensed { imu: imu(&json!({})), driver, velocity: Some((speeds, model.clone())) };
     let mut search = CoarseAlignment::new(layout, &state, bench.navigation);
     let mut take = |eighths: i64, sensor: usize, channels: &[f64]| {
-        let time = state.time + Time::from_nanos(eighths * 125_000_000);
+        let time = state.time + Span::from_nanos(eighths * 125_000_000);
         let sample = Sample::new(time, SensorId(sensor), channels);
         search.take(layout, &sensed, settings, &sample).unwrap()
     };
@@ -269,8 +269,8 @@ fn a_gap_in_the_velocities_is_reported_from_its_beginning_on() {
     let settings = in_motion();
     let (_, sensed, mut search) = moving("", &settings, 20);
     assert!(search.gap(4.5, &settings).is_ok());
-    search.last = search.begin + Time::from_seconds(4.75).unwrap();
-    let from = search.begin + Time::from_seconds(2.5).unwrap();
+    search.last = search.begin + Span::from_seconds(4.75).unwrap();
+    let from = search.begin + Span::from_seconds(2.5).unwrap();
     let gap = AlignmentError::VelocityGap { gap: 2.25, from, duration: 20.0 };
     assert_eq!(search.find(&sensed, &settings).unwrap_err(), gap);
     search.instants.clear();

@@ -3,6 +3,7 @@
 use super::*;
 use crate::testing::{Bench, imu};
 use navfuse_core::units::sample::SensorId;
+use navfuse_core::units::time::Span;
 use serde_json::json;
 
 const HEADING: f64 = 0.7;
@@ -133,7 +134,7 @@ fn a_car_that_drives_along_a_bend_is_aligned() {
     assert!(filter(&state, &search).is_none(), "before the first sample");
     let mut found = None;
     for k in 1..=1_000_i64 {
-        let time = begin + Time::from_nanos(k * 20_000_000);
+        let time = begin + Span::from_nanos(k * 20_000_000);
         let middle = (k as f64 - 0.5) * 0.02;
         let f = Vector3::new(0.5, (3.0 + 0.5 * middle) * 0.1, -gravity) + accel;
         let w = Vector3::new(0.0, 0.0, 0.1) + gyro;
