@@ -8,6 +8,7 @@ pub use crate::compose::calibration::{
 pub use crate::model::error::ComposeError;
 pub use crate::model::process::input::InputModel;
 pub use crate::model::process::{BuiltProcess, Interval, OwnDynamics, ProcessError, ProcessModel};
+pub use crate::model::record::{Record, Wants};
 pub use crate::model::sensor::Role;
 pub use crate::model::sensor::measurement::{Jacobian, MeasurementModel};
 pub use crate::model::sensor::motion::Motion;

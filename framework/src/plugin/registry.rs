@@ -162,15 +162,11 @@ pub trait SourceType: DeserializeOwned + JsonSchema + 'static {
 ///     }
 /// }
 /// impl Sink for Printing {
-///     fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
+///     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+///         if let Record::Event(event) = record {
+///             println!("{} {}: {}", event.time, event.about, event.text);
+///         }
 ///         Ok(())
-///     }
-///     fn event(&mut self, event: &navfuse_core::model::record::Event) -> Result<(), StreamError> {
-///         println!("{} {}: {}", event.time, event.about, event.text);
-///         Ok(())
-///     }
-///     fn finish(&mut self) -> Result<Option<String>, StreamError> {
-///         Ok(None)
 ///     }
 /// }
 /// let mut registry = Registry::new();

@@ -2,13 +2,11 @@
 
 mod batch;
 
-use crate::model::record::verdict::Verdict;
-use crate::model::record::{Epoch, Event, Repetition, UpdateRecord};
+use crate::model::record::{Record, Wants};
 use crate::model::stream::{RunInfo, Sink, StreamError};
 use crate::state::Layout;
-use crate::state::covariance::{Transition, Update};
-use crate::units::sample::Sample;
-use batch::{Batch, Estimate};
+use crate::state::covariance::Transition;
+use batch::Batch;
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 use std::thread::{Builder, JoinHandle};
@@ -34,11 +32,7 @@ pub struct Background<S> {
     /// The sink; `None` while it is on its thread.
     sink: Option<S>,
     thread: Option<Thread<S>>,
-    /// Set if the sink receives the transitions and corrections.
-    follows: bool,
-    compares: bool,
-    repeats: bool,
-    wants_newest: bool,
+    wants: Wants,
 }
 
 /// A thread, and the batch that is filled for it.
@@ -66,39 +60,18 @@ impl<S> Thread<S> {
 }
 
 impl<S: Sink> Background<S> {
-    /// A sink on a thread that begins when the run starts. The sink receives no
-    /// [`Sink::transition`] and no [`Sink::correction`].
+    /// A sink on a thread that begins when the run starts.
     pub fn new(sink: S) -> Self {
-        Self {
-            thread: None,
-            follows: false,
-            compares: sink.compares(),
-            repeats: sink.repeats(),
-            wants_newest: sink.wants_newest(),
-            sink: Some(sink),
-        }
+        Self { thread: None, wants: sink.wants(), sink: Some(sink) }
     }
 
-    /// As [`Self::new`], for a sink that follows the error through transitions and corrections.
-    pub fn following(sink: S) -> Self {
-        let mut sink = Self::new(sink);
-        sink.follows = true;
-        sink
-    }
-
-    /// Adds a record to the batch, and sends it once it is full.
-    fn add(&mut self, record: impl FnOnce(&mut Thread<S>)) -> Result<(), StreamError> {
+    /// Adds a record to the batch, and sends it once it is due.
+    fn add(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         let Some(thread) = &mut self.thread else { return Ok(()) };
-        record(thread);
-        if thread.batch.is_full() { self.send() } else { Ok(()) }
-    }
-
-    fn estimate(&mut self, kind: Estimate, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        self.add(|thread| thread.batch.epoch(kind, epoch))?;
-        match &self.thread {
-            Some(thread) if thread.sent.elapsed() >= DELAY => self.send(),
-            _ => Ok(()),
-        }
+        thread.batch.push(record, &mut thread.places);
+        let estimate = Wants::EPOCHS | Wants::NEWEST | Wants::FILTERED;
+        let late = || estimate.contains(record.kind()) && thread.sent.elapsed() >= DELAY;
+        if thread.batch.is_full() || late() { self.send() } else { Ok(()) }
     }
 
     /// Sends the batch. Waits while the queue is full.
@@ -144,6 +117,10 @@ fn start<S: Sink>(sink: S, layout: Layout) -> Result<Thread<S>, StreamError> {
 }
 
 impl<S: Sink> Sink for Background<S> {
+    fn wants(&self) -> Wants {
+        self.wants
+    }
+
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.sink.as_mut().map_or(Ok(()), |sink| sink.start(run))?;
         if let Some(sink) = self.sink.take() {
@@ -152,67 +129,15 @@ impl<S: Sink> Sink for Background<S> {
         Ok(())
     }
 
-    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
-        self.add(|thread| thread.batch.sample(sample))
-    }
-
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        self.estimate(Estimate::Epoch, epoch)
-    }
-
-    fn wants_newest(&self) -> bool {
-        self.wants_newest
-    }
-
-    fn newest(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        self.estimate(Estimate::Newest, epoch)
-    }
-
-    fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        self.estimate(Estimate::Filtered, epoch)
-    }
-
-    fn compares(&self) -> bool {
-        self.compares
-    }
-
-    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
-        self.add(|thread| thread.batch.update(update))
-    }
-
-    fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
-        if !self.follows {
-            return Ok(());
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        if matches!(record, Record::Verdict(_)) {
+            self.join()?;
         }
-        self.add(|thread| thread.batch.transition(transition, &mut thread.places))
-    }
-
-    fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
-        if !self.follows {
-            return Ok(());
-        }
-        self.add(|thread| thread.batch.correction(update))
-    }
-
-    fn repeats(&self) -> bool {
-        self.repeats
-    }
-
-    fn repetition(&mut self, repetition: Repetition<'_>) -> Result<(), StreamError> {
-        self.add(|thread| thread.batch.repetition(repetition))
-    }
-
-    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
         match &mut self.sink {
             // there may be events before the run and after its verdict
-            Some(sink) => sink.event(event),
-            None => self.add(|thread| thread.batch.event(event)),
+            Some(sink) => sink.take(record),
+            None => self.add(record),
         }
-    }
-
-    fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
-        self.join()?;
-        self.sink.as_mut().map_or(Ok(()), |sink| sink.verdict(verdict))
     }
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {

@@ -2,8 +2,11 @@
 
 use crate::model::record::finding::Finding;
 use crate::model::record::verdict::Verdict;
-use crate::model::record::{Epoch, Event, Level, Observer, Rejection, Repetition, UpdateRecord};
-use crate::model::stream::{NamedSink, Sink, StreamError};
+use crate::model::record::{
+    Epoch, Event, InputRejection, Level, Observer, Record, Rejection, Repetition, UpdateRecord,
+    Wants,
+};
+use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};
 use crate::run::output_rate::OutputRate;
 use crate::run::summary::{Recorded, Statistics};
 use crate::run::verdict::Judge;
@@ -23,6 +26,8 @@ const FINDINGS: usize = 1000;
 struct Output {
     name: String,
     sink: Box<dyn Sink>,
+    /// The records that the sink receives.
+    wants: Wants,
     open: bool,
 }
 
@@ -50,7 +55,8 @@ impl Outputs {
         rate: OutputRate,
         judge: Judge,
     ) -> Self {
-        let sinks = sinks.into_iter().map(|(name, sink)| Output { name, sink, open: true });
+        let output = |(name, sink): NamedSink| Output { wants: sink.wants(), name, sink, open: true };
+        let sinks = sinks.into_iter().map(output);
         Self {
             sinks: sinks.collect(),
             statistics,
@@ -78,35 +84,53 @@ impl Outputs {
         if let Some(smoother) = &mut self.smoother {
             smoother.epoch_between(time);
         }
-        self.show(epoch, |sink| !(compared && sink.compares()));
+        self.show(epoch, |wants| !(compared && wants.contains(Wants::COMPARISONS)));
         self.recorded = Some(time);
     }
 
     /// Passes the filter's estimate on to some sinks.
-    fn show(&mut self, epoch: &Epoch<'_>, to: impl Fn(&dyn Sink) -> bool) {
-        let smooths = self.smoother.is_some();
-        self.each(epoch.state.time, |sink| match smooths {
-            _ if !to(sink) => Ok(()),
-            true => sink.filtered(epoch),
-            false => sink.epoch(epoch),
-        });
+    fn show(&mut self, epoch: &Epoch<'_>, to: impl Fn(Wants) -> bool) {
+        let record = match self.smoother {
+            Some(_) => Record::Filtered(epoch),
+            None => Record::Epoch(epoch),
+        };
+        self.send_to(epoch.state.time, &record, to);
     }
 
     /// Passes a smoothed estimate on.
     pub(crate) fn smoothed(&mut self, epoch: &Epoch<'_>) {
         self.statistics.smoothed(epoch);
-        self.each(epoch.state.time, |sink| sink.epoch(epoch));
+        self.send(epoch.state.time, &Record::Epoch(epoch));
+    }
+
+    /// Starts every sink.
+    pub(crate) fn start(&mut self, run: &RunInfo) {
+        self.each(Time::MIN, |output| output.sink.start(run));
+    }
+
+    /// Passes a record on to every sink that wants its kind.
+    pub(crate) fn send(&mut self, time: Time, record: &Record<'_>) {
+        self.send_to(time, record, |_| true);
+    }
+
+    /// Passes a record on to the sinks that want its kind, and whose other wants suit.
+    fn send_to(&mut self, time: Time, record: &Record<'_>, suit: impl Fn(Wants) -> bool) {
+        let kind = record.kind();
+        self.each(time, |output| match output.wants.contains(kind) && suit(output.wants) {
+            true => output.sink.take(record),
+            false => Ok(()),
+        });
     }
 
     /// Calls every open sink. A sink that fails is closed and named in an error event.
-    pub(crate) fn each(
+    fn each(
         &mut self,
         time: Time,
-        mut call: impl FnMut(&mut dyn Sink) -> Result<(), StreamError>,
+        mut call: impl FnMut(&mut Output) -> Result<(), StreamError>,
     ) {
         let mut failed = Vec::new();
         for output in self.sinks.iter_mut().filter(|o| o.open) {
-            if let Err(error) = call(output.sink.as_mut()) {
+            if let Err(error) = call(output) {
                 // the sink may still save what it has; a second failure adds nothing to the first
                 output.sink.finish().ok();
                 output.open = false;
@@ -119,24 +143,22 @@ impl Outputs {
         }
     }
 
-    /// Passes a map of the error on; that of a repetition only to the sinks that follow it.
-    fn follow(&mut self, mut call: impl FnMut(&mut dyn Sink) -> Result<(), StreamError>) {
+    /// Passes a map of the error on, in a repetition only to the sinks that follow it.
+    fn follow(&mut self, record: &Record<'_>) {
         let repeating = self.repeating;
-        self.each(Time::MIN, |sink| match repeating && !sink.repeats() {
-            true => Ok(()),
-            false => call(sink),
-        });
+        let follows = |wants: Wants| !repeating || wants.contains(Wants::REPETITIONS);
+        self.send_to(Time::MIN, record, follows);
     }
 
-    /// Returns `true` if an open sink wants the newest estimates.
-    pub(crate) fn wants_newest(&self) -> bool {
-        self.sinks.iter().any(|o| o.open && o.sink.wants_newest())
+    /// Returns `true` if an open sink wants these records.
+    pub(crate) fn want(&self, kind: Wants) -> bool {
+        self.sinks.iter().any(|o| o.open && o.wants.contains(kind))
     }
 
     /// Judges the run, which the error ended early, and passes the verdict on to the sinks.
     pub(crate) fn verdict(&mut self, time: Time, error: Option<String>) -> Verdict {
         let verdict = self.judge.verdict(&self.findings, error);
-        self.each(time, |sink| sink.verdict(&verdict));
+        self.send(time, &Record::Verdict(&verdict));
         verdict
     }
 
@@ -154,6 +176,16 @@ impl Outputs {
             }
         }
         recorded
+    }
+
+    /// Keeps a warning or an error for the end of the run: there may be very many warnings; errors are
+    /// few and always kept.
+    fn keep_event(&mut self, event: Event) {
+        if event.level == Level::Error
+            || (event.level == Level::Warning && self.events.len() < WARNINGS)
+        {
+            self.events.push(event);
+        }
     }
 
     /// The events, and the sinks with their names.
@@ -191,7 +223,7 @@ impl Observer for Outputs {
         if let Some(smoother) = &mut self.smoother {
             smoother.epoch(time, all);
         }
-        self.show(epoch, |sink| all || sink.compares());
+        self.show(epoch, |wants| all || wants.contains(Wants::COMPARISONS));
         if all {
             self.recorded = Some(time);
         }
@@ -199,13 +231,13 @@ impl Observer for Outputs {
     fn update(&mut self, update: &UpdateRecord<'_>) {
         self.statistics.update(update);
         self.judge.update(update);
-        self.each(update.time, |sink| sink.update(update));
+        self.send(update.time, &Record::Update(update));
     }
     fn transition(&mut self, transition: &Transition) {
         if let Some(smoother) = &mut self.smoother {
             smoother.transition(transition);
         }
-        self.follow(|sink| sink.transition(transition));
+        self.follow(&Record::Transition(transition));
     }
     fn correction(&mut self, update: &Update) {
         if !self.repeating {
@@ -214,11 +246,11 @@ impl Observer for Outputs {
         if let Some(smoother) = &mut self.smoother {
             smoother.correction(update);
         }
-        self.follow(|sink| sink.correction(update));
+        self.follow(&Record::Correction(update));
     }
     fn repetition(&mut self, repetition: Repetition<'_>) {
         self.repeating = repetition == Repetition::Begins;
-        self.each(Time::MIN, |sink| sink.repetition(repetition));
+        self.send(Time::MIN, &Record::Repetition(repetition));
     }
     fn gated(&mut self, update: &Update) {
         if let Some(smoother) = &mut self.smoother {
@@ -227,19 +259,19 @@ impl Observer for Outputs {
     }
     fn input(&mut self, sample: &Sample, rejected: Option<Rejection>) {
         self.statistics.input(sample, rejected);
-    }
-    fn event(&mut self, event: Event) {
-        self.each(event.time, |sink| sink.event(&event));
-        // there may be very many warnings; errors are few and always kept
-        if event.level == Level::Error
-            || (event.level == Level::Warning && self.events.len() < WARNINGS)
-        {
-            self.events.push(event);
+        if let Some(reason) = rejected {
+            let (time, sensor) = (sample.time, sample.sensor);
+            let rejection = InputRejection { time, sensor, reason };
+            self.send(time, &Record::InputRejection(&rejection));
         }
     }
+    fn event(&mut self, event: Event) {
+        self.send(event.time, &Record::Event(&event));
+        self.keep_event(event);
+    }
     fn finding(&mut self, finding: Finding) {
-        let Finding { time, about, text, remedy, .. } = finding.clone();
-        self.event(Event { time, level: Level::Warning, about, text: format!("{text}; {remedy}") });
+        self.send(finding.time, &Record::Finding(&finding));
+        self.keep_event(finding.event());
         keep(&mut self.findings, finding);
     }
 }

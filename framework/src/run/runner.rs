@@ -6,7 +6,7 @@ use crate::compose::estimator::Estimator;
 use crate::filter::Timeline;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::record::finding::Finding;
-use crate::model::record::{Event, Level, Observer};
+use crate::model::record::{Event, Level, Observer, Record, Wants};
 use crate::model::sensor::SensorInfo;
 use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};
 use crate::run::delayed::delayed;
@@ -75,7 +75,6 @@ impl Finished {
     ///
     /// ```
     /// # use navfuse_core::prelude::*;
-    /// # use navfuse_core::model::record::Epoch;
     /// # use navfuse_core::run::runner;
     /// # use navfuse_core::run::scenario::Assembly;
     /// # use std::sync::atomic::AtomicBool;
@@ -83,15 +82,12 @@ impl Finished {
     /// #[derive(Default)]
     /// struct Epochs(usize);
     /// impl Sink for Epochs {
-    ///     fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-    ///         Ok(())
+    ///     fn wants(&self) -> Wants {
+    ///         Wants::EPOCHS
     ///     }
-    ///     fn epoch(&mut self, _: &Epoch<'_>) -> Result<(), StreamError> {
+    ///     fn take(&mut self, _: &Record<'_>) -> Result<(), StreamError> {
     ///         self.0 += 1;
     ///         Ok(())
-    ///     }
-    ///     fn finish(&mut self) -> Result<Option<String>, StreamError> {
-    ///         Ok(None)
     ///     }
     /// }
     /// fn epochs(mut assembly: Assembly) -> Option<usize> {
@@ -176,7 +172,7 @@ impl Run {
         let judge = Judge::new(&composition);
         let rate = OutputRate::new(composition.estimator.output_period());
         let mut outputs = Outputs::new(sinks, Statistics::new(&info), rate, judge);
-        outputs.each(Time::MIN, |sink| sink.start(&info));
+        outputs.start(&info);
         let sensors = info.sensors;
         let timeouts = composition.sensors.iter().map(|s| s.timeout).collect();
         let notes = composition.notes.clone();
@@ -259,7 +255,7 @@ impl Run {
             return self.process(sample);
         };
         if !timeline.arrive(sample, filter, &mut self.outputs) {
-            self.outputs.each(sample.time, |sink| sink.sample(sample));
+            self.outputs.send(sample.time, &Record::Sample(sample));
             self.outputs.statistics.read(sample);
             return Ok(());
         }
@@ -288,10 +284,10 @@ impl Run {
         let Self { timeline: Some(timeline), outputs, estimator, .. } = self else { return };
         let Some(filter) = estimators::settled_mut(estimator.as_mut()) else { return };
         let Some(now) = timeline.now() else { return };
-        if outputs.wants_newest() && self.newest.is_due(now) {
+        if outputs.want(Wants::NEWEST) && self.newest.is_due(now) {
             self.newest.begin_period(now);
             timeline.newest(filter, |epoch| {
-                outputs.each(epoch.state.time, |sink| sink.newest(epoch));
+                outputs.send(epoch.state.time, &Record::Newest(epoch));
             });
         }
     }
@@ -301,7 +297,7 @@ impl Run {
         self.record_epoch(sample.time);
         self.release(sample.time);
         self.merge.log_schedule(sample.time, &mut self.outputs);
-        self.outputs.each(sample.time, |sink| sink.sample(sample));
+        self.outputs.send(sample.time, &Record::Sample(sample));
         self.outputs.statistics.read(sample);
         self.estimate(sample)?;
         if let Some(filter) = estimators::filter_mut(self.estimator.as_mut())

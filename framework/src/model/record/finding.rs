@@ -1,7 +1,9 @@
 //! Findings: faults that the filter or a monitor found in a run.
 
+use crate::model::record::{Event, Level};
 use crate::units::time::Time;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// Consequence of a finding for the use of the run's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -46,8 +48,21 @@ pub struct Finding {
 }
 
 impl Finding {
+    /// The finding as a warning for the log.
+    pub fn event(&self) -> Event {
+        let (about, text) = (self.about.clone(), self.to_string());
+        Event { time: self.time, level: Level::Warning, about, text }
+    }
+
     /// Weight among the findings of one part: the severity, and of equal ones how much it says.
     pub(crate) fn weight(&self) -> (Severity, Basis) {
         (self.severity, self.basis)
+    }
+}
+
+impl fmt::Display for Finding {
+    /// The evidence and the remedy, without the part at fault.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}; {}", self.text, self.remedy)
     }
 }

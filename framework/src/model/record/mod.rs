@@ -4,7 +4,10 @@ pub mod finding;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod record;
 pub mod verdict;
+mod wants;
 
 pub use record::{
-    Epoch, Event, Level, Observer, Outcome, Rejection, Repetition, Truth, UpdateRecord,
+    Epoch, Event, InputRejection, Level, Observer, Outcome, Rejection, Repetition, Truth,
+    UpdateRecord,
 };
+pub use wants::{Record, Wants};

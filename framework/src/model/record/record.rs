@@ -105,6 +105,17 @@ impl UpdateRecord<'_> {
     }
 }
 
+/// A sample of a driving sensor that the filter rejected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputRejection {
+    /// The sample's time.
+    pub time: Time,
+    /// The driving sensor.
+    pub sensor: SensorId,
+    /// Reason.
+    pub reason: Rejection,
+}
+
 /// The estimate at one time.
 #[derive(Clone, Copy, Debug)]
 pub struct Epoch<'a> {

@@ -1,11 +1,9 @@
 //! Sources of samples and sinks of results.
 
-use crate::model::record::verdict::Verdict;
-use crate::model::record::{Epoch, Event, Repetition, UpdateRecord};
+use crate::model::record::{Event, Record, Wants};
 use crate::model::sensor::SensorInfo;
 use crate::model::stream::StreamError;
 use crate::state::Layout;
-use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::any::Any;
@@ -78,7 +76,7 @@ pub struct RunInfo {
     pub seed: u64,
     /// True where every source simulates its samples, so that another seed gives another run.
     pub simulated: bool,
-    /// True for a run that is smoothed: see [`Sink::filtered`].
+    /// True for a run that is smoothed: see [`Record::Filtered`].
     pub smoothed: bool,
     /// Version of the program.
     pub version: String,
@@ -88,26 +86,24 @@ pub struct RunInfo {
     pub sensors: Vec<SensorInfo>,
 }
 
-/// Receives the results of a run. Only [`Sink::start`] and [`Sink::finish`] have to be written.
+/// Receives the records of a run that it wants. Only [`Sink::take`] has to be written.
 /// After the run, [`crate::run::runner::Finished::take_sink`] returns the sink.
 ///
 /// ```
 /// use navfuse_core::prelude::*;
-/// use navfuse_core::model::record::Epoch;
 /// /// Keeps the trace of the covariance over time.
 /// #[derive(Default)]
 /// struct Traces(Vec<(Time, f64)>);
 /// impl Sink for Traces {
-///     fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-///         Ok(())
+///     fn wants(&self) -> Wants {
+///         Wants::EPOCHS
 ///     }
-///     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-///         let trace = (0..epoch.layout.tangent).map(|i| epoch.covariance.get(i, i)).sum();
-///         self.0.push((epoch.state.time, trace));
+///     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+///         if let Record::Epoch(epoch) = record {
+///             let trace = (0..epoch.layout.tangent).map(|i| epoch.covariance.get(i, i)).sum();
+///             self.0.push((epoch.state.time, trace));
+///         }
 ///         Ok(())
-///     }
-///     fn finish(&mut self) -> Result<Option<String>, StreamError> {
-///         Ok(None)
 ///     }
 /// }
 /// ```
@@ -115,66 +111,18 @@ pub struct RunInfo {
 /// # Errors
 /// A sink that fails is closed and named in an event; the run and the other sinks go on.
 pub trait Sink: Any + Send {
+    /// The records that the sink receives; the run asks once, before it starts.
+    fn wants(&self) -> Wants {
+        Wants::default()
+    }
     /// The run begins.
-    fn start(&mut self, run: &RunInfo) -> Result<(), StreamError>;
-    /// A sample, in the order in which the estimator processes it.
-    fn sample(&mut self, _sample: &Sample) -> Result<(), StreamError> {
+    fn start(&mut self, _run: &RunInfo) -> Result<(), StreamError> {
         Ok(())
     }
-    /// An estimate, at the output rate. In a run that is smoothed it is the smoothed one: all of
-    /// them come after the last sample, update and event of the filter, or with a fixed lag once
-    /// the filter is the lag ahead.
-    fn epoch(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        Ok(())
-    }
-    /// Set if the sink wants the newest estimates, as a display or a controller does.
-    fn wants_newest(&self) -> bool {
-        false
-    }
-    /// The estimate after all samples that have arrived, at the output rate, in a run where a
-    /// sensor may be late (`late`). A late sample may still change it; [`Self::epoch`] gives the
-    /// final estimate of that time once no late sample can. In other runs every estimate is final.
-    fn newest(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        Ok(())
-    }
-    /// The filter's own estimate in a run that is smoothed, when the filter makes it.
-    fn filtered(&mut self, _epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        Ok(())
-    }
-    /// Set if the sink judges the estimates. It then receives an estimate at every sample of a
-    /// reference, also where these come faster than the output rate.
-    fn compares(&self) -> bool {
-        false
-    }
-    /// A measurement was accepted, gated or rejected.
-    fn update(&mut self, _update: &UpdateRecord<'_>) -> Result<(), StreamError> {
-        Ok(())
-    }
-    /// The error state moved: see [`crate::model::record::Observer::transition`].
-    fn transition(&mut self, _transition: &Transition) -> Result<(), StreamError> {
-        Ok(())
-    }
-    /// A measurement corrected the state: see [`crate::model::record::Observer::correction`].
-    fn correction(&mut self, _update: &Update) -> Result<(), StreamError> {
-        Ok(())
-    }
-    /// Set if the sink follows a filter through a repetition. It then receives the transitions and
-    /// corrections of the repetition too.
-    fn repeats(&self) -> bool {
-        false
-    }
-    /// A filter took its samples again: see [`crate::model::record::Observer::repetition`].
-    fn repetition(&mut self, _repetition: Repetition<'_>) -> Result<(), StreamError> {
-        Ok(())
-    }
-    /// An event for the log.
-    fn event(&mut self, _event: &Event) -> Result<(), StreamError> {
-        Ok(())
-    }
-    /// The verdict of the run, after everything else.
-    fn verdict(&mut self, _verdict: &Verdict) -> Result<(), StreamError> {
-        Ok(())
-    }
+    /// Takes a record.
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError>;
     /// The run is over: writes the rest, and returns the place of the result, a path or an address.
-    fn finish(&mut self) -> Result<Option<String>, StreamError>;
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(None)
+    }
 }

@@ -1,6 +1,9 @@
 //! Records of a run on their way to another thread: copies in memory that is used again.
 
-use crate::model::record::{Epoch, Event, Outcome, Repetition, Truth, UpdateRecord};
+use crate::model::record::finding::Finding;
+use crate::model::record::{
+    Epoch, Event, InputRejection, Outcome, Record, Repetition, Truth, UpdateRecord,
+};
 use crate::model::stream::{Sink, StreamError};
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Layout, State};
@@ -10,35 +13,50 @@ use crate::units::time::Time;
 /// Records of one batch. A thread is woken for a batch, which costs as much as a few dozen records.
 const RECORDS: usize = 256;
 
-/// Events of one batch: their texts need memory, which the next batch does not use again.
-const EVENTS: usize = 64;
+/// Texts of one batch, in events and findings: their memory is not used again.
+const TEXTS: usize = 64;
 
-/// A record of a batch. Its content, but for a small one, is the next of its kind in the batch.
-enum Record {
+/// A [`Record`] of a batch. Its content, but for a small one, is the next of its kind in the batch.
+enum Owned {
     Sample,
     Epoch(Estimate),
     Update,
+    InputRejection(InputRejection),
     /// The places of the transitions from here on.
     Places(Box<Transition>),
     Transition,
     Correction,
     Repetition(Repeated),
     Event(Event),
+    Finding(Box<Finding>),
 }
 
-/// The method of a sink that receives an estimate.
-#[derive(Clone, Copy)]
-pub(super) enum Estimate {
-    Epoch,
-    Newest,
-    Filtered,
-}
+/// The record that an estimate makes.
+type Estimate = for<'a> fn(&'a Epoch<'a>) -> Record<'a>;
 
 /// A repetition that owns its error.
 enum Repeated {
     Begins,
     Ends(Vec<f64>),
     Failed,
+}
+
+impl Repeated {
+    fn of(repetition: Repetition<'_>) -> Self {
+        match repetition {
+            Repetition::Begins => Self::Begins,
+            Repetition::Ends(injected) => Self::Ends(injected.to_vec()),
+            Repetition::Failed => Self::Failed,
+        }
+    }
+
+    fn borrowed(&self) -> Repetition<'_> {
+        match self {
+            Self::Begins => Repetition::Begins,
+            Self::Ends(injected) => Repetition::Ends(injected),
+            Self::Failed => Repetition::Failed,
+        }
+    }
 }
 
 /// Items of one kind, of which the first are in use.
@@ -84,8 +102,8 @@ struct Innovation {
 /// A run of records, in order.
 #[derive(Default)]
 pub(super) struct Batch {
-    order: Vec<Record>,
-    events: usize,
+    order: Vec<Owned>,
+    texts: usize,
     samples: Vec<Sample>,
     states: Pool<State>,
     covariances: Pool<Covariance>,
@@ -103,7 +121,7 @@ pub(super) struct Batch {
 impl Batch {
     /// Returns `true` if the batch is due.
     pub(super) fn is_full(&self) -> bool {
-        self.order.len() >= RECORDS || self.events >= EVENTS
+        self.order.len() >= RECORDS || self.texts >= TEXTS
     }
 
     /// Returns `true` if there is no record.
@@ -114,7 +132,7 @@ impl Batch {
     /// Forgets the records and keeps the memory.
     pub(super) fn clear(&mut self) {
         self.order.clear();
-        self.events = 0;
+        self.texts = 0;
         self.samples.clear();
         self.states.used = 0;
         self.covariances.used = 0;
@@ -127,13 +145,39 @@ impl Batch {
         self.steps.clear();
     }
 
-    pub(super) fn sample(&mut self, sample: &Sample) {
-        self.order.push(Record::Sample);
-        self.samples.push(*sample);
+    /// Copies a record; `places` is a transition with the places that the other thread knows.
+    pub(super) fn push(&mut self, record: &Record<'_>, places: &mut Option<Transition>) {
+        let owned = match *record {
+            Record::Sample(sample) => {
+                self.samples.push(*sample);
+                Owned::Sample
+            }
+            Record::Epoch(epoch) => self.epoch(|e| Record::Epoch(e), epoch),
+            Record::Newest(epoch) => self.epoch(|e| Record::Newest(e), epoch),
+            Record::Filtered(epoch) => self.epoch(|e| Record::Filtered(e), epoch),
+            Record::Update(update) => self.update(update),
+            Record::InputRejection(rejection) => Owned::InputRejection(*rejection),
+            Record::Transition(transition) => self.transition(transition, places),
+            Record::Correction(update) => {
+                self.corrections.push(update);
+                Owned::Correction
+            }
+            Record::Repetition(repetition) => Owned::Repetition(Repeated::of(repetition)),
+            Record::Event(event) => self.text(Owned::Event(event.clone())),
+            Record::Finding(finding) => self.text(Owned::Finding(Box::new(finding.clone()))),
+            // the verdict comes after the thread has ended
+            Record::Verdict(_) => return,
+        };
+        self.order.push(owned);
     }
 
-    pub(super) fn epoch(&mut self, estimate: Estimate, epoch: &Epoch<'_>) {
-        self.order.push(Record::Epoch(estimate));
+    /// Counts a record that owns a text.
+    fn text(&mut self, owned: Owned) -> Owned {
+        self.texts += 1;
+        owned
+    }
+
+    fn epoch(&mut self, estimate: Estimate, epoch: &Epoch<'_>) -> Owned {
         self.states.push(epoch.state);
         self.covariances.push(epoch.covariance);
         self.compared.push(epoch.truth.is_some());
@@ -141,45 +185,26 @@ impl Batch {
             self.truths.push(truth.state);
             self.known.extend_from_slice(truth.known);
         }
+        Owned::Epoch(estimate)
     }
 
-    pub(super) fn update(&mut self, update: &UpdateRecord<'_>) {
+    fn update(&mut self, update: &UpdateRecord<'_>) -> Owned {
         let &UpdateRecord { time, sensor, outcome, nis, threshold, present, .. } = update;
         let numbers = [update.innovation.len(), update.covariance.len()];
         self.numbers.extend_from_slice(update.innovation);
         self.numbers.extend_from_slice(update.covariance);
         let update = Innovation { time, sensor, outcome, nis, threshold, present, numbers };
-        self.order.push(Record::Update);
         self.updates.push(update);
+        Owned::Update
     }
 
-    /// Takes a transition; `before` is the one before it, whose places the other thread knows.
-    pub(super) fn transition(&mut self, transition: &Transition, before: &mut Option<Transition>) {
-        if before.as_ref().is_none_or(|before| !before.has_places_of(transition)) {
-            *before = Some(transition.clone());
-            self.order.push(Record::Places(Box::new(transition.clone())));
+    fn transition(&mut self, transition: &Transition, known: &mut Option<Transition>) -> Owned {
+        if known.as_ref().is_none_or(|known| !known.has_places_of(transition)) {
+            *known = Some(transition.clone());
+            self.order.push(Owned::Places(Box::new(transition.clone())));
         }
-        self.order.push(Record::Transition);
         transition.write_step(&mut self.steps);
-    }
-
-    pub(super) fn correction(&mut self, update: &Update) {
-        self.order.push(Record::Correction);
-        self.corrections.push(update);
-    }
-
-    pub(super) fn repetition(&mut self, repetition: Repetition<'_>) {
-        let repeated = match repetition {
-            Repetition::Begins => Repeated::Begins,
-            Repetition::Ends(injected) => Repeated::Ends(injected.to_vec()),
-            Repetition::Failed => Repeated::Failed,
-        };
-        self.order.push(Record::Repetition(repeated));
-    }
-
-    pub(super) fn event(&mut self, event: &Event) {
-        self.order.push(Record::Event(event.clone()));
-        self.events += 1;
+        Owned::Transition
     }
 
     /// Passes the records on to a sink; `places` is the transition that gives the last places.
@@ -197,8 +222,8 @@ impl Batch {
         let (mut numbers, mut steps) = (&self.numbers[..], &self.steps[..]);
         for record in &self.order {
             let passed = match record {
-                Record::Sample => samples.next().map(|sample| sink.sample(sample)),
-                Record::Epoch(estimate) => {
+                Owned::Sample => samples.next().map(|sample| sink.take(&Record::Sample(sample))),
+                Owned::Epoch(estimate) => {
                     let truth = |(state, known)| Truth { state, known };
                     let truth = match compared.next() {
                         Some(true) => truths.next().zip(known.next()).map(truth),
@@ -206,18 +231,13 @@ impl Batch {
                     };
                     let estimated = states.next().zip(covariances.next());
                     estimated.map(|(state, covariance)| {
-                        let epoch = Epoch { layout, state, covariance, truth };
-                        match estimate {
-                            Estimate::Epoch => sink.epoch(&epoch),
-                            Estimate::Newest => sink.newest(&epoch),
-                            Estimate::Filtered => sink.filtered(&epoch),
-                        }
+                        sink.take(&estimate(&Epoch { layout, state, covariance, truth }))
                     })
                 }
-                Record::Update => updates.next().map(|update| {
+                Owned::Update => updates.next().map(|update| {
                     let &Innovation { time, sensor, outcome, nis, threshold, present, .. } = update;
                     let [innovation, covariance] = update.numbers.map(|n| split(&mut numbers, n));
-                    sink.update(&UpdateRecord {
+                    sink.take(&Record::Update(&UpdateRecord {
                         time,
                         sensor,
                         outcome,
@@ -226,23 +246,27 @@ impl Batch {
                         present,
                         innovation,
                         covariance,
-                    })
+                    }))
                 }),
-                Record::Places(transition) => {
+                Owned::InputRejection(rejection) => {
+                    Some(sink.take(&Record::InputRejection(rejection)))
+                }
+                Owned::Places(transition) => {
                     places.clone_from(transition);
                     None
                 }
-                Record::Transition => {
+                Owned::Transition => {
                     places.read_step(&mut steps);
-                    Some(sink.transition(places))
+                    Some(sink.take(&Record::Transition(places)))
                 }
-                Record::Correction => corrections.next().map(|update| sink.correction(update)),
-                Record::Repetition(repeated) => Some(sink.repetition(match repeated {
-                    Repeated::Begins => Repetition::Begins,
-                    Repeated::Ends(injected) => Repetition::Ends(injected),
-                    Repeated::Failed => Repetition::Failed,
-                })),
-                Record::Event(event) => Some(sink.event(event)),
+                Owned::Correction => {
+                    corrections.next().map(|update| sink.take(&Record::Correction(update)))
+                }
+                Owned::Repetition(repeated) => {
+                    Some(sink.take(&Record::Repetition(repeated.borrowed())))
+                }
+                Owned::Event(event) => Some(sink.take(&Record::Event(event))),
+                Owned::Finding(finding) => Some(sink.take(&Record::Finding(finding))),
             };
             passed.unwrap_or(Ok(()))?;
         }
