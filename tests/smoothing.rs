@@ -5,8 +5,8 @@ mod common;
 
 use common::{navfuse, scenario, snapir, stderr, stdout};
 use navfuse_core::document::Document;
-use navfuse_core::model::record::{Epoch, Event};
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::record::{Epoch, Event, Record, Wants};
+use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::nalgebra::DVector;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
@@ -274,9 +274,20 @@ fn the_log_of_another_version_is_smoothed_with_a_warning_that_names_it() {
 struct Last(Option<(State, Covariance)>, Vec<String>);
 
 impl Sink for Last {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS | Wants::EVENTS | Wants::FINDINGS
     }
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Event(event) => self.event(event),
+            Record::Finding(finding) => self.event(&finding.event()),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Last {
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         self.0 = Some((epoch.state.clone(), epoch.covariance.clone()));
         Ok(())
@@ -284,9 +295,6 @@ impl Sink for Last {
     fn event(&mut self, event: &Event) -> Result<(), StreamError> {
         self.1.push(event.text.clone());
         Ok(())
-    }
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 

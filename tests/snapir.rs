@@ -4,8 +4,8 @@
 mod common;
 
 use common::{drive, run_without_sinks, scenario, snapir};
-use navfuse_core::model::record::Epoch;
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::record::{Record, Wants};
+use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::run::summary::Summary;
@@ -100,13 +100,11 @@ struct Ends {
 }
 
 impl Sink for Ends {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS | Wants::COMPARISONS
     }
-    fn compares(&self) -> bool {
-        true
-    }
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Epoch(epoch) = record else { return Ok(()) };
         let time = epoch.state.time;
         let inside = |[from, to]: &[f64; 2]| (*from..*to).contains(&time.seconds());
         let at = self.outages.iter().position(inside);
@@ -121,9 +119,6 @@ impl Sink for Ends {
         let [n, e] = [0, 1].map(|i| error[i] / sigma[i]);
         self.found[k] = Some([error[0].hypot(error[1]), n, e]);
         Ok(())
-    }
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 

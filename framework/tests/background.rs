@@ -1,13 +1,12 @@
 //! A sink on a thread of its own, beside the same sink on the thread of the run.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Epoch, Event, Repetition, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Event, Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, Source, StreamError};
 use navfuse_core::run::background::Background;
 use navfuse_core::run::runner::{Finished, run};
 use navfuse_core::run::scenario::Assembly;
-use navfuse_core::state::covariance::{Transition, Update};
+use navfuse_core::state::covariance::Update;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_testing::lab::{SCENARIO, compose, seconds};
 use std::sync::atomic::AtomicBool;
@@ -34,7 +33,7 @@ impl Source for List {
 #[derive(Clone)]
 struct Witness {
     lines: Arc<Mutex<Vec<String>>>,
-    newest: bool,
+    wants: Wants,
     /// Fails at its record of that number.
     fails_at: usize,
     /// Holds the sink up while the test holds the lock.
@@ -43,8 +42,12 @@ struct Witness {
 
 impl Witness {
     fn new() -> Self {
+        Self::of(Wants::default() | Wants::COMPARISONS)
+    }
+
+    fn of(wants: Wants) -> Self {
         let (lines, still) = (Arc::default(), Arc::default());
-        Self { lines, newest: false, fails_at: usize::MAX, still }
+        Self { lines, wants, fails_at: usize::MAX, still }
     }
 
     fn add(&self, line: String) -> Result<(), StreamError> {
@@ -68,54 +71,32 @@ fn estimate(kind: &str, epoch: &Epoch<'_>) -> String {
 }
 
 impl Sink for Witness {
+    fn wants(&self) -> Wants {
+        self.wants
+    }
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.add(format!("start {}", run.name))
     }
-    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
-        self.add(format!("{sample:?}"))
-    }
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        self.add(estimate("epoch", epoch))
-    }
-    fn wants_newest(&self) -> bool {
-        self.newest
-    }
-    fn newest(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        self.add(estimate("newest", epoch))
-    }
-    fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        self.add(estimate("filtered", epoch))
-    }
-    fn compares(&self) -> bool {
-        true
-    }
-    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
-        self.add(format!("{update:?}"))
-    }
-    fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
-        let phi: Vec<_> = transition.elements().collect();
-        let q: Vec<_> = transition.noise_elements().collect();
-        let mut carried: Vec<f64> = (0..64).map(f64::from).collect();
-        transition.carry(&mut carried, 4, &mut Vec::new());
-        self.add(format!("transition {phi:?} {q:?} {carried:?}"))
-    }
-    fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
-        let Update { m, columns, read, h, innovation, r, s, delta, .. } = update;
-        let cross: Vec<f64> = update.cross_covariance().collect();
-        let seen = (m, columns, read, h, innovation, r, s, delta, update.gain(), cross);
-        self.add(format!("correction {seen:?}"))
-    }
-    fn repeats(&self) -> bool {
-        true
-    }
-    fn repetition(&mut self, repetition: Repetition<'_>) -> Result<(), StreamError> {
-        self.add(format!("{repetition:?}"))
-    }
-    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
-        self.add(format!("{event:?}"))
-    }
-    fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
-        self.add(verdict.to_string())
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        self.add(match record {
+            Record::Epoch(epoch) => estimate("epoch", epoch),
+            Record::Newest(epoch) => estimate("newest", epoch),
+            Record::Filtered(epoch) => estimate("filtered", epoch),
+            Record::Transition(transition) => {
+                let phi: Vec<_> = transition.elements().collect();
+                let q: Vec<_> = transition.noise_elements().collect();
+                let mut carried: Vec<f64> = (0..64).map(f64::from).collect();
+                transition.carry(&mut carried, 4, &mut Vec::new());
+                format!("transition {phi:?} {q:?} {carried:?}")
+            }
+            Record::Correction(update) => {
+                let Update { m, columns, read, h, innovation, r, s, delta, .. } = update;
+                let cross: Vec<f64> = update.cross_covariance().collect();
+                let seen = (m, columns, read, h, innovation, r, s, delta, update.gain(), cross);
+                format!("correction {seen:?}")
+            }
+            other => format!("{other:?}"),
+        })
     }
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
         self.lines.lock().unwrap().push("finish".into());
@@ -154,15 +135,21 @@ fn the_sink_receives_every_record_of_the_run_in_order() {
     let smoothed: &[&str] = &["estimator.smooth=true"];
     let late: &[&str] = &["sensor.fix.late=\"2 s\""];
     for (settings, kinds) in [
-        (plain, &["Sample", "epoch", "Gated", "transition", "correction", "Event"][..]),
+        (
+            plain,
+            &["Sample", "epoch", "Gated", "transition", "correction", "Event", "InputRejection"][..],
+        ),
         (smoothed, &["filtered", "epoch", "transition", "correction"]),
         (late, &["newest", "epoch", "Sample"]),
     ] {
-        let (mut here, mut there) = (Witness::new(), Witness::new());
-        (here.newest, there.newest) = (true, true);
+        let wants = Wants::default() | Wants::COMPARISONS | Wants::NEWEST;
+        let wants = wants | Wants::TRANSITIONS | Wants::CORRECTIONS | Wants::REPETITIONS;
+        let (here, there) = (Witness::of(wants), Witness::of(wants));
         let sinks: Vec<Box<dyn Sink>> =
-            vec![Box::new(here.clone()), Box::new(Background::following(there.clone()))];
-        let finished = go(settings, source(samples(100)), sinks);
+            vec![Box::new(here.clone()), Box::new(Background::new(there.clone()))];
+        let mut samples = samples(100);
+        samples.push(Sample::new(seconds(100.1), SensorId(0), &[f64::NAN]));
+        let finished = go(settings, source(samples), sinks);
         assert!(finished.error.is_none(), "{:?}", finished.error);
         assert_eq!(finished.recorded.len(), 2);
         let lines = here.lines();
@@ -251,22 +238,18 @@ fn a_sink_that_stands_still_makes_the_run_wait_with_few_records_in_memory() {
     assert_eq!(witness.lines().last().unwrap(), "finish");
 }
 
-/// Judges no estimates.
-struct Silent;
-
-impl Sink for Silent {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
-    }
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
-    }
-}
-
 #[test]
-fn a_sink_judges_estimates_on_its_own_thread_if_it_does_so_elsewhere() {
-    assert!(Background::new(Witness::new()).compares());
-    assert!(!Background::new(Silent).compares());
+fn a_sink_that_wants_nothing_receives_nothing_between_its_start_and_its_end() {
+    let (here, there) = (Witness::of(Wants::NOTHING), Witness::of(Wants::NOTHING));
+    let sinks: Vec<Box<dyn Sink>> =
+        vec![Box::new(here.clone()), Box::new(Background::new(there.clone()))];
+    go(&["estimator.smooth=true"], source(samples(10)), sinks);
+    for witness in [here, there] {
+        let lines = witness.lines();
+        assert!(
+            matches!(&lines[..], [start, end] if start.starts_with("start") && end == "finish")
+        );
+    }
 }
 
 #[test]
@@ -280,7 +263,7 @@ fn a_sink_that_is_dropped_before_its_end_has_received_everything() {
         text: text.into(),
     };
     // as a run that ends without its end, after its start and before it
-    sink.event(&event("before the run")).unwrap();
+    sink.take(&Record::Event(&event("before the run"))).unwrap();
     let composition = compose(SCENARIO, &[]);
     let run = RunInfo {
         name: "cart".into(),
@@ -295,7 +278,7 @@ fn a_sink_that_is_dropped_before_its_end_has_received_everything() {
     };
     sink.start(&run).unwrap();
     let samples = samples(20);
-    samples.iter().for_each(|sample| sink.sample(sample).unwrap());
+    samples.iter().for_each(|sample| sink.take(&Record::Sample(sample)).unwrap());
     drop(sink);
     let lines = witness.lines();
     assert!(lines[0].contains("before the run"));

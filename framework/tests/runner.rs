@@ -1,8 +1,8 @@
 //! The runner: merging, memory, failing sinks, interruption, silence.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::model::record::{Epoch, Event, Level};
-use navfuse_core::model::stream::{RunInfo, Sink, Source, StreamError};
+use navfuse_core::model::record::{Epoch, Event, Level, Record, Wants};
+use navfuse_core::model::stream::{Sink, Source, StreamError};
 use navfuse_core::run::runner::{Finished, RunError, run};
 use navfuse_core::run::scenario::Assembly;
 use navfuse_core::units::sample::{Sample, SensorId};
@@ -92,9 +92,25 @@ struct Told {
 }
 
 impl Sink for Told {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::SAMPLES | Wants::EPOCHS | Wants::EVENTS | Wants::FINDINGS
     }
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Sample(sample) => self.sample(sample),
+            Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Event(event) => self.event(event),
+            Record::Finding(finding) => self.event(&finding.event()),
+            _ => Ok(()),
+        }
+    }
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        self.finished.store(true, Ordering::Relaxed);
+        Ok(Some("here".into()))
+    }
+}
+
+impl Told {
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
         let mut samples = self.samples.lock().unwrap();
         samples.push((sample.time, sample.sensor.0));
@@ -114,10 +130,6 @@ impl Sink for Told {
         }
         self.events.lock().unwrap().push(event.clone());
         Ok(())
-    }
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        self.finished.store(true, Ordering::Relaxed);
-        Ok(Some("here".into()))
     }
 }
 

@@ -3,8 +3,8 @@
 use super::terminal::{Detail, Tone};
 use super::{Table, line, marked_line, marked_table, right, table, warn};
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
-use navfuse_core::model::record::{Event, Level};
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::record::{Event, Level, Record, Wants};
+use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::run::summary::{Recorded, StateRow, Summary};
 use navfuse_core::smooth::QualityReport;
 use navfuse_core::state::Mode;
@@ -230,19 +230,16 @@ pub fn events(events: &[Event]) {
 pub struct Notes;
 
 impl Sink for Notes {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::EVENTS
     }
 
-    fn event(&mut self, event: &Event) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Event(event) = record else { return Ok(()) };
         if event.level == Level::Info {
             warn(format_args!("note: {}{}: {}", when(event), event.about, event.text));
         }
         Ok(())
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 

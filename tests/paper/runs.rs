@@ -2,7 +2,7 @@
 
 use crate::common::{parallel, scenario};
 use navfuse_core::document::Document;
-use navfuse_core::model::record::Epoch;
+use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
@@ -99,6 +99,10 @@ fn run(name: &str, settings: &[String]) -> Run {
 }
 
 impl Sink for Run {
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS | Wants::COMPARISONS
+    }
+
     fn start(&mut self, info: &RunInfo) -> Result<(), StreamError> {
         let names = info.layout.blocks.iter().flat_map(|block| {
             let components = block.spec.display.components.iter();
@@ -108,11 +112,8 @@ impl Sink for Run {
         Ok(())
     }
 
-    fn compares(&self) -> bool {
-        true
-    }
-
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Epoch(epoch) = record else { return Ok(()) };
         let Some(truth) = epoch.truth else { return Ok(()) };
         let (mut sigmas, mut errors) = (Vec::new(), Vec::new());
         for block in &epoch.layout.blocks {
@@ -125,9 +126,5 @@ impl Sink for Run {
         }
         self.rows.push((epoch.state.time.seconds(), sigmas, errors));
         Ok(())
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }

@@ -111,11 +111,15 @@ impl Writing {
 }
 
 impl Sink for Writing {
+    fn wants(&self) -> Wants {
+        Wants::SAMPLES
+    }
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.sensors = run.sensors.clone();
         Ok(())
     }
-    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Sample(sample) = record else { return Ok(()) };
         self.line(sample).map_err(|e| StreamError::write(&self.path, e))
     }
     fn finish(&mut self) -> Result<Option<String>, StreamError> {

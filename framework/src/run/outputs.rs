@@ -55,7 +55,8 @@ impl Outputs {
         rate: OutputRate,
         judge: Judge,
     ) -> Self {
-        let output = |(name, sink): NamedSink| Output { wants: sink.wants(), name, sink, open: true };
+        let output =
+            |(name, sink): NamedSink| Output { wants: sink.wants(), name, sink, open: true };
         let sinks = sinks.into_iter().map(output);
         Self {
             sinks: sinks.collect(),
@@ -123,11 +124,7 @@ impl Outputs {
     }
 
     /// Calls every open sink. A sink that fails is closed and named in an error event.
-    fn each(
-        &mut self,
-        time: Time,
-        mut call: impl FnMut(&mut Output) -> Result<(), StreamError>,
-    ) {
+    fn each(&mut self, time: Time, mut call: impl FnMut(&mut Output) -> Result<(), StreamError>) {
         let mut failed = Vec::new();
         for output in self.sinks.iter_mut().filter(|o| o.open) {
             if let Err(error) = call(output) {

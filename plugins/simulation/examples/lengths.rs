@@ -11,8 +11,8 @@
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot start has nothing to report")]
 
 use navfuse_core::document::Document;
-use navfuse_core::model::record::Epoch;
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::record::{Record, Wants};
+use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::nalgebra::DMatrix;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
@@ -47,11 +47,12 @@ struct Judge {
 }
 
 impl Sink for Judge {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS
     }
 
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Epoch(epoch) = record else { return Ok(()) };
         self.count += 1;
         if self.judges {
             let p = epoch.covariance.to_dense();
@@ -61,10 +62,6 @@ impl Sink for Judge {
             self.indefinite += u64::from(scaled.cholesky().is_none());
         }
         Ok(())
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 

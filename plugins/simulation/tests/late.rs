@@ -3,10 +3,10 @@
 
 use navfuse_core::filter::{Ekf, EstimatorError, Timeline};
 use navfuse_core::model::record::finding::Finding;
-use navfuse_core::model::record::{Epoch, Event, Observer, Rejection, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Event, Observer, Record, Rejection, UpdateRecord, Wants};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Random;
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::run::runner::{self, Finished};
 use navfuse_core::run::scenario::Assembly;
 use navfuse_core::units::sample::{Sample, SensorId};
@@ -242,22 +242,26 @@ struct Display {
 }
 
 impl Sink for Display {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS | Wants::NEWEST
     }
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Newest(newest) => self.newest(newest),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Display {
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         self.last.push(numbers(epoch));
         Ok(())
     }
-    fn wants_newest(&self) -> bool {
-        true
-    }
     fn newest(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         self.newest.push(numbers_of_estimate(epoch));
         Ok(())
-    }
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 

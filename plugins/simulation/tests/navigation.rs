@@ -1,11 +1,11 @@
 //! The estimator with the inertial, DVL and depth plugins: Jacobians, intervals, long runs, memory.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 use navfuse_core::filter::Ekf;
-use navfuse_core::model::record::{Epoch, Observer, Outcome, UpdateRecord};
+use navfuse_core::model::record::{Observer, Outcome, Record, UpdateRecord, Wants};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::{At, jacobian_error};
 use navfuse_core::model::simulate::Random;
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::nalgebra::{DMatrix, Matrix3, Vector3};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Assembly;
@@ -250,10 +250,11 @@ fn a_filter_that_starts_inside_an_interval_takes_only_its_rest() {
 struct Definite(u64, f64, f64);
 
 impl Sink for Definite {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS
     }
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Epoch(epoch) = record else { return Ok(()) };
         let p = epoch.covariance.to_dense();
         if p != p.transpose() {
             return Err(StreamError::new("not symmetric to the bit"));
@@ -265,9 +266,6 @@ impl Sink for Definite {
         let north = p[(6, 6)].sqrt();
         *self = Self(self.0 + 1, self.1.min(smallest), self.2.max(north));
         Ok(())
-    }
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 

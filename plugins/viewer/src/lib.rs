@@ -141,12 +141,8 @@ impl Rerun {
         };
         let live = Live { connect: self.connect, spawn: self.spawn, serve };
         let recording = Recording::open(output.join(self.path), &live)?;
-        let follows = !tabs.is_empty();
         let sink = sink::RerunSink::new(recording, self.samples, self.full, tabs);
-        Ok(Box::new(match follows {
-            true => Background::following(sink),
-            false => Background::new(sink),
-        }))
+        Ok(Box::new(Background::new(sink)))
     }
 }
 

@@ -16,10 +16,9 @@ use crate::tab::Tab;
 use crate::tally::{Excursion, Excursions};
 use crate::track::Track;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
-use navfuse_core::model::record::{Epoch, Event, Level, Repetition, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Event, Level, Record, UpdateRecord, Wants};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::state::covariance::{Transition, Update};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 use re_sdk_types::archetypes::{TextDocument, TextLog};
@@ -277,6 +276,10 @@ impl Run {
 }
 
 impl Sink for RerunSink {
+    fn wants(&self) -> Wants {
+        self.tabs.iter().fold(Wants::default(), |wants, tab| wants | tab.wants())
+    }
+
     fn start(&mut self, info: &RunInfo) -> Result<(), StreamError> {
         let run = Run::new(info, self.samples, self.full);
         self.recording.name(&info.name)?;
@@ -296,6 +299,30 @@ impl Sink for RerunSink {
         self.recording.flush()
     }
 
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        for tab in self.tabs.iter_mut().filter(|tab| tab.wants().contains(record.kind())) {
+            tab.take(record, &self.recording)?;
+        }
+        match *record {
+            Record::Sample(sample) => self.sample(sample),
+            Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Filtered(epoch) => self.filtered(epoch),
+            Record::Update(update) => self.update(update),
+            Record::Event(event) => self.event(event),
+            Record::Finding(finding) => self.event(&finding.event()),
+            Record::Verdict(verdict) => self.verdict(verdict),
+            _ => Ok(()),
+        }
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        let place = self.close()?;
+        self.place = Some(place.clone());
+        Ok(Some(place))
+    }
+}
+
+impl RerunSink {
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
         let Some(run) = &mut self.run else { return Ok(()) };
         let here = run.here();
@@ -325,9 +352,6 @@ impl Sink for RerunSink {
         }
         if !run.smoothed {
             run.lanes.iter_mut().try_for_each(|lane| lane.tick(&self.recording, time))?;
-            for tab in &mut self.tabs {
-                tab.epoch(epoch, &self.recording)?;
-            }
         }
         if let Some(track) = &mut run.track {
             track.epoch(epoch);
@@ -344,11 +368,8 @@ impl Sink for RerunSink {
         if self.last.replace(time).is_none() {
             self.write_waiting(time)?;
         }
-        // the tabs and the sensors follow the filter
-        for tab in &mut self.tabs {
-            tab.epoch(epoch, &self.recording)?;
-        }
         let Some(run) = &mut self.run else { return Ok(()) };
+        // the sensors follow the filter
         run.lanes.iter_mut().try_for_each(|lane| lane.tick(&self.recording, time))?;
         run.blocks.iter_mut().for_each(|block| block.filtered(epoch));
         if let Some(track) = &mut run.track {
@@ -357,29 +378,7 @@ impl Sink for RerunSink {
         self.lay_out_in_time()
     }
 
-    fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
-        self.tabs.iter_mut().for_each(|tab| tab.transition(transition));
-        Ok(())
-    }
-
-    fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
-        self.tabs.iter_mut().for_each(|tab| tab.correction(update));
-        Ok(())
-    }
-
-    fn repeats(&self) -> bool {
-        true
-    }
-
-    fn repetition(&mut self, repetition: Repetition<'_>) -> Result<(), StreamError> {
-        self.tabs.iter_mut().for_each(|tab| tab.repetition(repetition));
-        Ok(())
-    }
-
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
-        for tab in &mut self.tabs {
-            tab.update(update, &self.recording)?;
-        }
         let Some(run) = &mut self.run else { return Ok(()) };
         let here = run.here();
         let Some(places) = run.places.get(update.sensor.0) else { return Ok(()) };
@@ -411,12 +410,6 @@ impl Sink for RerunSink {
         let (about, text) = ("verdict".to_owned(), verdict.to_string());
         self.verdict = Some(verdict.clone());
         self.write(&Event { time, level, about, text }, time)
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        let place = self.close()?;
-        self.place = Some(place.clone());
-        Ok(Some(place))
     }
 }
 

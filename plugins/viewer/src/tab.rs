@@ -2,9 +2,8 @@
 
 use crate::blueprint::Layout;
 use crate::recording::Recording;
-use navfuse_core::model::record::{Epoch, Repetition, UpdateRecord};
+use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::stream::{RunInfo, StreamError};
-use navfuse_core::state::covariance::{Transition, Update};
 use re_sdk::blueprint::ContainerLike;
 
 /// A tab of its own: it follows the run, writes to the recording and adds a view to the layout.
@@ -12,7 +11,6 @@ use re_sdk::blueprint::ContainerLike;
 /// A program hands its tabs to [`Rerun::record`](crate::Rerun::record), from a sink type of its own
 /// where a scenario switches them on:
 /// ```
-/// use navfuse_core::model::record::Epoch;
 /// use navfuse_core::prelude::*;
 /// use navfuse_rerun::re_sdk::blueprint::ContainerLike;
 /// use navfuse_rerun::{Layout, Range, Recording, Rerun, Series, Tab, style};
@@ -32,7 +30,12 @@ use re_sdk::blueprint::ContainerLike;
 /// }
 ///
 /// impl Tab for Trace {
-///     fn epoch(&mut self, epoch: &Epoch<'_>, to: &Recording) -> Result<(), StreamError> {
+///     fn wants(&self) -> Wants {
+///         Wants::EPOCHS
+///     }
+///
+///     fn take(&mut self, record: &Record<'_>, to: &Recording) -> Result<(), StreamError> {
+///         let Record::Epoch(epoch) = record else { return Ok(()) };
 ///         let trace = (0..epoch.layout.tangent).map(|i| epoch.covariance.get(i, i)).sum();
 ///         self.range.include(trace);
 ///         self.series.push(to, epoch.state.time, &[trace])
@@ -64,35 +67,17 @@ pub trait Tab: Send {
         Ok(())
     }
 
-    /// Takes an estimate.
+    /// The records that the tab receives. The transitions and corrections of a repetition come to
+    /// every tab that wants such records, if one tab wants repetitions.
+    fn wants(&self) -> Wants {
+        Wants::default()
+    }
+
+    /// Takes a record.
     ///
     /// # Errors
     /// When the recording cannot be written.
-    fn epoch(&mut self, _epoch: &Epoch<'_>, _recording: &Recording) -> Result<(), StreamError> {
-        Ok(())
-    }
-
-    /// Takes the update of one measurement, also a gated one.
-    ///
-    /// # Errors
-    /// When the recording cannot be written.
-    fn update(
-        &mut self,
-        _update: &UpdateRecord<'_>,
-        _recording: &Recording,
-    ) -> Result<(), StreamError> {
-        Ok(())
-    }
-
-    /// Takes a step of the error state: see [`navfuse_core::model::record::Observer::transition`].
-    fn transition(&mut self, _transition: &Transition) {}
-
-    /// Takes a correction: see [`navfuse_core::model::record::Observer::correction`].
-    fn correction(&mut self, _update: &Update) {}
-
-    /// Takes the beginning and the end of a repetition, during which a tab receives transitions and
-    /// corrections again: see [`navfuse_core::model::record::Observer::repetition`].
-    fn repetition(&mut self, _repetition: Repetition<'_>) {}
+    fn take(&mut self, record: &Record<'_>, recording: &Recording) -> Result<(), StreamError>;
 
     /// Sends what the tab has buffered: at the end, and before it as often as a viewer is
     /// refreshed.

@@ -5,10 +5,10 @@ use crate::error::{CommandError, Result};
 use navfuse_calibration::{CalibrationData, Estimate, IntermediateEstimate};
 use navfuse_core::document::{Document, key};
 use navfuse_core::model::chi_square::sigmas;
-use navfuse_core::model::record::Epoch;
 use navfuse_core::model::record::verdict::VerdictLevel;
+use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::sensor::Purpose;
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::nalgebra::Matrix4;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
@@ -146,11 +146,12 @@ impl MountingRecord {
 }
 
 impl Sink for MountingRecord {
-    fn start(&mut self, _: &RunInfo) -> std::result::Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS
     }
 
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> std::result::Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> std::result::Result<(), StreamError> {
+        let Record::Epoch(epoch) = record else { return Ok(()) };
         let block = |name: &str| epoch.layout.find(&format!("{}.{name}", self.dvl));
         let (Some(scale), Some(misalignment)) = (block("scale"), block("misalignment")) else {
             return Ok(());
@@ -173,9 +174,5 @@ impl Sink for MountingRecord {
         let less: Vec<bool> = prior.enumerate().map(|(i, s)| at(i, i).sqrt() < 0.5 * s).collect();
         self.determined = std::array::from_fn(|i| less.get(i).copied().unwrap_or(false));
         Ok(())
-    }
-
-    fn finish(&mut self) -> std::result::Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }

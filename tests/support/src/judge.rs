@@ -1,8 +1,8 @@
 //! A sink that judges the estimate by the truth.
 
 use navfuse_core::document::Document;
-use navfuse_core::model::record::{Epoch, Event, Outcome, UpdateRecord};
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::record::{Epoch, Event, Outcome, Record, UpdateRecord, Wants};
+use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::{self, Finished};
 use navfuse_core::run::scenario::Scenario;
@@ -29,10 +29,22 @@ pub struct Judge {
 }
 
 impl Sink for Judge {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS | Wants::UPDATES | Wants::EVENTS | Wants::FINDINGS
     }
 
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Update(update) => self.update(update),
+            Record::Event(event) => self.event(event),
+            Record::Finding(finding) => self.event(&finding.event()),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Judge {
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         let Some(truth) = epoch.truth else { return Ok(()) };
         let (layout, n) = (epoch.layout, epoch.layout.tangent);
@@ -55,10 +67,6 @@ impl Sink for Judge {
     fn event(&mut self, event: &Event) -> Result<(), StreamError> {
         self.events.push(event.text.clone());
         Ok(())
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 

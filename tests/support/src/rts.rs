@@ -2,7 +2,7 @@
 //! (Gelb, Applied Optimal Estimation, 1974, section 5.2), and the exact covariance of a linear
 //! smoother with any gain.
 
-use navfuse_core::model::record::Epoch;
+use navfuse_core::model::record::{Epoch, Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::nalgebra::{DMatrix, DVector};
 use navfuse_core::state::covariance::{Transition, Update};
@@ -296,11 +296,27 @@ fn inverse(p: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 impl Sink for Records {
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS | Wants::FILTERED | Wants::TRANSITIONS | Wants::CORRECTIONS
+    }
+
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.layout = run.layout.clone();
         Ok(())
     }
 
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Transition(transition) => self.transition(transition),
+            Record::Correction(correction) => self.correction(correction),
+            Record::Filtered(filtered) => self.filtered(filtered),
+            Record::Epoch(epoch) => self.epoch(epoch),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Records {
     fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
         let n = self.layout.tangent;
         let (map, noise) = (transition.phi_dense(n), transition.noise_dense(n));
@@ -342,9 +358,5 @@ impl Sink for Records {
         let estimate = self.estimate(epoch);
         self.smoothed.push(estimate);
         Ok(())
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }

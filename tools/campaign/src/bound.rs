@@ -22,8 +22,8 @@ use crate::grid::Grid;
 use crate::record::BoundRecord;
 use crate::tape::Tape;
 use nalgebra::DMatrix;
-use navfuse_core::model::record::Epoch;
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError, StreamErrorKind};
+use navfuse_core::model::record::{Epoch, Record, Wants};
+use navfuse_core::model::stream::{Sink, StreamError, StreamErrorKind};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Assembly;
 use navfuse_core::state::Layout;
@@ -149,10 +149,29 @@ impl Forward {
 }
 
 impl Sink for Forward {
-    fn start(&mut self, _run: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS | Wants::COMPARISONS | Wants::TRANSITIONS | Wants::CORRECTIONS
     }
 
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Transition(transition) => self.transition(transition),
+            Record::Correction(correction) => self.correction(correction),
+            Record::Epoch(epoch) => self.epoch(epoch),
+            _ => Ok(()),
+        }
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        if let Some((time, values, p)) = self.last.take() {
+            self.step()?;
+            self.push(Kind::Epoch(self.grid.end(), time), &[&values, &p])?;
+        }
+        Ok(None)
+    }
+}
+
+impl Forward {
     fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
         self.last = None;
         transition.carry(&mut self.phi, self.stride, &mut self.work);
@@ -177,10 +196,6 @@ impl Sink for Forward {
         Ok(())
     }
 
-    fn compares(&self) -> bool {
-        true
-    }
-
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         if epoch.truth.is_none() {
             return Ok(());
@@ -194,14 +209,6 @@ impl Sink for Forward {
             None => self.last = Some((epoch.state.time, epoch.state.values.clone(), p)),
         }
         Ok(())
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        if let Some((time, values, p)) = self.last.take() {
-            self.step()?;
-            self.push(Kind::Epoch(self.grid.end(), time), &[&values, &p])?;
-        }
-        Ok(None)
     }
 }
 

@@ -5,8 +5,8 @@ use crate::grid::Grid;
 use crate::record::{Row, RunRecord, SENSOR};
 use navfuse_core::model::chi_square::gated_moments;
 use navfuse_core::model::record::verdict::VerdictLevel;
-use navfuse_core::model::record::{Epoch, Level, Outcome, Truth, UpdateRecord};
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::record::{Epoch, Level, Outcome, Record, Truth, UpdateRecord, Wants};
+use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Assembly;
 use navfuse_core::state::covariance::Covariance;
@@ -166,14 +166,35 @@ fn nees(errors: &[f64], covariance: &Covariance, indices: &[usize]) -> f64 {
 }
 
 impl Sink for Collector {
-    fn start(&mut self, _run: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS | Wants::COMPARISONS | Wants::FILTERED | Wants::UPDATES
     }
 
-    fn compares(&self) -> bool {
-        true
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Filtered(filtered) => self.filtered(filtered),
+            Record::Update(update) => self.update(update),
+            _ => Ok(()),
+        }
     }
 
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        if let Some((c, false)) = self.last.take() {
+            let truth = Truth { state: &c.truth, known: &c.known };
+            let (layout, state, covariance) = (&*c.layout, &c.state, &c.covariance);
+            self.row(
+                self.grid.end(),
+                &Epoch { layout, state, covariance, truth: Some(truth) },
+                &truth,
+                true, // the last estimate has no later sample
+            );
+        }
+        Ok(None)
+    }
+}
+
+impl Collector {
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         let Some(smoothed) = &mut self.smoothed else {
             self.take(epoch, true);
@@ -217,19 +238,5 @@ impl Sink for Collector {
             }
         }
         Ok(())
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        if let Some((c, false)) = self.last.take() {
-            let truth = Truth { state: &c.truth, known: &c.known };
-            let (layout, state, covariance) = (&*c.layout, &c.state, &c.covariance);
-            self.row(
-                self.grid.end(),
-                &Epoch { layout, state, covariance, truth: Some(truth) },
-                &truth,
-                true, // the last estimate has no later sample
-            );
-        }
-        Ok(None)
     }
 }

@@ -3,7 +3,7 @@
 use crate::lab::{Lab, Types, assemble};
 use crate::{Failure, Report};
 use navfuse_core::document::key;
-use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Outcome, Record, UpdateRecord, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::run::runner;
 use navfuse_core::state::covariance::Covariance;
@@ -119,16 +119,26 @@ fn run(types: &Types, text: &str, settings: &[String]) -> Result<Run, Failure> {
 }
 
 impl Sink for Run {
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS | Wants::COMPARISONS | Wants::UPDATES
+    }
+
     fn start(&mut self, info: &RunInfo) -> Result<(), StreamError> {
         let (nis, gated) = (vec![Vec::new(); info.sensors.len()], vec![0; info.sensors.len()]);
         *self = Self { nis, gated, layout: info.layout.clone(), last: None };
         Ok(())
     }
 
-    fn compares(&self) -> bool {
-        true
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Update(update) => self.update(update),
+            _ => Ok(()),
+        }
     }
+}
 
+impl Run {
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         if let Some(truth) = epoch.truth {
             let mut error = vec![0.0; epoch.layout.tangent];
@@ -147,10 +157,6 @@ impl Sink for Run {
             Outcome::Rejected(_) | Outcome::Placed => {}
         }
         Ok(())
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 

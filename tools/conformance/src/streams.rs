@@ -3,8 +3,8 @@
 
 use crate::lab::{Lab, Stream, assemble_to, stranger};
 use crate::{Failure, Report};
-use navfuse_core::model::record::Level;
-use navfuse_core::model::stream::{RunInfo, Sink, Source, StreamError};
+use navfuse_core::model::record::{Level, Record, Wants};
+use navfuse_core::model::stream::{Sink, Source, StreamError};
 use navfuse_core::plugin::Kind;
 use navfuse_core::run::runner;
 use navfuse_core::run::runner::Finished;
@@ -188,17 +188,15 @@ struct Interruption {
 }
 
 impl Sink for Interruption {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::SAMPLES
     }
-    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Sample(sample) = record else { return Ok(()) };
         if sample.time >= self.middle {
             self.stop.store(true, Ordering::Relaxed);
         }
         Ok(())
-    }
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Tables of every state with its full covariance, written during a run.
 
 use navfuse_core::files::WholeFile;
-use navfuse_core::model::record::Epoch;
+use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_csv::{Axes, EstimateColumns, Table as CsvTable};
 use parquet::basic::{Compression, Repetition, Type as Physical, ZstdLevel};
@@ -64,6 +64,10 @@ impl TableSink {
 }
 
 impl Sink for TableSink {
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS
+    }
+
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.columns = EstimateColumns::new(run, true, self.axes);
         let headings = self.columns.headings();
@@ -81,7 +85,8 @@ impl Sink for TableSink {
         Ok(())
     }
 
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Epoch(epoch) = record else { return Ok(()) };
         let time = epoch.state.time;
         let row = self.columns.row(epoch);
         self.epochs += 1;

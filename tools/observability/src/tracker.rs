@@ -5,7 +5,7 @@ use crate::direction::{self, Direction};
 use crate::initial_error::InitialError;
 use crate::reference::Reference;
 use crate::status::{ComponentStatus, DETERMINED};
-use navfuse_core::model::record::{Epoch, Outcome, Repetition, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Outcome, Record, Repetition, UpdateRecord, Wants};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::run::runner::Finished;
@@ -48,6 +48,8 @@ pub struct SensorShare {
 /// has grown; a measured velocity forgets its initial value.
 pub struct Tracker {
     layout: Layout,
+    /// Set where the epochs are smoothed ones, which have no part in the filter.
+    smoothed: bool,
     components: Vec<Component>,
     status: Vec<ComponentStatus>,
     sensors: Vec<SensorShare>,
@@ -127,6 +129,7 @@ impl Tracker {
             sensors: run.sensors.iter().map(sensor).collect(),
             components,
             layout,
+            smoothed: run.smoothed,
             started: None,
             first: None,
             before: None,
@@ -214,8 +217,29 @@ impl Tracker {
         direction::undetermined(self.components.len(), self.left(), of)
     }
 
+    /// The records that a tracker takes.
+    pub fn wants() -> Wants {
+        let estimates = Wants::EPOCHS | Wants::FILTERED | Wants::UPDATES;
+        estimates | Wants::TRANSITIONS | Wants::CORRECTIONS | Wants::REPETITIONS
+    }
+
+    /// Takes a record of the filter; returns `true` if it judged the states and the verdict on one
+    /// changed.
+    pub fn take(&mut self, record: &Record<'_>) -> bool {
+        match *record {
+            Record::Filtered(epoch) => return self.epoch(epoch),
+            Record::Epoch(epoch) if !self.smoothed => return self.epoch(epoch),
+            Record::Update(update) => self.update(update),
+            Record::Transition(transition) => self.transition(transition),
+            Record::Correction(update) => self.correction(update),
+            Record::Repetition(repetition) => self.repetition(repetition),
+            _ => {}
+        }
+        false
+    }
+
     /// Takes a transition of the error state.
-    pub fn transition(&mut self, transition: &Transition) {
+    fn transition(&mut self, transition: &Transition) {
         if let Some(s) = &mut self.started {
             s.moved = true;
             s.error.transition(transition);
@@ -224,12 +248,12 @@ impl Tracker {
     }
 
     /// Takes the outcome of a sample, which precedes its correction.
-    pub fn update(&mut self, update: &UpdateRecord<'_>) {
+    fn update(&mut self, update: &UpdateRecord<'_>) {
         self.last_used = (update.outcome == Outcome::Accepted).then_some(update.sensor);
     }
 
     /// Takes a correction of the state.
-    pub fn correction(&mut self, update: &Update) {
+    fn correction(&mut self, update: &Update) {
         // a filter without a driving sensor may correct before its first epoch: begin with the
         // prior
         let layout = &self.layout;
@@ -268,7 +292,7 @@ impl Tracker {
 
     /// Takes the beginning and the end of a repetition. Each sensor keeps the information of the
     /// samples as they came.
-    pub fn repetition(&mut self, repetition: Repetition<'_>) {
+    fn repetition(&mut self, repetition: Repetition<'_>) {
         match repetition {
             Repetition::Begins => {
                 let started = std::mem::replace(&mut self.started, self.first.clone());
@@ -286,7 +310,7 @@ impl Tracker {
     }
 
     /// Takes an epoch; returns `true` if it judged the states and the verdict on one changed.
-    pub fn epoch(&mut self, epoch: &Epoch<'_>) -> bool {
+    fn epoch(&mut self, epoch: &Epoch<'_>) -> bool {
         let values = &epoch.state.values;
         let time = epoch.state.time;
         if self.started.as_ref().is_none_or(|s| !s.moved && self.begin == Time::MIN) {
@@ -363,15 +387,13 @@ impl Tracker {
 /// Sink with a tracker.
 pub struct TrackerSink {
     every: f64,
-    /// Set where the epochs are smoothed ones, which have no part in the filter.
-    smoothed: bool,
     tracker: Option<Tracker>,
 }
 
 impl TrackerSink {
     /// A sink whose tracker keeps normalised sigmas at this interval, s.
     pub fn new(every: f64) -> Self {
-        Self { every, smoothed: false, tracker: None }
+        Self { every, tracker: None }
     }
 
     /// Returns the tracker that a finished run has filled; `None` if the run had no such sink.
@@ -383,56 +405,19 @@ impl TrackerSink {
 }
 
 impl Sink for TrackerSink {
+    fn wants(&self) -> Wants {
+        Tracker::wants()
+    }
+
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
-        self.smoothed = run.smoothed;
         self.tracker = Some(Tracker::new(run, self.every));
         Ok(())
     }
 
-    fn transition(&mut self, transition: &Transition) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         if let Some(tracker) = &mut self.tracker {
-            tracker.transition(transition);
+            tracker.take(record);
         }
         Ok(())
-    }
-
-    fn repeats(&self) -> bool {
-        true
-    }
-
-    fn repetition(&mut self, repetition: Repetition<'_>) -> Result<(), StreamError> {
-        if let Some(tracker) = &mut self.tracker {
-            tracker.repetition(repetition);
-        }
-        Ok(())
-    }
-
-    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
-        if let Some(tracker) = &mut self.tracker {
-            tracker.update(update);
-        }
-        Ok(())
-    }
-
-    fn correction(&mut self, update: &Update) -> Result<(), StreamError> {
-        if let Some(tracker) = &mut self.tracker {
-            tracker.correction(update);
-        }
-        Ok(())
-    }
-
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        if self.smoothed { Ok(()) } else { self.filtered(epoch) }
-    }
-
-    fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        if let Some(tracker) = &mut self.tracker {
-            tracker.epoch(epoch);
-        }
-        Ok(())
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }

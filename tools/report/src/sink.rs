@@ -2,7 +2,7 @@
 
 use crate::history::{BlockInfo, Fate, History, Row, SensorHistory};
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Epoch, Event, Outcome, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Event, Outcome, Record, UpdateRecord, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::state::manifold::{MAX_TANGENT, Position};
 use navfuse_core::units::sample::{Channel, Sample};
@@ -33,6 +33,10 @@ impl Recorder {
 }
 
 impl Sink for Recorder {
+    fn wants(&self) -> Wants {
+        Wants::default()
+    }
+
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         let sensors = run.sensors.iter().map(|s| SensorHistory {
             name: s.name.clone(),
@@ -51,6 +55,20 @@ impl Sink for Recorder {
         Ok(())
     }
 
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Sample(sample) => self.sample(sample),
+            Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Update(update) => self.update(update),
+            Record::Event(event) => self.event(event),
+            Record::Finding(finding) => self.event(&finding.event()),
+            Record::Verdict(verdict) => self.verdict(verdict),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Recorder {
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
         if self.latest <= Time::MIN {
             self.history
@@ -127,9 +145,5 @@ impl Sink for Recorder {
     fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
         self.history.verdict = Some(verdict.clone());
         Ok(())
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }

@@ -3,7 +3,8 @@
 use crate::gather::{Builder, imu_of};
 use crate::{Recording, SegmentError};
 use navfuse_core::compose::Composition;
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::record::{Record, Wants};
+use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::run::runner::Finished;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
@@ -158,19 +159,16 @@ fn join(output: Output, before: Option<Time>, a: &Sample, b: &Sample) -> Sample 
 }
 
 impl Sink for Gatherer {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::SAMPLES
     }
 
-    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Sample(sample) = record else { return Ok(()) };
         if let Some(kept) = self.sensors.get_mut(sample.sensor.0) {
             kept.push(sample);
         }
         Ok(())
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 

@@ -1,9 +1,8 @@
 //! The tab *Observability*: a strip for each state, whose colour is the bits gained, and a page of
 //! verdicts.
 
-use navfuse_core::model::record::{Epoch, Repetition, UpdateRecord};
+use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::stream::{RunInfo, StreamError};
-use navfuse_core::state::covariance::{Transition, Update};
 use navfuse_core::units::time::Time;
 use navfuse_observability::{Component, Tracker, markdown};
 use navfuse_rerun::re_sdk::EntityPath;
@@ -93,10 +92,10 @@ impl Followed {
         Ok(Self { tracker, strips, next: Time::MIN, next_page: Time::MIN, changed: true })
     }
 
-    fn epoch(&mut self, epoch: &Epoch<'_>, recording: &Recording) -> Result<(), StreamError> {
-        let time = epoch.state.time;
-        self.changed |= self.tracker.epoch(epoch);
-        if time < self.next {
+    fn take(&mut self, record: &Record<'_>, recording: &Recording) -> Result<(), StreamError> {
+        self.changed |= self.tracker.take(record);
+        let time = self.tracker.span().1;
+        if !self.tracker.started() || time < self.next {
             return Ok(());
         }
         let interval = time.nanos().div_euclid(BITS_INTERVAL);
@@ -133,33 +132,12 @@ impl Tab for Observability {
         Ok(())
     }
 
-    fn epoch(&mut self, epoch: &Epoch<'_>, recording: &Recording) -> Result<(), StreamError> {
-        self.followed.as_mut().map_or(Ok(()), |f| f.epoch(epoch, recording))
+    fn wants(&self) -> Wants {
+        Tracker::wants()
     }
 
-    fn update(&mut self, update: &UpdateRecord<'_>, _: &Recording) -> Result<(), StreamError> {
-        if let Some(followed) = &mut self.followed {
-            followed.tracker.update(update);
-        }
-        Ok(())
-    }
-
-    fn transition(&mut self, transition: &Transition) {
-        if let Some(followed) = &mut self.followed {
-            followed.tracker.transition(transition);
-        }
-    }
-
-    fn correction(&mut self, update: &Update) {
-        if let Some(followed) = &mut self.followed {
-            followed.tracker.correction(update);
-        }
-    }
-
-    fn repetition(&mut self, repetition: Repetition<'_>) {
-        if let Some(followed) = &mut self.followed {
-            followed.tracker.repetition(repetition);
-        }
+    fn take(&mut self, record: &Record<'_>, recording: &Recording) -> Result<(), StreamError> {
+        self.followed.as_mut().map_or(Ok(()), |followed| followed.take(record, recording))
     }
 
     fn finish(&mut self, recording: &Recording) -> Result<(), StreamError> {

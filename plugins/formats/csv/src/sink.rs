@@ -18,7 +18,7 @@
 
 use crate::columns::{Axes, EstimateColumns, ending};
 use crate::table::Table;
-use navfuse_core::model::record::{Epoch, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Outcome, Record, Rejection, UpdateRecord, Wants};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
@@ -108,12 +108,30 @@ impl Tables {
 }
 
 impl Sink for Tables {
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS | Wants::UPDATES
+    }
+
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.columns = EstimateColumns::new(run, self.covariance, self.axes);
         self.estimate.row(self.columns.headings().iter().map(String::as_str))?;
         self.innovations_header(&run.sensors)
     }
 
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Update(update) => self.update(update),
+            _ => Ok(()),
+        }
+    }
+
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        Ok(Some(format!("{}, {}", self.estimate.finish()?, self.innovations.finish()?)))
+    }
+}
+
+impl Tables {
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         self.estimate.time(epoch.state.time)?;
         self.columns.row(epoch).iter().try_for_each(|v| self.estimate.number(*v))?;
@@ -144,10 +162,6 @@ impl Sink for Tables {
             table.number(sigma)?;
         }
         table.end_row()
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(Some(format!("{}, {}", self.estimate.finish()?, self.innovations.finish()?)))
     }
 }
 

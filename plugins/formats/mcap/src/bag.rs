@@ -18,7 +18,7 @@ use crate::schema::{self, Schema};
 use crate::sink::{Compression, LogWriter};
 use crate::topics::Topic;
 use navfuse_core::files::WholeFile;
-use navfuse_core::model::record::Epoch;
+use navfuse_core::model::record::{Epoch, Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::units::time::Span;
 use std::fmt::Write as _;
@@ -69,6 +69,10 @@ impl BagSink {
 }
 
 impl Sink for BagSink {
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS
+    }
+
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         let motion = Motion::of(&run.layout).ok_or_else(|| {
             StreamError::format("the run has no estimate of a geodetic position and an attitude")
@@ -88,7 +92,8 @@ impl Sink for BagSink {
         Ok(())
     }
 
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Epoch(epoch) = record else { return Ok(()) };
         let Some(recording) = &mut self.recording else { return Ok(()) };
         let written = Stamp::new(epoch.state.time + self.origin)
             .map_err(StreamFailure::from)

@@ -8,7 +8,7 @@ use crate::message::Encoder;
 use crate::topics::{Estimate, SensorTopics, Topic, Topics};
 use navfuse_core::files::{WholeFile, part_of};
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Epoch, Event, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Event, Record, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
 use navfuse_core::run::background::Background;
@@ -151,18 +151,28 @@ impl Sink for McapSink {
         Ok(())
     }
 
-    fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
-        self.record(sample.time, |r| r.sample(sample))
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Sample(sample) => self.record(sample.time, |r| r.sample(sample)),
+            Record::Epoch(epoch) => self.record(epoch.state.time, |r| r.epoch(epoch)),
+            Record::Update(update) => self.record(update.time, |r| r.update(update)),
+            Record::Event(event) => self.event(event),
+            Record::Finding(finding) => self.event(&finding.event()),
+            Record::Verdict(verdict) => self.verdict(verdict),
+            _ => Ok(()),
+        }
     }
 
-    fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        self.record(epoch.state.time, |r| r.epoch(epoch))
+    fn finish(&mut self) -> Result<Option<String>, StreamError> {
+        self.recording(Time::default())?;
+        if let Some(recording) = self.recording.take() {
+            recording.finish().map_err(|e| failure(&self.path, e))?;
+        }
+        Ok(Some(self.path.display().to_string()))
     }
+}
 
-    fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamError> {
-        self.record(update.time, |r| r.update(update))
-    }
-
+impl McapSink {
     fn event(&mut self, event: &Event) -> Result<(), StreamError> {
         if self.recording.is_none() {
             self.held.push(event.clone());
@@ -175,14 +185,6 @@ impl Sink for McapSink {
         let json = serde_json::to_string(verdict).map_err(|e| failure(&self.path, e))?;
         let metadata = BTreeMap::from([(VERDICT_ENTRY.to_owned(), json)]);
         self.record(Time::default(), |r| r.metadata(VERDICT, metadata))
-    }
-
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        self.recording(Time::default())?;
-        if let Some(recording) = self.recording.take() {
-            recording.finish().map_err(|e| failure(&self.path, e))?;
-        }
-        Ok(Some(self.path.display().to_string()))
     }
 }
 

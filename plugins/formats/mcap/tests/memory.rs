@@ -6,6 +6,7 @@
 mod common;
 
 use common::{Draw, fixture};
+use navfuse_core::model::record::Record;
 use navfuse_core::model::stream::{Sink, Source};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
@@ -29,7 +30,12 @@ fn writing_and_reading_take_as_much_memory_at_the_end_as_at_the_start() {
     let mut early = 0;
     for k in 0..count {
         let values: [f64; 6] = std::array::from_fn(|_| draw.number());
-        sink.sample(&Sample::new(Time::from_nanos(k * 10_000_000), SensorId(0), &values)).unwrap();
+        sink.take(&Record::Sample(&Sample::new(
+            Time::from_nanos(k * 10_000_000),
+            SensorId(0),
+            &values,
+        )))
+        .unwrap();
         if k == count / 10 {
             early = memory();
         }

@@ -6,7 +6,9 @@ mod common;
 
 use common::fixture::{self, ATTITUDE, ORIGIN, VELOCITY};
 use common::{Logged, float, floats, number, read};
-use navfuse_core::model::record::{Epoch, Event, Level, Outcome, Rejection, Truth, UpdateRecord};
+use navfuse_core::model::record::{
+    Epoch, Event, Level, Outcome, Record, Rejection, Truth, UpdateRecord,
+};
 use navfuse_core::model::stream::Sink;
 use navfuse_core::nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 use navfuse_core::units::sample::{Sample, SensorId};
@@ -37,7 +39,8 @@ fn xyz(v: [f64; 3]) -> Value {
 #[test]
 fn an_imu_in_rates_is_a_sensor_msgs_imu_without_orientation() {
     let values = [0.1, -0.2, 0.3, 4.0, -5.0, 9.8];
-    let log = logged(|sink| sink.sample(&Sample::new(NOW, SensorId(0), &values)).unwrap());
+    let log =
+        logged(|sink| sink.take(&Record::Sample(&Sample::new(NOW, SensorId(0), &values))).unwrap());
     assert_eq!(log.len(), 1);
     assert_eq!(
         (log[0].topic.as_str(), log[0].schema.as_str()),
@@ -63,7 +66,7 @@ fn an_imu_in_rates_is_a_sensor_msgs_imu_without_orientation() {
 fn a_sample_names_its_channels_and_which_of_them_are_there() {
     let mut sample = Sample::new(NOW, SensorId(1), &[1.0, 2.0, 3.0]);
     sample.clear(1);
-    let log = logged(|sink| sink.sample(&sample).unwrap());
+    let log = logged(|sink| sink.take(&Record::Sample(&sample)).unwrap());
     assert_eq!(
         (log[0].topic.as_str(), log[0].schema.as_str()),
         ("/sensor/dvl", "navfuse_msgs/msg/Sample")
@@ -80,8 +83,8 @@ fn a_sample_names_its_channels_and_which_of_them_are_there() {
 #[test]
 fn a_depth_is_also_a_pressure_of_sea_water_under_the_atmosphere() {
     let log = logged(|sink| {
-        sink.sample(&Sample::new(NOW, SensorId(2), &[10.0])).unwrap();
-        sink.sample(&Sample::empty(NOW, SensorId(2))).unwrap();
+        sink.take(&Record::Sample(&Sample::new(NOW, SensorId(2), &[10.0]))).unwrap();
+        sink.take(&Record::Sample(&Sample::empty(NOW, SensorId(2)))).unwrap();
     });
     let topics: Vec<&str> = log.iter().map(|m| m.topic.as_str()).collect();
     assert_eq!(topics, ["/sensor/depth", "/sensor/depth/pressure", "/sensor/depth"]);
@@ -95,7 +98,8 @@ fn a_depth_is_also_a_pressure_of_sea_water_under_the_atmosphere() {
 #[test]
 fn a_reference_is_also_a_fix_in_degrees() {
     let values = [0.5, -1.0, 20.0, 0.1];
-    let log = logged(|sink| sink.sample(&Sample::new(NOW, SensorId(3), &values)).unwrap());
+    let log =
+        logged(|sink| sink.take(&Record::Sample(&Sample::new(NOW, SensorId(3), &values))).unwrap());
     let topics: Vec<&str> = log.iter().map(|m| m.topic.as_str()).collect();
     assert_eq!(topics, ["/sensor/truth", "/reference/truth/fix"]);
     let expected = json!({
@@ -120,7 +124,13 @@ fn an_epoch_tells_pose_velocity_and_every_block() {
         for (north, time) in [(0.0, Time::default()), (100.0, NOW)] {
             let state = fixture::state(&layout, time, north);
             let truth = (north > 0.0).then_some(Truth { state: &truth, known: &known });
-            sink.epoch(&Epoch { layout: &layout, state: &state, covariance: &p, truth }).unwrap();
+            sink.take(&Record::Epoch(&Epoch {
+                layout: &layout,
+                state: &state,
+                covariance: &p,
+                truth,
+            }))
+            .unwrap();
         }
     });
     // the first epoch has the frames that do not change as well
@@ -246,8 +256,8 @@ fn an_update_is_an_innovation_of_the_channels_that_were_there() {
         ..update(Outcome::Rejected(Rejection::NotFinite(2)))
     };
     let log = logged(|sink| {
-        sink.update(&update(Outcome::Gated)).unwrap();
-        sink.update(&none).unwrap();
+        sink.take(&Record::Update(&update(Outcome::Gated))).unwrap();
+        sink.take(&Record::Update(&none)).unwrap();
     });
     let expected = json!({
         "header": header("dvl"), "outcome": "s:gated", "nis": float(1.5), "threshold": float(7.8),
@@ -265,10 +275,10 @@ fn events_keep_their_order_and_level_also_those_before_the_first_sample() {
     let event =
         |time, level, text: &str| Event { time, level, about: "dvl".into(), text: text.into() };
     let log = logged(|sink| {
-        sink.event(&event(Time::MIN, Level::Error, "no clock yet")).unwrap();
-        sink.event(&event(NOW, Level::Info, "Straße")).unwrap();
-        sink.sample(&Sample::new(NOW, SensorId(2), &[1.0])).unwrap();
-        sink.event(&event(NOW, Level::Warning, "")).unwrap();
+        sink.take(&Record::Event(&event(Time::MIN, Level::Error, "no clock yet"))).unwrap();
+        sink.take(&Record::Event(&event(NOW, Level::Info, "Straße"))).unwrap();
+        sink.take(&Record::Sample(&Sample::new(NOW, SensorId(2), &[1.0]))).unwrap();
+        sink.take(&Record::Event(&event(NOW, Level::Warning, ""))).unwrap();
     });
     let log: Vec<&Logged> = log.iter().filter(|m| m.topic == "/log").collect();
     let told: Vec<(&Value, &Value)> =
@@ -292,7 +302,12 @@ fn log_times_are_run_times_moved_by_whole_seconds_if_they_begin_before_zero() {
         let path = folder.path().join("run.mcap");
         let mut sink = fixture::create(&path, Compression::Zstd);
         for time in [first, first + 7, first - 1_000_000_000] {
-            sink.sample(&Sample::new(Time::from_nanos(time), SensorId(1), &[1.0; 3])).unwrap();
+            sink.take(&Record::Sample(&Sample::new(
+                Time::from_nanos(time),
+                SensorId(1),
+                &[1.0; 3],
+            )))
+            .unwrap();
         }
         sink.finish().unwrap();
         let offset = offset * 1_000_000_000;

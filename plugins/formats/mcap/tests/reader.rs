@@ -5,7 +5,7 @@
 mod common;
 
 use common::{fixture, floats, read};
-use navfuse_core::model::record::{Event, Level, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::record::{Event, Level, Outcome, Record, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::Sink;
 use navfuse_core::units::sample::{Sample, SensorId};
@@ -130,11 +130,11 @@ fn the_reader_tells_every_message_as_it_was_written() {
     let (time, values) = (Time::from_nanos(-1_500_000_000), [1.0, f64::NAN, -3.0, 4.0, 5.0, 6.0]);
     for sensor in [0, 1, 3, 2] {
         let count = fixture::sensors()[sensor].channels.len();
-        sink.sample(&Sample::new(time, SensorId(sensor), &values[..count])).unwrap();
+        sink.take(&Record::Sample(&Sample::new(time, SensorId(sensor), &values[..count]))).unwrap();
     }
     let outcomes = [Outcome::Accepted, Outcome::Gated, Outcome::Rejected(Rejection::NotFinite(1))];
     for (outcome, threshold) in outcomes.into_iter().zip([f64::INFINITY, 11.3, 9.0]) {
-        sink.update(&UpdateRecord {
+        sink.take(&Record::Update(&UpdateRecord {
             time,
             sensor: SensorId(1),
             outcome,
@@ -143,11 +143,11 @@ fn the_reader_tells_every_message_as_it_was_written() {
             present: 0b101,
             innovation: &[0.1, -0.2],
             covariance: &[0.04, 0.0, 0.0, 0.09],
-        })
+        }))
         .unwrap();
     }
     let event = Event { time, level: Level::Warning, about: "dvl".into(), text: "lost".into() };
-    sink.event(&event).unwrap();
+    sink.take(&Record::Event(&event)).unwrap();
     sink.finish().unwrap();
     let (told, sensors, warning) = told(&path);
     assert_eq!(told, written(&path));
@@ -165,7 +165,12 @@ fn a_log_that_was_cut_off_is_read_up_to_the_cut_and_says_so() {
     let mut sink = fixture::create(&path, Compression::None);
     let count = 50_000;
     for k in 0..count {
-        sink.sample(&Sample::new(Time::from_nanos(k * 1_000_000), SensorId(2), &[0.5])).unwrap();
+        sink.take(&Record::Sample(&Sample::new(
+            Time::from_nanos(k * 1_000_000),
+            SensorId(2),
+            &[0.5],
+        )))
+        .unwrap();
     }
     sink.finish().unwrap();
     let bytes = std::fs::read(&path).unwrap();

@@ -7,6 +7,7 @@ mod common;
 
 use common::fixture;
 use mcap::records::MessageHeader;
+use navfuse_core::model::record::Record;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::{Sink, Source};
 use navfuse_core::units::sample::{Channel, Sample, SensorId};
@@ -86,7 +87,7 @@ proptest! {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap");
         let mut sink = fixture::create(&path, Compression::Zstd);
-        samples.iter().for_each(|s| sink.sample(s).unwrap());
+        samples.iter().for_each(|s| sink.take(&Record::Sample(s)).unwrap());
         sink.finish().unwrap();
         let (read, _) = drain(&mut open(&path).unwrap()).unwrap();
         prop_assert_eq!(bits(&read), bits(&samples));
@@ -191,7 +192,7 @@ fn a_log_may_be_replaced_while_it_is_read() {
     let mut sink = fixture::create(&path, Compression::None);
     let mut sample = samples[0];
     while source.next(&mut sample).unwrap() {
-        sink.sample(&sample).unwrap();
+        sink.take(&Record::Sample(&sample)).unwrap();
     }
     sink.finish().unwrap();
     let (read, _) = drain(&mut open(&path).unwrap()).unwrap();
@@ -202,7 +203,7 @@ fn error_of_writing(path: &str) -> String {
     let mut sink = McapSink::create(Path::new(path), Compression::None).unwrap();
     sink.start(&fixture::info()).unwrap();
     let mut told = fixture::samples(Time::default(), 30_000).into_iter();
-    match told.find_map(|s| sink.sample(&s).err()) {
+    match told.find_map(|s| sink.take(&Record::Sample(&s)).err()) {
         Some(e) => e.to_string(),
         None => sink.finish().unwrap_err().to_string(),
     }

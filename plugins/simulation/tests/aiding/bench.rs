@@ -1,6 +1,6 @@
 //! A run compared with its truth.
 
-use navfuse_core::model::record::{Epoch, Outcome, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Outcome, Record, UpdateRecord, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::run::runner::{self, Finished};
 use navfuse_core::state::manifold::MAX_TANGENT;
@@ -34,10 +34,23 @@ impl Errors {
 }
 
 impl Sink for Errors {
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS | Wants::UPDATES
+    }
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.names = run.sensors.iter().map(|s| s.name.clone()).collect();
         Ok(())
     }
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Update(update) => self.update(update),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Errors {
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
         let Some(truth) = epoch.truth else { return Ok(()) };
         let time = epoch.state.time.seconds();
@@ -69,9 +82,6 @@ impl Sink for Errors {
         let key = format!("{} {outcome}", self.names[update.sensor.0]);
         *self.outcomes.entry(key).or_default() += 1;
         Ok(())
-    }
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 

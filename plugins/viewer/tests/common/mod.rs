@@ -1,6 +1,6 @@
 //! A run to record: a dive, then two rounds of a square, while biases and a calibration converge.
 
-use navfuse_core::model::record::{Epoch, Event, Level, Outcome, Truth, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Event, Level, Outcome, Record, Truth, UpdateRecord};
 use navfuse_core::model::sensor::mounting::{Beam, Mounting, Reach};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
@@ -192,7 +192,12 @@ impl Synthetic {
         let dt = 1.0 / RATE as f64;
         let mut yaw: f64 = 0.0;
         let say = |sink: &mut dyn Sink, time, level, about: &str, text: &str| {
-            sink.event(&Event { time, level, about: about.into(), text: text.into() })
+            sink.take(&Record::Event(&Event {
+                time,
+                level,
+                about: about.into(),
+                text: text.into(),
+            }))
         };
         say(sink, Time::MIN, Level::Info, "trajectory", "dive to 30 m")?;
         for k in 0..self.epochs {
@@ -222,12 +227,12 @@ impl Synthetic {
             let mut covariance = Covariance::zero(layout.tangent);
             sigma.iter().enumerate().for_each(|(i, s)| covariance.set(i, i, s * s));
             let truth = Truth { state: &truth, known: &known };
-            sink.epoch(&Epoch {
+            sink.take(&Record::Epoch(&Epoch {
                 layout,
                 state: &estimate,
                 covariance: &covariance,
                 truth: Some(truth),
-            })?;
+            }))?;
             if k % DVL_EVERY == 0 {
                 self.velocity_update(sink, k)?;
             }
@@ -262,17 +267,17 @@ impl Synthetic {
             innovation[k % 3] += 0.15;
         }
         let (sensor, time) = (SensorId(1), Self::time(k));
-        sink.sample(&Sample::new(
+        sink.take(&Record::Sample(&Sample::new(
             time,
             sensor,
             &[1.5 + innovation[0], innovation[1], innovation[2], ALTITUDE],
-        ))?;
+        )))?;
         let mut covariance = [0.0; 9];
         (0..3).for_each(|c| covariance[4 * c] = sigma * sigma);
         let nis = innovation.iter().map(|v| (v / sigma).powi(2)).sum();
         let outcome = if outlier { Outcome::Gated } else { Outcome::Accepted };
         let (innovation, covariance) = (&innovation[..], &covariance[..]);
-        sink.update(&UpdateRecord {
+        sink.take(&Record::Update(&UpdateRecord {
             time,
             sensor,
             outcome,
@@ -281,7 +286,7 @@ impl Synthetic {
             present: 7,
             innovation,
             covariance,
-        })
+        }))
     }
 
     fn depth_update(&self, sink: &mut dyn Sink, k: usize) -> Result<(), StreamError> {
@@ -289,11 +294,11 @@ impl Synthetic {
         let innovation = [sigma * noise(k, 7)];
         let nis = (innovation[0] / sigma).powi(2);
         let covariance = [sigma * sigma];
-        sink.sample(&Sample::new(time, sensor, &[30.0 + innovation[0]]))?;
+        sink.take(&Record::Sample(&Sample::new(time, sensor, &[30.0 + innovation[0]])))?;
         let (innovation, covariance) = (&innovation[..], &covariance[..]);
         let threshold = f64::INFINITY;
         let outcome = Outcome::Accepted;
-        sink.update(&UpdateRecord {
+        sink.take(&Record::Update(&UpdateRecord {
             time,
             sensor,
             outcome,
@@ -302,6 +307,6 @@ impl Synthetic {
             present: 1,
             innovation,
             covariance,
-        })
+        }))
     }
 }

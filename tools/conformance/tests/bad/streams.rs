@@ -82,10 +82,11 @@ struct Writing {
 }
 
 impl Sink for Writing {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::EPOCHS
     }
-    fn epoch(&mut self, epoch: &navfuse_core::model::record::Epoch<'_>) -> Result<(), StreamError> {
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        let Record::Epoch(epoch) = record else { return Ok(()) };
         self.last = epoch.state.time;
         if self.fault == "full" { Err(StreamError::new("no space left")) } else { Ok(()) }
     }

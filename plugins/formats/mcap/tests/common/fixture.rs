@@ -1,7 +1,9 @@
 //! A small run, told to a sink by hand.
 
 use super::Draw;
-use navfuse_core::model::record::{Epoch, Event, Level, Outcome, Rejection, Truth, UpdateRecord};
+use navfuse_core::model::record::{
+    Epoch, Event, Level, Outcome, Record, Rejection, Truth, UpdateRecord,
+};
 use navfuse_core::model::sensor::mounting::Mounting;
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::{RunInfo, Sink};
@@ -168,14 +170,20 @@ pub fn run(sink: &mut dyn Sink, first: Time, count: usize) {
     let truth = state(&layout, first, 0.5);
     let event =
         |time, level, text: &str| Event { time, level, about: "run".into(), text: text.into() };
-    sink.event(&event(Time::MIN, Level::Error, "before the clock")).unwrap();
+    sink.take(&Record::Event(&event(Time::MIN, Level::Error, "before the clock"))).unwrap();
     for (k, sample) in samples(first, count).iter().enumerate() {
-        sink.sample(sample).unwrap();
+        sink.take(&Record::Sample(sample)).unwrap();
         if k % 5 == 0 {
             let known = [true, true, true, false, true];
             let truth = (k % 10 == 0).then_some(Truth { state: &truth, known: &known });
             let state = state(&layout, sample.time, k as f64);
-            sink.epoch(&Epoch { layout: &layout, state: &state, covariance: &p, truth }).unwrap();
+            sink.take(&Record::Epoch(&Epoch {
+                layout: &layout,
+                state: &state,
+                covariance: &p,
+                truth,
+            }))
+            .unwrap();
         }
         if sample.sensor == SensorId(1) {
             let update = UpdateRecord {
@@ -192,10 +200,11 @@ pub fn run(sink: &mut dyn Sink, first: Time, count: usize) {
                 innovation: &[0.5, -0.25],
                 covariance: &[4.0, 0.0, 0.0, 9.0],
             };
-            sink.update(&update).unwrap();
+            sink.take(&Record::Update(&update)).unwrap();
         }
         if k % 20 == 0 {
-            sink.event(&event(sample.time, Level::Warning, "größer als erlaubt")).unwrap();
+            sink.take(&Record::Event(&event(sample.time, Level::Warning, "größer als erlaubt")))
+                .unwrap();
         }
     }
 }

@@ -1,10 +1,10 @@
 //! What the tests of this crate share: a registry, scenarios, states set by name, and runs.
 
 use navfuse_core::compose::Composition;
-use navfuse_core::model::record::{Epoch, UpdateRecord};
+use navfuse_core::model::record::{Epoch, Record, UpdateRecord, Wants};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::{AnyMeasurement, At};
-use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::nalgebra::Matrix3;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Assembly;
@@ -73,9 +73,20 @@ pub struct Log {
 }
 
 impl Sink for Log {
-    fn start(&mut self, _: &RunInfo) -> Result<(), StreamError> {
-        Ok(())
+    fn wants(&self) -> Wants {
+        Wants::SAMPLES | Wants::EPOCHS | Wants::UPDATES
     }
+    fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
+        match *record {
+            Record::Sample(sample) => self.sample(sample),
+            Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Update(update) => self.update(update),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Log {
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamError> {
         self.samples.push(*sample);
         Ok(())
@@ -107,9 +118,6 @@ impl Sink for Log {
             self.nis.push((update.nis, m, update.sensor.0));
         }
         Ok(())
-    }
-    fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(None)
     }
 }
 
