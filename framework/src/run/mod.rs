@@ -3,18 +3,11 @@
 pub mod background;
 mod building;
 mod delayed;
-pub(crate) mod estimators;
 mod inputs;
 mod merge;
 mod mistakes;
-mod output_rate;
-mod outputs;
 mod parts;
 pub mod runner;
 pub mod scenario;
 pub mod schema;
-mod silence;
 mod sinks;
-pub mod summary;
-mod track;
-mod verdict;
