@@ -182,6 +182,8 @@ impl<'a> Building<'a> {
                 );
                 return Err(process_place(&self.root, &owner).error(message).into());
             }
+            Composition::check_channels(&info, &role)
+                .map_err(|e| e.at(&process_place(&self.root, &owner)))?;
             if let Some(process) = self.processes.iter_mut().find(|p| p.name == owner) {
                 process.constraint = Some(self.sensors.len());
             }

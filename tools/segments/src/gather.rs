@@ -97,7 +97,7 @@ impl<'a> Builder<'a> {
         };
         for (index, sensor) in self.composition.sensors.iter().enumerate() {
             let Role::Measurement(model) = &sensor.role else { continue };
-            let place = |name: &str| sensor.info.channels.iter().position(|c| c.name == name);
+            let place = |name: &str| sensor.info.position(name);
             if let Some(velocity) = self.velocity(index, sensor, &**model, &recording.imu) {
                 recording.velocities.push(velocity);
             } else if let Some((lat, lon)) = place("lat").zip(place("lon")) {
@@ -303,7 +303,7 @@ impl<'a> Builder<'a> {
         model: &dyn AnyMeasurement,
         [lat, lon]: [usize; 2],
     ) -> Positions {
-        let place = |name: &str| sensor.info.channels.iter().position(|c| c.name == name);
+        let place = |name: &str| sensor.info.position(name);
         let height = place("height");
         let velocity = place("vel_n").zip(place("vel_e")).zip(place("vel_d"));
         let name = &sensor.info.name;

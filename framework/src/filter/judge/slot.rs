@@ -66,7 +66,7 @@ impl SensorSlot {
             channels: ((1u32 << used) - 1) as u16,
             several,
             last: Time::MIN,
-            lockout: Lockout::new(sensor.timeout),
+            lockout: Lockout::new(sensor.timeout, &sensor.info.channels),
             reach: Reach::with_capacity(n, sensor.info.channels.len()),
             refused: None,
             thresholds,

@@ -33,6 +33,18 @@ pub struct SensorInfo {
     pub mounting: Mounting,
 }
 
+impl SensorInfo {
+    /// The name of the channel of that index.
+    pub fn channel(&self, index: usize) -> &str {
+        self.channels.get(index).map_or("?", |channel| &channel.name)
+    }
+
+    /// The index of the channel of that name.
+    pub fn position(&self, channel: &str) -> Option<usize> {
+        self.channels.iter().position(|c| &*c.name == channel)
+    }
+}
+
 /// Purpose of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {

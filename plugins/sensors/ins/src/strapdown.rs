@@ -211,7 +211,8 @@ impl ProcessType for Strapdown {
             Navigation { attitude, velocity, position, gyro_bias, accel_bias, angular_rate };
         let places = Places::new(composer, &navigation, &self.imu);
         if let Some(model) = settings.as_ref().and_then(|s| s.constraint(velocity)) {
-            composer.constraint(ZeroVelocity::NAME, ZeroVelocity::CHANNELS, model);
+            let channels = Channel::all(ZeroVelocity::CHANNELS);
+            composer.constraint(ZeroVelocity::NAME, channels, model);
         }
         let aligner = settings.map(|settings| {
             Aligner::new(&self.alignment, settings, (self.imu.clone(), imu.clone()), navigation)

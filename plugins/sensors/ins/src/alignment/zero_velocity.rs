@@ -19,8 +19,7 @@ impl ZeroVelocity {
     /// Name under which the updates are recorded.
     pub const NAME: &'static str = "zero_velocity";
     /// Velocity north, east, down.
-    pub const CHANNELS: [Channel; 3] =
-        [Channel::new("vel_n", "mps"), Channel::new("vel_e", "mps"), Channel::new("vel_d", "mps")];
+    pub const CHANNELS: [(&str, &str); 3] = [("vel_n", "mps"), ("vel_e", "mps"), ("vel_d", "mps")];
 }
 
 impl MeasurementModel<3> for ZeroVelocity {
