@@ -134,7 +134,7 @@ impl<'a> Building<'a> {
             });
             self.processes.push(Process {
                 name: part.name.to_owned(),
-                kind: part.entry.name.to_owned(),
+                kind: part.entry.name.to_string(),
                 searches: alignment.is_some(),
                 alignment,
                 screening,
@@ -350,7 +350,7 @@ fn place_sensor(
     let late = longest_lateness(part, &keys)?;
     // a simulated pseudo-measurement has samples
     let detector = composer.take_detector().filter(|_| keys.simulation.is_none());
-    let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
+    let (name, kind) = (part.name.to_owned(), part.entry.name.to_string());
     let mounting = composer.take_mounting();
     let channels = built.channels;
     let info = SensorInfo { name, kind, channels, purpose, mounting };

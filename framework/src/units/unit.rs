@@ -127,7 +127,7 @@ impl Unit {
         let usual = dimension::find(self.exponents).map(|d| d.units[0]);
         match usual.map(|usual| (usual, parse_unit(usual))) {
             Some((usual, Ok(unit))) => (usual.into(), unit.denominator / unit.numerator),
-            _ => (self.symbol().into(), 1.0),
+            _ => (self.symbol(), 1.0),
         }
     }
 

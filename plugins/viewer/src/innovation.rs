@@ -141,7 +141,7 @@ impl SensorSeries {
             }
             if let Some(entity) = entity {
                 let series = channel.live.get_or_insert_with(|| {
-                    let name = label(&channel.quantity.name, channel.quantity.unit);
+                    let name = label(&channel.quantity.name, &channel.quantity.unit);
                     Series::bounded(entity, name, colour(k), 1.2).for_viewers()
                 });
                 series.push(recording, update.time, &[innovation, 3.0 * sigma, -3.0 * sigma])?;
@@ -283,16 +283,16 @@ impl Innovations {
     }
 
     /// The unit that fits the last sigma.
-    fn scale(&self, accepted: &[Row<2>], gated: &[Row<1>]) -> Scale {
+    fn scale(&self, accepted: &[Row<2>], gated: &[Row<1>]) -> Scale<'_> {
         let sigma = accepted.iter().rev().map(|r| 3.0 * r.1[1]).find(|s| s.is_finite());
         let size = sigma.or_else(|| gated.last().map(|r| r.1[0].abs()));
-        axis::scale(self.quantity.unit, size.unwrap_or(f64::NAN))
+        axis::scale(&self.quantity.unit, size.unwrap_or(f64::NAN))
     }
 }
 
 /// The reason of a rejection in words.
-pub fn words(reason: Rejection, channels: &[&str]) -> String {
-    let channel = |k: usize| channels.get(k).copied().unwrap_or("a channel");
+pub fn words<N: AsRef<str>>(reason: Rejection, channels: &[N]) -> String {
+    let channel = |k: usize| channels.get(k).map_or("a channel", AsRef::as_ref);
     match reason {
         Rejection::NotFinite(k) => format!("{} is not finite", channel(k)),
         Rejection::Missing => "no channel".into(),

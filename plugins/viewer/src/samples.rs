@@ -61,7 +61,8 @@ impl SampleSeries {
             if rows.is_empty() {
                 continue;
             }
-            let (name, unit) = (label(&quantity.name, quantity.unit), quantity.unit);
+            let unit = &*quantity.unit;
+            let name = label(&quantity.name, unit);
             let mut series = Series::lines(entity.clone(), &[(name, colour(k), 1.2)]);
             let mut range = [f64::INFINITY, f64::NEG_INFINITY];
             for (time, [value]) in rows {

@@ -227,7 +227,7 @@ fn median(values: &[f64]) -> f64 {
 impl StreamSurvey {
     /// Index of a channel.
     pub fn channel(&self, name: &str) -> Option<usize> {
-        self.channels.iter().position(|c| *c == name)
+        self.channels.iter().position(|c| **c == *name)
     }
 
     /// Rate of the samples, Hz.

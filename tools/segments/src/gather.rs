@@ -30,10 +30,10 @@ pub(crate) fn imu_of(composition: &Composition) -> Option<(usize, &navfuse_ins::
 /// Index of the sensor with the channels of an IMU that drives a process.
 fn imu_index(composition: &Composition) -> Option<usize> {
     composition.processes.iter().find_map(|p| p.input).filter(|index| {
-        let channels = &composition.sensors[*index].info.channels;
-        let names = channels.iter().map(|c| c.name);
+        let info = &composition.sensors[*index].info;
+        let names = info.channels.iter().map(|c| &*c.name);
         names.eq(["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"])
-            || channels.iter().any(|c| c.name == "dtheta_x")
+            || info.position("dtheta_x").is_some()
     })
 }
 

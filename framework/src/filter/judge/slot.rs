@@ -97,7 +97,8 @@ impl SensorSlot {
 
     /// Reason to reject a sample that is outside its plausible range, or has changed too fast.
     pub(in crate::filter) fn implausible(&self, sample: &Sample) -> Option<Rejection> {
-        self.limits.iter().find_map(|&(channel, limit)| {
+        self.limits.iter().find_map(|(channel, limit)| {
+            let channel = *channel;
             let value = sample.get(channel)?;
             if !(limit.low..=limit.high).contains(&value) {
                 return Some(Rejection::OutOfRange(channel));

@@ -213,10 +213,10 @@ impl Route {
             ));
         };
         let channels: Vec<Option<usize>> = (form.channels().iter())
-            .map(|name| self.channels.iter().position(|c| c.name == *name))
+            .map(|name| self.channels.iter().position(|c| &*c.name == *name))
             .collect();
         if channels.iter().all(Option::is_none) {
-            let has: Vec<&str> = self.channels.iter().map(|c| c.name).collect();
+            let has: Vec<&str> = self.channels.iter().map(|c| &*c.name).collect();
             return Err(fail(format!(
                 "{} of type {} has {}; [sensor.{}] needs {}",
                 topic.name,

@@ -25,6 +25,7 @@ use navfuse_core::state::display;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{load_quaternion, store_quaternion};
 use navfuse_core::state::{BlockSpec, Display, Dynamics, Layout, Mode, State};
+use navfuse_core::units::sample::Channel;
 use navfuse_core::units::time::Time;
 use navfuse_core::units::{Angle, Components, Latitude, Length, Longitude, Sigma, Speed, Triple};
 use schemars::JsonSchema;

@@ -5,7 +5,6 @@ use navfuse_core::model::sensor::measurement::MeasurementModel;
 use navfuse_core::nalgebra::{SMatrix, SVector};
 use navfuse_core::state::manifold::Vector;
 use navfuse_core::state::{Handle, View};
-use navfuse_core::units::sample::Channel;
 
 /// The zero-velocity update (Groves section 15.3): `z = v^n` with `z = 0`, so that accelerometer
 /// errors show as velocity and gyro errors as its change.
