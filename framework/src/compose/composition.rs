@@ -162,6 +162,10 @@ impl Composition {
     /// Checks that a sensor's channels fit a sample and its model.
     pub(crate) fn check_channels(info: &SensorInfo, role: &Role) -> Result<(), ComposeError> {
         let count = info.channels.len();
+        if let Some((channel, error)) = info.channels.iter().find_map(|c| Some((c, c.wrong()?))) {
+            let text = format!("the unit of the channel {} in the type's code", channel.name);
+            return Err(ComposeError::new("", format!("{text}: {error}")));
+        }
         let message = match role {
             _ if count > MAX_CHANNELS => {
                 format!("{count} channels; at most {MAX_CHANNELS} fit a sample")

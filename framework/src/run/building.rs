@@ -134,7 +134,7 @@ impl<'a> Building<'a> {
             });
             self.processes.push(Process {
                 name: part.name.to_owned(),
-                kind: part.entry.name.to_owned(),
+                kind: part.entry.name.to_string(),
                 searches: alignment.is_some(),
                 alignment,
                 screening,
@@ -182,6 +182,8 @@ impl<'a> Building<'a> {
                 );
                 return Err(process_place(&self.root, &owner).error(message).into());
             }
+            Composition::check_channels(&info, &role)
+                .map_err(|e| e.at(&process_place(&self.root, &owner)))?;
             if let Some(process) = self.processes.iter_mut().find(|p| p.name == owner) {
                 process.constraint = Some(self.sensors.len());
             }
@@ -348,7 +350,7 @@ fn place_sensor(
     let late = longest_lateness(part, &keys)?;
     // a simulated pseudo-measurement has samples
     let detector = composer.take_detector().filter(|_| keys.simulation.is_none());
-    let (name, kind) = (part.name.to_owned(), part.entry.name.to_owned());
+    let (name, kind) = (part.name.to_owned(), part.entry.name.to_string());
     let mounting = composer.take_mounting();
     let channels = built.channels;
     let info = SensorInfo { name, kind, channels, purpose, mounting };

@@ -192,7 +192,7 @@ impl<'a> Scenario<'a> {
         let parts = self.parts(Kind::Source)?;
         if parts.is_empty() {
             let entries = self.registry.entries().filter(|e| e.kind == Kind::Source);
-            let names = entries.map(|e| e.name).collect::<Vec<_>>().join("], [source.");
+            let names = entries.map(|e| &*e.name).collect::<Vec<_>>().join("], [source.");
             let message = format!("no source of samples: add one of [source.{names}]");
             return Err(self.document.root().error(message));
         }
@@ -227,14 +227,14 @@ impl<'a> Scenario<'a> {
     /// # Errors
     /// As [`Self::sinks`].
     pub fn sinks_of_type(&self, name: &str) -> Result<Vec<String>, DocumentError> {
-        self.named_sinks(|entry| entry.name == name)
+        self.named_sinks(|entry| &*entry.name == name)
     }
 
     fn named_sinks(&self, wanted: impl Fn(&Entry) -> bool) -> Result<Vec<String>, DocumentError> {
         let parts = self.parts(Kind::Sink)?;
         let given = parts.iter().filter(|p| wanted(p.entry)).map(|p| p.name.to_owned());
         let default = self.default_sinks()?;
-        let default = default.into_iter().filter(|e| wanted(e)).map(|e| e.name.to_owned());
+        let default = default.into_iter().filter(|e| wanted(e)).map(|e| e.name.to_string());
         Ok(given.chain(default).collect())
     }
 
@@ -243,7 +243,7 @@ impl<'a> Scenario<'a> {
         let parts = self.parts(Kind::Sink)?;
         let named = self.document.root().get(Kind::Sink.table());
         let mentioned = |entry: &Entry| {
-            named.as_ref().is_some_and(|n| n.get(entry.name).is_some())
+            named.as_ref().is_some_and(|n| n.get(&entry.name).is_some())
                 || parts.iter().any(|p| p.entry.name == entry.name)
         };
         let default = |e: &&Entry| matches!(e.make, Make::Sink { default: true, .. });

@@ -33,8 +33,8 @@ pub fn scenario_schema(registry: &Registry) -> Value {
             let own = entry_schema(entry, &mut definitions);
             let key = format!("{}.{}", kind.table(), entry.name);
             definitions.insert(key.clone(), own);
-            tables.insert(entry.name.to_owned(), json!({ "$ref": format!("#/$defs/{key}") }));
-            names.push(entry.name);
+            tables.insert(entry.name.to_string(), json!({ "$ref": format!("#/$defs/{key}") }));
+            names.push(&*entry.name);
         }
         // a table with another name has the key `type`
         let choices: Vec<Value> = (names.iter())
@@ -113,7 +113,7 @@ fn entry_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
     common.insert(
         TYPE.into(),
         json!({
-            "const": entry.name,
+            "const": &*entry.name,
             "description": "The type, where the table's name is another",
         }),
     );

@@ -31,4 +31,4 @@ pub(crate) use dimension::{example, name as dimension_name, usual_units};
 pub use error::UnitError;
 pub use quantities::*;
 pub use quantity::Quantity;
-pub use unit::{Unit, column_suffix, parse_unit};
+pub use unit::{Unit, column_suffix, parse_unit, suffix_expression};

@@ -207,7 +207,7 @@ fn profiles(sensor: &SensorHistory, from: &[usize]) -> Vec<Panel> {
             .unwrap_or(what);
         let points = profile(sensor, k).map(|[t, v]| [t, sign * factor * v]);
         let curves = vec![curve("", Look::Data(0), points)];
-        over_time(format!("{what} {axis}"), Axis::linear(label("", unit)), curves, Vec::new())
+        over_time(format!("{what} {axis}"), Axis::linear(label("", &unit)), curves, Vec::new())
     };
     channels.map(panel).collect()
 }

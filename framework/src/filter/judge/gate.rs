@@ -8,20 +8,17 @@ use crate::filter::update::correct::Attempt;
 use crate::model::record::{Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::gate::Action;
 use crate::state::covariance::{Covariance, Update};
-use crate::units::sample::Channel;
+use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 
-/// Channel with the largest innovation of a sample, and its size in sigma.
-fn worst(update: &Update, present: u16, channels: &[Channel]) -> (&'static str, f64) {
+/// Index of the channel with the largest innovation of a sample, and its size in sigma.
+fn worst(update: &Update, present: u16) -> (usize, f64) {
     let m = update.m;
-    let names = (channels.iter().enumerate())
-        .filter(|(k, _)| u32::from(present).checked_shr(*k as u32).is_some_and(|p| p & 1 == 1));
-    (names.zip(0..m))
-        .map(|((_, channel), i)| {
-            (channel.name, (update.innovation[i].powi(2) / update.s[i * m + i]).sqrt())
-        })
+    let channels = (0..MAX_CHANNELS).filter(|k| present >> k & 1 == 1);
+    (channels.zip(0..m))
+        .map(|(channel, i)| (channel, (update.innovation[i].powi(2) / update.s[i * m + i]).sqrt()))
         .filter(|(_, size)| size.is_finite())
-        .fold(("", 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
+        .fold((0, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
 }
 
 /// Inflates the covariance until the innovation is about as large as its mean, `NIS = m`, and
@@ -94,11 +91,7 @@ impl Ekf {
             let contradicted = update.remaining(present, &slot.reach).map(|left| left <= GONE);
             (update.share(present, &slot.reach), Evidence { passes, shared, contradicted })
         };
-        let worst = if passes {
-            ("", 0.0)
-        } else {
-            worst(update, present, &self.composition.sensors[index].info.channels)
-        };
+        let worst = if passes { (0, 0.0) } else { worst(update, present) };
         let slot = &mut m.sensors[index];
         let (sensor, time, channels) = (slot.name.as_str(), sample.time, update.m);
         let judged = Judged { sensor, time, nis, threshold, m: channels, share, worst };

@@ -14,7 +14,9 @@
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::gate::{Action, Recovery};
+use crate::units::sample::Channel;
 use crate::units::time::Time;
+use std::sync::Arc;
 
 /// Number of gated samples in a row that causes a warning.
 const IN_A_ROW: u64 = 5;
@@ -64,8 +66,8 @@ pub(in crate::filter) struct Judged<'a> {
     pub(in crate::filter) m: usize,
     /// Square of the innovation relative to that of the first gated sample.
     pub(in crate::filter) share: f64,
-    /// Channel with the largest innovation, and its size in sigma.
-    pub(in crate::filter) worst: (&'static str, f64),
+    /// Index of the channel with the largest innovation, and its size in sigma.
+    pub(in crate::filter) worst: (usize, f64),
 }
 
 /// Evidence on a sample that is gated, or follows a gated one, beside its innovation.
@@ -93,16 +95,8 @@ pub(in crate::filter) struct Streak {
     contradicted: bool,
     /// Set once the lock-out has been reported.
     reported: bool,
-    /// Channel with the largest innovation of all samples, and its size in sigma.
-    worst: (&'static str, f64),
-}
-
-impl Streak {
-    /// Channel with the largest innovation, and its size, in words.
-    fn worst(&self) -> String {
-        let (channel, size) = self.worst;
-        format!("{channel} is off by {size:.1} sigma")
-    }
+    /// Index of the channel with the largest innovation of all samples, and its size in sigma.
+    worst: (usize, f64),
 }
 
 /// Isolation of a sensor: its samples are judged and not used.
@@ -124,6 +118,7 @@ pub(in crate::filter) struct Lockout {
     pub(in crate::filter) streak: Option<Streak>,
     pub(in crate::filter) isolation: Option<Isolation>,
     timeout: Option<f64>,
+    channels: Arc<[Arc<str>]>,
     /// Time of the last judged sample, and of the last used one.
     last: Option<Time>,
     used: Option<Time>,
@@ -137,11 +132,12 @@ pub(in crate::filter) struct Lockout {
 }
 
 impl Lockout {
-    pub(in crate::filter) fn new(timeout: Option<f64>) -> Self {
+    pub(in crate::filter) fn new(timeout: Option<f64>, channels: &[Channel]) -> Self {
         Self {
             streak: None,
             isolation: None,
             timeout,
+            channels: channels.iter().map(|channel| Arc::clone(&channel.name)).collect(),
             last: None,
             used: None,
             usual: (0.0, 0),
@@ -158,6 +154,13 @@ impl Lockout {
     /// Returns `true` if more samples in a row were gated than outliers explain.
     pub(in crate::filter) fn suspects(&self) -> bool {
         self.streak.is_some_and(|streak| streak.count > OUTLIERS)
+    }
+
+    /// Channel with the largest innovation of a streak, and its size, in words.
+    fn worst(&self, streak: &Streak) -> String {
+        let (channel, size) = streak.worst;
+        let channel = self.channels.get(channel).map_or("?", |name| name);
+        format!("{channel} is off by {size:.1} sigma")
     }
 
     /// Decides on a sample.
@@ -208,7 +211,7 @@ impl Lockout {
                 1 => format!("1 sample gated at {since}"),
                 _ => format!("{count} samples gated since {since}"),
             };
-            let text = format!("{gated}, {}; the gate passes again", streak.worst());
+            let text = format!("{gated}, {}; the gate passes again", self.worst(&streak));
             log(sample, Level::Info, text, observer);
         }
         self.spread += WEIGHT * (sample.nis / sample.m as f64 - self.spread);
@@ -285,7 +288,8 @@ impl Lockout {
         let Streak { since, count, silence, step, contradicted, reported, .. } = streak;
         // a single gated sample is expected; several in a row are worth a warning
         if count == IN_A_ROW {
-            let text = format!("{count} samples gated in a row since {since}, {}", streak.worst());
+            let text =
+                format!("{count} samples gated in a row since {since}, {}", self.worst(&streak));
             log(sample, Level::Warning, text, observer);
         }
         let inflates = recovery.action == Action::Inflate;
@@ -364,10 +368,12 @@ impl Lockout {
     /// Reports a sensor that is still gated or isolated after the last sample.
     pub(in crate::filter) fn finish(&self, sensor: &str, time: Time, observer: &mut dyn Observer) {
         let (nis, threshold, share) = (f64::NAN, f64::NAN, f64::NAN);
-        let sample = Judged { sensor, time, nis, threshold, m: 0, share, worst: ("", f64::NAN) };
+        let sample = Judged { sensor, time, nis, threshold, m: 0, share, worst: (0, f64::NAN) };
         if let Some(streak @ Streak { since, count, .. }) = self.streak {
-            let text =
-                format!("the last {count} samples were gated, since {since}, {}", streak.worst());
+            let text = format!(
+                "the last {count} samples were gated, since {since}, {}",
+                self.worst(&streak)
+            );
             log(&sample, Level::Warning, text, observer);
         }
         if let Some(Isolation { since, contradicted, .. }) = self.isolation {

@@ -29,7 +29,7 @@ impl Ekf {
         let last = self.memory.sensors[index].last;
         let text = match rejection {
             Rejection::NotFinite(channel) => {
-                let name = sensor.channels.get(channel).map_or("?", |c| c.name);
+                let name = sensor.channel(channel);
                 let value = sample.get(channel).unwrap_or(f64::NAN);
                 format!("sample rejected: channel {name} is {value}")
             }
@@ -51,7 +51,7 @@ impl Ekf {
                                     the sensor's noise zero?"
                 .to_owned(),
             Rejection::OutOfRange(channel) | Rejection::TooFast(channel) => {
-                let name = sensor.channels.get(channel).map_or("?", |c| c.name);
+                let name = sensor.channel(channel);
                 let value = sample.get(channel).unwrap_or(f64::NAN);
                 let why = if matches!(rejection, Rejection::TooFast(_)) {
                     "changes faster than"

@@ -66,7 +66,7 @@ impl SensorSlot {
             channels: ((1u32 << used) - 1) as u16,
             several,
             last: Time::MIN,
-            lockout: Lockout::new(sensor.timeout),
+            lockout: Lockout::new(sensor.timeout, &sensor.info.channels),
             reach: Reach::with_capacity(n, sensor.info.channels.len()),
             refused: None,
             thresholds,
@@ -97,7 +97,8 @@ impl SensorSlot {
 
     /// Reason to reject a sample that is outside its plausible range, or has changed too fast.
     pub(in crate::filter) fn implausible(&self, sample: &Sample) -> Option<Rejection> {
-        self.limits.iter().find_map(|&(channel, limit)| {
+        self.limits.iter().find_map(|(channel, limit)| {
+            let channel = *channel;
             let value = sample.get(channel)?;
             if !(limit.low..=limit.high).contains(&value) {
                 return Some(Rejection::OutOfRange(channel));

@@ -82,7 +82,7 @@ impl Ekf {
             News::Spike { time, channel, jump, samples } => {
                 let first = self.memory.screen.as_ref().is_none_or(|s| s.spikes == 1);
                 let level = if first { Level::Warning } else { Level::Info };
-                let name = info.channels.get(channel).map_or("?", |c| c.name);
+                let name = info.channel(channel);
                 let text = format!(
                     "spike of {samples} sample(s) replaced: {name} jumped by {jump:.3} and came back"
                 );
@@ -136,9 +136,9 @@ fn evidence(
     } else {
         format!("for {duration:.2} s from {from}")
     };
-    let names: Vec<&str> = (0..MAX_CHANNELS)
+    let names: Vec<&str> = (0..MAX_CHANNELS.min(info.channels.len()))
         .filter(|c| channels >> c & 1 == 1)
-        .filter_map(|c| info.channels.get(c).map(|c| c.name))
+        .map(|c| info.channel(c))
         .collect();
     let names = names.join(", ");
     let what = match fault {

@@ -2,6 +2,7 @@
 
 pub mod delivery;
 pub mod detector;
+pub mod dynamic;
 pub mod gate;
 pub mod limits;
 pub mod measurement;

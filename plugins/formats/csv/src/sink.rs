@@ -95,7 +95,7 @@ impl Tables {
                             "{}.{}{what}{}",
                             sensor.name,
                             channel.name,
-                            ending(channel.unit)
+                            ending(&channel.unit.suffix())
                         ));
                     }
                 }

@@ -232,7 +232,7 @@ impl Router {
             (Some(_), Some(k)) => {
                 self.matched = true;
                 if schema == schema::IMU.name {
-                    let rates = RATES.map(|c| c.column());
+                    let rates = Channel::all(RATES).map(|c| c.column());
                     self.check_columns(k, rates.iter().map(String::as_str))?;
                     Route::Imu(SensorId(k))
                 } else {

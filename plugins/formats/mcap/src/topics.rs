@@ -68,13 +68,13 @@ pub fn purpose(word: &str) -> Option<Purpose> {
 }
 
 /// The channels that a `sensor_msgs/Imu` holds, in its order.
-pub const RATES: [Channel; 6] = [
-    Channel::new("gyro_x", "radps"),
-    Channel::new("gyro_y", "radps"),
-    Channel::new("gyro_z", "radps"),
-    Channel::new("accel_x", "mps2"),
-    Channel::new("accel_y", "mps2"),
-    Channel::new("accel_z", "mps2"),
+pub const RATES: [(&str, &str); 6] = [
+    ("gyro_x", "radps"),
+    ("gyro_y", "radps"),
+    ("gyro_z", "radps"),
+    ("accel_x", "mps2"),
+    ("accel_y", "mps2"),
+    ("accel_z", "mps2"),
 ];
 
 /// The topics of a sensor.
@@ -103,7 +103,7 @@ enum Also {
 impl SensorTopics {
     fn open(log: &mut Definitions, info: &SensorInfo) -> Self {
         let name = &info.name;
-        let imu = info.channels == RATES;
+        let imu = info.channels == Channel::all(RATES);
         let of = [(KIND, info.kind.clone()), (PURPOSE, purpose_word(info.purpose).to_owned())];
         let of = of.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         let samples = log.described(

@@ -134,10 +134,9 @@ impl Target {
             part => part,
         };
         let names = Self::names(part);
-        let channels: Vec<Option<usize>> =
-            names.iter().map(|name| info.channels.iter().position(|c| c.name == *name)).collect();
+        let channels: Vec<Option<usize>> = names.iter().map(|name| info.position(name)).collect();
         if channels[0].is_none() {
-            let has: Vec<&str> = info.channels.iter().map(|c| c.name).collect();
+            let has: Vec<&str> = info.channels.iter().map(|c| &*c.name).collect();
             let message = format!(
                 "it needs a sensor with the channel {}; [sensor.{}] of type {:?} has {}",
                 names[0],

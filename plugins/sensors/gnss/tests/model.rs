@@ -317,7 +317,7 @@ fn a_fix_off_the_earth_is_refused() {
     let limit = |name: &str| {
         let channels = &sensor.info.channels;
         let limits = sensor.limits.iter().map(|(channel, limit)| (&channels[*channel], limit));
-        let found = limits.filter(|(channel, _)| channel.name == name).map(|(_, limit)| limit);
+        let found = limits.filter(|(channel, _)| &*channel.name == name).map(|(_, limit)| limit);
         found.map(|limit| (limit.low, limit.high)).next()
     };
     let quarter = std::f64::consts::FRAC_PI_2;

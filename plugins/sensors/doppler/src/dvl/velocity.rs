@@ -38,7 +38,7 @@ impl SensorType for Dvl {
 
     fn channels(&self) -> Vec<Channel> {
         let axes = ["vel_x", "vel_y", "vel_z"].map(|name| Channel::new(name, "mps"));
-        axes.into_iter().chain(self.altitude.then_some(altitude::CHANNEL)).collect()
+        axes.into_iter().chain(self.altitude.then(altitude::channel)).collect()
     }
 
     fn limits(&self) -> Vec<Limit> {

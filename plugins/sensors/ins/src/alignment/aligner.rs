@@ -19,6 +19,7 @@ use navfuse_core::model::sensor::measurement::AnyMeasurement;
 use navfuse_core::model::sensor::{Role, Sensor};
 use navfuse_core::state::display;
 use navfuse_core::state::{Layout, State};
+use navfuse_core::units::Unit;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::{Span, Time};
 use std::sync::Arc;
@@ -110,7 +111,9 @@ impl Aligner {
             list.iter().map(|s| s.info.name.clone()).collect::<Vec<_>>().join(", ")
         };
         let all: Vec<&Sensor> = sensors.iter().filter(measures).collect();
-        let speeds = |s: &&&Sensor| s.info.channels.iter().filter(|c| c.unit == "mps").count() >= 3;
+        let speeds = |s: &&&Sensor| {
+            s.info.channels.iter().filter(|c| c.unit == Unit::METRE_PER_SECOND).count() >= 3
+        };
         let fitting: Vec<&Sensor> = match &self.wanted {
             Some(name) => all.iter().copied().filter(|s| s.info.name == *name).collect(),
             None => all.iter().filter(speeds).copied().collect(),

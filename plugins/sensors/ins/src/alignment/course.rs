@@ -193,7 +193,7 @@ impl CourseAlignment {
 
 impl InitialAlignment for CourseAlignment {
     fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
-        let channel = |s: &Sensor, name: &str| s.info.channels.iter().position(|c| c.name == name);
+        let channel = |s: &Sensor, name: &str| s.info.position(name);
         let fitting = |s: &Sensor| {
             let wanted = self.settings.wanted.as_ref().is_none_or(|name| s.info.name == *name);
             let measures = s.info.purpose == Purpose::Measurement && !s.constraint;
