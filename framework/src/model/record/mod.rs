@@ -3,11 +3,12 @@
 pub mod finding;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod record;
+mod rejection;
 pub mod verdict;
 mod wants;
 
 pub use record::{
-    Epoch, Event, InputRejection, Level, Observer, Outcome, Rejection, Repetition, Truth,
-    UpdateRecord,
+    Epoch, Event, InputRejection, Level, Observer, Outcome, Repetition, Truth, UpdateRecord,
 };
+pub use rejection::{Outcomes, Rejection};
 pub use wants::{Record, Wants};
