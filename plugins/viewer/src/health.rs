@@ -170,7 +170,7 @@ impl Lane {
         if self.latest.back().is_some_and(|latest| latest.0 == rejection.time) {
             self.latest.pop_back();
         }
-        self.judge(recording, rejection.time, Health::Rejected)
+        self.follow(recording, rejection.time, Health::Rejected)
     }
 
     /// Adds the outcome of a sample; `turning` while the vehicle turns.
@@ -221,7 +221,7 @@ impl Lane {
         if noisy { Health::Noisy } else { Health::Used }
     }
 
-    /// Takes the health of a sample; that of the lane follows the majority.
+    /// Takes the health of a sample that arrives.
     fn judge(
         &mut self,
         recording: &Recording,
@@ -234,6 +234,16 @@ impl Lane {
             self.pace.take(interval, |usual| interval >= 3.0 * usual);
         }
         self.last = Some(time);
+        self.follow(recording, time, health)
+    }
+
+    /// Lets the lane follow the majority of the latest samples, of which this is one.
+    fn follow(
+        &mut self,
+        recording: &Recording,
+        time: Time,
+        health: Health,
+    ) -> Result<(), StreamError> {
         if self.latest.len() == MAJORITY {
             self.latest.pop_front();
         }

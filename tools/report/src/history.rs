@@ -4,7 +4,7 @@ use crate::sensors::{Consistency, Envelope, Innovation, SensorHistory};
 use crate::thin::{Merge, Thin};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Event, Level};
+use navfuse_core::model::record::{Derived, Event, Level};
 use navfuse_core::smooth::SMOOTHER;
 use navfuse_core::state::Mode;
 use navfuse_core::state::geodesy::Geodetic;
@@ -36,6 +36,8 @@ pub struct History {
     pub events: Vec<Event>,
     /// First findings.
     pub findings: Vec<Finding>,
+    /// Last value of each derived quantity.
+    pub derived: Vec<Derived>,
     /// Number of further events.
     pub events_left_out: u64,
     /// Verdict of the run; none in a log that was cut off or that an earlier version wrote.
@@ -241,6 +243,14 @@ impl History {
     pub(crate) fn finding(&mut self, finding: &Finding) {
         if self.findings.len() < EVENTS {
             self.findings.push(finding.clone());
+        }
+    }
+
+    /// Adds a value of a derived quantity.
+    pub(crate) fn derived(&mut self, derived: &Derived) {
+        match self.derived.iter_mut().find(|known| known.name == derived.name) {
+            Some(known) => known.clone_from(derived),
+            None => self.derived.push(derived.clone()),
         }
     }
 

@@ -72,6 +72,7 @@ fn take(history: &mut History, entry: Entry<'_>) {
         }
         Entry::Event(event) => history.event(&event),
         Entry::Finding(finding) => history.finding(&finding),
+        Entry::Derived(derived) => history.derived(&derived),
         Entry::Verdict(verdict) => history.verdict = Some(verdict),
     }
 }

@@ -68,6 +68,10 @@ impl Sink for Recorder {
                 self.history.finding(finding);
                 self.event(&finding.event())
             }
+            Record::Derived(derived) => {
+                self.history.derived(derived);
+                Ok(())
+            }
             Record::Verdict(verdict) => self.verdict(verdict),
             _ => Ok(()),
         }

@@ -1,5 +1,6 @@
 //! What a run records: estimates, updates, events, findings and the verdict.
 
+mod derived;
 pub mod finding;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod record;
@@ -7,6 +8,7 @@ mod rejection;
 pub mod verdict;
 mod wants;
 
+pub use derived::Derived;
 pub use record::{
     Epoch, Event, InputRejection, Level, Observer, Outcome, Repetition, Truth, UpdateRecord,
 };

@@ -17,6 +17,7 @@
 //! | `/log` | `rcl_interfaces/Log` | events, and findings as warnings |
 //! | `/finding` | `navfuse_msgs/Finding` | a fault that was found: severity, basis, evidence and remedy |
 //! | `/rejection` | `navfuse_msgs/Rejection` | a sample of a driving sensor that the filter rejected, and why |
+//! | `/derived` | `navfuse_msgs/Derived` | a quantity that a sink derives: a table at one time |
 //!
 //! **Frames.** `ned` is north, east, down in the tangent plane at the position of the first epoch.
 //! `base_link_frd` is the body, forward, right, down, at the point whose position is estimated.

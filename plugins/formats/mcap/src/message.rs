@@ -3,7 +3,7 @@
 use crate::frames::{Link, ned_in_map, ros_in_body};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
 use navfuse_core::model::record::finding::Finding;
-use navfuse_core::model::record::{Event, Level, Outcome, UpdateRecord};
+use navfuse_core::model::record::{Derived, Event, Level, Outcome, UpdateRecord};
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::Mode;
 use navfuse_core::state::geodesy::Geodetic;
@@ -248,6 +248,15 @@ impl<'a> Encoder<'a> {
     pub fn rejection(mut self, stamp: Stamp, sensor: &str, reason: &str) {
         self.header(stamp, sensor);
         self.0.write_string(reason);
+    }
+
+    /// `navfuse_msgs/Derived`.
+    pub fn derived(mut self, stamp: Stamp, derived: &Derived) {
+        self.header(stamp, &derived.name);
+        self.0.write_string(&derived.unit);
+        self.texts(derived.rows.iter().map(String::as_str));
+        self.texts(derived.columns.iter().map(String::as_str));
+        self.sequence(&derived.values);
     }
 
     /// `rcl_interfaces/Log`.

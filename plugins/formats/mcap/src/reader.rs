@@ -9,7 +9,7 @@ use crate::topics::{KIND, PURPOSE, RATES, purpose};
 use mcap::records::{Record, op};
 use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Event, Level};
+use navfuse_core::model::record::{Derived, Event, Level};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::Mode;
@@ -18,6 +18,7 @@ use navfuse_core::units::time::Time;
 use re_cdr::{CdrReader, LittleEndian};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// An entry of a log.
 #[derive(Clone, Debug)]
@@ -36,6 +37,8 @@ pub enum Entry<'a> {
     Event(Event),
     /// A fault that was found.
     Finding(Finding),
+    /// A derived quantity.
+    Derived(Derived),
     /// The verdict of the run, at its end.
     Verdict(Verdict),
 }
@@ -127,6 +130,7 @@ enum Kind {
     Rejection,
     Event,
     Finding,
+    Derived,
 }
 
 impl LogReader {
@@ -247,6 +251,8 @@ fn kind(topic: &str, schema: &str, next: SensorId) -> Option<Kind> {
         Some(Kind::Rejection)
     } else if schema == schema::FINDING.name {
         Some(Kind::Finding)
+    } else if schema == schema::DERIVED.name {
+        Some(Kind::Derived)
     } else {
         (schema == schema::LOG.name).then_some(Kind::Event)
     }
@@ -271,6 +277,7 @@ fn entry<'a>(kind: Kind, r: &mut Reader<'a>) -> re_cdr::Result<Entry<'a>> {
         }
         Kind::Event => Entry::Event(event(r)?),
         Kind::Finding => Entry::Finding(finding(r)?),
+        Kind::Derived => Entry::Derived(derived(r)?),
     })
 }
 
@@ -341,6 +348,18 @@ fn finding(r: &mut Reader<'_>) -> re_cdr::Result<Finding> {
     let basis = basis.ok_or_else(|| unknown("the basis"))?;
     let (text, remedy) = (r.read_str()?.to_owned(), r.read_str()?.to_owned());
     Ok(Finding { time, about, severity, basis, text, remedy })
+}
+
+fn derived(r: &mut Reader<'_>) -> re_cdr::Result<Derived> {
+    let time = Stamp { sec: r.read_i32()?, nanosec: r.read_u32()? }.time();
+    let (name, unit): (Arc<str>, Arc<str>) = (r.read_str()?.into(), r.read_str()?.into());
+    let names = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();
+    let (rows, columns): (Arc<[String]>, Arc<[String]>) = (names(texts(r)?), names(texts(r)?));
+    let values = numbers(r)?;
+    if values.len() != rows.len() * columns.len() {
+        return Err(re_cdr::Error::Custom(format!("the values of {name} differ in number")));
+    }
+    Ok(Derived { time, name, unit, rows, columns, values })
 }
 
 fn texts<'a>(r: &mut Reader<'a>) -> re_cdr::Result<Vec<&'a str>> {

@@ -96,5 +96,9 @@ pub const FINDING: Schema =
 pub const REJECTION: Schema =
     schema!("navfuse_msgs" / "Rejection", "std_msgs" / "Header", "builtin_interfaces" / "Time");
 
+/// A derived quantity.
+pub const DERIVED: Schema =
+    schema!("navfuse_msgs" / "Derived", "std_msgs" / "Header", "builtin_interfaces" / "Time");
+
 /// An event.
 pub const LOG: Schema = schema!("rcl_interfaces" / "Log", "builtin_interfaces" / "Time");

@@ -9,7 +9,7 @@ use crate::topics::{Topic, Topics};
 use navfuse_core::files::{WholeFile, part_of};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Epoch, Event, InputRejection, Record, UpdateRecord};
+use navfuse_core::model::record::{Derived, Epoch, Event, InputRejection, Record, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
 use navfuse_core::run::background::Background;
@@ -165,6 +165,7 @@ impl Sink for McapSink {
                 self.event(&finding.event())?;
                 self.record(finding.time, |r| r.finding(finding))
             }
+            Record::Derived(derived) => self.record(derived.time, |r| r.derived(derived)),
             Record::Verdict(verdict) => self.verdict(verdict),
             _ => Ok(()),
         }
@@ -339,6 +340,11 @@ impl Recording {
     fn finding(&mut self, finding: &Finding) -> Result<(), StreamFailure> {
         let (time, stamp) = self.stamp(finding.time)?;
         self.log.send(&mut self.topics.findings, time, |m| m.finding(stamp, finding))
+    }
+
+    fn derived(&mut self, derived: &Derived) -> Result<(), StreamFailure> {
+        let (time, stamp) = self.stamp(derived.time)?;
+        self.log.send(&mut self.topics.derived, time, |m| m.derived(stamp, derived))
     }
 
     fn rejection(&mut self, rejection: &InputRejection) -> Result<(), StreamFailure> {

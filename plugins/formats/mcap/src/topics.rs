@@ -38,6 +38,8 @@ pub struct Topics {
     pub findings: Topic,
     /// `/rejection`
     pub rejections: Topic,
+    /// `/derived`
+    pub derived: Topic,
 }
 
 impl Topics {
@@ -49,6 +51,7 @@ impl Topics {
             events: log.topic("/log", &schema::LOG),
             findings: log.topic("/finding", &schema::FINDING),
             rejections: log.topic("/rejection", &schema::REJECTION),
+            derived: log.topic("/derived", &schema::DERIVED),
         }
     }
 }

@@ -7,7 +7,7 @@ mod common;
 use common::{fixture, floats, read};
 use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 use navfuse_core::model::record::{
-    Event, InputRejection, Level, Outcome, Record, Rejection, UpdateRecord,
+    Derived, Event, InputRejection, Level, Outcome, Record, Rejection, UpdateRecord,
 };
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::Sink;
@@ -73,6 +73,11 @@ fn told(path: &Path) -> (Vec<Value>, Vec<Known>, Option<String>) {
                 text(&f.text),
                 text(&f.remedy)
             ]),
+            Entry::Derived(d) => {
+                let names = |names: &[String]| names.iter().map(|n| text(n)).collect::<Value>();
+                let (rows, columns) = (names(&d.rows), names(&d.columns));
+                json!([d.time.nanos(), text(&d.name), rows, columns, floats(&d.values)])
+            }
             Entry::Verdict(_) => return, // a metadata record, no message
         };
         messages.push(told);
@@ -124,6 +129,9 @@ fn written(path: &Path) -> Vec<Value> {
                 f["text"],
                 f["remedy"]
             ]),
+            "navfuse_msgs/msg/Derived" => {
+                json!([time(), f["header"]["frame_id"], f["rows"], f["columns"], f["values"]])
+            }
             "rcl_interfaces/msg/Log" => json!([time(), f["name"], f["msg"]]),
             "navfuse_msgs/msg/Sample" | "sensor_msgs/msg/Imu" => {
                 let imu = [
@@ -182,12 +190,21 @@ fn the_reader_tells_every_message_as_it_was_written() {
         remedy: "calibrate it".into(),
     };
     sink.take(&Record::Finding(&finding)).unwrap();
+    let derived = Derived {
+        time,
+        name: "information".into(),
+        unit: "".into(),
+        rows: ["roll", "pitch"].map(str::to_owned).into(),
+        columns: ["dvl", "depth", "gnss"].map(str::to_owned).into(),
+        values: vec![0.5, 0.25, 0.25, 1.0, 0.0, 0.0],
+    };
+    sink.take(&Record::Derived(&derived)).unwrap();
     sink.finish().unwrap();
     let (told, sensors, warning) = told(&path);
     assert_eq!(told, written(&path));
     // a finding is a warning of the log too
-    assert_eq!((told.len(), warning), (11, None));
-    let [.., rejected, logged, found] = &told[..] else { panic!("{told:?}") };
+    assert_eq!((told.len(), warning), (12, None));
+    let [.., rejected, logged, found, _] = &told[..] else { panic!("{told:?}") };
     assert_eq!(rejected[2], text("gyro_y_radps is not finite"));
     assert_eq!(logged[2], text("the scale is wrong; calibrate it"));
     assert_eq!(found[2], text("do_not_use"));

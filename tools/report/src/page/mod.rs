@@ -171,6 +171,7 @@ pub fn report(
             section #observability {
                 h2 { "Observability" }
                 @if let Some(observed) = observed { (tables::verdicts(observed)) }
+                @for derived in &history.derived { (tables::derived(derived)) }
                 (picture(&plots::normalised(history), &html! {
                     "Sigma relative to its first value. A state whose sigma falls is observed "
                     "from then on; a state whose sigma stays at 1 is not."

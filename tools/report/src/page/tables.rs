@@ -6,7 +6,7 @@ use crate::sensors::SensorHistory;
 use maud::{Markup, html};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::VerdictLevel;
-use navfuse_core::model::record::{Level, Outcomes};
+use navfuse_core::model::record::{Derived, Level, Outcomes};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_observability::{ObservabilityReport, Verdict};
 
@@ -296,6 +296,24 @@ pub(super) fn smoothing(history: &History, anchor: &str) -> Markup {
                 }
             }
         }
+    }
+}
+
+/// Creates the table of a derived quantity.
+pub(super) fn derived(derived: &Derived) -> Markup {
+    html! {
+        h3 {
+            (derived.name) @if !derived.unit.is_empty() { " [" (derived.unit) "]" }
+            ", at " (derived.time)
+        }
+        div.wide { table {
+            thead { tr { th {} @for column in derived.columns.iter() { th { (column) } } } }
+            tbody {
+                @for (row, values) in derived.iter() {
+                    tr { th { (row) } @for value in values { td { (format!("{value:.3}")) } } }
+                }
+            }
+        } }
     }
 }
 
