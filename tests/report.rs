@@ -122,6 +122,39 @@ fn a_finding_and_a_rejected_sample_of_the_imu_are_in_result_log_page_and_replay(
     assert_eq!(json_of("replay", &log, &[], &again)["findings"], result["findings"]);
 }
 
+/// The command `observability` counts the bits of each sensor from the same log.
+#[test]
+fn the_share_of_each_sensor_in_the_information_is_in_log_and_page() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings = ["estimator.stop=\"200 s\"", "sink.information={ every = \"20 s\" }"];
+    json_of("run", &scenario("quickstart"), &settings, folder.path());
+    let log = folder.path().join("run.mcap");
+    let history = navfuse_report::read_log(&log, |_| {}).expect("the log");
+    let [information] = &history.derived[..] else { panic!("{:?}", history.derived) };
+    assert_eq!((&*information.name, information.time.seconds()), ("information", 200.0));
+    let output = navfuse(&["observability", &log.display().to_string(), "--format", "json"]);
+    let observed: Value = serde_json::from_str(&stdout(&output)).expect("a result in JSON");
+    let states = observed["states"].as_array().expect("a list");
+    assert_eq!(states.len(), information.rows.len());
+    for (state, (name, shares)) in states.iter().zip(information.iter()) {
+        assert_eq!(state["title"], name);
+        let bits = |sensor: &String| state["information"][sensor].as_f64().unwrap_or(0.0);
+        let bits: Vec<f64> = information.columns.iter().map(bits).collect();
+        let sum: f64 = bits.iter().sum();
+        for (share, bits) in shares.iter().zip(&bits) {
+            assert!((share - bits / sum).abs() < 1e-9, "{name}: {shares:?} {bits}");
+        }
+    }
+    let output = command().arg("report").arg(&log).output().expect("the command starts");
+    let page = read(&folder.path().join("report.html"));
+    assert!(page.contains("<h3>information"), "{}", stderr(&output));
+    // nothing derives it unless the scenario asks
+    let plain = folder.path().join("plain");
+    json_of("run", &scenario("quickstart"), &settings[..1], &plain);
+    let history = navfuse_report::read_log(&plain.join("run.mcap"), |_| {}).expect("the log");
+    assert!(history.derived.is_empty());
+}
+
 #[test]
 fn a_run_that_ends_in_an_error_has_its_page_and_a_failure() {
     let recording = Recording::new();
