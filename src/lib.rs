@@ -40,7 +40,8 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_nmea::NmeaPlugin)
         .add(&navfuse_vehicle_logs::VehicleLogsPlugin)
         .add(&navfuse_mcap::McapPlugin)
-        .add(&navfuse_ros2::Ros2Plugin);
+        .add(&navfuse_ros2::Ros2Plugin)
+        .add(&navfuse_observability::ObservabilityPlugin);
     #[cfg(feature = "rerun")]
     registry.add(&navfuse_viewer::ViewerPlugin);
     registry

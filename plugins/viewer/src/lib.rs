@@ -35,6 +35,7 @@ mod axis;
 mod blueprint;
 pub mod colours;
 mod columns;
+mod derived;
 mod file;
 mod health;
 mod history;
@@ -128,7 +129,7 @@ impl Rerun {
     pub fn record(
         self,
         output: &Path,
-        tabs: Vec<Box<dyn Tab>>,
+        mut tabs: Vec<Box<dyn Tab>>,
     ) -> Result<Box<dyn Sink>, StreamError> {
         let serve = match self.serve {
             Serve::Local(yes) => yes.then_some(Live::LOCAL),
@@ -141,6 +142,7 @@ impl Rerun {
         };
         let live = Live { connect: self.connect, spawn: self.spawn, serve };
         let recording = Recording::open(output.join(self.path), &live)?;
+        tabs.push(Box::new(derived::DerivedTab::default()));
         let sink = sink::RerunSink::new(recording, self.samples, self.full, tabs);
         Ok(Box::new(Background::new(sink)))
     }

@@ -5,12 +5,13 @@
 //! about z. navfuse uses forward, right, down. So quantities about or along the paper's y axis are
 //! navfuse's third component with the opposite sign.
 
-use crate::history::{BlockHistory, History, SensorHistory};
+use crate::history::{BlockHistory, History};
 use crate::page::{document, picture};
 use crate::plots::{
     beside_truth, channel, convergence, curve, error, label, normalised_panel, over_time, profile,
     tracks,
 };
+use crate::sensors::SensorHistory;
 use maud::html;
 use navfuse_figures::{Axis, Curve, Figure, FigureError, Look, Panel};
 

@@ -2,7 +2,8 @@
 
 use crate::frames::{Link, ned_in_map, ros_in_body};
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
-use navfuse_core::model::record::{Event, Level, Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::record::finding::Finding;
+use navfuse_core::model::record::{Derived, Event, Level, Outcome, UpdateRecord};
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::Mode;
 use navfuse_core::state::geodesy::Geodetic;
@@ -221,7 +222,7 @@ impl<'a> Encoder<'a> {
             Outcome::Placed => self.0.write_string("placed"),
             Outcome::Gated => self.0.write_string("gated"),
             Outcome::Rejected(why) => {
-                self.0.write_string(&format!("rejected: {}", reason(why, columns)))
+                self.0.write_string(&format!("rejected: {}", why.reason(columns)))
             }
         }
         self.numbers(&[update.nis, update.threshold]);
@@ -232,6 +233,30 @@ impl<'a> Encoder<'a> {
         update.channels().for_each(|(_, innovation, _)| self.0.write_f64(innovation));
         self.0.write_sequence_length(dof);
         update.channels().for_each(|(_, _, sigma)| self.0.write_f64(sigma));
+    }
+
+    /// `navfuse_msgs/Finding`.
+    pub fn finding(mut self, stamp: Stamp, finding: &Finding) {
+        self.header(stamp, &finding.about);
+        let Finding { severity, basis, text, remedy, .. } = finding;
+        for text in [severity.name(), basis.name(), text, remedy] {
+            self.0.write_string(text);
+        }
+    }
+
+    /// `navfuse_msgs/Rejection`.
+    pub fn rejection(mut self, stamp: Stamp, sensor: &str, reason: &str) {
+        self.header(stamp, sensor);
+        self.0.write_string(reason);
+    }
+
+    /// `navfuse_msgs/Derived`.
+    pub fn derived(mut self, stamp: Stamp, derived: &Derived) {
+        self.header(stamp, &derived.name);
+        self.0.write_string(&derived.unit);
+        self.texts(derived.rows.iter().map(String::as_str));
+        self.texts(derived.columns.iter().map(String::as_str));
+        self.sequence(&derived.values);
     }
 
     /// `rcl_interfaces/Log`.
@@ -248,11 +273,6 @@ impl<'a> Encoder<'a> {
         self.0.write_string("");
         self.0.write_u32(0);
     }
-}
-
-/// The reason for a rejection, in the words of the log; `columns` are the columns of the sensor.
-pub fn reason(why: Rejection, columns: &[String]) -> String {
-    why.reason(columns)
 }
 
 /// North, east, down along east, north, up, and the other way round.

@@ -4,11 +4,12 @@ use crate::background::Background as Writer;
 use crate::chunk::{Chunk, Definitions, LENGTH};
 use crate::file::LogFile;
 use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
-use crate::message::Encoder;
-use crate::topics::{Estimate, SensorTopics, Topic, Topics};
+use crate::message::{Encoder, Stamp};
+use crate::topics::{Topic, Topics};
 use navfuse_core::files::{WholeFile, part_of};
+use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Epoch, Event, Record, UpdateRecord};
+use navfuse_core::model::record::{Derived, Epoch, Event, InputRejection, Record, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
 use navfuse_core::run::background::Background;
@@ -157,7 +158,14 @@ impl Sink for McapSink {
             Record::Epoch(epoch) => self.record(epoch.state.time, |r| r.epoch(epoch)),
             Record::Update(update) => self.record(update.time, |r| r.update(update)),
             Record::Event(event) => self.event(event),
-            Record::Finding(finding) => self.event(&finding.event()),
+            Record::InputRejection(rejection) => {
+                self.record(rejection.time, |r| r.rejection(rejection))
+            }
+            Record::Finding(finding) => {
+                self.event(&finding.event())?;
+                self.record(finding.time, |r| r.finding(finding))
+            }
+            Record::Derived(derived) => self.record(derived.time, |r| r.derived(derived)),
             Record::Verdict(verdict) => self.verdict(verdict),
             _ => Ok(()),
         }
@@ -261,9 +269,7 @@ impl Drop for LogWriter {
 #[derive(Debug)]
 struct Recording {
     log: LogWriter,
-    sensors: Vec<SensorTopics>,
-    estimate: Estimate,
-    events: Topic,
+    topics: Topics,
 }
 
 impl Recording {
@@ -287,7 +293,7 @@ impl Recording {
         entries.extend(run.description.clone().map(|text| ("description", text)));
         let metadata = entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         let mut definitions = Definitions::default();
-        let Topics { sensors, estimate, events } = Topics::open(&mut definitions, run);
+        let topics = Topics::open(&mut definitions, run);
         let start = u64::try_from(first.nanos().saturating_add(offset)).unwrap_or(0);
         let head = |file: &mut LogFile<WholeFile>| {
             file.metadata(METADATA, &metadata)?;
@@ -295,7 +301,7 @@ impl Recording {
         };
         let mut log = LogWriter::begin(file, compression, &run.version, definitions, offset, head)?;
         log.latest = first;
-        Ok(Self { log, sensors, estimate, events })
+        Ok(Self { log, topics })
     }
 
     /// Completes the file, which then takes its name.
@@ -314,21 +320,41 @@ impl Recording {
     }
 
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamFailure> {
-        self.sensors[sample.sensor.0].sample(&mut self.log, sample)
+        self.topics.sensors[sample.sensor.0].sample(&mut self.log, sample)
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
-        self.estimate.epoch(&mut self.log, epoch)
+        self.topics.estimate.epoch(&mut self.log, epoch)
     }
 
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamFailure> {
-        self.sensors[update.sensor.0].update(&mut self.log, update)
+        self.topics.sensors[update.sensor.0].update(&mut self.log, update)
     }
 
     /// Writes an event. An event from before the clock was known has the latest logged time.
     fn event(&mut self, event: &Event) -> Result<(), StreamFailure> {
-        let time = if event.time <= Time::MIN { self.log.latest } else { event.time };
-        let stamp = crate::message::Stamp::new(time)?;
-        self.log.send(&mut self.events, time, |m| m.log(stamp, event))
+        let (time, stamp) = self.stamp(event.time)?;
+        self.log.send(&mut self.topics.events, time, |m| m.log(stamp, event))
+    }
+
+    fn finding(&mut self, finding: &Finding) -> Result<(), StreamFailure> {
+        let (time, stamp) = self.stamp(finding.time)?;
+        self.log.send(&mut self.topics.findings, time, |m| m.finding(stamp, finding))
+    }
+
+    fn derived(&mut self, derived: &Derived) -> Result<(), StreamFailure> {
+        let (time, stamp) = self.stamp(derived.time)?;
+        self.log.send(&mut self.topics.derived, time, |m| m.derived(stamp, derived))
+    }
+
+    fn rejection(&mut self, rejection: &InputRejection) -> Result<(), StreamFailure> {
+        let Topics { sensors, rejections, .. } = &mut self.topics;
+        rejections.rejection(&mut self.log, &sensors[rejection.sensor.0], rejection)
+    }
+
+    /// The time of a message, and its stamp: the latest logged time from before the clock was known.
+    fn stamp(&self, time: Time) -> Result<(Time, Stamp), StreamFailure> {
+        let time = if time <= Time::MIN { self.log.latest } else { time };
+        Ok((time, Stamp::new(time)?))
     }
 }
