@@ -7,6 +7,7 @@ mod inputs;
 mod merge;
 mod mistakes;
 mod parts;
+mod rules;
 pub mod runner;
 pub mod scenario;
 pub mod schema;
