@@ -2,8 +2,13 @@
 
 use super::line;
 use crate::error::{CommandError, Result};
-use navfuse_core::files::write_whole;
+use navfuse_core::files::{check_output, write_whole};
 use std::path::Path;
+
+/// Tests that a file may be written, before the work for it begins.
+pub fn check(path: &Path) -> Result<()> {
+    check_output(path).map_err(CommandError::cannot_write(path))
+}
 
 /// Writes a file whole or not at all, and makes the folder around it.
 pub fn write(path: &Path, text: &str) -> Result<()> {
@@ -11,7 +16,7 @@ pub fn write(path: &Path, text: &str) -> Result<()> {
     folder
         .map_or(Ok(()), std::fs::create_dir_all)
         .and_then(|()| write_whole(path, text.as_bytes()))
-        .map_err(CommandError::file(path, "cannot be written", "; give another place with --out"))
+        .map_err(CommandError::cannot_write(path))
 }
 
 /// Writes files, each with its name and text, into a folder; with `shown` their paths are printed.
