@@ -12,11 +12,12 @@ pub fn check(path: &Path) -> Result<()> {
 
 /// Writes a file whole or not at all, and makes the folder around it.
 pub fn write(path: &Path, text: &str) -> Result<()> {
+    check(path)?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
     folder
         .map_or(Ok(()), std::fs::create_dir_all)
         .and_then(|()| write_whole(path, text.as_bytes()))
-        .map_err(CommandError::cannot_write(path))
+        .map_err(CommandError::file(path, "cannot be written", "; give another place with --out"))
 }
 
 /// Writes files, each with its name and text, into a folder; with `shown` their paths are printed.

@@ -49,10 +49,14 @@ impl Held {
         Self(identity)
     }
 
-    /// Holds what a command reads at a path: a file, or the files directly in a folder.
+    /// Holds what a command reads at a path: a file, or the whole files directly in a folder.
     pub fn all(path: &Path) -> Vec<Self> {
         match fs::read_dir(path) {
-            Ok(entries) => entries.flatten().map(|entry| Self::new(&entry.path())).collect(),
+            Ok(entries) => {
+                let paths = entries.flatten().map(|entry| entry.path());
+                let whole = paths.filter(|path| path.extension().is_none_or(|e| e != "part"));
+                whole.map(|path| Self::new(&path)).collect()
+            }
             Err(_) => vec![Self::new(path)],
         }
     }
