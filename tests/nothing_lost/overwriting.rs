@@ -60,7 +60,7 @@ fn prepared() -> Recording {
     let recording = Recording::new();
     assert!(run(&recording, &[]).status.success());
     let quick = fs::read_to_string(crate::common::scenario("quickstart")).expect("it is there");
-    recording.write("quick.toml", &(quick.clone() + "\n[estimator]\nstop = \"20 s\"\n"));
+    recording.write("quick.toml", &quick.replace("[estimator]", "[estimator]\nstop = \"90 s\""));
     recording.write("moving.toml", &quick);
     let (done, error) =
         call(&recording, "monte-carlo", "quick.toml --runs 1 --shard 1/1 --out @", "part");
