@@ -126,7 +126,7 @@ fn example(name: &str) -> PathBuf {
     root().join("docs/examples/slurm").join(name)
 }
 
-/// Reads all files below a folder, by their relative paths.
+/// Reads all files below a folder, by their relative paths, without the lists of own files.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -137,7 +137,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
                     .into_iter()
                     .map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)),
             );
-        } else {
+        } else if name != ".navfuse" {
             all.insert(name, std::fs::read(entry.path()).unwrap_or_default());
         }
     }

@@ -225,6 +225,11 @@ fn quiet_prints_the_verdict_alone_and_verbose_the_notes() {
     assert!(notes > 0 && !stderr(&usual).contains("note: "), "{}", stderr(&verbose));
     let checked = navfuse(&["check", "-q", &path]);
     assert!(checked.status.success() && stdout(&checked).is_empty());
+    let campaign = ["monte-carlo", "-q", &path, "--runs", "2", "--no-output"];
+    let campaign = navfuse(&[&campaign[..], &SHORT[..2]].concat());
+    let printed = stdout(&campaign);
+    assert!(printed.starts_with("verdict: ") && printed.lines().count() == 1, "{printed}");
+    assert!(campaign.status.success() && stderr(&campaign).is_empty(), "{}", stderr(&campaign));
 }
 
 #[test]

@@ -150,18 +150,7 @@ fn place(arguments: &Export, extension: &str) -> Result<PathBuf> {
         log.clone()
     };
     let file = arguments.out.clone().unwrap_or_else(|| name.with_extension(extension));
-    let same = |a: &Path, b: &Path| {
-        a == b
-            || std::fs::canonicalize(a)
-                .ok()
-                .is_some_and(|a| std::fs::canonicalize(b).ok() == Some(a))
-    };
-    if same(&file, log) {
-        return Err(CommandError::argument(
-            file.display().to_string(),
-            "it is the log itself; give another file with --out",
-        ));
-    }
+    output::check(&file)?;
     let folder = file.parent().filter(|p| !p.as_os_str().is_empty());
     let made = folder.map_or(Ok(()), std::fs::create_dir_all);
     made.map_err(CommandError::file(&file, "cannot be written", "; give another with --out"))?;

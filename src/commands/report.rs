@@ -52,6 +52,9 @@ struct Content {
 
 /// Writes a page about a run.
 pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
+    if let Some(out) = &arguments.out {
+        output::check(out)?;
+    }
     let (stop, bar) = (stop_on_signal(), Bar::new(true));
     let of_scenario_file = has_extension(&arguments.of, "toml") || arguments.of.as_os_str() == "-";
     let Content { history, observed, folder, end } = if of_scenario_file {

@@ -5,6 +5,7 @@ use crate::execution::input::{document, runs_folder, seconds};
 use crate::output::campaign::{self as show, Shown};
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::scenarios;
+use crate::output::terminal::Detail;
 use crate::output::{self, Format};
 use clap::{Args, ValueEnum};
 use navfuse_campaign::{
@@ -184,7 +185,7 @@ pub fn run(
         (None, Some(out)) => part(settings.shard, done, out, text),
         (None, None) => {}
     }
-    if text {
+    if text && Detail::get() != Detail::Quiet {
         took(done, threads(settings)?, clock);
     }
     if done.interrupted() {
@@ -298,11 +299,13 @@ pub fn report(
 ) -> Result<()> {
     let mut files = results.files.clone();
     let drawn = draw(campaign, results, kind, out, &mut files);
-    if text {
-        show::results(campaign, results, kind.shown, kind.scenario);
-        show::files(&files, out);
-    } else {
-        output::line(serde_json::to_string(&results.report)?);
+    match (text, Detail::get()) {
+        (false, _) => output::line(serde_json::to_string(&results.report)?),
+        (true, Detail::Quiet) => show::verdicts(results),
+        (true, _) => {
+            show::results(campaign, results, kind.shown, kind.scenario);
+            show::files(&files, out);
+        }
     }
     drawn
 }

@@ -1,10 +1,8 @@
 //! From a TOML document to a composition, its sources and its sinks.
 
 use crate::compose::Composition;
-use crate::compose::estimator::EstimatorType;
 use crate::compose::estimator::{Creator, EstimatorType};
 use crate::document::{Document, DocumentError};
-use crate::filter::Ukf;
 use crate::filter::{Ekf, Ukf};
 use crate::model::stream::{NamedSink, NamedSource};
 use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry, Shared};

@@ -85,6 +85,10 @@ pub enum From {
 /// Calibrates the DVL on the samples of a scenario or a log.
 pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode> {
     let text = arguments.format == Format::Text;
+    [&arguments.write, &arguments.initialise]
+        .into_iter()
+        .flatten()
+        .try_for_each(|o| output::check(o))?;
     let request = request(arguments)?;
     let method = request.methods.first().copied();
     if let (true, Some(method)) = (arguments.write.is_some(), method)

@@ -2,6 +2,7 @@
 //! bytes.
 
 use super::sqlite;
+use navfuse_core::files::{Input, open as open_file};
 use navfuse_core::model::stream::StreamError;
 use navfuse_frames::{Window, mcap};
 use std::fs::File;
@@ -23,7 +24,7 @@ const ALWAYS: u64 = 1 << 26;
 /// The content of a file.
 pub enum Storage {
     Mcap(Window),
-    Sqlite(File),
+    Sqlite(Input),
 }
 
 /// A file of a bag.
@@ -73,7 +74,7 @@ pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>, StreamError> {
             continue;
         }
         let metadata = path.join("metadata.yaml");
-        let text = match File::open(&metadata) {
+        let text = match open_file(&metadata) {
             Ok(file) => {
                 let mut text = Vec::new();
                 file.take(1 << 24)
@@ -118,7 +119,7 @@ pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>, StreamError> {
 pub fn open(path: &Path) -> Result<Opened, StreamError> {
     let absolute = || std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let read = |e| StreamError::read(path, e);
-    let mut file = File::open(path).map_err(|e| StreamError::open(absolute(), e))?;
+    let mut file = open_file(path).map_err(|e| StreamError::open(absolute(), e))?;
     let length = file.metadata().map_err(read)?.len();
     let mut magic = Vec::new();
     (&mut file).take(16).read_to_end(&mut magic).map_err(read)?;
@@ -148,7 +149,11 @@ pub fn open(path: &Path) -> Result<Opened, StreamError> {
                 wal.display()
             ));
         }
-        Storage::Sqlite(if packed { unpack(window, length, path, &mut notes)? } else { file })
+        Storage::Sqlite(if packed {
+            unpack(window, length, path, &mut notes)?.into()
+        } else {
+            file
+        })
     } else {
         let text = match length {
             0 => "the file is empty",
