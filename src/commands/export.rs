@@ -24,9 +24,9 @@ Examples:
   navfuse export dive.mcap --to sbet --origin 2026-06-01T08:00:00Z --out dive.sbet
   navfuse export dive.mcap --to ros2 --origin 2026-06-01T08:00:00Z --out dive_bag
 
-geojson, kml, gpx, nmea, sbet, tum and kitti have position, velocity and attitude as the log has
-them. csv and parquet have every state with its full covariance, and ros2 has pose and velocity with
-theirs: the filter runs again on the samples of the log, with the scenario in the log.")]
+geojson, kml, gpx, nmea, sbet, tum and kitti contain position, velocity and attitude from the log.
+csv and parquet contain every state with its full covariance, ros2 contains pose and velocity with
+their covariances. For these three, the filter runs the scenario in the log again on its samples.")]
 pub struct Export {
     /// A log, which is an MCAP file that navfuse wrote
     pub log: PathBuf,

@@ -29,8 +29,7 @@ Examples:
 
 The page has the track, every state with its bounds of 3 sigma and the truth where it is known,
 the innovations with their gates, the accepted and rejected samples of each sensor, the calibration
-before and after, the events and the scenario. It is one file that needs neither network nor
-script.")]
+before and after, the events and the scenario. It is one file and needs no network.")]
 pub struct Report {
     /// A log, which is an MCAP file that navfuse wrote, or a scenario, a TOML file
     pub of: PathBuf,

@@ -20,15 +20,14 @@ use std::time::Instant;
 /// Random draws of each run.
 #[derive(Clone, Debug, Args)]
 pub struct Draws {
-    /// Seed of the campaign; run r has the seed 1000000 times that, plus r [default: that of the
-    /// scenario]
+    /// Seed of the campaign; run r has 1000000 times this seed, plus r [default: the scenario's seed]
     #[arg(long)]
     pub seed: Option<u64>,
     /// Values that are drawn beside the noise
     #[arg(long, value_enum, default_value_t = Start::Drawn)]
     pub start: Start,
-    /// Judge errors and sigmas from this time on; earlier ones are recorded, but have no part in
-    /// the verdict
+    /// Judge errors and sigmas from this time on; earlier epochs are recorded, but do not count
+    /// for the verdict
     #[arg(long, value_name = "TIME")]
     pub from: Option<String>,
 }

@@ -43,7 +43,7 @@ pub struct RunOptions {
     /// Write nothing: no log, no recording
     #[arg(long, conflicts_with_all = ["out", "rerun", "connect", "serve"])]
     pub no_output: bool,
-    /// Exit with 0 also where the verdict is "do not use", instead of 3
+    /// Exit with 0 instead of 3 where the verdict is "do not use"
     #[arg(long)]
     pub accept_inconsistent: bool,
     #[command(flatten)]

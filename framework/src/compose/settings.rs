@@ -57,8 +57,8 @@ pub struct EstimatorConfig {
     /// `ukf` (unscented), or one that a plugin registers. A sensor's own `update` has precedence.
     #[serde(default = "ekf")]
     pub(crate) update: String,
-    /// Rate of the covariance, below that of the driving sensor. The estimate takes every sample;
-    /// the covariance is propagated over several of them at once, and before each measurement.
+    /// Rate of the covariance, lower than the driving sensor's. The estimate takes every sample; the
+    /// covariance is propagated over several of them at once, and before each measurement.
     /// Default: with every sample.
     covariance_rate: Option<Positive<Frequency>>,
     /// Rate at which estimates are recorded.

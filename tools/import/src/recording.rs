@@ -235,7 +235,7 @@ impl Recording {
         if let Some(part) = self.parts.iter_mut().find(bag) {
             // the source has turned the axes of ROS, which these were not
             part.found.source.push("axes = \"frd\"".to_owned());
-            let text = "its axes are forward, right, down already, not those of ROS";
+            let text = "its axes are forward, right, down already, and not the axes of ROS";
             part.found.questions.push(format!("by the mean of accel_z, {text}"));
             self.notes.push(format!("imu: {text}"));
             return;
@@ -262,7 +262,7 @@ impl Recording {
             }
         }
         part.found.questions.push(
-            "the mean of accel_z is that of an IMU whose z axis points up: forward, left, up is \
+            "the mean of accel_z fits an IMU whose z axis points up: forward, left, up is \
              assumed, and y and z are turned"
                 .to_owned(),
         );
