@@ -1,7 +1,7 @@
 //! The runner: merging, memory, failing sinks, interruption, silence.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::model::record::{Epoch, Event, Level, Record, Wants};
+use navfuse_core::model::record::{Epoch, Event, Level, Record};
 use navfuse_core::model::stream::{Sink, Source, StreamError};
 use navfuse_core::run::runner::run;
 use navfuse_core::run::scenario::Assembly;
@@ -93,9 +93,6 @@ struct Told {
 }
 
 impl Sink for Told {
-    fn wants(&self) -> Wants {
-        Wants::SAMPLES | Wants::EPOCHS | Wants::EVENTS | Wants::FINDINGS
-    }
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         match *record {
             Record::Sample(sample) => self.sample(sample),

@@ -3,7 +3,7 @@
 
 use crate::lab::{Lab, Stream, assemble_to, stranger};
 use crate::{Failure, Report};
-use navfuse_core::model::record::{Level, Record, Wants};
+use navfuse_core::model::record::{Level, Record};
 use navfuse_core::model::stream::{Sink, Source, StreamError};
 use navfuse_core::plugin::Kind;
 use navfuse_core::run::runner;
@@ -188,9 +188,6 @@ struct Interruption {
 }
 
 impl Sink for Interruption {
-    fn wants(&self) -> Wants {
-        Wants::SAMPLES
-    }
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         let Record::Sample(sample) = record else { return Ok(()) };
         if sample.time >= self.middle {

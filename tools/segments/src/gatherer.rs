@@ -3,7 +3,7 @@
 use crate::gather::{Builder, imu_of};
 use crate::{Recording, SegmentError};
 use navfuse_core::compose::Composition;
-use navfuse_core::model::record::{Record, Wants};
+use navfuse_core::model::record::Record;
 use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::run::scenario::{Assembly, Scenario};
 use navfuse_core::session::Finished;
@@ -220,10 +220,6 @@ fn join(output: Output, before: Option<Time>, a: &Sample, b: &Sample) -> Sample 
 }
 
 impl Sink for Gatherer {
-    fn wants(&self) -> Wants {
-        Wants::SAMPLES
-    }
-
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         let Record::Sample(sample) = record else { return Ok(()) };
         if let Some(kept) = self.sensors.get_mut(sample.sensor.0) {

@@ -1,6 +1,6 @@
 //! A run compared with its truth.
 
-use navfuse_core::model::record::{Epoch, Outcome, Record, UpdateRecord, Wants};
+use navfuse_core::model::record::{Epoch, Outcome, Record, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::run::runner;
 use navfuse_core::session::Finished;
@@ -35,9 +35,6 @@ impl Errors {
 }
 
 impl Sink for Errors {
-    fn wants(&self) -> Wants {
-        Wants::EPOCHS | Wants::UPDATES
-    }
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.names = run.sensors.iter().map(|s| s.name.clone()).collect();
         Ok(())
