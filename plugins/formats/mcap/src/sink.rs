@@ -1,10 +1,10 @@
 //! The sink: every sample, estimate, innovation and event of a run in one MCAP file.
 
-use crate::chunk::{Definitions, Topic};
+use crate::chunk::Definitions;
 use crate::file::{Compression, LogFile};
 use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
-use crate::message::{Encoder, Stamp};
-use crate::topics::{Estimate, SensorTopics, Topics};
+use crate::message::Stamp;
+use crate::topics::Topics;
 use crate::writer::LogWriter;
 use navfuse_core::files::{WholeFile, part_of};
 use navfuse_core::model::record::finding::Finding;
