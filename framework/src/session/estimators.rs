@@ -3,8 +3,10 @@
 use crate::compose::Composition;
 use crate::compose::estimator::{Creator, Estimator};
 use crate::document::{DocumentError, Node, unknown};
-use crate::filter::{Ekf, Ukf};
+use crate::filter::{Ekf, Timeline, Ukf};
+
 use crate::model::error::ComposeError;
+use crate::model::record::Epoch;
 use crate::model::sensor::Role;
 use crate::plugin::Registry;
 use crate::smooth::Relinearised;
@@ -115,6 +117,27 @@ pub(crate) fn settled_mut(estimator: &mut dyn Estimator) -> Option<&mut Ekf> {
 pub(crate) fn has_jumped(estimator: &mut dyn Estimator) -> bool {
     let any: &mut dyn Any = estimator;
     any.downcast_mut::<Relinearised>().is_some_and(Relinearised::has_jumped)
+}
+
+/// Shows the estimate after all samples that have arrived; the filter itself stays where it is.
+pub(crate) fn newest<T>(
+    timeline: &mut Option<Timeline>,
+    estimator: &mut dyn Estimator,
+    look: impl FnOnce(&Epoch<'_>) -> T,
+) -> Option<T> {
+    let pooled = estimator.composition().estimator.covariance_period().is_some();
+    match (timeline, settled_mut(estimator)) {
+        (Some(timeline), Some(filter)) => timeline.newest(filter, look),
+        // the covariance of a copy is brought to the time of the estimate
+        (None, Some(filter)) if pooled && filter.running() => {
+            let kept = filter.snapshot();
+            filter.settle(&mut ());
+            let seen = look(&filter.epoch());
+            filter.restore(&kept);
+            Some(seen)
+        }
+        _ => estimator.running().then(|| look(&estimator.epoch())),
+    }
 }
 
 /// The reason for which the filter never started, and the remedy.

@@ -1,5 +1,6 @@
 //! The heart of a run: samples go in, in the order of their arrival, and records come out.
 
+mod announced;
 mod estimators;
 mod finished;
 mod output_rate;

@@ -8,6 +8,7 @@ use crate::model::record::verdict::Verdict;
 use crate::model::record::{Epoch, Event, Level, Observer, Record, Wants};
 use crate::model::sensor::SensorInfo;
 use crate::model::stream::{NamedSink, RunInfo};
+use crate::session::announced::Announced;
 use crate::session::estimators;
 use crate::session::finished::{End, Finished, RunError};
 use crate::session::output_rate::OutputRate;
@@ -52,12 +53,7 @@ pub struct Session {
     /// Output rate of the newest estimates.
     newest: OutputRate,
     sensors: Vec<SensorInfo>,
-    /// Notes of the composition, until the first sample gives them a time.
-    notes: Vec<(String, String)>,
-    /// Announced events, the last one first.
-    schedule: Vec<Event>,
-    /// Warnings for the end of the log.
-    warnings: Vec<(String, String)>,
+    announced: Announced,
     /// Set once a sample is beyond `estimator.stop`.
     over: bool,
     error: Option<RunError>,
@@ -76,13 +72,11 @@ impl Session {
         let mut session = Self {
             silence: SilenceMonitor::new(timeouts, &info.sensors),
             timeline: Timeline::new(&composition),
-            notes: composition.notes.clone(),
+            announced: Announced::new(composition.notes.clone()),
             estimator: estimators::create(composition),
             outputs,
             newest: rate,
             sensors: info.sensors,
-            schedule: Vec::new(),
-            warnings: Vec::new(),
             over: false,
             error: None,
         };
@@ -98,13 +92,12 @@ impl Session {
     /// Announces events, each of which is logged once the samples reach its time. An event at
     /// [`Time::MIN`] is logged with the first sample.
     pub fn announce(&mut self, events: Vec<Event>) {
-        self.schedule.extend(events);
-        self.schedule.sort_by_key(|e| std::cmp::Reverse(e.time));
+        self.announced.add(events);
     }
 
     /// Keeps a warning for the end of the log, such as that a file was cut off.
     pub fn warn_at_end(&mut self, about: String, text: String) {
-        self.warnings.push((about, text));
+        self.announced.add_warning(about, text);
     }
 
     /// Returns `true` once there is an estimate.
@@ -133,7 +126,7 @@ impl Session {
     /// # Errors
     /// When the run cannot go on. The records until then are kept: [`Self::finish`] with the error.
     pub fn push(&mut self, sample: &Sample) -> Result<(), RunError> {
-        self.log_notes(sample.time);
+        self.announced.begin(sample.time, &mut self.outputs);
         self.failed()?;
         if self.stop().is_some_and(|stop| sample.time > stop) {
             // late samples before the end may follow
@@ -148,8 +141,9 @@ impl Session {
     }
 
     /// Lets the time go on without a sample: sensors that are silent at this time are reported, and
-    /// samples that no late one can precede any more are used. Otherwise the estimate stays, so a
-    /// run is the same with and without ticks.
+    /// samples that no late one can precede any more are used. No estimate changes, so a run without
+    /// ticks gives the same ones. As after a driving sample of this time, a sample that is later
+    /// than its `late` is rejected.
     ///
     /// `now` is a time of the driving sensor's clock.
     ///
@@ -167,19 +161,12 @@ impl Session {
     /// Shows the estimate after all samples that have arrived; `None` before the start. A late
     /// sample may still change it.
     pub fn newest<T>(&mut self, look: impl FnOnce(&Epoch<'_>) -> T) -> Option<T> {
-        newest(&mut self.timeline, self.estimator.as_mut(), look)
+        estimators::newest(&mut self.timeline, self.estimator.as_mut(), look)
     }
 
     /// The verdict on the run so far.
     pub fn health(&self) -> Verdict {
         self.outputs.health()
-    }
-
-    /// Logs the notes of the composition, once.
-    fn log_notes(&mut self, time: Time) {
-        for (about, text) in std::mem::take(&mut self.notes) {
-            self.outputs.event(Event { time, level: Level::Info, about, text });
-        }
     }
 
     fn take(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
@@ -218,7 +205,7 @@ impl Session {
         let Some(now) = timeline.as_ref().map_or(settled, Timeline::now) else { return };
         if outputs.want(Wants::NEWEST) && self.newest.is_due(now) {
             self.newest.begin_period(now);
-            newest(timeline, estimator.as_mut(), |epoch| {
+            estimators::newest(timeline, estimator.as_mut(), |epoch| {
                 outputs.send(epoch.state.time, &Record::Newest(epoch));
             });
         }
@@ -228,7 +215,7 @@ impl Session {
     fn process(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
         self.record_epoch(sample.time);
         self.release(sample.time);
-        self.log_schedule(sample.time);
+        self.announced.reach(sample.time, &mut self.outputs);
         self.outputs.send(sample.time, &Record::Sample(sample));
         self.outputs.statistics.read(sample);
         self.estimate(sample)?;
@@ -246,17 +233,6 @@ impl Session {
         }
         self.silence.sample(sample, &self.sensors, &mut self.outputs);
         Ok(())
-    }
-
-    /// Logs the announced events up to a time.
-    fn log_schedule(&mut self, now: Time) {
-        while let Some(mut event) = self.schedule.pop_if(|e| e.time <= now) {
-            // an event without a time belongs to the beginning
-            if event.time == Time::MIN {
-                event.time = now;
-            }
-            self.outputs.event(event);
-        }
     }
 
     /// Passes one sample on to the estimator. A filter leaves the samples of a search that ends to
@@ -351,15 +327,13 @@ impl Session {
 
     /// Lets the filter use the samples that it holds, and logs the warnings for the end.
     fn finish_filter(&mut self) {
-        self.log_notes(self.estimator.time());
+        self.announced.begin(self.estimator.time(), &mut self.outputs);
         if let Some(smoother) = &mut self.outputs.smoother {
             smoother.finish();
         }
         self.estimator.finish(&mut self.outputs);
         let time = self.outputs.statistics.last_epoch.unwrap_or(Time::MIN);
-        for (about, text) in std::mem::take(&mut self.warnings) {
-            self.outputs.event(Event { time, level: Level::Warning, about, text });
-        }
+        self.announced.end(time, &mut self.outputs);
     }
 
     /// Logs the processes that have not found their initial values. Unless the run was interrupted,
@@ -423,27 +397,6 @@ impl Session {
         let findings = std::mem::take(&mut self.outputs.findings);
         let (events, sinks) = self.outputs.into_parts();
         Finished { time, summary, recorded, events, findings, error, interrupted, sinks }
-    }
-}
-
-/// Shows the estimate after all samples that have arrived; the filter itself stays where it is.
-fn newest<T>(
-    timeline: &mut Option<Timeline>,
-    estimator: &mut dyn Estimator,
-    look: impl FnOnce(&Epoch<'_>) -> T,
-) -> Option<T> {
-    let pooled = estimator.composition().estimator.covariance_period().is_some();
-    match (timeline, estimators::settled_mut(estimator)) {
-        (Some(timeline), Some(filter)) => timeline.newest(filter, look),
-        // the covariance of a copy is brought to the time of the estimate
-        (None, Some(filter)) if pooled && filter.running() => {
-            let kept = filter.snapshot();
-            filter.settle(&mut ());
-            let seen = look(&filter.epoch());
-            filter.restore(&kept);
-            Some(seen)
-        }
-        _ => estimator.running().then(|| look(&estimator.epoch())),
     }
 }
 
