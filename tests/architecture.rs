@@ -86,6 +86,31 @@ fn no_crate_uses_another_but_as_the_design_says() {
     );
 }
 
+/// The folders of plugins, each with the folders of plugins that it uses.
+const FOLDERS: [(&str, &[&str]); 5] = [
+    ("sensors", &["sensors"]),
+    ("formats", &["instruments"]),
+    ("instruments", &[]),
+    ("simulation", &["sensors"]),
+    ("viewer", &[]),
+];
+
+#[test]
+fn sensors_know_no_format_and_formats_know_no_sensor() {
+    let plugins = crates("plugins");
+    let folder = |path: &Path| {
+        let below = path.strip_prefix(root().join("plugins")).expect("a plugin").components();
+        below.map(|c| c.as_os_str().to_string_lossy().into_owned()).next().expect("a folder")
+    };
+    for (name, path) in &plugins {
+        let (from, used) = (folder(path), uses(path));
+        let allowed = FOLDERS.iter().find(|f| f.0 == from).expect("a folder of the list").1;
+        let to = plugins.iter().filter(|(name, _)| used.contains(name));
+        let wrong: Vec<_> = to.filter(|(_, p)| !allowed.contains(&&*folder(p))).collect();
+        assert!(wrong.is_empty(), "{from}/{name} uses {wrong:?}");
+    }
+}
+
 #[test]
 fn no_plugin_depends_on_a_tool_and_no_tool_on_the_command() {
     let tools: BTreeSet<String> = crates("tools").into_iter().map(|(name, _)| name).collect();

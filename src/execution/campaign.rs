@@ -8,7 +8,7 @@ use crate::output::scenarios;
 use crate::output::{self, Format};
 use clap::{Args, ValueEnum};
 use navfuse_campaign::{
-    Campaign, Folder, JobCount, Options, Results, Shard, execute_rest, variation,
+    Campaign, Extent, Folder, JobCount, Options, Results, Shard, execute, variation,
 };
 use navfuse_core::plugin::Registry;
 use std::path::{Path, PathBuf};
@@ -149,12 +149,11 @@ pub fn conduct(
         output::warn(format_args!("resumed after {}", counted(before, "job")));
     }
     let bar = Bar::new(settings.format == Format::Text);
-    let done = execute_rest(
+    let done = execute(
         &campaign,
         registry,
         &document,
-        (settings.shard, threads),
-        before,
+        Extent { shard: settings.shard, threads, done: before },
         stop,
         |jobs| bar.campaign(jobs),
         |record| folder.add(record),

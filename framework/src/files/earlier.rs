@@ -1,6 +1,7 @@
 //! Keeping the earlier result of a folder when a new one takes its place.
 
 use super::part_of;
+use crate::units::calendar::Calendar;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -81,20 +82,10 @@ fn new_folder(parent: &Path, name: &str) -> io::Result<PathBuf> {
 
 /// A time as the name of a folder: `2026-11-22T05-31-07`, UTC.
 fn stamp(time: SystemTime) -> String {
-    let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    let (days, second) = (seconds / 86_400, seconds % 86_400);
-    // the civil calendar from a count of days: years begin in March, so that the leap day is last;
-    // 146 097 days are 400 years
-    let days = days + 719_468;
-    let (era, day) = (days / 146_097, days % 146_097);
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let day = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * day + 2) / 153;
-    let date = day - (153 * month + 2) / 5 + 1;
-    let (month, january) = if month < 10 { (month + 3, 0) } else { (month - 9, 1) };
-    let year = 400 * era + year + january;
-    let (hour, minute) = (second / 3600, second / 60 % 60);
-    format!("{year:04}-{month:02}-{date:02}T{hour:02}-{minute:02}-{:02}", second % 60)
+    let nanos = time.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
+    let Calendar { year, month, day, hour, minute, second, .. } =
+        Calendar::of_unix_nanos(i64::try_from(nanos).unwrap_or(i64::MAX));
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}-{minute:02}-{second:02}")
 }
 
 #[cfg(test)]

@@ -1,7 +1,15 @@
 //! Colours, strokes and sizes, the same for every figure.
 
 use crate::{Band, Look};
+use plotters::backend::SVGBackend;
+use plotters::coord::Shift;
+use plotters::drawing::{DrawingArea, DrawingAreaErrorKind};
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle};
+
+/// Drawing area of the backend.
+pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// Result of drawing an element.
+pub type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 /// Drawing units in a page pixel; plotters rounds to whole units, which would show as steps in a
 /// curve.

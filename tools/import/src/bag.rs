@@ -1,6 +1,6 @@
 //! Bags of ROS 2: the sensors by the types of the topics.
 
-use crate::recording::{Found, OdometryUse};
+use crate::found::{Found, OdometryUse};
 use navfuse_core::document::quoted;
 use navfuse_core::model::stream::StreamError;
 use navfuse_ros2::{Survey, TopicSurvey, Use};

@@ -1,6 +1,6 @@
 //! Tables of inertial units that programs write without headings, or with a line of units.
 
-use crate::recording::Found;
+use crate::found::Found;
 use navfuse_core::document::quoted;
 
 /// The columns of KF-GINS: increments of an IMU, positions of a receiver, and a solution. Times are

@@ -9,14 +9,15 @@
 //! Axes are those of REP 103: `map` is east, north, up at the position of the first epoch, and
 //! `base_link` is forward, left, up.
 
-use crate::chunk::Definitions;
-use crate::frames::{Link, MAP_FRAME, ROS_BODY_FRAME};
+use crate::chunk::{Definitions, Topic};
+use crate::file::Compression;
+use crate::frames::{MAP_FRAME, ROS_BODY_FRAME};
 use crate::log::StreamFailure;
 use crate::message::Stamp;
 use crate::motion::{Motion, Moved};
+use crate::pose::Link;
 use crate::schema::{self, Schema};
-use crate::sink::{Compression, LogWriter};
-use crate::topics::Topic;
+use crate::writer::LogWriter;
 use navfuse_core::files::WholeFile;
 use navfuse_core::model::record::{Epoch, Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};

@@ -1,12 +1,12 @@
 //! The topics of a log, and the messages written to each.
 
-use crate::chunk::Definitions;
+use crate::chunk::{Definitions, Topic};
 use crate::frames::Frames;
 use crate::log::StreamFailure;
 use crate::message::{BODY_FRAME, BlockValues, FIXED_FRAME, Stamp};
 use crate::motion::{Motion, Moved};
 use crate::schema;
-use crate::sink::LogWriter;
+use crate::writer::LogWriter;
 use navfuse_core::model::record::{Epoch, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::RunInfo;
@@ -15,15 +15,6 @@ use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{MAX_TANGENT, Position};
 use navfuse_core::units::sample::{Channel, Sample};
 use std::any::TypeId;
-
-/// A topic.
-#[derive(Clone, Copy, Debug)]
-pub struct Topic {
-    /// The channel's id.
-    pub channel: u16,
-    /// Number of messages written.
-    pub sequence: u32,
-}
 
 /// All topics of a run.
 #[derive(Debug)]

@@ -8,6 +8,8 @@ use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Component, Path, PathBuf};
 
+/// First bytes of what zstd packed.
+pub const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 /// First bytes of a file that lz4 packed.
 const LZ4: &[u8] = &[0x04, 0x22, 0x4d, 0x18];
 /// Endings of the files of a bag.
@@ -122,7 +124,7 @@ pub fn open(path: &Path) -> Result<Opened, StreamError> {
     (&mut file).take(16).read_to_end(&mut magic).map_err(read)?;
     file.seek(SeekFrom::Start(0)).map_err(read)?;
     let mut notes = Vec::new();
-    let unpacked: Option<Box<dyn Read + Send>> = if magic.starts_with(super::ZSTD) {
+    let unpacked: Option<Box<dyn Read + Send>> = if magic.starts_with(ZSTD) {
         Some(Box::new(zstd::Decoder::new(file.try_clone().map_err(read)?).map_err(read)?))
     } else if magic.starts_with(LZ4) {
         Some(Box::new(lz4_flex::frame::FrameDecoder::new(file.try_clone().map_err(read)?)))

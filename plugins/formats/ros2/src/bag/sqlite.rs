@@ -4,7 +4,7 @@
 use super::faults::Faults;
 use super::pages::Pages;
 use super::table::{Row, Table};
-use super::{Found, Place, Topic, Topics};
+use super::topics::{Found, Place, Topic, Topics};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Result;
