@@ -13,7 +13,7 @@ use syn::visit::{self, Visit};
 
 /// Rooms of the framework from the lowest to the highest.
 const ROOMS: [&str; 10] = [
-    "files", "document", "units", "state", "model", "compose", "plugin", "filter", "smooth", "run",
+    "document", "units", "files", "state", "model", "compose", "plugin", "filter", "smooth", "run",
 ];
 
 /// Largest number of files in a circle: a trait and its context may know each other.
