@@ -13,7 +13,7 @@ use syn::visit::{self, Visit};
 
 /// Rooms of the framework from the lowest to the highest.
 const ROOMS: [&str; 11] = [
-    "files", "document", "units", "state", "model", "compose", "plugin", "filter", "smooth",
+    "document", "units", "files", "state", "model", "compose", "plugin", "filter", "smooth",
     "session", "run",
 ];
 
