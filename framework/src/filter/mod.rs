@@ -2,19 +2,22 @@
 
 mod course;
 mod ekf;
+mod estimate;
+mod finish;
 mod judge;
 mod late;
+mod parts;
 mod past;
 mod propagate;
 mod screen;
 mod start;
-mod step;
 mod transients;
 mod ukf;
 mod update;
 
 pub use crate::model::estimator_error::EstimatorError;
 pub(crate) use course::guide::Course;
-pub use ekf::{Ekf, Snapshot};
+pub use ekf::Ekf;
 pub use late::timeline::Timeline;
+pub use parts::Snapshot;
 pub use ukf::Ukf;

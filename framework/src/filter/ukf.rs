@@ -3,7 +3,6 @@
 use crate::compose::Composition;
 use crate::compose::estimator::{Estimator, EstimatorType};
 use crate::filter::ekf::Ekf;
-use crate::filter::propagate::passage::Passage;
 use crate::model::error::ComposeError;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::start::AlignmentReport;
@@ -23,9 +22,7 @@ impl Ukf {
     /// Creates a filter for the composition, which waits for its start.
     pub fn new(mut composition: Composition) -> Self {
         composition.sensors.iter_mut().for_each(|sensor| sensor.update = UpdateRule::Ukf);
-        let mut filter = Ekf::new(composition);
-        filter.passage = Some(Box::new(Passage::new(&filter.layout)));
-        Self(filter)
+        Self(Ekf::with_sigma_points(composition))
     }
 
     /// The filter that keeps samples, state and covariance.

@@ -5,3 +5,4 @@ pub(super) mod iterated;
 pub(super) mod points;
 pub(super) mod refine;
 pub(super) mod unscented;
+pub(super) mod work;
