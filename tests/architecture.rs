@@ -113,3 +113,53 @@ fn the_framework_knows_no_plugin_no_file_format_of_samples_and_no_viewer() {
         assert!(!all.contains(name), "{name}");
     }
 }
+
+/// The steps of the walk on the design page, each a file of the framework and its functions.
+fn walk() -> Vec<(String, Vec<String>)> {
+    let text = std::fs::read_to_string(root().join("docs/src/explanation/design.md"))
+        .expect("the page exists");
+    let steps = text.lines().skip_while(|l| !l.starts_with("## The walk of an IMU sample"));
+    let steps = steps.filter(|l| l.starts_with(|c: char| c.is_ascii_digit()));
+    let step = |line: &str| {
+        let mut names = quoted(line);
+        (names.remove(0), names)
+    };
+    steps.map(step).collect()
+}
+
+/// The text of a function, from its name to the next function of the file.
+fn body<'a>(text: &'a str, function: &str) -> Option<&'a str> {
+    let from = text.find(&format!("fn {function}("))?;
+    let rest = &text[from + 3..];
+    Some(
+        &rest[..rest
+            .find("    fn ")
+            .into_iter()
+            .chain(rest.find("pub fn "))
+            .min()
+            .unwrap_or(rest.len())],
+    )
+}
+
+/// Each function of the walk is called by one that the walk has named before it, and the functions
+/// of a file are listed from top to bottom.
+#[test]
+fn the_walk_of_an_imu_sample_leads_forward_through_at_most_eight_files() {
+    let steps = walk();
+    assert!((2..=8).contains(&steps.len()), "{steps:#?}");
+    let mut callers = String::new();
+    for (file, functions) in &steps {
+        let text = std::fs::read_to_string(root().join("framework/src").join(file));
+        let text = text.unwrap_or_else(|e| panic!("{file}: {e}"));
+        let mut last = 0;
+        for function in functions {
+            let body = body(&text, function).unwrap_or_else(|| panic!("{file} has no {function}"));
+            let at = text.find(body).expect("the body is a part of the file");
+            assert!(at > last, "{file}: {function} stands above the function before it");
+            let called = callers.is_empty() || callers.contains(&format!(".{function}("));
+            assert!(called, "nothing before it calls {function} of {file}");
+            callers.push_str(body);
+            last = at;
+        }
+    }
+}

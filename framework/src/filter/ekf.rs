@@ -63,7 +63,7 @@ impl Ekf {
         Self {
             driver: composition.processes.iter().find_map(|p| p.input),
             considered,
-            work: Work::new(layout.tangent),
+            work: Work::new(&composition),
             stepper: Stepper::new(&composition, method),
             changes: Changes::default(),
             guide: None,
@@ -103,7 +103,9 @@ impl Ekf {
             self.begin_found(observer);
         }
         let index = sample.sensor.0;
-        if let Some(rejection) = self.refuses(sample) {
+        let sensor = &self.composition.sensors[index];
+        let is_input = matches!(sensor.role, Role::Input(_));
+        if let Some(rejection) = self.parts.sensors[index].refuses(sensor, sample, is_input) {
             self.reject(sample, rejection, observer);
             self.lose_past(sample);
             return Ok(());

@@ -21,3 +21,5 @@ pub use ekf::Ekf;
 pub use late::timeline::Timeline;
 pub use parts::Snapshot;
 pub use ukf::Ukf;
+pub(crate) use update::iekf::Iterated;
+pub(crate) use update::ukf::Unscented;

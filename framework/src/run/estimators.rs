@@ -6,8 +6,8 @@ use crate::document::{DocumentError, Node, unknown};
 use crate::filter::{Ekf, Ukf};
 use crate::model::error::ComposeError;
 use crate::model::sensor::Role;
-use crate::model::sensor::update_rule::UpdateRule;
 use crate::plugin::Registry;
+use crate::run::rules;
 use crate::smooth::Relinearised;
 use std::any::Any;
 
@@ -37,7 +37,7 @@ pub(crate) fn check(composition: &Composition, root: &Node<'_>) -> Result<(), Do
     }
     let creator = composition.creator;
     if creator.name == Creator::of::<Ukf>().name {
-        check_rules(root)?;
+        rules::check_unscented(root)?;
     }
     (creator.check)(composition).map_err(|e| e.at(&place))?;
     if [Creator::of::<Ekf>().name, Creator::of::<Ukf>().name].contains(&creator.name) {
@@ -85,21 +85,6 @@ pub(crate) fn settle(composition: &mut Composition) {
     };
     composition.estimator.linearise_once();
     composition.notes.push(("estimator".to_owned(), text));
-}
-
-/// Rejects another update rule than that of the unscented filter.
-fn check_rules(root: &Node<'_>) -> Result<(), DocumentError> {
-    let sensors = root.get("sensor").map_or_else(|| Ok(Vec::new()), |table| table.entries())?;
-    let tables = sensors.into_iter().map(|(_, node)| node).chain(root.get("estimator"));
-    for rule in tables.filter_map(|table| table.get("update")) {
-        if rule.parse::<UpdateRule>()? != UpdateRule::Ukf {
-            return Err(rule.error(
-                "with estimator.type = \"ukf\" every sensor has the rule \"ukf\"; remove it, or set \
-                 estimator.type = \"ekf\"",
-            ));
-        }
-    }
-    Ok(())
 }
 
 /// The filter of the framework behind an estimator, if it is one.

@@ -10,6 +10,7 @@ mod mistakes;
 mod output_rate;
 mod outputs;
 mod parts;
+mod rules;
 pub mod runner;
 pub mod scenario;
 pub mod schema;

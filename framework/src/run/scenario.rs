@@ -10,6 +10,7 @@ use crate::run::building::{Building, Header};
 use crate::run::estimators;
 pub use crate::run::parts::common_keys;
 use crate::run::parts::{self, Part};
+use crate::run::rules::Rules;
 use crate::run::sinks;
 use std::path::{Path, PathBuf};
 
@@ -98,8 +99,8 @@ impl<'a> Scenario<'a> {
         self.registry.check()?;
         let header = Header::read(&root, self.name())?;
         let sensors = self.parts(Kind::Sensor)?;
-        let mut building =
-            Building::new(root.clone(), self.document.folder(), sensors, header.estimator.update);
+        let rules = Rules::of(self.registry).with_default(&root, &header.estimator.update)?;
+        let mut building = Building::new(root.clone(), self.document.folder(), sensors, rules);
         building.driving_sensors()?;
         building.processes(&self.parts(Kind::Process)?)?;
         building.other_sensors()?;

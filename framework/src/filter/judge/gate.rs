@@ -131,7 +131,7 @@ impl Ekf {
         let &Judgement { outcome, nis, threshold, .. } = judgement;
         let update = &self.work.update;
         let (innovation, covariance) = match outcome {
-            Outcome::Accepted => self.work.refinement.judged(update),
+            Outcome::Accepted => self.work.refinement.judged(),
             _ => (&update.innovation[..], &update.s[..]),
         };
         observer.update(&UpdateRecord {

@@ -21,13 +21,6 @@ pub(in crate::filter) fn rejected(sample: &Sample, rejection: Rejection) -> Upda
 }
 
 impl Ekf {
-    /// Reason to reject a sample before it is used.
-    pub(in crate::filter) fn refuses(&self, sample: &Sample) -> Option<Rejection> {
-        let sensor = &self.composition.sensors[sample.sensor.0];
-        let is_input = matches!(sensor.role, Role::Input(_));
-        self.parts.sensors[sample.sensor.0].refuses(sensor, sample, is_input)
-    }
-
     /// Rejects a sample, with a warning unless the sensor's previous sample was rejected for the
     /// same reason.
     pub(in crate::filter) fn reject(

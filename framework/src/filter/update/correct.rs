@@ -1,8 +1,8 @@
 //! The measurement update: innovation, judgement, refinement, injection and reset.
 
-use super::unscented::regress;
 use super::work::Work;
 use crate::filter::ekf::Ekf;
+use crate::filter::estimate::Estimate;
 use crate::filter::judge::lockout::Verdict;
 use crate::filter::parts::Parts;
 use crate::filter::transients::presence::Presence;
@@ -10,7 +10,7 @@ use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Observer, Outcome, Rejection};
 use crate::model::sensor::Sensor;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
-use crate::model::sensor::update_rule::UpdateRule;
+use crate::model::sensor::rule::{Check, Prior};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 
@@ -21,7 +21,6 @@ pub(in crate::filter) struct Attempt<'a> {
     model: &'a dyn AnyMeasurement,
     /// Number of the sensor.
     pub(in crate::filter) index: usize,
-    rule: UpdateRule,
     /// The channels that the sample has, one bit each.
     pub(in crate::filter) present: u16,
     /// Factor of the noise, for a sample that repeats the one before.
@@ -99,16 +98,11 @@ impl Ekf {
             return None;
         }
         let Parts { estimate, sensors, .. } = &mut self.parts;
-        let update = &mut self.work.update;
+        let Work { update, rules, .. } = &mut self.work;
         let index = sample.sensor.0;
-        // a given trajectory is the point of linearisation, whatever the rule
-        let rule = match &estimate.offset {
-            Some(offset) => {
-                offset.innovation(update);
-                UpdateRule::Ekf
-            }
-            None => self.composition.sensors[index].update,
-        };
+        if let Some(offset) = &estimate.offset {
+            offset.innovation(update);
+        }
         let slot = &mut sensors[index];
         let present = sample.present() & slot.channels;
         let repeated = slot.repeats.as_mut().map_or(1.0, |repeats| repeats.take(sample, present));
@@ -118,11 +112,11 @@ impl Ekf {
         if let Some(level) = &slot.noise {
             update.r.iter_mut().for_each(|r| *r *= level.variance());
         }
-        if rule == UpdateRule::Ukf {
-            let at = At { layout: &self.layout, state: &estimate.state, sample };
-            regress(&mut self.work.points, &at, model, &estimate.covariance, update);
-        }
-        Some(Attempt { sample, model, index, rule, present, repeated })
+        let Estimate { state, covariance, offset } = estimate;
+        let at = At { layout: &self.layout, state, sample };
+        let prior = Prior { at, model, covariance, considered: &self.considered };
+        rules.of(index, offset.is_some()).linearised(&prior, update);
+        Some(Attempt { sample, model, index, present, repeated })
     }
 
     /// Rejects a sample of a sensor that repeats one sample while the vehicle moves.
@@ -154,8 +148,8 @@ impl Ekf {
         observer: &mut dyn Observer,
     ) -> bool {
         let Parts { estimate, sensors, .. } = &mut self.parts;
-        let Work { update, lower, refinement, .. } = &mut self.work;
-        let &Attempt { sample, model, index, rule, present, .. } = attempt;
+        let Work { update, lower, refinement, rules, .. } = &mut self.work;
+        let &Attempt { sample, model, index, present, .. } = attempt;
         let slot = &mut sensors[index];
         slot.reach.clear();
         if let Some(test) = &mut slot.bias
@@ -170,32 +164,33 @@ impl Ekf {
         {
             level.take(update, lower);
         }
-        let at = At { layout: &self.layout, state: &estimate.state, sample };
-        let how = (rule, slot.robust);
-        refinement.run((&at, model), how, &estimate.covariance, &self.considered, update)
+        let Estimate { state, covariance, offset } = estimate;
+        let at = At { layout: &self.layout, state, sample };
+        let prior = Prior { at, model, covariance, considered: &self.considered };
+        refinement.run(&prior, (rules.of(index, offset.is_some()), slot.robust), update)
     }
 
     /// Updates the covariance, and injects the error into the state.
     fn apply(&mut self, attempt: &Attempt<'_>, observer: &mut dyn Observer) {
         let Parts { estimate, propagation, sensors, signatures, watch, presence, history, .. } =
             &mut self.parts;
-        let Work { update, lower, points, refinement } = &mut self.work;
-        let &Attempt { sample, model, index, rule, present, .. } = attempt;
+        let Work { update, lower, points, rules, .. } = &mut self.work;
+        let &Attempt { sample, model, index, present, .. } = attempt;
         // an unscented update treats the curvature as noise, and an iterated one is checked at the
         // state after the update
         let mut curved = None;
         let own = estimate.offset.is_none();
+        let rule = rules.of(index, !own);
         let slot = &mut sensors[index];
-        if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Ekf && own)
+        if let Some(check) =
+            slot.curvature.as_mut().filter(|_| rule.check() == Check::Before && own)
             && check.is_due(update, &estimate.covariance)
         {
             let at = At { layout: &self.layout, state: &estimate.state, sample };
             curved = check.check(points, &at, model, &estimate.covariance, update);
         }
         update.apply(&mut estimate.covariance, &self.considered);
-        if rule == UpdateRule::Iekf {
-            refinement.correct(&mut update.delta);
-        }
+        rule.corrects(&mut update.delta);
         if let Some(repeats) = &mut slot.repeats {
             repeats.keep(update, present, true);
         }
@@ -226,7 +221,7 @@ impl Ekf {
             }
         }
         let slot = &mut sensors[index];
-        if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Iekf)
+        if let Some(check) = slot.curvature.as_mut().filter(|_| rule.check() == Check::After)
             && check.is_due(update, &estimate.covariance)
         {
             let at = At { layout: &self.layout, state: &estimate.state, sample };

@@ -2,6 +2,8 @@
 
 use super::points::SigmaPoints;
 use super::refine::Refinement;
+use super::rules::Rules;
+use crate::compose::Composition;
 use crate::state::covariance::Update;
 use crate::units::sample::MAX_CHANNELS;
 
@@ -9,16 +11,19 @@ use crate::units::sample::MAX_CHANNELS;
 pub(in crate::filter) struct Work {
     pub(in crate::filter) update: Update,
     pub(in crate::filter) refinement: Refinement,
-    pub(in crate::filter) points: SigmaPoints,
+    pub(super) rules: Rules,
+    /// Points of the check of the curvature.
+    pub(super) points: SigmaPoints,
     /// A Cholesky factor.
-    pub(in crate::filter) lower: Vec<f64>,
+    pub(super) lower: Vec<f64>,
 }
 
 impl Work {
-    pub(in crate::filter) fn new(n: usize) -> Self {
+    pub(in crate::filter) fn new(composition: &Composition) -> Self {
         Self {
-            update: Update::with_capacity(n, MAX_CHANNELS),
+            update: Update::with_capacity(composition.layout.tangent, MAX_CHANNELS),
             refinement: Refinement::default(),
+            rules: Rules::new(composition),
             points: SigmaPoints::default(),
             lower: Vec::with_capacity(MAX_CHANNELS * MAX_CHANNELS),
         }
