@@ -127,18 +127,10 @@ fn walk() -> Vec<(String, Vec<String>)> {
     steps.map(step).collect()
 }
 
-/// The text of a function, from its name to the next function of the file.
-fn body<'a>(text: &'a str, function: &str) -> Option<&'a str> {
-    let from = text.find(&format!("fn {function}("))?;
-    let rest = &text[from + 3..];
-    Some(
-        &rest[..rest
-            .find("    fn ")
-            .into_iter()
-            .chain(rest.find("pub fn "))
-            .min()
-            .unwrap_or(rest.len())],
-    )
+/// The text of a method, from its name to its last brace.
+fn body<'a>(text: &'a str, method: &str) -> Option<&'a str> {
+    let rest = &text[text.find(&format!("fn {method}("))?..];
+    Some(&rest[..rest.find("\n    }\n")?])
 }
 
 /// Each function of the walk is called by one that the walk has named before it, and the functions

@@ -5,7 +5,7 @@
 //! splits the driving interval there, so that every update happens at its own time.
 
 use super::course::guide::Guide;
-use super::parts::{Parts, Snapshot};
+use super::parts::Parts;
 use super::propagate::passage::Passage;
 use super::propagate::propagation::{Method, Stepper};
 use super::update::work::Work;
@@ -13,12 +13,10 @@ use crate::compose::Composition;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::screening::Spread;
 use crate::model::process::{Input, Interval};
-use crate::model::record::finding::{Basis, Severity};
-use crate::model::record::{Epoch, Observer, Rejection, Truth};
+use crate::model::record::{Observer, Rejection};
 use crate::model::sensor::Role;
 use crate::model::sensor::roster::Changes;
-use crate::state::covariance::Covariance;
-use crate::state::{Block, Layout, Mode, State};
+use crate::state::{Layout, Mode};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::sync::Arc;
@@ -243,133 +241,5 @@ impl Ekf {
         if self.parts.propagation.is_behind() {
             self.move_covariance(observer);
         }
-    }
-
-    /// Uses a measurement or reference at the state's time, or rejects it.
-    pub(super) fn use_sample(
-        &mut self,
-        sample: &Sample,
-        observer: &mut dyn Observer,
-    ) -> Result<(), EstimatorError> {
-        let role = &self.composition.sensors[sample.sensor.0].role;
-        if !matches!(role, Role::Input(_)) {
-            self.settle(observer);
-        }
-        match &self.composition.sensors[sample.sensor.0].role {
-            Role::Input(_) => {
-                self.hold(sample, observer);
-                Ok(())
-            }
-            Role::Reference(reference) => {
-                let reference = Arc::clone(reference);
-                self.follow(sample, reference.as_ref(), observer);
-                Ok(())
-            }
-            Role::Measurement(_) if !self.running() => Ok(()),
-            Role::Measurement(_) if sample.time < self.state().time => {
-                self.reject(sample, Rejection::Late, observer);
-                self.lose_past(sample);
-                Ok(())
-            }
-            Role::Measurement(model) => {
-                let (model, mut completed) = (Arc::clone(model), *sample);
-                model.complete(&mut completed);
-                if self.has_past(sample.sensor.0) {
-                    match self.admit(&completed, model.as_ref(), observer) {
-                        Some(slot) => self.place(slot, &completed, model.as_ref(), observer),
-                        None => self.correct(&completed, model.as_ref(), observer)?,
-                    }
-                }
-                if model.keyframe(&completed) {
-                    self.take_past(sample.sensor.0, observer);
-                }
-                self.detect(sample, observer)
-            }
-        }
-    }
-
-    /// Shows a driving sample, corrected with the estimate, to the monitor of the driven process.
-    fn watch_input(&mut self, input: Input<'_>, observer: &mut dyn Observer) {
-        let Self { stepper, layout, parts, .. } = self;
-        let Parts { estimate, propagation, watch, signatures, .. } = parts;
-        let input = propagation.corrected(stepper, (layout, &estimate.state), input);
-        let Some(finding) = watch.input(layout, estimate, &input) else { return };
-        // what such samples do to the state is none of the errors that the tests look for
-        if (finding.basis, finding.severity) == (Basis::Samples, Severity::DoNotUse) {
-            *signatures = None;
-        }
-        observer.finding(finding);
-    }
-
-    /// The estimate.
-    pub fn state(&self) -> &State {
-        &self.parts.estimate.state
-    }
-
-    /// Covariance of the estimate.
-    pub fn covariance(&self) -> &Covariance {
-        &self.parts.estimate.covariance
-    }
-
-    /// Layout of state and covariance.
-    pub fn layout(&self) -> &Layout {
-        &self.layout
-    }
-
-    /// Marks the considered error states.
-    pub(crate) fn considered(&self) -> &[bool] {
-        &self.considered
-    }
-
-    /// Composition that the filter runs.
-    pub fn composition(&self) -> &Composition {
-        &self.composition
-    }
-
-    /// Returns `true` once the filter has started.
-    pub fn running(&self) -> bool {
-        self.parts.start.runs()
-    }
-
-    pub(crate) fn searching(&self) -> bool {
-        self.parts.start.searches()
-    }
-
-    /// Block without an initial value for which the filter waits, although there were references.
-    pub(crate) fn lacking(&self) -> Option<&Block> {
-        self.parts.start.lacking().map(|slot| &self.layout.blocks[slot])
-    }
-
-    pub(super) fn has_reference(&self) -> bool {
-        self.composition.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)))
-    }
-
-    /// Copies the complete filter.
-    pub fn snapshot(&self) -> Snapshot {
-        Snapshot(self.parts.clone())
-    }
-
-    /// Returns to a snapshot of a filter of the same composition.
-    pub fn restore(&mut self, snapshot: &Snapshot) {
-        self.parts.clone_from(&snapshot.0);
-    }
-
-    /// Approximate size of a snapshot, bytes.
-    pub(crate) fn snapshot_size(&self) -> usize {
-        self.parts.size()
-    }
-
-    /// Last truth that a reference gave or the scenario states.
-    pub fn truth(&self) -> Truth<'_> {
-        self.parts.truth.view()
-    }
-
-    /// Estimate at the current time, with the truth where the scenario states it and no reference
-    /// gives it.
-    pub fn epoch(&mut self) -> Epoch<'_> {
-        let referenced = self.has_reference();
-        let Parts { estimate, truth, .. } = &mut self.parts;
-        let stated = !referenced && truth.state_at(&self.layout, estimate.state.time);
-        estimate.epoch(&self.layout, stated.then(|| truth.view()))
     }
 }

@@ -14,6 +14,7 @@ mod start;
 mod transients;
 mod ukf;
 mod update;
+mod view;
 
 pub use crate::model::estimator_error::EstimatorError;
 pub(crate) use course::guide::Course;

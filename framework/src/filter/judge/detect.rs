@@ -1,13 +1,30 @@
-//! Pseudo-measurements: what detectors find in the samples of other sensors.
+//! What looks at the samples beside the filter: the monitor of the driving sensor, and the detectors of
+//! pseudo-measurements.
 
 use crate::filter::ekf::Ekf;
+use crate::filter::parts::Parts;
 use crate::model::estimator_error::EstimatorError;
+use crate::model::process::Input;
+use crate::model::record::finding::{Basis, Severity};
 use crate::model::record::{Observer, Rejection};
 use crate::model::sensor::Role;
 use crate::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use std::sync::Arc;
 
 impl Ekf {
+    /// Shows a driving sample, corrected with the estimate, to the monitor of the driven process.
+    pub(in crate::filter) fn watch_input(&mut self, input: Input<'_>, observer: &mut dyn Observer) {
+        let Self { stepper, layout, parts, .. } = self;
+        let Parts { estimate, propagation, watch, signatures, .. } = parts;
+        let input = propagation.corrected(stepper, (layout, &estimate.state), input);
+        let Some(finding) = watch.input(layout, estimate, &input) else { return };
+        // what such samples do to the state is none of the errors that the tests look for
+        if (finding.basis, finding.severity) == (Basis::Samples, Severity::DoNotUse) {
+            *signatures = None;
+        }
+        observer.finding(finding);
+    }
+
     /// Shows a sample to the detectors, and applies the pseudo-measurements that hold at the
     /// state's time: `0 = h(x) + v`.
     pub(in crate::filter) fn detect(

@@ -9,17 +9,17 @@ use nalgebra::SMatrix;
 /// Clones that one sensor takes.
 #[derive(Clone)]
 pub(in crate::filter) struct Clones {
-    pub(in crate::filter) sensor: usize,
+    pub(super) sensor: usize,
     /// Source and past, a pair of slots each.
     pairs: Vec<[usize; 2]>,
-    pub(in crate::filter) transition: Transition,
+    pub(super) transition: Transition,
     /// Set once a sample of the sensor was there to take the clones at.
-    pub(in crate::filter) taken: bool,
+    pub(super) taken: bool,
 }
 
 impl Clones {
     /// Copies values and covariance of the sources to the past blocks.
-    pub(in crate::filter) fn take(&mut self, layout: &Layout, estimate: &mut Estimate) {
+    pub(super) fn take(&mut self, layout: &Layout, estimate: &mut Estimate) {
         layout.copy_past(&self.pairs, &mut estimate.state.values);
         self.transition.propagate(&mut estimate.covariance);
     }

@@ -2,6 +2,7 @@
 
 pub(super) mod correct;
 pub(super) mod iekf;
+mod measure;
 pub(super) mod points;
 mod refine;
 mod rules;
