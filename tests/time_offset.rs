@@ -6,7 +6,7 @@ mod common;
 use common::{run_without_sinks, scenario, snapir};
 use navfuse_campaign::{Campaign, Folder, Options, execute};
 use navfuse_core::document::Document;
-use navfuse_core::run::summary::Summary;
+use navfuse_core::session::summary::Summary;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;

@@ -3,8 +3,9 @@
 
 use navfuse_core::model::record::{Epoch, Event, Level, Record, Wants};
 use navfuse_core::model::stream::{Sink, Source, StreamError};
-use navfuse_core::run::runner::{Finished, RunError, run};
+use navfuse_core::run::runner::run;
 use navfuse_core::run::scenario::Assembly;
+use navfuse_core::session::{Finished, RunError};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_testing::lab::{SCENARIO, compose, seconds};

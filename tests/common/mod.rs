@@ -6,8 +6,8 @@ pub mod recording;
 
 use navfuse_core::document::Document;
 use navfuse_core::run::runner;
-use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::session::Finished;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

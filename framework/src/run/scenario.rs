@@ -7,11 +7,11 @@ use crate::filter::Ekf;
 use crate::model::stream::{NamedSink, NamedSource};
 use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry, Shared};
 use crate::run::building::{Building, Header};
-use crate::run::estimators;
 pub use crate::run::parts::common_keys;
 use crate::run::parts::{self, Part};
 use crate::run::rules::Rules;
 use crate::run::sinks;
+use crate::session;
 use std::path::{Path, PathBuf};
 
 /// A scenario ready to run.
@@ -107,11 +107,11 @@ impl<'a> Scenario<'a> {
         building.connect_alignments()?;
         building.connect_detectors()?;
         building.constraints()?;
-        let creator = estimators::find(self.registry, &root, &header.estimator.kind)?;
+        let creator = session::find(self.registry, &root, &header.estimator.kind)?;
         let (text, simulates) = (self.document.to_toml(), self.simulates()?);
         let mut composition = building.finish(header, creator, text, simulates)?;
-        estimators::check(&composition, &root)?;
-        estimators::settle(&mut composition);
+        session::check(&composition, &root)?;
+        session::settle(&mut composition);
         Ok(composition)
     }
 

@@ -7,7 +7,7 @@ use navfuse_core::model::record::{Level, Record, Wants};
 use navfuse_core::model::stream::{Sink, Source, StreamError};
 use navfuse_core::plugin::Kind;
 use navfuse_core::run::runner;
-use navfuse_core::run::runner::Finished;
+use navfuse_core::session::Finished;
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::units::time::Time;
 use std::collections::BTreeMap;

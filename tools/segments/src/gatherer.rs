@@ -5,7 +5,7 @@ use crate::{Recording, SegmentError};
 use navfuse_core::compose::Composition;
 use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::stream::{Sink, StreamError};
-use navfuse_core::run::runner::Finished;
+use navfuse_core::session::Finished;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
 use navfuse_ins::Output;

@@ -147,6 +147,11 @@ impl Timeline {
         true
     }
 
+    /// Lets the clock of the timeline go on without a sample.
+    pub(crate) fn reach(&mut self, now: Time) {
+        self.now = self.now.max(Some(now));
+    }
+
     /// Ends the waiting: no further sample arrives.
     pub fn close(&mut self) {
         self.closed = true;

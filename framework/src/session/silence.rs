@@ -2,7 +2,7 @@
 
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::{Purpose, SensorInfo};
-use crate::run::outputs::Outputs;
+use crate::session::outputs::Outputs;
 use crate::units::sample::Sample;
 use crate::units::time::{Span, Time};
 
@@ -67,10 +67,7 @@ impl SilenceMonitor {
         let now = sample.time;
         // the earlier of two successive times: a single wrong time stamp does not move the clock
         let clock = now.min(std::mem::replace(&mut self.before, now));
-        if clock >= self.next {
-            self.next = clock + Self::PERIOD;
-            self.check(clock, sensors, outputs);
-        }
+        self.tick(clock, sensors, outputs);
         let activity = &mut self.sensors[sample.sensor.0];
         let Some(last) = activity.last.replace(now) else { return };
         // several observations of one time have no interval
@@ -81,6 +78,14 @@ impl SilenceMonitor {
             let name = &sensors[sample.sensor.0].name;
             let text = format!("{name} is back after {:.1} s", now.since(last));
             outputs.event(Event { time: now, level: Level::Info, about: name.clone(), text });
+        }
+    }
+
+    /// Checks all sensors when a check is due.
+    pub(crate) fn tick(&mut self, clock: Time, sensors: &[SensorInfo], outputs: &mut Outputs) {
+        if clock >= self.next {
+            self.next = clock + Self::PERIOD;
+            self.check(clock, sensors, outputs);
         }
     }
 

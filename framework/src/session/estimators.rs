@@ -9,6 +9,7 @@ use crate::model::sensor::Role;
 use crate::plugin::Registry;
 use crate::run::rules;
 use crate::smooth::Relinearised;
+use crate::units::time::Time;
 use std::any::Any;
 
 /// Finds the type of estimator of that name.
@@ -131,6 +132,10 @@ pub(crate) fn never_started(estimator: &dyn Estimator) -> String {
              estimator.start = {start}; give a later one"
         );
     }
+    let since = match start {
+        Time::MIN => String::new(),
+        start => format!(" at or after estimator.start = {start}"),
+    };
     match reference {
         Some(r) if let Some(block) = estimator.lacking() => format!(
             "the filter never started: no sample of [sensor.{}] gives {}; give its initial value, \
@@ -138,14 +143,10 @@ pub(crate) fn never_started(estimator: &dyn Estimator) -> String {
             r.info.name, block.name
         ),
         Some(r) if estimator.composition().estimator.from_reference() => format!(
-            "the filter never started: no sample of [sensor.{}] at or after \
-             estimator.start = {start}; check the time stamps, or give the initial values and \
-             estimator.initial = \"given\"",
+            "the filter never started: no sample of [sensor.{}]{since}; check the time stamps, or \
+             give the initial values and estimator.initial = \"given\"",
             r.info.name
         ),
-        _ => format!(
-            "the filter never started: no sample of the driving sensor at or after \
-             estimator.start = {start}"
-        ),
+        _ => format!("the filter never started: no sample of the driving sensor{since}"),
     }
 }
