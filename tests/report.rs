@@ -4,7 +4,7 @@
 mod common;
 
 use common::recording::Recording;
-use common::{command, navfuse, scenario, stderr, stdout};
+use common::{Need, command, navfuse, scenario, skip, stderr, stdout};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -332,10 +332,10 @@ fn chromium() -> Option<PathBuf> {
 }
 
 /// What a browser without a network finds in a page: the title that a script in its head sets.
-/// `None` where there is no Chromium.
+/// Without Chromium, the test is skipped.
 fn probed(folder: &Path, page: &str, script: &str) -> Option<String> {
     let Some(chromium) = chromium() else {
-        println!("skipped: there is no Chromium here; install one to have the page opened in it");
+        skip(Need::Browser, "the page is opened in Chromium");
         return None;
     };
     let script = format!(

@@ -10,6 +10,7 @@ pub use crate::model::process::input::InputModel;
 pub use crate::model::process::{BuiltProcess, Interval, OwnDynamics, ProcessError, ProcessModel};
 pub use crate::model::record::{Record, Wants};
 pub use crate::model::sensor::Role;
+pub use crate::model::sensor::dynamic::DynamicModel;
 pub use crate::model::sensor::measurement::{Jacobian, MeasurementModel};
 pub use crate::model::sensor::motion::Motion;
 pub use crate::model::sensor::mounting::Mounting;
@@ -24,7 +25,7 @@ pub use crate::state::display;
 pub use crate::state::geodesy::Geodetic;
 pub use crate::state::manifold::{Manifold, Position, Reading, Rotation, Scalar, Vector};
 pub use crate::state::{
-    BlockSpec, Display, Dynamics, Handle, Layout, Mode, Past, State, Transients, View,
+    AnyHandle, BlockSpec, Display, Dynamics, Handle, Layout, Mode, Past, State, Transients, View,
 };
 pub use crate::units::sample::{Channel, Sample, SensorId};
 pub use crate::units::time::{Span, Time};

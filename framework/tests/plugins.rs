@@ -111,7 +111,7 @@ impl Plugin for Needing {
 }
 
 fn names(registry: &Registry) -> Vec<&str> {
-    registry.entries().map(|e| e.name).collect()
+    registry.entries().map(|e| &*e.name).collect()
 }
 
 fn wrong(registry: &Registry) -> String {

@@ -39,7 +39,7 @@ fn types(registry: &Registry) {
     for kind in Kind::ALL {
         let mut rows = table(&[kind.table(), "what it is"]);
         for entry in registry.entries().filter(|e| e.kind == kind) {
-            rows.add_row([entry.name.to_owned(), description(entry)]);
+            rows.add_row([entry.name.to_string(), description(entry)]);
         }
         line(format_args!("{rows}\n"));
     }
@@ -47,9 +47,9 @@ fn types(registry: &Registry) {
 }
 
 fn parameters_of(registry: &Registry, name: &str) -> Result<ExitCode> {
-    let entries: Vec<&Entry> = registry.entries().filter(|e| e.name == name).collect();
+    let entries: Vec<&Entry> = registry.entries().filter(|e| &*e.name == name).collect();
     if entries.is_empty() {
-        let hint = did_you_mean(name, registry.entries().map(|e| e.name));
+        let hint = did_you_mean(name, registry.entries().map(|e| &*e.name));
         let hint = hint.map_or_else(String::new, |n| format!("did you mean {n:?}? "));
         return Err(CommandError::Request(format!(
             "no type is called {name:?}; {hint}`navfuse list` prints all types"

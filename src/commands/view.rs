@@ -88,7 +88,7 @@ fn convert(registry: &Registry, log: &Path) -> Result<Option<PathBuf>> {
     let name = recording.file_name().unwrap_or_default().to_string_lossy().into_owned();
     // of the sinks, the viewer's alone writes
     let off = registry.entries().filter(|e| e.kind == Kind::Sink);
-    let sinks = off.map(|e| match e.name {
+    let sinks = off.map(|e| match &*e.name {
         "rerun" => format!("rerun = {{ path = {} }}", quoted(&name)),
         other => format!("{} = {{ enabled = false }}", key(other)),
     });

@@ -13,9 +13,9 @@ use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::plugin::{Kind, Registry};
 use navfuse_core::run::runner;
-use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::run::summary::Recorded;
+use navfuse_core::session::Finished;
+use navfuse_core::session::summary::Recorded;
 use navfuse_core::units::time::Time;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -43,7 +43,7 @@ pub struct RunOptions {
     /// Write nothing: no log, no recording
     #[arg(long, conflicts_with_all = ["out", "rerun", "connect", "serve"])]
     pub no_output: bool,
-    /// Exit with 0 also where the verdict is "do not use", instead of 3
+    /// Exit with 0 instead of 3 where the verdict is "do not use"
     #[arg(long)]
     pub accept_inconsistent: bool,
     #[command(flatten)]

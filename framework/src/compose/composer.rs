@@ -8,7 +8,7 @@ use crate::model::sensor::{Purpose, SensorInfo};
 use crate::state::covariance::{InputSlot, Transition};
 use crate::state::layout::Turning;
 use crate::state::manifold::{Manifold, Operations, Rotation, Vector};
-use crate::state::{Block, BlockSpec, Dynamics, Handle, Layout, Mode, Past, Signal};
+use crate::state::{AnyHandle, Block, BlockSpec, Dynamics, Handle, Layout, Mode, Past, Signal};
 use crate::units::sample::Channel;
 use std::any::Any;
 use std::marker::PhantomData;
@@ -150,7 +150,7 @@ impl Composer {
             let clone = self.clones.iter().find(|[from, _]| *from == t.attitude);
             clone.map(|[_, past]| *past).ok_or_else(|| {
                 let attitude = &self.layout.blocks[t.attitude].name;
-                let message = format!("the past of {full} needs that of {attitude} before it");
+                let message = format!("the past of {full} needs the past of {attitude} before it");
                 ComposeError::new(&name, message)
             })
         });
@@ -197,21 +197,26 @@ impl Composer {
         })
     }
 
+    fn slot_of(&self, key: &str, full: &str) -> Result<usize, ComposeError> {
+        self.layout.blocks.iter().position(|b| b.name == full).ok_or_else(|| {
+            let names: Vec<&str> = self.names().collect();
+            let hint = crate::document::did_you_mean(full, names.iter().copied())
+                .map_or_else(String::new, |n| format!("did you mean {n}? "));
+            let all = names.join(", ");
+            ComposeError::new(
+                key,
+                format!("there is no state {full}; {hint}(states so far: {all})"),
+            )
+        })
+    }
+
     /// Finds the block of that full name, such as `ins.velocity`; `key` is the parameter that names
     /// its owner.
     ///
     /// # Errors
     /// When there is no such block, or it lives on another manifold.
     pub fn find<M: Manifold>(&self, key: &str, full: &str) -> Result<Handle<M>, ComposeError> {
-        let Some(slot) = self.layout.blocks.iter().position(|b| b.name == full) else {
-            let names: Vec<&str> = self.layout.blocks.iter().map(|b| b.name.as_str()).collect();
-            let hint = crate::document::did_you_mean(full, names.iter().copied())
-                .map_or_else(String::new, |n| format!("did you mean {n}? "));
-            return Err(ComposeError::new(
-                key,
-                format!("there is no state {full}; {hint}(states so far: {})", names.join(", ")),
-            ));
-        };
+        let slot = self.slot_of(key, full)?;
         if self.layout.blocks[slot].operations.kind != std::any::TypeId::of::<M>() {
             return Err(ComposeError::new(
                 key,
@@ -219,6 +224,15 @@ impl Composer {
             ));
         }
         Ok(Handle { slot, manifold: PhantomData })
+    }
+
+    /// As [`Self::find`], for a block of any manifold.
+    ///
+    /// # Errors
+    /// When there is no such block.
+    pub fn find_any(&self, key: &str, full: &str) -> Result<AnyHandle, ComposeError> {
+        let slot = self.slot_of(key, full)?;
+        Ok(AnyHandle { slot, ambient: self.layout.blocks[slot].operations.ambient })
     }
 
     /// Full names of the states so far, such as `ins.velocity`.

@@ -18,6 +18,7 @@ use crate::units::sample::{Channel, Sample};
 use crate::units::{AnyQuantity, Duration, Positive};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Time-correlated error of a sensor's channels.
@@ -50,16 +51,14 @@ pub(crate) fn wrap(
         return fail("sigma", "a sigma above zero is needed".to_owned());
     }
     let measured = &channels[..model.channels().min(channels.len())];
-    let fits = |channel: &Channel| {
-        channel.parsed_unit().is_some_and(|unit| error.sigma.si_as(unit.exponents()).is_ok())
-    };
+    let fits = |channel: &Channel| error.sigma.si_as(channel.unit.exponents()).is_ok();
     let mut chosen = Vec::new();
     match &error.channels {
         None => chosen.extend((0..measured.len()).filter(|&c| fits(&measured[c]))),
         Some(names) => {
             for name in names {
-                let Some(c) = measured.iter().position(|channel| channel.name == name) else {
-                    let all: Vec<&str> = measured.iter().map(|channel| channel.name).collect();
+                let Some(c) = measured.iter().position(|channel| *channel.name == **name) else {
+                    let all: Vec<&str> = measured.iter().map(|channel| &*channel.name).collect();
                     return fail("channels", unknown("channel", name, &all));
                 };
                 chosen.push(c);
@@ -67,7 +66,7 @@ pub(crate) fn wrap(
         }
     }
     if let Some(&wrong) = chosen.iter().find(|&&c| !fits(&measured[c])) {
-        let (name, unit) = (measured[wrong].name, measured[wrong].unit);
+        let (name, unit) = (&measured[wrong].name, measured[wrong].unit.suffix());
         return fail("sigma", format!("it does not fit the channel {name}, which is in {unit}"));
     }
     if chosen.is_empty() {
@@ -84,24 +83,22 @@ pub(crate) fn wrap(
             sigma: sigma.clone(),
             truth: None,
             dynamics: Dynamics::GaussMarkov { sigma, time: error.correlation_time.value().si() },
-            display: display(measured[c].unit),
+            display: display(&measured[c])?,
         };
         errors.push((c, composer.block(&format!("error_{}", measured[c].name), spec)?));
     }
     Ok(Arc::new(Correlated { inner: model, errors }))
 }
 
-/// Presentation of an error of a channel in that unit.
-fn display(unit: &str) -> Display {
-    let unit = match unit {
-        "m" => "m",
-        "mps" => "m/s",
-        "mps2" => "m/s^2",
-        "rad" => "rad",
-        "radps" => "rad/s",
-        _ => "",
-    };
-    Display { unit, scale: 1.0, components: &["error"] }
+/// Presentation of an error of a channel.
+fn display(channel: &Channel) -> Result<Display, ComposeError> {
+    match channel.unit.symbol() {
+        Cow::Borrowed(unit) => Ok(Display { unit, scale: 1.0, components: &["error"] }),
+        Cow::Owned(unit) => {
+            let text = format!("no state can have the unit {unit} of the channel {}", channel.name);
+            Err(ComposeError::new("correlated_error.sigma", text))
+        }
+    }
 }
 
 /// A model whose channels have a time-correlated error.

@@ -2,6 +2,7 @@
 
 use crate::plugin::need::Need;
 use std::fmt;
+use std::sync::Arc;
 
 /// All conflicts between the plugins of a registry. The message has one line for each, with its
 /// remedy.
@@ -38,7 +39,7 @@ pub enum PluginConflict {
         /// Table of the type in TOML: process, sensor, source or sink.
         table: &'static str,
         /// Name of the type in TOML.
-        name: &'static str,
+        name: Arc<str>,
         /// The plugin that registered the type first.
         first: &'static str,
         /// The plugin that registered the type again.

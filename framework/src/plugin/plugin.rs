@@ -5,6 +5,7 @@ use crate::plugin::error::{PluginConflict, PluginError};
 use crate::plugin::need::Need;
 use semver::{Version, VersionReq};
 use std::any::{Any, TypeId};
+use std::sync::Arc;
 
 /// Adds types to the registry.
 ///
@@ -140,7 +141,7 @@ impl Members {
     /// each by its table and name, with the two plugins concerned.
     pub(crate) fn check(
         &self,
-        clashes: impl Iterator<Item = ((&'static str, &'static str), [Option<TypeId>; 2])>,
+        clashes: impl Iterator<Item = (&'static str, Arc<str>, [Option<TypeId>; 2])>,
     ) -> Result<(), PluginError> {
         let absent = self.absent.iter().map(|&plugin| PluginConflict::Absent { plugin });
         let mut conflicts: Vec<PluginConflict> = absent.collect();
@@ -149,7 +150,7 @@ impl Members {
                 conflicts.push(PluginConflict::AddedTwice { plugin: member.name });
             }
         }
-        for ((table, name), owners) in clashes {
+        for (table, name, owners) in clashes {
             if owners[0].is_some() && owners[0] == owners[1] {
                 continue; // the plugin was added twice, which is a conflict already
             }

@@ -2,21 +2,24 @@
 
 use crate::compose::Composer;
 use crate::compose::estimator::{Creator, EstimatorType};
-use crate::document::{DocumentError, Node};
+use crate::document::{DocumentError, Node, unknown};
 use crate::files::FolderError;
 use crate::model::error::ComposeError;
 use crate::model::process::BuiltProcess;
 use crate::model::sensor::Role;
 use crate::model::sensor::limits::Limit;
+use crate::model::sensor::rule::{RuleType, UpdateRule};
 use crate::model::stream::{Sink, Source, StreamError};
 use crate::units::sample::Channel;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::DeserializeOwned;
+use serde_json::Value;
 use std::any::TypeId;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
+use crate::plugin::owned::Owned;
 use crate::plugin::plugin::Members;
 use crate::plugin::simulation_keys;
 pub use crate::plugin::{OpenContext, Plugin, PluginError};
@@ -260,16 +263,19 @@ pub(crate) enum Make {
     Sink { prepare: Prepare<PreparedSink>, default: bool },
 }
 
+/// A value that is made when it is first read.
+type Lazy<T> = LazyLock<T, Box<dyn FnOnce() -> T + Send>>;
+
 /// A registered type.
 pub struct Entry {
     /// Kind of the type.
     pub kind: Kind,
     /// Name of the type in TOML.
-    pub name: &'static str,
+    pub name: Arc<str>,
     /// JSON Schema of its parameters, made when it is first read: most runs need few of them.
-    pub schema: LazyLock<Schema>,
+    pub schema: Lazy<Schema>,
     /// Keys by which a type of sensor extends the table `simulation`.
-    pub(crate) simulation_keys: LazyLock<Vec<String>>,
+    pub(crate) simulation_keys: Lazy<Vec<String>>,
     pub(crate) make: Make,
     /// Plugin that registered the type, if a plugin did.
     owner: Option<TypeId>,
@@ -302,9 +308,10 @@ impl std::fmt::Debug for Entry {
 #[derive(Debug, Default)]
 pub struct Registry {
     /// Two types of the same kind and name are an error, which [`Registry::check`] reports.
-    entries: BTreeMap<(Kind, &'static str), Vec<Entry>>,
-    /// Types of estimators, with the plugins that registered them.
-    estimators: Vec<(Creator, Option<TypeId>)>,
+    entries: BTreeMap<(Kind, Arc<str>), Vec<Entry>>,
+    /// Types of estimators, and of update rules.
+    estimators: Owned<Creator>,
+    rules: Owned<UpdateRule>,
     members: Members,
 }
 
@@ -346,7 +353,8 @@ impl Registry {
             self.entries
                 .values_mut()
                 .for_each(|same| same.retain(|entry| entry.owner != Some(gone)));
-            self.estimators.retain(|(_, owner)| *owner != Some(gone));
+            self.estimators.remove(gone);
+            self.rules.remove(gone);
         }
     }
 
@@ -359,15 +367,13 @@ impl Registry {
     pub fn check(&self) -> Result<(), PluginError> {
         let clashes = self.entries.values().filter_map(|same| match &same[..] {
             [first, second, ..] => {
-                Some(((first.kind.table(), first.name), [first.owner, second.owner]))
+                Some((first.kind.table(), Arc::clone(&first.name), [first.owner, second.owner]))
             }
             _ => None,
         });
-        let estimators = self.estimators.iter().enumerate().filter_map(|(k, (creator, owner))| {
-            let before = self.estimators[..k].iter().find(|(c, _)| c.name == creator.name)?;
-            Some((("estimator", creator.name), [before.1, *owner]))
-        });
-        self.members.check(clashes.chain(estimators))
+        let estimators = self.estimators.clashes("estimator", |creator| creator.name);
+        let rules = self.rules.clashes("update rule", |rule| rule.name);
+        self.members.check(clashes.chain(estimators).chain(rules))
     }
 
     /// Registers a type of sensor.
@@ -379,6 +385,34 @@ impl Registry {
             Ok(BuiltSensor { channels, limits, role })
         });
         self.insert::<S>(Kind::Sensor, S::TYPE, Make::Sensor { make, input: S::INPUT });
+    }
+
+    /// Registers a type of sensor whose name, keys and channels are known at run time only, as those
+    /// of a sensor that a script defines: see [`DynamicModel`] for an example. The schema lists the
+    /// keys of its table; `build` receives them, and returns the channels and the role.
+    ///
+    /// [`DynamicModel`]: crate::model::sensor::dynamic::DynamicModel
+    pub fn sensor_dyn<F>(&mut self, name: impl Into<Arc<str>>, schema: Schema, build: F)
+    where
+        F: Fn(&Value, &mut Composer) -> Result<(Vec<Channel>, Role), ComposeError>
+            + Send
+            + Sync
+            + 'static,
+    {
+        let keys = schema.get("properties").and_then(Value::as_object);
+        let keys: Vec<String> = keys.into_iter().flat_map(|keys| keys.keys().cloned()).collect();
+        let make: ForComposer<BuiltSensor> = Box::new(move |node, composer| {
+            let table: Value = node.parse()?;
+            let given = table.as_object().into_iter().flat_map(|table| table.keys());
+            if let Some(key) = given.into_iter().find(|key| !keys.contains(key)) {
+                let known: Vec<&str> = keys.iter().map(String::as_str).collect();
+                return Err(ComposeError::new(key, unknown("key", key, &known)).at(node).into());
+            }
+            let (channels, role) = build(&table, composer).map_err(|e| e.at(node))?;
+            Ok(BuiltSensor { channels, limits: Vec::new(), role })
+        });
+        let make = Make::Sensor { make, input: false };
+        self.insert_with(Kind::Sensor, name.into(), make, move || schema.clone());
     }
 
     /// Registers a type of process model.
@@ -410,26 +444,44 @@ impl Registry {
 
     /// Registers a type of estimator, beside `ekf` and `ukf` of the framework.
     pub fn estimator<E: EstimatorType>(&mut self) {
-        self.estimators.push((Creator::of::<E>(), self.members.current()));
+        self.estimators.push(Creator::of::<E>(), self.members.current());
+    }
+
+    /// Registers an update rule, beside `ekf`, `iekf` and `ukf` of the framework.
+    pub fn rule<R: RuleType>(&mut self) {
+        self.rules.push(UpdateRule::of::<R>(), self.members.current());
+    }
+
+    /// Registered update rules.
+    pub(crate) fn rules(&self) -> impl Iterator<Item = UpdateRule> + '_ {
+        self.rules.iter()
     }
 
     /// Registered types of estimators.
     pub(crate) fn estimators(&self) -> impl Iterator<Item = Creator> + '_ {
-        self.estimators.iter().map(|(creator, _)| *creator)
+        self.estimators.iter()
     }
 
     fn insert<T: JsonSchema>(&mut self, kind: Kind, name: &'static str, make: Make) {
-        let schema: fn() -> Schema = || SchemaGenerator::default().into_root_schema_for::<T>();
-        let simulation_keys: fn() -> Vec<String> = || {
-            let schema = SchemaGenerator::default().into_root_schema_for::<T>();
-            simulation_keys::own(schema.as_value())
-        };
+        let schema = || SchemaGenerator::default().into_root_schema_for::<T>();
+        self.insert_with(kind, name.into(), make, schema);
+    }
+
+    fn insert_with(
+        &mut self,
+        kind: Kind,
+        name: Arc<str>,
+        make: Make,
+        schema: impl Fn() -> Schema + Clone + Send + 'static,
+    ) {
+        let again = schema.clone();
+        let simulation_keys = move || simulation_keys::own(again().as_value());
         let owner = self.members.current();
-        self.entries.entry((kind, name)).or_default().push(Entry {
+        self.entries.entry((kind, Arc::clone(&name))).or_default().push(Entry {
             kind,
             name,
-            schema: LazyLock::new(schema),
-            simulation_keys: LazyLock::new(simulation_keys),
+            schema: Lazy::new(Box::new(schema)),
+            simulation_keys: Lazy::new(Box::new(simulation_keys)),
             make,
             owner,
         });
@@ -442,6 +494,6 @@ impl Registry {
 
     /// The type of that kind and name.
     pub fn get(&self, kind: Kind, name: &str) -> Option<&Entry> {
-        self.entries().find(|e| e.kind == kind && e.name == name)
+        self.entries().find(|e| e.kind == kind && *e.name == *name)
     }
 }

@@ -90,7 +90,7 @@ fn entry<'a>(
     };
     registry.get(kind, &wanted).ok_or_else(|| {
         let names: Vec<&str> =
-            registry.entries().filter(|e| e.kind == kind).map(|e| e.name).collect();
+            registry.entries().filter(|e| e.kind == kind).map(|e| &*e.name).collect();
         let meant = did_you_mean(&wanted, names.iter().copied());
         let hint = meant.map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
         let (table, names) = (kind.table(), names.join(", "));

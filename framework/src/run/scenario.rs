@@ -1,16 +1,17 @@
 //! From a TOML document to a composition, its sources and its sinks.
 
 use crate::compose::Composition;
-use crate::compose::estimator::Creator;
+use crate::compose::estimator::{Creator, EstimatorType};
 use crate::document::{Document, DocumentError};
-use crate::filter::Ekf;
+use crate::filter::{Ekf, Ukf};
 use crate::model::stream::{NamedSink, NamedSource};
 use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry, Shared};
 use crate::run::building::{Building, Header};
-use crate::run::estimators;
 pub use crate::run::parts::common_keys;
 use crate::run::parts::{self, Part};
+use crate::run::rules::{self, Rules};
 use crate::run::sinks;
+use crate::session;
 use std::path::{Path, PathBuf};
 
 /// A scenario ready to run.
@@ -98,19 +99,22 @@ impl<'a> Scenario<'a> {
         self.registry.check()?;
         let header = Header::read(&root, self.name())?;
         let sensors = self.parts(Kind::Sensor)?;
-        let mut building =
-            Building::new(root.clone(), self.document.folder(), sensors, header.estimator.update);
+        let rules = Rules::of(self.registry).with_default(&root, &header.estimator.update)?;
+        let mut building = Building::new(root.clone(), self.document.folder(), sensors, rules);
         building.driving_sensors()?;
         building.processes(&self.parts(Kind::Process)?)?;
         building.other_sensors()?;
         building.connect_alignments()?;
         building.connect_detectors()?;
         building.constraints()?;
-        let creator = estimators::find(self.registry, &root, &header.estimator.kind)?;
+        let creator = session::find(self.registry, &root, &header.estimator.kind)?;
         let (text, simulates) = (self.document.to_toml(), self.simulates()?);
         let mut composition = building.finish(header, creator, text, simulates)?;
-        estimators::check(&composition, &root)?;
-        estimators::settle(&mut composition);
+        if composition.creator.name == Ukf::TYPE {
+            rules::check_unscented(&root)?;
+        }
+        session::check(&composition, &root)?;
+        session::settle(&mut composition);
         Ok(composition)
     }
 
@@ -192,7 +196,7 @@ impl<'a> Scenario<'a> {
         let parts = self.parts(Kind::Source)?;
         if parts.is_empty() {
             let entries = self.registry.entries().filter(|e| e.kind == Kind::Source);
-            let names = entries.map(|e| e.name).collect::<Vec<_>>().join("], [source.");
+            let names = entries.map(|e| &*e.name).collect::<Vec<_>>().join("], [source.");
             let message = format!("no source of samples: add one of [source.{names}]");
             return Err(self.document.root().error(message));
         }
@@ -227,14 +231,14 @@ impl<'a> Scenario<'a> {
     /// # Errors
     /// As [`Self::sinks`].
     pub fn sinks_of_type(&self, name: &str) -> Result<Vec<String>, DocumentError> {
-        self.named_sinks(|entry| entry.name == name)
+        self.named_sinks(|entry| &*entry.name == name)
     }
 
     fn named_sinks(&self, wanted: impl Fn(&Entry) -> bool) -> Result<Vec<String>, DocumentError> {
         let parts = self.parts(Kind::Sink)?;
         let given = parts.iter().filter(|p| wanted(p.entry)).map(|p| p.name.to_owned());
         let default = self.default_sinks()?;
-        let default = default.into_iter().filter(|e| wanted(e)).map(|e| e.name.to_owned());
+        let default = default.into_iter().filter(|e| wanted(e)).map(|e| e.name.to_string());
         Ok(given.chain(default).collect())
     }
 
@@ -243,7 +247,7 @@ impl<'a> Scenario<'a> {
         let parts = self.parts(Kind::Sink)?;
         let named = self.document.root().get(Kind::Sink.table());
         let mentioned = |entry: &Entry| {
-            named.as_ref().is_some_and(|n| n.get(entry.name).is_some())
+            named.as_ref().is_some_and(|n| n.get(&entry.name).is_some())
                 || parts.iter().any(|p| p.entry.name == entry.name)
         };
         let default = |e: &&Entry| matches!(e.make, Make::Sink { default: true, .. });

@@ -31,7 +31,7 @@ pub(crate) fn prepare<'a>(
         if let Make::Sink { prepare, .. } = &entry.make {
             let node = empty.root();
             let sink = prepare(&node)?;
-            prepared.push(Prepared { name: entry.name, node, sink });
+            prepared.push(Prepared { name: &entry.name, node, sink });
         }
     }
     Ok(prepared)

@@ -13,6 +13,21 @@ pub struct Handle<M> {
     pub(crate) manifold: PhantomData<fn() -> M>,
 }
 
+/// A reference to a state block whose manifold the program does not know: see
+/// [`crate::compose::Composer::find_any`].
+#[derive(Clone, Copy, Debug)]
+pub struct AnyHandle {
+    pub(crate) slot: usize,
+    pub(crate) ambient: usize,
+}
+
+impl AnyHandle {
+    /// Number of components of the value, which [`crate::state::View::read`] copies.
+    pub const fn components(self) -> usize {
+        self.ambient
+    }
+}
+
 impl<M> Clone for Handle<M> {
     fn clone(&self) -> Self {
         *self

@@ -2,7 +2,7 @@
 
 use crate::Real;
 use crate::state::block_set::BlockSet;
-use crate::state::layout::{Handle, Layout, Past, Signal, State};
+use crate::state::layout::{AnyHandle, Handle, Layout, Past, Signal, State};
 use crate::state::manifold::{MAX_TANGENT, Manifold};
 use crate::state::transient::Transients;
 use crate::units::sample::Sample;
@@ -37,6 +37,21 @@ impl<'a> View<'a, f64> {
             delta: [0.0; MAX_TANGENT],
             read: None,
             truth: false,
+        }
+    }
+
+    /// Copies the value of a block of any manifold to the first components of `values`: those of a
+    /// vector; latitude, longitude and height of a position; the quaternion w, x, y, z of a
+    /// rotation. All become NaN if `values` is too short, so that the sample is rejected.
+    pub fn read(&self, block: AnyHandle, values: &mut [f64]) {
+        if let Some(read) = self.read {
+            read.borrow_mut().insert(block.slot);
+        }
+        let from = &self.layout.blocks[block.slot];
+        let Some(value) = values.get_mut(..block.ambient) else { return values.fill(f64::NAN) };
+        value.copy_from_slice(&self.state.values[from.range()]);
+        if block.slot == self.seeded {
+            (from.operations.retract)(value, &self.delta[..from.operations.tangent]);
         }
     }
 }

@@ -23,6 +23,14 @@ pub enum UnitError {
         /// The nearest unit, or the usual ones.
         remedy: Option<String>,
     },
+    /// A unit of a channel that is not SI.
+    #[error("'{unit}' is not SI, as samples are: declare '{si}', and convert in the source")]
+    NotSi {
+        /// The unit as found.
+        unit: String,
+        /// The SI unit of its dimension.
+        si: String,
+    },
     /// A unit of another dimension.
     #[error("found '{unit}' which is {found}, {needed} is needed, e.g. {examples}")]
     Dimension {

@@ -1,34 +1,54 @@
 //! Samples: the measurements that sources provide.
 
 use crate::units::time::Time;
-use crate::units::{Unit, column_suffix, parse_unit};
+use crate::units::{Unit, UnitError};
+use std::sync::Arc;
 
 /// The largest number of channels of one sensor.
 pub const MAX_CHANNELS: usize = 16;
 
 /// One channel of a sensor: a named number in an SI unit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+///
+/// ```
+/// use navfuse_core::units::sample::Channel;
+/// let speed = Channel::new("vel_x", "m/s");
+/// assert_eq!(speed, Channel::new("vel_x", "mps"));
+/// assert_eq!(speed.column(), "vel_x_mps");
+/// ```
+#[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
     /// The name of the channel, unique within the sensor: `vel_x`.
-    pub name: &'static str,
-    /// The SI unit as the suffix of a column: `mps`, so that the CSV column is `vel_x_mps`.
-    pub unit: &'static str,
+    pub name: Arc<str>,
+    /// Its SI unit.
+    pub unit: Unit,
+    /// The reason why the declared unit is none, which the composer reports.
+    wrong: Option<UnitError>,
 }
 
 impl Channel {
-    /// A channel of that name and SI unit.
-    pub const fn new(name: &'static str, unit: &'static str) -> Self {
-        Self { name, unit }
+    /// A channel of that name and SI unit. The unit is an expression (`m/s`) or the suffix of a
+    /// column (`mps`); `1` is a ratio. Composing a sensor reports a unit that is unknown or not SI.
+    pub fn new(name: impl Into<Arc<str>>, unit: &str) -> Self {
+        let (unit, wrong) = match Unit::si(unit) {
+            Ok(unit) => (unit, None),
+            Err(error) => (Unit::ONE, Some(error)),
+        };
+        Self { name: name.into(), unit, wrong }
+    }
+
+    /// The channels of those names and units.
+    pub fn all<const N: usize>(channels: [(&str, &str); N]) -> [Self; N] {
+        channels.map(|(name, unit)| Self::new(name, unit))
     }
 
     /// The heading of a CSV column: name and unit.
     pub fn column(&self) -> String {
-        format!("{}_{}", self.name, self.unit)
+        format!("{}_{}", self.name, self.unit.suffix())
     }
 
-    /// The unit; `None` if it is unknown. An author may have written `m/s` in the place of `mps`.
-    pub fn parsed_unit(&self) -> Option<Unit> {
-        column_suffix(self.unit).or_else(|| parse_unit(self.unit).ok())
+    /// The reason why the declared unit is unknown or not SI.
+    pub(crate) fn wrong(&self) -> Option<&UnitError> {
+        self.wrong.as_ref()
     }
 }
 

@@ -361,3 +361,45 @@ fn an_expression_has_64_bytes_at_most() {
     let long = parse_unit(&format!("{:65}", "m")).unwrap_err().to_string();
     assert!(long.contains("too long"), "{long}");
 }
+
+/// The suffix of a column names the same unit as the notation, for every dimension that a channel
+/// can have without a root.
+#[test]
+fn an_si_unit_is_one_by_its_notation_and_by_its_suffix() {
+    for (symbol, suffix) in [
+        ("m", "m"),
+        ("m/s", "mps"),
+        ("m/s^2", "mps2"),
+        ("rad", "rad"),
+        ("rad/s", "radps"),
+        ("rad/s^2", "radps2"),
+        ("kg/m^3", "kgpm3"),
+        ("s", "s"),
+        ("Hz", "Hz"),
+        ("Pa", "Pa"),
+        ("K", "K"),
+    ] {
+        let unit = Unit::si(symbol).unwrap();
+        assert_eq!(Unit::si(suffix), Ok(unit));
+        assert_eq!((&*unit.symbol(), &*unit.suffix()), (symbol, suffix));
+    }
+    let ratio = Unit::si("1").unwrap();
+    assert_eq!((ratio, &*ratio.symbol(), &*ratio.suffix()), (Unit::ONE, "", "1"));
+    let jerk = Unit::si("m/s^3").unwrap();
+    assert_eq!((&*jerk.symbol(), &*jerk.suffix()), ("m/s^3", "mps3"));
+    for (text, si) in [("deg", "rad"), ("dps", "radps"), ("km", "m"), ("%", "1"), ("dbar", "Pa")] {
+        let error = UnitError::NotSi { unit: text.into(), si: si.into() };
+        assert_eq!(Unit::si(text), Err(error));
+    }
+}
+
+#[test]
+fn angles_are_shown_in_degrees_and_other_units_as_they_are() {
+    let shown = |unit: &str| Unit::si(unit).unwrap().shown();
+    assert_eq!(shown("rad"), ("deg".into(), 1_f64.to_degrees()));
+    assert_eq!(shown("radps"), ("deg/s".into(), 1_f64.to_degrees()));
+    for unit in ["m", "m/s", "m/s^2", "s", "Pa", "m/s^3"] {
+        assert_eq!(shown(unit), (unit.into(), 1.0));
+    }
+    assert_eq!(shown("1"), ("".into(), 1.0));
+}

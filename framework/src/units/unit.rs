@@ -3,6 +3,7 @@
 use crate::document::did_you_mean;
 use crate::units::dimension::{self, Exponents};
 use crate::units::error::UnitError;
+use std::borrow::Cow;
 use std::f64::consts::PI;
 
 /// A unit: its value in SI, and its dimension.
@@ -77,7 +78,58 @@ const MAX_LENGTH: usize = 64;
 const MAX_POWER: i8 = 6;
 
 impl Unit {
-    const ONE: Self = Self { numerator: 1.0, denominator: 1.0, exponents: NONE };
+    /// The unit of a ratio.
+    pub const ONE: Self = Self::of(NONE);
+    /// The SI unit of an angle.
+    pub const RADIAN: Self = Self::of(ANGLE);
+    /// The SI unit of a length.
+    pub const METRE: Self = Self::of(LENGTH);
+    /// The SI unit of a speed.
+    pub const METRE_PER_SECOND: Self = Self::of(SPEED);
+
+    const fn of(exponents: Exponents) -> Self {
+        Self { numerator: 1.0, denominator: 1.0, exponents }
+    }
+
+    /// Parses an SI unit: an expression (`m/s`), or the suffix of a column (`mps`).
+    ///
+    /// # Errors
+    /// When the unit is unknown, malformed, or not SI.
+    pub fn si(text: &str) -> Result<Self, UnitError> {
+        let unit = column_suffix(text).map_or_else(|| parse_unit(text), Ok)?;
+        if unit == Self::of(unit.exponents) {
+            return Ok(unit);
+        }
+        let si = Self::of(unit.exponents).suffix();
+        Err(UnitError::NotSi { unit: text.to_owned(), si })
+    }
+
+    /// The SI unit of its dimension in the usual notation: `m/s^2`, `Pa`; empty for a ratio.
+    /// Borrowed for a dimension of the table.
+    pub fn symbol(&self) -> Cow<'static, str> {
+        let si = Self::of(self.exponents);
+        let is_si = |name: &&&str| name.is_empty() || parse_unit(name) == Ok(si);
+        let usual = dimension::find(self.exponents).and_then(|d| d.units.iter().find(is_si));
+        usual.map_or_else(|| dimension::si_unit(self.exponents).into(), |name| (*name).into())
+    }
+
+    /// The SI unit of its dimension as the suffix of a column: `mps2`, `Pa`; `1` for a ratio.
+    pub fn suffix(&self) -> String {
+        match &*self.symbol() {
+            "" => "1".to_owned(),
+            symbol => symbol.replace('/', "p").replace(['^', '*', '(', ')'], ""),
+        }
+    }
+
+    /// The unit in which people read the dimension, and the factor from SI to it: degrees for an
+    /// angle.
+    pub fn shown(&self) -> (Cow<'static, str>, f64) {
+        let usual = dimension::find(self.exponents).map(|d| d.units[0]);
+        match usual.map(|usual| (usual, parse_unit(usual))) {
+            Some((usual, Ok(unit))) => (usual.into(), unit.denominator / unit.numerator),
+            _ => (self.symbol(), 1.0),
+        }
+    }
 
     /// The SI value of the unit.
     pub fn factor(&self) -> f64 {
@@ -218,7 +270,7 @@ impl Parser<'_> {
 
     fn checked(&self, unit: Option<Unit>) -> Result<Unit, UnitError> {
         unit.filter(|u| u.numerator.is_normal() && u.denominator.is_normal())
-            .ok_or_else(|| self.malformed("its powers are not those of a physical quantity"))
+            .ok_or_else(|| self.malformed("its powers belong to no physical quantity"))
     }
 
     fn expression(&mut self) -> Result<Unit, UnitError> {
@@ -295,18 +347,26 @@ impl Parser<'_> {
     }
 }
 
-/// The unit that a suffix of a column name stands for: a plain unit (`m`, `deg`, `ms`, `dbar`), one
-/// per second or per second squared (`mps`, `m_s`, `mps2`, `radps`, `dps`), or `kgpm3`.
+/// The unit that a suffix of a column name stands for: see [`suffix_expression`].
 pub fn column_suffix(suffix: &str) -> Option<Unit> {
+    parse_unit(&suffix_expression(suffix)?).ok()
+}
+
+/// The expression of the unit that a suffix of a column name stands for: a plain unit (`m`, `deg`,
+/// `ms`, `dbar`), one per second or per second squared (`mps`, `m_s`, `mps2`, `radps`, `dps`), or
+/// `kgpm3`.
+pub fn suffix_expression(suffix: &str) -> Option<Cow<'_, str>> {
     let per_second = || {
-        let (name, power) = suffix.strip_suffix('2').map_or((suffix, -1), |shorter| (shorter, -2));
-        let top = Unit::named(name.strip_suffix("ps").or_else(|| name.strip_suffix("_s"))?)?;
+        let (name, power) = suffix.strip_suffix('2').map_or((suffix, ""), |rest| (rest, "^2"));
+        let name = name.strip_suffix("ps").or_else(|| name.strip_suffix("_s"))?;
         // "h_s" is a column named h in seconds, not a number of hours per second
-        (top.exponents != TIME).then(|| Unit::named("s")?.power(power)?.times(top)).flatten()
+        let per_second = || Cow::Owned(format!("{name}/s{power}"));
+        (Unit::named(name)?.exponents != TIME).then(per_second)
     };
     match suffix {
-        "dps" => parse_unit("deg/s").ok(),
-        "kgpm3" => parse_unit("kg/m^3").ok(),
-        _ => Unit::named(suffix).or_else(per_second),
+        "dps" => Some("deg/s".into()),
+        "kgpm3" => Some("kg/m^3".into()),
+        _ if Unit::named(suffix).is_some() => Some(suffix.into()),
+        _ => per_second(),
     }
 }

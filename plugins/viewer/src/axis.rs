@@ -18,9 +18,9 @@ pub const TICKS: usize = 3;
 
 /// A unit and its size in the unit of the block.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scale {
+pub struct Scale<'a> {
     /// The unit, such as `mm/s`.
-    pub unit: &'static str,
+    pub unit: &'a str,
     /// The size of the unit, in the block's unit.
     pub size: f64,
 }
@@ -41,7 +41,7 @@ const UNITS: &[&[(&str, f64)]] = &[
 
 /// The unit in which a size is at least [`LEAST`], or else the smallest one. A unit that is not known
 /// stays.
-pub fn scale(unit: &'static str, size: f64) -> Scale {
+pub fn scale(unit: &str, size: f64) -> Scale<'_> {
     let base = Scale { unit, size: 1.0 };
     let Some(units) = UNITS.iter().find(|units| units.iter().any(|u| u.0 == unit)) else {
         return base;

@@ -1,13 +1,13 @@
 //! Health of the sensors over time: one lane for each sensor, and the stretches in which it was
 //! not used.
 
-use crate::history::Pace;
 use crate::recording::Recording;
 use crate::style::{Colour, path};
 use navfuse_core::model::chi_square::{gated_moments, outside};
 use navfuse_core::model::record::{InputRejection, Outcome, Outcomes, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
+use navfuse_core::units::pace::Pace;
 use navfuse_core::units::time::{Span, Time};
 use re_sdk::EntityPath;
 use re_sdk_types::archetypes::{StateChange, StateConfiguration};
@@ -23,10 +23,6 @@ const NIS_WINDOW: usize = 25;
 const NIS_ALPHA: f64 = 1e-6;
 /// Least excess of the NIS over its expectation that is shown, whatever its significance.
 const NIS_EXCESS: f64 = 1.5;
-/// Silence, in usual intervals between two samples, after which a sensor is silent.
-const SILENT_INTERVALS: f64 = 5.0;
-/// Shortest silence, s.
-const SHORTEST_SILENCE: f64 = 1.0;
 
 /// Health of a sensor at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,8 +135,8 @@ impl Lane {
         match (self.current, self.last) {
             (None, None) => self.change(recording, Health::Silent, now),
             (Some((health, _)), Some(last)) if health != Health::Silent => {
-                let Some(usual) = self.pace.usual else { return Ok(()) };
-                if now.since(last) <= (SILENT_INTERVALS * usual).max(SHORTEST_SILENCE) {
+                let Some(usual) = self.pace.usual() else { return Ok(()) };
+                if now.since(last) <= self.pace.patience() {
                     return Ok(());
                 }
                 self.latest.clear();
@@ -230,8 +226,7 @@ impl Lane {
     ) -> Result<(), StreamError> {
         self.tick(recording, time)?;
         if let Some(last) = self.last {
-            let interval = time.since(last);
-            self.pace.take(interval, |usual| interval >= 3.0 * usual);
+            self.pace.take(time.since(last));
         }
         self.last = Some(time);
         self.follow(recording, time, health)

@@ -15,6 +15,7 @@ use navfuse_core::units::sample::Channel;
 use navfuse_core::units::time::Time;
 use re_sdk::EntityPath;
 use re_sdk_types::components::MarkerShape;
+use std::sync::Arc;
 
 /// Probability outside the band of the NIS.
 const OUTSIDE: f64 = 0.05;
@@ -56,7 +57,7 @@ pub struct SensorSeries {
     /// The plot of the NIS; `None` until the series are written.
     pub nis: Option<Plot>,
     /// Names of the channels.
-    names: Vec<&'static str>,
+    names: Vec<Arc<str>>,
     /// Logarithms of NIS, gate and band.
     accepted: History<4>,
     gated: History<1>,
@@ -73,7 +74,7 @@ impl SensorSeries {
             return None;
         }
         let channels = info.channels.iter().map(|channel| Innovations {
-            path: path(&["innovation", &info.name, channel.name]),
+            path: path(&["innovation", &info.name, &channel.name]),
             plot: None,
             quantity: quantity(channel),
             accepted: History::new(&[0], full),
@@ -85,7 +86,7 @@ impl SensorSeries {
             channels: channels.collect(),
             nis_path: path(&["innovation", &info.name, "nis"]),
             nis: None,
-            names: info.channels.iter().map(|c: &Channel| c.name).collect(),
+            names: info.channels.iter().map(|c: &Channel| Arc::clone(&c.name)).collect(),
             accepted: History::new(&[0], full),
             gated: History::new(&[0], full),
             rejected: Vec::new(),
@@ -102,7 +103,7 @@ impl SensorSeries {
 
     /// The entity of a channel that a viewer sees during the run.
     pub fn live_entity(&self, k: usize) -> EntityPath {
-        path(&["live", "innovation", &self.name, self.names.get(k).copied().unwrap_or("nis")])
+        path(&["live", "innovation", &self.name, self.names.get(k).map_or("nis", |name| name)])
     }
 
     /// Adds an update at a place.
@@ -140,7 +141,7 @@ impl SensorSeries {
             }
             if let Some(entity) = entity {
                 let series = channel.live.get_or_insert_with(|| {
-                    let name = label(&channel.quantity.name, channel.quantity.unit);
+                    let name = label(&channel.quantity.name, &channel.quantity.unit);
                     Series::bounded(entity, name, colour(k), 1.2).for_viewers()
                 });
                 series.push(recording, update.time, &[innovation, 3.0 * sigma, -3.0 * sigma])?;
@@ -281,9 +282,9 @@ impl Innovations {
     }
 
     /// The unit that fits the last sigma.
-    fn scale(&self, accepted: &[Row<2>], gated: &[Row<1>]) -> Scale {
+    fn scale(&self, accepted: &[Row<2>], gated: &[Row<1>]) -> Scale<'_> {
         let sigma = accepted.iter().rev().map(|r| 3.0 * r.1[1]).find(|s| s.is_finite());
         let size = sigma.or_else(|| gated.last().map(|r| r.1[0].abs()));
-        axis::scale(self.quantity.unit, size.unwrap_or(f64::NAN))
+        axis::scale(&self.quantity.unit, size.unwrap_or(f64::NAN))
     }
 }

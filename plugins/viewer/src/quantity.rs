@@ -1,9 +1,10 @@
 //! Channels as a navigator reads them: latitude and longitude in metres north and east, angles in
 //! degrees.
 
-use crate::style::unit as words;
 use navfuse_core::state::geodesy::radii_of_curvature;
+use navfuse_core::units::Unit;
 use navfuse_core::units::sample::Channel;
+use std::borrow::Cow;
 
 /// The place at which an angle on the Earth becomes a distance.
 #[derive(Clone, Copy, Debug, Default)]
@@ -15,9 +16,10 @@ pub struct Here {
 }
 
 /// Conversion of a channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Conversion {
-    Constant(Constant),
+    /// A factor that does not depend on the place.
+    Constant(f64),
     /// Latitude to metres north.
     North,
     /// Longitude to metres east.
@@ -26,46 +28,35 @@ enum Conversion {
     Down,
 }
 
-/// A factor that does not depend on the place.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Constant {
-    One,
-    Degrees,
-}
-
 /// A channel as it is shown.
 #[derive(Clone, Debug)]
 pub struct Quantity {
     /// Name: `north` for the channel `lat`.
     pub name: String,
     /// Unit.
-    pub unit: &'static str,
+    pub unit: Cow<'static, str>,
     conversion: Conversion,
 }
 
 /// The quantity of a channel.
 pub fn quantity(channel: &Channel) -> Quantity {
-    let is = |name: &str, conversion| Quantity { name: name.to_owned(), unit: "m", conversion };
-    match (channel.name, channel.unit) {
-        ("lat", "rad") => return is("north", Conversion::North),
-        ("lon", "rad") => return is("east", Conversion::East),
-        ("height", "m") => return is("down", Conversion::Down),
-        _ => {}
+    let of = |name: &str, unit, conversion| Quantity { name: name.to_owned(), unit, conversion };
+    match (&*channel.name, channel.unit) {
+        ("lat", Unit::RADIAN) => of("north", "m".into(), Conversion::North),
+        ("lon", Unit::RADIAN) => of("east", "m".into(), Conversion::East),
+        ("height", Unit::METRE) => of("down", "m".into(), Conversion::Down),
+        (name, unit) => {
+            let (unit, factor) = unit.shown();
+            of(name, unit, Conversion::Constant(factor))
+        }
     }
-    let (unit, constant) = match channel.unit {
-        "rad" => ("deg", Constant::Degrees),
-        "radps" => ("deg/s", Constant::Degrees),
-        other => (words(other), Constant::One),
-    };
-    Quantity { name: channel.name.to_owned(), unit, conversion: Conversion::Constant(constant) }
 }
 
 impl Quantity {
     /// The factor from SI at a place.
     pub fn factor(&self, here: Here) -> f64 {
         match self.conversion {
-            Conversion::Constant(Constant::One) => 1.0,
-            Conversion::Constant(Constant::Degrees) => 1f64.to_degrees(),
+            Conversion::Constant(factor) => factor,
             Conversion::North => radii_of_curvature(here.latitude).0 + here.height,
             Conversion::East => {
                 (radii_of_curvature(here.latitude).1 + here.height) * here.latitude.cos()
@@ -93,9 +84,9 @@ mod tests {
         let [north, east] = [of("lat", "rad"), of("lon", "rad")].map(|q| q.factor(here) * minute);
         assert!((north - 1852.0).abs() < 10.0 && (east - 926.0).abs() < 5.0, "{north} {east}");
         let down = of("height", "m");
-        assert_eq!((down.name.as_str(), down.unit, down.factor(here)), ("down", "m", -1.0));
+        assert_eq!((down.name.as_str(), &*down.unit, down.factor(here)), ("down", "m", -1.0));
         let rate = of("gyro_x", "radps");
-        assert_eq!((rate.unit, rate.factor(here)), ("deg/s", 1f64.to_degrees()));
+        assert_eq!((&*rate.unit, rate.factor(here)), ("deg/s", 1f64.to_degrees()));
         assert_eq!(of("vel_x", "mps").unit, "m/s");
     }
 }

@@ -28,7 +28,7 @@ impl SampleSeries {
     /// The samples of a sensor.
     pub fn new(info: &SensorInfo, full: bool) -> Self {
         let channel = |c: &navfuse_core::units::sample::Channel| {
-            (quantity(c), path(&["samples", &info.name, c.name]), History::new(&[0], full))
+            (quantity(c), path(&["samples", &info.name, &c.name]), History::new(&[0], full))
         };
         Self {
             name: info.name.clone(),
@@ -61,7 +61,8 @@ impl SampleSeries {
             if rows.is_empty() {
                 continue;
             }
-            let (name, unit) = (label(&quantity.name, quantity.unit), quantity.unit);
+            let unit = &*quantity.unit;
+            let name = label(&quantity.name, unit);
             let mut series = Series::lines(entity.clone(), &[(name, colour(k), 1.2)]);
             let mut range = [f64::INFINITY, f64::NEG_INFINITY];
             for (time, [value]) in rows {

@@ -39,9 +39,9 @@ pub struct Component {
 /// The plots of a component.
 pub struct Plots {
     /// The unit of the estimate.
-    pub value: Scale,
+    pub value: Scale<'static>,
     /// The unit of error and sigma.
-    pub error: Scale,
+    pub error: Scale<'static>,
     /// Range of estimate and truth, over the run and at its end.
     pub values: [[f64; 2]; 2],
     /// Range of the error and its bounds, over the run and at its end; `None` without a truth.

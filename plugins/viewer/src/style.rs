@@ -51,17 +51,6 @@ pub fn label(name: &str, unit: &str) -> String {
     if unit.is_empty() { name.to_owned() } else { format!("{name} [{unit}]") }
 }
 
-/// The unit of a column's suffix in the usual notation: `m/s^2` for `mps2`.
-pub fn unit(suffix: &'static str) -> &'static str {
-    match suffix {
-        "mps" => "m/s",
-        "mps2" => "m/s^2",
-        "degps" => "deg/s",
-        "radps2" => "rad/s^2",
-        other => other,
-    }
-}
-
 /// A name of the scenario as a title: `Gyro bias` for `gyro_bias`.
 pub fn title(name: &str) -> String {
     let words = name.replace('_', " ");

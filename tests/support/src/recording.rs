@@ -83,7 +83,7 @@ impl Reading {
         self.samples[source].iter().map(|sample| {
             let info = &self.sensors[sample.sensor.0];
             let values = info.channels.iter().enumerate();
-            let values = values.filter_map(|(k, c)| Some((c.name.to_owned(), sample.get(k)?)));
+            let values = values.filter_map(|(k, c)| Some((c.name.to_string(), sample.get(k)?)));
             (sample, info.name.as_str(), values.collect())
         })
     }

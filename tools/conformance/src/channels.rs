@@ -5,6 +5,7 @@ use crate::{Failure, Report};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::At;
 use navfuse_core::state::covariance::Update;
+use navfuse_core::units::Unit;
 use navfuse_core::units::sample::{Channel, MAX_CHANNELS, Sample};
 
 pub fn check(lab: &Lab<'_>, report: &mut Report) {
@@ -17,33 +18,27 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
             Role::Input(_) | Role::Reference(_) => sensor.info.channels.len(),
         };
         let channels = &sensor.info.channels;
-        let names: Vec<(&str, &str)> = channels.iter().map(|c| (c.name, c.unit)).collect();
+        let names: Vec<&str> = channels.iter().map(|c| &*c.name).collect();
         let outcome = names_fit(&names)
-            .and_then(|()| units_fit(channels))
             .and_then(|()| filled(&names, measured, &samples, |i| unused(lab, part.index, i)))
             .and_then(|found| angles_fit(channels, &samples).map(|()| found));
         report.add("channels", part.about, outcome);
     }
 }
 
-fn names_fit(channels: &[(&str, &str)]) -> Result<(), Failure> {
+fn names_fit(channels: &[&str]) -> Result<(), Failure> {
     if channels.is_empty() {
         return Err("it has no channels; list the values of a sample in `channels`".into());
     }
-    let plain = |text: &str, more: &str| {
-        text.starts_with(|c: char| c.is_ascii_lowercase() || more.contains(c))
-            && text
-                .chars()
-                .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || more.contains(c))
-    };
-    for (k, (name, unit)) in channels.iter().enumerate() {
-        if !plain(name, "_") || !plain(unit, "1") {
+    for (k, name) in channels.iter().enumerate() {
+        let letter = |c: char| c.is_ascii_lowercase() || c == '_';
+        if !name.starts_with(letter) || !name.chars().all(|c| letter(c) || c.is_ascii_digit()) {
             return Err(Failure::new(format!(
-                "channel {name:?} with unit {unit:?} cannot be the heading of a column; use \
-                 lower-case letters, digits and _, and an SI unit, as in vel_x_mps"
+                "channel {name:?} cannot be the heading of a column; use lower-case letters, \
+                 digits and _, as in vel_x"
             )));
         }
-        if channels[..k].iter().any(|(other, _)| other == name) {
+        if channels[..k].contains(name) {
             return Err(Failure::new(format!(
                 "two channels are named {name:?}; give each its own name"
             )));
@@ -52,31 +47,9 @@ fn names_fit(channels: &[(&str, &str)]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Checks that units are known, and SI: the framework does not convert samples.
-fn units_fit(channels: &[Channel]) -> Result<(), Failure> {
-    for channel in channels {
-        let (name, unit) = (channel.name, channel.unit);
-        let Some(known) = channel.parsed_unit() else {
-            return Err(Failure::new(format!(
-                "the unit {unit:?} of channel {name} is unknown; use an SI unit as the suffix of a \
-                 column, such as m, mps, radps, Pa, or 1 for a ratio"
-            )));
-        };
-        if known.factor() != 1.0 {
-            return Err(Failure::new(format!(
-                "the unit {unit:?} of channel {name} is {} SI units of {}; samples are in SI, so \
-                 convert in `predict` or in the source, and declare the SI unit",
-                known.factor(),
-                known.dimension()
-            )));
-        }
-    }
-    Ok(())
-}
-
 /// Checks that angles are within one turn in rad; a model that emits degrees exceeds it.
 fn angles_fit(channels: &[Channel], samples: &[&Sample]) -> Result<(), Failure> {
-    for (i, channel) in channels.iter().enumerate().filter(|(_, c)| c.unit == "rad") {
+    for (i, channel) in channels.iter().enumerate().filter(|(_, c)| c.unit == Unit::RADIAN) {
         let beyond = |s: &&&Sample| s.get(i).is_some_and(|v| v.abs() > std::f64::consts::TAU);
         if let Some(sample) = samples.iter().find(beyond) {
             return Err(Failure::new(format!(
@@ -112,7 +85,7 @@ fn unused(lab: &Lab<'_>, sensor: usize, channel: usize) -> bool {
 }
 
 fn filled(
-    channels: &[(&str, &str)],
+    channels: &[&str],
     measured: usize,
     samples: &[&Sample],
     unused: impl Fn(usize) -> bool,
@@ -131,7 +104,7 @@ fn filled(
     let mut seen = 0_u16;
     for sample in samples {
         if let Some(i) = sample.not_finite() {
-            let name = channels.get(i).map_or("beyond those declared", |c| c.0);
+            let name = channels.get(i).copied().unwrap_or("beyond those declared");
             return Err(Failure::new(format!(
                 "its simulated channel {name} is {} at {}; clear a missing channel with \
                  Sample::clear, and return finite values from predict",
@@ -151,7 +124,7 @@ fn filled(
     if let Some(i) = (0..measured).find(|i| seen >> i & 1 == 0 && !unused(*i)) {
         return Err(Failure::new(format!(
             "channel {} is in no simulated sample; set it in `simulate`, or remove its declaration",
-            channels[i].0
+            channels[i]
         )));
     }
     Ok(format!("{} channels in {} samples", channels.len(), samples.len()))

@@ -28,7 +28,7 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
             continue;
         }
         let names: Vec<&str> =
-            lab.composition.sensors[part.index].info.channels.iter().map(|c| c.name).collect();
+            lab.composition.sensors[part.index].info.channels.iter().map(|c| &*c.name).collect();
         report.add("jacobian", part.about, of_model(model.as_ref(), &layout, &moments, &names));
     }
 }

@@ -30,7 +30,7 @@ pub const STATES: usize = 24;
 pub struct Types {
     pub registry: Registry,
     /// Kinds and names of the checked types.
-    pub checked: Vec<(Kind, &'static str)>,
+    pub checked: Vec<(Kind, Arc<str>)>,
 }
 
 /// Registers the plugins that are checked and the others that the scenario needs, and also the IMU,
@@ -38,7 +38,7 @@ pub struct Types {
 pub fn registry(plugins: &[&dyn Plugin], others: &[&dyn Plugin]) -> Types {
     let mut registry = Registry::new();
     plugins.iter().for_each(|plugin| _ = registry.add(*plugin));
-    let checked = registry.entries().map(|e| (e.kind, e.name)).collect();
+    let checked = registry.entries().map(|e| (e.kind, Arc::clone(&e.name))).collect();
     others.iter().for_each(|plugin| _ = registry.add(*plugin));
     if registry.get(Kind::Process, "ins").is_none() {
         registry.add(&navfuse_ins::InsPlugin);
@@ -94,7 +94,7 @@ impl<'a> Lab<'a> {
         if lab.has_models() {
             assemble(types, text, &[])?; // repeated runs need simulated samples
         } else if lab.streams(Kind::Source).is_empty() && lab.streams(Kind::Sink).is_empty() {
-            let names: Vec<&str> = types.checked.iter().map(|(_, name)| *name).collect();
+            let names: Vec<&str> = types.checked.iter().map(|(_, name)| &**name).collect();
             return Err(Failure::new(format!(
                 "the scenario uses no type of the plugins, so there is nothing to check; add a \
                  table for one of: {}",
@@ -129,7 +129,7 @@ impl<'a> Lab<'a> {
     }
 
     fn is_checked(&self, kind: Kind, name: &str) -> bool {
-        self.types.checked.iter().any(|(k, n)| *k == kind && *n == name)
+        self.types.checked.iter().any(|(k, n)| *k == kind && **n == *name)
     }
 
     /// Tests whether a sensor or process is checked, and not only sources and sinks.

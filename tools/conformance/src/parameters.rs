@@ -11,13 +11,13 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
             Kind::Sensor => lab
                 .sensors()
                 .iter()
-                .any(|p| lab.composition.sensors[p.index].info.kind == entry.name),
+                .any(|p| lab.composition.sensors[p.index].info.kind == *entry.name),
             Kind::Process => lab
                 .processes()
                 .iter()
-                .any(|p| lab.composition.processes[p.index].kind == entry.name),
+                .any(|p| lab.composition.processes[p.index].kind == *entry.name),
             Kind::Source | Kind::Sink => {
-                lab.streams(entry.kind).iter().any(|s| s.kind == entry.name)
+                lab.streams(entry.kind).iter().any(|s| s.kind == *entry.name)
             }
         };
         if used {

@@ -212,7 +212,7 @@ fn partial(lab: &Lab<'_>, mut ekf: Ekf, samples: &[Sample], channel: usize) -> R
     if left == 0 || part.present() == sample.present() {
         return Ok(());
     }
-    let name = lab.composition.sensors[sample.sensor.0].info.channels[channel].name;
+    let name = lab.composition.sensors[sample.sensor.0].info.channel(channel);
     let mut heard = Only { sensor: sample, found: None };
     ekf.process(&part, &mut heard)
         .map_err(|e| Failure::during(format_args!("without channel {name} the run ends"), e))?;

@@ -147,11 +147,7 @@ fn a_noise_that_is_no_covariance() {
 
 #[test]
 fn channels_that_do_not_fit() {
-    finds(
-        &sensor("name"),
-        "channels",
-        "channel \"Depth one\" with unit \"m\" cannot be the heading",
-    );
+    finds(&sensor("name"), "channels", "channel \"Depth one\" cannot be the heading");
     finds(&sensor("nan"), "channels", "its simulated channel two is NaN");
     finds(&sensor("beyond"), "channels", "its simulator sets channel number 6, but 2 are declared");
     finds(&sensor("none of them"), "channels", "its model predicts no channel");
@@ -160,8 +156,9 @@ fn channels_that_do_not_fit() {
 
 #[test]
 fn units_that_are_unknown_or_not_si() {
-    finds(&sensor("furlongs"), "channels", "the unit \"furlong\" of channel two is unknown");
-    finds(&sensor("kilometres"), "channels", "\"km\" of channel two is 1000 SI units of a length");
+    let unknown = "the unit of the channel two in the type's code: unknown unit 'furlong'";
+    finds(&sensor("furlongs"), "scenario", unknown);
+    finds(&sensor("kilometres"), "scenario", "'km' is not SI, as samples are: declare 'm'");
 }
 
 #[test]

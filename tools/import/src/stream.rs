@@ -6,6 +6,7 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::run::scenario::Assembly;
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::units::time::Time;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Number of intervals whose median is the interval of a sensor.
@@ -35,7 +36,7 @@ pub struct StreamSurvey {
     /// The first sample.
     pub first: Sample,
     /// Names of the channels.
-    pub channels: Vec<&'static str>,
+    pub channels: Vec<Arc<str>>,
     /// Mean of each channel.
     pub mean: [f64; MAX_CHANNELS],
     /// Standard deviation of the noise of each channel: that of differences of successive samples,
@@ -226,7 +227,7 @@ fn median(values: &[f64]) -> f64 {
 impl StreamSurvey {
     /// Index of a channel.
     pub fn channel(&self, name: &str) -> Option<usize> {
-        self.channels.iter().position(|c| *c == name)
+        self.channels.iter().position(|c| **c == *name)
     }
 
     /// Rate of the samples, Hz.
@@ -256,7 +257,7 @@ pub fn survey(
                 gaps: (0, 0.0, Time::MIN),
                 warnings: Vec::new(),
                 first: zero,
-                channels: s.info.channels.iter().map(|c| c.name).collect(),
+                channels: s.info.channels.iter().map(|c| Arc::clone(&c.name)).collect(),
                 mean: [0.0; MAX_CHANNELS],
                 noise: [0.0; MAX_CHANNELS],
                 wander: [0.0; MAX_CHANNELS],

@@ -1,9 +1,9 @@
 //! Tables: the sensor of a file by its headings.
 
+use crate::found::Found;
 use crate::plain;
-use crate::recording::Found;
 use navfuse_core::document::quoted;
-use navfuse_core::units::{column_suffix, parse_unit};
+use navfuse_core::units::{column_suffix, parse_unit, suffix_expression};
 use std::fmt::Write;
 
 /// The channels by which a sensor is recognised, with their SI units and other names for them.
@@ -195,7 +195,7 @@ pub fn recognise(beginning: &str) -> Result<Vec<Found>, String> {
                     continue;
                 }
                 let unit = found.unit.unwrap_or(si);
-                let unit = toml_unit(unit);
+                let unit = suffix_expression(unit).unwrap_or(unit.into());
                 let mut text = format!("columns.{name} = {{ column = {}", quoted(found.heading));
                 let _ = write!(text, ", unit = {} }}", quoted(&unit));
                 if found.unit.is_none() {
@@ -210,19 +210,6 @@ pub fn recognise(beginning: &str) -> Result<Vec<Found>, String> {
 
 fn has_velocity(headings: &[String]) -> bool {
     column(headings, &("vel_n", "mps", &[])).is_some()
-}
-
-/// The unit of a heading as in a quantity.
-fn toml_unit(unit: &str) -> String {
-    match unit {
-        "radps" => "rad/s".to_owned(),
-        "dps" | "degps" => "deg/s".to_owned(),
-        "mps2" => "m/s^2".to_owned(),
-        "mps" => "m/s".to_owned(),
-        "cmps" => "cm/s".to_owned(),
-        "mmps" => "mm/s".to_owned(),
-        other => other.to_owned(),
-    }
 }
 
 /// The key of the time, unless the source finds its column by itself.

@@ -208,7 +208,7 @@ fn profiles(sensor: &SensorHistory, from: &[usize]) -> Vec<Panel> {
             .unwrap_or(what);
         let points = profile(sensor, k).map(|[t, v]| [t, sign * factor * v]);
         let curves = vec![curve("", Look::Data(0), points)];
-        over_time(format!("{what} {axis}"), Axis::linear(label("", unit)), curves, Vec::new())
+        over_time(format!("{what} {axis}"), Axis::linear(label("", &unit)), curves, Vec::new())
     };
     channels.map(panel).collect()
 }
@@ -291,7 +291,7 @@ pub fn page(figures: &[(usize, Figure)]) -> Result<String, FigureError> {
                  pan-wu-3d and pan-wu-2d. The paper's caption is below each figure."
             }
             p.note {
-                "The axes are those of the paper: x forward, y up, z right; roll about x, yaw \
+                "The axes follow the paper: x forward, y up, z right; roll about x, yaw \
                  about y, pitch about z. navfuse uses forward, right, down: quantities about or \
                  along the paper's y axis are navfuse's third component with the opposite sign. \
                  The paper's standard variance is the standard deviation, 1-sigma. The filter \

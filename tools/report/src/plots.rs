@@ -2,8 +2,10 @@
 
 use crate::history::{BlockHistory, History, Row, displacement};
 use crate::sensors::{Consistency, Innovation, SensorHistory};
+use navfuse_core::units::Unit;
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
+use std::borrow::Cow;
 
 /// Number of bins of the mean NIS over time: few enough for a mean over many samples, and about as
 /// many as a reader can resolve.
@@ -253,7 +255,7 @@ pub fn innovations(sensor: &SensorHistory) -> Option<Figure> {
                 name: "±3 sigma".into(),
                 points: bound.map(|(t, b)| [t, -b, b]).collect(),
             }];
-            over_time(name, Axis::linear(label("innovation", unit)), curves, bands)
+            over_time(name, Axis::linear(label("innovation", &unit)), curves, bands)
         })
         .collect();
     let columns = panels.len().clamp(1, 3);
@@ -348,7 +350,7 @@ pub fn samples(sensor: &SensorHistory) -> Figure {
             let points = profile(sensor, k).map(|[t, v]| [t, factor * v]);
             over_time(
                 name,
-                Axis::linear(label("", unit)),
+                Axis::linear(label("", &unit)),
                 vec![curve("", Look::Data(0), points)],
                 Vec::new(),
             )
@@ -371,17 +373,9 @@ pub(crate) fn profile(sensor: &SensorHistory, k: usize) -> impl Iterator<Item = 
 }
 
 /// Returns the name of a channel, its display unit, and the factor from SI to that unit.
-pub fn channel(column: &str) -> (&str, &str, f64) {
-    let degrees = 180.0 / std::f64::consts::PI;
-    let units = [
-        ("_radps", "deg/s", degrees),
-        ("_rad", "deg", degrees),
-        ("_mps2", "m/s^2", 1.0),
-        ("_mps", "m/s", 1.0),
-        ("_m", "m", 1.0),
-        ("_s", "s", 1.0),
-        ("_1", "", 1.0),
-    ];
-    let of = |(ending, unit, factor)| column.strip_suffix(ending).map(|name| (name, unit, factor));
-    units.into_iter().find_map(of).unwrap_or((column, "", 1.0))
+pub fn channel(column: &str) -> (&str, Cow<'static, str>, f64) {
+    let split = column.rsplit_once('_').and_then(|(name, unit)| Some((name, Unit::si(unit).ok()?)));
+    let Some((name, unit)) = split else { return (column, "".into(), 1.0) };
+    let (unit, factor) = unit.shown();
+    (name, unit, factor)
 }

@@ -11,7 +11,7 @@ use navfuse_core::units::time::Time;
 use std::any::TypeId;
 
 /// Sink that collects the history of a run; see
-/// [`navfuse_core::run::runner::Finished::take_sink`].
+/// [`navfuse_core::session::Finished::take_sink`].
 #[derive(Debug)]
 pub struct Recorder {
     history: History,

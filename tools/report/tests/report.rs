@@ -5,8 +5,8 @@
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
-use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::session::Finished;
 use navfuse_report::{History, Recorder, page, read_log};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;

@@ -30,10 +30,10 @@ pub(crate) fn imu_of(composition: &Composition) -> Option<(usize, &navfuse_ins::
 /// Index of the sensor with the channels of an IMU that drives a process.
 fn imu_index(composition: &Composition) -> Option<usize> {
     composition.processes.iter().find_map(|p| p.input).filter(|index| {
-        let channels = &composition.sensors[*index].info.channels;
-        let names = channels.iter().map(|c| c.name);
+        let info = &composition.sensors[*index].info;
+        let names = info.channels.iter().map(|c| &*c.name);
         names.eq(["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"])
-            || channels.iter().any(|c| c.name == "dtheta_x")
+            || info.position("dtheta_x").is_some()
     })
 }
 
@@ -97,7 +97,7 @@ impl<'a> Builder<'a> {
         };
         for (index, sensor) in self.composition.sensors.iter().enumerate() {
             let Role::Measurement(model) = &sensor.role else { continue };
-            let place = |name: &str| sensor.info.channels.iter().position(|c| c.name == name);
+            let place = |name: &str| sensor.info.position(name);
             if let Some(velocity) = self.velocity(index, sensor, &**model, &recording.imu) {
                 recording.velocities.push(velocity);
             } else if let Some((lat, lon)) = place("lat").zip(place("lon")) {
@@ -303,7 +303,7 @@ impl<'a> Builder<'a> {
         model: &dyn AnyMeasurement,
         [lat, lon]: [usize; 2],
     ) -> Positions {
-        let place = |name: &str| sensor.info.channels.iter().position(|c| c.name == name);
+        let place = |name: &str| sensor.info.position(name);
         let height = place("height");
         let velocity = place("vel_n").zip(place("vel_e")).zip(place("vel_d"));
         let name = &sensor.info.name;

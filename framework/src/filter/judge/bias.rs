@@ -89,7 +89,7 @@ impl Shift {
     /// Finding about a sensor whose innovations have a mean.
     pub(in crate::filter) fn finding(&self, time: Time, sensor: &SensorInfo) -> Finding {
         let &Self { channel, since, count, mean } = self;
-        let channel = sensor.channels.get(channel).map_or("?", |c| c.name);
+        let channel = sensor.channel(channel);
         let severity = if mean.abs() >= 1.0 { Severity::DoNotUse } else { Severity::Doubtful };
         Finding {
             time,

@@ -5,7 +5,7 @@
 //! ```text
 //! b = sum_i q_ii / 2,    V = sum_ij q_ij^2 / 2
 //! ```
-//! with the second derivatives `q_ij` of [`crate::filter::update::points`]. The update trusts the sample to its
+//! with the second derivatives `q_ij` of `update/points.rs`. The update trusts the sample to its
 //! noise `R`, so that
 //! ```text
 //! c = sqrt((b^2 + V) / R)
@@ -129,7 +129,7 @@ impl Curved {
         let [first, second] = self.columns.map(of);
         let blocks =
             if first == second { first.to_owned() } else { format!("{second} and {first}") };
-        let channel = sensor.channels.get(self.channel).map_or("?", |c| c.name);
+        let channel = sensor.channel(self.channel);
         let severity =
             if self.ratio >= TOO_CURVED { Severity::DoNotUse } else { Severity::Doubtful };
         Finding {

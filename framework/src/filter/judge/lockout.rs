@@ -14,7 +14,10 @@
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::gate::{Action, Recovery};
+use crate::units::pace::Pace;
+use crate::units::sample::Channel;
 use crate::units::time::Time;
+use std::sync::Arc;
 
 /// Number of gated samples in a row that causes a warning.
 const IN_A_ROW: u64 = 5;
@@ -22,12 +25,6 @@ const IN_A_ROW: u64 = 5;
 /// Largest number of gated samples in a row that is no lock-out, however long they took: an outlier
 /// on either side of an outage.
 const OUTLIERS: u64 = 2;
-
-/// Number of intervals that define the usual one.
-const INTERVALS: u32 = 8;
-
-/// Shortest silence after which the filter is suspected, s, as where a sensor counts as lost.
-const SILENCE: f64 = 5.0;
 
 /// Multiple of the gate's threshold from which a NIS is a jump. With one channel and the default
 /// gate it is 7.8 sigma.
@@ -64,8 +61,8 @@ pub(in crate::filter) struct Judged<'a> {
     pub(in crate::filter) m: usize,
     /// Square of the innovation relative to that of the first gated sample.
     pub(in crate::filter) share: f64,
-    /// Channel with the largest innovation, and its size in sigma.
-    pub(in crate::filter) worst: (&'static str, f64),
+    /// Index of the channel with the largest innovation, and its size in sigma.
+    pub(in crate::filter) worst: (usize, f64),
 }
 
 /// Evidence on a sample that is gated, or follows a gated one, beside its innovation.
@@ -93,16 +90,8 @@ pub(in crate::filter) struct Streak {
     contradicted: bool,
     /// Set once the lock-out has been reported.
     reported: bool,
-    /// Channel with the largest innovation of all samples, and its size in sigma.
-    worst: (&'static str, f64),
-}
-
-impl Streak {
-    /// Channel with the largest innovation, and its size, in words.
-    fn worst(&self) -> String {
-        let (channel, size) = self.worst;
-        format!("{channel} is off by {size:.1} sigma")
-    }
+    /// Index of the channel with the largest innovation of all samples, and its size in sigma.
+    worst: (usize, f64),
 }
 
 /// Isolation of a sensor: its samples are judged and not used.
@@ -124,11 +113,11 @@ pub(in crate::filter) struct Lockout {
     pub(in crate::filter) streak: Option<Streak>,
     pub(in crate::filter) isolation: Option<Isolation>,
     timeout: Option<f64>,
+    channels: Arc<[Arc<str>]>,
     /// Time of the last judged sample, and of the last used one.
     last: Option<Time>,
     used: Option<Time>,
-    /// Longest of the first intervals, s, and their number.
-    usual: (f64, u32),
+    pace: Pace,
     /// Mean NIS of the used samples for each channel.
     spread: f64,
     /// Set once the sensor was used after a lock-out that no evidence decided: the filter may be
@@ -137,14 +126,15 @@ pub(in crate::filter) struct Lockout {
 }
 
 impl Lockout {
-    pub(in crate::filter) fn new(timeout: Option<f64>) -> Self {
+    pub(in crate::filter) fn new(timeout: Option<f64>, channels: &[Channel]) -> Self {
         Self {
             streak: None,
             isolation: None,
             timeout,
+            channels: channels.iter().map(|channel| Arc::clone(&channel.name)).collect(),
             last: None,
             used: None,
-            usual: (0.0, 0),
+            pace: Pace::default(),
             spread: 1.0,
             adopted: false,
         }
@@ -160,6 +150,13 @@ impl Lockout {
         self.streak.is_some_and(|streak| streak.count > OUTLIERS)
     }
 
+    /// Channel with the largest innovation of a streak, and its size, in words.
+    fn worst(&self, streak: &Streak) -> String {
+        let (channel, size) = streak.worst;
+        let channel = self.channels.get(channel).map_or("?", |name| name);
+        format!("{channel} is off by {size:.1} sigma")
+    }
+
     /// Decides on a sample.
     pub(in crate::filter) fn judge(
         &mut self,
@@ -169,11 +166,8 @@ impl Lockout {
         observer: &mut dyn Observer,
     ) -> Verdict {
         let before = self.last.replace(sample.time);
-        if let Some(before) = before
-            && self.usual.1 < INTERVALS
-            && before < sample.time
-        {
-            self.usual = (self.usual.0.max(sample.time.since(before)), self.usual.1 + 1);
+        if let Some(before) = before {
+            self.pace.take(sample.time.since(before));
         }
         let verdict = if self.isolation.is_some() {
             self.judge_isolated(sample, evidence.passes, recovery, observer)
@@ -208,7 +202,7 @@ impl Lockout {
                 1 => format!("1 sample gated at {since}"),
                 _ => format!("{count} samples gated since {since}"),
             };
-            let text = format!("{gated}, {}; the gate passes again", streak.worst());
+            let text = format!("{gated}, {}; the gate passes again", self.worst(&streak));
             log(sample, Level::Info, text, observer);
         }
         self.spread += WEIGHT * (sample.nis / sample.m as f64 - self.spread);
@@ -236,19 +230,14 @@ impl Lockout {
         Verdict::Isolate
     }
 
-    /// Silence from which on the filter is suspected, s.
+    /// Silence from which on the filter is suspected, s, as where a sensor counts as lost.
     fn silence(&self) -> f64 {
-        match (self.timeout, self.usual) {
-            (Some(given), _) => given,
-            (None, (_, 0)) => f64::INFINITY,
-            (None, (usual, _)) => (3.0 * usual).max(SILENCE),
-        }
+        self.timeout.unwrap_or_else(|| self.pace.patience())
     }
 
     /// Begins a streak.
     fn streak(&self, sample: &Judged<'_>) -> Streak {
         let gap = self.used.map(|used| sample.time.since(used));
-        let usual = self.usual.0;
         // the jump is judged against the innovations before it: those of a filter whose noise is
         // too small scatter widely without any fault
         let jump = sample.nis > STEP * sample.threshold * self.spread.max(1.0);
@@ -256,7 +245,7 @@ impl Lockout {
             since: sample.time,
             count: 0,
             silence: None,
-            step: jump && !self.adopted && usual > 0.0 && gap.is_some_and(|gap| gap <= 3.0 * usual),
+            step: jump && !self.adopted && gap.is_some_and(|gap| self.pace.follows(gap)),
             contradicted: false,
             reported: false,
             worst: sample.worst,
@@ -285,7 +274,8 @@ impl Lockout {
         let Streak { since, count, silence, step, contradicted, reported, .. } = streak;
         // a single gated sample is expected; several in a row are worth a warning
         if count == IN_A_ROW {
-            let text = format!("{count} samples gated in a row since {since}, {}", streak.worst());
+            let text =
+                format!("{count} samples gated in a row since {since}, {}", self.worst(&streak));
             log(sample, Level::Warning, text, observer);
         }
         let inflates = recovery.action == Action::Inflate;
@@ -364,10 +354,12 @@ impl Lockout {
     /// Reports a sensor that is still gated or isolated after the last sample.
     pub(in crate::filter) fn finish(&self, sensor: &str, time: Time, observer: &mut dyn Observer) {
         let (nis, threshold, share) = (f64::NAN, f64::NAN, f64::NAN);
-        let sample = Judged { sensor, time, nis, threshold, m: 0, share, worst: ("", f64::NAN) };
+        let sample = Judged { sensor, time, nis, threshold, m: 0, share, worst: (0, f64::NAN) };
         if let Some(streak @ Streak { since, count, .. }) = self.streak {
-            let text =
-                format!("the last {count} samples were gated, since {since}, {}", streak.worst());
+            let text = format!(
+                "the last {count} samples were gated, since {since}, {}",
+                self.worst(&streak)
+            );
             log(&sample, Level::Warning, text, observer);
         }
         if let Some(Isolation { since, contradicted, .. }) = self.isolation {

@@ -17,9 +17,9 @@ pub enum Record<'a> {
     /// them come after the last sample, update and event of the filter, or with a fixed lag once
     /// the filter is the lag ahead.
     Epoch(&'a Epoch<'a>),
-    /// The estimate after all samples that have arrived, at the output rate, in a run where a
-    /// sensor may be late (`late`). A late sample may still change it; [`Self::Epoch`] is the final
-    /// estimate of that time once no late sample can. In other runs every estimate is final.
+    /// The estimate after all samples that have arrived, at the output rate and at once after the
+    /// sample. Another sample of that time may still change it, or a late one (`late`);
+    /// [`Self::Epoch`] is the final estimate of that time once no sample can.
     Newest(&'a Epoch<'a>),
     /// The filter's own estimate in a run that is smoothed, when the filter makes it.
     Filtered(&'a Epoch<'a>),

@@ -7,6 +7,7 @@ use crate::units::sample::Channel;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Limits of one channel, as a scenario gives them.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
@@ -28,10 +29,10 @@ pub type LimitKeys = BTreeMap<String, ChannelLimits>;
 /// let depth = Limit::range("depth", -100.0, 12_000.0);
 /// assert!(depth.low < 0.0 && depth.rate == f64::INFINITY);
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Limit {
     /// Name of the channel.
-    pub channel: &'static str,
+    pub channel: Arc<str>,
     /// Smallest plausible value.
     pub low: f64,
     /// Largest plausible value.
@@ -42,8 +43,8 @@ pub struct Limit {
 
 impl Limit {
     /// Creates a limit on the value of a channel.
-    pub const fn range(channel: &'static str, low: f64, high: f64) -> Self {
-        Self { channel, low, high, rate: f64::INFINITY }
+    pub fn range(channel: impl Into<Arc<str>>, low: f64, high: f64) -> Self {
+        Self { channel: channel.into(), low, high, rate: f64::INFINITY }
     }
 }
 
@@ -54,19 +55,20 @@ pub(crate) fn resolve(
     keys: &LimitKeys,
     channels: &[Channel],
 ) -> Result<Vec<(usize, Limit)>, ComposeError> {
-    let index = |name: &str| channels.iter().position(|channel| channel.name == name);
+    let index = |name: &str| channels.iter().position(|channel| &*channel.name == name);
     let mut limits: Vec<(usize, Limit)> = (own.into_iter())
-        .filter_map(|limit| index(limit.channel).map(|channel| (channel, limit)))
+        .filter_map(|limit| index(&limit.channel).map(|channel| (channel, limit)))
         .collect();
     for (name, given) in keys {
         let Some(channel) = index(name) else {
-            let names: Vec<&str> = channels.iter().map(|c| c.name).collect();
+            let names: Vec<&str> = channels.iter().map(|c| &*c.name).collect();
             let message = unknown("channel", name, &names);
             return Err(ComposeError::new(format!("limits.{name}"), message));
         };
         let found = limits.iter().position(|(other, _)| *other == channel);
         let at = found.unwrap_or_else(|| {
-            let all = Limit::range(channels[channel].name, f64::NEG_INFINITY, f64::INFINITY);
+            let all =
+                Limit::range(Arc::clone(&channels[channel].name), f64::NEG_INFINITY, f64::INFINITY);
             limits.push((channel, all));
             limits.len() - 1
         });
@@ -81,10 +83,7 @@ impl ChannelLimits {
         let error = |key: &str, message: String| {
             Err(ComposeError::new(format!("limits.{}.{key}", channel.name), message))
         };
-        let Some(mut exponents) = channel.parsed_unit().map(|unit| unit.exponents()) else {
-            let message = format!("the unit {:?} of the channel is unknown", channel.unit);
-            return error("range", message);
-        };
+        let mut exponents = channel.unit.exponents();
         if let Some([low, high]) = &self.range {
             for (value, place) in [(low, &mut limit.low), (high, &mut limit.high)] {
                 match value.si_as(exponents) {

@@ -191,7 +191,7 @@ impl<'a> At<'a> {
         Self { layout, state, sample: &NO_SAMPLE }
     }
 
-    fn view(&self) -> View<'a, f64> {
+    pub(super) fn view(&self) -> View<'a, f64> {
         View::new(self.layout, self.state).with(self.sample)
     }
 }
@@ -303,7 +303,7 @@ impl<M: MeasurementModel<N>, const N: usize> AnyMeasurement for Erased<M, N> {
 /// The part of [`AnyMeasurement::linearise`] that is the same for all models, compiled once.
 impl Update {
     /// Takes the blocks that a model of `n` channels reads, and clears its Jacobian.
-    fn read_blocks(&mut self, layout: &Layout, read: BlockSet, n: usize) {
+    pub(super) fn read_blocks(&mut self, layout: &Layout, read: BlockSet, n: usize) {
         self.columns.clear();
         for slot in read.slots() {
             self.columns.extend(layout.blocks[slot].tangent_range());
@@ -315,7 +315,7 @@ impl Update {
 
     /// Takes innovation and noise (column by column) of all channels, and keeps those, with their
     /// rows of the Jacobian, that the sample has.
-    fn keep_channels(&mut self, sample: &Sample, innovation: &[f64], noise: &[f64]) {
+    pub(super) fn keep_channels(&mut self, sample: &Sample, innovation: &[f64], noise: &[f64]) {
         let (n, w) = (innovation.len(), self.columns.len());
         self.innovation.clear();
         self.r.clear();
@@ -328,6 +328,15 @@ impl Update {
         }
         self.m = self.innovation.len();
     }
+}
+
+/// Step of central differences along the tangent of a block: the cube root of the rounding error
+/// times the magnitude of the value. The tangent of a position is in metres.
+pub(super) fn difference_step(at: &At<'_>, slot: usize) -> f64 {
+    let block = &at.layout.blocks[slot];
+    let largest = || at.state.values[block.range()].iter().fold(1.0_f64, |a, x| a.max(x.abs()));
+    let position = block.operations.kind == std::any::TypeId::of::<Position>();
+    6e-6 * if position { 1e3 } else { largest() }
 }
 
 /// Largest error of a model's Jacobian at a state, relative to the largest derivative of the
@@ -345,15 +354,9 @@ pub fn jacobian_error(model: &dyn AnyMeasurement, at: &At<'_>) -> f64 {
     }
     let (mut numeric, mut rounding) = (vec![0.0; n * w], vec![0.0; n * w]);
     let mut column = 0;
-    for block in read.slots().map(|slot| &layout.blocks[slot]) {
+    for slot in read.slots() {
+        let (block, step) = (&layout.blocks[slot], difference_step(at, slot));
         for k in 0..block.tangent_range().len() {
-            // the step is the cube root of the rounding error times the magnitude of the value; the
-            // tangent of a position is in metres
-            let size = if block.operations.kind == std::any::TypeId::of::<Position>() {
-                1e3
-            } else {
-                state.values[block.range()].iter().fold(1.0_f64, |a, x| a.max(x.abs()))
-            };
             let mut slope = |step: f64| {
                 let (mut moved, mut delta, mut z) =
                     (state.clone(), [0.0; MAX_TANGENT], [0.0; MAX_CHANNELS]);
@@ -368,8 +371,8 @@ pub fn jacobian_error(model: &dyn AnyMeasurement, at: &At<'_>) -> f64 {
                     rounding[i * w + column] += 2.0 * f64::EPSILON * (z[i] / step).abs();
                 }
             };
-            slope(6e-6 * size);
-            slope(-6e-6 * size);
+            slope(step);
+            slope(-step);
             column += 1;
         }
     }

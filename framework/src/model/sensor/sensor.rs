@@ -3,17 +3,18 @@
 use crate::model::process::input::Correction;
 use crate::model::sensor::delivery::Delay;
 use crate::model::sensor::detector::Detector;
+use crate::model::sensor::dynamic::{Dynamic, DynamicModel};
 use crate::model::sensor::gate::{Action, Gate, Recovery};
 use crate::model::sensor::limits::Limit;
 use crate::model::sensor::measurement::AnyMeasurement;
 use crate::model::sensor::motion::Motion;
 use crate::model::sensor::mounting::Mounting;
 use crate::model::sensor::robust::Robust;
-use crate::model::sensor::update_rule::UpdateRule;
+use crate::model::sensor::rule::UpdateRule;
 use crate::model::simulate::{Faults, Simulate};
 use crate::state::manifold::Scalar;
 use crate::state::{Handle, Layout, State};
-use crate::units::sample::{Channel, Sample};
+use crate::units::sample::{Channel, MAX_CHANNELS, Sample};
 use crate::units::time::{Span, Time};
 use std::any::Any;
 use std::sync::Arc;
@@ -31,6 +32,18 @@ pub struct SensorInfo {
     pub purpose: Purpose,
     /// Place, axes and beams on the vehicle.
     pub mounting: Mounting,
+}
+
+impl SensorInfo {
+    /// The name of the channel of that index.
+    pub fn channel(&self, index: usize) -> &str {
+        self.channels.get(index).map_or("?", |channel| &channel.name)
+    }
+
+    /// The index of the channel of that name.
+    pub fn position(&self, channel: &str) -> Option<usize> {
+        self.channels.iter().position(|c| &*c.name == channel)
+    }
 }
 
 /// Purpose of a sensor.
@@ -61,6 +74,12 @@ impl Role {
         M: crate::model::sensor::measurement::MeasurementModel<N> + Sync,
     {
         Self::Measurement(Arc::new(crate::model::sensor::measurement::Erased(model)))
+    }
+
+    /// Role of a measurement model whose number of channels is known at run time only; the first
+    /// `channels` of the sensor are measured.
+    pub fn dynamic(channels: usize, model: impl DynamicModel) -> Self {
+        Self::Measurement(Arc::new(Dynamic { channels: channels.min(MAX_CHANNELS), model }))
     }
 }
 

@@ -7,6 +7,8 @@ use crate::state::{Layout, State, View};
 use crate::units::sample::{MAX_CHANNELS, Sample};
 use crate::units::time::Time;
 use crate::units::{Duration, Frequency, Positive, Ratio, Sigma};
+use nalgebra::allocator::Allocator;
+use nalgebra::{DefaultAllocator, Dim, OMatrix};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -69,22 +71,30 @@ impl Scene<'_> {
     ) {
         let x = View::new(self.layout, self.truth).of_truth().with(sample);
         let (predicted, noise) = (model.predict(&x), model.noise(&x));
+        let noise = self.draw(noise);
+        (0..N).for_each(|i| sample.set(i, predicted[i] + noise[i]));
+    }
+
+    /// Draws the noise of channels with that covariance.
+    pub(crate) fn draw<D: Dim>(&mut self, covariance: OMatrix<f64, D, D>) -> [f64; MAX_CHANNELS]
+    where
+        DefaultAllocator: Allocator<D, D>,
+    {
+        let n = covariance.nrows();
         // some channels may have a noise of zero, which has no Cholesky factor
-        let factor = match noise.cholesky() {
+        let factor = match covariance.clone().cholesky() {
             Some(c) => c.l(),
-            None => noise.map(|v| v.max(0.0).sqrt()),
+            None => covariance.map(|v| v.max(0.0).sqrt()),
         };
         let mut draw = [0.0; MAX_CHANNELS];
-        for d in &mut draw[..N] {
+        for d in &mut draw[..n] {
             *d = self.random.normal() * self.noise;
             if self.outlier > 0.0 {
                 *d += self.outlier * if self.random.uniform() < 0.5 { -1.0 } else { 1.0 };
             }
         }
-        for i in 0..N {
-            let noise: f64 = (0..N).map(|j| factor[(i, j)] * draw[j]).sum();
-            sample.set(i, predicted[i] + noise);
-        }
+        let noise = |i| (0..n).map(|j| factor[(i, j)] * draw[j]).sum();
+        std::array::from_fn(|i| if i < n { noise(i) } else { 0.0 })
     }
 }
 

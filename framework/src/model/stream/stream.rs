@@ -87,7 +87,7 @@ pub struct RunInfo {
 }
 
 /// Receives the records of a run that it wants. Only [`Sink::take`] has to be written.
-/// After the run, [`crate::run::runner::Finished::take_sink`] returns the sink.
+/// After the run, [`crate::session::Finished::take_sink`] returns the sink.
 ///
 /// ```
 /// use navfuse_core::prelude::*;

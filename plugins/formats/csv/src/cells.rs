@@ -44,7 +44,7 @@ pub fn channel_cells(
     config: &FileConfig,
     headings: &[String],
 ) -> Result<Vec<ChannelCell>, StreamError> {
-    let (sensor, names) = (&info.name, || info.channels.iter().map(|c| c.name));
+    let (sensor, names) = (&info.name, || info.channels.iter().map(|c| &*c.name));
     if let Some(unknown) = config.columns.keys().find(|key| names().all(|c| c != key.as_str())) {
         let near = did_you_mean(unknown, names())
             .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
@@ -56,13 +56,14 @@ pub fn channel_cells(
     }
     let mut cells = Vec::with_capacity(info.channels.len());
     for (channel, c) in info.channels.iter().enumerate() {
-        let given = config.columns.get(c.name).map(|g| &g.0);
+        let given = config.columns.get(&*c.name).map(|g| &g.0);
         let (column, unit) =
             (given.and_then(|g| g.column.as_deref()), given.and_then(|g| g.unit).map(|u| u.0));
         let key = format!("files.{sensor}.columns.{}", c.name);
         let others: Vec<&str> =
-            std::iter::once("time").chain(names().filter(|n| *n != c.name)).collect();
-        let wanted = Wanted { name: c.name, si: c.unit, column, unit, key: &key, others: &others };
+            std::iter::once("time").chain(names().filter(|n| *n != &*c.name)).collect();
+        let (name, si) = (&*c.name, &*c.unit.suffix());
+        let wanted = Wanted { name, si, column, unit, key: &key, others: &others };
         let last = channel + 1 == info.channels.len();
         let needed =
             info.purpose == Purpose::Input || given.is_some() || (last && cells.is_empty());
@@ -89,17 +90,16 @@ pub fn without_column(
         .map(|(_, c)| c)
         .collect();
     let unused = |column: usize| !time.uses(column) && cells.iter().all(|c| c.column != column);
-    let of_unit = |heading: &str, unit: &str| {
-        let units =
+    let of_unit = |heading: &str, wanted: Unit| {
+        let mut units =
             heading.match_indices('_').filter_map(|(at, _)| column_suffix(&heading[at + 1..]));
-        let (mut units, wanted) = (units, column_suffix(unit));
-        wanted.is_some_and(|w| units.any(|u| u.exponents() == w.exponents()))
+        wanted != Unit::ONE && units.any(|u| u.exponents() == wanted.exponents())
     };
     let meant: Vec<&str> = (headings.iter().enumerate())
         .filter(|(column, h)| unused(*column) && missing.iter().any(|c| of_unit(h, c.unit)))
         .map(|(_, h)| h.as_str())
         .collect();
-    let names: Vec<&str> = missing.iter().map(|c| c.name).collect();
+    let names: Vec<&str> = missing.iter().map(|c| &*c.name).collect();
     let names = names.join(", ");
     match (missing.is_empty(), meant.is_empty()) {
         (true, _) => None,

@@ -46,7 +46,7 @@ impl TimeCell {
         headings: &[String],
     ) -> Result<Self, StreamError> {
         let (given, key) = (&config.time.0, format!("files.{}.time", info.name));
-        let others: Vec<&str> = info.channels.iter().map(|c| c.name).collect();
+        let others: Vec<&str> = info.channels.iter().map(|c| &*c.name).collect();
         let number = || {
             let unit = given.unit.map(|u| u.0);
             let column = given.column.as_deref();

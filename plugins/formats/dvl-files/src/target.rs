@@ -125,7 +125,7 @@ pub fn targets(config: &DvlFile, context: &OpenContext<'_>) -> Result<Vec<Target
 
 impl Target {
     fn new(part: Part, sensor: SensorId, info: &SensorInfo) -> Result<Self, StreamError> {
-        let channel = |name: &str| info.channels.iter().position(|c| c.name == name);
+        let channel = |name: &str| info.position(name);
         let beams = ["beam_1", "beam_2", "beam_3", "beam_4"].map(channel);
         let axes = || Some([channel("vel_x")?, channel("vel_y")?, channel("vel_z")?]);
         let channels = match part {
@@ -139,7 +139,7 @@ impl Target {
                 Part::Depth => "depth",
                 _ => "vel_x, vel_y and vel_z, or beam_1, beam_2, ...",
             };
-            let has: Vec<&str> = info.channels.iter().map(|c| c.name).collect();
+            let has: Vec<&str> = info.channels.iter().map(|c| &*c.name).collect();
             return Err(StreamError::scenario(format!(
                 "{} needs the channels {needed}; [sensor.{}] of type {:?} has {}",
                 part.name(),

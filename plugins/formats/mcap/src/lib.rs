@@ -57,17 +57,20 @@ mod frames;
 mod log;
 mod message;
 mod motion;
+mod pose;
 mod reader;
 mod records;
 mod schema;
 mod sink;
 mod source;
 mod topics;
+mod writer;
 
 pub use bag::BagSink;
+pub use file::Compression;
 pub use log::{LogInfo, read_scenario};
 pub use reader::{BlockEntry, Entry, InnovationEntry, LogReader, RejectionEntry, SensorEntry};
-pub use sink::{Compression, Mcap, McapSink};
+pub use sink::{Mcap, McapSink};
 pub use source::{McapLog, McapSource};
 
 use navfuse_core::plugin::{Plugin, Registry};

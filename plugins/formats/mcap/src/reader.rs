@@ -1,6 +1,6 @@
 //! Reads a log without composing its scenario, for reports and tables.
 
-use crate::log::{LogInfo, VERDICT, VERDICT_ENTRY, damaged, read_info};
+use crate::log::{LogInfo, VERDICT, VERDICT_ENTRY, parse, read_info};
 use crate::message::Stamp;
 use crate::records::{Chunks, Records, Step};
 use crate::schema;
@@ -171,7 +171,7 @@ impl LogReader {
             if ![op::SCHEMA, op::CHANNEL, op::MESSAGE, op::METADATA].contains(&opcode) {
                 return Ok(None);
             }
-            match mcap::parse_record(opcode, data).map_err(damaged)? {
+            match parse(opcode, data)? {
                 Record::Schema { header, .. } => {
                     schemas.insert(header.id, header.name);
                     Ok(None)

@@ -1,11 +1,11 @@
 //! The sink: every sample, estimate, innovation and event of a run in one MCAP file.
 
-use crate::background::Background as Writer;
-use crate::chunk::{Chunk, Definitions, LENGTH};
-use crate::file::LogFile;
+use crate::chunk::Definitions;
+use crate::file::{Compression, LogFile};
 use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
-use crate::message::{Encoder, Stamp};
-use crate::topics::{Topic, Topics};
+use crate::message::Stamp;
+use crate::topics::Topics;
+use crate::writer::LogWriter;
 use navfuse_core::files::{WholeFile, part_of};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
@@ -19,7 +19,6 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::io;
 use std::path::{Path, PathBuf};
 
 /// Records the run in an MCAP file, which `navfuse replay`, ROS 2 tools, Foxglove and rerun read:
@@ -40,19 +39,6 @@ fn run_mcap() -> PathBuf {
 }
 
 const SECOND: u64 = 1_000_000_000;
-
-/// Compression of the chunks of the file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Compression {
-    /// Zstandard.
-    #[default]
-    Zstd,
-    /// LZ4.
-    Lz4,
-    /// Not at all.
-    None,
-}
 
 impl SinkType for Mcap {
     const TYPE: &'static str = "mcap";
@@ -196,75 +182,6 @@ impl McapSink {
     }
 }
 
-/// The file, and the chunk that is being filled.
-#[derive(Debug)]
-pub(crate) struct LogWriter {
-    file: Writer,
-    chunk: Chunk,
-    /// Log time minus run time, ns.
-    offset: i64,
-    /// The latest time that was logged.
-    latest: Time,
-}
-
-impl LogWriter {
-    /// Begins a file whose log times are those of the run plus an offset in ns; `head` writes what
-    /// stands before the messages.
-    pub(crate) fn begin(
-        file: WholeFile,
-        compression: Compression,
-        version: &str,
-        definitions: Definitions,
-        offset: i64,
-        head: impl FnOnce(&mut LogFile<WholeFile>) -> io::Result<()>,
-    ) -> io::Result<Self> {
-        let mut chunk = Chunk::default();
-        chunk.records.extend_from_slice(&definitions.schemas);
-        chunk.records.extend_from_slice(&definitions.channels);
-        let library = format!("navfuse {version}");
-        let mut file = LogFile::begin(file, compression, &library, definitions)?;
-        head(&mut file)?;
-        let file = Writer::start(file)?;
-        Ok(Self { file, chunk, offset, latest: Time::MIN })
-    }
-
-    /// The log time of a time of the run, in ns; zero for an earlier one.
-    pub(crate) fn log_time(&self, time: Time) -> u64 {
-        u64::try_from(time.nanos().saturating_add(self.offset)).unwrap_or(0)
-    }
-
-    /// Completes the file, which then takes its name.
-    pub(crate) fn finish(&mut self) -> Result<(), StreamFailure> {
-        self.write_chunk()?;
-        self.file.finish()
-    }
-
-    /// Writes a message.
-    pub(crate) fn send(
-        &mut self,
-        topic: &mut Topic,
-        time: Time,
-        encode: impl FnOnce(Encoder<'_>),
-    ) -> Result<(), StreamFailure> {
-        let log_time = self.log_time(time);
-        self.chunk.message(topic, log_time, |out| encode(Encoder::new(out)));
-        topic.sequence = topic.sequence.wrapping_add(1);
-        self.latest = self.latest.max(time);
-        if self.chunk.records.len() < LENGTH { Ok(()) } else { self.write_chunk() }
-    }
-
-    fn write_chunk(&mut self) -> Result<(), StreamFailure> {
-        if self.chunk.records.is_empty() { Ok(()) } else { self.file.write(&mut self.chunk) }
-    }
-}
-
-impl Drop for LogWriter {
-    /// Writes the messages so far: a run that was aborted leaves them in the part of the file.
-    fn drop(&mut self) {
-        self.write_chunk().ok();
-    }
-}
-
 /// A log to which messages are being written.
 #[derive(Debug)]
 struct Recording {
@@ -315,8 +232,7 @@ impl Recording {
         name: &'static str,
         entries: BTreeMap<String, String>,
     ) -> Result<(), StreamFailure> {
-        self.log.write_chunk()?;
-        self.log.file.metadata(name, entries)
+        self.log.metadata(name, entries)
     }
 
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamFailure> {

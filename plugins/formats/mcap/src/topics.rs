@@ -1,12 +1,12 @@
 //! The topics of a log, and the messages written to each.
 
-use crate::chunk::Definitions;
+use crate::chunk::{Definitions, Topic};
 use crate::frames::Frames;
 use crate::log::StreamFailure;
 use crate::message::{BODY_FRAME, BlockValues, FIXED_FRAME, Stamp};
 use crate::motion::{Motion, Moved};
 use crate::schema;
-use crate::sink::LogWriter;
+use crate::writer::LogWriter;
 use navfuse_core::model::record::{Epoch, InputRejection, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::RunInfo;
@@ -15,15 +15,6 @@ use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{MAX_TANGENT, Position};
 use navfuse_core::units::sample::{Channel, Sample};
 use std::any::TypeId;
-
-/// A topic.
-#[derive(Clone, Copy, Debug)]
-pub struct Topic {
-    /// The channel's id.
-    pub channel: u16,
-    /// Number of messages written.
-    pub sequence: u32,
-}
 
 /// All topics of a run.
 #[derive(Debug)]
@@ -77,13 +68,13 @@ pub fn purpose(word: &str) -> Option<Purpose> {
 }
 
 /// The channels that a `sensor_msgs/Imu` holds, in its order.
-pub const RATES: [Channel; 6] = [
-    Channel::new("gyro_x", "radps"),
-    Channel::new("gyro_y", "radps"),
-    Channel::new("gyro_z", "radps"),
-    Channel::new("accel_x", "mps2"),
-    Channel::new("accel_y", "mps2"),
-    Channel::new("accel_z", "mps2"),
+pub const RATES: [(&str, &str); 6] = [
+    ("gyro_x", "radps"),
+    ("gyro_y", "radps"),
+    ("gyro_z", "radps"),
+    ("accel_x", "mps2"),
+    ("accel_y", "mps2"),
+    ("accel_z", "mps2"),
 ];
 
 /// The topics of a sensor.
@@ -112,7 +103,7 @@ enum Also {
 impl SensorTopics {
     fn open(log: &mut Definitions, info: &SensorInfo) -> Self {
         let name = &info.name;
-        let imu = info.channels == RATES;
+        let imu = info.channels == Channel::all(RATES);
         let of = [(KIND, info.kind.clone()), (PURPOSE, purpose_word(info.purpose).to_owned())];
         let of = of.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         let samples = log.described(

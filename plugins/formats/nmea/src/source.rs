@@ -4,13 +4,13 @@ use crate::beacon::Beacon;
 use crate::config::Nmea;
 use crate::epoch::{Dates, Epoch, Gatherer, North, Part};
 use crate::sentence::{Sentence, parse, talker};
+use navfuse_core::files::Input;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_frames::{Clock, Count, Frames, Sentences, TimeConfig, open};
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -134,10 +134,9 @@ impl Target {
             part => part,
         };
         let names = Self::names(part);
-        let channels: Vec<Option<usize>> =
-            names.iter().map(|name| info.channels.iter().position(|c| c.name == *name)).collect();
+        let channels: Vec<Option<usize>> = names.iter().map(|name| info.position(name)).collect();
         if channels[0].is_none() {
-            let has: Vec<&str> = info.channels.iter().map(|c| c.name).collect();
+            let has: Vec<&str> = info.channels.iter().map(|c| &*c.name).collect();
             let message = format!(
                 "it needs a sensor with the channel {}; [sensor.{}] of type {:?} has {}",
                 names[0],
@@ -255,7 +254,7 @@ fn remember(addresses: &mut Vec<String>, content: &[u8]) {
 /// The samples of one sensor.
 struct Stream {
     path: PathBuf,
-    frames: Frames<File, Sentences>,
+    frames: Frames<Input, Sentences>,
     talker: Option<String>,
     target: Target,
     gatherer: Gatherer,

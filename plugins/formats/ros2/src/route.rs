@@ -127,8 +127,8 @@ pub fn routes(
         |text: String, part: &str| StreamError::scenario(text).at_key(format!("{key}{part}"));
     let mut topics: Vec<(String, Vec<(usize, MessageField)>)> = Vec::new();
     for (name, field) in &config.channels {
-        let Some(channel) = info.channels.iter().position(|c| c.name == *name) else {
-            let has: Vec<&str> = info.channels.iter().map(|c| c.name).collect();
+        let Some(channel) = info.position(name) else {
+            let has: Vec<&str> = info.channels.iter().map(|c| &*c.name).collect();
             let text = format!("[sensor.{}] has the channels {}", info.name, has.join(", "));
             return Err(fail(text, &format!(".channels.{name}")));
         };
@@ -213,10 +213,10 @@ impl Route {
             ));
         };
         let channels: Vec<Option<usize>> = (form.channels().iter())
-            .map(|name| self.channels.iter().position(|c| c.name == *name))
+            .map(|name| self.channels.iter().position(|c| &*c.name == *name))
             .collect();
         if channels.iter().all(Option::is_none) {
-            let has: Vec<&str> = self.channels.iter().map(|c| c.name).collect();
+            let has: Vec<&str> = self.channels.iter().map(|c| &*c.name).collect();
             return Err(fail(format!(
                 "{} of type {} has {}; [sensor.{}] needs {}",
                 topic.name,
@@ -239,7 +239,7 @@ impl Route {
         channel: usize,
         field: &MessageField,
     ) -> Result<(usize, f64, f64), StreamError> {
-        let own = self.channels[channel];
+        let own = &self.channels[channel];
         let fail = |text: String| {
             let key = format!("sensors.{}.channels.{}.unit", self.name, own.name);
             StreamError::scenario(text).at_key(key)
@@ -247,7 +247,7 @@ impl Route {
         let mut scale = field.scale.unwrap_or(1.0);
         if let Some(text) = &field.unit {
             let unit = parse_unit(text).map_err(|e| fail(e.to_string()))?;
-            if own.parsed_unit().is_some_and(|u| u.exponents() != unit.exponents()) {
+            if own.unit.exponents() != unit.exponents() {
                 return Err(fail(format!("{text:?} is no unit of the channel, {}", own.column())));
             }
             scale *= unit.factor();

@@ -8,9 +8,9 @@ use navfuse_core::document::did_you_mean;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::OpenContext;
-use navfuse_core::units::parse_unit;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
+use navfuse_core::units::{Unit, parse_unit};
 
 /// Largest number of fields that a message lists.
 const LISTED: usize = 40;
@@ -76,7 +76,7 @@ impl Target {
     /// When a field or a unit does not exist, or no channel can be filled.
     pub fn filling(&self, topic: &Topic) -> Result<Filling, StreamError> {
         let place = |name: &str| topic.fields.iter().position(|f| f == name);
-        let channel = |name: &str| self.info.channels.iter().position(|c| c.name == name);
+        let channel = |name: &str| self.info.position(name);
         let missing = |name: &str, key: String| {
             let near = did_you_mean(name, topic.fields.iter().map(String::as_str))
                 .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
@@ -122,7 +122,7 @@ impl Target {
                 return Ok(filling);
             }
         }
-        let has: Vec<&str> = self.info.channels.iter().map(|c| c.name).collect();
+        let has: Vec<&str> = self.info.channels.iter().map(|c| &*c.name).collect();
         let message = format!(
             "{} is not known to fill the channels {} of [sensor.{}]",
             topic.name,
@@ -141,7 +141,7 @@ impl Target {
     }
 
     fn no_channel(&self, name: &str, key: &str) -> StreamError {
-        let has: Vec<&str> = self.info.channels.iter().map(|c| c.name).collect();
+        let has: Vec<&str> = self.info.channels.iter().map(|c| &*c.name).collect();
         let near = did_you_mean(name, has.iter().copied())
             .map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
         let message =
@@ -155,21 +155,17 @@ impl Target {
         let unit = parse_unit(text)
             .map_err(|e| StreamError::scenario(e.to_string()).at_key(format!("{key}.unit")))?;
         let channel = &self.info.channels[channel];
-        match channel.parsed_unit() {
-            Some(si) if si.exponents() != unit.exponents() => {
-                let message = format!(
-                    "{text:?} is no unit of the channel {}, {}",
-                    channel.name, channel.unit
-                );
-                Err(StreamError::scenario(message).at_key(format!("{key}.unit")))
-            }
-            _ => Ok(unit.to_si(1.0)),
+        if channel.unit.exponents() == unit.exponents() {
+            return Ok(unit.to_si(1.0));
         }
+        let (name, si) = (&channel.name, channel.unit.suffix());
+        let message = format!("{text:?} is no unit of the channel {name}, {si}");
+        Err(StreamError::scenario(message).at_key(format!("{key}.unit")))
     }
 
     /// Returns `true` where a channel is an angle, which is interpolated along the shorter way.
     pub fn is_angle(&self, channel: usize) -> bool {
-        self.info.channels.get(channel).is_some_and(|c| c.unit == "rad")
+        self.info.channels.get(channel).is_some_and(|c| c.unit == Unit::RADIAN)
     }
 }
 

@@ -3,6 +3,7 @@
 use navfuse_core::model::sensor::detector::Detector;
 use navfuse_core::model::sensor::{Purpose, Sensor};
 use navfuse_core::prelude::*;
+use navfuse_core::units::Unit;
 use std::collections::VecDeque;
 
 /// Longest window, s: at 1 kHz it holds 10 000 samples.
@@ -130,15 +131,12 @@ impl Detector for Standstill {
             let text = "a standstill is found from the samples of an IMU: add [sensor.imu]";
             return Err(ComposeError::new("", text));
         };
-        let increments = sensors[imu].info.channels.iter().any(|c| c.unit == "rad");
+        let increments = sensors[imu].info.channels.iter().any(|c| c.unit == Unit::RADIAN);
         let odometer = match &self.settings.odometer {
             None => None,
             Some(name) => {
                 let index = sensors.iter().position(|s| s.info.name == *name);
-                let speed = |index: usize| {
-                    let channels = &sensors[index].info.channels;
-                    channels.iter().position(|c| c.name == "speed").map(|channel| (index, channel))
-                };
+                let speed = |k: usize| Some((k, sensors[k].info.position("speed")?));
                 let text = format!("there is no [sensor.{name}] with a channel speed");
                 let found = index.and_then(speed);
                 Some(found.ok_or_else(|| ComposeError::new("odometer", text))?)

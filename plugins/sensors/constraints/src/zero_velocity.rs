@@ -61,21 +61,16 @@ const QUIET_FORCE: f64 = 15e-3 * 9.806_65;
 /// Default limit of the mean angular rate, rad/s: 1 deg/s.
 const QUIET_ROTATION: f64 = std::f64::consts::PI / 180.0;
 
-const VELOCITY: [Channel; 3] =
-    [Channel::new("vel_n", "mps"), Channel::new("vel_e", "mps"), Channel::new("vel_d", "mps")];
-const ROTATION: [Channel; 3] = [
-    Channel::new("rate_x", "radps"),
-    Channel::new("rate_y", "radps"),
-    Channel::new("rate_z", "radps"),
-];
+const VELOCITY: [(&str, &str); 3] = [("vel_n", "mps"), ("vel_e", "mps"), ("vel_d", "mps")];
+const ROTATION: [(&str, &str); 3] = [("rate_x", "radps"), ("rate_y", "radps"), ("rate_z", "radps")];
 
 impl SensorType for ZeroVelocity {
     const TYPE: &'static str = "zero-velocity";
 
     fn channels(&self) -> Vec<Channel> {
         match self.rotation_noise {
-            Some(_) => [VELOCITY, ROTATION].concat(),
-            None => VELOCITY.to_vec(),
+            Some(_) => [Channel::all(VELOCITY), Channel::all(ROTATION)].concat(),
+            None => Channel::all(VELOCITY).into(),
         }
     }
 

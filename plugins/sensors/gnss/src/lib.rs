@@ -64,21 +64,19 @@ fn one() -> Positive<Ratio> {
 }
 
 const BIAS: Display = Display { unit: "m", scale: 1.0, components: &["north", "east", "down"] };
-const POSITION: [Channel; 3] =
-    [Channel::new("lat", "rad"), Channel::new("lon", "rad"), Channel::new("height", "m")];
-const VELOCITY: [Channel; 3] =
-    [Channel::new("vel_n", "mps"), Channel::new("vel_e", "mps"), Channel::new("vel_d", "mps")];
-const ACCURACY: [Channel; 3] =
-    [Channel::new("h_acc", "m"), Channel::new("v_acc", "m"), Channel::new("s_acc", "mps")];
+const POSITION: [(&str, &str); 3] = [("lat", "rad"), ("lon", "rad"), ("height", "m")];
+const VELOCITY: [(&str, &str); 3] = [("vel_n", "mps"), ("vel_e", "mps"), ("vel_d", "mps")];
+const ACCURACY: [(&str, &str); 3] = [("h_acc", "m"), ("v_acc", "m"), ("s_acc", "mps")];
 const LONGITUDE: usize = 1;
 
 impl SensorType for Gnss {
     const TYPE: &'static str = "gnss";
 
     fn channels(&self) -> Vec<Channel> {
+        let [position, velocity, accuracy] = [POSITION, VELOCITY, ACCURACY].map(Channel::all);
         match self.velocity_noise {
-            Some(_) => [POSITION, VELOCITY, ACCURACY].concat(),
-            None => [&POSITION[..], &ACCURACY[..2]].concat(),
+            Some(_) => [position, velocity, accuracy].concat(),
+            None => [&position[..], &accuracy[..2]].concat(),
         }
     }
 

@@ -6,8 +6,8 @@ use navfuse_core::document::Document;
 use navfuse_core::nalgebra::{Matrix3, Vector3};
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
-use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::session::Finished;
 use navfuse_core::state::covariance::{Covariance, Update};
 use navfuse_core::state::geodesy::{ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, radii_of_curvature};
 use navfuse_core::units::sample::Sample;
@@ -317,7 +317,7 @@ fn a_fix_off_the_earth_is_refused() {
     let limit = |name: &str| {
         let channels = &sensor.info.channels;
         let limits = sensor.limits.iter().map(|(channel, limit)| (&channels[*channel], limit));
-        let found = limits.filter(|(channel, _)| channel.name == name).map(|(_, limit)| limit);
+        let found = limits.filter(|(channel, _)| &*channel.name == name).map(|(_, limit)| limit);
         found.map(|limit| (limit.low, limit.high)).next()
     };
     let quarter = std::f64::consts::FRAC_PI_2;

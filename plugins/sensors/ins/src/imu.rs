@@ -29,22 +29,22 @@ pub enum Output {
     Increments,
 }
 
-const RATES: [Channel; 6] = [
-    Channel::new("gyro_x", "radps"),
-    Channel::new("gyro_y", "radps"),
-    Channel::new("gyro_z", "radps"),
-    Channel::new("accel_x", "mps2"),
-    Channel::new("accel_y", "mps2"),
-    Channel::new("accel_z", "mps2"),
+const RATES: [(&str, &str); 6] = [
+    ("gyro_x", "radps"),
+    ("gyro_y", "radps"),
+    ("gyro_z", "radps"),
+    ("accel_x", "mps2"),
+    ("accel_y", "mps2"),
+    ("accel_z", "mps2"),
 ];
 
-const INCREMENTS: [Channel; 6] = [
-    Channel::new("dtheta_x", "rad"),
-    Channel::new("dtheta_y", "rad"),
-    Channel::new("dtheta_z", "rad"),
-    Channel::new("dvel_x", "mps"),
-    Channel::new("dvel_y", "mps"),
-    Channel::new("dvel_z", "mps"),
+const INCREMENTS: [(&str, &str); 6] = [
+    ("dtheta_x", "rad"),
+    ("dtheta_y", "rad"),
+    ("dtheta_z", "rad"),
+    ("dvel_x", "mps"),
+    ("dvel_y", "mps"),
+    ("dvel_z", "mps"),
 ];
 
 /// Inertial measurement unit: three gyros and three accelerometers along forward, right, down. It
@@ -88,8 +88,8 @@ impl SensorType for Imu {
 
     fn channels(&self) -> Vec<Channel> {
         match self.output {
-            Output::Rates => RATES.to_vec(),
-            Output::Increments => INCREMENTS.to_vec(),
+            Output::Rates => Channel::all(RATES).into(),
+            Output::Increments => Channel::all(INCREMENTS).into(),
         }
     }
 

@@ -31,23 +31,23 @@ pub struct ReferenceSolution {
     pub navigation: String,
 }
 
-const CHANNELS: [Channel; 9] = [
-    Channel::new("lat", "rad"),
-    Channel::new("lon", "rad"),
-    Channel::new("height", "m"),
-    Channel::new("vel_n", "mps"),
-    Channel::new("vel_e", "mps"),
-    Channel::new("vel_d", "mps"),
-    Channel::new("roll", "rad"),
-    Channel::new("pitch", "rad"),
-    Channel::new("yaw", "rad"),
+const CHANNELS: [(&str, &str); 9] = [
+    ("lat", "rad"),
+    ("lon", "rad"),
+    ("height", "m"),
+    ("vel_n", "mps"),
+    ("vel_e", "mps"),
+    ("vel_d", "mps"),
+    ("roll", "rad"),
+    ("pitch", "rad"),
+    ("yaw", "rad"),
 ];
 
 impl SensorType for ReferenceSolution {
     const TYPE: &'static str = "reference";
 
     fn channels(&self) -> Vec<Channel> {
-        CHANNELS.to_vec()
+        Channel::all(CHANNELS).into()
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {

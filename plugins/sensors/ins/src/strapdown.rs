@@ -25,6 +25,7 @@ use navfuse_core::state::display;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{load_quaternion, store_quaternion};
 use navfuse_core::state::{BlockSpec, Display, Dynamics, Layout, Mode, State};
+use navfuse_core::units::sample::Channel;
 use navfuse_core::units::time::Time;
 use navfuse_core::units::{Angle, Components, Latitude, Length, Longitude, Sigma, Speed, Triple};
 use schemars::JsonSchema;
@@ -211,7 +212,8 @@ impl ProcessType for Strapdown {
             Navigation { attitude, velocity, position, gyro_bias, accel_bias, angular_rate };
         let places = Places::new(composer, &navigation, &self.imu);
         if let Some(model) = settings.as_ref().and_then(|s| s.constraint(velocity)) {
-            composer.constraint(ZeroVelocity::NAME, ZeroVelocity::CHANNELS, model);
+            let channels = Channel::all(ZeroVelocity::CHANNELS);
+            composer.constraint(ZeroVelocity::NAME, channels, model);
         }
         let aligner = settings.map(|settings| {
             Aligner::new(&self.alignment, settings, (self.imu.clone(), imu.clone()), navigation)

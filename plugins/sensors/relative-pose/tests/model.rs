@@ -142,7 +142,7 @@ fn every_channel_has_its_unit_and_a_rotation_is_within_half_a_turn() {
     let moved = ["move_x_m", "move_y_m", "move_z_m"];
     let turned = ["turn_x_rad", "turn_y_rad", "turn_z_rad"];
     assert_eq!(columns[..6], [moved, turned].concat());
-    assert_eq!(sensor.info.channels[6].name, "keyframe");
+    assert_eq!(sensor.info.channel(6), "keyframe");
     let limits = sensor.limits.iter().map(|(channel, limit)| (*channel, limit.low, limit.high));
     assert_eq!(limits.collect::<Vec<_>>(), [(3, -PI, PI), (4, -PI, PI), (5, -PI, PI)]);
 }

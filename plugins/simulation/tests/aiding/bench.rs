@@ -2,7 +2,8 @@
 
 use navfuse_core::model::record::{Epoch, Outcome, Record, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::run::runner::{self, Finished};
+use navfuse_core::run::runner;
+use navfuse_core::session::Finished;
 use navfuse_core::state::manifold::MAX_TANGENT;
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;

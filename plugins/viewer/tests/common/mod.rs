@@ -60,7 +60,7 @@ fn add<M: Manifold>(
 }
 
 fn sensor(name: &str, purpose: Purpose, channels: &[(&'static str, &'static str)]) -> SensorInfo {
-    let channels = channels.iter().map(|(n, u)| Channel::new(n, u)).collect();
+    let channels = channels.iter().map(|(n, u)| Channel::new(*n, u)).collect();
     let (name, kind) = (name.to_owned(), name.to_owned());
     SensorInfo { name, kind, channels, purpose, mounting: Mounting::default() }
 }
@@ -127,7 +127,7 @@ impl Synthetic {
                 &[("vel_x", "mps"), ("vel_y", "mps"), ("vel_z", "mps"), ("altitude", "m")],
             ),
             sensor("depth", Purpose::Measurement, &[("depth", "m")]),
-            sensor("reference", Purpose::Reference, &[("lat", "deg")]),
+            sensor("reference", Purpose::Reference, &[("lat", "rad")]),
         ];
         let slot = |name: &str| layout.blocks.iter().position(|b| b.name == name);
         let beams = [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]].map(|[x, y]| Beam {

@@ -74,8 +74,7 @@ impl Check<'_> {
             FaultType::ClockOffset | FaultType::ClockStep => TIME,
             FaultType::ClockDrift => RATIO,
             kind => {
-                let first =
-                    self.channels.first().and_then(Channel::parsed_unit).map(|u| u.exponents());
+                let first = self.channels.first().map(|channel| channel.unit.exponents());
                 sized(kind, first.unwrap_or(RATIO))
             }
         };
@@ -83,7 +82,7 @@ impl Check<'_> {
     }
 
     fn names(&self) -> Vec<&str> {
-        self.channels.iter().map(|c| c.name).collect()
+        self.channels.iter().map(|c| &*c.name).collect()
     }
 
     /// Begin and end of the fault.
@@ -111,7 +110,7 @@ impl Check<'_> {
         let mut chosen = Vec::with_capacity(names.len());
         for (k, name) in names.iter().enumerate() {
             let key = format!("channels.{k}");
-            let Some(index) = self.channels.iter().position(|c| c.name == name) else {
+            let Some(index) = self.channels.iter().position(|c| *c.name == **name) else {
                 return Err(self.error(&key, unknown("channel", name, &self.names())));
             };
             if chosen.contains(&index) {
@@ -131,16 +130,15 @@ impl Check<'_> {
             _ => ("", None),
         };
         let Some(dimension) = dimension else { return Ok((0..self.channels.len()).collect()) };
-        let of_channel =
-            |c: &Channel| c.parsed_unit().map(|u| sized(self.fault.kind, u.exponents()));
+        let of_channel = |c: &Channel| sized(self.fault.kind, c.unit.exponents());
         let fitting: Vec<usize> = (0..self.channels.len())
-            .filter(|k| of_channel(&self.channels[*k]) == Some(dimension))
+            .filter(|k| of_channel(&self.channels[*k]) == dimension)
             .collect();
         if !fitting.is_empty() {
             return Ok(fitting);
         }
         let mut units: Vec<String> =
-            self.channels.iter().filter_map(of_channel).map(crate::units::usual_units).collect();
+            self.channels.iter().map(of_channel).map(crate::units::usual_units).collect();
         units.dedup();
         let message = format!(
             "no channel takes {}; give a unit such as {}",
@@ -163,8 +161,7 @@ impl Check<'_> {
             FaultType::ClockDrift => self.size_as(size, RATIO, ""),
             kind => channels.iter().try_fold(size.si(), |_, k| {
                 let channel = &self.channels[*k];
-                let unit = self.unit_of(channel)?;
-                self.size_as(size, sized(kind, unit.exponents()), channel.name)
+                self.size_as(size, sized(kind, channel.unit.exponents()), &channel.name)
             }),
         }
     }
@@ -178,17 +175,6 @@ impl Check<'_> {
         size.si_as(needed).map_err(|e| {
             let of = if channel.is_empty() { String::new() } else { format!("{channel}: ") };
             self.error("size", format!("{of}{e}"))
-        })
-    }
-
-    /// Unit of a channel.
-    fn unit_of(&self, channel: &Channel) -> Result<Unit, ComposeError> {
-        channel.parsed_unit().ok_or_else(|| {
-            let message = format!(
-                "the unit {:?} of the channel {} is unknown, so a size cannot be checked",
-                channel.unit, channel.name
-            );
-            self.error("size", message)
         })
     }
 
@@ -247,7 +233,7 @@ impl Check<'_> {
     fn common_unit(&self, channels: &[usize]) -> Result<Unit, ComposeError> {
         let unit = self.unit()?;
         for channel in channels.iter().map(|k| &self.channels[*k]) {
-            let needed = self.unit_of(channel)?;
+            let needed = channel.unit;
             if unit.exponents() != needed.exponents() {
                 let message = format!(
                     "{} is {}, the channel {} needs {}, e.g. {}",

@@ -29,7 +29,7 @@ pub fn sensors() -> Vec<SensorInfo> {
     let sensor = |name: &str, purpose, channels: &[(&'static str, &'static str)]| SensorInfo {
         name: name.into(),
         kind: name.into(),
-        channels: channels.iter().map(|(n, u)| Channel::new(n, u)).collect(),
+        channels: channels.iter().map(|(n, u)| Channel::new(*n, u)).collect(),
         purpose,
         mounting: Mounting::default(),
     };

@@ -10,7 +10,9 @@ use navfuse_core::units::Length;
 use navfuse_core::units::sample::{Channel, Sample};
 
 /// Channel of the height above the bottom.
-pub(super) const CHANNEL: Channel = Channel::new("altitude", "m");
+pub(super) fn channel() -> Channel {
+    Channel::new("altitude", "m")
+}
 
 /// Height of the instrument above the bottom, as one of its channels.
 #[derive(Clone, Copy, Debug)]

@@ -1,8 +1,7 @@
 //! The velocity along each beam of a DVL.
 
-use super::FASTEST;
 use super::altitude::{self, Altitude};
-use super::geometry::{MAX_BEAMS, count, directions};
+use super::geometry::{FASTEST, MAX_BEAMS, count, directions};
 use super::sound::{Array, gains};
 use crate::instrument::{Instrument, TrackingMode};
 use crate::keys::doppler_sensor;
@@ -69,7 +68,7 @@ impl SensorType for DvlBeams {
         let beams = names.into_iter().take(count(self.azimuth.as_deref(), self.beams.as_deref()));
         let sound = self.assumed_sound_speed.map(|_| "sound_speed");
         let speeds = beams.chain(sound).map(|name| Channel::new(name, "mps"));
-        speeds.chain(self.altitude.then_some(altitude::CHANNEL)).collect()
+        speeds.chain(self.altitude.then(altitude::channel)).collect()
     }
 
     fn limits(&self) -> Vec<Limit> {

@@ -1,8 +1,7 @@
 //! The velocity along the instrument's own three axes.
 
-use super::FASTEST;
 use super::altitude::{self, Altitude};
-use super::geometry::directions;
+use super::geometry::{FASTEST, directions};
 use crate::instrument::{Instrument, TrackingMode};
 use crate::keys::doppler_sensor;
 use navfuse_core::Real;
@@ -38,7 +37,7 @@ impl SensorType for Dvl {
 
     fn channels(&self) -> Vec<Channel> {
         let axes = ["vel_x", "vel_y", "vel_z"].map(|name| Channel::new(name, "mps"));
-        axes.into_iter().chain(self.altitude.then_some(altitude::CHANNEL)).collect()
+        axes.into_iter().chain(self.altitude.then(altitude::channel)).collect()
     }
 
     fn limits(&self) -> Vec<Limit> {

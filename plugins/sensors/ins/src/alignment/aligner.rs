@@ -1,9 +1,9 @@
 //! Initial alignment of a strapdown process, from the first sample to the end of the fine stage.
 
-use super::coarse::CoarseAlignment;
+use super::coarse::{CoarseAlignment, Sensed};
+use super::config::{Alignment, AlignmentMethod};
 use super::error::AlignmentError;
 use super::settings::AlignmentSettings;
-use super::{Alignment, AlignmentMethod};
 use crate::earth::EARTH_RATE;
 use crate::imu::Imu;
 use crate::navigation::Navigation;
@@ -19,6 +19,7 @@ use navfuse_core::model::sensor::measurement::AnyMeasurement;
 use navfuse_core::model::sensor::{Role, Sensor};
 use navfuse_core::state::display;
 use navfuse_core::state::{Layout, State};
+use navfuse_core::units::Unit;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::{Span, Time};
 use std::sync::Arc;
@@ -33,15 +34,6 @@ const HOPELESS: f64 = 0.5;
 /// Change of the attitude below which trials end, rad: half of the error that a navigation-grade
 /// IMU leaves after 240 s.
 const SETTLED: f64 = 3.5e-4;
-
-/// Sensors of an alignment.
-#[derive(Clone)]
-pub(crate) struct Sensed {
-    pub imu: Imu,
-    pub driver: usize,
-    /// Index and model of the sensor that measures the velocity.
-    pub velocity: Option<(usize, Arc<dyn AnyMeasurement + Sync>)>,
-}
 
 #[derive(Clone)]
 enum Phase {
@@ -110,7 +102,9 @@ impl Aligner {
             list.iter().map(|s| s.info.name.clone()).collect::<Vec<_>>().join(", ")
         };
         let all: Vec<&Sensor> = sensors.iter().filter(measures).collect();
-        let speeds = |s: &&&Sensor| s.info.channels.iter().filter(|c| c.unit == "mps").count() >= 3;
+        let speeds = |s: &&&Sensor| {
+            s.info.channels.iter().filter(|c| c.unit == Unit::METRE_PER_SECOND).count() >= 3
+        };
         let fitting: Vec<&Sensor> = match &self.wanted {
             Some(name) => all.iter().copied().filter(|s| s.info.name == *name).collect(),
             None => all.iter().filter(speeds).copied().collect(),

@@ -15,7 +15,7 @@
 //! pair determines the tilt, and the heading as far as the vehicle accelerates; the second one
 //! determines the heading within the mounting of the IMU and the side slip.
 
-use super::AlignmentConfig;
+use super::config::AlignmentConfig;
 use super::error::AlignmentError;
 use super::inertial::Integral;
 use super::optimisation::Pairs;
@@ -193,7 +193,7 @@ impl CourseAlignment {
 
 impl InitialAlignment for CourseAlignment {
     fn connect(&mut self, sensors: &[Sensor]) -> Result<(), ComposeError> {
-        let channel = |s: &Sensor, name: &str| s.info.channels.iter().position(|c| c.name == name);
+        let channel = |s: &Sensor, name: &str| s.info.position(name);
         let fitting = |s: &Sensor| {
             let wanted = self.settings.wanted.as_ref().is_none_or(|name| s.info.name == *name);
             let measures = s.info.purpose == Purpose::Measurement && !s.constraint;

@@ -5,7 +5,6 @@ use navfuse_core::model::sensor::measurement::MeasurementModel;
 use navfuse_core::nalgebra::{SMatrix, SVector};
 use navfuse_core::state::manifold::Vector;
 use navfuse_core::state::{Handle, View};
-use navfuse_core::units::sample::Channel;
 
 /// The zero-velocity update (Groves section 15.3): `z = v^n` with `z = 0`, so that accelerometer
 /// errors show as velocity and gyro errors as its change.
@@ -19,8 +18,7 @@ impl ZeroVelocity {
     /// Name under which the updates are recorded.
     pub const NAME: &'static str = "zero_velocity";
     /// Velocity north, east, down.
-    pub const CHANNELS: [Channel; 3] =
-        [Channel::new("vel_n", "mps"), Channel::new("vel_e", "mps"), Channel::new("vel_d", "mps")];
+    pub const CHANNELS: [(&str, &str); 3] = [("vel_n", "mps"), ("vel_e", "mps"), ("vel_d", "mps")];
 }
 
 impl MeasurementModel<3> for ZeroVelocity {

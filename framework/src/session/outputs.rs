@@ -7,9 +7,9 @@ use crate::model::record::{
     UpdateRecord, Wants,
 };
 use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};
-use crate::run::output_rate::OutputRate;
-use crate::run::summary::{Recorded, Statistics};
-use crate::run::verdict::Judge;
+use crate::session::output_rate::OutputRate;
+use crate::session::summary::{Recorded, Statistics};
+use crate::session::verdict::Judge;
 use crate::smooth::Smoother;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
@@ -169,6 +169,11 @@ impl Outputs {
         let verdict = self.judge.verdict(&self.findings, error);
         self.send(time, &Record::Verdict(&verdict));
         verdict
+    }
+
+    /// Judges the run so far.
+    pub(crate) fn health(&self) -> Verdict {
+        self.judge.clone().verdict(&self.findings, None)
     }
 
     /// Closes the open sinks, all at the same time, and returns the places that they wrote to.

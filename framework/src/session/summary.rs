@@ -6,7 +6,7 @@ use crate::model::record::{Epoch, Event, Level, Outcome, Outcomes, Rejection, Up
 use crate::model::sensor::Purpose;
 use crate::model::sensor::Role;
 use crate::model::stream::RunInfo;
-use crate::run::track::Track;
+use crate::session::track::Track;
 use crate::smooth::QualityReport;
 use crate::state::Mode;
 use crate::state::manifold::{MAX_TANGENT, Position};
@@ -16,7 +16,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::any::TypeId;
 
-pub use crate::run::track::HorizontalError;
+pub use crate::session::track::HorizontalError;
 
 /// The place that a sink wrote to.
 #[derive(Clone, Debug, PartialEq, Eq)]
