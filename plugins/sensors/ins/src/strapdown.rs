@@ -208,8 +208,12 @@ impl ProcessType for Strapdown {
         let accel_bias =
             self.accel_bias.block(composer, "accel_bias", &[0.0; 3], display::ACCEL_BIAS)?;
         let angular_rate = composer.signal("angular_rate");
-        let navigation =
-            Navigation { attitude, velocity, position, gyro_bias, accel_bias, angular_rate };
+        let navigation = Navigation {
+            gyro_bias: Some(gyro_bias),
+            accel_bias: Some(accel_bias),
+            angular_rate: Some(angular_rate),
+            ..Navigation::provide(composer, attitude, velocity, position)
+        };
         let places = Places::new(composer, &navigation, &self.imu);
         if let Some(model) = settings.as_ref().and_then(|s| s.constraint(velocity)) {
             let channels = Channel::all(ZeroVelocity::CHANNELS);
