@@ -6,7 +6,7 @@ use navfuse_core::document::{DocumentError, Excerpt};
 use navfuse_core::files::FolderError;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::{BuildError, PluginError};
-use navfuse_core::run::runner::RunError;
+use navfuse_core::session::RunError;
 use navfuse_figures::FigureError;
 use navfuse_import::ImportError;
 use navfuse_observability::plan::PlanError;

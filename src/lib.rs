@@ -17,9 +17,11 @@ mod error;
 mod execution;
 mod output;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+use navfuse_core::files::Held;
 use navfuse_core::plugin::Registry;
 use output::terminal::Detail;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// The registry with the plugins that ship with navfuse.
@@ -40,7 +42,8 @@ pub fn standard_plugins() -> Registry {
         .add(&navfuse_nmea::NmeaPlugin)
         .add(&navfuse_vehicle_logs::VehicleLogsPlugin)
         .add(&navfuse_mcap::McapPlugin)
-        .add(&navfuse_ros2::Ros2Plugin);
+        .add(&navfuse_ros2::Ros2Plugin)
+        .add(&navfuse_observability::ObservabilityPlugin);
     #[cfg(feature = "rerun")]
     registry.add(&navfuse_viewer::ViewerPlugin);
     registry
@@ -136,9 +139,28 @@ enum Commands {
     NewPlugin(commands::new_plugin::NewPlugin),
 }
 
+/// Arguments with a path that is written, in any command. Every other path is read.
+const OUTPUTS: [&str; 4] = ["out", "path", "write", "initialise"];
+
+/// Holds the files that the arguments of a command name as its inputs, so that it writes over none.
+fn hold_inputs(matches: &ArgMatches) -> Vec<Held> {
+    let Some((_, matches)) = matches.subcommand() else { return Vec::new() };
+    let names = matches.ids().map(clap::Id::as_str).filter(|name| !OUTPUTS.contains(name));
+    let paths = names.filter_map(|name| matches.try_get_many::<PathBuf>(name).ok().flatten());
+    paths.flatten().flat_map(|path| Held::all(path)).collect()
+}
+
+/// The clap definition of the command, for tests that hold something of every subcommand.
+#[doc(hidden)]
+pub fn definition() -> clap::Command {
+    Arguments::command()
+}
+
 /// Parses the arguments of the process and runs the subcommand.
 pub fn command(registry: &Registry) -> ExitCode {
-    let arguments = Arguments::parse();
+    let matches = Arguments::command().get_matches();
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
+    let _inputs = hold_inputs(&matches);
     arguments.detail().set();
     let command = arguments.command;
     let failed = |error: error::CommandError| {

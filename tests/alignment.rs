@@ -5,8 +5,8 @@
 mod common;
 
 use common::{data, parallel, run_without_sinks, scenario};
-use navfuse_core::run::runner::Finished;
-use navfuse_core::run::summary::{StateRow, Summary};
+use navfuse_core::session::Finished;
+use navfuse_core::session::summary::{StateRow, Summary};
 
 const EARTH_RATE_DEG_H: f64 = 15.041;
 

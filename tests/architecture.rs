@@ -86,6 +86,31 @@ fn no_crate_uses_another_but_as_the_design_says() {
     );
 }
 
+/// The folders of plugins, each with the folders of plugins that it uses.
+const FOLDERS: [(&str, &[&str]); 5] = [
+    ("sensors", &["sensors"]),
+    ("formats", &["instruments"]),
+    ("instruments", &[]),
+    ("simulation", &["sensors"]),
+    ("viewer", &[]),
+];
+
+#[test]
+fn sensors_know_no_format_and_formats_know_no_sensor() {
+    let plugins = crates("plugins");
+    let folder = |path: &Path| {
+        let below = path.strip_prefix(root().join("plugins")).expect("a plugin").components();
+        below.map(|c| c.as_os_str().to_string_lossy().into_owned()).next().expect("a folder")
+    };
+    for (name, path) in &plugins {
+        let (from, used) = (folder(path), uses(path));
+        let allowed = FOLDERS.iter().find(|f| f.0 == from).expect("a folder of the list").1;
+        let to = plugins.iter().filter(|(name, _)| used.contains(name));
+        let wrong: Vec<_> = to.filter(|(_, p)| !allowed.contains(&&*folder(p))).collect();
+        assert!(wrong.is_empty(), "{from}/{name} uses {wrong:?}");
+    }
+}
+
 #[test]
 fn no_plugin_depends_on_a_tool_and_no_tool_on_the_command() {
     let tools: BTreeSet<String> = crates("tools").into_iter().map(|(name, _)| name).collect();
@@ -111,5 +136,47 @@ fn the_framework_knows_no_plugin_no_file_format_of_samples_and_no_viewer() {
     let all = dependencies(&framework);
     for name in ["csv", "mcap", "rerun", "re_sdk", "plotters", "parquet"] {
         assert!(!all.contains(name), "{name}");
+    }
+}
+
+/// The steps of the walk on the design page, each a file of the framework and its functions.
+fn walk() -> Vec<(String, Vec<String>)> {
+    let text = std::fs::read_to_string(root().join("docs/src/explanation/design.md"))
+        .expect("the page exists");
+    let steps = text.lines().skip_while(|l| !l.starts_with("## The walk of an IMU sample"));
+    let steps = steps.filter(|l| l.starts_with(|c: char| c.is_ascii_digit()));
+    let step = |line: &str| {
+        let mut names = quoted(line);
+        (names.remove(0), names)
+    };
+    steps.map(step).collect()
+}
+
+/// The text of a method, from its name to its last brace.
+fn body<'a>(text: &'a str, method: &str) -> Option<&'a str> {
+    let rest = &text[text.find(&format!("fn {method}("))?..];
+    Some(&rest[..rest.find("\n    }\n")?])
+}
+
+/// Each function of the walk is called by one that the walk has named before it, and the functions
+/// of a file are listed from top to bottom.
+#[test]
+fn the_walk_of_an_imu_sample_leads_forward_through_at_most_eight_files() {
+    let steps = walk();
+    assert!((2..=8).contains(&steps.len()), "{steps:#?}");
+    let mut callers = String::new();
+    for (file, functions) in &steps {
+        let text = std::fs::read_to_string(root().join("framework/src").join(file));
+        let text = text.unwrap_or_else(|e| panic!("{file}: {e}"));
+        let mut last = 0;
+        for function in functions {
+            let body = body(&text, function).unwrap_or_else(|| panic!("{file} has no {function}"));
+            let at = text.find(body).expect("the body is a part of the file");
+            assert!(at > last, "{file}: {function} stands above the function before it");
+            let called = callers.is_empty() || callers.contains(&format!(".{function}("));
+            assert!(called, "nothing before it calls {function} of {file}");
+            callers.push_str(body);
+            last = at;
+        }
     }
 }

@@ -5,7 +5,7 @@
 mod common;
 
 use common::recording::Recording;
-use common::{command, navfuse, stderr, stdout};
+use common::{Need, command, navfuse, skip, stderr, stdout};
 use serde_json::json;
 use std::process::Output;
 
@@ -273,8 +273,7 @@ fn a_cut_off_log_is_read_up_to_the_cut_with_a_message() {
 #[test]
 fn a_full_disk_is_named_and_the_result_is_still_printed() {
     if !std::path::Path::new("/dev/full").exists() {
-        println!("skipped: there is no /dev/full here");
-        return;
+        return skip(Need::Unix, "/dev/full");
     }
     let recording = Recording::new();
     let output = run(&recording, &["--set", "sink.mcap.path=/dev/full"]);
@@ -288,8 +287,7 @@ fn a_closed_pipe_ends_the_command_without_a_panic() {
     let fifo = recording.path("pipe.mcap");
     let made = std::process::Command::new("mkfifo").arg(&fifo).status();
     if !made.is_ok_and(|s| s.success()) {
-        println!("skipped: there is no mkfifo here");
-        return;
+        return skip(Need::Unix, "mkfifo");
     }
     let reader = std::process::Command::new("head")
         .arg("-c")

@@ -110,7 +110,10 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
         assert!(!Path::new(&out).exists(), "{words}");
     }
     let error = refused(&["--out", &path("rest.toml"), &path("imu.csv")]);
-    assert!(error.contains("it exists; give another file with --out"), "{error}");
+    assert!(
+        error.contains("it exists, and navfuse did not write it; give another place with --out"),
+        "{error}"
+    );
 }
 
 /// Imports a dive, runs it with the changes and returns its report.

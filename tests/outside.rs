@@ -56,9 +56,9 @@ fn lines(path: &Path) -> usize {
 }
 
 #[test]
-fn a_sensor_that_the_tree_does_not_contain_is_one_file_of_40_lines_and_a_main_of_10() {
+fn a_sensor_that_the_tree_does_not_contain_is_one_file_of_a_page_and_a_main_of_10_lines() {
     let folder = root().join("examples/outside-sensor");
-    assert!(lines(&folder.join("src/lib.rs")) <= 40);
+    assert!(lines(&folder.join("src/lib.rs")) <= 60);
     assert!(lines(&folder.join("src/main.rs")) < 10);
     state(&folder, "magnetometer.declination");
 }
@@ -102,7 +102,7 @@ fn a_new_plugin_builds_conforms_and_runs_as_it_is() {
     let path = folder.path().join("sea-log");
     let made = navfuse(&["new-plugin", "sea-log", "--path", path.to_str().unwrap()]);
     assert!(made.status.success(), "{}", stderr(&made));
-    assert!(lines(&path.join("src/lib.rs")) <= 40);
+    assert!(lines(&path.join("src/lib.rs")) <= 60);
     assert!(lines(&path.join("src/main.rs")) < 10);
     state(&path, "sea-log.scale");
 }

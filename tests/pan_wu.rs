@@ -4,7 +4,7 @@
 mod common;
 
 use common::{parallel, run_without_sinks, scenario};
-use navfuse_core::run::summary::{StateRow, Summary};
+use navfuse_core::session::summary::{StateRow, Summary};
 
 fn seeds() -> Vec<u64> {
     (1..=20).collect()

@@ -4,7 +4,7 @@
 mod common;
 
 use common::recording::Recording;
-use common::{command, navfuse, scenario, stderr, stdout};
+use common::{Need, command, navfuse, scenario, skip, stderr, stdout};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -72,6 +72,87 @@ fn the_page_shows_the_verdict_with_its_reasons() {
     let page = read(&page);
     assert!(page.contains("Verdict: <b>do not use</b>"));
     assert!(page.contains("the gate rejected"), "the reason is on the page");
+}
+
+/// Runs a command for its result in JSON.
+fn json_of(command: &str, of: &Path, settings: &[&str], out: &Path) -> Value {
+    let output = common::command()
+        .args([command, "--format", "json", "--accept-inconsistent"])
+        .arg(of)
+        .args(settings.iter().flat_map(|set| ["--set", set]))
+        .arg("--out")
+        .arg(out)
+        .output()
+        .expect("the command starts");
+    serde_json::from_str(&stdout(&output)).unwrap_or_else(|e| panic!("{e}: {}", stderr(&output)))
+}
+
+/// The gyros saturate at 254 s, which is found 2 s later.
+#[test]
+fn a_finding_and_a_rejected_sample_of_the_imu_are_in_result_log_page_and_replay() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, again) = (folder.path().join("run"), folder.path().join("again"));
+    let settings = ["estimator.stop=\"258 s\"", "sensor.imu.exclude=[[\"230 s\", \"230.045 s\"]]"];
+    let result = json_of("run", &scenario("faults/gyro-saturated"), &settings, &run);
+    let findings = result["findings"].as_array().expect("a list");
+    let found = findings.iter().find(|f| f["about"] == "imu").expect("a finding about the IMU");
+    assert_eq!((&found["severity"], &found["basis"]), (&"do_not_use".into(), &"samples".into()));
+    let log = run.join("run.mcap");
+    let history = navfuse_report::read_log(&log, |_| {}).expect("the log");
+    let logged: Vec<(f64, &str, &str)> = history
+        .findings
+        .iter()
+        .map(|f| (f.time.seconds(), f.text.as_str(), f.remedy.as_str()))
+        .collect();
+    let told = |f: &'_ Value, key: &str| f[key].as_str().expect("a text").to_owned();
+    let told: Vec<(f64, String, String)> = findings
+        .iter()
+        .map(|f| (f["time_s"].as_f64().expect("a time"), told(f, "text"), told(f, "remedy")))
+        .collect();
+    assert!(logged.iter().copied().eq(told.iter().map(|(t, a, b)| (*t, a.as_str(), b.as_str()))));
+    let excluded = result["samples"]["imu"]["excluded"].as_u64().expect("a number");
+    let imu = history.sensor("imu").expect("the IMU");
+    let why = "the scenario excludes this time".to_owned();
+    assert!(excluded > 0);
+    assert_eq!(imu.updates.outcomes.rejected, [(why, excluded)]);
+    let output = command().arg("report").arg(&log).output().expect("the command starts");
+    let page = read(&run.join("report.html"));
+    assert!(page.contains("<h3>Findings</h3>"), "{}", stderr(&output));
+    assert!(page.contains(&format!("{excluded} rejected: the scenario excludes this time")));
+    assert_eq!(json_of("replay", &log, &[], &again)["findings"], result["findings"]);
+}
+
+/// The command `observability` counts the bits of each sensor from the same log.
+#[test]
+fn the_share_of_each_sensor_in_the_information_is_in_log_and_page() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings = ["estimator.stop=\"200 s\"", "sink.information={ every = \"20 s\" }"];
+    json_of("run", &scenario("quickstart"), &settings, folder.path());
+    let log = folder.path().join("run.mcap");
+    let history = navfuse_report::read_log(&log, |_| {}).expect("the log");
+    let [information] = &history.derived[..] else { panic!("{:?}", history.derived) };
+    assert_eq!((&*information.name, information.time.seconds()), ("information", 200.0));
+    let output = navfuse(&["observability", &log.display().to_string(), "--format", "json"]);
+    let observed: Value = serde_json::from_str(&stdout(&output)).expect("a result in JSON");
+    let states = observed["states"].as_array().expect("a list");
+    assert_eq!(states.len(), information.rows.len());
+    for (state, (name, shares)) in states.iter().zip(information.iter()) {
+        assert_eq!(state["title"], name);
+        let bits = |sensor: &String| state["information"][sensor].as_f64().unwrap_or(0.0);
+        let bits: Vec<f64> = information.columns.iter().map(bits).collect();
+        let sum: f64 = bits.iter().sum();
+        for (share, bits) in shares.iter().zip(&bits) {
+            assert!((share - bits / sum).abs() < 1e-9, "{name}: {shares:?} {bits}");
+        }
+    }
+    let output = command().arg("report").arg(&log).output().expect("the command starts");
+    let page = read(&folder.path().join("report.html"));
+    assert!(page.contains("<h3>information"), "{}", stderr(&output));
+    // nothing derives it unless the scenario asks
+    let plain = folder.path().join("plain");
+    json_of("run", &scenario("quickstart"), &settings[..1], &plain);
+    let history = navfuse_report::read_log(&plain.join("run.mcap"), |_| {}).expect("the log");
+    assert!(history.derived.is_empty());
 }
 
 #[test]
@@ -251,10 +332,10 @@ fn chromium() -> Option<PathBuf> {
 }
 
 /// What a browser without a network finds in a page: the title that a script in its head sets.
-/// `None` where there is no Chromium.
+/// Without Chromium, the test is skipped.
 fn probed(folder: &Path, page: &str, script: &str) -> Option<String> {
     let Some(chromium) = chromium() else {
-        println!("skipped: there is no Chromium here; install one to have the page opened in it");
+        skip(Need::Browser, "the page is opened in Chromium");
         return None;
     };
     let script = format!(

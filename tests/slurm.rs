@@ -3,52 +3,23 @@
 
 mod common;
 
-use common::{navfuse, root, scenario, stderr, stdout};
+use common::{Need, navfuse, root, scenario, skip, stderr, stdout};
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-const INSTALL: &str =
-    "apt-get install -y --no-install-recommends slurmctld slurmd slurm-client munge";
-
-/// Returns `true` if there is a Slurm; it must be installed in CI. Without one, it prints that the
-/// test is skipped.
+/// Returns `true` if there is a Slurm; without one, the test is skipped.
 fn has_slurm() -> bool {
-    static FOUND: OnceLock<bool> = OnceLock::new();
-    *FOUND.get_or_init(|| {
-        let tell = |message: String| drop(writeln!(std::io::stderr(), "skipped: {message}"));
-        let sh = |line: &str| Command::new("sh").args(["-c", line]).stdin(Stdio::null()).output();
-        let is_there = || {
-            let programs =
-                "for p in munged slurmctld slurmd sbatch; do command -v $p || exit 1; done";
-            sh(&format!("PATH=$PATH:/usr/sbin; {programs}")).is_ok_and(|o| o.status.success())
-        };
-        if is_there() {
-            return true;
-        }
-        if std::env::var_os("CI").is_none() {
-            tell(format!("no Slurm here; {INSTALL}"));
-            return false;
-        }
-        // others may be installing at the same time, and a fresh container has no package lists
-        let install =
-            format!("DEBIAN_FRONTEND=noninteractive {INSTALL} -o DPkg::Lock::Timeout=300");
-        match sh(&format!("{install} || {{ apt-get update && {install}; }}")) {
-            Err(e) => tell(format!("Slurm cannot be installed: {e}")),
-            Ok(output) if !is_there() => {
-                tell(format!(
-                    "Slurm cannot be installed by `{INSTALL}`:\n{}{}",
-                    stdout(&output),
-                    stderr(&output)
-                ));
-            }
-            Ok(_) => return true,
-        }
-        false
-    })
+    let programs = "for p in munged slurmctld slurmd sbatch; do command -v $p || exit 1; done";
+    let line = format!("PATH=$PATH:/usr/sbin; {programs}");
+    let found = Command::new("sh").args(["-c", &line]).stdin(Stdio::null()).output();
+    let found = found.is_ok_and(|o| o.status.success());
+    if !found {
+        skip(Need::Slurm, "slurmctld, slurmd, slurm-client and munge");
+    }
+    found
 }
 
 /// A folder for the campaign, another for the files of Slurm, and the scripts of the example.
@@ -126,7 +97,7 @@ fn example(name: &str) -> PathBuf {
     root().join("docs/examples/slurm").join(name)
 }
 
-/// Reads all files below a folder, by their relative paths.
+/// Reads all files below a folder, by their relative paths, without the lists of own files.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -137,7 +108,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
                     .into_iter()
                     .map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)),
             );
-        } else {
+        } else if name != ".navfuse" {
             all.insert(name, std::fs::read(entry.path()).unwrap_or_default());
         }
     }

@@ -5,7 +5,7 @@ mod common;
 
 use common::{navfuse, scenario, snapir, stderr, stdout};
 use navfuse_core::document::Document;
-use navfuse_core::model::record::{Epoch, Event, Record, Wants};
+use navfuse_core::model::record::{Epoch, Event, Record};
 use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::nalgebra::DVector;
 use navfuse_core::run::runner;
@@ -274,9 +274,6 @@ fn the_log_of_another_version_is_smoothed_with_a_warning_that_names_it() {
 struct Last(Option<(State, Covariance)>, Vec<String>);
 
 impl Sink for Last {
-    fn wants(&self) -> Wants {
-        Wants::EPOCHS | Wants::EVENTS | Wants::FINDINGS
-    }
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         match *record {
             Record::Epoch(epoch) => self.epoch(epoch),

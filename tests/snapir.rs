@@ -8,7 +8,7 @@ use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::run::summary::Summary;
+use navfuse_core::session::summary::Summary;
 use std::sync::atomic::AtomicBool;
 
 const RUNS: [&str; 4] = ["T01", "T06", "T10", "T12"];

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{command, navfuse, scenario, stderr, stdout};
+use common::{Need, command, navfuse, scenario, skip, stderr, stdout};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -13,7 +13,8 @@ use std::process::{Command, Output, Stdio};
 /// A short run without files.
 const SHORT: [&str; 3] = ["--set", "estimator.stop=200 s", "--no-output"];
 
-/// Calls the command in a pseudo-terminal of 80 columns; `None` where `script` is missing.
+/// Calls the command in a pseudo-terminal of 80 columns; without `script`, the test
+/// is skipped.
 fn on_terminal(arguments: &[&str], environment: &[(&str, &str)]) -> Option<String> {
     let quoted = arguments.iter().map(|a| format!("'{a}'")).collect::<Vec<_>>().join(" ");
     let line = format!("stty cols 80 rows 40; {} {quoted}", env!("CARGO_BIN_EXE_navfuse"));
@@ -23,7 +24,7 @@ fn on_terminal(arguments: &[&str], environment: &[(&str, &str)]) -> Option<Strin
     match script.output() {
         Ok(output) => Some(stdout(&output).replace('\r', "")),
         Err(_) => {
-            println!("skipped: there is no `script` here, which makes the pseudo-terminal");
+            skip(Need::Unix, "`script`, which makes the pseudo-terminal");
             None
         }
     }
@@ -225,6 +226,11 @@ fn quiet_prints_the_verdict_alone_and_verbose_the_notes() {
     assert!(notes > 0 && !stderr(&usual).contains("note: "), "{}", stderr(&verbose));
     let checked = navfuse(&["check", "-q", &path]);
     assert!(checked.status.success() && stdout(&checked).is_empty());
+    let campaign = ["monte-carlo", "-q", &path, "--runs", "2", "--no-output"];
+    let campaign = navfuse(&[&campaign[..], &SHORT[..2]].concat());
+    let printed = stdout(&campaign);
+    assert!(printed.starts_with("verdict: ") && printed.lines().count() == 1, "{printed}");
+    assert!(campaign.status.success() && stderr(&campaign).is_empty(), "{}", stderr(&campaign));
 }
 
 #[test]

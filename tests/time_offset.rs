@@ -4,9 +4,9 @@
 mod common;
 
 use common::{run_without_sinks, scenario, snapir};
-use navfuse_campaign::{Campaign, Folder, Options, execute};
+use navfuse_campaign::{Campaign, Extent, Folder, Options, execute};
 use navfuse_core::document::Document;
-use navfuse_core::run::summary::Summary;
+use navfuse_core::session::summary::Summary;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -41,8 +41,16 @@ fn a_lag_of_300_ms_is_found_to_20_ms_and_consistently() {
         }
         folder.add(record)
     };
-    let done = execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, keep)
-        .unwrap_or_else(|e| panic!("{e}"));
+    let done = execute(
+        &plan,
+        &registry,
+        &document,
+        Extent { threads: 2, ..Extent::default() },
+        &stop,
+        |_| {},
+        keep,
+    )
+    .unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(last.len(), 20);
     for (error, sigma) in &last {
         assert!(error.abs() < 0.02 && *sigma < 0.02, "{error} s, sigma {sigma} s");

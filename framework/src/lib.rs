@@ -116,7 +116,8 @@
 //!
 //! | room | concept |
 //! |---|---|
-//! | [`run`] | scenario, runner, summary, JSON Schema |
+//! | [`run`] | scenario, runner, JSON Schema |
+//! | [`session`] | samples pushed in, records out: outputs, summary, verdict |
 //! | [`filter`] | the error-state EKF |
 //! | [`plugin`] | plugins, and the registry of the types that they provide |
 //! | [`compose`] | composer, calibration states, draws from priors, settings of the estimator |
@@ -137,6 +138,7 @@ pub mod model;
 pub mod plugin;
 pub mod prelude;
 pub mod run;
+pub mod session;
 pub mod smooth;
 pub mod state;
 pub mod units;

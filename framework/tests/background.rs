@@ -4,8 +4,9 @@
 use navfuse_core::model::record::{Epoch, Event, Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, Source, StreamError};
 use navfuse_core::run::background::Background;
-use navfuse_core::run::runner::{Finished, run};
+use navfuse_core::run::runner::run;
 use navfuse_core::run::scenario::Assembly;
+use navfuse_core::session::Finished;
 use navfuse_core::state::covariance::Update;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_testing::lab::{SCENARIO, compose, seconds};

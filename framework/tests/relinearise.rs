@@ -5,8 +5,9 @@ use navfuse_core::document::Document;
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::nalgebra::{Matrix1, Vector1};
 use navfuse_core::prelude::*;
-use navfuse_core::run::runner::{Finished, run};
+use navfuse_core::run::runner::run;
 use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::session::Finished;
 use navfuse_testing::lab::{Lab, SCENARIO, seconds};
 use std::sync::atomic::AtomicBool;
 

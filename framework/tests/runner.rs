@@ -1,10 +1,11 @@
 //! The runner: merging, memory, failing sinks, interruption, silence.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use navfuse_core::model::record::{Epoch, Event, Level, Record, Wants};
+use navfuse_core::model::record::{Epoch, Event, Level, Record};
 use navfuse_core::model::stream::{Sink, Source, StreamError};
-use navfuse_core::run::runner::{Finished, RunError, run};
+use navfuse_core::run::runner::run;
 use navfuse_core::run::scenario::Assembly;
+use navfuse_core::session::{Finished, RunError};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_testing::lab::{SCENARIO, compose, seconds};
@@ -92,9 +93,6 @@ struct Told {
 }
 
 impl Sink for Told {
-    fn wants(&self) -> Wants {
-        Wants::SAMPLES | Wants::EPOCHS | Wants::EVENTS | Wants::FINDINGS
-    }
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         match *record {
             Record::Sample(sample) => self.sample(sample),
@@ -308,6 +306,10 @@ fn a_sensor_that_never_spoke_is_told_to_the_sinks_and_a_filter_that_never_starte
     let told = Told::default();
     let finished = go(&[], vec![Box::new(clockwork(FIX, 100, 10))], vec![("told", told.clone())]);
     assert!(matches!(finished.error, Some(RunError::NeverStarted(_))));
+    // the scenario states no start, and the message none either
+    let text = finished.error.map(|error| error.to_string());
+    let expected = "the filter never started: no sample of the driving sensor";
+    assert_eq!(text.as_deref(), Some(expected));
     assert_eq!(told.says("no sample of [sensor.speed] in any source"), 1);
     assert!(finished.summary.samples["fix"]["mean_nis"].is_null(), "of no sample");
 }

@@ -4,8 +4,9 @@
 
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::nalgebra::{DMatrix, DVector};
-use navfuse_core::run::runner::{Finished, run};
+use navfuse_core::run::runner::run;
 use navfuse_core::run::scenario::Assembly;
+use navfuse_core::session::Finished;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_testing::lab::{DENSITY, SCENARIO, compose, seconds};
 use navfuse_testing::rts::{Estimate, Records};

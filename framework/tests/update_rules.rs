@@ -6,10 +6,13 @@ use navfuse_core::document::Document;
 use navfuse_core::filter::Ekf;
 use navfuse_core::model::record::finding::{Finding, Severity};
 use navfuse_core::model::record::{Outcome, Rejection};
+use navfuse_core::model::sensor::rule::{Prior, Rule, RuleType};
 use navfuse_core::model::simulate::Random;
 use navfuse_core::nalgebra::{DMatrix, DVector, Rotation3, SMatrix, SVector, Vector2, Vector3};
 use navfuse_core::prelude::*;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::run::schema::scenario_schema;
+use navfuse_core::state::covariance::Update;
 use navfuse_testing::lab::{self, Log, SCENARIO, seconds};
 
 const RULES: [&str; 3] = ["ekf", "iekf", "ukf"];
@@ -128,7 +131,23 @@ impl Plugin for Mine {
         registry.sensor::<Sum>();
         registry.sensor::<Form>();
         registry.sensor::<Directions>();
+        registry.rule::<Wary>();
     }
+}
+
+/// An outsider's rule: the noise grows with the prior variance of the states that a sensor reads.
+#[derive(Default)]
+struct Wary;
+
+impl Rule for Wary {
+    fn linearised(&mut self, prior: &Prior<'_>, update: &mut Update) {
+        let spread: f64 = update.columns.iter().map(|&c| prior.covariance.get(c, c)).sum();
+        update.r.iter_mut().for_each(|r| *r *= 1.0 + spread);
+    }
+}
+
+impl RuleType for Wary {
+    const TYPE: &'static str = "wary";
 }
 
 const UNKNOWNS: &str = r#"
@@ -222,6 +241,46 @@ fn on_a_linear_model_the_rules_agree() {
             assert_eq!(first[2..], [10.0, 9.0], "a considered state stays");
         }
     }
+}
+
+/// The square of `a` has the slope 4 at `a = 2` and the noise 0.1, whose variance grows by `1 + P`.
+#[test]
+fn a_plugins_rule_corrects_by_its_own_linearisation() {
+    let mut b = Bench::new("wary", &[]);
+    b.give("square", &[6.0]);
+    let p = 0.25;
+    let s = 16.0 * p + 0.01 * (1.0 + p);
+    assert!((b.log.updates[0].2 - 4.0 / s).abs() < 1e-12, "{:?}", b.log.updates[0]);
+    assert!((b.values("unknowns.a")[0] - 2.0 - 4.0 * p * 2.0 / s).abs() < 1e-12);
+    assert!((b.covariance("unknowns.a")[(0, 0)] - (p - 16.0 * p * p / s)).abs() < 1e-12);
+    // the other sensors keep their own
+    let mut b = Bench::new("wary", &["sensor.square.update=\"ekf\""]);
+    b.give("square", &[6.0]);
+    assert!((b.log.updates[0].2 - 4.0 / (16.0 * p + 0.01)).abs() < 1e-12);
+}
+
+#[test]
+fn an_unknown_rule_is_rejected_with_the_registered_names() {
+    let mut registry = Registry::new();
+    registry.add(&Mine);
+    let refused = |setting: &str| {
+        let document = Document::parse("unknowns.toml", UNKNOWNS).unwrap();
+        let scenario = Scenario::new(&registry, document, &[setting.to_owned()]).unwrap();
+        scenario.compose().err().unwrap().to_string()
+    };
+    for key in ["estimator.update", "sensor.square.update"] {
+        let message = refused(&format!("{key}=\"wery\""));
+        assert!(message.contains(key) && message.contains("did you mean \"wary\"?"), "{message}");
+        assert!(message.contains("ekf, iekf, ukf, wary"), "{message}");
+    }
+    let schema = scenario_schema(&registry);
+    for place in ["/properties/estimator", "/$defs/sensor.square"] {
+        let rules = schema.pointer(&format!("{place}/properties/update/enum"));
+        assert_eq!(rules, Some(&serde_json::json!(["ekf", "iekf", "ukf", "wary"])), "{place}");
+    }
+    registry.rule::<Wary>();
+    let clash = registry.check().unwrap_err().to_string();
+    assert!(clash.contains("update rule") && clash.contains("wary"), "{clash}");
 }
 
 /// The minimum of `(a - 2)^2 / 0.5^2 + (z - a^2)^2 / 0.1^2`, by Newton's method.

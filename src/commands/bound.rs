@@ -18,7 +18,7 @@ Examples:
                                             would a better DVL help?
 
 The bound is the covariance of the best estimate that any filter can make of these sensors on
-this trajectory. The smoothed bound is that of the best estimate from all samples, later ones
+this trajectory. The smoothed bound belongs to the best estimate from all samples, later ones
 included.")]
 pub struct Bound {
     /// The scenario, a TOML file; its samples are simulated

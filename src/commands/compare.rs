@@ -28,15 +28,15 @@ Examples:
 
 The command prints the keys in which the scenarios differ, the counts of the sensors, and every state
 at the end: error, rms error, 1-sigma, and the difference from the first run with its sigma. It writes
-compare.html, a page with the curves one over another, and compare.rrd, the same curves on one
-timeline for the rerun viewer. Sources and samples are those of each scenario or log.")]
+compare.html, a page that draws the curves of all runs together, and compare.rrd, the same curves on
+one timeline for the rerun viewer. Each scenario or log brings its own sources and samples.")]
 pub struct Compare {
-    /// Two or more runs: logs (MCAP), folders with a run.mcap, or scenarios (TOML), which are run
-    /// first; one scenario with --vary
+    /// Two or more runs: logs (MCAP), folders with a run.mcap, or scenarios (TOML), which the command
+    /// runs first; or one scenario with --vary
     #[arg(required = true, value_name = "RUN")]
     pub of: Vec<PathBuf>,
-    /// A key and its values, one run for each; may be given again, for every combination. One value
-    /// alone is compared with the scenario as it is
+    /// A key and its values, one run for each; may be given again, for every combination. A
+    /// single value is compared with the unchanged scenario
     #[arg(long, value_name = "KEY.PATH=V1,V2,...")]
     pub vary: Vec<String>,
     /// Change a value of every scenario; may be given again

@@ -4,7 +4,7 @@ use crate::error::{CommandError, Result};
 use crate::output;
 use clap::{Args, Command, ValueEnum};
 use clap_complete::{Generator, Shell};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Arguments of `completions`.
@@ -55,6 +55,17 @@ impl Target {
     }
 }
 
+/// Writes the manual pages of a command and of its subcommands.
+fn pages(command: Command, folder: &Path) -> Result<()> {
+    for sub in command.get_subcommands().filter(|sub| !sub.is_hide_set()) {
+        pages(sub.clone(), folder)?;
+    }
+    let page = clap_mangen::Man::new(command);
+    let (path, mut text) = (folder.join(page.get_filename()), Vec::new());
+    page.render(&mut text).map_err(CommandError::rendering)?;
+    output::write(&path, &String::from_utf8_lossy(&text))
+}
+
 /// Prints the completions of a shell, or writes the manual pages.
 pub fn completions(mut command: Command, arguments: &Completions) -> Result<ExitCode> {
     let mut text = Vec::new();
@@ -69,8 +80,9 @@ pub fn completions(mut command: Command, arguments: &Completions) -> Result<Exit
             shell.try_generate(&command, &mut text).map_err(CommandError::rendering)?;
         }
         (None, Some(out)) => {
-            std::fs::create_dir_all(out).map_err(CommandError::cannot_write(out))?;
-            clap_mangen::generate_to(command, out).map_err(CommandError::cannot_write(out))?;
+            command = command.disable_help_subcommand(true);
+            command.build();
+            pages(command, out)?;
         }
         (None, None) => {
             clap_mangen::Man::new(command).render(&mut text).map_err(CommandError::rendering)?;

@@ -24,9 +24,9 @@ Examples:
   navfuse export dive.mcap --to sbet --origin 2026-06-01T08:00:00Z --out dive.sbet
   navfuse export dive.mcap --to ros2 --origin 2026-06-01T08:00:00Z --out dive_bag
 
-geojson, kml, gpx, nmea, sbet, tum and kitti have position, velocity and attitude as the log has
-them. csv and parquet have every state with its full covariance, and ros2 has pose and velocity with
-theirs: the filter runs again on the samples of the log, with the scenario in the log.")]
+geojson, kml, gpx, nmea, sbet, tum and kitti contain position, velocity and attitude from the log.
+csv and parquet contain every state with its full covariance, ros2 contains pose and velocity with
+their covariances. For these three, the filter runs the scenario in the log again on its samples.")]
 pub struct Export {
     /// A log, which is an MCAP file that navfuse wrote
     pub log: PathBuf,
@@ -150,18 +150,7 @@ fn place(arguments: &Export, extension: &str) -> Result<PathBuf> {
         log.clone()
     };
     let file = arguments.out.clone().unwrap_or_else(|| name.with_extension(extension));
-    let same = |a: &Path, b: &Path| {
-        a == b
-            || std::fs::canonicalize(a)
-                .ok()
-                .is_some_and(|a| std::fs::canonicalize(b).ok() == Some(a))
-    };
-    if same(&file, log) {
-        return Err(CommandError::argument(
-            file.display().to_string(),
-            "it is the log itself; give another file with --out",
-        ));
-    }
+    output::check(&file)?;
     let folder = file.parent().filter(|p| !p.as_os_str().is_empty());
     let made = folder.map_or(Ok(()), std::fs::create_dir_all);
     made.map_err(CommandError::file(&file, "cannot be written", "; give another with --out"))?;

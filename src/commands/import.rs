@@ -50,10 +50,7 @@ pub enum Odometry {
 /// Looks at the files of a recording, and writes a scenario for them.
 pub fn import(registry: &Registry, arguments: &Import) -> Result<ExitCode> {
     let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from("import.toml"));
-    if out.exists() {
-        let message = "it exists; give another file with --out, or move it";
-        return Err(CommandError::argument(out.display().to_string(), message));
-    }
+    output::check(&out)?;
     let name = out.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let position = arguments.position.as_deref().map(position).transpose()?;
     let odometry = arguments.odometry.map(|usage| match usage {

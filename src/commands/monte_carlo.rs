@@ -29,8 +29,8 @@ which the scenario states none. The command writes:
   bounds.parquet   the Cramer-Rao bound over time, filtered and smoothed
   *.svg, *.rrd     plots of them, and the same for the rerun viewer")]
 pub struct MonteCarlo {
-    /// The scenario, a TOML file; its samples are simulated. Several give one table with a row for
-    /// each
+    /// The scenario, a TOML file; its samples are simulated. Several
+    /// scenarios give one table with a row for each
     #[arg(required = true)]
     pub scenario: Vec<PathBuf>,
     /// Number of runs

@@ -30,7 +30,7 @@ Examples:
   navfuse observability scenarios/pan-wu-3d.toml --suggest --at \"720 s\" --for ins.accel_bias
 
 A state is determined when its sigma is at most a quarter of what it would be without measurements:
-at most a sixteenth of the variance is still that of the prior. `bits` counts how often sigma was
+at most a sixteenth of the variance still comes from the prior. `bits` counts how often sigma was
 halved.")]
 pub struct Observability {
     /// A scenario (TOML), or a log that navfuse wrote (MCAP)
@@ -42,7 +42,7 @@ pub struct Observability {
     /// simulated scenario
     #[arg(long)]
     pub suggest: bool,
-    /// Begin of the manoeuvre; the later part of the scenario is left out [default: its end]
+    /// Start of the manoeuvre, which replaces the rest of the scenario [default: its end]
     #[arg(long, value_name = "TIME", requires = "suggest")]
     pub at: Option<String>,
     /// A state or component that the manoeuvre is to determine, such as dvl.misalignment.roll; may

@@ -7,8 +7,9 @@ use crate::output;
 use crate::output::progress::{Bar, stop_on_signal};
 use clap::Args;
 use navfuse_core::plugin::Registry;
-use navfuse_core::run::runner::{self, Finished};
+use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::session::Finished;
 use navfuse_observability::{ObservabilityReport, Tracker, TrackerSink};
 use navfuse_report::History;
 use std::path::{Path, PathBuf};
@@ -28,8 +29,7 @@ Examples:
 
 The page has the track, every state with its bounds of 3 sigma and the truth where it is known,
 the innovations with their gates, the accepted and rejected samples of each sensor, the calibration
-before and after, the events and the scenario. It is one file that needs neither network nor
-script.")]
+before and after, the events and the scenario. It is one file and needs no network.")]
 pub struct Report {
     /// A log, which is an MCAP file that navfuse wrote, or a scenario, a TOML file
     pub of: PathBuf,
@@ -51,6 +51,9 @@ struct Content {
 
 /// Writes a page about a run.
 pub fn report(registry: &Registry, arguments: &Report) -> Result<ExitCode> {
+    if let Some(out) = &arguments.out {
+        output::check(out)?;
+    }
     let (stop, bar) = (stop_on_signal(), Bar::new(true));
     let of_scenario_file = has_extension(&arguments.of, "toml") || arguments.of.as_os_str() == "-";
     let Content { history, observed, folder, end } = if of_scenario_file {

@@ -20,18 +20,18 @@ Examples:
   navfuse smooth scenarios/calibration.toml --passes 5       relinearised, Gauss-Newton
 
 The filter runs to the end, and a second pass goes back to the beginning. The log, the recording
-and the tables have the smoothed estimates with their sigma, and the recording shows the track of
-the filter beside them. `smooth = true` in [estimator] does the same in every run of a scenario.
-With --lag, or `lag` in [estimator], the estimates appear while the run goes on, this time later.")]
+and the tables contain the smoothed estimates with their sigma, and the recording also shows the
+track of the filter. `smooth = true` in [estimator] smooths every run of a scenario. With --lag, or
+`lag` in [estimator], each estimate appears while the run goes on, once the lag has passed.")]
 pub struct Smooth {
     /// A scenario, which is a TOML file, or a log, which is an MCAP file that navfuse wrote
     pub of: PathBuf,
-    /// Smooth with a fixed lag while the run goes on: each estimate has the samples up to this time
+    /// Smooth with a fixed lag while the run goes on: each estimate uses the samples up to this time
     /// after it, such as "30 s"
     #[arg(long, value_name = "TIME")]
     pub lag: Option<String>,
-    /// Largest number of passes; each one after the first linearises at the smoothed trajectory of
-    /// the one before, until no component changes by more than 0.001 sigma
+    /// Largest number of passes; each further pass linearises at the smoothed trajectory of the pass
+    /// before, until no component changes by more than 0.001 sigma
     #[arg(long, value_name = "N", conflicts_with = "lag")]
     pub passes: Option<NonZeroU32>,
     #[command(flatten)]

@@ -5,10 +5,11 @@ use crate::execution::input::{document, runs_folder, seconds};
 use crate::output::campaign::{self as show, Shown};
 use crate::output::progress::{Bar, INTERRUPTED, stop_on_signal};
 use crate::output::scenarios;
+use crate::output::terminal::Detail;
 use crate::output::{self, Format};
 use clap::{Args, ValueEnum};
 use navfuse_campaign::{
-    Campaign, Folder, JobCount, Options, Results, Shard, execute_rest, variation,
+    Campaign, Extent, Folder, JobCount, Options, Results, Shard, execute, variation,
 };
 use navfuse_core::plugin::Registry;
 use std::path::{Path, PathBuf};
@@ -19,15 +20,14 @@ use std::time::Instant;
 /// Random draws of each run.
 #[derive(Clone, Debug, Args)]
 pub struct Draws {
-    /// Seed of the campaign; run r has the seed 1000000 times that, plus r [default: that of the
-    /// scenario]
+    /// Seed of the campaign; run r has 1000000 times this seed, plus r [default: the scenario's seed]
     #[arg(long)]
     pub seed: Option<u64>,
     /// Values that are drawn beside the noise
     #[arg(long, value_enum, default_value_t = Start::Drawn)]
     pub start: Start,
-    /// Judge errors and sigmas from this time on; earlier ones are recorded, but have no part in
-    /// the verdict
+    /// Judge errors and sigmas from this time on; earlier epochs are recorded, but do not count
+    /// for the verdict
     #[arg(long, value_name = "TIME")]
     pub from: Option<String>,
 }
@@ -149,12 +149,11 @@ pub fn conduct(
         output::warn(format_args!("resumed after {}", counted(before, "job")));
     }
     let bar = Bar::new(settings.format == Format::Text);
-    let done = execute_rest(
+    let done = execute(
         &campaign,
         registry,
         &document,
-        (settings.shard, threads),
-        before,
+        Extent { shard: settings.shard, threads, done: before },
         stop,
         |jobs| bar.campaign(jobs),
         |record| folder.add(record),
@@ -185,7 +184,7 @@ pub fn run(
         (None, Some(out)) => part(settings.shard, done, out, text),
         (None, None) => {}
     }
-    if text {
+    if text && Detail::get() != Detail::Quiet {
         took(done, threads(settings)?, clock);
     }
     if done.interrupted() {
@@ -299,11 +298,13 @@ pub fn report(
 ) -> Result<()> {
     let mut files = results.files.clone();
     let drawn = draw(campaign, results, kind, out, &mut files);
-    if text {
-        show::results(campaign, results, kind.shown, kind.scenario);
-        show::files(&files, out);
-    } else {
-        output::line(serde_json::to_string(&results.report)?);
+    match (text, Detail::get()) {
+        (false, _) => output::line(serde_json::to_string(&results.report)?),
+        (true, Detail::Quiet) => show::verdicts(results),
+        (true, _) => {
+            show::results(campaign, results, kind.shown, kind.scenario);
+            show::files(&files, out);
+        }
     }
     drawn
 }

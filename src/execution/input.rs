@@ -2,8 +2,8 @@
 
 use crate::error::{CommandError, Result};
 use crate::output::warn;
-use navfuse_core::document::{Document, quoted};
-use navfuse_core::files::part_of;
+use navfuse_core::document::{Document, LONGEST, quoted};
+use navfuse_core::files::{bounded_text, part_of};
 use navfuse_core::plugin::Kind;
 use navfuse_core::units::Duration;
 use serde::Deserialize;
@@ -21,7 +21,7 @@ pub fn document(path: &Path) -> Result<Document> {
         return Ok(Document::from_file(path)?);
     }
     let name = "standard input";
-    let text = std::io::read_to_string(std::io::stdin());
+    let text = bounded_text(std::io::stdin(), LONGEST);
     let text = text.map_err(CommandError::file(Path::new(name), "cannot be read", ""))?;
     Ok(Document::parse_with_includes("stdin", text)?)
 }

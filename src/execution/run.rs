@@ -8,13 +8,14 @@ use crate::output::{self, Format};
 use clap::Args;
 use navfuse_core::document::{Document, key, quoted};
 use navfuse_core::files::FolderLock;
+use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::record::{Event, Level};
 use navfuse_core::plugin::{Kind, Registry};
 use navfuse_core::run::runner;
-use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_core::run::summary::Recorded;
+use navfuse_core::session::Finished;
+use navfuse_core::session::summary::Recorded;
 use navfuse_core::units::time::Time;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -42,7 +43,7 @@ pub struct RunOptions {
     /// Write nothing: no log, no recording
     #[arg(long, conflicts_with_all = ["out", "rerun", "connect", "serve"])]
     pub no_output: bool,
-    /// Exit with 0 also where the verdict is "do not use", instead of 3
+    /// Exit with 0 instead of 3 where the verdict is "do not use"
     #[arg(long)]
     pub accept_inconsistent: bool,
     #[command(flatten)]
@@ -158,15 +159,23 @@ fn print(finished: &Finished, text: bool) -> Result<()> {
     Ok(())
 }
 
-/// The summary, its frame, the places of the files, and the warnings and errors.
+/// The summary, its frame, the places of the files, the findings, and the warnings and errors.
 fn in_json(finished: &Finished) -> Result<Value> {
     let mut value = serde_json::to_value(&finished.summary)?;
     // `axes = "enu"` is a choice of a table; the state of the filter is always north, east, down
     value["frame"] = "ned".into();
     let path = |r: &Recorded| json!({ "sink": r.sink, "path": r.place });
     value["paths"] = finished.recorded.iter().map(path).collect();
+    let seconds = |time: Time| (time > Time::MIN).then(|| time.seconds());
+    let finding = |f: &Finding| {
+        json!({
+            "time_s": seconds(f.time), "about": f.about, "severity": f.severity.name(),
+            "basis": f.basis.name(), "text": f.text, "remedy": f.remedy,
+        })
+    };
+    value["findings"] = finished.findings.iter().map(finding).collect();
     let warning = |e: &Event| {
-        let time = (e.time > Time::MIN).then(|| e.time.seconds());
+        let time = seconds(e.time);
         json!({ "time_s": time, "level": e.level, "about": e.about, "text": e.text })
     };
     value["warnings"] = finished.events.iter().map(warning).collect();

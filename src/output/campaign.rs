@@ -65,6 +65,15 @@ pub fn results(plan: &Campaign, results: &Results, shown: Shown<'_>, scenario: &
     worst(&results.report.points, scenario);
 }
 
+/// Prints the verdict of each point in a line; a bound has none.
+pub fn verdicts(results: &Results) {
+    for point in &results.report.points {
+        let Some(verdict) = &point.verdict else { continue };
+        let point: String = point.values.iter().map(|value| format!("{value}, ")).collect();
+        line(format_args!("{point}verdict: {}", verdict.text));
+    }
+}
+
 /// Prints how to repeat the run to look at first: a run that failed, or else the run with the
 /// largest NEES.
 fn worst(points: &[PointReport], scenario: &str) {

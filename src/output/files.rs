@@ -2,11 +2,17 @@
 
 use super::line;
 use crate::error::{CommandError, Result};
-use navfuse_core::files::write_whole;
+use navfuse_core::files::{check_output, write_whole};
 use std::path::Path;
+
+/// Tests that a file may be written, before the work for it begins.
+pub fn check(path: &Path) -> Result<()> {
+    check_output(path).map_err(CommandError::cannot_write(path))
+}
 
 /// Writes a file whole or not at all, and makes the folder around it.
 pub fn write(path: &Path, text: &str) -> Result<()> {
+    check(path)?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
     folder
         .map_or(Ok(()), std::fs::create_dir_all)

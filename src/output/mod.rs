@@ -9,7 +9,7 @@ pub mod scenarios;
 mod tables;
 pub mod terminal;
 
-pub use files::{write, write_files};
+pub use files::{check, write, write_files};
 pub use tables::{
     Table, check_standard_output, line, marked_line, marked_table, mistake, raw, right, table, warn,
 };

@@ -5,7 +5,7 @@ use super::{Table, line, marked_line, marked_table, right, table, warn};
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 use navfuse_core::model::record::{Event, Level, Record, Wants};
 use navfuse_core::model::stream::{Sink, StreamError};
-use navfuse_core::run::summary::{Recorded, StateRow, Summary};
+use navfuse_core::session::summary::{Recorded, StateRow, Summary};
 use navfuse_core::smooth::QualityReport;
 use navfuse_core::state::Mode;
 use navfuse_core::units::time::Time;

@@ -9,7 +9,7 @@ mod table;
 
 use common::scenario;
 use navfuse_campaign::{
-    BoundRecord, Campaign, Columns, Component, Options, Record, RunRecord, execute,
+    BoundRecord, Campaign, Columns, Component, Extent, Options, Record, RunRecord, execute,
 };
 use navfuse_core::document::Document;
 use std::fmt::Write as _;
@@ -98,8 +98,16 @@ impl Bound {
             Ok(())
         };
         let stop = AtomicBool::new(false);
-        execute(&plan, &registry, &document, (None, 2), &stop, |_| {}, keep)
-            .unwrap_or_else(|e| panic!("{e}"));
+        execute(
+            &plan,
+            &registry,
+            &document,
+            Extent { threads: 2, ..Extent::default() },
+            &stop,
+            |_| {},
+            keep,
+        )
+        .unwrap_or_else(|e| panic!("{e}"));
         (Self { columns: plan.columns, record: bound.expect("a bound") }, records)
     }
 

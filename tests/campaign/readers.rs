@@ -1,7 +1,7 @@
 //! Two independent readers of Parquet files find the values of the report in the tables.
 //!
 //! They come from the Python package index into a virtual environment under the target folder.
-//! Without Python or the index, the test prints that it is skipped, and passes.
+//! Without Python or the index, the test is skipped.
 
 use crate::common::root;
 use crate::{SHORT, output, path};
@@ -9,7 +9,7 @@ use navfuse_testing::python::Packages;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Returns a Python with the readers, or prints the reason why there is none.
+/// Returns a Python with the readers; without one, the test is skipped.
 fn python() -> Option<PathBuf> {
     Packages {
         names: "polars, pandas and pyarrow",

@@ -13,14 +13,15 @@ use std::path::Path;
 /// Reads the files of a folder, by name.
 ///
 /// `campaign.rrd` is left out: the viewer's library gives every recording a random id, so that even
-/// the same command never writes the same bytes twice. Its figures are those of the SVG files.
+/// the same command never writes the same bytes twice. Its figures are those of the SVG files. The
+/// list of own files has their times.
 pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries =
         std::fs::read_dir(folder).expect("the folder is there").map(|e| e.expect("a file").path());
     let named = entries
         .map(|p| (p.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()), p));
     named
-        .filter(|(name, _)| name != "campaign.rrd")
+        .filter(|(name, _)| ![".navfuse", "campaign.rrd"].contains(&name.as_str()))
         .map(|(n, p)| (n, std::fs::read(p).expect("a file")))
         .collect()
 }

@@ -6,8 +6,10 @@ pub mod recording;
 
 use navfuse_core::document::Document;
 use navfuse_core::run::runner;
-use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::session::Finished;
+#[allow(unused_imports, reason = "some test files skip nothing of their own")]
+pub use navfuse_testing::absent::{Need, data, skip};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -52,23 +54,7 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Returns the folder of recorded data of a name. If it is missing, prints the origin of the public
-/// original and returns `None`.
-pub fn data(name: &str, origin: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("NAVFUSE_DATA")
-        .map_or_else(|| root().join("../shared/data"), PathBuf::from);
-    let folder = folder.join(name);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!(
-        "skipped: {} is not there. {origin}; set NAVFUSE_DATA to its folder's parent",
-        folder.display()
-    );
-    None
-}
-
-/// Returns the folder of the recorded Snapir runs.
+/// Returns the folder of the recorded Snapir runs; without them, the test is skipped.
 pub fn snapir() -> Option<PathBuf> {
     let origin = "The recordings are runs T01, T06, T10 and T12 of the public repository \
                   ansfl/A-KIT (Cohen & Klein 2025), prepared as in \
@@ -76,7 +62,7 @@ pub fn snapir() -> Option<PathBuf> {
     data("snapir", origin)
 }
 
-/// The folder of the recorded drive; `None` where it is not at hand.
+/// Returns the folder of the recorded drive; without it, the test is skipped.
 pub fn drive() -> Option<PathBuf> {
     let origin = "The recording is data/drive_0708 of the public repository \
                   rtklibexplorer/GNSS_IMU, prepared as in docs/src/explanation/validation.md";

@@ -2,7 +2,7 @@
 //!
 //! They come from the Python package index into a virtual environment under the target folder, or
 //! are those of the interpreter that NAVFUSE_EXPORT_PYTHON names. Without Python or the index, the
-//! test prints that it is skipped, and passes.
+//! test is skipped.
 
 use crate::common::root;
 use crate::{FORMATS, run};
@@ -10,7 +10,7 @@ use navfuse_testing::python::Packages;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Returns a Python with the readers, or prints the reason why there is none.
+/// Returns a Python with the readers; without one, the test is skipped.
 fn python() -> Option<PathBuf> {
     Packages {
         names: "the readers of exported files",

@@ -228,7 +228,10 @@ fn what_cannot_be_exported_is_an_error_with_a_remedy_and_leaves_no_file() {
     let said = refused(&[&log, "--to", "gpx", "--axes", "enu"]);
     assert!(said.contains("--axes: only csv, parquet, tum and kitti have axes"), "{said}");
     let said = refused(&[&log, "--to", "gpx", "--output", &log]);
-    assert!(said.contains("it is the log itself; give another file with --out"), "{said}");
+    assert!(
+        said.contains("it is an input of this command; give another place with --out"),
+        "{said}"
+    );
     let said = refused(&[&log, "--to", "gpx", "--origin", "yesterday"]);
     assert!(said.contains("\"yesterday\" is no date"), "{said}");
     let said = refused(&["nothing.mcap", "--to", "gpx"]);

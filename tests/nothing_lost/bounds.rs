@@ -145,3 +145,101 @@ fn a_decompression_bomb_is_refused_in_little_memory() {
         assert!(peak < MEMORY, "{name}: {peak} bytes");
     }
 }
+
+/// A log of some bytes whose text claims to have 4 GiB.
+fn liar() -> Vec<u8> {
+    const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', b'0', b'\r', b'\n'];
+    let long = [&u32::MAX.to_le_bytes()[..], b"navfuse"].concat();
+    let header = [text("ros2"), text("")].concat();
+    [
+        &MAGIC[..],
+        &record(1, &header),
+        &record(12, &long),
+        &record(3, &[&[1, 0][..], &long].concat()),
+    ]
+    .concat()
+}
+
+/// The limit is one of address space: memory that is reserved counts, even if it is never touched.
+#[cfg(target_os = "linux")]
+#[test]
+fn no_reader_of_a_log_reserves_what_the_log_claims() {
+    let recording = Recording::new();
+    let log = recording.path("liar.mcap");
+    std::fs::write(&log, liar()).expect("the test can write");
+    let log = log.display().to_string();
+    for arguments in [
+        &["replay", &log, "--no-output"][..],
+        &["report", &log],
+        &["smooth", &log, "--no-output"],
+        &["calibrate", &log],
+        &["observability", &log],
+        &["export", &log, "--to", "csv"],
+        &["export", &log, "--to", "kml"],
+        &["compare", &log, &log],
+        &["import", &log],
+    ] {
+        let mut sh = std::process::Command::new("sh");
+        sh.args(["-c", "ulimit -v 1572864; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_navfuse")]);
+        let output =
+            sh.current_dir(recording.folder()).args(arguments).output().expect("sh starts");
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains("liar.mcap"), "{arguments:?}: {}", stderr(&output));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn what_has_no_end_is_not_read() {
+    let recording = Recording::new();
+    let fifo = recording.path("fifo");
+    let made = std::process::Command::new("mkfifo").arg(&fifo).status();
+    assert!(made.is_ok_and(|s| s.success()));
+    std::os::unix::fs::symlink("/dev/zero", recording.path("zero.toml")).expect("a link");
+    std::os::unix::fs::symlink(&fifo, recording.path("pipe.toml")).expect("a link");
+    let fifo = fifo.display().to_string();
+    let rest = std::fs::read_to_string(recording.path("rest.toml")).expect("the scenario");
+    for (k, include) in ["/dev/zero", "zero.toml", "pipe.toml", "/etc/passwd"].iter().enumerate() {
+        let name = format!("{k}.toml");
+        recording.write(&name, &format!("include = {include:?}\n{rest}"));
+        let output =
+            crate::common::navfuse(&["check", &recording.path(&name).display().to_string()]);
+        assert_eq!(output.status.code(), Some(1), "{include}: {}", stderr(&output));
+        assert!(
+            stderr(&output).contains(include) && !stderr(&output).contains("root:"),
+            "{include}"
+        );
+    }
+    for arguments in [
+        &["run", &fifo, "--no-output"][..],
+        &["run", "/dev/zero", "--no-output"],
+        &["replay", &fifo, "--no-output"],
+        &["export", &fifo, "--to", "kml"],
+        &["import", &fifo],
+    ] {
+        let output = command().current_dir(recording.folder()).args(arguments).output();
+        let output = output.expect("the command starts");
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains("a regular file is needed"), "{}", stderr(&output));
+    }
+    for key in ["files.imu.path", "directory"] {
+        let setting =
+            format!("source.csv.{key}={}", if key == "directory" { "/dev" } else { &fifo });
+        assert_eq!(run(&recording, &["--set", &setting]).status.code(), Some(1), "{key}");
+    }
+}
+
+/// Thirty files, each of which includes the next one twice: 2^30 readings.
+#[test]
+fn includes_have_a_largest_number() {
+    let recording = Recording::new();
+    for k in 0..30 {
+        let next = format!("{}.toml", k + 1);
+        recording.write(&format!("{k}.toml"), &format!("include = [{next:?}, {next:?}]\n"));
+    }
+    recording.write("30.toml", "seed = 1\n");
+    let output =
+        crate::common::navfuse(&["check", &recording.path("0.toml").display().to_string()]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("more than 1000 files"), "{}", stderr(&output));
+}

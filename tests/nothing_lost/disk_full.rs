@@ -106,3 +106,23 @@ fn figures_of_a_campaign_on_a_full_disk_are_an_error_and_the_tables_are_whole() 
         assert!(folder.path().join(name).is_file(), "{name}");
     }
 }
+
+#[test]
+fn an_export_to_a_full_disk_or_a_closed_pipe_is_an_error_in_every_format() {
+    let recording = Recording::new();
+    assert!(run(&recording, &[]).status.success());
+    let log = recording.path("out/run.mcap").display().to_string();
+    for format in ["geojson", "kml", "gpx", "nmea", "sbet", "tum", "kitti", "csv", "parquet"] {
+        let output = navfuse(&["export", &log, "--to", format, "--out", "/dev/full"]);
+        fails_with(&output, &["/dev/full", "No space left"]);
+        assert!(!stdout(&output).contains("epochs"), "{format}: {}", stdout(&output));
+        let mut sh = Command::new("bash");
+        let script = "\"$@\" | head -c 1 >/dev/null; exit ${PIPESTATUS[0]}";
+        sh.args(["-c", script, "bash", env!("CARGO_BIN_EXE_navfuse"), "export", &log]);
+        sh.args(["--to", format, "--out", "/dev/stdout"]);
+        let output = in_time(sh);
+        // the pipe holds 64 KiB, so that a short text may be written whole
+        let code = output.status.code();
+        assert!(code == Some(1) || code == Some(0) && stderr(&output).is_empty(), "{format}");
+    }
+}

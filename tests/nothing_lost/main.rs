@@ -8,6 +8,7 @@ mod bounds;
 #[cfg(target_os = "linux")]
 mod disk_full;
 mod folders;
+mod overwriting;
 #[cfg(unix)]
 mod signals;
 mod stranger;

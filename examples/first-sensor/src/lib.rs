@@ -106,8 +106,8 @@ mod tests {
     use navfuse_core::document::Document;
     use navfuse_core::model::sensor::measurement::At;
     use navfuse_core::run::runner;
-    use navfuse_core::run::runner::Finished;
     use navfuse_core::run::scenario::Scenario;
+    use navfuse_core::session::Finished;
     use std::sync::atomic::AtomicBool;
 
     // ANCHOR: scenario

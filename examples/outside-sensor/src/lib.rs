@@ -14,27 +14,40 @@ pub struct Magnetometer {
     pub declination: Calibration<Angle, AngularRateNoise>,
 }
 
-struct Model(Magnetometer, Navigation, Handle<Scalar>); // parameters, and the states it reads
-
 impl SensorType for Magnetometer {
     const TYPE: &'static str = "magnetometer";
+
     fn channels(&self) -> Vec<Channel> {
         ["mag_x", "mag_y", "mag_z"].map(|name| Channel::new(name, "1")).to_vec()
     }
+
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
-        let declination =
-            self.declination.block(composer, "declination", &[0.0], display::ANGLE)?;
-        Ok(Role::measurement(Model(self, Navigation::only(composer)?, declination)))
+        Ok(Role::measurement(Model {
+            navigation: Navigation::only(composer)?,
+            declination: self.declination.block(composer, "declination", &[0.0], display::ANGLE)?,
+            dip: self.dip.si(),
+            sigma: self.noise.value().si(),
+        }))
     }
+}
+
+/// The states that the sensor reads, the dip in rad, and the noise of each axis.
+struct Model {
+    navigation: Navigation,
+    declination: Handle<Scalar>,
+    dip: f64,
+    sigma: f64,
 }
 
 impl MeasurementModel<3> for Model {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 3> {
-        let ((sin, cos), (east, north)) = (self.0.dip.si().sin_cos(), x.get(self.2).sin_cos());
-        x.get(self.1.attitude).inverse()
-            * Vector3::new(north * convert(cos), east * convert(cos), convert(sin))
+        let (east, north) = x.get(self.declination).sin_cos();
+        let (down, level) = self.dip.sin_cos();
+        let field = Vector3::new(north * convert(level), east * convert(level), convert(down));
+        x.get(self.navigation.attitude).inverse() * field
     }
+
     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 3, 3> {
-        SMatrix::identity() * self.0.noise.value().si().powi(2)
+        SMatrix::identity() * (self.sigma * self.sigma)
     }
 }

@@ -152,7 +152,7 @@ impl Composer {
             let clone = self.clones.iter().find(|[from, _]| *from == t.attitude);
             clone.map(|[_, past]| *past).ok_or_else(|| {
                 let attitude = &self.layout.blocks[t.attitude].name;
-                let message = format!("the past of {full} needs that of {attitude} before it");
+                let message = format!("the past of {full} needs the past of {attitude} before it");
                 ComposeError::new(&name, message)
             })
         });

@@ -11,7 +11,7 @@ use crate::model::process::start::InitialAlignment;
 use crate::model::sensor::Role;
 use crate::model::sensor::Sensor;
 use crate::model::sensor::motion::Motion;
-use crate::model::sensor::update_rule::UpdateRule;
+use crate::model::sensor::rule::UpdateRule;
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::model::simulate::fault::Fault;
 use crate::state::covariance::Transition;
@@ -144,7 +144,7 @@ impl Composition {
         }
         for (index, sensor) in self.sensors.iter_mut().enumerate() {
             // the bound is that of the model linearised at the truth
-            sensor.update = UpdateRule::Ekf;
+            sensor.update = UpdateRule::default();
             let Some(faults) = &mut sensor.simulation else { continue };
             if sensor.info.purpose == Purpose::Reference {
                 continue; // a reference has no noise

@@ -6,7 +6,6 @@ use crate::model::sensor::delivery::Delay;
 use crate::model::sensor::gate::{Gate, Recovery};
 use crate::model::sensor::limits::LimitKeys;
 use crate::model::sensor::robust::Robust;
-use crate::model::sensor::update_rule::UpdateRule;
 use crate::model::simulate::Faults;
 use crate::units::{Duration, Positive};
 use schemars::JsonSchema;
@@ -61,9 +60,9 @@ sensor_keys! {
         /// sigma.
         #[serde(default)]
         pub adaptive_noise: bool,
-        /// Rule by which a sample corrects the estimate: `"ekf"`, `"iekf"` or `"ukf"`. Default:
-        /// `update` of `[estimator]`.
-        pub update: Option<UpdateRule>,
+        /// Rule by which a sample corrects the estimate: `"ekf"`, `"iekf"`, `"ukf"`, or one that a
+        /// plugin registers. Default: `update` of `[estimator]`.
+        pub update: Option<String>,
         /// Plausible values of the channels by name, such as
         /// `{ vel_x = { range = ["-5 m/s", "5 m/s"], rate = "2 m/s^2" } }`; a sample beyond them is
         /// rejected. Default: the range that the type gives, without a rate.

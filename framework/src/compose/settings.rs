@@ -1,7 +1,6 @@
 //! The table `[estimator]`: start, end and initial values of the filter.
 
 use crate::compose::draw::Draw;
-use crate::model::sensor::update_rule::UpdateRule;
 use crate::units::time::{Span, Time};
 use crate::units::{Duration, Frequency, NonNegative, Positive};
 use schemars::JsonSchema;
@@ -54,12 +53,12 @@ pub struct EstimatorConfig {
     /// the explanation of update rules. `0 s`, the default, does not. A smoothed run, an estimator other
     /// than `ekf`, and blocks that come and go leave the key without effect; an event reports it.
     relinearise: Option<NonNegative<Duration>>,
-    /// Rule by which samples correct the estimate: `ekf` (one linearisation), `iekf` (iterated) or
-    /// `ukf` (unscented). A sensor's own `update` has precedence.
-    #[serde(default)]
-    pub(crate) update: UpdateRule,
-    /// Rate of the covariance, below that of the driving sensor. The estimate takes every sample;
-    /// the covariance is propagated over several of them at once, and before each measurement.
+    /// Rule by which samples correct the estimate: `ekf` (one linearisation), `iekf` (iterated),
+    /// `ukf` (unscented), or one that a plugin registers. A sensor's own `update` has precedence.
+    #[serde(default = "ekf")]
+    pub(crate) update: String,
+    /// Rate of the covariance, lower than the driving sensor's. The estimate takes every sample; the
+    /// covariance is propagated over several of them at once, and before each measurement.
     /// Default: with every sample.
     covariance_rate: Option<Positive<Frequency>>,
     /// Rate at which estimates are recorded.
@@ -87,7 +86,7 @@ impl Default for EstimatorConfig {
             lag: None,
             passes: None,
             relinearise: None,
-            update: UpdateRule::default(),
+            update: ekf(),
             covariance_rate: None,
             output_rate: ten_hertz(),
         }

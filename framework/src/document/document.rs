@@ -4,9 +4,14 @@ use crate::document::error::{DocumentError, OverrideError};
 use crate::document::location::Excerpt;
 use crate::document::node::{Node, kind};
 use crate::document::places::{Places, join};
+use crate::files::{Held, read_text};
 use std::path::Path;
+use std::sync::Arc;
 use toml::de::DeTable;
 use toml::{Table, Value};
+
+/// Largest number of bytes of a document with all that it includes.
+pub const LONGEST: u64 = 64 << 20;
 
 /// A TOML document, with the overrides of the command line.
 #[derive(Clone, Debug)]
@@ -16,6 +21,8 @@ pub struct Document {
     pub(super) value: Value,
     pub(super) places: Places,
     overrides: Vec<String>,
+    /// The files that were read, which no result replaces as long as the document is used.
+    pub(super) inputs: Vec<Arc<Held>>,
 }
 
 impl Document {
@@ -25,7 +32,7 @@ impl Document {
     /// When a file cannot be read or is not TOML, or a file includes itself.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, DocumentError> {
         let name = path.as_ref().display().to_string();
-        match std::fs::read_to_string(path) {
+        match read_text(path.as_ref(), LONGEST) {
             Ok(text) => Self::parse_with_includes(name, text),
             Err(source) => Err(DocumentError::Read { name, source }),
         }
@@ -49,7 +56,7 @@ impl Document {
         };
         let places = Places::of(&name, &text, DeTable::parse(&text).map_err(syntax)?.get_ref());
         let value = Value::Table(toml::from_str(&text).map_err(syntax)?);
-        Ok(Self { name, text, value, places, overrides: Vec::new() })
+        Ok(Self { name, text, value, places, overrides: Vec::new(), inputs: Vec::new() })
     }
 
     /// Sets a value, as `key.path=value`. Missing tables are created. A number in the path is the

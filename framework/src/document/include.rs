@@ -3,15 +3,29 @@
 //! A document is laid over those that it includes, in the order in which it names them: a table is
 //! merged key by key, and any other value, an array among them, replaces the earlier one.
 
-use crate::document::document::Document;
+use crate::document::document::{Document, LONGEST};
 use crate::document::error::DocumentError;
 use crate::document::node::Node;
 use crate::document::places::join;
+use crate::files::{Held, read_text};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use toml::{Table, Value};
 
 /// The key that names the included documents.
 const INCLUDE: &str = "include";
+/// Largest number of documents that one includes, at any depth; each counts as often as it is named.
+const MOST: usize = 1000;
+
+/// The reading of a document with its includes.
+struct Reading {
+    /// The files on the way to the document that is read.
+    way: Vec<PathBuf>,
+    /// Number of documents that were included.
+    count: usize,
+    /// Number of bytes that more documents may have.
+    left: u64,
+}
 
 impl Document {
     /// Reads the document in a text, and the documents that it includes. Their paths are relative
@@ -24,17 +38,18 @@ impl Document {
         text: impl Into<String>,
     ) -> Result<Self, DocumentError> {
         let document = Self::parse(name, text)?;
-        let file = canonical(Path::new(&document.name));
-        document.resolved(&mut vec![file])
+        let way = vec![canonical(Path::new(&document.name))];
+        let left = LONGEST.saturating_sub(document.text().len() as u64);
+        document.resolved(&mut Reading { way, count: 0, left })
     }
 
-    /// The document laid over those that it includes; `files` are the files on the way to it.
-    fn resolved(mut self, files: &mut Vec<PathBuf>) -> Result<Self, DocumentError> {
+    /// The document laid over those that it includes.
+    fn resolved(mut self, reading: &mut Reading) -> Result<Self, DocumentError> {
         let Some(node) = self.root().get(INCLUDE) else { return Ok(self) };
         let mut base: Option<Self> = None;
         for (place, path) in named(&node)? {
             let path = self.folder().join(path);
-            let included = read(&place, &path, files)?;
+            let included = reading.read(&place, &path)?;
             base = Some(match base {
                 None => included,
                 Some(before) => included.over(before),
@@ -55,6 +70,7 @@ impl Document {
         merge(&mut merged, own, "", &mut replaced);
         self.value = merged;
         self.places = self.places.over(included.places, &replaced);
+        self.inputs.extend(included.inputs);
         self
     }
 }
@@ -71,28 +87,38 @@ fn named<'a>(node: &Node<'a>) -> Result<Vec<(Node<'a>, String)>, DocumentError> 
     paths.map(|item| Ok((item.clone(), item.parse()?))).collect()
 }
 
-/// Reads an included document, which the place names.
-fn read(
-    place: &Node<'_>,
-    path: &Path,
-    files: &mut Vec<PathBuf>,
-) -> Result<Document, DocumentError> {
-    let file = canonical(path);
-    if let Some(first) = files.iter().position(|f| *f == file) {
-        let circle = files[first..].iter().chain([&file]).map(|f| f.display().to_string());
-        let circle = circle.collect::<Vec<_>>().join(" includes ");
-        return Err(place.error(format!("a file includes itself: {circle}")));
+impl Reading {
+    /// Reads an included document, which the place names.
+    fn read(&mut self, place: &Node<'_>, path: &Path) -> Result<Document, DocumentError> {
+        let (file, way) = (canonical(path), &self.way);
+        if let Some(first) = way.iter().position(|f| *f == file) {
+            let circle = way[first..].iter().chain([&file]).map(|f| f.display().to_string());
+            let circle = circle.collect::<Vec<_>>().join(" includes ");
+            return Err(place.error(format!("a file includes itself: {circle}")));
+        }
+        self.count += 1;
+        if self.count > MOST {
+            return Err(
+                place.error(format!("more than {MOST} files are included; join some of them"))
+            );
+        }
+        let name = path.display().to_string();
+        // an error prints a line of the file, which may be no business of whoever reads it
+        if [path, &file].into_iter().any(|path| path.extension().is_none_or(|e| e != "toml")) {
+            return Err(place.error(format!("{name} is not included: its name must end in .toml")));
+        }
+        let text = read_text(path, self.left).map_err(|error| {
+            place.error(format!(
+                "{name} cannot be read: {error}; the path is relative to the file that includes it"
+            ))
+        })?;
+        self.left = self.left.saturating_sub(text.len() as u64);
+        self.way.push(file);
+        let mut document = Document::parse(name, text)?.resolved(self)?;
+        self.way.pop();
+        document.inputs.push(Arc::new(Held::new(path)));
+        Ok(document)
     }
-    let name = path.display().to_string();
-    let text = std::fs::read_to_string(path).map_err(|error| {
-        place.error(format!(
-            "{name} cannot be read: {error}; the path is relative to the file that includes it"
-        ))
-    })?;
-    files.push(file);
-    let document = Document::parse(name, text)?.resolved(files)?;
-    files.pop();
-    Ok(document)
 }
 
 /// The file as the system knows it, so that two spellings of a path are one file.

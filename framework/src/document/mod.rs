@@ -14,7 +14,7 @@ mod reader;
 #[cfg(test)]
 mod tests;
 
-pub use document::Document;
+pub use document::{Document, LONGEST};
 pub use error::{DocumentError, Fault, OverrideError};
 pub use explain::{did_you_mean, unknown};
 pub use location::{Excerpt, Location};

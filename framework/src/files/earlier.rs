@@ -1,6 +1,9 @@
 //! Keeping the earlier result of a folder when a new one takes its place.
 
+use super::input::is_held;
+use super::own::{check_output, is_own};
 use super::part_of;
+use crate::units::calendar::Calendar;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,53 +17,61 @@ const DESCRIPTIONS: [&str; 1] = ["report.html"];
 
 /// Moves the named files of a folder, and the parts that a killed program left, into
 /// `earlier/TIME`, where `TIME` is the time of the newest of them (UTC). Returns this folder, or
-/// none if there was nothing to move. A device or a pipe stays.
+/// none if there was nothing to move. A device or a pipe stays. A file outside of the folder, such
+/// as the one behind a link, is kept in a folder beside it.
 ///
 /// # Errors
-/// When a file cannot be moved.
+/// When a file cannot be moved, or has to stay ([`check_output`]). Then none is moved.
 pub fn keep_earlier<P: AsRef<Path>>(
     folder: &Path,
     names: impl IntoIterator<Item = P>,
 ) -> io::Result<Option<PathBuf>> {
-    let names = names.into_iter().map(|name| name.as_ref().to_owned());
-    let names = names.chain(DESCRIPTIONS.map(PathBuf::from));
-    let mut moves = Vec::new();
-    let mut newest = UNIX_EPOCH;
-    for path in names.flat_map(|name| [part_of(&name), name]) {
-        // a path outside of the folder keeps its earlier content in its own folder
-        let from = folder.join(&path);
-        let is_inside = path.is_relative();
-        let Ok(found) = fs::metadata(&from) else { continue };
-        if found.is_file() {
-            newest = newest.max(found.modified().unwrap_or(UNIX_EPOCH));
-            moves.push((from, is_inside.then_some(path)));
+    let mut inside = Vec::new();
+    let mut outside = Vec::new();
+    for name in names.into_iter().flat_map(|name| [part_of(name.as_ref()), name.as_ref().into()]) {
+        let path = folder.join(&name);
+        check_output(&path)
+            .map_err(|e| io::Error::new(e.kind(), format!("{}: {e}", path.display())))?;
+        if !fs::metadata(&path).is_ok_and(|m| m.is_file()) {
+            continue;
+        }
+        if name.is_relative() && !path.is_symlink() {
+            inside.push(name);
+        } else {
+            outside.push(fs::canonicalize(path)?);
         }
     }
-    if moves.is_empty() {
+    outside.iter().try_for_each(|path| keep(path))?;
+    if inside.is_empty() {
         return Ok(None);
     }
-    let stamp = stamp(newest);
-    let mut made = None;
-    for (from, inside) in moves {
-        let to = match (inside, from.parent(), from.file_name()) {
-            (None, Some(parent), Some(name)) => {
-                new_folder(&parent.join(EARLIER), &stamp)?.join(name)
-            }
-            (Some(path), ..) => {
-                let kept = match &made {
-                    Some(kept) => kept,
-                    None => made.insert(new_folder(&folder.join(EARLIER), &stamp)?),
-                };
-                kept.join(path)
-            }
-            (None, ..) => continue,
-        };
+    let pages = DESCRIPTIONS.map(PathBuf::from).into_iter();
+    inside.extend(pages.filter(|page| is_own(&folder.join(page)) && !is_held(&folder.join(page))));
+    let newest = inside.iter().map(|name| changed(&folder.join(name))).max();
+    let kept = new_folder(&folder.join(EARLIER), &stamp(newest.unwrap_or(UNIX_EPOCH)))?;
+    for name in inside {
+        let to = kept.join(&name);
         if let Some(parent) = to.parent() {
             fs::create_dir_all(parent)?;
         }
-        fs::rename(&from, &to)?;
+        fs::rename(folder.join(name), to)?;
     }
-    Ok(made)
+    Ok(Some(kept))
+}
+
+/// Moves a file, if it is there, into `earlier/TIME` beside it.
+pub(super) fn keep(path: &Path) -> io::Result<()> {
+    let Some((folder, name)) = path.parent().zip(path.file_name()).filter(|_| path.is_file())
+    else {
+        return Ok(());
+    };
+    let kept = new_folder(&folder.join(EARLIER), &stamp(changed(path)))?;
+    fs::rename(path, kept.join(name))
+}
+
+/// The time of the last change of a file.
+fn changed(path: &Path) -> SystemTime {
+    fs::metadata(path).and_then(|m| m.modified()).unwrap_or(UNIX_EPOCH)
 }
 
 /// Makes a new folder of that name, with a number after it where the name is taken.
@@ -81,25 +92,17 @@ fn new_folder(parent: &Path, name: &str) -> io::Result<PathBuf> {
 
 /// A time as the name of a folder: `2026-11-22T05-31-07`, UTC.
 fn stamp(time: SystemTime) -> String {
-    let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    let (days, second) = (seconds / 86_400, seconds % 86_400);
-    // the civil calendar from a count of days: years begin in March, so that the leap day is last;
-    // 146 097 days are 400 years
-    let days = days + 719_468;
-    let (era, day) = (days / 146_097, days % 146_097);
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let day = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * day + 2) / 153;
-    let date = day - (153 * month + 2) / 5 + 1;
-    let (month, january) = if month < 10 { (month + 3, 0) } else { (month - 9, 1) };
-    let year = 400 * era + year + january;
-    let (hour, minute) = (second / 3600, second / 60 % 60);
-    format!("{year:04}-{month:02}-{date:02}T{hour:02}-{minute:02}-{:02}", second % 60)
+    let nanos = time.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
+    let Calendar { year, month, day, hour, minute, second, .. } =
+        Calendar::of_unix_nanos(i64::try_from(nanos).unwrap_or(i64::MAX));
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}-{minute:02}-{second:02}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::{WholeFile, write_whole};
+    use std::io::Write;
     use std::time::Duration;
 
     #[test]
@@ -119,15 +122,18 @@ mod tests {
     #[test]
     fn earlier_results_and_their_parts_are_kept_and_other_files_stay() -> io::Result<()> {
         let folder = tempfile::tempdir()?;
-        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text);
+        let write =
+            |name: &str, text: &str| write_whole(&folder.path().join(name), text.as_bytes());
         let keep = || keep_earlier(folder.path(), ["run.mcap", "run.rrd"]);
         assert_eq!(keep()?, None);
         let mut kept = Vec::new();
         for text in ["first", "second"] {
             write("run.mcap", text)?;
-            write("run.rrd.part", text)?;
+            let mut part = WholeFile::create(&folder.path().join("run.rrd"))?;
+            part.write_all(text.as_bytes())?;
+            drop(part);
             write("report.html", text)?;
-            write("notes.txt", text)?;
+            fs::write(folder.path().join("notes.txt"), text)?;
             kept.extend(keep()?);
         }
         assert_eq!(kept.len(), 2);
@@ -137,7 +143,8 @@ mod tests {
             }
         }
         assert_eq!(fs::read_to_string(folder.path().join("notes.txt"))?, "second");
-        assert_eq!(fs::read_dir(folder.path())?.count(), 2);
+        // the notes, the earlier results, and the list
+        assert_eq!(fs::read_dir(folder.path())?.count(), 3);
         Ok(())
     }
 }

@@ -1,5 +1,7 @@
 //! A file that appears under its name once it is whole.
 
+use super::earlier::keep;
+use super::own::{check_output, list, list_part};
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -17,8 +19,10 @@ pub fn part_of(path: &Path) -> PathBuf {
 
 /// A file that is written beside its place, as `NAME.part`, and takes its name once it is whole.
 ///
-/// A program that ends before [`WholeFile::finish`] leaves the part, and an earlier file of the
-/// same name stays as it was. A device or a pipe has no content to protect and is written directly.
+/// All results are written so. The file takes the place of no input and of no file that navfuse
+/// did not write ([`check_output`]); an earlier result moves into the folder `earlier`. A program
+/// that ends before [`WholeFile::finish`] leaves the part, and an earlier file stays as it was. A
+/// device or a pipe has no content to protect and is written directly.
 ///
 /// ```
 /// # use navfuse_core::files::WholeFile;
@@ -42,22 +46,22 @@ pub struct WholeFile {
 }
 
 impl WholeFile {
-    /// Creates the part of a file. An older part of the same name is removed.
+    /// Creates the part of a file. A part that a killed program left is kept as an earlier result.
     ///
     /// # Errors
-    /// When the part, or the device, cannot be opened.
+    /// When the part, or the device, cannot be opened, or a file at the path has to stay.
     pub fn create(path: &Path) -> io::Result<Self> {
+        check_output(path)?;
         if fs::metadata(path).is_ok_and(|m| !m.is_file()) {
             return Ok(Self { file: OpenOptions::new().write(true).open(path)?, places: None });
         }
         // the file behind a link is replaced, not the link
         let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let part = part_of(&path);
-        match fs::remove_file(&part) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-            _ => {}
-        }
+        check_output(&part)?;
+        keep(&part)?;
         let file = OpenOptions::new().write(true).create_new(true).open(&part)?;
+        list_part(&part);
         if let Ok(existing) = fs::metadata(&path) {
             file.set_permissions(existing.permissions())?;
         }
@@ -73,6 +77,9 @@ impl WholeFile {
         let Some([part, path]) = &self.places else { return Ok(()) };
         // a disk that is full may report it only here
         self.file.sync_data()?;
+        check_output(path)?;
+        keep(path)?;
+        list(path, &self.file);
         fs::rename(part, path)
     }
 }
@@ -109,7 +116,7 @@ mod tests {
     fn a_file_appears_under_its_name_once_it_is_whole() -> io::Result<()> {
         let folder = tempfile::tempdir()?;
         let path = folder.path().join("run.mcap");
-        fs::write(&path, "earlier")?;
+        write_whole(&path, b"earlier")?;
         let mut file = WholeFile::create(&path)?;
         file.write_all(b"new")?;
         assert_eq!(fs::read_to_string(&path)?, "earlier");
@@ -129,7 +136,7 @@ mod tests {
         use std::os::unix::fs::{PermissionsExt, symlink};
         let folder = tempfile::tempdir()?;
         let [path, link] = ["scenario.toml", "link.toml"].map(|name| folder.path().join(name));
-        fs::write(&path, "a")?;
+        write_whole(&path, b"a")?;
         fs::set_permissions(&path, fs::Permissions::from_mode(0o640))?;
         symlink(&path, &link)?;
         write_whole(&link, b"b")?;

@@ -4,42 +4,22 @@
 //! Measurements wait until the samples of the driving sensor reach their time. The filter then
 //! splits the driving interval there, so that every update happens at its own time.
 
+use super::course::guide::Guide;
+use super::parts::Parts;
+use super::propagate::passage::Passage;
+use super::propagate::propagation::{Method, Stepper};
+use super::update::work::Work;
 use crate::compose::Composition;
-use crate::compose::draw::Draw;
-use crate::compose::truth::TrueState;
-use crate::filter::course::guide::{Guide, Offset};
-use crate::filter::judge::signature::Signatures;
-use crate::filter::judge::slot::SensorSlot;
-use crate::filter::past::clones::Clones;
-use crate::filter::past::delay::History;
-use crate::filter::propagate::cadence::Cadence;
-use crate::filter::propagate::held::Held;
-use crate::filter::propagate::inputs::Corrected;
-use crate::filter::propagate::passage::Passage;
-use crate::filter::propagate::pooled::PooledSteps;
-use crate::filter::screen::screening::Screen;
-use crate::filter::start::stage::Stage;
-use crate::filter::transients::presence::Presence;
-use crate::filter::update::points::SigmaPoints;
-use crate::filter::update::refine::Refinement;
-use crate::model::process::ProcessModel;
-use crate::model::process::monitor::Monitor;
-use crate::model::process::start::InitialAlignment;
-use crate::model::record::{Epoch, Outcome, Rejection, Truth, UpdateRecord};
+use crate::model::estimator_error::EstimatorError;
+use crate::model::process::screening::Spread;
+use crate::model::process::{Input, Interval};
+use crate::model::record::{Observer, Rejection};
 use crate::model::sensor::Role;
-use crate::model::sensor::detector::Detector;
 use crate::model::sensor::roster::Changes;
-use crate::model::simulate::Random;
-use crate::state::covariance::{Covariance, Transition, Update};
-use crate::state::dynamics::BlockDynamics;
-use crate::state::{Block, Layout, Mode, State};
-use crate::units::sample::{MAX_CHANNELS, Sample};
+use crate::state::{Layout, Mode};
+use crate::units::sample::Sample;
 use crate::units::time::Time;
-use std::collections::VecDeque;
 use std::sync::Arc;
-
-/// Largest number of measurements that wait for the driving sensor.
-pub(super) const MAX_PENDING: usize = 1024;
 
 /// An error-state EKF, which takes samples in order of time.
 pub struct Ekf {
@@ -48,267 +28,218 @@ pub struct Ekf {
     /// Sensor that drives the first driven process.
     pub(super) driver: Option<usize>,
     pub(super) considered: Vec<bool>,
-    /// Work space for a Cholesky factor.
-    pub(super) lower: Vec<f64>,
-    pub(super) update: Update,
-    pub(super) points: SigmaPoints,
-    pub(super) refinement: Refinement,
-    /// Driving sensors with input models.
-    pub(super) corrected: Vec<Corrected>,
-    /// Set for the unscented filter.
-    pub(super) passage: Option<Box<Passage>>,
+    /// Work space of updates.
+    pub(super) work: Work,
+    /// Work space of steps, with their method.
+    pub(super) stepper: Stepper,
     /// Work space for the blocks that come and go.
     pub(super) changes: Changes,
     /// Trajectory at which a further pass of the smoother linearises.
     pub(super) guide: Option<Box<Guide>>,
-    pub(super) memory: Memory,
-}
-
-/// Everything that changes while the filter runs; a clone is a snapshot.
-#[derive(Clone)]
-pub(super) struct Memory {
-    pub(super) stage: Stage,
-    pub(super) draws: Option<Random>,
-    pub(super) state: State,
-    pub(super) covariance: Covariance,
-    /// Estimate relative to the state, where the state is that of a given trajectory.
-    pub(super) offset: Option<Offset>,
-    pub(super) transition: Transition,
-    /// Steps that the covariance has not taken yet, where it has a rate of its own.
-    pub(super) pool: Option<PooledSteps>,
-    pub(super) dynamics: BlockDynamics,
-    pub(super) processes: Vec<Box<dyn ProcessModel>>,
-    /// Initial alignments, one place per process.
-    pub(super) alignments: Vec<Option<Box<dyn InitialAlignment>>>,
-    pub(super) sensors: Vec<SensorSlot>,
-    /// Detectors of the pseudo-measurements, each with the index of its sensor.
-    pub(super) detectors: Vec<(usize, Box<dyn Detector>)>,
-    /// Driving sensors beside the first.
-    pub(super) held: Vec<Held>,
-    /// Blocks that come and go.
-    pub(super) presence: Presence,
-    /// Past states that sensors read.
-    pub(super) clones: Vec<Clones>,
-    /// Recent states, kept where some sensor has a time offset.
-    pub(super) history: Option<History>,
-    /// Score tests for errors that nothing models; `None` where they do not hold, or hold no longer.
-    pub(super) signatures: Option<Signatures>,
-    /// Time of the last driving sample.
-    pub(super) input: Option<Time>,
-    pub(super) cadence: Cadence,
-    /// Screening of the driving sensor.
-    pub(super) screen: Option<Screen>,
-    /// Monitor of the driven process.
-    pub(super) monitor: Option<Box<dyn Monitor>>,
-    /// Measurements ahead of the driving sensor, in order of time.
-    pub(super) pending: VecDeque<Sample>,
-    /// Truth of the blocks that no reference gives.
-    pub(super) constants: TrueState,
-    pub(super) truth: State,
-    pub(super) known: Vec<bool>,
-    /// Slot of a block without an initial value, which the latest reference did not give either.
-    pub(super) lacking: Option<usize>,
-}
-
-/// A complete filter at one time, to return to.
-#[derive(Clone)]
-pub struct Snapshot(pub(super) Memory);
-
-impl Snapshot {
-    /// Estimate at the time of the snapshot.
-    pub(crate) fn state(&self) -> &State {
-        &self.0.state
-    }
-
-    /// Estimate relative to the state in a further pass of the smoother; empty otherwise.
-    pub(crate) fn offset(&self) -> &[f64] {
-        self.0.offset.as_ref().map_or(&[], |offset| &offset.d)
-    }
+    /// Everything that changes while the filter runs.
+    pub(super) parts: Parts,
 }
 
 impl Ekf {
     /// Creates a filter for the composition, which waits for its start.
     pub fn new(composition: Composition) -> Self {
+        Self::with(composition, Method::Linear)
+    }
+
+    /// Creates a filter that propagates by sigma points.
+    pub(super) fn with_sigma_points(composition: Composition) -> Self {
+        let passage = Box::new(Passage::new(&composition.layout));
+        Self::with(composition, Method::SigmaPoints(passage))
+    }
+
+    fn with(composition: Composition, method: Method) -> Self {
         let layout = Arc::clone(&composition.layout);
-        let n = layout.tangent;
-        let mut considered = vec![false; n];
+        let mut considered = vec![false; layout.tangent];
         for block in layout.blocks.iter().filter(|b| b.spec.mode == Mode::Consider) {
             considered[block.tangent_range()].fill(true);
         }
-        let start = composition.start();
-        let from_reference = composition.estimator.from_reference();
-        let constants = TrueState::of(&composition);
-        let mut transition = composition.transition.clone();
-        let detectors = composition.sensors.iter().enumerate();
-        let detectors = detectors.filter_map(|(k, s)| Some((k, s.detector.clone()?))).collect();
-        let dynamics = BlockDynamics::new(&layout, &mut transition);
         Self {
             driver: composition.processes.iter().find_map(|p| p.input),
             considered,
-            lower: Vec::with_capacity(MAX_CHANNELS * MAX_CHANNELS),
-            update: Update::with_capacity(n, MAX_CHANNELS),
-            points: SigmaPoints::default(),
-            refinement: Refinement::default(),
-            corrected: Corrected::of(&composition),
-            passage: None,
+            work: Work::new(&composition),
+            stepper: Stepper::new(&composition, method),
             changes: Changes::default(),
             guide: None,
-            memory: Memory {
-                stage: if from_reference { Stage::FromReference(start) } else { Stage::At(start) },
-                draws: (composition.estimator.draw != Draw::Nothing)
-                    .then(|| Random::new(composition.seed, "initial")),
-                state: layout.initial_state(),
-                covariance: Covariance::zero(n),
-                offset: None,
-                held: Held::of(&composition),
-                clones: Clones::of(&composition),
-                presence: Presence::new(layout.labels),
-                history: History::new(&composition),
-                pool: PooledSteps::new(&composition, &transition),
-                signatures: Signatures::new(&composition, &transition),
-                transition,
-                dynamics,
-                processes: composition.processes.iter().map(|p| p.model.boxed_clone()).collect(),
-                alignments: composition.processes.iter().map(|p| p.alignment.clone()).collect(),
-                sensors: composition.sensors.iter().map(|s| SensorSlot::new(s, n)).collect(),
-                detectors,
-                input: None,
-                cadence: Cadence::default(),
-                screen: screen(&composition),
-                monitor: composition.processes.iter().find_map(|p| p.monitor.clone()),
-                pending: VecDeque::with_capacity(MAX_PENDING),
-                truth: constants.state.clone(),
-                known: constants.known.clone(),
-                constants,
-                lacking: None,
-            },
+            parts: Parts::new(&composition),
             layout,
             composition,
         }
     }
 
-    /// The estimate.
-    pub fn state(&self) -> &State {
-        &self.memory.state
-    }
-
-    /// Covariance of the estimate.
-    pub fn covariance(&self) -> &Covariance {
-        &self.memory.covariance
-    }
-
-    /// Layout of state and covariance.
-    pub fn layout(&self) -> &Layout {
-        &self.layout
-    }
-
-    /// Marks the considered error states.
-    pub(crate) fn considered(&self) -> &[bool] {
-        &self.considered
-    }
-
-    /// Composition that the filter runs.
-    pub fn composition(&self) -> &Composition {
-        &self.composition
-    }
-
-    /// Returns `true` once the filter has started.
-    pub fn running(&self) -> bool {
-        matches!(self.memory.stage, Stage::Running)
-    }
-
-    /// Block without an initial value for which the filter waits, although there were references.
-    pub(crate) fn lacking(&self) -> Option<&Block> {
-        self.memory.lacking.map(|slot| &self.layout.blocks[slot])
-    }
-
-    pub(crate) fn searching(&self) -> bool {
-        matches!(self.memory.stage, Stage::Searching(_))
-    }
-
-    pub(super) fn has_reference(&self) -> bool {
-        self.composition.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)))
-    }
-
-    /// Copies the complete filter.
-    pub fn snapshot(&self) -> Snapshot {
-        Snapshot(self.memory.clone())
-    }
-
-    /// Returns to a snapshot of a filter of the same composition.
-    pub fn restore(&mut self, snapshot: &Snapshot) {
-        self.memory.clone_from(&snapshot.0);
-    }
-
-    /// Approximate size of a snapshot, bytes.
-    pub(crate) fn snapshot_size(&self) -> usize {
-        let m = &self.memory;
-        let history = m.history.as_ref().map_or(0, History::size);
-        let waiting = m.pending.len() * size_of::<Sample>();
-        size_of::<Memory>() + m.covariance.size() + m.transition.size() + history + waiting
-    }
-
-    /// Last truth that a reference gave or the scenario states.
-    pub fn truth(&self) -> Truth<'_> {
-        Truth { state: &self.memory.truth, known: &self.memory.known }
-    }
-
-    /// Estimate at the current time, with the truth where the scenario states it and no reference
-    /// gives it.
-    pub fn epoch(&mut self) -> Epoch<'_> {
-        let referenced = self.has_reference();
-        let m = &mut self.memory;
-        let stated = !referenced && m.constants.known.contains(&true);
-        if stated {
-            m.constants.advance(&self.layout, m.state.time);
-            m.truth.values.copy_from_slice(&m.constants.state.values);
-            m.truth.time = m.state.time;
+    /// Takes a sample: propagates to its time and uses it.
+    ///
+    /// # Errors
+    /// When the filter cannot continue. The estimate before the sample stays.
+    pub fn process(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        self.take(sample, observer)?;
+        match self.take_found() {
+            Some(samples) => self.catch_up(&samples, observer),
+            None => Ok(()),
         }
-        let truth = stated.then_some(Truth { state: &m.truth, known: &m.known });
-        Epoch { layout: &self.layout, state: &m.state, covariance: &m.covariance, truth }
     }
 
-    pub(super) fn refuse(&self, sample: &Sample, is_input: bool) -> Option<Rejection> {
-        let slot = &self.memory.sensors[sample.sensor.0];
-        if let Some(channel) = sample.not_finite() {
-            return Some(Rejection::NotFinite(channel));
+    /// Takes a sample as [`Self::process`] does, except that the samples of a search that ends are
+    /// left to the caller: see [`Self::take_found`].
+    pub(crate) fn take(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        if self.searching() {
+            return self.search(sample);
         }
-        if slot.is_out_of_order(sample) {
-            return Some(Rejection::OutOfOrder);
+        if self.parts.start.has_found() {
+            self.begin_found(observer);
         }
-        let present = sample.present() & slot.channels;
-        let missing = if is_input { present != slot.channels } else { present == 0 };
-        if missing {
-            return Some(Rejection::Missing);
+        let index = sample.sensor.0;
+        let sensor = &self.composition.sensors[index];
+        let is_input = matches!(sensor.role, Role::Input(_));
+        if let Some(rejection) = self.parts.sensors[index].refuses(sensor, sample, is_input) {
+            self.reject(sample, rejection, observer);
+            self.lose_past(sample);
+            return Ok(());
         }
-        let excluded = self.composition.sensors[sample.sensor.0].excludes(sample.time);
-        if excluded {
-            return Some(Rejection::Excluded);
+        self.parts.sensors[index].take(sample);
+        if self.driver == Some(index) {
+            self.parts.sensors[index].refused = None;
+            return self.screen(sample, observer);
         }
-        slot.implausible(sample)
+        if self.driver.is_none() {
+            if self.parts.start.is_due(sample.time) {
+                self.initialise(sample.time, false, observer);
+            }
+            self.advance(sample.time, None, observer)?;
+            return self.use_sample(sample, observer);
+        }
+        if self.parts.pace.input().is_some_and(|input| sample.time <= input) {
+            return self.use_sample(sample, observer);
+        }
+        self.wait(sample, observer);
+        self.coast_on(sample.time, observer)
     }
-}
 
-pub(super) fn rejected(sample: &Sample, rejection: Rejection) -> UpdateRecord<'static> {
-    UpdateRecord {
-        time: sample.time,
-        sensor: sample.sensor,
-        outcome: Outcome::Rejected(rejection),
-        nis: f64::NAN,
-        threshold: f64::NAN,
-        present: sample.present(),
-        innovation: &[],
-        covariance: &[],
+    /// Screens a sample of the driving sensor, and drives with the samples that pass.
+    fn screen(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        let waits = self.parts.start.waits();
+        let info = &self.composition.sensors[sample.sensor.0].info;
+        if self.parts.screening.take(sample, (info, waits), observer) {
+            return self.drive(sample, None, observer);
+        }
+        self.use_screened(observer)
     }
-}
 
-/// Screening of the driving sensor; none for a simulated sensor without noise, whose channels
-/// repeat themselves without a fault.
-fn screen(composition: &Composition) -> Option<Screen> {
-    let process = composition.processes.iter().find(|p| p.input.is_some())?;
-    let driver = process.input.map(|index| &composition.sensors[index])?;
-    if composition.simulated && driver.is_noise_free() {
-        return None;
+    /// Drives with the samples that the screening has released.
+    pub(super) fn use_screened(
+        &mut self,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        while let Some((sample, spread)) = self.parts.screening.next() {
+            self.drive(&sample, spread.as_ref(), observer)?;
+        }
+        Ok(())
     }
-    process.screening.as_ref().map(Screen::new)
+
+    /// Takes a driving sample, and uses the queued samples within its interval on the way.
+    fn drive(
+        &mut self,
+        sample: &Sample,
+        spread: Option<&Spread>,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        let (duration, usual) = self.parts.pace.intervals(sample);
+        if self.running() && sample.time <= self.state().time && duration > usual {
+            self.reject(sample, Rejection::Late, observer); // time went on without it
+            return Ok(());
+        }
+        let begin = self.coast_to(sample, duration, usual, observer)?;
+        let duration = if begin.is_some() { usual } else { duration };
+        if usual < duration {
+            self.report_missing(sample, duration, usual, observer);
+        }
+        let input = Input { sample, duration, usual, spread };
+        if !self.running() {
+            self.prepare(input, observer);
+        }
+        while !self.searching()
+            && let Some(waiting) = self.parts.pace.next_until(sample.time)
+        {
+            self.advance(waiting.time, Some(input), observer)?;
+            self.use_sample(&waiting, observer)?;
+        }
+        if self.searching() && self.state().time < sample.time {
+            // the search began within the interval of this sample, which is the first one that it
+            // sees
+            let before = self.parts.pace.input().unwrap_or(Time::MIN);
+            self.parts.sensors[sample.sensor.0].last = before;
+            return self.search(sample);
+        }
+        self.parts.pace.reach(sample);
+        self.advance(sample.time, Some(input), observer)?;
+        observer.input(sample, None);
+        if self.running() {
+            self.watch_input(input, observer);
+            self.supervise(observer)?;
+            self.detect(sample, observer)?;
+        }
+        Ok(())
+    }
+
+    /// Propagates state and covariance to a later time.
+    pub(super) fn advance(
+        &mut self,
+        to: Time,
+        input: Option<Input<'_>>,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        let from = self.state().time;
+        if to <= from || !self.running() {
+            return Ok(());
+        }
+        let Self { composition, considered, stepper, parts, .. } = self;
+        let (interval, run) = (Interval { from, to, input }, (&*composition, &considered[..]));
+        if parts.propagation.step(stepper, run, &mut parts.estimate, &interval)? {
+            self.move_covariance(observer);
+        }
+        Ok(())
+    }
+
+    /// Propagates the covariance over the last step, or over all steps that the pool holds.
+    fn move_covariance(&mut self, observer: &mut dyn Observer) {
+        let Parts { propagation, estimate, sensors, signatures, history, .. } = &mut self.parts;
+        let transition = propagation.move_covariance(&self.stepper, &mut estimate.covariance);
+        observer.transition(transition);
+        if let Some((guide, offset)) = self.guide.as_mut().zip(estimate.offset.as_mut()) {
+            guide.propagate(&self.layout, &mut estimate.state, offset, transition);
+        }
+        observer.moved(&estimate.state, &estimate.covariance, estimate.offset());
+        for slot in sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
+            transition.carry_reach(&mut slot.reach);
+        }
+        if let Some(signatures) = signatures {
+            signatures.moved(estimate.state.time);
+        }
+        if let Some(history) = history {
+            history.moved(&estimate.state, transition);
+        }
+    }
+
+    /// Propagates the covariance to the state's time.
+    pub(crate) fn settle(&mut self, observer: &mut dyn Observer) {
+        if self.parts.propagation.is_behind() {
+            self.move_covariance(observer);
+        }
+    }
 }

@@ -2,19 +2,25 @@
 
 mod course;
 mod ekf;
+mod estimate;
+mod finish;
 mod judge;
 mod late;
+mod parts;
 mod past;
 mod propagate;
 mod screen;
 mod start;
-mod step;
 mod transients;
 mod ukf;
 mod update;
+mod view;
 
 pub use crate::model::estimator_error::EstimatorError;
 pub(crate) use course::guide::Course;
-pub use ekf::{Ekf, Snapshot};
+pub use ekf::Ekf;
 pub use late::timeline::Timeline;
+pub use parts::Snapshot;
 pub use ukf::Ukf;
+pub(crate) use update::iekf::Iterated;
+pub(crate) use update::ukf::Unscented;

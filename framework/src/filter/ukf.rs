@@ -1,14 +1,14 @@
 //! The unscented Kalman filter.
 
+use super::ekf::Ekf;
+use super::update::ukf::Unscented;
 use crate::compose::Composition;
 use crate::compose::estimator::{Estimator, EstimatorType};
-use crate::filter::ekf::Ekf;
-use crate::filter::propagate::passage::Passage;
 use crate::model::error::ComposeError;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::start::AlignmentReport;
 use crate::model::record::{Epoch, Event, Observer, Truth};
-use crate::model::sensor::update_rule::UpdateRule;
+use crate::model::sensor::rule::UpdateRule;
 use crate::state::covariance::Covariance;
 use crate::state::{Block, State};
 use crate::units::sample::Sample;
@@ -22,10 +22,9 @@ pub struct Ukf(Ekf);
 impl Ukf {
     /// Creates a filter for the composition, which waits for its start.
     pub fn new(mut composition: Composition) -> Self {
-        composition.sensors.iter_mut().for_each(|sensor| sensor.update = UpdateRule::Ukf);
-        let mut filter = Ekf::new(composition);
-        filter.passage = Some(Box::new(Passage::new(&filter.layout)));
-        Self(filter)
+        let rule = UpdateRule::of::<Unscented>();
+        composition.sensors.iter_mut().for_each(|sensor| sensor.update = rule);
+        Self(Ekf::with_sigma_points(composition))
     }
 
     /// The filter that keeps samples, state and covariance.

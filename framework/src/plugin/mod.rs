@@ -3,6 +3,7 @@
 mod context;
 mod error;
 mod need;
+mod owned;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod plugin;
 mod registry;

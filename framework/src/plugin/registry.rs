@@ -8,6 +8,7 @@ use crate::model::error::ComposeError;
 use crate::model::process::BuiltProcess;
 use crate::model::sensor::Role;
 use crate::model::sensor::limits::Limit;
+use crate::model::sensor::rule::{RuleType, UpdateRule};
 use crate::model::stream::{Sink, Source, StreamError};
 use crate::units::sample::Channel;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -18,6 +19,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, LazyLock};
 
+use crate::plugin::owned::Owned;
 use crate::plugin::plugin::Members;
 use crate::plugin::simulation_keys;
 pub use crate::plugin::{OpenContext, Plugin, PluginError};
@@ -307,8 +309,9 @@ impl std::fmt::Debug for Entry {
 pub struct Registry {
     /// Two types of the same kind and name are an error, which [`Registry::check`] reports.
     entries: BTreeMap<(Kind, Arc<str>), Vec<Entry>>,
-    /// Types of estimators, with the plugins that registered them.
-    estimators: Vec<(Creator, Option<TypeId>)>,
+    /// Types of estimators, and of update rules.
+    estimators: Owned<Creator>,
+    rules: Owned<UpdateRule>,
     members: Members,
 }
 
@@ -350,7 +353,8 @@ impl Registry {
             self.entries
                 .values_mut()
                 .for_each(|same| same.retain(|entry| entry.owner != Some(gone)));
-            self.estimators.retain(|(_, owner)| *owner != Some(gone));
+            self.estimators.remove(gone);
+            self.rules.remove(gone);
         }
     }
 
@@ -367,11 +371,9 @@ impl Registry {
             }
             _ => None,
         });
-        let estimators = self.estimators.iter().enumerate().filter_map(|(k, (creator, owner))| {
-            let before = self.estimators[..k].iter().find(|(c, _)| c.name == creator.name)?;
-            Some(("estimator", creator.name.into(), [before.1, *owner]))
-        });
-        self.members.check(clashes.chain(estimators))
+        let estimators = self.estimators.clashes("estimator", |creator| creator.name);
+        let rules = self.rules.clashes("update rule", |rule| rule.name);
+        self.members.check(clashes.chain(estimators).chain(rules))
     }
 
     /// Registers a type of sensor.
@@ -442,12 +444,22 @@ impl Registry {
 
     /// Registers a type of estimator, beside `ekf` and `ukf` of the framework.
     pub fn estimator<E: EstimatorType>(&mut self) {
-        self.estimators.push((Creator::of::<E>(), self.members.current()));
+        self.estimators.push(Creator::of::<E>(), self.members.current());
+    }
+
+    /// Registers an update rule, beside `ekf`, `iekf` and `ukf` of the framework.
+    pub fn rule<R: RuleType>(&mut self) {
+        self.rules.push(UpdateRule::of::<R>(), self.members.current());
+    }
+
+    /// Registered update rules.
+    pub(crate) fn rules(&self) -> impl Iterator<Item = UpdateRule> + '_ {
+        self.rules.iter()
     }
 
     /// Registered types of estimators.
     pub(crate) fn estimators(&self) -> impl Iterator<Item = Creator> + '_ {
-        self.estimators.iter().map(|(creator, _)| *creator)
+        self.estimators.iter()
     }
 
     fn insert<T: JsonSchema>(&mut self, kind: Kind, name: &'static str, make: Make) {

@@ -9,12 +9,12 @@ use crate::compose::{self, Composer, Composition, Process, correlated, time_offs
 use crate::document::{DocumentError, Node};
 use crate::model::process::BuiltProcess;
 use crate::model::sensor::limits;
-use crate::model::sensor::update_rule::UpdateRule;
 use crate::model::sensor::{Purpose, Role, Sensor, SensorInfo};
 use crate::model::simulate::fault::Injector;
 use crate::plugin::{BuildError, BuiltSensor, Make};
 use crate::run::inputs::{self, InputPart};
 use crate::run::parts::Part;
+use crate::run::rules::Rules;
 use crate::state::Layout;
 use crate::state::manifold::Scalar;
 use crate::units::Duration;
@@ -59,8 +59,8 @@ pub(crate) struct Building<'a> {
     /// The tables of the sensors, and the sensors built so far, one a table.
     parts: Vec<Part<'a>>,
     built: Vec<Option<Sensor>>,
-    /// Update rule of the sensors that have none of their own.
-    update: UpdateRule,
+    /// Update rules, with that of the sensors that have none of their own.
+    rules: Rules,
     processes: Vec<Process>,
     /// Input models of the processes.
     inputs: Vec<InputPart>,
@@ -70,12 +70,12 @@ pub(crate) struct Building<'a> {
 
 impl<'a> Building<'a> {
     /// Begins with the tables of the sensors. Relative paths in the scenario start at `folder`;
-    /// `update` is the rule of the sensors that have none of their own.
-    pub fn new(root: Node<'a>, folder: &Path, parts: Vec<Part<'a>>, update: UpdateRule) -> Self {
+    /// `rules` have that of the sensors that have none of their own.
+    pub fn new(root: Node<'a>, folder: &Path, parts: Vec<Part<'a>>, rules: Rules) -> Self {
         let built = parts.iter().map(|_| None).collect();
         let composer = Composer::new(folder);
         let (processes, inputs, sensors) = (Vec::new(), Vec::new(), Vec::new());
-        Self { root, composer, parts, built, update, processes, inputs, sensors }
+        Self { root, composer, parts, built, rules, processes, inputs, sensors }
     }
 
     /// Builds the sensors that drive a process. Processes ask for the parameters of these sensors,
@@ -98,7 +98,7 @@ impl<'a> Building<'a> {
                 self.composer.begin(part.name);
                 let keys = part.sensor_keys().parse()?;
                 let built = make(&part.own_keys(), &mut self.composer)?;
-                *place = Some(place_sensor(part, keys, built, self.update, &mut self.composer)?);
+                *place = Some(place_sensor(part, keys, built, &self.rules, &mut self.composer)?);
             }
         }
         Ok(())
@@ -187,7 +187,7 @@ impl<'a> Building<'a> {
             if let Some(process) = self.processes.iter_mut().find(|p| p.name == owner) {
                 process.constraint = Some(self.sensors.len());
             }
-            let update = self.update;
+            let update = self.rules.default;
             self.sensors.push(Sensor { update, ..Sensor::constraint(info, role) });
         }
         Ok(())
@@ -311,7 +311,7 @@ fn place_sensor(
     part: &Part<'_>,
     keys: SensorKeys,
     mut built: BuiltSensor,
-    update: UpdateRule,
+    rules: &Rules,
     composer: &mut Composer,
 ) -> Result<Sensor, DocumentError> {
     let purpose = match &mut built.role {
@@ -332,7 +332,7 @@ fn place_sensor(
     let limits = limits::resolve(built.limits, &keys.limits, &built.channels)
         .map_err(|e| e.at(&part.node))?;
     let time_offset = time_offset_block(part, &keys, composer)?;
-    let update = update_rule(part, &keys, update)?;
+    let update = rules.of_sensor(part, keys.update.as_deref(), keys.time_offset.is_some())?;
     let exclude = excluded(part, &keys)?;
     let clones = composer.take_clones();
     if let (Some(node), false) = (part.node.get("time_offset"), clones.is_empty()) {
@@ -391,25 +391,6 @@ fn longest_lateness(part: &Part<'_>, keys: &SensorKeys) -> Result<Option<Span>, 
         )));
     }
     Ok(Span::from_seconds(seconds))
-}
-
-/// Update rule of a sensor: its own, or the default. A state in the past is linearised once.
-fn update_rule(
-    part: &Part<'_>,
-    keys: &SensorKeys,
-    default: UpdateRule,
-) -> Result<UpdateRule, DocumentError> {
-    let rule = keys.update.unwrap_or(default);
-    if rule == UpdateRule::Ekf || keys.time_offset.is_none() {
-        return Ok(rule);
-    }
-    let place = part.node.get("update").or_else(|| part.node.get("time_offset"));
-    Err(place.unwrap_or_else(|| part.node.clone()).error(format!(
-        "a sensor with a time offset measures a past state, which \"{}\" does not support; give \
-         [sensor.{}] update = \"ekf\", or remove its time_offset",
-        rule.key(),
-        part.name
-    )))
 }
 
 /// The spans of time whose samples the filter does not use.

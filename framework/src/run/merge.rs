@@ -1,10 +1,9 @@
 //! Merging the samples of all sources in order of time, or of their arrival.
 
-use crate::model::record::{Event, Level, Observer};
-use crate::model::sensor::{Purpose, SensorInfo};
+use crate::model::record::Event;
+use crate::model::sensor::{Purpose, Sensor};
 use crate::model::stream::{NamedSource, StreamError};
-use crate::run::outputs::Outputs;
-use crate::run::runner::RunError;
+use crate::session::RunError;
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
 
@@ -14,8 +13,6 @@ const NO_SAMPLE: Sample = Sample::empty(Time::MIN, SensorId(0));
 pub(crate) struct Merge {
     sources: Vec<NamedSource>,
     heads: Vec<Head>,
-    /// Events that the sources announced, the last one first.
-    schedule: Vec<Event>,
     /// For each sensor, true for a reference.
     references: Vec<bool>,
 }
@@ -25,30 +22,27 @@ pub(crate) struct Merge {
 struct Head {
     sample: Sample,
     arrival: Time,
-    /// Set while the source has samples.
-    open: bool,
+    state: HeadState,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum HeadState {
+    /// The sample was taken, and the source is asked for the next one before the next choice.
+    Taken,
+    Waiting,
+    Ended,
 }
 
 impl Merge {
-    pub(crate) fn new(sources: Vec<NamedSource>, sensors: &[SensorInfo]) -> Self {
-        let mut schedule: Vec<Event> = sources.iter().flat_map(|(_, s)| s.schedule()).collect();
-        schedule.sort_by_key(|e| std::cmp::Reverse(e.time));
-        let references = sensors.iter().map(|s| s.purpose == Purpose::Reference).collect();
-        let head = Head { sample: NO_SAMPLE, arrival: Time::MIN, open: false };
-        Self { heads: vec![head; sources.len()], sources, schedule, references }
+    pub(crate) fn new(sources: Vec<NamedSource>, sensors: &[Sensor]) -> Self {
+        let references = sensors.iter().map(|s| s.info.purpose == Purpose::Reference).collect();
+        let head = Head { sample: NO_SAMPLE, arrival: Time::MIN, state: HeadState::Taken };
+        Self { heads: vec![head; sources.len()], sources, references }
     }
 
-    /// Logs the scheduled events up to a time.
-    pub(crate) fn log_schedule(&mut self, now: Time, outputs: &mut Outputs) {
-        while self.schedule.last().is_some_and(|e| e.time <= now) {
-            if let Some(mut event) = self.schedule.pop() {
-                // an event without a time belongs to the beginning
-                if event.time == Time::MIN {
-                    event.time = now;
-                }
-                outputs.event(event);
-            }
-        }
+    /// The events that the sources announce.
+    pub(crate) fn schedule(&self) -> Vec<Event> {
+        self.sources.iter().flat_map(|(_, s)| s.schedule()).collect()
     }
 
     /// The time of the last sample, where a source knows it.
@@ -56,23 +50,42 @@ impl Merge {
         self.sources.iter().filter_map(|(_, s)| s.end()).max()
     }
 
-    /// Reads the first sample of every source.
-    pub(crate) fn fill(&mut self) -> Result<(), RunError> {
-        (0..self.sources.len()).try_for_each(|k| self.advance(k))
+    /// The warnings that the sources give after their last sample, each with the source's name.
+    pub(crate) fn warnings(&mut self) -> Vec<(String, String)> {
+        let sources = self.sources.iter_mut();
+        sources.filter_map(|(name, s)| Some((name.clone(), s.warning()?))).collect()
+    }
+
+    /// The sample that arrives next; `None` after the last one. Only sources whose samples have been
+    /// taken are asked for another, and only now.
+    ///
+    /// # Errors
+    /// When a source fails.
+    pub(crate) fn next(&mut self, running: bool) -> Result<Option<Sample>, RunError> {
+        for k in 0..self.heads.len() {
+            if self.heads[k].state == HeadState::Taken {
+                self.advance(k)?;
+            }
+        }
+        let Some(first) = self.first(running) else { return Ok(None) };
+        let head = &mut self.heads[first];
+        head.state = HeadState::Taken;
+        Ok(Some(head.sample))
     }
 
     /// Reads the next sample of a source.
-    pub(crate) fn advance(&mut self, k: usize) -> Result<(), RunError> {
+    fn advance(&mut self, k: usize) -> Result<(), RunError> {
         let ((name, source), head) = (&mut self.sources[k], &mut self.heads[k]);
         head.sample = NO_SAMPLE;
         let failed = |error| RunError::Source { source_name: name.clone(), error };
-        head.open = source.next(&mut head.sample).map_err(failed)?;
+        let open = source.next(&mut head.sample).map_err(failed)?;
         let (found, count) = (head.sample.sensor.0, self.references.len());
         if found >= count {
             return Err(failed(StreamError::format(format!(
                 "a sample has the sensor number {found}, but the scenario has {count} sensors"
             ))));
         }
+        head.state = if open { HeadState::Waiting } else { HeadState::Ended };
         head.arrival = source.arrival().unwrap_or(head.sample.time);
         Ok(())
     }
@@ -81,28 +94,11 @@ impl Merge {
     /// gives another. Among samples that arrive at the same time the first source wins,
     /// except that a running filter takes references last: the truth is compared with the estimate
     /// that has used every other sample of that time.
-    pub(crate) fn first(&self, running: bool) -> Option<usize> {
-        let mut first = None;
-        for (k, head) in self.heads.iter().enumerate().filter(|(_, head)| head.open) {
-            let order = (head.arrival, running && self.references[head.sample.sensor.0]);
-            if first.is_none_or(|(least, _)| order < least) {
-                first = Some((order, k));
-            }
-        }
-        first.map(|(_, k)| k)
-    }
-
-    /// The next sample of a source.
-    pub(crate) fn sample(&self, source: usize) -> Sample {
-        self.heads[source].sample
-    }
-
-    /// Logs the warnings that the sources give after their last sample.
-    pub(crate) fn log_warnings(&mut self, time: Time, outputs: &mut Outputs) {
-        for (name, source) in &mut self.sources {
-            if let Some(text) = source.warning() {
-                outputs.event(Event { time, level: Level::Warning, about: name.clone(), text });
-            }
-        }
+    fn first(&self, running: bool) -> Option<usize> {
+        let waiting = |(_, head): &(usize, &Head)| head.state == HeadState::Waiting;
+        let order = |(_, head): &(usize, &Head)| {
+            (head.arrival, running && self.references[head.sample.sensor.0])
+        };
+        self.heads.iter().enumerate().filter(waiting).min_by_key(order).map(|(k, _)| k)
     }
 }

@@ -1,16 +1,17 @@
 //! From a TOML document to a composition, its sources and its sinks.
 
 use crate::compose::Composition;
-use crate::compose::estimator::Creator;
+use crate::compose::estimator::{Creator, EstimatorType};
 use crate::document::{Document, DocumentError};
-use crate::filter::Ekf;
+use crate::filter::{Ekf, Ukf};
 use crate::model::stream::{NamedSink, NamedSource};
 use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry, Shared};
 use crate::run::building::{Building, Header};
-use crate::run::estimators;
 pub use crate::run::parts::common_keys;
 use crate::run::parts::{self, Part};
+use crate::run::rules::{self, Rules};
 use crate::run::sinks;
+use crate::session;
 use std::path::{Path, PathBuf};
 
 /// A scenario ready to run.
@@ -98,19 +99,22 @@ impl<'a> Scenario<'a> {
         self.registry.check()?;
         let header = Header::read(&root, self.name())?;
         let sensors = self.parts(Kind::Sensor)?;
-        let mut building =
-            Building::new(root.clone(), self.document.folder(), sensors, header.estimator.update);
+        let rules = Rules::of(self.registry).with_default(&root, &header.estimator.update)?;
+        let mut building = Building::new(root.clone(), self.document.folder(), sensors, rules);
         building.driving_sensors()?;
         building.processes(&self.parts(Kind::Process)?)?;
         building.other_sensors()?;
         building.connect_alignments()?;
         building.connect_detectors()?;
         building.constraints()?;
-        let creator = estimators::find(self.registry, &root, &header.estimator.kind)?;
+        let creator = session::find(self.registry, &root, &header.estimator.kind)?;
         let (text, simulates) = (self.document.to_toml(), self.simulates()?);
         let mut composition = building.finish(header, creator, text, simulates)?;
-        estimators::check(&composition, &root)?;
-        estimators::settle(&mut composition);
+        if composition.creator.name == Ukf::TYPE {
+            rules::check_unscented(&root)?;
+        }
+        session::check(&composition, &root)?;
+        session::settle(&mut composition);
         Ok(composition)
     }
 

@@ -3,13 +3,16 @@
 use crate::compose::keys::{ENABLED, SIMULATION, SensorKeys, TYPE};
 use crate::compose::settings::EstimatorConfig;
 use crate::plugin::{Entry, Kind, Registry};
+use crate::run::rules::Rules;
 use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value, json};
 
 /// The JSON Schema (draft 2020-12) of a scenario with the registered types.
 pub fn scenario_schema(registry: &Registry) -> Value {
     let mut definitions = Map::new();
-    let estimator = inline::<EstimatorConfig>(&mut definitions);
+    let rules = Rules::of(registry).names();
+    let mut estimator = inline::<EstimatorConfig>(&mut definitions);
+    estimator["properties"][UPDATE]["enum"] = json!(rules);
     let mut properties = json!({
         "include": {
             "type": ["string", "array"],
@@ -30,7 +33,10 @@ pub fn scenario_schema(registry: &Registry) -> Value {
         let mut tables = Map::new();
         let mut names = Vec::new();
         for entry in registry.entries().filter(|e| e.kind == kind) {
-            let own = entry_schema(entry, &mut definitions);
+            let mut own = entry_schema(entry, &mut definitions);
+            if let Some(update) = own["properties"].get_mut(UPDATE) {
+                update["enum"] = json!(rules);
+            }
             let key = format!("{}.{}", kind.table(), entry.name);
             definitions.insert(key.clone(), own);
             tables.insert(entry.name.to_string(), json!({ "$ref": format!("#/$defs/{key}") }));
@@ -68,6 +74,9 @@ pub fn scenario_schema(registry: &Registry) -> Value {
         "$defs": definitions,
     })
 }
+
+/// Key of a sensor's update rule, and of that of all sensors.
+const UPDATE: &str = "update";
 
 /// Begin of the names of the patterns that quantities of the same dimension share.
 const PATTERN: &str = "pattern.";

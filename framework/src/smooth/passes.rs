@@ -28,7 +28,7 @@ pub(super) fn smooth(
         let number = report.count + 1;
         if let Err(error) = forward.repeat(ekf, Some(Box::new(course)))? {
             report.text = format!(
-                "pass {number} failed: {error}; the estimates are those of the pass before it"
+                "pass {number} failed: {error}; the estimates come from the pass before it"
             );
             break;
         }

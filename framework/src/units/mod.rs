@@ -12,6 +12,7 @@ mod config;
 mod date;
 mod dimension;
 mod error;
+pub mod pace;
 mod pattern;
 mod print;
 mod quantities;

@@ -270,7 +270,7 @@ impl Parser<'_> {
 
     fn checked(&self, unit: Option<Unit>) -> Result<Unit, UnitError> {
         unit.filter(|u| u.numerator.is_normal() && u.denominator.is_normal())
-            .ok_or_else(|| self.malformed("its powers are not those of a physical quantity"))
+            .ok_or_else(|| self.malformed("its powers belong to no physical quantity"))
     }
 
     fn expression(&mut self) -> Result<Unit, UnitError> {

@@ -11,7 +11,7 @@
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot start has nothing to report")]
 
 use navfuse_core::document::Document;
-use navfuse_core::model::record::{Record, Wants};
+use navfuse_core::model::record::Record;
 use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::nalgebra::DMatrix;
 use navfuse_core::plugin::Registry;
@@ -47,10 +47,6 @@ struct Judge {
 }
 
 impl Sink for Judge {
-    fn wants(&self) -> Wants {
-        Wants::EPOCHS
-    }
-
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         let Record::Epoch(epoch) = record else { return Ok(()) };
         self.count += 1;

@@ -3,6 +3,7 @@
 
 mod course;
 pub mod cursor;
+mod error;
 mod ideal;
 mod phase;
 mod profile;
@@ -14,10 +15,11 @@ mod trajectory_tests;
 
 pub use course::{On, Stretch, TrajectoryType};
 pub use cursor::{Cursor, Kinematics};
+pub use error::TrajectoryError;
 pub use phase::{Motion, Phase, Piece};
 pub use segment::{Direction, SegmentConfig};
 pub use source::{Simulation, simulate};
-pub use trajectory::{Span, StartConfig, Trajectory, TrajectoryConfig, TrajectoryError};
+pub use trajectory::{Span, StartConfig, Trajectory, TrajectoryConfig};
 
 use navfuse_core::plugin::{Plugin, Registry};
 

@@ -1,7 +1,7 @@
 //! Motion segments of the table, their checks, and their conversion to smooth phases.
 
+use crate::error::TrajectoryError;
 use crate::phase::{Phase, Pose};
-use crate::trajectory::TrajectoryError;
 use navfuse_core::units::{Angle, Duration, Speed};
 use schemars::JsonSchema;
 use serde::Deserialize;

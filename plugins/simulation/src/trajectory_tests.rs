@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // A test fails by panicking.
 
 use crate::cursor::Kinematics;
-use crate::trajectory::{Trajectory, TrajectoryConfig, TrajectoryError};
+use crate::error::TrajectoryError;
+use crate::trajectory::{Trajectory, TrajectoryConfig};
 use nalgebra::{UnitQuaternion, Vector3};
 use navfuse_core::state::geodesy::{ECCENTRICITY_SQUARED, radii_of_curvature};
 use navfuse_ins::earth::{EARTH_RATE, normal_gravity};

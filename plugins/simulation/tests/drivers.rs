@@ -5,7 +5,7 @@
 use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::simulate::{Random, Simulate};
 use navfuse_core::prelude::*;
-use navfuse_core::run::runner::Finished;
+use navfuse_core::session::Finished;
 use navfuse_ins::Navigation;
 use navfuse_testing::judge::{Judge, judged};
 use navfuse_testing::steps::allocations;

@@ -2,8 +2,9 @@
 //! result must not be used, names the IMU and gives a remedy.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 use navfuse_core::model::record::finding::{Finding, Severity};
-use navfuse_core::run::runner::{self, Finished};
+use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::session::Finished;
 use navfuse_testing::{document, registry, scenario};
 use std::sync::atomic::AtomicBool;
 

@@ -7,8 +7,9 @@ use navfuse_core::model::record::{Epoch, Event, Observer, Record, Rejection, Upd
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::simulate::Random;
 use navfuse_core::model::stream::{Sink, StreamError};
-use navfuse_core::run::runner::{self, Finished};
+use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Assembly;
+use navfuse_core::session::Finished;
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::{Span, Time};
 use navfuse_testing::scenario;

@@ -1,7 +1,7 @@
 //! The estimator with the inertial, DVL and depth plugins: Jacobians, intervals, long runs, memory.
 #![allow(missing_docs, clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 use navfuse_core::filter::Ekf;
-use navfuse_core::model::record::{Observer, Outcome, Record, UpdateRecord, Wants};
+use navfuse_core::model::record::{Observer, Outcome, Record, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::{At, jacobian_error};
 use navfuse_core::model::simulate::Random;
@@ -250,9 +250,6 @@ fn a_filter_that_starts_inside_an_interval_takes_only_its_rest() {
 struct Definite(u64, f64, f64);
 
 impl Sink for Definite {
-    fn wants(&self) -> Wants {
-        Wants::EPOCHS
-    }
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         let Record::Epoch(epoch) = record else { return Ok(()) };
         let p = epoch.covariance.to_dense();

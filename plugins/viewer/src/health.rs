@@ -1,13 +1,13 @@
 //! Health of the sensors over time: one lane for each sensor, and the stretches in which it was
 //! not used.
 
-use crate::history::Pace;
 use crate::recording::Recording;
 use crate::style::{Colour, path};
 use navfuse_core::model::chi_square::{gated_moments, outside};
-use navfuse_core::model::record::{Outcome, Rejection, UpdateRecord};
+use navfuse_core::model::record::{InputRejection, Outcome, Outcomes, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
+use navfuse_core::units::pace::Pace;
 use navfuse_core::units::time::{Span, Time};
 use re_sdk::EntityPath;
 use re_sdk_types::archetypes::{StateChange, StateConfiguration};
@@ -23,10 +23,6 @@ const NIS_WINDOW: usize = 25;
 const NIS_ALPHA: f64 = 1e-6;
 /// Least excess of the NIS over its expectation that is shown, whatever its significance.
 const NIS_EXCESS: f64 = 1.5;
-/// Silence, in usual intervals between two samples, after which a sensor is silent.
-const SILENT_INTERVALS: f64 = 5.0;
-/// Shortest silence, s.
-const SHORTEST_SILENCE: f64 = 1.0;
 
 /// Health of a sensor at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,12 +85,8 @@ pub struct Lane {
     pub path: EntityPath,
     /// Set for a sensor that corrects the state.
     pub measures: bool,
-    /// Number of accepted samples.
-    pub accepted: u64,
-    /// Number of gated samples.
-    pub gated: u64,
-    /// Rejected samples by reason.
-    pub rejected: Vec<(Rejection, u64)>,
+    /// Numbers of samples by outcome.
+    pub outcomes: Outcomes,
     /// Samples that reached the gate, and gated ones, while the vehicle turned.
     pub in_turns: [u64; 2],
     /// Finished stretches.
@@ -114,9 +106,7 @@ impl Lane {
             name: info.name.clone(),
             path: path(&["health", &info.name]),
             measures: info.purpose == Purpose::Measurement,
-            accepted: 0,
-            gated: 0,
-            rejected: Vec::new(),
+            outcomes: Outcomes::default(),
             in_turns: [0; 2],
             stretches: Vec::new(),
             current: None,
@@ -145,8 +135,8 @@ impl Lane {
         match (self.current, self.last) {
             (None, None) => self.change(recording, Health::Silent, now),
             (Some((health, _)), Some(last)) if health != Health::Silent => {
-                let Some(usual) = self.pace.usual else { return Ok(()) };
-                if now.since(last) <= (SILENT_INTERVALS * usual).max(SHORTEST_SILENCE) {
+                let Some(usual) = self.pace.usual() else { return Ok(()) };
+                if now.since(last) <= self.pace.patience() {
                     return Ok(());
                 }
                 self.latest.clear();
@@ -161,8 +151,22 @@ impl Lane {
         if self.measures {
             return Ok(());
         }
-        self.accepted += 1;
+        self.outcomes.accepted += 1;
         self.judge(recording, time, Health::Used)
+    }
+
+    /// Takes back a sample of a driving sensor, which the filter rejected.
+    pub fn reject(
+        &mut self,
+        recording: &Recording,
+        rejection: &InputRejection,
+    ) -> Result<(), StreamError> {
+        self.outcomes.accepted = self.outcomes.accepted.saturating_sub(1);
+        self.outcomes.reject(rejection.reason);
+        if self.latest.back().is_some_and(|latest| latest.0 == rejection.time) {
+            self.latest.pop_back();
+        }
+        self.follow(recording, rejection.time, Health::Rejected)
     }
 
     /// Adds the outcome of a sample; `turning` while the vehicle turns.
@@ -176,26 +180,12 @@ impl Lane {
             self.in_turns[0] += 1;
             self.in_turns[1] += u64::from(update.outcome == Outcome::Gated);
         }
+        self.outcomes.add(update.outcome);
         let health = match update.outcome {
-            Outcome::Accepted => {
-                self.accepted += 1;
-                self.consistent(update)
-            }
-            Outcome::Placed => {
-                self.accepted += 1;
-                Health::Used
-            }
-            Outcome::Gated => {
-                self.gated += 1;
-                Health::Gated
-            }
-            Outcome::Rejected(reason) => {
-                match self.rejected.iter_mut().find(|r| r.0 == reason) {
-                    Some(known) => known.1 += 1,
-                    None => self.rejected.push((reason, 1)),
-                }
-                Health::Rejected
-            }
+            Outcome::Accepted => self.consistent(update),
+            Outcome::Placed => Health::Used,
+            Outcome::Gated => Health::Gated,
+            Outcome::Rejected(_) => Health::Rejected,
         };
         self.judge(recording, update.time, health)
     }
@@ -227,7 +217,7 @@ impl Lane {
         if noisy { Health::Noisy } else { Health::Used }
     }
 
-    /// Takes the health of a sample; that of the lane follows the majority.
+    /// Takes the health of a sample that arrives.
     fn judge(
         &mut self,
         recording: &Recording,
@@ -236,10 +226,19 @@ impl Lane {
     ) -> Result<(), StreamError> {
         self.tick(recording, time)?;
         if let Some(last) = self.last {
-            let interval = time.since(last);
-            self.pace.take(interval, |usual| interval >= 3.0 * usual);
+            self.pace.take(time.since(last));
         }
         self.last = Some(time);
+        self.follow(recording, time, health)
+    }
+
+    /// Lets the lane follow the majority of the latest samples, of which this is one.
+    fn follow(
+        &mut self,
+        recording: &Recording,
+        time: Time,
+        health: Health,
+    ) -> Result<(), StreamError> {
         if self.latest.len() == MAJORITY {
             self.latest.pop_front();
         }

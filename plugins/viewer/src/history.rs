@@ -1,42 +1,10 @@
 //! Rows of a series over a whole run in bounded memory, thinned so that extremes stay.
 
+use navfuse_core::units::pace::Pace;
 use navfuse_core::units::time::Time;
 
 /// Largest number of rows of a thinned series: about the width of a plot in pixels.
 const CAPACITY: usize = 1280;
-
-/// Silence, in usual intervals, at which a line breaks.
-const GAP: f64 = 5.0;
-/// Shortest silence at which a line breaks, s.
-const SHORTEST_GAP: f64 = 1.0;
-
-/// Long intervals in a row that are a new rate.
-const NEW_RATE: u32 = 4;
-
-/// Usual interval of a sequence of samples: it follows the intervals, without those of gaps.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Pace {
-    /// Usual interval, s, once there are two samples of different times.
-    pub usual: Option<f64>,
-    longer: u32,
-}
-
-impl Pace {
-    /// Takes an interval, s. One for which `is_gap` holds, given the usual interval, changes the
-    /// latter only after others like it.
-    pub fn take(&mut self, interval: f64, is_gap: impl Fn(f64) -> bool) {
-        if interval <= 0.0 {
-            return; // several observations of one time
-        }
-        let usual = self.usual.unwrap_or(interval);
-        self.longer = if is_gap(usual) { self.longer + 1 } else { 0 };
-        self.usual = Some(match self.longer {
-            0 => usual + 0.1 * (interval - usual),
-            NEW_RATE.. => interval,
-            _ => usual,
-        });
-    }
-}
 
 /// Finds the gaps in a sequence of times.
 #[derive(Clone, Copy, Debug, Default)]
@@ -50,9 +18,8 @@ impl Gaps {
     pub fn after(&mut self, now: Time) -> Option<i64> {
         let last = self.last.replace(now)?;
         let interval = now.since(last);
-        let long = |usual: f64| interval > (GAP * usual).max(SHORTEST_GAP);
-        let gap = self.pace.usual.is_some_and(long);
-        self.pace.take(interval, long);
+        let gap = interval > self.pace.patience();
+        self.pace.take(interval);
         gap.then(|| last.nanos() + (now - last).nanos() / 2)
     }
 }
@@ -180,15 +147,6 @@ fn extremes<const N: usize>(rows: &[Row<N>], keys: &[usize], out: &mut Vec<Row<N
 mod tests {
     use super::*;
 
-    /// Two samples that come at once at the beginning, or of one time, do not make all others late.
-    #[test]
-    fn a_sequence_whose_first_interval_is_short_has_few_gaps() {
-        let mut gaps = Gaps::default();
-        let times = [0, 0, 100].into_iter().chain((1..20).map(|k| 100 + 5000 * k));
-        let found = times.filter(|t| gaps.after(Time::from_nanos(t * 1_000_000)).is_some());
-        assert_eq!(found.count(), NEW_RATE as usize);
-    }
-
     /// A wave with one spike up and one down.
     fn wave(count: i64) -> History<2> {
         let mut history = History::new(&[0], false);
@@ -225,12 +183,12 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_is_five_usual_intervals_and_a_second() {
+    fn a_gap_is_a_silence_and_the_line_breaks_in_its_middle() {
         let mut gaps = Gaps::default();
-        let times = [0.0, 0.2, 0.4, 1.3, 1.5, 4.0, 4.2];
+        let times = [0.0, 0.2, 0.4, 5.4, 5.6, 11.6, 11.8];
         let found: Vec<_> = times.into_iter().map(|t| gaps.after(Time::from_seconds(t)?)).collect();
-        // 0.9 s is shorter than a second; the break is in the middle of 1.5 s and 4 s
-        assert_eq!(found, [None, None, None, None, None, Some(2_750_000_000), None]);
+        // 5 s are no silence; the break is in the middle of 5.6 s and 11.6 s
+        assert_eq!(found, [None, None, None, None, None, Some(8_600_000_000), None]);
     }
 
     #[test]

@@ -226,8 +226,7 @@ impl SensorSeries {
         }
         all.push(gated);
         for (k, (reason, history)) in self.rejected.iter().enumerate() {
-            let words = words(*reason, &self.names);
-            let name = format!("rejected: {words}");
+            let name = format!("rejected: {}", reason.reason(&self.names));
             let marker = MarkerShape::Cross;
             let colour = REJECTED[k % REJECTED.len()];
             let mut series =
@@ -287,24 +286,5 @@ impl Innovations {
         let sigma = accepted.iter().rev().map(|r| 3.0 * r.1[1]).find(|s| s.is_finite());
         let size = sigma.or_else(|| gated.last().map(|r| r.1[0].abs()));
         axis::scale(&self.quantity.unit, size.unwrap_or(f64::NAN))
-    }
-}
-
-/// The reason of a rejection in words.
-pub fn words<N: AsRef<str>>(reason: Rejection, channels: &[N]) -> String {
-    let channel = |k: usize| channels.get(k).map_or("a channel", AsRef::as_ref);
-    match reason {
-        Rejection::NotFinite(k) => format!("{} is not finite", channel(k)),
-        Rejection::Missing => "no channel".into(),
-        Rejection::OutOfOrder => "time goes back".into(),
-        Rejection::Late => "late".into(),
-        Rejection::Singular => "singular covariance".into(),
-        Rejection::NoInput => "no driving sample".into(),
-        Rejection::Isolated => "isolated".into(),
-        Rejection::Repeated => "repeats the samples before".into(),
-        Rejection::OutOfRange(k) => format!("{} is out of range", channel(k)),
-        Rejection::TooFast(k) => format!("{} changes too fast", channel(k)),
-        Rejection::Excluded => "excluded by the scenario".into(),
-        Rejection::Absent => "observes an absent state".into(),
     }
 }

@@ -35,6 +35,7 @@ mod axis;
 mod blueprint;
 pub mod colours;
 mod columns;
+mod derived;
 mod file;
 mod health;
 mod history;
@@ -88,7 +89,7 @@ pub struct Rerun {
     /// Show the run in a browser: `true` for http://127.0.0.1:9090, or an address and port. It needs a
     /// program built with the feature `serve`.
     pub serve: Serve,
-    /// Record the samples of driving and reference sensors too; those of measuring sensors always
+    /// Record the samples of driving and reference sensors too; samples of measuring sensors always
     /// are.
     pub samples: bool,
     /// Record every row. Otherwise a series has at most 1280 rows, which keep its extremes: a plot
@@ -128,7 +129,7 @@ impl Rerun {
     pub fn record(
         self,
         output: &Path,
-        tabs: Vec<Box<dyn Tab>>,
+        mut tabs: Vec<Box<dyn Tab>>,
     ) -> Result<Box<dyn Sink>, StreamError> {
         let serve = match self.serve {
             Serve::Local(yes) => yes.then_some(Live::LOCAL),
@@ -141,6 +142,7 @@ impl Rerun {
         };
         let live = Live { connect: self.connect, spawn: self.spawn, serve };
         let recording = Recording::open(output.join(self.path), &live)?;
+        tabs.push(Box::new(derived::DerivedTab::default()));
         let sink = sink::RerunSink::new(recording, self.samples, self.full, tabs);
         Ok(Box::new(Background::new(sink)))
     }

@@ -2,7 +2,7 @@
 
 use crate::axis;
 use crate::health::{Health, Lane, Stretch};
-use crate::innovation::{SensorSeries, words};
+use crate::innovation::SensorSeries;
 use crate::state::BlockSeries;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 use navfuse_core::units::time::Time;
@@ -97,7 +97,7 @@ fn write_sensors(
     page.push_str("| sensor | used | gated | rejected | NIS (expected) | bad or silent |\n");
     page.push_str("|---|--:|--:|--:|--:|---|\n");
     for lane in lanes {
-        let rejected: u64 = lane.rejected.iter().map(|r| r.1).sum();
+        let rejected = lane.outcomes.all_rejected();
         let nis = verdict.and_then(|v| v.sensor(&lane.name)).map_or_else(String::new, |s| {
             let mark = if s.inside { "" } else { " **!**" };
             format!("{:.2} ({:.2}){mark}", s.mean_nis, s.expected_nis)
@@ -107,8 +107,8 @@ fn write_sensors(
             page,
             "| **{}** | {} | {} | {rejected} | {nis} | {} |",
             lane.name,
-            lane.accepted,
-            lane.gated,
+            lane.outcomes.accepted + lane.outcomes.placed,
+            lane.outcomes.gated,
             not_used(lane, series)
         );
     }
@@ -131,10 +131,11 @@ fn bad(lane: &Lane) -> Option<String> {
 /// Set where the gate rejects samples in turns above all.
 fn is_bad_in_turns(lane: &Lane) -> bool {
     let share = |part: u64, whole: u64| part as f64 / whole.max(1) as f64;
-    let gated = share(lane.in_turns[1], lane.gated);
-    lane.gated >= GATED
+    let gated = share(lane.in_turns[1], lane.outcomes.gated);
+    lane.outcomes.gated >= GATED
         && gated >= IN_TURNS
-        && gated >= MORE_OFTEN * share(lane.in_turns[0], lane.accepted + lane.gated)
+        && gated
+            >= MORE_OFTEN * share(lane.in_turns[0], lane.outcomes.accepted + lane.outcomes.gated)
 }
 
 /// The longest stretches in which a sensor was not used, in order of time, and the reasons.
@@ -156,10 +157,10 @@ fn not_used(lane: &Lane, series: Option<&SensorSeries>) -> String {
     }
     let names: Vec<&str> =
         series.iter().flat_map(|s| (0..s.channels.len()).map(|k| s.channel(k))).collect();
-    if let Some((reason, _)) = lane.rejected.iter().max_by_key(|r| r.1)
+    if let Some((reason, _)) = lane.outcomes.rejected.iter().max_by_key(|r| r.1)
         && stretches.iter().any(|s| s.health == Health::Rejected)
     {
-        parts.push(words(*reason, &names));
+        parts.push(reason.reason(&names));
     }
     parts.join(", ")
 }
@@ -290,7 +291,8 @@ mod tests {
             let mut lane = Lane::new(&info)?;
             let [from, to] = [10, 16].map(|s| Time::from_nanos(s * 1_000_000_000));
             lane.stretches.push(Stretch { health: Health::Gated, from, to });
-            (lane.accepted, lane.gated, lane.in_turns) = (900, 100, in_turns);
+            (lane.outcomes.accepted, lane.outcomes.gated) = (900, 100);
+            lane.in_turns = in_turns;
             bad(&lane)
         };
         // a fifth of all samples are in turns, and with them 90 or 20 of the 100 gated ones

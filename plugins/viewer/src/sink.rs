@@ -16,7 +16,9 @@ use crate::tab::Tab;
 use crate::tally::{Excursion, Excursions};
 use crate::track::Track;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
-use navfuse_core::model::record::{Epoch, Event, Level, Record, UpdateRecord, Wants};
+use navfuse_core::model::record::{
+    Epoch, Event, InputRejection, Level, Record, UpdateRecord, Wants,
+};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::units::sample::Sample;
@@ -308,6 +310,7 @@ impl Sink for RerunSink {
             Record::Epoch(epoch) => self.epoch(epoch),
             Record::Filtered(epoch) => self.filtered(epoch),
             Record::Update(update) => self.update(update),
+            Record::InputRejection(rejection) => self.input_rejection(rejection),
             Record::Event(event) => self.event(event),
             Record::Finding(finding) => self.event(&finding.event()),
             Record::Verdict(verdict) => self.verdict(verdict),
@@ -388,6 +391,14 @@ impl RerunSink {
         }
         match places.series {
             Some(series) => run.sensors[series].update(&self.recording, update, here),
+            None => Ok(()),
+        }
+    }
+
+    fn input_rejection(&mut self, rejection: &InputRejection) -> Result<(), StreamError> {
+        let Some(run) = &mut self.run else { return Ok(()) };
+        match run.places.get(rejection.sensor.0).and_then(|places| places.lane) {
+            Some(lane) => run.lanes[lane].reject(&self.recording, rejection),
             None => Ok(()),
         }
     }

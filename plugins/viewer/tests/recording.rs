@@ -10,11 +10,14 @@
 mod common;
 
 use common::{DVL_EVERY, OUTLIER_EVERY, Synthetic, TRUE_SCALE};
+use navfuse_core::model::record::finding::{Basis, Finding, Severity};
+use navfuse_core::model::record::{Derived, InputRejection, Record, Rejection};
 use navfuse_core::model::stream::Sink;
+use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_rerun::{Rerun, Serve};
 use re_chunk_store::{ChunkStore, ChunkStoreConfig};
-use re_sdk::{StoreKind, TimelineName};
-use re_sdk_types::archetypes::{LineStrips3D, Scalars, TextLog};
+use re_sdk::{ComponentIdentifier, StoreKind, TimelineName};
+use re_sdk_types::archetypes::{LineStrips3D, Scalars, StateChange, TextLog};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
@@ -120,13 +123,7 @@ fn a_full_recording_holds_every_row_and_value_that_was_fed() {
 
     let stores = stores(&path);
     let recording = stores.iter().find(|s| s.id().kind() == StoreKind::Recording).unwrap();
-    let text = TextLog::descriptor_text().component;
-    let logged: Vec<String> = (recording.iter_physical_chunks())
-        .filter(|c| c.entity_path().to_string() == "/events")
-        .flat_map(|c| {
-            c.iter_slices::<String>(text).flatten().map(|t| t.to_string()).collect::<Vec<_>>()
-        })
-        .collect();
+    let logged = texts(&path, "/events", TextLog::descriptor_text().component);
     // an event before the run has the time of its first epoch, 100 s
     assert!(logged.contains(&"  100.000 s  trajectory: dive to 30 m".to_owned()), "{logged:?}");
     let lost = "  599.900 s  depth: depth lost: no sample for 2 s".to_owned();
@@ -160,6 +157,60 @@ fn a_full_recording_holds_every_row_and_value_that_was_fed() {
         .flat_map(|c| c.iter_component_offsets(strips).map(|row| row.len))
         .collect();
     assert_eq!(beams, vec![4; samples]);
+}
+
+/// The texts of an entity, in their order.
+fn texts(path: &Path, entity: &str, component: ComponentIdentifier) -> Vec<String> {
+    let stores = stores(path);
+    let recording = stores.iter().find(|s| s.id().kind() == StoreKind::Recording).unwrap();
+    let chunks = recording.iter_physical_chunks().filter(|c| c.entity_path().to_string() == entity);
+    chunks
+        .flat_map(|c| {
+            let texts = c.iter_slices::<String>(component).flatten().map(|t| t.to_string());
+            texts.collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+#[test]
+fn a_recording_has_findings_rejected_samples_of_the_imu_and_derived_quantities() {
+    let folder = tempfile::tempdir().unwrap();
+    let (imu, mut sink) = (SensorId(0), record(folder.path(), 200, false));
+    for k in 200..209 {
+        let time = Synthetic::time(k);
+        sink.take(&Record::Sample(&Sample::empty(time, imu))).unwrap();
+        let rejection = InputRejection { time, sensor: imu, reason: Rejection::Missing };
+        sink.take(&Record::InputRejection(&rejection)).unwrap();
+    }
+    let time = Synthetic::time(209);
+    let finding = Finding {
+        time,
+        about: "imu".into(),
+        severity: Severity::DoNotUse,
+        basis: Basis::Samples,
+        text: "channels are missing".into(),
+        remedy: "look at its cable".into(),
+    };
+    sink.take(&Record::Finding(&finding)).unwrap();
+    let derived = Derived {
+        time,
+        name: "information".into(),
+        unit: "".into(),
+        rows: ["roll", "pitch"].map(str::to_owned).into(),
+        columns: ["dvl", "depth"].map(str::to_owned).into(),
+        values: vec![0.25, 0.75, 1.0, 0.0],
+    };
+    sink.take(&Record::Derived(&derived)).unwrap();
+    sink.finish().unwrap();
+    let path = folder.path().join("run.rrd");
+    let rows = scalars(&path);
+    assert_eq!(rows["/derived/information/roll"], [(time.nanos(), vec![0.25, 0.75])]);
+    assert_eq!(rows["/derived/information/pitch"], [(time.nanos(), vec![1.0, 0.0])]);
+    let states = texts(&path, "/health/imu", StateChange::descriptor_state().component);
+    assert_eq!(states.last().map(String::as_str), Some("rejected"), "{states:?}");
+    let events = texts(&path, "/events", TextLog::descriptor_text().component);
+    let text = "imu: channels are missing; look at its cable";
+    assert!(events.iter().any(|event| event.ends_with(text)), "{events:?}");
 }
 
 #[test]

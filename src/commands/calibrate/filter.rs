@@ -5,8 +5,8 @@ use crate::error::{CommandError, Result};
 use navfuse_calibration::{CalibrationData, Estimate, IntermediateEstimate};
 use navfuse_core::document::{Document, key};
 use navfuse_core::model::chi_square::sigmas;
+use navfuse_core::model::record::Record;
 use navfuse_core::model::record::verdict::VerdictLevel;
-use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::nalgebra::Matrix4;
@@ -146,10 +146,6 @@ impl MountingRecord {
 }
 
 impl Sink for MountingRecord {
-    fn wants(&self) -> Wants {
-        Wants::EPOCHS
-    }
-
     fn take(&mut self, record: &Record<'_>) -> std::result::Result<(), StreamError> {
         let Record::Epoch(epoch) = record else { return Ok(()) };
         let block = |name: &str| epoch.layout.find(&format!("{}.{name}", self.dvl));

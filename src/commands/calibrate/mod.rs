@@ -60,12 +60,11 @@ pub struct Calibrate {
     /// simulated
     #[arg(long, value_name = "N", conflicts_with_all = ["write", "initialise"])]
     pub runs: Option<u64>,
-    /// Write the scenario with the estimate and its sigma as the DVL's prior, for other data than
-    /// these
+    /// Write the scenario with the estimate and its sigma as the DVL's prior, to run it on other data
     #[arg(long, value_name = "FILE", conflicts_with = "initialise")]
     pub write: Option<PathBuf>,
-    /// Write the scenario with the estimate as the DVL's initial value and the prior sigma
-    /// unchanged, for the same data
+    /// Write the scenario with the estimate as the DVL's initial value and the prior sigma unchanged,
+    /// to run it on the same data
     #[arg(long, value_name = "FILE")]
     pub initialise: Option<PathBuf>,
     /// Form of the result
@@ -85,6 +84,10 @@ pub enum From {
 /// Calibrates the DVL on the samples of a scenario or a log.
 pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode> {
     let text = arguments.format == Format::Text;
+    [&arguments.write, &arguments.initialise]
+        .into_iter()
+        .flatten()
+        .try_for_each(|o| output::check(o))?;
     let request = request(arguments)?;
     let method = request.methods.first().copied();
     if let (true, Some(method)) = (arguments.write.is_some(), method)

@@ -4,8 +4,9 @@ use navfuse_core::document::Document;
 use navfuse_core::model::record::{Epoch, Event, Outcome, Record, UpdateRecord, Wants};
 use navfuse_core::model::stream::{Sink, StreamError};
 use navfuse_core::plugin::Registry;
-use navfuse_core::run::runner::{self, Finished};
+use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::session::Finished;
 use std::sync::atomic::AtomicBool;
 
 /// Errors and innovations of a run.

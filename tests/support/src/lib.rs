@@ -1,5 +1,6 @@
 //! Scaffolding that the tests of navfuse share: a small laboratory, a judge of runs, readers
-//! written by others, readings of recordings, damage and speed of files, and the scenarios that ship.
+//! written by others, needs that are absent, readings of recordings, damage and speed of files, and the
+//! scenarios that ship.
 #![allow(
     missing_docs,
     clippy::unwrap_used,
@@ -8,6 +9,7 @@
     reason = "tests fail by panicking"
 )]
 
+pub mod absent;
 pub mod damage;
 pub mod judge;
 pub mod lab;

@@ -1,5 +1,6 @@
 //! Readers written by others, in Python, with which tests compare.
 
+use crate::absent::{Need, skip};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Mutex, PoisonError};
@@ -41,7 +42,7 @@ pub fn rosbags(folder: &str) -> Packages<'static> {
 }
 
 impl Packages<'_> {
-    /// Returns an interpreter with the packages, or prints the reason why the test is skipped.
+    /// Returns an interpreter with the packages. Without one, the test is skipped.
     pub fn python(&self) -> Option<PathBuf> {
         if let Some(variable) = self.variable
             && let Some(python) = std::env::var_os(variable).map(PathBuf::from)
@@ -58,7 +59,7 @@ impl Packages<'_> {
         match self.install(&python) {
             Ok(()) => Some(python),
             Err(why) => {
-                println!("SKIPPED: no python3 with {}: {why}", self.names);
+                skip(Need::Python, &format!("{} cannot be installed: {why}", self.names));
                 None
             }
         }

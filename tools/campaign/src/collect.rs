@@ -1,5 +1,6 @@
 //! Recording of one run.
 
+use crate::campaign::Job;
 use crate::columns::{Columns, Places};
 use crate::grid::Grid;
 use crate::record::{Row, RunRecord, SENSOR};
@@ -21,7 +22,7 @@ use std::sync::atomic::AtomicBool;
 pub fn run(
     mut assembly: Assembly,
     columns: &Arc<Columns>,
-    (point, run): (usize, usize),
+    Job { point, run }: Job,
     every: i64,
     stop: &AtomicBool,
 ) -> Option<RunRecord> {

@@ -2,7 +2,7 @@
 
 use navfuse_core::files::FolderError;
 use navfuse_core::plugin::BuildError;
-use navfuse_core::run::runner::RunError;
+use navfuse_core::session::RunError;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 

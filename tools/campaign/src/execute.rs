@@ -28,9 +28,20 @@ impl JobCount {
     }
 }
 
-/// Executes the jobs of a shard, or of the whole campaign, on `threads` threads. It passes each
-/// record to `each` in the order of the jobs, for any number of threads, and reports the number of
-/// completed jobs to `progress`. If `stop` is set, it passes the records that are complete by then.
+/// The jobs to execute, and the number of threads for them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Extent {
+    /// A part of the campaign; all of it without one.
+    pub shard: Option<Shard>,
+    /// Number of threads; at least one is used.
+    pub threads: usize,
+    /// Number of jobs at the beginning that are done already.
+    pub done: usize,
+}
+
+/// Executes jobs of a campaign. It passes each record to `each` in the order of the jobs, for any
+/// number of threads, and reports the number of completed jobs to `progress`. If `stop` is set, it
+/// passes the records that are complete by then.
 ///
 /// # Errors
 /// Returns an error if a point does not compose, a bound fails, or `each` fails. A run that fails
@@ -39,25 +50,7 @@ pub fn execute(
     campaign: &Campaign,
     registry: &Registry,
     document: &Document,
-    how: (Option<Shard>, usize),
-    stop: &AtomicBool,
-    progress: impl FnMut(JobCount),
-    each: impl FnMut(Record) -> Result<(), CampaignError>,
-) -> Result<JobCount, CampaignError> {
-    execute_rest(campaign, registry, document, how, 0, stop, progress, each)
-}
-
-/// Executes the jobs after the first `done`, as [`execute`] does.
-///
-/// # Errors
-/// As [`execute`].
-#[expect(clippy::too_many_arguments, reason = "those of `execute` and one more")]
-pub fn execute_rest(
-    campaign: &Campaign,
-    registry: &Registry,
-    document: &Document,
-    (shard, threads): (Option<Shard>, usize),
-    done: usize,
+    Extent { shard, threads, done }: Extent,
     stop: &AtomicBool,
     mut progress: impl FnMut(JobCount),
     mut each: impl FnMut(Record) -> Result<(), CampaignError>,
@@ -162,5 +155,5 @@ fn do_job(
             .map(Record::Bound));
     }
     let assembly = scenario.assemble(None)?;
-    Ok(collect::run(assembly, columns, (job.point, job.run), every, stop).map(Record::Run))
+    Ok(collect::run(assembly, columns, job, every, stop).map(Record::Run))
 }

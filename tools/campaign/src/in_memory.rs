@@ -2,7 +2,7 @@
 
 use crate::campaign::{Campaign, Options};
 use crate::error::CampaignError;
-use crate::execute::execute;
+use crate::execute::{Extent, execute};
 use crate::folder::Folder;
 use crate::report::CampaignReport;
 use navfuse_core::document::Document;
@@ -24,9 +24,9 @@ pub fn report(
     let campaign = Campaign::new(registry, document, options)?;
     let mut folder = Folder::create(None, &campaign, None)?;
     let threads = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
-    let (stop, how) = (AtomicBool::new(false), (None, threads));
+    let (stop, extent) = (AtomicBool::new(false), Extent { threads, ..Extent::default() });
     let done =
-        execute(&campaign, registry, document, how, &stop, |_| {}, |record| folder.add(record))?;
+        execute(&campaign, registry, document, extent, &stop, |_| {}, |record| folder.add(record))?;
     let results = folder.finish(done)?;
     results.map(|r| r.report).ok_or(CampaignError::Unsuitable("a shard has no report of its own"))
 }

@@ -8,6 +8,7 @@
 use crate::CampaignError;
 use crate::campaign::{Campaign, Job, Shard};
 use crate::record::{BoundRecord, Record, Row, RunRecord};
+use navfuse_core::files::create_growing;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
@@ -51,7 +52,7 @@ impl Journal {
         shard: Option<Shard>,
     ) -> Result<Self, CampaignError> {
         let path = folder.join(JOURNAL);
-        let file = File::create(&path).map_err(|e| CampaignError::file(&path, e))?;
+        let file = create_growing(&path).map_err(|e| CampaignError::file(&path, e))?;
         let mut journal = Self { path, file, due: due(campaign, shard), frame: Vec::new() };
         let head = serde_json::to_vec(&Head::new(campaign, shard));
         journal.append(&head.map_err(|e| CampaignError::file(&journal.path, e))?)?;

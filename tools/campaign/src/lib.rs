@@ -34,7 +34,7 @@ pub use bound::bound;
 pub use campaign::{Campaign, InitialErrors, Options, Point, Shard, variation};
 pub use columns::{BlockColumns, Columns, Component};
 pub use error::{CampaignError, ShardError};
-pub use execute::{JobCount, execute, execute_rest};
+pub use execute::{Extent, JobCount, execute};
 pub use figures::figures;
 pub use folder::{Folder, Results, is_complete};
 pub use in_memory::report;

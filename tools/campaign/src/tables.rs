@@ -222,7 +222,7 @@ impl TableReader {
         if !found.iter().eq(wanted) {
             return Err(CampaignError::content(
                 path,
-                "the columns are not those of campaign.json in the same folder",
+                "the columns differ from campaign.json in the same folder",
             ));
         }
         Ok(Self { path: path.to_path_buf(), file, names: names.clone() })

@@ -3,11 +3,11 @@
 
 use crate::lab::{Lab, Stream, assemble_to, stranger};
 use crate::{Failure, Report};
-use navfuse_core::model::record::{Level, Record, Wants};
+use navfuse_core::model::record::{Level, Record};
 use navfuse_core::model::stream::{Sink, Source, StreamError};
 use navfuse_core::plugin::Kind;
 use navfuse_core::run::runner;
-use navfuse_core::run::runner::Finished;
+use navfuse_core::session::Finished;
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::units::time::Time;
 use std::collections::BTreeMap;
@@ -147,14 +147,14 @@ fn sink(lab: &Lab<'_>, part: &Stream) -> Result<String, Failure> {
     ))
 }
 
-/// Name and content of the files in a folder.
+/// Name and content of the files in a folder, without the list of files, which has their times.
 type Files = BTreeMap<String, Vec<u8>>;
 
 fn files(folder: &Path) -> std::io::Result<Files> {
     let mut files = Files::new();
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
-        if path.is_file() {
+        if path.is_file() && !path.ends_with(navfuse_core::files::LIST) {
             let name =
                 path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
             files.insert(name, std::fs::read(&path)?);
@@ -188,9 +188,6 @@ struct Interruption {
 }
 
 impl Sink for Interruption {
-    fn wants(&self) -> Wants {
-        Wants::SAMPLES
-    }
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         let Record::Sample(sample) = record else { return Ok(()) };
         if sample.time >= self.middle {

@@ -105,7 +105,11 @@ impl Sink for TableSink {
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
         match self.writer.take() {
-            Some(Writer::Csv(mut table)) => table.finish().map(drop)?,
+            Some(Writer::Csv(mut table)) => {
+                if table.finish()?.is_none() {
+                    return Ok(None);
+                }
+            }
             Some(Writer::Parquet(columns)) => {
                 columns.finish().map_err(|e| StreamError::write(&self.path, e))?;
             }

@@ -1,8 +1,7 @@
 //! Legends: names of curves with a sample of each, once for the figure if they are unambiguous,
 //! otherwise once per panel.
 
-use crate::look::{LABEL, band, clean, dot, stroke, text, units, width};
-use crate::svg::{Area, Drawn};
+use crate::look::{Area, Drawn, LABEL, band, clean, dot, stroke, text, units, width};
 use crate::{Figure, Look, Panel};
 use plotters::element::{Circle, PathElement, Rectangle, Text};
 use plotters::style::FontStyle;

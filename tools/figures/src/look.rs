@@ -1,7 +1,15 @@
 //! Colours, strokes and sizes, the same for every figure.
 
 use crate::{Band, Look};
+use plotters::backend::SVGBackend;
+use plotters::coord::Shift;
+use plotters::drawing::{DrawingArea, DrawingAreaErrorKind};
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle};
+
+/// Drawing area of the backend.
+pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// Result of drawing an element.
+pub type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 /// Drawing units in a page pixel; plotters rounds to whole units, which would show as steps in a
 /// curve.
@@ -29,7 +37,7 @@ pub const FINE_GRID: RGBColor = RGBColor(0xF0, 0xF0, 0xF0);
 // A single curve is blue and the truth is orange, as in the viewer.
 const DATA: [RGBColor; 5] = [
     RGBColor(0x00, 0x72, 0xB2), // blue
-    RGBColor(0xD5, 0x5E, 0x00), // vermillion
+    RGBColor(0xD5, 0x5E, 0x00), // vermilion
     RGBColor(0x00, 0x9E, 0x73), // bluish green
     RGBColor(0x56, 0xB4, 0xE9), // sky blue
     RGBColor(0x99, 0x99, 0x99), // grey

@@ -2,10 +2,10 @@
 
 use crate::line::{clipped, simplified};
 use crate::look::{
-    FINE_GRID, FRAME, GRID, INK, LABEL, TICK, band, dot, fit, line, stroke, text, units, width,
+    Area, Drawn, FINE_GRID, FRAME, GRID, INK, LABEL, TICK, band, dot, fit, line, stroke, text,
+    units, width,
 };
 use crate::scale::{Ruler, place, same_unit};
-use crate::svg::{Area, Drawn};
 use crate::{Axis, Curve, Look, Panel, Scale};
 use plotters::chart::ChartBuilder;
 use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};

@@ -1,20 +1,14 @@
 //! SVG output: positions of the title, legends and panels.
 
 use crate::legend::Legend;
-use crate::look::{FIGURE_TITLE, PANEL_TITLE, UNITS, fit, style_sheet, text, units};
+use crate::look::{Area, Drawn, FIGURE_TITLE, PANEL_TITLE, UNITS, fit, style_sheet, text, units};
 use crate::panel::{Prepared, is_map};
 use crate::{Figure, FigureError, Panel};
 use plotters::backend::SVGBackend;
-use plotters::coord::Shift;
-use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
+use plotters::drawing::IntoDrawingArea;
 use plotters::element::Text;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, WHITE};
-
-/// Drawing area of the backend.
-pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-/// Result of drawing an element.
-pub type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 /// Width of a figure, page pixels; a figure is wider if its columns would be narrower than
 /// `NARROWEST`.

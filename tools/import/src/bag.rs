@@ -1,6 +1,6 @@
 //! Bags of ROS 2: the sensors by the types of the topics.
 
-use crate::recording::{Found, OdometryUse};
+use crate::found::{Found, OdometryUse};
 use navfuse_core::document::quoted;
 use navfuse_core::model::stream::StreamError;
 use navfuse_ros2::{Survey, TopicSurvey, Use};
@@ -135,7 +135,7 @@ pub fn sensors(
                 found.source.push(line);
                 if marine {
                     found.questions.push(
-                        "the rotation is that of /tf_static; without it the velocities count as \
+                        "the rotation comes from /tf_static; without it the velocities count as \
                          forward, right, down"
                             .to_owned(),
                     );
@@ -162,8 +162,8 @@ pub fn sensors(
         used.push(&pressure.name);
         let mut depth = add(pressure, "depth", None);
         depth.found.questions.push(
-            "the pressure is taken for that of sea water; a barometer is no depth sensor: remove \
-             the sensor then"
+            "the pressure is taken for pressure under water; a barometer is no depth sensor: remove the \
+             sensor then"
                 .to_owned(),
         );
         sensors.push(depth);

@@ -374,7 +374,7 @@ impl ClockOffset {
         let [offset, sigma] = self.offset;
         let side = if offset < 0.0 { "ahead of" } else { "behind" };
         let mut text = format!(
-            "its clock is {:.3} s {side} that of the IMU, sigma {sigma:.3} s",
+            "its clock is {:.3} s {side} the clock of the IMU, sigma {sigma:.3} s",
             offset.abs()
         );
         if let Some([drift, sigma]) = self.drift.filter(|[d, s]| d.abs() > 3.0 * s) {

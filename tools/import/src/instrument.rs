@@ -1,6 +1,6 @@
 //! Files as instruments write them: velocity logs and NMEA 0183.
 
-use crate::recording::Found;
+use crate::found::Found;
 use navfuse_dvl_files::{Coordinates, Format, Stamp};
 use navfuse_frames::{Frames, Sentences};
 use navfuse_nmea::{Sentence, parse};

@@ -8,6 +8,7 @@
 mod bag;
 mod clocks;
 mod draft;
+mod found;
 mod instrument;
 mod plain;
 mod recording;
@@ -17,7 +18,7 @@ mod vehicle;
 
 pub use clocks::ClockOffset;
 pub use draft::MARK;
-pub use recording::OdometryUse;
+pub use found::OdometryUse;
 pub use stream::StreamSurvey;
 
 use navfuse_core::document::{Document, DocumentError};

@@ -1,6 +1,6 @@
 //! Tables of inertial units that programs write without headings, or with a line of units.
 
-use crate::recording::Found;
+use crate::found::Found;
 use navfuse_core::document::quoted;
 
 /// The columns of KF-GINS: increments of an IMU, positions of a receiver, and a solution. Times are
@@ -60,7 +60,7 @@ pub fn without_headings(rows: &[Vec<String>]) -> Option<Found> {
         return None;
     };
     let list: Vec<String> = headings.iter().map(|h| quoted(h)).collect();
-    let question = format!("the columns are taken for those of KF-GINS: {}", headings.join(", "));
+    let question = format!("the columns are taken for columns of KF-GINS: {}", headings.join(", "));
     let increments = kind == "imu";
     Some(Found {
         kind,

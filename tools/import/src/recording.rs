@@ -1,6 +1,7 @@
 //! The files of a recording and the sensors in them.
 
 use crate::bag::{self, InBag};
+use crate::found::{Found, OdometryUse};
 use crate::instrument;
 use crate::stream::StreamSurvey;
 use crate::table;
@@ -13,31 +14,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const BEGINNING: u64 = 256 * 1024;
 /// Size in bytes of the beginning of a log of a vehicle in which its messages are looked for.
 const MESSAGES: u64 = 16 * 1024 * 1024;
-
-/// A sensor that was found in a file.
-#[derive(Clone, Debug)]
-pub struct Found {
-    /// Registered type of the sensor.
-    pub kind: &'static str,
-    /// Keys of the sensor.
-    pub sensor: Vec<String>,
-    /// Keys of its file.
-    pub source: Vec<String>,
-    /// Questions about the file.
-    pub questions: Vec<String>,
-    /// Set if a position comes with a velocity.
-    pub velocity: bool,
-}
-
-/// The use of an odometry in a bag.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum OdometryUse {
-    /// The reference, from which the filter starts and with which it is compared.
-    Reference,
-    /// A sensor that measures the motion since its previous message.
-    RelativePose,
-}
 
 /// The source type that reads a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -259,7 +235,7 @@ impl Recording {
         if let Some(part) = self.parts.iter_mut().find(bag) {
             // the source has turned the axes of ROS, which these were not
             part.found.source.push("axes = \"frd\"".to_owned());
-            let text = "its axes are forward, right, down already, not those of ROS";
+            let text = "its axes are forward, right, down already, and not the axes of ROS";
             part.found.questions.push(format!("by the mean of accel_z, {text}"));
             self.notes.push(format!("imu: {text}"));
             return;
@@ -286,7 +262,7 @@ impl Recording {
             }
         }
         part.found.questions.push(
-            "the mean of accel_z is that of an IMU whose z axis points up: forward, left, up is \
+            "the mean of accel_z fits an IMU whose z axis points up: forward, left, up is \
              assumed, and y and z are turned"
                 .to_owned(),
         );

@@ -1,7 +1,7 @@
 //! Tables: the sensor of a file by its headings.
 
+use crate::found::Found;
 use crate::plain;
-use crate::recording::Found;
 use navfuse_core::document::quoted;
 use navfuse_core::units::{column_suffix, parse_unit, suffix_expression};
 use std::fmt::Write;

@@ -1,6 +1,6 @@
 //! Logs of vehicles and inertial units: the messages by which each sensor is recognised.
 
-use crate::recording::Found;
+use crate::found::Found;
 use navfuse_core::document::quoted;
 use navfuse_vehicle_logs::{Format, Options, Topic};
 use std::io::Cursor;

@@ -6,6 +6,7 @@
 
 mod component;
 mod direction;
+mod information;
 mod initial_error;
 mod panel;
 pub mod plan;
@@ -19,6 +20,7 @@ pub mod words;
 
 pub use component::{Component, Verdict};
 pub use direction::Direction;
+pub use information::{Information, ObservabilityPlugin};
 pub use panel::markdown;
 pub use report::{DirectionReport, History, ObservabilityReport, SensorReport, StateReport};
 pub use status::{ComponentStatus, DETERMINED, IN_PART, LOST};

@@ -8,7 +8,7 @@ use crate::status::{ComponentStatus, DETERMINED};
 use navfuse_core::model::record::{Epoch, Outcome, Record, Repetition, UpdateRecord, Wants};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::run::runner::Finished;
+use navfuse_core::session::Finished;
 use navfuse_core::state::Layout;
 use navfuse_core::state::covariance::{Covariance, Transition, Update};
 use navfuse_core::state::manifold::MAX_TANGENT;

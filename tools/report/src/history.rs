@@ -1,9 +1,10 @@
 //! History of a run: counts of everything, and series of a bounded length.
 
+use crate::sensors::{Consistency, Envelope, Innovation, SensorHistory};
 use crate::thin::{Merge, Thin};
+use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Event, Level};
-use navfuse_core::model::sensor::Purpose;
+use navfuse_core::model::record::{Derived, Event, Level};
 use navfuse_core::smooth::SMOOTHER;
 use navfuse_core::state::Mode;
 use navfuse_core::state::geodesy::Geodetic;
@@ -33,6 +34,10 @@ pub struct History {
     pub sensors: Vec<SensorHistory>,
     /// First events of each level.
     pub events: Vec<Event>,
+    /// First findings.
+    pub findings: Vec<Finding>,
+    /// Last value of each derived quantity.
+    pub derived: Vec<Derived>,
     /// Number of further events.
     pub events_left_out: u64,
     /// Verdict of the run; none in a log that was cut off or that an earlier version wrote.
@@ -101,106 +106,6 @@ pub struct Travelled {
     pub truth: f64,
     /// Sum of squared horizontal errors, m^2, and their number.
     pub squares: (f64, u64),
-}
-
-/// History of a sensor.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct SensorHistory {
-    /// Name in the scenario.
-    pub name: String,
-    /// Registered type, if it is known.
-    pub kind: Option<String>,
-    /// Purpose, if it is known.
-    pub purpose: Option<Purpose>,
-    /// Names and SI units of the channels, such as `vel_x_mps`; empty before the first sample.
-    pub channels: Vec<String>,
-    /// Number of samples.
-    pub read: u64,
-    /// Samples over time; a row has the smallest and the largest value of each channel over several
-    /// samples.
-    pub samples: Thin<Envelope>,
-    /// Outcomes of the samples of a measuring sensor.
-    pub updates: Updates,
-}
-
-/// Range of a sensor's channels over several samples.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Envelope {
-    /// Time of the first sample, s.
-    pub time: f64,
-    /// Smallest value of each channel; NaN if it is missing.
-    pub low: Vec<f64>,
-    /// Largest value of each channel.
-    pub high: Vec<f64>,
-}
-
-impl Merge for Envelope {
-    fn merge(&mut self, next: Self) {
-        // if one operand is NaN, `min` and `max` return the other
-        self.low.iter_mut().zip(next.low).for_each(|(a, b)| *a = a.min(b));
-        self.high.iter_mut().zip(next.high).for_each(|(a, b)| *a = a.max(b));
-    }
-}
-
-/// Outcomes of the samples of a measuring sensor.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Updates {
-    /// Samples that updated the state.
-    pub accepted: u64,
-    /// Samples that placed a block, and have no innovation.
-    pub placed: u64,
-    /// Samples outside the gate.
-    pub gated: u64,
-    /// Rejected samples: the reason and the number.
-    pub rejected: Vec<(String, u64)>,
-    /// Sum of the normalised innovation squared of the accepted samples, and of their degrees of
-    /// freedom.
-    pub nis: [f64; 2],
-    /// Every n-th accepted innovation.
-    pub innovations: Thin<Innovation>,
-    /// Every n-th gated innovation; all, unless there are very many.
-    pub outliers: Thin<Innovation>,
-    /// Sums of `nis` over time.
-    pub consistency: Thin<Consistency>,
-}
-
-/// Innovation of a sample.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Innovation {
-    /// Time, s.
-    pub time: f64,
-    /// Sample minus prediction of each channel, SI; NaN if the channel is missing.
-    pub innovation: Vec<f64>,
-    /// 1-sigma of the innovation of each channel.
-    pub sigma: Vec<f64>,
-    /// Normalised innovation squared.
-    pub nis: f64,
-    /// Threshold of the gate on the NIS; infinite if the gate is off.
-    pub threshold: f64,
-}
-
-impl Merge for Innovation {
-    /// Keeps the first row, a choice that does not depend on the value and so introduces no bias.
-    fn merge(&mut self, _: Self) {}
-}
-
-/// Sums over several accepted samples.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Consistency {
-    /// Times of the first and the last sample, s.
-    pub span: [f64; 2],
-    /// Sum of the normalised innovation squared.
-    pub nis: f64,
-    /// Sum of the degrees of freedom, the expectation of `nis`.
-    pub expected: f64,
-}
-
-impl Merge for Consistency {
-    fn merge(&mut self, next: Self) {
-        self.span[1] = next.span[1];
-        self.nis += next.nis;
-        self.expected += next.expected;
-    }
 }
 
 /// Description of a block before its first estimate.
@@ -304,20 +209,24 @@ impl History {
         let updates = &mut sensor.updates;
         match fate {
             Fate::Accepted => {
-                updates.accepted += 1;
+                updates.outcomes.accepted += 1;
                 updates.nis = [updates.nis[0] + nis, updates.nis[1] + freedom];
                 updates.consistency.push(Consistency { span: [time; 2], nis, expected: freedom });
                 updates.innovations.push(row);
             }
-            Fate::Placed => updates.placed += 1,
+            Fate::Placed => updates.outcomes.placed += 1,
             Fate::Gated => {
-                updates.gated += 1;
+                updates.outcomes.gated += 1;
                 updates.outliers.push(row);
             }
-            Fate::Rejected(why) => match updates.rejected.iter_mut().find(|r| r.0 == why) {
-                Some((_, count)) => *count += 1,
-                None => updates.rejected.push((why.to_owned(), 1)),
-            },
+            Fate::Rejected(why) => updates.outcomes.reject(why.to_owned()),
+        }
+    }
+
+    /// Adds a rejected sample of a driving sensor.
+    pub(crate) fn input_rejection(&mut self, sensor: usize, why: &str) {
+        if let Some(sensor) = self.sensors.get_mut(sensor) {
+            sensor.updates.outcomes.reject(why.to_owned());
         }
     }
 
@@ -327,6 +236,21 @@ impl History {
             self.events.push(event.clone());
         } else {
             self.events_left_out += 1;
+        }
+    }
+
+    /// Adds a finding.
+    pub(crate) fn finding(&mut self, finding: &Finding) {
+        if self.findings.len() < EVENTS {
+            self.findings.push(finding.clone());
+        }
+    }
+
+    /// Adds a value of a derived quantity.
+    pub(crate) fn derived(&mut self, derived: &Derived) {
+        match self.derived.iter_mut().find(|known| known.name == derived.name) {
+            Some(known) => known.clone_from(derived),
+            None => self.derived.push(derived.clone()),
         }
     }
 

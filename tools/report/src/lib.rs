@@ -13,13 +13,12 @@ pub mod page;
 pub mod pan_wu;
 pub mod plots;
 mod results;
+mod sensors;
 mod sink;
 mod thin;
 
-pub use history::{
-    BlockHistory, Consistency, Envelope, History, Innovation, Row, SensorHistory, Travelled,
-    Updates,
-};
+pub use history::{BlockHistory, History, Row, Travelled};
 pub use log::read_log;
+pub use sensors::{Consistency, Envelope, Innovation, SensorHistory, Updates};
 pub use sink::Recorder;
 pub use thin::{Merge, ROWS, Thin};

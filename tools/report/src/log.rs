@@ -1,6 +1,7 @@
 //! History of a run from its log.
 
-use crate::history::{BlockInfo, Fate, History, Row, SensorHistory};
+use crate::history::{BlockInfo, Fate, History, Row};
+use crate::sensors::SensorHistory;
 use navfuse_core::model::stream::StreamError;
 use navfuse_mcap::{Entry, InnovationEntry, LogReader};
 use std::path::Path;
@@ -64,7 +65,14 @@ fn take(history: &mut History, entry: Entry<'_>) {
             history.state(info, row);
         }
         Entry::Innovation(update) => innovation(history, &update),
+        Entry::Rejection(rejection) => {
+            if let Some(k) = history.sensors.iter().position(|s| s.name == rejection.sensor) {
+                history.input_rejection(k, rejection.reason);
+            }
+        }
         Entry::Event(event) => history.event(&event),
+        Entry::Finding(finding) => history.finding(&finding),
+        Entry::Derived(derived) => history.derived(&derived),
         Entry::Verdict(verdict) => history.verdict = Some(verdict),
     }
 }

@@ -5,12 +5,13 @@
 //! about z. navfuse uses forward, right, down. So quantities about or along the paper's y axis are
 //! navfuse's third component with the opposite sign.
 
-use crate::history::{BlockHistory, History, SensorHistory};
+use crate::history::{BlockHistory, History};
 use crate::page::{document, picture};
 use crate::plots::{
     beside_truth, channel, convergence, curve, error, label, normalised_panel, over_time, profile,
     tracks,
 };
+use crate::sensors::SensorHistory;
 use maud::html;
 use navfuse_figures::{Axis, Curve, Figure, FigureError, Look, Panel};
 
@@ -290,7 +291,7 @@ pub fn page(figures: &[(usize, Figure)]) -> Result<String, FigureError> {
                  pan-wu-3d and pan-wu-2d. The paper's caption is below each figure."
             }
             p.note {
-                "The axes are those of the paper: x forward, y up, z right; roll about x, yaw \
+                "The axes follow the paper: x forward, y up, z right; roll about x, yaw \
                  about y, pitch about z. navfuse uses forward, right, down: quantities about or \
                  along the paper's y axis are navfuse's third component with the opposite sign. \
                  The paper's standard variance is the standard deviation, 1-sigma. The filter \

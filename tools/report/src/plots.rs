@@ -1,8 +1,7 @@
 //! Figures of any run.
 
-use crate::history::{
-    BlockHistory, Consistency, History, Innovation, Row, SensorHistory, displacement,
-};
+use crate::history::{BlockHistory, History, Row, displacement};
+use crate::sensors::{Consistency, Innovation, SensorHistory};
 use navfuse_core::units::Unit;
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -232,7 +231,7 @@ pub(crate) fn normalised_panel(block: &BlockHistory, components: &[usize]) -> Pa
 /// gated innovations. `None` for a sensor without innovations.
 pub fn innovations(sensor: &SensorHistory) -> Option<Figure> {
     let updates = &sensor.updates;
-    if updates.accepted + updates.gated == 0 {
+    if updates.outcomes.accepted + updates.outcomes.gated == 0 {
         return None;
     }
     let has = |k: usize| {
@@ -247,7 +246,7 @@ pub fn innovations(sensor: &SensorHistory) -> Option<Figure> {
                 curve(name, look, rows.iter().map(|i| [i.time, factor * i.innovation[k]]))
             };
             let mut curves = vec![of(Look::Points(0), "accepted", updates.innovations.rows())];
-            if updates.gated > 0 {
+            if updates.outcomes.gated > 0 {
                 curves.push(of(Look::Points(1), "gated", updates.outliers.rows()));
             }
             let bound =
@@ -271,7 +270,7 @@ pub fn innovations(sensor: &SensorHistory) -> Option<Figure> {
 /// Plots the NIS of a sensor's samples with the gate, and its mean over time with the 95 % band.
 pub fn nis(sensor: &SensorHistory) -> Option<Figure> {
     let updates = &sensor.updates;
-    if updates.accepted + updates.gated == 0 {
+    if updates.outcomes.accepted + updates.outcomes.gated == 0 {
         return None;
     }
     let of = |rows: &[Innovation]| rows.iter().map(|i| [i.time, i.nis]).collect::<Vec<_>>();
@@ -280,7 +279,7 @@ pub fn nis(sensor: &SensorHistory) -> Option<Figure> {
         look: Look::Points(0),
         points: of(updates.innovations.rows()),
     }];
-    if updates.gated > 0 {
+    if updates.outcomes.gated > 0 {
         curves.push(Curve {
             name: "gated".into(),
             look: Look::Points(1),

@@ -1,8 +1,9 @@
 //! History of a run during the run.
 
-use crate::history::{BlockInfo, Fate, History, Row, SensorHistory};
+use crate::history::{BlockInfo, Fate, History, Row};
+use crate::sensors::SensorHistory;
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Epoch, Event, Outcome, Record, UpdateRecord, Wants};
+use navfuse_core::model::record::{Epoch, Event, Outcome, Record, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::state::manifold::{MAX_TANGENT, Position};
 use navfuse_core::units::sample::{Channel, Sample};
@@ -10,7 +11,7 @@ use navfuse_core::units::time::Time;
 use std::any::TypeId;
 
 /// Sink that collects the history of a run; see
-/// [`navfuse_core::run::runner::Finished::take_sink`].
+/// [`navfuse_core::session::Finished::take_sink`].
 #[derive(Debug)]
 pub struct Recorder {
     history: History,
@@ -33,10 +34,6 @@ impl Recorder {
 }
 
 impl Sink for Recorder {
-    fn wants(&self) -> Wants {
-        Wants::default()
-    }
-
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         let sensors = run.sensors.iter().map(|s| SensorHistory {
             name: s.name.clone(),
@@ -61,7 +58,20 @@ impl Sink for Recorder {
             Record::Epoch(epoch) => self.epoch(epoch),
             Record::Update(update) => self.update(update),
             Record::Event(event) => self.event(event),
-            Record::Finding(finding) => self.event(&finding.event()),
+            Record::InputRejection(rejection) => {
+                let sensor = rejection.sensor.0;
+                let why = rejection.reason.reason(&self.columns[sensor]);
+                self.history.input_rejection(sensor, &why);
+                Ok(())
+            }
+            Record::Finding(finding) => {
+                self.history.finding(finding);
+                self.event(&finding.event())
+            }
+            Record::Derived(derived) => {
+                self.history.derived(derived);
+                Ok(())
+            }
             Record::Verdict(verdict) => self.verdict(verdict),
             _ => Ok(()),
         }
@@ -122,7 +132,7 @@ impl Recorder {
             Outcome::Placed => Fate::Placed,
             Outcome::Gated => Fate::Gated,
             Outcome::Rejected(rejection) => {
-                why = navfuse_mcap::reason(rejection, &self.columns[sensor]);
+                why = rejection.reason(&self.columns[sensor]);
                 Fate::Rejected(&why)
             }
         };

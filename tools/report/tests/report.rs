@@ -5,8 +5,8 @@
 use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
-use navfuse_core::run::runner::Finished;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::session::Finished;
 use navfuse_report::{History, Recorder, page, read_log};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -111,13 +111,13 @@ fn the_history_has_the_counts_of_the_summary() {
         assert_eq!(counts["read"], sensor.read, "{}", sensor.name);
         if sensor.name == "dvl" {
             let updates = &sensor.updates;
-            assert!(updates.gated > 0, "the outliers should be gated");
+            assert!(updates.outcomes.gated > 0, "the outliers should be gated");
             assert_eq!(
                 (counts["accepted"].as_u64(), counts["gated"].as_u64()),
-                (Some(updates.accepted), Some(updates.gated))
+                (Some(updates.outcomes.accepted), Some(updates.outcomes.gated))
             );
             let mean = counts["mean_nis"].as_f64().unwrap();
-            assert!((mean - updates.nis[0] / updates.accepted as f64).abs() < 1e-9);
+            assert!((mean - updates.nis[0] / updates.outcomes.accepted as f64).abs() < 1e-9);
         }
     }
     for row in &summary.rows {

@@ -1,12 +1,13 @@
-//! Samples of a run, gathered while the filter runs and in bounded memory.
+//! Samples of a run, gathered without running the filter, or while it runs and in bounded memory.
 
 use crate::gather::{Builder, imu_of};
 use crate::{Recording, SegmentError};
 use navfuse_core::compose::Composition;
-use navfuse_core::model::record::{Record, Wants};
+use navfuse_core::model::record::Record;
 use navfuse_core::model::stream::{Sink, StreamError};
-use navfuse_core::run::runner::Finished;
-use navfuse_core::units::sample::Sample;
+use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::session::Finished;
+use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_ins::Output;
 
@@ -15,6 +16,66 @@ use navfuse_ins::Output;
 const SAMPLES: usize = 1 << 16;
 /// Number of channels of an IMU: three angles or rates, three velocities or forces.
 const CHANNELS: usize = 6;
+
+impl Recording {
+    /// Gathers the samples of a scenario up to its `estimator.stop`, including those before the
+    /// filter's start.
+    ///
+    /// # Errors
+    /// Returns an error if the scenario does not compose, a source fails, or there are no IMU
+    /// samples.
+    pub fn read(scenario: &Scenario<'_>) -> Result<Self, SegmentError> {
+        Self::gather(scenario.assemble(None)?, |_, _| {})
+    }
+
+    /// Gathers the samples of an assembly, as [`Self::read`] does. `progress` receives the current
+    /// time, and the end if it is known.
+    ///
+    /// # Errors
+    /// Returns an error as [`Self::read`] does.
+    pub fn gather(
+        assembly: Assembly,
+        mut progress: impl FnMut(Time, Option<Time>),
+    ) -> Result<Self, SegmentError> {
+        let Assembly { composition, sources, .. } = assembly;
+        let stop = composition.estimator.stop();
+        let end = sources.iter().filter_map(|(_, s)| s.end()).max();
+        let end = stop.map_or(end, |stop| Some(end.map_or(stop, |end| end.min(stop))));
+        let mut samples: Vec<Vec<Sample>> =
+            composition.sensors.iter().map(|_| Vec::new()).collect();
+        let mut dropped = vec![0_usize; samples.len()];
+        let mut warnings = Vec::new();
+        let mut count = 0_u64;
+        for (name, mut source) in sources {
+            let mut sample = Sample::empty(Time::MIN, SensorId(0));
+            while source
+                .next(&mut sample)
+                .map_err(|error| SegmentError::Source { name: name.clone(), error })?
+            {
+                if stop.is_some_and(|stop| sample.time > stop) {
+                    break;
+                }
+                if let Some((list, dropped)) =
+                    samples.get_mut(sample.sensor.0).zip(dropped.get_mut(sample.sensor.0))
+                {
+                    if sample.not_finite().is_none() {
+                        list.push(sample);
+                    } else {
+                        *dropped += 1;
+                    }
+                }
+                count += 1;
+                if count.is_multiple_of(16384) {
+                    progress(sample.time, end);
+                }
+            }
+            warnings.extend(source.warning().map(|text| format!("{name}: {text}")));
+        }
+        samples.iter_mut().for_each(|list| list.sort_by_key(|s| s.time));
+        warnings.extend(dropped_samples(&composition, &dropped));
+        Ok(Self { warnings, ..Builder::new(&composition, samples)?.build()? })
+    }
+}
 
 /// Sink that gathers the samples of a run for a [`Recording`].
 ///
@@ -159,10 +220,6 @@ fn join(output: Output, before: Option<Time>, a: &Sample, b: &Sample) -> Sample 
 }
 
 impl Sink for Gatherer {
-    fn wants(&self) -> Wants {
-        Wants::SAMPLES
-    }
-
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         let Record::Sample(sample) = record else { return Ok(()) };
         if let Some(kept) = self.sensors.get_mut(sample.sensor.0) {

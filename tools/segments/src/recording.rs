@@ -1,13 +1,9 @@
-//! All samples of a run, gathered without running the filter.
+//! All samples of a run, grouped by what they measure.
 
-use crate::gather::Builder;
-use crate::gatherer::dropped_samples;
-use crate::{SegmentError, Series};
+use crate::Series;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use navfuse_core::model::sensor::motion::Motion;
-use navfuse_core::run::scenario::{Assembly, Scenario};
 use navfuse_core::state::geodesy::Geodetic;
-use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 
 /// Mean of an IMU's measurements over one interval.
@@ -135,64 +131,6 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Gathers the samples of a scenario up to its `estimator.stop`, including those before the
-    /// filter's start.
-    ///
-    /// # Errors
-    /// Returns an error if the scenario does not compose, a source fails, or there are no IMU
-    /// samples.
-    pub fn read(scenario: &Scenario<'_>) -> Result<Self, SegmentError> {
-        Self::gather(scenario.assemble(None)?, |_, _| {})
-    }
-
-    /// Gathers the samples of an assembly, as [`Self::read`] does. `progress` receives the current
-    /// time, and the end if it is known.
-    ///
-    /// # Errors
-    /// Returns an error as [`Self::read`] does.
-    pub fn gather(
-        assembly: Assembly,
-        mut progress: impl FnMut(Time, Option<Time>),
-    ) -> Result<Self, SegmentError> {
-        let Assembly { composition, sources, .. } = assembly;
-        let stop = composition.estimator.stop();
-        let end = sources.iter().filter_map(|(_, s)| s.end()).max();
-        let end = stop.map_or(end, |stop| Some(end.map_or(stop, |end| end.min(stop))));
-        let mut samples: Vec<Vec<Sample>> =
-            composition.sensors.iter().map(|_| Vec::new()).collect();
-        let mut dropped = vec![0_usize; samples.len()];
-        let mut warnings = Vec::new();
-        let mut count = 0_u64;
-        for (name, mut source) in sources {
-            let mut sample = Sample::empty(Time::MIN, SensorId(0));
-            while source
-                .next(&mut sample)
-                .map_err(|error| SegmentError::Source { name: name.clone(), error })?
-            {
-                if stop.is_some_and(|stop| sample.time > stop) {
-                    break;
-                }
-                if let Some((list, dropped)) =
-                    samples.get_mut(sample.sensor.0).zip(dropped.get_mut(sample.sensor.0))
-                {
-                    if sample.not_finite().is_none() {
-                        list.push(sample);
-                    } else {
-                        *dropped += 1;
-                    }
-                }
-                count += 1;
-                if count.is_multiple_of(16384) {
-                    progress(sample.time, end);
-                }
-            }
-            warnings.extend(source.warning().map(|text| format!("{name}: {text}")));
-        }
-        samples.iter_mut().for_each(|list| list.sort_by_key(|s| s.time));
-        warnings.extend(dropped_samples(&composition, &dropped));
-        Ok(Self { warnings, ..Builder::new(&composition, samples)?.build()? })
-    }
-
     /// Converts a time on the recording's clock to the run's clock, s.
     pub fn clock(&self, time: f64) -> f64 {
         self.zero.seconds() + time

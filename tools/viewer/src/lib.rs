@@ -36,7 +36,7 @@ pub struct Viewer {
     /// Show the run in a browser: `true` for http://127.0.0.1:9090, or an address and port. It needs a
     /// program built with the feature `serve`.
     pub serve: Serve,
-    /// Record the samples of driving and reference sensors too; those of measuring sensors always
+    /// Record the samples of driving and reference sensors too; samples of measuring sensors always
     /// are.
     pub samples: bool,
     /// Record every row. Otherwise a series has at most 1280 rows, which keep its extremes: a plot

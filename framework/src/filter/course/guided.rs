@@ -1,7 +1,9 @@
-//! A further pass of the smoother: the filter follows a given trajectory, see `guide.rs`.
+//! A further pass of the smoother: the filter follows a given trajectory, see [`super::guide`].
 
 use crate::filter::course::guide::{Course, Guide, Offset};
 use crate::filter::ekf::Ekf;
+use crate::filter::estimate::Estimate;
+use crate::filter::parts::Parts;
 use std::io;
 
 impl Ekf {
@@ -9,23 +11,23 @@ impl Ekf {
     /// starts. A snapshot of the filter does not contain the trajectory.
     pub(crate) fn follow_course(&mut self, course: Box<dyn Course>) {
         self.guide = Some(Box::new(Guide::new(&self.layout, course)));
-        self.memory.offset = Some(Offset::zero(&self.layout));
+        self.parts.estimate.offset = Some(Offset::zero(&self.layout));
     }
 
     /// Returns to linearisation at the estimate.
     pub(crate) fn leave_course(&mut self) {
         self.guide = None;
-        self.memory.offset = None;
+        self.parts.estimate.offset = None;
     }
 
     /// Leaves the trajectory: the state becomes the estimate, and the filter linearises at it from
     /// now on. Returns the injected error.
     pub(crate) fn join_course(&mut self) -> Vec<f64> {
         self.guide = None;
-        let m = &mut self.memory;
-        let Some(mut offset) = m.offset.take() else { return Vec::new() };
-        self.layout.inject(&mut m.state, &mut offset.d, &mut m.covariance);
-        if let Some(history) = &mut m.history {
+        let Parts { estimate, history, .. } = &mut self.parts;
+        let Some(mut offset) = estimate.offset.take() else { return Vec::new() };
+        self.layout.inject(&mut estimate.state, &mut offset.d, &mut estimate.covariance);
+        if let Some(history) = history {
             history.corrected(&offset.d);
         }
         offset.d
@@ -33,7 +35,7 @@ impl Ekf {
 
     /// Returns the estimate relative to the trajectory; empty without one.
     pub(crate) fn offset(&self) -> &[f64] {
-        self.memory.offset.as_ref().map_or(&[], |offset| &offset.d)
+        self.parts.estimate.offset()
     }
 
     /// Error of the trajectory, if it could not be read.
@@ -43,9 +45,9 @@ impl Ekf {
 
     /// Moves from the prior to the trajectory.
     pub(in crate::filter) fn begin_course(&mut self) {
-        let m = &mut self.memory;
-        if let Some((guide, offset)) = self.guide.as_mut().zip(m.offset.as_mut()) {
-            guide.begin(&self.layout, &mut m.state, &mut m.covariance, offset);
+        let Estimate { state, covariance, offset } = &mut self.parts.estimate;
+        if let Some((guide, offset)) = self.guide.as_mut().zip(offset.as_mut()) {
+            guide.begin(&self.layout, state, covariance, offset);
         }
     }
 }

@@ -5,7 +5,7 @@
 //! ```text
 //! b = sum_i q_ii / 2,    V = sum_ij q_ij^2 / 2
 //! ```
-//! with the second derivatives `q_ij` of [`crate::filter::update::points`]. The update trusts the sample to its
+//! with the second derivatives `q_ij` of `update/points.rs`. The update trusts the sample to its
 //! noise `R`, so that
 //! ```text
 //! c = sqrt((b^2 + V) / R)

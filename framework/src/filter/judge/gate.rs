@@ -4,6 +4,7 @@ use crate::compose::Composition;
 use crate::filter::ekf::Ekf;
 use crate::filter::judge::lockout::{Evidence, GONE, Judged, Verdict};
 use crate::filter::judge::slot::SensorSlot;
+use crate::filter::parts::Parts;
 use crate::filter::update::correct::Attempt;
 use crate::model::record::{Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::gate::Action;
@@ -78,31 +79,32 @@ impl Ekf {
         mut nis: f64,
         observer: &mut dyn Observer,
     ) -> Judgement {
-        let (m, update) = (&mut self.memory, &mut self.update);
+        let Parts { estimate, sensors, signatures, watch, .. } = &mut self.parts;
+        let update = &mut self.work.update;
         let &Attempt { sample, index, present, .. } = attempt;
-        let slot = &m.sensors[index];
+        let slot = &sensors[index];
         let threshold = slot.thresholds[update.m];
         let passes = nis <= threshold && nis.is_finite();
         // evidence on the cause matters for a gated sample, and until the sensor agrees again
         let (share, evidence) = if passes && !slot.lockout.disagrees() {
             (0.0, Evidence { passes, ..Evidence::default() })
         } else {
-            let shared = shared(&self.composition, &m.sensors, index);
+            let shared = shared(&self.composition, sensors, index);
             let contradicted = update.remaining(present, &slot.reach).map(|left| left <= GONE);
             (update.share(present, &slot.reach), Evidence { passes, shared, contradicted })
         };
         let worst = if passes { (0, 0.0) } else { worst(update, present) };
-        let slot = &mut m.sensors[index];
+        let slot = &mut sensors[index];
         let (sensor, time, channels) = (slot.name.as_str(), sample.time, update.m);
         let judged = Judged { sensor, time, nis, threshold, m: channels, share, worst };
         let verdict = slot.lockout.judge(&judged, evidence, &slot.recovery, observer);
         if verdict == Verdict::Inflate {
             let unseen = update.unseen(&self.considered, present, &slot.reach);
-            nis = inflate(update, &mut m.covariance, &self.considered, &unseen, nis);
-            if let Some(signatures) = &mut m.signatures {
+            nis = inflate(update, &mut estimate.covariance, &self.considered, &unseen, nis);
+            if let Some(signatures) = signatures {
                 signatures.recovered();
             }
-            m.monitor.iter_mut().for_each(|monitor| monitor.widened());
+            watch.widened();
         }
         let outcome = match verdict {
             Verdict::Gate => Outcome::Gated,
@@ -120,9 +122,10 @@ impl Ekf {
         observer: &mut dyn Observer,
     ) {
         let &Judgement { outcome, nis, threshold, .. } = judgement;
+        let update = &self.work.update;
         let (innovation, covariance) = match outcome {
-            Outcome::Accepted => self.refinement.judged(&self.update),
-            _ => (&self.update.innovation[..], &self.update.s[..]),
+            Outcome::Accepted => self.work.refinement.judged(),
+            _ => (&update.innovation[..], &update.s[..]),
         };
         observer.update(&UpdateRecord {
             time: attempt.sample.time,
@@ -135,20 +138,21 @@ impl Ekf {
             covariance,
         });
         if outcome == Outcome::Gated {
-            observer.gated(&self.update);
+            observer.gated(update);
         }
     }
 
     /// Keeps what a sample that is not used shows of the fault.
     pub(in crate::filter) fn withhold(&mut self, attempt: &Attempt<'_>) {
-        let (m, update) = (&mut self.memory, &mut self.update);
-        let slot = &mut m.sensors[attempt.index];
+        let Parts { estimate, sensors, .. } = &mut self.parts;
+        let update = &mut self.work.update;
+        let slot = &mut sensors[attempt.index];
         if let Some(repeats) = &mut slot.repeats {
             repeats.keep(update, attempt.present, false);
         }
         let first = slot.lockout.streak.is_some_and(|streak| streak.count == 1);
         if first && slot.recovery.action == Action::Inflate {
-            update.begin(&m.covariance, &self.considered, attempt.present, &mut slot.reach);
+            update.begin(&estimate.covariance, &self.considered, attempt.present, &mut slot.reach);
         }
         if slot.isolation().is_some() {
             slot.reach.end();

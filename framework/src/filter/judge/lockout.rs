@@ -14,6 +14,7 @@
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::gate::{Action, Recovery};
+use crate::units::pace::Pace;
 use crate::units::sample::Channel;
 use crate::units::time::Time;
 use std::sync::Arc;
@@ -24,12 +25,6 @@ const IN_A_ROW: u64 = 5;
 /// Largest number of gated samples in a row that is no lock-out, however long they took: an outlier
 /// on either side of an outage.
 const OUTLIERS: u64 = 2;
-
-/// Number of intervals that define the usual one.
-const INTERVALS: u32 = 8;
-
-/// Shortest silence after which the filter is suspected, s, as where a sensor counts as lost.
-const SILENCE: f64 = 5.0;
 
 /// Multiple of the gate's threshold from which a NIS is a jump. With one channel and the default
 /// gate it is 7.8 sigma.
@@ -122,8 +117,7 @@ pub(in crate::filter) struct Lockout {
     /// Time of the last judged sample, and of the last used one.
     last: Option<Time>,
     used: Option<Time>,
-    /// Longest of the first intervals, s, and their number.
-    usual: (f64, u32),
+    pace: Pace,
     /// Mean NIS of the used samples for each channel.
     spread: f64,
     /// Set once the sensor was used after a lock-out that no evidence decided: the filter may be
@@ -140,7 +134,7 @@ impl Lockout {
             channels: channels.iter().map(|channel| Arc::clone(&channel.name)).collect(),
             last: None,
             used: None,
-            usual: (0.0, 0),
+            pace: Pace::default(),
             spread: 1.0,
             adopted: false,
         }
@@ -172,11 +166,8 @@ impl Lockout {
         observer: &mut dyn Observer,
     ) -> Verdict {
         let before = self.last.replace(sample.time);
-        if let Some(before) = before
-            && self.usual.1 < INTERVALS
-            && before < sample.time
-        {
-            self.usual = (self.usual.0.max(sample.time.since(before)), self.usual.1 + 1);
+        if let Some(before) = before {
+            self.pace.take(sample.time.since(before));
         }
         let verdict = if self.isolation.is_some() {
             self.judge_isolated(sample, evidence.passes, recovery, observer)
@@ -239,19 +230,14 @@ impl Lockout {
         Verdict::Isolate
     }
 
-    /// Silence from which on the filter is suspected, s.
+    /// Silence from which on the filter is suspected, s, as where a sensor counts as lost.
     fn silence(&self) -> f64 {
-        match (self.timeout, self.usual) {
-            (Some(given), _) => given,
-            (None, (_, 0)) => f64::INFINITY,
-            (None, (usual, _)) => (3.0 * usual).max(SILENCE),
-        }
+        self.timeout.unwrap_or_else(|| self.pace.patience())
     }
 
     /// Begins a streak.
     fn streak(&self, sample: &Judged<'_>) -> Streak {
         let gap = self.used.map(|used| sample.time.since(used));
-        let usual = self.usual.0;
         // the jump is judged against the innovations before it: those of a filter whose noise is
         // too small scatter widely without any fault
         let jump = sample.nis > STEP * sample.threshold * self.spread.max(1.0);
@@ -259,7 +245,7 @@ impl Lockout {
             since: sample.time,
             count: 0,
             silence: None,
-            step: jump && !self.adopted && usual > 0.0 && gap.is_some_and(|gap| gap <= 3.0 * usual),
+            step: jump && !self.adopted && gap.is_some_and(|gap| self.pace.follows(gap)),
             contradicted: false,
             reported: false,
             worst: sample.worst,

@@ -2,6 +2,7 @@
 
 pub(super) mod bias;
 pub(super) mod curvature;
+mod detect;
 pub(super) mod gate;
 pub(super) mod lockout;
 pub(super) mod noise_level;
@@ -9,3 +10,4 @@ pub(super) mod reject;
 pub(super) mod signature;
 pub(super) mod slot;
 pub(super) mod stuck;
+pub(super) mod watch;

@@ -1,10 +1,24 @@
 //! Samples that the filter rejects, and the warning about the first of a row.
 
-use crate::filter::ekf::{Ekf, rejected};
-use crate::model::record::{Event, Level, Observer, Rejection};
+use crate::filter::ekf::Ekf;
+use crate::model::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::Role;
 use crate::units::sample::Sample;
 use std::mem::discriminant;
+
+/// Record of a sample that the filter rejects.
+pub(in crate::filter) fn rejected(sample: &Sample, rejection: Rejection) -> UpdateRecord<'static> {
+    UpdateRecord {
+        time: sample.time,
+        sensor: sample.sensor,
+        outcome: Outcome::Rejected(rejection),
+        nis: f64::NAN,
+        threshold: f64::NAN,
+        present: sample.present(),
+        innovation: &[],
+        covariance: &[],
+    }
+}
 
 impl Ekf {
     /// Rejects a sample, with a warning unless the sensor's previous sample was rejected for the
@@ -21,12 +35,12 @@ impl Ekf {
             observer.update(&rejected(sample, rejection));
         }
         let index = sample.sensor.0;
-        let before = self.memory.sensors[index].refused.replace(rejection);
+        let before = self.parts.sensors[index].refused.replace(rejection);
         if before.is_some_and(|before| discriminant(&before) == discriminant(&rejection)) {
             return;
         }
         let sensor = &self.composition.sensors[index].info;
-        let last = self.memory.sensors[index].last;
+        let last = self.parts.sensors[index].last;
         let text = match rejection {
             Rejection::NotFinite(channel) => {
                 let name = sensor.channel(channel);

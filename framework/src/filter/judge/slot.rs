@@ -82,8 +82,32 @@ impl SensorSlot {
         }
     }
 
+    /// Reason to reject a sample before it is used; `all` asks for every channel of the sensor.
+    pub(in crate::filter) fn refuses(
+        &self,
+        sensor: &Sensor,
+        sample: &Sample,
+        all: bool,
+    ) -> Option<Rejection> {
+        if let Some(channel) = sample.not_finite() {
+            return Some(Rejection::NotFinite(channel));
+        }
+        if self.is_out_of_order(sample) {
+            return Some(Rejection::OutOfOrder);
+        }
+        let present = sample.present() & self.channels;
+        let missing = if all { present != self.channels } else { present == 0 };
+        if missing {
+            return Some(Rejection::Missing);
+        }
+        if sensor.excludes(sample.time) {
+            return Some(Rejection::Excluded);
+        }
+        self.implausible(sample)
+    }
+
     /// Returns `true` if time does not go on to the sample as the sensor demands.
-    pub(in crate::filter) fn is_out_of_order(&self, sample: &Sample) -> bool {
+    fn is_out_of_order(&self, sample: &Sample) -> bool {
         sample.time < self.last || sample.time == self.last && !self.several
     }
 
@@ -96,7 +120,7 @@ impl SensorSlot {
     }
 
     /// Reason to reject a sample that is outside its plausible range, or has changed too fast.
-    pub(in crate::filter) fn implausible(&self, sample: &Sample) -> Option<Rejection> {
+    fn implausible(&self, sample: &Sample) -> Option<Rejection> {
         self.limits.iter().find_map(|(channel, limit)| {
             let channel = *channel;
             let value = sample.get(channel)?;

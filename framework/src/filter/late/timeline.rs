@@ -13,7 +13,9 @@
 //! before the earliest late sample, through all samples up to the present.
 
 use crate::compose::Composition;
-use crate::filter::ekf::{Ekf, MAX_PENDING, Memory};
+use crate::filter::ekf::Ekf;
+use crate::filter::parts::Parts;
+use crate::filter::propagate::pace::MAX_PENDING;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Epoch, Observer, Rejection};
 use crate::model::sensor::Role;
@@ -77,9 +79,9 @@ pub struct Timeline {
 #[derive(Default)]
 struct Ahead {
     /// The filter after the sample of that place.
-    newest: Option<(Memory, Place)>,
+    newest: Option<(Parts, Place)>,
     /// Snapshots in order of time, each taken before every sample of its time.
-    snapshots: VecDeque<(Time, Memory)>,
+    snapshots: VecDeque<(Time, Parts)>,
     /// Samples of one time during a replay.
     group: VecDeque<Sample>,
 }
@@ -145,6 +147,11 @@ impl Timeline {
         true
     }
 
+    /// Lets the clock of the timeline go on without a sample.
+    pub(crate) fn reach(&mut self, now: Time) {
+        self.now = self.now.max(Some(now));
+    }
+
     /// Ends the waiting: no further sample arrives.
     pub fn close(&mut self) {
         self.closed = true;
@@ -180,14 +187,14 @@ impl Timeline {
     /// process cannot bridge, the estimate is that before the gap. Nothing is shown before the
     /// filter runs.
     pub fn newest<T>(&mut self, ekf: &mut Ekf, look: impl FnOnce(&Epoch<'_>) -> T) -> Option<T> {
-        let (memory, start) = self.ahead.resume(&ekf.memory);
-        let settled = std::mem::replace(&mut ekf.memory, memory);
+        let (parts, start) = self.ahead.resume(&ekf.parts);
+        let settled = std::mem::replace(&mut ekf.parts, parts);
         let replayed = self.replay(ekf, start);
         ekf.settle(&mut ());
         let seen = ekf.running().then(|| look(&ekf.epoch()));
-        let memory = std::mem::replace(&mut ekf.memory, settled);
+        let parts = std::mem::replace(&mut ekf.parts, settled);
         // after a gap, the next replay begins at a snapshot before it
-        self.ahead.newest = replayed.ok().flatten().map(|place| (memory, place));
+        self.ahead.newest = replayed.ok().flatten().map(|place| (parts, place));
         seen
     }
 
@@ -211,7 +218,7 @@ impl Timeline {
             ahead.group.extend(left);
             let due = ahead.snapshots.back().is_none_or(|(before, _)| *before + spacing <= time);
             if due && resumed.is_none() {
-                ahead.snapshots.push_back((time, ekf.memory.clone()));
+                ahead.snapshots.push_back((time, ekf.parts.clone()));
             }
             while let Some(sample) = next_of_group(&mut ahead.group, ekf.running(), references) {
                 ekf.process(&sample, &mut ())?;
@@ -247,10 +254,10 @@ impl Ahead {
     }
 
     /// Latest copy of the filter, and the place where it goes on.
-    fn resume(&mut self, settled: &Memory) -> (Memory, Start) {
+    fn resume(&mut self, settled: &Parts) -> (Parts, Start) {
         match (self.newest.take(), self.snapshots.back()) {
-            (Some((memory, place)), _) => (memory, Start::After(place)),
-            (None, Some((time, memory))) => (memory.clone(), Start::Before(*time)),
+            (Some((parts, place)), _) => (parts, Start::After(place)),
+            (None, Some((time, parts))) => (parts.clone(), Start::Before(*time)),
             (None, None) => (settled.clone(), Start::Before(Time::MIN)),
         }
     }

@@ -1,31 +1,27 @@
 //! The clones that the sensors take: pairs of source and past, and the transition between them.
 
 use crate::compose::Composition;
+use crate::filter::estimate::Estimate;
 use crate::state::Layout;
-use crate::state::covariance::{Covariance, Transition};
+use crate::state::covariance::Transition;
 use nalgebra::SMatrix;
 
 /// Clones that one sensor takes.
 #[derive(Clone)]
 pub(in crate::filter) struct Clones {
-    pub(in crate::filter) sensor: usize,
+    pub(super) sensor: usize,
     /// Source and past, a pair of slots each.
-    pub(in crate::filter) pairs: Vec<[usize; 2]>,
-    pub(in crate::filter) transition: Transition,
+    pairs: Vec<[usize; 2]>,
+    pub(super) transition: Transition,
     /// Set once a sample of the sensor was there to take the clones at.
-    pub(in crate::filter) taken: bool,
+    pub(super) taken: bool,
 }
 
 impl Clones {
     /// Copies values and covariance of the sources to the past blocks.
-    pub(in crate::filter) fn take(
-        &mut self,
-        layout: &Layout,
-        values: &mut [f64],
-        covariance: &mut Covariance,
-    ) {
-        layout.copy_past(&self.pairs, values);
-        self.transition.propagate(covariance);
+    pub(super) fn take(&mut self, layout: &Layout, estimate: &mut Estimate) {
+        layout.copy_past(&self.pairs, &mut estimate.state.values);
+        self.transition.propagate(&mut estimate.covariance);
     }
 
     /// Clones of all sensors of a composition.

@@ -9,6 +9,7 @@
 //! The past then keeps its value, and its correlation with every other block.
 
 use crate::filter::ekf::Ekf;
+use crate::filter::parts::Parts;
 use crate::model::record::Observer;
 use crate::model::sensor::Role;
 use crate::units::sample::Sample;
@@ -16,21 +17,21 @@ use crate::units::sample::Sample;
 impl Ekf {
     /// Returns `true` if the past that the sensor's model reads is there, or it reads none.
     pub(in crate::filter) fn has_past(&self, sensor: usize) -> bool {
-        self.memory.clones.iter().all(|c| c.sensor != sensor || c.taken)
+        self.parts.clones.iter().all(|c| c.sensor != sensor || c.taken)
     }
 
     /// Takes the clones of a sensor at the state's time.
     pub(in crate::filter) fn take_past(&mut self, sensor: usize, observer: &mut dyn Observer) {
-        let m = &mut self.memory;
-        let Some(clones) = m.clones.iter_mut().find(|c| c.sensor == sensor) else { return };
-        clones.take(&self.layout, &mut m.state.values, &mut m.covariance);
+        let Parts { estimate, clones, sensors, .. } = &mut self.parts;
+        let Some(clones) = clones.iter_mut().find(|c| c.sensor == sensor) else { return };
+        clones.take(&self.layout, estimate);
         clones.taken = true;
         observer.transition(&clones.transition);
-        if let Some((guide, offset)) = self.guide.as_mut().zip(m.offset.as_mut()) {
+        if let Some((guide, offset)) = self.guide.as_mut().zip(estimate.offset.as_mut()) {
             guide.carry(offset, &clones.transition);
             observer.corrected(&offset.d);
         }
-        for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
+        for slot in sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
             clones.transition.carry_reach(&mut slot.reach);
         }
     }
@@ -38,9 +39,9 @@ impl Ekf {
     /// Gives every past block the value of its source when the filter begins; it is no frame of a
     /// sensor yet.
     pub(in crate::filter) fn begin_past(&mut self) {
-        let m = &mut self.memory;
-        for clones in &mut m.clones {
-            clones.take(&self.layout, &mut m.state.values, &mut m.covariance);
+        let Parts { estimate, clones, .. } = &mut self.parts;
+        for clones in clones {
+            clones.take(&self.layout, estimate);
             clones.taken = false;
         }
     }
@@ -53,7 +54,7 @@ impl Ekf {
         if matches!(role, Role::Measurement(model) if !model.keyframe(sample)) {
             return;
         }
-        let clones = self.memory.clones.iter_mut();
+        let clones = self.parts.clones.iter_mut();
         clones.filter(|c| c.sensor == sensor).for_each(|c| c.taken = false);
     }
 }

@@ -8,36 +8,73 @@
 //! the measurements.
 
 use crate::filter::ekf::Ekf;
-use crate::filter::propagate::held::Held;
-use crate::filter::propagate::inputs::{correct, replace};
+use crate::filter::parts::Parts;
 use crate::model::estimator_error::EstimatorError;
+use crate::model::process::Input;
 use crate::model::record::{Event, Level, Observer, Rejection};
+use crate::model::sensor::Role;
 use crate::units::sample::Sample;
 use crate::units::time::{Span, Time};
 
 impl Ekf {
+    /// Queues a measurement until the driving sensor reaches its time. Samples of different sensors
+    /// may arrive in any order.
+    pub(in crate::filter) fn wait(&mut self, sample: &Sample, observer: &mut dyn Observer) {
+        // a running filter is compared with a reference after all other samples of the same time
+        let (sensors, running) = (&self.composition.sensors, self.running());
+        let last = |s: &Sample| running && matches!(sensors[s.sensor.0].role, Role::Reference(_));
+        if let Some(oldest) = self.parts.pace.wait(sample, last) {
+            self.reject(&oldest, Rejection::NoInput, observer);
+        }
+    }
+
+    /// Shows a driving sample to the processes before the start, and starts where it is due.
+    pub(in crate::filter) fn prepare(&mut self, input: Input<'_>, observer: &mut dyn Observer) {
+        let Self { layout, stepper, parts, .. } = self;
+        let Parts { propagation, estimate, pace, start, .. } = parts;
+        propagation.prepare(stepper, (layout, &mut estimate.state), input);
+        let time = input.sample.time;
+        let due = start.is_due(time);
+        // the motion before the first driving sample is unknown, and samples before the start are
+        // unused
+        if due || pace.input().is_none() {
+            pace.forget_before(time);
+        }
+        if due {
+            self.initialise(time, false, observer);
+        }
+    }
+
+    /// Warns once that samples of the driving sensor are missing; [`Self::finish`] gives their
+    /// number.
+    pub(in crate::filter) fn report_missing(
+        &self,
+        sample: &Sample,
+        duration: f64,
+        usual: f64,
+        observer: &mut dyn Observer,
+    ) {
+        if self.parts.pace.missing().0 == 1 {
+            let about = self.composition.sensors[sample.sensor.0].info.name.clone();
+            let text = format!(
+                "{duration:.3} s without a sample, {usual:.3} s is usual: bridged at the mean rate"
+            );
+            observer.event(Event { time: sample.time, level: Level::Warning, about, text });
+        }
+    }
+
     /// Takes a sample of a driving sensor beside the first, which holds from its time on.
     pub(in crate::filter) fn hold(&mut self, sample: &Sample, observer: &mut dyn Observer) {
         let running = self.running();
-        if running && sample.time < self.memory.state.time {
+        if running && sample.time < self.state().time {
             self.reject(sample, Rejection::Late, observer);
             return;
         }
-        let m = &mut self.memory;
-        let Some(held) = m.held.iter_mut().find(|held| held.sensor == sample.sensor.0) else {
-            return;
-        };
-        held.interval = held.sample.map_or(0.0, |before| sample.time.since(before.time));
-        held.sample = Some(*sample);
-        let process = held.process;
-        if !running {
-            correct(&mut self.corrected, (&self.layout, &m.state), None, &m.held);
-            if let Some(input) = m.held.iter().find(|h| h.drives(process)).and_then(Held::input) {
-                let input = replace(&self.corrected, input);
-                m.processes[process].prepare(&self.layout, &mut m.state, &input);
-            }
+        let Self { layout, stepper, parts, .. } = self;
+        let at = (&**layout, &mut parts.estimate.state, running);
+        if parts.propagation.hold(stepper, at, sample) {
+            observer.input(sample, None);
         }
-        observer.input(sample, None);
     }
 
     /// Longest gap of the first driving sensor that its process bridges, s, if the process coasts
@@ -54,14 +91,13 @@ impl Ekf {
         now: Time,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
-        let Some((gap, input)) = self.coasts_after().zip(self.memory.input) else { return Ok(()) };
+        let Some((gap, input)) = self.coasts_after().zip(self.parts.pace.input()) else {
+            return Ok(());
+        };
         if now.since(input) <= gap {
             return Ok(());
         }
-        while let Some(waiting) = self.memory.pending.front().copied()
-            && waiting.time < now
-        {
-            self.memory.pending.pop_front();
+        while let Some(waiting) = self.parts.pace.next_before(now) {
             self.advance(waiting.time, None, observer)?;
             self.use_sample(&waiting, observer)?;
         }
@@ -81,10 +117,7 @@ impl Ekf {
             return Ok(None);
         }
         let begin = sample.time - Span::from_seconds(usual).unwrap_or_default();
-        while let Some(waiting) = self.memory.pending.front().copied()
-            && waiting.time <= begin
-        {
-            self.memory.pending.pop_front();
+        while let Some(waiting) = self.parts.pace.next_until(begin) {
             self.advance(waiting.time, None, observer)?;
             self.use_sample(&waiting, observer)?;
         }

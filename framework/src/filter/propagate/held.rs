@@ -1,23 +1,23 @@
 //! The last sample of each driving sensor beside the first.
 
+use super::inputs::{Corrected, replace};
 use crate::compose::Composition;
-use crate::filter::propagate::inputs::{Corrected, replace};
 use crate::model::process::{Input, Interval};
 use crate::units::sample::Sample;
 
 /// Last sample of a driving sensor beside the first.
 #[derive(Clone)]
-pub(in crate::filter) struct Held {
-    pub(in crate::filter) process: usize,
-    pub(in crate::filter) sensor: usize,
-    pub(in crate::filter) sample: Option<Sample>,
+pub(super) struct Held {
+    process: usize,
+    sensor: usize,
+    sample: Option<Sample>,
     /// Time between the last two samples, s.
-    pub(in crate::filter) interval: f64,
+    interval: f64,
 }
 
 impl Held {
     /// The driving sensors beside the first.
-    pub(in crate::filter) fn of(composition: &Composition) -> Vec<Self> {
+    pub(super) fn of(composition: &Composition) -> Vec<Self> {
         let processes = composition.processes.iter().enumerate();
         let driven = processes.filter_map(|(process, p)| Some((process, p.input?)));
         let others = driven.skip(1);
@@ -26,20 +26,41 @@ impl Held {
             .collect()
     }
 
+    /// The process that the sensor drives.
+    pub(super) fn process(&self) -> usize {
+        self.process
+    }
+
+    /// Returns `true` if the sample is one of the sensor.
+    pub(super) fn is_of(&self, sample: &Sample) -> bool {
+        self.sensor == sample.sensor.0
+    }
+
+    /// Last sample of a sensor, if it is this one and a sample was there.
+    pub(super) fn sample_of(&self, sensor: usize) -> Option<&Sample> {
+        self.sample.as_ref().filter(|_| self.sensor == sensor)
+    }
+
+    /// Holds a sample from its time on.
+    pub(super) fn take(&mut self, sample: &Sample) {
+        self.interval = self.sample.map_or(0.0, |before| sample.time.since(before.time));
+        self.sample = Some(*sample);
+    }
+
     /// Returns `true` if the sensor drives the process.
-    pub(in crate::filter) fn drives(&self, process: usize) -> bool {
+    pub(super) fn drives(&self, process: usize) -> bool {
         self.process == process
     }
 
     /// The input of its process, once a sample was there.
-    pub(in crate::filter) fn input(&self) -> Option<Input<'_>> {
+    pub(super) fn input(&self) -> Option<Input<'_>> {
         let (duration, usual) = (self.interval, self.interval);
         self.sample.as_ref().map(|sample| Input { sample, duration, usual, spread: None })
     }
 }
 
 /// Interval as a process sees it: with the sample of its own driving sensor.
-pub(in crate::filter) fn of_process<'a>(
+pub(super) fn of_process<'a>(
     held: &'a [Held],
     corrected: &'a [Corrected],
     process: usize,

@@ -1,7 +1,7 @@
 //! Correction of driving samples by input models, and the effect of their states on `Phi`.
 
+use super::held::Held;
 use crate::compose::Composition;
-use crate::filter::propagate::held::Held;
 use crate::model::process::Input;
 use crate::model::process::input::Correction;
 use crate::state::covariance::Transition;
@@ -11,7 +11,7 @@ use crate::units::time::Time;
 use std::sync::Arc;
 
 /// The input models of one driving sensor, with their work space.
-pub(in crate::filter) struct Corrected {
+pub(super) struct Corrected {
     sensor: usize,
     correction: Arc<Correction>,
     /// The corrected sample.
@@ -24,7 +24,7 @@ pub(in crate::filter) struct Corrected {
 
 impl Corrected {
     /// The sensors of a composition that have input models.
-    pub(in crate::filter) fn of(composition: &Composition) -> Vec<Self> {
+    pub(super) fn of(composition: &Composition) -> Vec<Self> {
         let sensors = composition.sensors.iter().enumerate();
         sensors
             .filter_map(|(sensor, s)| {
@@ -38,7 +38,7 @@ impl Corrected {
 
 /// Corrects the samples that drive a step with the state at its beginning, and differentiates the
 /// correction.
-pub(in crate::filter) fn correct(
+pub(super) fn correct(
     corrected: &mut [Corrected],
     (layout, state): (&Layout, &State),
     input: Option<&Input<'_>>,
@@ -46,7 +46,7 @@ pub(in crate::filter) fn correct(
 ) {
     for own in corrected {
         let first = input.map(|input| input.sample).filter(|s| s.sensor.0 == own.sensor);
-        let other = || held.iter().find(|h| h.sensor == own.sensor)?.sample.as_ref();
+        let other = || held.iter().find_map(|h| h.sample_of(own.sensor));
         own.used = false;
         if let Some(sample) = first.or_else(other) {
             own.sample = own.correction.correct(layout, state, sample);
@@ -57,7 +57,7 @@ pub(in crate::filter) fn correct(
 }
 
 /// The input with its corrected sample.
-pub(in crate::filter) fn replace<'a>(corrected: &'a [Corrected], input: Input<'a>) -> Input<'a> {
+pub(super) fn replace<'a>(corrected: &'a [Corrected], input: Input<'a>) -> Input<'a> {
     match corrected.iter().find(|own| own.used && own.sensor == input.sample.sensor.0) {
         Some(own) => Input { sample: &own.sample, ..input },
         None => input,
@@ -66,7 +66,7 @@ pub(in crate::filter) fn replace<'a>(corrected: &'a [Corrected], input: Input<'a
 
 /// Adds the effect of the models' states to `Phi`, after the processes have filled it. Without a
 /// sample, no state of a model has an effect.
-pub(in crate::filter) fn couple(corrected: &[Corrected], transition: &mut Transition) {
+pub(super) fn couple(corrected: &[Corrected], transition: &mut Transition) {
     for own in corrected {
         let link = own.correction.link();
         if own.used {

@@ -1,9 +1,11 @@
-//! Propagation: driving samples, inputs, the step of state and covariance.
+//! Propagation: the pace of the driving sensors, and the step of state and covariance.
 
 pub(super) mod cadence;
-pub(super) mod drivers;
-pub(super) mod held;
-pub(super) mod inputs;
-pub(super) mod linear;
+mod drivers;
+mod held;
+mod inputs;
+mod linear;
+pub(super) mod pace;
 pub(super) mod passage;
-pub(super) mod pooled;
+mod pooled;
+pub(super) mod propagation;

@@ -14,11 +14,11 @@
 //! positive for any number of states, and the points stay at `sqrt(3)` sigma. `[+]` and `[-]` are
 //! those of the error injection, with velocities that turn with the heading.
 
-use crate::filter::ekf::{Ekf, Memory};
-use crate::filter::propagate::linear::propagate;
+use super::linear::Linear;
+use crate::filter::estimate::Estimate;
 use crate::filter::update::points::factor;
 use crate::model::estimator_error::EstimatorError;
-use crate::model::process::Interval;
+use crate::model::process::{Interval, ProcessModel};
 use crate::state::covariance::Covariance;
 use crate::state::{Layout, State};
 use nalgebra::DMatrix;
@@ -58,20 +58,19 @@ impl Passage {
             linear: Covariance::zero(n),
         }
     }
-}
 
-impl Ekf {
     /// Propagates state and covariance by sigma points.
-    pub(in crate::filter) fn pass(
+    pub(super) fn propagate(
         &mut self,
+        linear: &mut Linear<'_>,
+        considered: &[bool],
+        processes: &mut [Box<dyn ProcessModel>],
+        estimate: &mut Estimate,
         interval: &Interval<'_>,
     ) -> Result<(), EstimatorError> {
-        let Self { layout, memory, passage: Some(w), composition, considered, corrected, .. } =
-            self
-        else {
-            return Ok(());
-        };
-        let Memory { state, covariance, transition, dynamics, processes, held, .. } = memory;
+        let w = self;
+        let Estimate { state, covariance, .. } = estimate;
+        let layout = &linear.composition.layout;
         let n = layout.tangent;
         factor(covariance, &w.columns, &mut w.root);
         let slots = w.known.iter_mut().enumerate();
@@ -87,13 +86,11 @@ impl Ekf {
             point.labels.clone_from(&state.labels);
             layout.displace(state, &mut w.delta, point);
             // each point goes on from the memory that the processes have before the step
-            let mut copies = processes.clone();
-            let parts = (&mut copies[..], &mut *dynamics);
-            propagate(composition, corrected, parts, held, point, interval, transition)?;
+            let mut copies = processes.to_vec();
+            linear.propagate(&mut copies, point, interval)?;
         }
         // the estimate comes last, so that Phi and Q are those at the estimate
-        let parts = (&mut processes[..], &mut *dynamics);
-        propagate(composition, corrected, parts, held, state, interval, transition)?;
+        linear.propagate(processes, state, interval)?;
         w.mean.fill(0.0);
         w.spread.fill(0.0);
         for (i, pair) in w.points.chunks_exact(2).enumerate() {
@@ -112,12 +109,12 @@ impl Ekf {
         }
         // an error that is followed moves by the Phi of the estimate
         w.linear.clone_from(covariance);
-        transition.propagate(&mut w.linear);
+        linear.transition.propagate(&mut w.linear);
         w.product.gemm(1.0, &w.spread, &w.spread.transpose(), 0.0);
         for j in 0..n {
             (0..=j).for_each(|i| covariance.set(i, j, w.product[(i, j)]));
         }
-        transition.add_noise(covariance);
+        linear.transition.add_noise(covariance);
         w.mean.iter_mut().zip(considered).filter(|(_, c)| **c).for_each(|(mean, _)| *mean = 0.0);
         layout.inject(state, &mut w.mean, covariance);
         Ok(())

@@ -11,23 +11,20 @@ use crate::units::time::{Span, Time};
 
 /// The steps since the covariance was propagated.
 #[derive(Clone)]
-pub(in crate::filter) struct PooledSteps {
+pub(super) struct PooledSteps {
     /// Time between two propagations of the covariance.
     period: Span,
     /// Begin of the first step, if there is one.
-    pub(in crate::filter) since: Option<Time>,
+    since: Option<Time>,
     /// The transition over all steps.
-    pub(in crate::filter) whole: Transition,
+    whole: Transition,
     /// The share of the identity in its elements.
     identity: Vec<f64>,
 }
 
 impl PooledSteps {
     /// The pool of a composition that sets a covariance rate.
-    pub(in crate::filter) fn new(
-        composition: &Composition,
-        transition: &Transition,
-    ) -> Option<Self> {
+    pub(super) fn new(composition: &Composition, transition: &Transition) -> Option<Self> {
         let period = composition.estimator.covariance_period()?;
         let identity = transition.identity();
         Some(Self { period, since: None, whole: transition.clone(), identity })
@@ -35,12 +32,28 @@ impl PooledSteps {
 
     /// Adds the step of a transition from one time to another. Returns `true` when the covariance
     /// is due.
-    pub(in crate::filter) fn add(&mut self, transition: &Transition, from: Time, to: Time) -> bool {
+    pub(super) fn add(&mut self, transition: &Transition, from: Time, to: Time) -> bool {
         match self.since {
             None => self.whole.copy_step(transition),
             Some(_) => self.whole.add_step(transition, &self.identity),
         }
         // the step after this one, if as long as this one, would end too late
         to + (to - from) - *self.since.get_or_insert(from) > self.period
+    }
+
+    /// The transition over all steps.
+    pub(super) fn whole(&self) -> &Transition {
+        &self.whole
+    }
+
+    /// Returns `true` if the covariance has not taken all steps.
+    pub(super) fn holds_steps(&self) -> bool {
+        self.since.is_some()
+    }
+
+    /// Ends the steps: the covariance takes them with the transition that is returned.
+    pub(super) fn take(&mut self) -> &mut Transition {
+        self.since = None;
+        &mut self.whole
     }
 }

@@ -1,9 +1,9 @@
 //! Use of the screened samples of the driving sensor, and the reports of the screening.
 
-use crate::filter::ekf::Ekf;
-use crate::filter::screen::repeats::Fault;
-use crate::filter::screen::screening::{News, Skipped};
-use crate::model::estimator_error::EstimatorError;
+use super::repeats::Fault;
+use super::screening::{News, Screen, Skipped};
+use crate::compose::Composition;
+use crate::model::process::screening::Spread;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::SensorInfo;
@@ -15,48 +15,78 @@ const FEW: u64 = 10;
 /// Share of spikes among the samples that is no finding.
 const SHARE: f64 = 1e-3;
 
-impl Ekf {
-    /// Screens a sample of the driving sensor, and uses the samples that pass.
-    pub(in crate::filter) fn screen(
+/// Screening of the driving sensor, where its process has limits.
+#[derive(Clone)]
+pub(in crate::filter) struct Screening(Option<Screen>);
+
+/// Number of replaced spikes, and of all samples.
+pub(in crate::filter) struct Counts {
+    spikes: u64,
+    samples: u64,
+}
+
+impl Screening {
+    /// Screening of the driving sensor; none for a simulated sensor without noise, whose channels
+    /// repeat themselves without a fault.
+    pub(in crate::filter) fn new(composition: &Composition) -> Self {
+        let process = composition.processes.iter().find(|p| p.input.is_some());
+        let noisy =
+            |index: usize| !(composition.simulated && composition.sensors[index].is_noise_free());
+        let process = process.filter(|p| p.input.is_some_and(noisy));
+        Self(process.and_then(|p| p.screening.as_ref()).map(Screen::new))
+    }
+
+    /// Takes a sample. Returns `true` if it passes as it is; otherwise [`Self::next`] has the samples
+    /// to use, if any.
+    pub(in crate::filter) fn take(
         &mut self,
         sample: &Sample,
+        about: (&SensorInfo, bool),
         observer: &mut dyn Observer,
-    ) -> Result<(), EstimatorError> {
-        let passes = match &mut self.memory.screen {
-            None => true,
-            Some(screen) => {
-                let passes = screen.take(sample);
-                if let Some(news) = screen.news.take() {
-                    self.report_screening(news, observer);
-                }
-                passes
-            }
-        };
-        if passes { self.drive(sample, None, observer) } else { self.use_screened(observer) }
-    }
-
-    fn use_screened(&mut self, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
-        while let Some((sample, spread)) =
-            self.memory.screen.as_mut().and_then(|s| s.ready.pop_front())
-        {
-            self.drive(&sample, spread.as_ref(), observer)?;
+    ) -> bool {
+        let Some(screen) = &mut self.0 else { return true };
+        let passes = screen.take(sample);
+        if let Some(news) = screen.news.take() {
+            report(news, screen.spikes == 1, about, observer);
         }
-        Ok(())
+        passes
     }
 
-    /// Uses the samples that the screening holds after the last one, and reports its counts.
-    pub(in crate::filter) fn finish_screening(&mut self, observer: &mut dyn Observer) {
-        let Some(screen) = &mut self.memory.screen else { return };
+    /// The next sample that may be used, with the uncertainty of one that was replaced.
+    pub(in crate::filter) fn next(&mut self) -> Option<(Sample, Option<Spread>)> {
+        self.0.as_mut()?.ready.pop_front()
+    }
+
+    /// Begins the run of the filter.
+    pub(in crate::filter) fn begin_run(&mut self) {
+        self.0.iter_mut().for_each(Screen::begin_run);
+    }
+
+    /// Ends the screening, and returns its counts. [`Self::next`] has the samples that it held.
+    pub(in crate::filter) fn finish(
+        &mut self,
+        about: (&SensorInfo, bool),
+        observer: &mut dyn Observer,
+    ) -> Option<Counts> {
+        let screen = self.0.as_mut()?;
         screen.finish();
-        let (spikes, samples, news) = (screen.spikes, screen.samples(), screen.news.take());
-        if let Some(news) = news {
-            self.report_screening(news, observer);
+        let counts = Counts { spikes: screen.spikes, samples: screen.samples() };
+        if let Some(news) = screen.news.take() {
+            report(news, screen.spikes == 1, about, observer);
         }
-        // a failure here loses a few samples at the very end of the run
-        self.use_screened(observer).ok();
-        let Some(driver) = self.driver else { return };
-        let about = self.composition.sensors[driver].info.name.clone();
-        let time = self.memory.state.time;
+        Some(counts)
+    }
+}
+
+impl Counts {
+    /// Reports the spikes of a run.
+    pub(in crate::filter) fn report(
+        &self,
+        time: Time,
+        info: &SensorInfo,
+        observer: &mut dyn Observer,
+    ) {
+        let (&Self { spikes, samples }, about) = (self, info.name.clone());
         if spikes > FEW && spikes as f64 > SHARE * samples as f64 {
             observer.finding(Finding {
                 time,
@@ -73,43 +103,47 @@ impl Ekf {
             observer.event(Event { time, level: Level::Warning, about, text });
         }
     }
+}
 
-    fn report_screening(&self, news: News, observer: &mut dyn Observer) {
-        let Some(driver) = self.driver else { return };
-        let info = &self.composition.sensors[driver].info;
-        let about = info.name.clone();
-        match news {
-            News::Spike { time, channel, jump, samples } => {
-                let first = self.memory.screen.as_ref().is_none_or(|s| s.spikes == 1);
+/// Reports what the screening has observed about a sensor, and whether the filter waits for its
+/// start.
+fn report(
+    news: News,
+    first_spike: bool,
+    (info, waits): (&SensorInfo, bool),
+    observer: &mut dyn Observer,
+) {
+    let about = info.name.clone();
+    match news {
+        News::Spike { time, channel, jump, samples } => {
+            let level = if first_spike { Level::Warning } else { Level::Info };
+            let name = info.channel(channel);
+            let text = format!(
+                "spike of {samples} sample(s) replaced: {name} jumped by {jump:.3} and came back"
+            );
+            observer.event(Event { time, level, about, text });
+        }
+        News::Skipped(Skipped { fault, channels, from, to }) => {
+            let text = evidence(info, fault, channels, (from, to), Use::Skipped);
+            observer.event(Event { time: to, level: Level::Warning, about, text });
+        }
+        News::Bridge { fault, channels, from, to, too_long, first } => {
+            let of = if too_long { Use::TooLong } else { Use::Bridged };
+            let text = evidence(info, fault, channels, (from, to), of);
+            // before the filter begins, a fault costs it nothing
+            if !first || waits {
                 let level = if first { Level::Warning } else { Level::Info };
-                let name = info.channel(channel);
-                let text = format!(
-                    "spike of {samples} sample(s) replaced: {name} jumped by {jump:.3} and came back"
-                );
-                observer.event(Event { time, level, about, text });
+                observer.event(Event { time: to, level, about, text });
+                return;
             }
-            News::Skipped(Skipped { fault, channels, from, to }) => {
-                let text = evidence(info, fault, channels, (from, to), Use::Skipped);
-                observer.event(Event { time: to, level: Level::Warning, about, text });
-            }
-            News::Bridge { fault, channels, from, to, too_long, first } => {
-                let of = if too_long { Use::TooLong } else { Use::Bridged };
-                let text = evidence(info, fault, channels, (from, to), of);
-                // before the filter begins, a fault costs it nothing
-                if !first || self.memory.stage.waits() {
-                    let level = if first { Level::Warning } else { Level::Info };
-                    observer.event(Event { time: to, level, about, text });
-                    return;
-                }
-                observer.finding(Finding {
-                    time: to,
-                    about,
-                    severity: if too_long { Severity::DoNotUse } else { Severity::Doubtful },
-                    basis: Basis::Samples,
-                    text,
-                    remedy: remedy(fault).to_owned(),
-                });
-            }
+            observer.finding(Finding {
+                time: to,
+                about,
+                severity: if too_long { Severity::DoNotUse } else { Severity::Doubtful },
+                basis: Basis::Samples,
+                text,
+                remedy: remedy(fault).to_owned(),
+            });
         }
     }
 }

@@ -1,14 +1,16 @@
 //! Initial alignment in the filter: search, trials, and supervision until the alignment is
 //! complete.
 
+use super::stage::Stage;
 use crate::compose::moved;
-use crate::filter::ekf::{Ekf, Memory, Snapshot};
-use crate::filter::start::stage::Stage;
+use crate::filter::ekf::Ekf;
+use crate::filter::estimate::Estimate;
+use crate::filter::parts::{Parts, Snapshot};
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::ProcessError;
-use crate::model::process::start::{AlignmentReport, FilterView, Progress};
+use crate::model::process::start::{AlignmentReport, Progress};
 use crate::model::record::finding::{Basis, Finding, Severity};
-use crate::model::record::{Epoch, Event, Observer, Truth};
+use crate::model::record::{Event, Observer};
 use crate::model::sensor::Role;
 use crate::state::Dynamics;
 use crate::state::manifold::MAX_TANGENT;
@@ -43,15 +45,17 @@ impl Ekf {
     /// found, the filter is ready to begin at the start of the search, and to take the buffered
     /// samples.
     pub(in crate::filter) fn search(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
-        let good = self.refuse(sample, self.driver == Some(sample.sensor.0)).is_none();
-        let m = &mut self.memory;
-        let Stage::Searching(buffer) = &mut m.stage else { return Ok(()) };
+        let (index, sensors) = (sample.sensor.0, &self.composition.sensors);
+        let is_driver = self.driver == Some(index);
+        let good = self.parts.sensors[index].refuses(&sensors[index], sample, is_driver).is_none();
+        let Parts { start, estimate, .. } = &mut self.parts;
+        let Stage::Searching(buffer) = &mut start.stage else { return Ok(()) };
         buffer.push(*sample);
         // a faulty sample is reported later, when the filter processes it
         if !good {
             return Ok(());
         }
-        let Some((k, alignment)) = m.alignments.iter_mut().enumerate().find_map(|(k, a)| {
+        let Some((k, alignment)) = start.alignments.iter_mut().enumerate().find_map(|(k, a)| {
             let searches = self.composition.processes[k].searches;
             a.as_mut().filter(|_| searches).map(|a| (k, a))
         }) else {
@@ -59,20 +63,20 @@ impl Ekf {
         };
         // the alignment sees what the process will see, with the initial states of input models
         let correction = self.composition.sensors[sample.sensor.0].correction.as_ref();
-        let corrected = correction.map(|c| c.correct(&self.layout, &m.state, sample));
+        let corrected = correction.map(|c| c.correct(&self.layout, &estimate.state, sample));
         let sample = corrected.as_ref().unwrap_or(sample);
-        let progress = alignment.search(&self.layout, &mut m.state, sample);
+        let progress = alignment.search(&self.layout, &mut estimate.state, sample);
         let progress = progress.map_err(|e| self.process_error(k, sample.time, e))?;
         if progress == Progress::Searching {
             return Ok(());
         }
-        let stage = std::mem::replace(&mut self.memory.stage, Stage::Running);
+        let stage = std::mem::replace(&mut self.parts.start.stage, Stage::Running);
         let Stage::Searching(buffer) = stage else { return Ok(()) };
         let tried = match progress {
             Progress::Trial => self.trials(k, sample.time, &buffer),
             Progress::Searching | Progress::Found => Ok(()),
         };
-        self.memory.stage =
+        self.parts.start.stage =
             if tried.is_ok() { Stage::Found(buffer) } else { Stage::Searching(buffer) };
         tried
     }
@@ -80,24 +84,14 @@ impl Ekf {
     /// Samples of a search that has just ended, which the filter has to take next, one by one. The
     /// filter is left as it is before it begins.
     pub(crate) fn take_found(&mut self) -> Option<Vec<Sample>> {
-        match &mut self.memory.stage {
-            Stage::Found(samples) if !samples.is_empty() => Some(std::mem::take(samples)),
-            _ => None,
-        }
+        self.parts.start.take_found()
     }
 
     /// Begins to run with the initial values that a search has found.
     pub(in crate::filter) fn begin_found(&mut self, observer: &mut dyn Observer) {
         self.begin(observer);
-        let m = &self.memory;
-        let known = m.truth.time == m.state.time;
-        let truth = known.then_some(Truth { state: &m.truth, known: &m.known });
-        observer.epoch(&Epoch {
-            layout: &self.layout,
-            state: &m.state,
-            covariance: &m.covariance,
-            truth,
-        });
+        let Parts { estimate, truth, .. } = &self.parts;
+        observer.epoch(&estimate.epoch(&self.layout, truth.at(estimate.state.time)));
     }
 
     /// Takes the samples of a search, with an estimate in each period of the output rate. With a
@@ -108,9 +102,9 @@ impl Ekf {
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
         let period = self.composition.estimator.output_period();
-        let mut next = self.memory.state.time.next_multiple(period);
+        let mut next = self.state().time.next_multiple(period);
         for sample in samples {
-            let now = self.memory.state.time;
+            let now = self.state().time;
             if !self.has_reference() && now >= next && sample.time > now {
                 next = now.next_multiple(period);
                 self.settle(observer);
@@ -126,7 +120,7 @@ impl Ekf {
         for _ in 0..TRIALS {
             let before = self.snapshot();
             // the prior that a trial finds is that of the first pass
-            self.memory.offset = None;
+            self.parts.estimate.offset = None;
             self.begin(&mut ());
             let ended = buffer.iter().try_for_each(|sample| self.take(sample, &mut ()));
             let after = self.snapshot();
@@ -135,9 +129,9 @@ impl Ekf {
             if ended.is_ok() {
                 self.adopt(&after);
             }
-            let m = &mut self.memory;
-            let Some(alignment) = &mut m.alignments[k] else { break };
-            let progress = alignment.search_again(&self.layout, &mut m.state);
+            let Parts { start, estimate, .. } = &mut self.parts;
+            let Some(alignment) = &mut start.alignments[k] else { break };
+            let progress = alignment.search_again(&self.layout, &mut estimate.state);
             if progress.map_err(|e| self.process_error(k, time, e))? != Progress::Trial {
                 break;
             }
@@ -159,9 +153,9 @@ impl Ekf {
     /// information, would move it away, and the filter would linearise in the wrong place again. A
     /// block that wanders keeps its prior, since its value at the end of the trial is not its value
     /// at the start.
-    fn adopt(&mut self, Snapshot(after): &Snapshot) {
+    fn adopt(&mut self, Snapshot(Parts { estimate: after, .. }): &Snapshot) {
         let moved = moved(&self.layout, &self.composition.processes);
-        let Memory { state, covariance, .. } = &mut self.memory;
+        let Estimate { state, covariance, .. } = &mut self.parts.estimate;
         let blocks = self.layout.blocks.iter().zip(moved);
         for (block, _) in blocks.filter(|(block, moved)| block.estimated() && !moved) {
             let (n, first) = (block.operations.tangent, block.tangent_range().start);
@@ -200,21 +194,17 @@ impl Ekf {
         &mut self,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
-        for k in 0..self.memory.alignments.len() {
+        for k in 0..self.parts.start.alignments.len() {
             let constraint = self.composition.processes[k].constraint;
-            let m = &mut self.memory;
-            let Some(alignment) = &mut m.alignments[k] else { continue };
-            let streak = constraint.and_then(|c| m.sensors[c].lockout.streak);
-            let view = FilterView {
-                layout: &self.layout,
-                state: &m.state,
-                covariance: &m.covariance,
-                gated: streak.map(|streak| (streak.since, streak.count)),
-            };
+            let Parts { start, sensors, estimate, .. } = &mut self.parts;
+            let Some(alignment) = &mut start.alignments[k] else { continue };
+            let streak = constraint.and_then(|c| sensors[c].lockout.streak);
+            let gated = streak.map(|streak| (streak.since, streak.count));
+            let view = estimate.view(&self.layout, gated);
             let supervision = alignment
                 .supervise(&view)
-                .map_err(|e| self.process_error(k, self.memory.state.time, e))?;
-            let time = self.memory.state.time;
+                .map_err(|e| self.process_error(k, self.state().time, e))?;
+            let time = self.state().time;
             let again = self.composition.estimator.linearises_again();
             if let Some((text, remedy)) = supervision.doubt.filter(|_| !again) {
                 let about = self.composition.processes[k].name.clone();
@@ -231,7 +221,7 @@ impl Ekf {
                 let model = Arc::clone(model);
                 let zeros = &[0.0; MAX_CHANNELS][..model.channels()];
                 let sample = Sample::new(time, SensorId(index), zeros);
-                self.memory.sensors[index].last = time;
+                self.parts.sensors[index].last = time;
                 self.correct(&sample, model.as_ref(), observer)?;
             }
         }
@@ -245,14 +235,9 @@ impl Ekf {
 
     /// Incomplete alignments, one event each.
     pub(crate) fn unfinished(&self) -> impl Iterator<Item = Event> + '_ {
-        let m = &self.memory;
-        let view = FilterView {
-            layout: &self.layout,
-            state: &m.state,
-            covariance: &m.covariance,
-            gated: None,
-        };
-        let parts = m.alignments.iter().zip(&self.composition.processes);
+        let Parts { start, estimate, .. } = &self.parts;
+        let view = estimate.view(&self.layout, None);
+        let parts = start.alignments.iter().zip(&self.composition.processes);
         parts.filter_map(move |(alignment, part)| {
             let (level, text) = alignment.as_ref()?.unfinished(&view)?;
             Some(Event { time: view.state.time, level, about: part.name.clone(), text })
@@ -261,9 +246,8 @@ impl Ekf {
 
     /// Results of the alignments, each with the name of its process.
     pub(crate) fn alignments(&self) -> impl Iterator<Item = (&str, AlignmentReport)> + '_ {
-        let parts = self.memory.alignments.iter().zip(&self.composition.processes);
-        parts.filter_map(|(alignment, part)| {
-            Some((part.name.as_str(), alignment.as_ref()?.report()?))
-        })
+        let processes = &self.composition.processes;
+        let reports = self.parts.start.reports();
+        reports.map(|(k, report)| (processes[k].name.as_str(), report))
     }
 }

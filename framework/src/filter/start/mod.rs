@@ -1,5 +1,7 @@
-//! The start: stages, initial values, search and alignment.
+//! The start: stages, initial values, truth, search and alignment.
 
-pub(super) mod alignment;
-pub(super) mod begin;
-pub(super) mod stage;
+mod alignment;
+mod begin;
+pub(super) mod beginning;
+mod stage;
+pub(super) mod truth;

@@ -5,7 +5,7 @@ use crate::units::time::Time;
 
 /// Stage of a filter.
 #[derive(Clone)]
-pub(in crate::filter) enum Stage {
+pub(super) enum Stage {
     /// Waits for the first driving sample from this time on, or for the first measurement if no
     /// sensor drives.
     At(Time),
@@ -19,17 +19,4 @@ pub(in crate::filter) enum Stage {
     Found(Vec<Sample>),
     /// Runs.
     Running,
-}
-
-impl Stage {
-    /// Returns `true` until the filter begins, or the search for its initial values.
-    pub(in crate::filter) fn waits(&self) -> bool {
-        matches!(self, Self::At(_) | Self::FromReference(_))
-    }
-
-    /// Returns `true` if a driving sample of this time starts the filter, or a measurement if no
-    /// sensor drives.
-    pub(in crate::filter) fn is_due(&self, time: Time) -> bool {
-        matches!(self, Self::At(start) if time >= *start)
-    }
 }

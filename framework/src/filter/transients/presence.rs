@@ -8,12 +8,22 @@ use crate::units::time::Time;
 #[derive(Clone, Debug)]
 pub(in crate::filter) struct Presence {
     /// Time of the last observation of each label's block.
-    pub(in crate::filter) seen: Vec<Time>,
+    seen: Vec<Time>,
 }
 
 impl Presence {
     pub(in crate::filter) fn new(labels: usize) -> Self {
         Self { seen: vec![Time::MIN; labels] }
+    }
+
+    /// Time of the last observation of each label's block.
+    pub(super) fn seen(&self) -> &[Time] {
+        &self.seen
+    }
+
+    /// Notes that a block takes a label.
+    pub(super) fn occupy(&mut self, label: usize, time: Time) {
+        self.seen[label] = time;
     }
 
     /// First error state whose variance is not a positive finite number; an absent block has none.

@@ -12,6 +12,7 @@
 //! update with a prior without information. Its innovation has no information about `x`.
 
 use crate::filter::ekf::Ekf;
+use crate::filter::parts::Parts;
 use crate::model::record::{Event, Level, Observer, Outcome, Rejection, UpdateRecord};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::model::sensor::roster::{Change, Roster};
@@ -35,15 +36,15 @@ impl Ekf {
         model: &dyn AnyMeasurement,
         observer: &mut dyn Observer,
     ) -> Option<usize> {
-        let m = &self.memory;
-        if self.layout.labels == 0 || m.sensors[sample.sensor.0].isolation().is_some() {
+        let Parts { estimate, presence, sensors, .. } = &self.parts;
+        if self.layout.labels == 0 || sensors[sample.sensor.0].isolation().is_some() {
             return None;
         }
         let mut changes = std::mem::take(&mut self.changes);
         changes.clear();
-        let at = At { layout: &self.layout, state: &m.state, sample };
-        let (layout, seen) = (&*self.layout, m.presence.seen.as_slice());
-        let mut roster = Roster { layout, state: &m.state, seen, changes: &mut changes };
+        let (layout, state, seen) = (&*self.layout, &estimate.state, presence.seen());
+        let at = At { layout, state, sample };
+        let mut roster = Roster { layout, state, seen, changes: &mut changes };
         model.admit(&at, &mut roster);
         let mut placed = None;
         for change in &changes.list {
@@ -68,39 +69,30 @@ impl Ekf {
 
     /// Gives a free block its label, its value and its truth.
     fn occupy(&mut self, pool: usize, label: u32, value: &[f64]) -> Option<usize> {
-        let (pool, m) = (&self.layout.pools[pool], &mut self.memory);
-        let free = pool.labels(&m.state).iter().position(Option::is_none)?;
+        let Parts { estimate, presence, truth, .. } = &mut self.parts;
+        let (pool, state) = (&self.layout.pools[pool], &mut estimate.state);
+        let free = pool.labels(state).iter().position(Option::is_none)?;
         let slot = pool.slots.start + free;
         let range = self.layout.blocks[slot].range();
-        m.state.labels[pool.first + free] = Some(label);
-        m.state.values[range.clone()].copy_from_slice(&value[..range.len()]);
-        m.presence.seen[pool.first + free] = m.state.time;
-        let truth = pool.truth(label);
-        for truth_of in [&mut m.constants.state.values, &mut m.truth.values] {
-            let to = &mut truth_of[range.clone()];
-            match truth {
-                Some(truth) => to.copy_from_slice(truth),
-                None => to.fill(f64::NAN),
-            }
-        }
-        m.constants.known[slot] = truth.is_some();
-        m.known[slot] = truth.is_some();
+        state.labels[pool.first + free] = Some(label);
+        state.values[range.clone()].copy_from_slice(&value[..range.len()]);
+        presence.occupy(pool.first + free, state.time);
+        truth.occupy(&self.layout, slot, pool.truth(label));
         Some(slot)
     }
 
     /// Makes a block absent.
     fn vacate(&mut self, slot: usize) {
-        let (block, m) = (&self.layout.blocks[slot], &mut self.memory);
+        let (block, state) = (&self.layout.blocks[slot], &mut self.parts.estimate.state);
         let Some(label) = block.label else { return };
-        m.state.labels[label] = None;
-        m.state.values[block.range()].fill(f64::NAN);
-        m.constants.known[slot] = false;
-        m.known[slot] = false;
+        state.labels[label] = None;
+        state.values[block.range()].fill(f64::NAN);
+        self.parts.truth.vacate(slot);
     }
 
     fn give_prior(&mut self, slot: usize, observer: &mut dyn Observer) {
         let block = &self.layout.blocks[slot];
-        let prior = block.prior(&self.memory.state.values);
+        let prior = block.prior(&self.state().values);
         let change = Transition::replacing(&self.layout, block.tangent_range(), &[], &[], &prior);
         self.replace(change, observer);
     }
@@ -112,7 +104,7 @@ impl Ekf {
         label: u32,
         observer: &mut dyn Observer,
     ) {
-        let Some(slot) = self.layout.holder(&self.memory.state, pool, label) else { return };
+        let Some(slot) = self.layout.holder(self.state(), pool, label) else { return };
         let range = self.layout.blocks[slot].tangent_range();
         let none = DMatrix::zeros(range.len(), range.len());
         let change = Transition::replacing(&self.layout, range, &[], &[], &none);
@@ -123,10 +115,10 @@ impl Ekf {
 
     /// Replaces the error of a block.
     fn replace(&mut self, mut change: Transition, observer: &mut dyn Observer) {
-        let m = &mut self.memory;
-        change.propagate(&mut m.covariance);
+        let Parts { estimate, sensors, .. } = &mut self.parts;
+        change.propagate(&mut estimate.covariance);
         observer.transition(&change);
-        for slot in m.sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
+        for slot in sensors.iter_mut().filter(|slot| !slot.reach.is_empty()) {
             change.carry_reach(&mut slot.reach);
         }
     }
@@ -139,7 +131,7 @@ impl Ekf {
         added: Option<u32>,
         observer: &mut dyn Observer,
     ) {
-        let (block, state) = (&self.layout.blocks[slot], &self.memory.state);
+        let (block, state) = (&self.layout.blocks[slot], self.state());
         let pool = self.layout.pools.iter().find(|pool| pool.slots.contains(&slot));
         let noun = pool.map_or("block", |pool| pool.name.as_str());
         let label = added.or_else(|| block.label.and_then(|label| state.labels[label]));
@@ -155,7 +147,7 @@ impl Ekf {
     /// Returns `true` if the sample in the work space has no innovation, since its model reads a
     /// block that is absent.
     pub(in crate::filter) fn reads_absent(&self) -> bool {
-        self.layout.labels > 0 && self.update.innovation.iter().any(|z| z.is_nan())
+        self.layout.labels > 0 && self.work.update.innovation.iter().any(|z| z.is_nan())
     }
 
     /// Places a new block by a sample, which is thereby used up.
@@ -166,7 +158,7 @@ impl Ekf {
         model: &dyn AnyMeasurement,
         observer: &mut dyn Observer,
     ) {
-        let present = sample.present() & self.memory.sensors[sample.sensor.0].channels;
+        let present = sample.present() & self.parts.sensors[sample.sensor.0].channels;
         let Some((columns, phi, noise)) = self.solve(slot, sample, model) else {
             self.vacate(slot);
             self.reject(sample, Rejection::Absent, observer);
@@ -175,9 +167,9 @@ impl Ekf {
         let range = self.layout.blocks[slot].tangent_range();
         let change = Transition::replacing(&self.layout, range, &columns, &phi, &noise);
         self.replace(change, observer);
-        let label = self.layout.blocks[slot].label.and_then(|l| self.memory.state.labels[l]);
+        let label = self.layout.blocks[slot].label.and_then(|l| self.state().labels[l]);
         self.report(sample, slot, label, observer);
-        self.memory.sensors[sample.sensor.0].refused = None;
+        self.parts.sensors[sample.sensor.0].refused = None;
         observer.update(&UpdateRecord {
             time: sample.time,
             sensor: sample.sensor,
@@ -204,7 +196,7 @@ impl Ekf {
             if !self.evaluate(sample, model) {
                 return None;
             }
-            let (block, update) = (&self.layout.blocks[slot], &self.update);
+            let (block, update) = (&self.layout.blocks[slot], &self.work.update);
             let w = update.columns.len();
             let first = update.columns.iter().position(|c| *c == range.start)?;
             if update.m != n {
@@ -232,7 +224,7 @@ impl Ekf {
                 let columns = others.iter().map(|k| update.columns[*k]).collect();
                 return Some((columns, phi, noise));
             }
-            let value = &mut self.memory.state.values[block.range()];
+            let value = &mut self.parts.estimate.state.values[block.range()];
             (block.operations.retract)(value, &delta[..n]);
         }
         None

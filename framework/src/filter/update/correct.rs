@@ -1,14 +1,16 @@
 //! The measurement update: innovation, judgement, refinement, injection and reset.
 
+use super::work::Work;
 use crate::filter::ekf::Ekf;
+use crate::filter::estimate::Estimate;
 use crate::filter::judge::lockout::Verdict;
+use crate::filter::parts::Parts;
 use crate::filter::transients::presence::Presence;
-use crate::filter::update::unscented::regress;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Observer, Outcome, Rejection};
 use crate::model::sensor::Sensor;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
-use crate::model::sensor::update_rule::UpdateRule;
+use crate::model::sensor::rule::{Check, Prior};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 
@@ -19,7 +21,6 @@ pub(in crate::filter) struct Attempt<'a> {
     model: &'a dyn AnyMeasurement,
     /// Number of the sensor.
     pub(in crate::filter) index: usize,
-    rule: UpdateRule,
     /// The channels that the sample has, one bit each.
     pub(in crate::filter) present: u16,
     /// Factor of the noise, for a sample that repeats the one before.
@@ -41,7 +42,7 @@ impl Ekf {
             self.reject(sample, Rejection::Absent, observer);
             return Ok(());
         }
-        let Some(nis) = self.update.innovate(&self.memory.covariance) else {
+        let Some(nis) = self.work.update.innovate(&self.parts.estimate.covariance) else {
             self.reject(sample, Rejection::Singular, observer);
             return Ok(());
         };
@@ -70,12 +71,13 @@ impl Ekf {
         sample: &Sample,
         model: &dyn AnyMeasurement,
     ) -> bool {
-        let (m, update) = (&mut self.memory, &mut self.update);
+        let (Parts { estimate, history, .. }, update) = (&mut self.parts, &mut self.work.update);
+        let state = &estimate.state;
         let &Sensor { noise, time_offset, .. } = &self.composition.sensors[sample.sensor.0];
-        match time_offset.zip(m.history.as_mut()) {
-            None => model.linearise(&At { layout: &self.layout, state: &m.state, sample }, update),
+        match time_offset.zip(history.as_mut()) {
+            None => model.linearise(&At { layout: &self.layout, state, sample }, update),
             Some((offset, history)) => {
-                if !history.linearise(model, offset, (&self.layout, &m.state), sample, update) {
+                if !history.linearise(model, offset, (&self.layout, state), sample, update) {
                     return false;
                 }
             }
@@ -95,17 +97,13 @@ impl Ekf {
         if !self.evaluate(sample, model) {
             return None;
         }
-        let (m, update) = (&mut self.memory, &mut self.update);
+        let Parts { estimate, sensors, .. } = &mut self.parts;
+        let Work { update, rules, .. } = &mut self.work;
         let index = sample.sensor.0;
-        // a given trajectory is the point of linearisation, whatever the rule
-        let rule = match &m.offset {
-            Some(offset) => {
-                offset.innovation(update);
-                UpdateRule::Ekf
-            }
-            None => self.composition.sensors[index].update,
-        };
-        let slot = &mut m.sensors[index];
+        if let Some(offset) = &estimate.offset {
+            offset.innovation(update);
+        }
+        let slot = &mut sensors[index];
         let present = sample.present() & slot.channels;
         let repeated = slot.repeats.as_mut().map_or(1.0, |repeats| repeats.take(sample, present));
         if repeated != 1.0 {
@@ -114,20 +112,20 @@ impl Ekf {
         if let Some(level) = &slot.noise {
             update.r.iter_mut().for_each(|r| *r *= level.variance());
         }
-        if rule == UpdateRule::Ukf {
-            let at = At { layout: &self.layout, state: &m.state, sample };
-            regress(&mut self.points, &at, model, &m.covariance, update);
-        }
-        Some(Attempt { sample, model, index, rule, present, repeated })
+        let Estimate { state, covariance, offset } = estimate;
+        let at = At { layout: &self.layout, state, sample };
+        let prior = Prior { at, model, covariance, considered: &self.considered };
+        rules.of(index, offset.is_some()).linearised(&prior, update);
+        Some(Attempt { sample, model, index, present, repeated })
     }
 
     /// Rejects a sample of a sensor that repeats one sample while the vehicle moves.
     fn is_stuck(&mut self, attempt: &Attempt<'_>, observer: &mut dyn Observer) -> bool {
         let &Attempt { sample, present, repeated, .. } = attempt;
-        let slot = &mut self.memory.sensors[attempt.index];
+        let slot = &mut self.parts.sensors[attempt.index];
         let stuck = slot.repeats.as_mut().and_then(|repeats| {
-            let stuck = repeats.stuck(&self.update, present, repeated)?;
-            repeats.keep(&self.update, present, false);
+            let stuck = repeats.stuck(&self.work.update, present, repeated)?;
+            repeats.keep(&self.work.update, present, false);
             Some(stuck)
         });
         let Some(stuck) = stuck else {
@@ -149,9 +147,10 @@ impl Ekf {
         verdict: Verdict,
         observer: &mut dyn Observer,
     ) -> bool {
-        let (m, update) = (&mut self.memory, &mut self.update);
-        let &Attempt { sample, model, index, rule, present, .. } = attempt;
-        let slot = &mut m.sensors[index];
+        let Parts { estimate, sensors, .. } = &mut self.parts;
+        let Work { update, lower, refinement, rules, .. } = &mut self.work;
+        let &Attempt { sample, model, index, present, .. } = attempt;
+        let slot = &mut sensors[index];
         slot.reach.clear();
         if let Some(test) = &mut slot.bias
             && verdict == Verdict::Pass
@@ -163,67 +162,70 @@ impl Ekf {
         if let Some(level) = &mut slot.noise
             && verdict == Verdict::Pass
         {
-            level.take(update, &mut self.lower);
+            level.take(update, lower);
         }
-        let at = At { layout: &self.layout, state: &m.state, sample };
-        let how = (rule, slot.robust);
-        self.refinement.run((&at, model), how, &m.covariance, &self.considered, update)
+        let Estimate { state, covariance, offset } = estimate;
+        let at = At { layout: &self.layout, state, sample };
+        let prior = Prior { at, model, covariance, considered: &self.considered };
+        refinement.run(&prior, (rules.of(index, offset.is_some()), slot.robust), update)
     }
 
     /// Updates the covariance, and injects the error into the state.
     fn apply(&mut self, attempt: &Attempt<'_>, observer: &mut dyn Observer) {
-        let (m, update) = (&mut self.memory, &mut self.update);
-        let &Attempt { sample, model, index, rule, present, .. } = attempt;
+        let Parts { estimate, propagation, sensors, signatures, watch, presence, history, .. } =
+            &mut self.parts;
+        let Work { update, lower, points, rules, .. } = &mut self.work;
+        let &Attempt { sample, model, index, present, .. } = attempt;
         // an unscented update treats the curvature as noise, and an iterated one is checked at the
         // state after the update
         let mut curved = None;
-        let own = m.offset.is_none();
-        let slot = &mut m.sensors[index];
-        if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Ekf && own)
-            && check.is_due(update, &m.covariance)
+        let own = estimate.offset.is_none();
+        let rule = rules.of(index, !own);
+        let slot = &mut sensors[index];
+        if let Some(check) =
+            slot.curvature.as_mut().filter(|_| rule.check() == Check::Before && own)
+            && check.is_due(update, &estimate.covariance)
         {
-            let at = At { layout: &self.layout, state: &m.state, sample };
-            curved = check.check(&mut self.points, &at, model, &m.covariance, update);
+            let at = At { layout: &self.layout, state: &estimate.state, sample };
+            curved = check.check(points, &at, model, &estimate.covariance, update);
         }
-        update.apply(&mut m.covariance, &self.considered);
-        if rule == UpdateRule::Iekf {
-            self.refinement.correct(&mut update.delta);
-        }
+        update.apply(&mut estimate.covariance, &self.considered);
+        rule.corrects(&mut update.delta);
         if let Some(repeats) = &mut slot.repeats {
             repeats.keep(update, present, true);
         }
-        for other in m.sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
+        for other in sensors.iter_mut().filter(|other| !other.reach.is_empty()) {
             update.correct(&mut other.reach);
         }
-        if let Some(signatures) = m.signatures.as_mut().filter(|_| own) {
-            let at = At { layout: &self.layout, state: &m.state, sample };
-            let transition = m.pool.as_ref().map_or(&m.transition, |pool| &pool.whole);
-            signatures.take((index, present), model, (&at, transition), update, &mut self.lower);
+        if let Some(signatures) = signatures.as_mut().filter(|_| own) {
+            let at = At { layout: &self.layout, state: &estimate.state, sample };
+            let along = (&at, propagation.transition());
+            signatures.take((index, present), model, along, update, lower);
         }
-        if let Some(offset) = &mut m.offset {
+        if let Some(offset) = &mut estimate.offset {
             offset.correct(&mut update.delta);
             observer.corrected(&offset.d);
         } else {
-            self.layout.inject(&mut m.state, &mut update.delta, &mut m.covariance);
+            self.layout.inject(&mut estimate.state, &mut update.delta, &mut estimate.covariance);
         }
-        if let Some(signatures) = m.signatures.as_mut().filter(|_| own) {
+        if let Some(signatures) = signatures.as_mut().filter(|_| own) {
             let widened = signatures.corrected(
                 index,
-                (&self.layout, &m.state),
-                (&mut m.covariance, &self.considered),
-                |sensor| &m.sensors[sensor].name,
+                (&self.layout, &estimate.state),
+                (&mut estimate.covariance, &self.considered),
+                |sensor| &sensors[sensor].name,
                 |finding| observer.finding(finding),
             );
             if widened {
-                m.monitor.iter_mut().for_each(|monitor| monitor.widened());
+                watch.widened();
             }
         }
-        let slot = &mut m.sensors[index];
-        if let Some(check) = slot.curvature.as_mut().filter(|_| rule == UpdateRule::Iekf)
-            && check.is_due(update, &m.covariance)
+        let slot = &mut sensors[index];
+        if let Some(check) = slot.curvature.as_mut().filter(|_| rule.check() == Check::After)
+            && check.is_due(update, &estimate.covariance)
         {
-            let at = At { layout: &self.layout, state: &m.state, sample };
-            curved = check.check(&mut self.points, &at, model, &m.covariance, update);
+            let at = At { layout: &self.layout, state: &estimate.state, sample };
+            curved = check.check(points, &at, model, &estimate.covariance, update);
         }
         if let Some(curved) = curved {
             let info = &self.composition.sensors[index].info;
@@ -232,26 +234,24 @@ impl Ekf {
         // report the injected error: a velocity that turns with the heading changes by more than
         // the product of gain and innovation
         observer.correction(update);
-        m.presence.note(&self.layout, update, sample.time);
-        if let Some(history) = &mut m.history {
+        presence.note(&self.layout, update, sample.time);
+        if let Some(history) = history {
             history.corrected(&update.delta);
         }
     }
 
     /// Checks the covariance, and passes the estimate to the monitors while the sensors agree.
     fn verify(&mut self, time: Time) -> Result<(), EstimatorError> {
-        let m = &self.memory;
-        if let Some(i) = Presence::first_invalid(&self.layout, &m.state, &m.covariance) {
+        let Parts { estimate, sensors, watch, .. } = &mut self.parts;
+        let invalid = Presence::first_invalid(&self.layout, &estimate.state, &estimate.covariance);
+        if let Some(i) = invalid {
             let block = self.layout.blocks.iter().find(|b| b.tangent_range().contains(&i));
             let block = block.map_or_else(String::new, |b| b.name.clone());
             return Err(EstimatorError::Covariance { time, block });
         }
         // while a sensor contradicts the estimate, a correction by another proves nothing
-        if self.memory.sensors.iter().all(|slot| !slot.lockout.disagrees()) {
-            self.watch(|monitor, filter| -> Option<()> {
-                monitor.corrected(filter);
-                None
-            });
+        if sensors.iter().all(|slot| !slot.lockout.disagrees()) {
+            watch.corrected(&estimate.view(&self.layout, None));
         }
         Ok(())
     }

@@ -1,7 +1,10 @@
 //! The measurement update: linearisation, refinement, and its rules.
 
 pub(super) mod correct;
-pub(super) mod iterated;
+pub(super) mod iekf;
+mod measure;
 pub(super) mod points;
-pub(super) mod refine;
-pub(super) mod unscented;
+mod refine;
+mod rules;
+pub(super) mod ukf;
+pub(super) mod work;

@@ -15,6 +15,19 @@ pub enum Severity {
     DoNotUse,
 }
 
+impl Severity {
+    /// All values.
+    pub const ALL: [Self; 2] = [Self::Doubtful, Self::DoNotUse];
+
+    /// Name in a log and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Doubtful => "doubtful",
+            Self::DoNotUse => "do_not_use",
+        }
+    }
+}
+
 /// Basis of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Basis {
@@ -27,6 +40,20 @@ pub enum Basis {
     /// driving sensor makes all others contradict the filter, so such a finding comes before those of
     /// comparisons.
     Samples,
+}
+
+impl Basis {
+    /// All values.
+    pub const ALL: [Self; 3] = [Self::Comparison, Self::Explanation, Self::Samples];
+
+    /// Name in a log and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Comparison => "comparison",
+            Self::Explanation => "explanation",
+            Self::Samples => "samples",
+        }
+    }
 }
 
 /// A fault that the filter or a monitor found, with its remedy. The verdict of a run lists its

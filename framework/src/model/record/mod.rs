@@ -1,13 +1,16 @@
 //! What a run records: estimates, updates, events, findings and the verdict.
 
+mod derived;
 pub mod finding;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod record;
+mod rejection;
 pub mod verdict;
 mod wants;
 
+pub use derived::Derived;
 pub use record::{
-    Epoch, Event, InputRejection, Level, Observer, Outcome, Rejection, Repetition, Truth,
-    UpdateRecord,
+    Epoch, Event, InputRejection, Level, Observer, Outcome, Repetition, Truth, UpdateRecord,
 };
+pub use rejection::{Outcomes, Rejection};
 pub use wants::{Record, Wants};

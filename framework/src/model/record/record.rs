@@ -1,5 +1,6 @@
 //! Records of a run: epochs, updates and events.
 
+use crate::model::record::Rejection;
 use crate::model::record::finding::Finding;
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Layout, State};
@@ -18,56 +19,6 @@ pub enum Outcome {
     Gated,
     /// The sample could not be used; the state is unchanged.
     Rejected(Rejection),
-}
-
-/// Reason of a rejection.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rejection {
-    /// The channel is NaN or infinite.
-    NotFinite(usize),
-    /// No channel is present, or for a driving sensor not all of them.
-    Missing,
-    /// The time is not later than that of the sensor's previous sample.
-    OutOfOrder,
-    /// The time is before that of the state, which cannot go back.
-    Late,
-    /// The innovation covariance is not positive definite.
-    Singular,
-    /// The driving sensor fell silent before this time was reached.
-    NoInput,
-    /// The sensor is isolated: it contradicts the filter, and the evidence is against it.
-    Isolated,
-    /// The sample repeats the previous ones exactly, while the prediction has moved.
-    Repeated,
-    /// The channel is outside its plausible range.
-    OutOfRange(usize),
-    /// The channel changed faster than is plausible.
-    TooFast(usize),
-    /// The scenario excludes samples of this time.
-    Excluded,
-    /// The sample observes a block that is absent.
-    Absent,
-}
-
-impl Rejection {
-    /// The reason in words; `columns` are the names of the sensor's channels.
-    pub fn reason(self, columns: &[String]) -> String {
-        let column = |i: usize| columns.get(i).map_or("a channel", String::as_str);
-        match self {
-            Self::NotFinite(i) => format!("{} is not finite", column(i)),
-            Self::Missing => "channels are missing".into(),
-            Self::OutOfOrder => "not later than the sample before".into(),
-            Self::Late => "earlier than the state".into(),
-            Self::Singular => "the innovation covariance is singular".into(),
-            Self::NoInput => "the driving sensor is silent".into(),
-            Self::Isolated => "the sensor is isolated".into(),
-            Self::Repeated => "repeats the samples before".into(),
-            Self::OutOfRange(i) => format!("{} is out of range", column(i)),
-            Self::TooFast(i) => format!("{} changes too fast", column(i)),
-            Self::Excluded => "the scenario excludes this time".into(),
-            Self::Absent => "observes an absent state".into(),
-        }
-    }
 }
 
 /// Record of a measuring sensor's sample.

@@ -2,7 +2,7 @@
 
 use crate::model::record::finding::Finding;
 use crate::model::record::verdict::Verdict;
-use crate::model::record::{Epoch, Event, InputRejection, Repetition, UpdateRecord};
+use crate::model::record::{Derived, Epoch, Event, InputRejection, Repetition, UpdateRecord};
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
 use std::ops::BitOr;
@@ -17,9 +17,9 @@ pub enum Record<'a> {
     /// them come after the last sample, update and event of the filter, or with a fixed lag once
     /// the filter is the lag ahead.
     Epoch(&'a Epoch<'a>),
-    /// The estimate after all samples that have arrived, at the output rate, in a run where a
-    /// sensor may be late (`late`). A late sample may still change it; [`Self::Epoch`] is the final
-    /// estimate of that time once no late sample can. In other runs every estimate is final.
+    /// The estimate after all samples that have arrived, at the output rate and at once after the
+    /// sample. Another sample of that time may still change it, or a late one (`late`);
+    /// [`Self::Epoch`] is the final estimate of that time once no sample can.
     Newest(&'a Epoch<'a>),
     /// The filter's own estimate in a run that is smoothed, when the filter makes it.
     Filtered(&'a Epoch<'a>),
@@ -37,6 +37,8 @@ pub enum Record<'a> {
     Event(&'a Event),
     /// A fault that the filter or a monitor found.
     Finding(&'a Finding),
+    /// A quantity that a sink derives: see [`crate::model::stream::Sink::derive`].
+    Derived(&'a Derived),
     /// The verdict of the run, after everything else.
     Verdict(&'a Verdict),
 }
@@ -56,6 +58,7 @@ impl Record<'_> {
             Self::Repetition(_) => Wants::REPETITIONS,
             Self::Event(_) => Wants::EVENTS,
             Self::Finding(_) => Wants::FINDINGS,
+            Self::Derived(_) => Wants::DERIVED,
             Self::Verdict(_) => Wants::VERDICT,
         }
     }
@@ -107,6 +110,9 @@ impl Wants {
     /// [`Record::Verdict`].
     pub const VERDICT: Self = Self(1 << 12);
 
+    /// [`Record::Derived`].
+    pub const DERIVED: Self = Self(1 << 13);
+
     /// Returns `true` if every kind of `other` is among these.
     pub fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0
@@ -122,6 +128,7 @@ impl Default for Wants {
             | Self::INPUT_REJECTIONS
             | Self::EVENTS
             | Self::FINDINGS
+            | Self::DERIVED
             | Self::VERDICT
     }
 }

@@ -10,8 +10,8 @@ pub mod motion;
 pub mod mounting;
 pub mod robust;
 pub mod roster;
+pub mod rule;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod sensor;
-pub mod update_rule;
 
 pub use sensor::{Purpose, Reference, Role, Sensor, SensorInfo};

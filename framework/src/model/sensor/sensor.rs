@@ -10,7 +10,7 @@ use crate::model::sensor::measurement::AnyMeasurement;
 use crate::model::sensor::motion::Motion;
 use crate::model::sensor::mounting::Mounting;
 use crate::model::sensor::robust::Robust;
-use crate::model::sensor::update_rule::UpdateRule;
+use crate::model::sensor::rule::UpdateRule;
 use crate::model::simulate::{Faults, Simulate};
 use crate::state::manifold::Scalar;
 use crate::state::{Handle, Layout, State};

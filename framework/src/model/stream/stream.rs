@@ -1,6 +1,6 @@
 //! Sources of samples and sinks of results.
 
-use crate::model::record::{Event, Record, Wants};
+use crate::model::record::{Derived, Event, Record, Wants};
 use crate::model::sensor::SensorInfo;
 use crate::model::stream::StreamError;
 use crate::state::Layout;
@@ -87,7 +87,7 @@ pub struct RunInfo {
 }
 
 /// Receives the records of a run that it wants. Only [`Sink::take`] has to be written.
-/// After the run, [`crate::run::runner::Finished::take_sink`] returns the sink.
+/// After the run, [`crate::session::Finished::take_sink`] returns the sink.
 ///
 /// ```
 /// use navfuse_core::prelude::*;
@@ -121,6 +121,11 @@ pub trait Sink: Any + Send {
     }
     /// Takes a record.
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError>;
+    /// A quantity that the sink derives from the records so far, for the sinks that want
+    /// [`Wants::DERIVED`]. The run asks after each estimate of the filter, and at its end.
+    fn derive(&mut self, _end: bool) -> Option<Derived> {
+        None
+    }
     /// The run is over: writes the rest, and returns the place of the result, a path or an address.
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
         Ok(None)

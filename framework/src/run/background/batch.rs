@@ -2,7 +2,7 @@
 
 use crate::model::record::finding::Finding;
 use crate::model::record::{
-    Epoch, Event, InputRejection, Outcome, Record, Repetition, Truth, UpdateRecord,
+    Derived, Epoch, Event, InputRejection, Outcome, Record, Repetition, Truth, UpdateRecord,
 };
 use crate::model::stream::{Sink, StreamError};
 use crate::state::covariance::{Covariance, Transition, Update};
@@ -13,7 +13,7 @@ use crate::units::time::Time;
 /// Records of one batch. A thread is woken for a batch, which costs as much as a few dozen records.
 const RECORDS: usize = 256;
 
-/// Texts of one batch, in events and findings: their memory is not used again.
+/// Texts of one batch, in events, findings and derived quantities: their memory is not used again.
 const TEXTS: usize = 64;
 
 /// A [`Record`] of a batch. Its content, but for a small one, is the next of its kind in the batch.
@@ -29,6 +29,7 @@ enum Owned {
     Repetition(Repeated),
     Event(Event),
     Finding(Box<Finding>),
+    Derived(Derived),
 }
 
 /// The record that an estimate makes.
@@ -165,6 +166,7 @@ impl Batch {
             Record::Repetition(repetition) => Owned::Repetition(Repeated::of(repetition)),
             Record::Event(event) => self.text(Owned::Event(event.clone())),
             Record::Finding(finding) => self.text(Owned::Finding(Box::new(finding.clone()))),
+            Record::Derived(derived) => self.text(Owned::Derived(derived.clone())),
             // the verdict comes after the thread has ended
             Record::Verdict(_) => return,
         };
@@ -267,6 +269,7 @@ impl Batch {
                 }
                 Owned::Event(event) => Some(sink.take(&Record::Event(event))),
                 Owned::Finding(finding) => Some(sink.take(&Record::Finding(finding))),
+                Owned::Derived(derived) => Some(sink.take(&Record::Derived(derived))),
             };
             passed.unwrap_or(Ok(()))?;
         }

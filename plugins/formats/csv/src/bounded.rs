@@ -3,7 +3,7 @@
 //! fill the memory with one row.
 
 use flate2::read::MultiGzDecoder;
-use std::fs::File;
+use navfuse_core::files::{self, Input};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -33,7 +33,7 @@ impl Bounded {
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub fn new(mut file: File, buffer: usize, joined: bool) -> io::Result<Self> {
+    pub fn new(mut file: Input, buffer: usize, joined: bool) -> io::Result<Self> {
         let mut magic = Vec::new();
         (&mut file).take(ZSTD.len() as u64).read_to_end(&mut magic)?;
         let packed = magic.starts_with(&GZIP) || magic == ZSTD;
@@ -81,7 +81,7 @@ impl Bounded {
 pub fn beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let buffer = usize::try_from(most).unwrap_or(usize::MAX / 2);
-    Bounded::new(File::open(path)?, buffer, false)?.take(most).read_to_end(&mut bytes)?;
+    Bounded::new(files::open(path)?, buffer, false)?.take(most).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 

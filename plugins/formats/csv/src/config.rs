@@ -46,7 +46,7 @@ pub struct FileConfig {
     pub comment: char,
     /// Headings of the columns, for a file without a line of headings. Default: the first line.
     pub headings: Option<Vec<String>>,
-    /// Treatment of a row whose time is not later than that of the row before.
+    /// Treatment of a row whose time is not later than the time of the row before.
     pub disorder: Disorder,
     /// Treatment of a cell without a number, such as nan or inf.
     pub nan: Nan,

@@ -127,7 +127,8 @@ impl Sink for Tables {
     }
 
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
-        Ok(Some(format!("{}, {}", self.estimate.finish()?, self.innovations.finish()?)))
+        let [estimate, innovations] = [self.estimate.finish()?, self.innovations.finish()?];
+        Ok(estimate.zip(innovations).map(|(a, b)| format!("{a}, {b}")))
     }
 }
 
@@ -142,7 +143,7 @@ impl Tables {
         let Some((info, Some(first))) = self.sensors.get(update.sensor.0) else { return Ok(()) };
         let table = &mut self.innovations;
         table.time(update.time)?;
-        table.bytes(info.name.as_bytes())?;
+        table.text(&info.name)?;
         match update.outcome {
             Outcome::Accepted => table.bytes(b"accepted")?,
             Outcome::Placed => table.bytes(b"placed")?,

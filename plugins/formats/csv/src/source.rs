@@ -13,7 +13,6 @@ use navfuse_core::model::stream::{Source, StreamError, StreamErrorKind};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Size of the read buffer in bytes.
@@ -117,7 +116,7 @@ impl Stream {
         info: &SensorInfo,
     ) -> Result<Self, StreamError> {
         let name = &info.name;
-        let file = File::open(path).map_err(|e| {
+        let file = navfuse_core::files::open(path).map_err(|e| {
             StreamError::open(absolute(path), e)
                 .of_sensor(name)
                 .with_remedy(format!("set files.{name}.path, or the source's directory"))

@@ -5,8 +5,7 @@
 //! the instrument looks. The velocities of these records are those of the vehicle.
 
 use crate::bytes::{f32_at, i16_at, i32_at, u8_at, u16_at, u32_at};
-use crate::format::Decoder;
-use crate::ping::{Attitude, Coordinates, Ping, Stamp, Track};
+use crate::ping::{Attitude, Coordinates, Decoder, Ping, Stamp, Track};
 use navfuse_core::units::calendar::Calendar;
 use navfuse_frames::{Damage, Fault, Frames, Framing, Judgement};
 use std::io::{Read, Result};

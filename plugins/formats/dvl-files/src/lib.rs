@@ -42,9 +42,9 @@ mod text;
 mod water_linked;
 
 pub use config::{AttitudeUse, DvlFile, Screen};
-pub use format::{Decoder, Format};
+pub use format::Format;
 pub use navfuse_frames::{Damage, Gap, Stamp, TimeConfig};
-pub use ping::{Attitude, Coordinates, Ping, Track};
+pub use ping::{Attitude, Coordinates, Decoder, Ping, Track};
 
 use navfuse_core::plugin::{Plugin, Registry};
 

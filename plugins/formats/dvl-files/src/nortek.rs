@@ -5,8 +5,7 @@
 //! differ only in the names of the fields. `$PNORBT3` and `$PNORBT4` have a speed and a direction,
 //! which are no velocity along the instrument's axes.
 
-use crate::format::Decoder;
-use crate::ping::{Coordinates, Ping, Stamp, Track};
+use crate::ping::{Coordinates, Decoder, Ping, Stamp, Track};
 use crate::text::{fields, number, two_digits, value};
 use navfuse_core::units::calendar::{Calendar, SECOND, decimal_seconds, with_century};
 use navfuse_frames::{Damage, Frames, Sentences};

@@ -1,8 +1,7 @@
 //! Teledyne PD0: ensembles of binary data types, each found by its offset in the header.
 
 use crate::bytes::{i16_at, sum, u8_at, u16_at};
-use crate::format::Decoder;
-use crate::ping::{Attitude, Ping, Stamp, Track};
+use crate::ping::{Attitude, Decoder, Ping, Stamp, Track};
 use crate::teledyne::{Convention, Janus, Mounting, coordinates, velocities};
 use navfuse_core::units::calendar::{Calendar, with_century};
 use navfuse_frames::{Damage, Fault, Frames, Framing, Judgement};

@@ -1,8 +1,7 @@
 //! Teledyne PD4 and PD5: one binary record of fixed size for each ensemble.
 
 use crate::bytes::{i16_at, sum, u8_at, u16_at};
-use crate::format::Decoder;
-use crate::ping::{Attitude, Ping, Stamp, Track};
+use crate::ping::{Attitude, Decoder, Ping, Stamp, Track};
 use crate::teledyne::{Convention, Mounting, coordinates, velocities};
 use navfuse_core::units::calendar::time_of_day;
 use navfuse_frames::{Damage, Fault, Frames, Framing, Judgement};

@@ -4,8 +4,7 @@
 //! vehicle along the instrument's axes. The same velocities along other axes (`:WS`, `:BE`, ...)
 //! are not needed.
 
-use crate::format::Decoder;
-use crate::ping::{Attitude, Coordinates, Ping, Stamp, Track};
+use crate::ping::{Attitude, Coordinates, Decoder, Ping, Stamp, Track};
 use crate::teledyne::{Convention, Mounting};
 use crate::text::{fields, number, two_digits};
 use navfuse_core::units::calendar::{Calendar, with_century};

@@ -1,6 +1,8 @@
 //! A ping: the content of one record of an instrument, whatever its format.
 
+use navfuse_frames::Damage;
 pub use navfuse_frames::Stamp;
+use std::io::Result;
 
 /// One record of an instrument.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -93,4 +95,31 @@ pub struct Attitude {
     pub pitch: f64,
     /// Roll.
     pub roll: f64,
+}
+
+/// Reads the pings of a file in constant memory.
+///
+/// ```
+/// use navfuse_dvl_files::{Coordinates, Decoder, Format};
+/// let file = &b"$PNORBT7,1452244916.7508,1.2,-1.2,0.5,0.1,0.0,0.01,23.4,23.4,23.4,23.4*3C\r\n?"[..];
+/// let mut pings: Box<dyn Decoder> = Format::NortekNmea.decoder(file);
+/// while let Some(ping) = pings.next()? {
+///     let track = ping.bottom.unwrap();
+///     assert_eq!(track.coordinates, Coordinates::Instrument);
+///     assert_eq!(track.axes, Some([0.5, 0.1, 0.0]));
+/// }
+/// let damage = pings.damage().describe("sentence").unwrap();
+/// assert!(damage.starts_with("skipped 1 byte in 1 place that holds no intact sentence"));
+/// assert_eq!(pings.damage().first().next().unwrap().offset, 75);
+/// # Ok::<(), std::io::Error>(())
+/// ```
+pub trait Decoder: Send {
+    /// The next ping; `None` at the end of the file.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    fn next(&mut self) -> Result<Option<Ping>>;
+
+    /// The bytes that belong to no intact record.
+    fn damage(&self) -> &Damage;
 }

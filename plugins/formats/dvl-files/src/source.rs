@@ -1,8 +1,8 @@
 //! The source: one stream of samples from one file.
 
 use crate::config::{AttitudeUse, DvlFile, Screen};
-use crate::format::{Decoder, Format};
-use crate::ping::{Coordinates, Ping};
+use crate::format::Format;
+use crate::ping::{Coordinates, Decoder, Ping};
 use crate::target::{Given, Target, targets};
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};

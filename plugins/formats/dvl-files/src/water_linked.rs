@@ -3,8 +3,7 @@
 //!
 //! The axes are forward, right and down, and the velocity is that of the vehicle.
 
-use crate::format::Decoder;
-use crate::ping::{Coordinates, Ping, Stamp, Track};
+use crate::ping::{Coordinates, Decoder, Ping, Stamp, Track};
 use crate::text::{fields, number, value};
 use navfuse_frames::{Check, Damage, Fault, Frames, Framing, Judgement, Sentences};
 use serde::Deserialize;

@@ -120,9 +120,8 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test ends where it fails")]
 
     use super::*;
-    use crate::chunk::Definitions;
-    use crate::sink::Compression;
-    use crate::topics::Topic;
+    use crate::chunk::{Definitions, Topic};
+    use crate::file::Compression;
     use std::sync::atomic::{AtomicUsize, Ordering};
     use std::sync::{Arc, Mutex};
     use std::time::Duration;

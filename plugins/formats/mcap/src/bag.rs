@@ -9,15 +9,16 @@
 //! Axes are those of REP 103: `map` is east, north, up at the position of the first epoch, and
 //! `base_link` is forward, left, up.
 
-use crate::chunk::Definitions;
-use crate::frames::{Link, MAP_FRAME, ROS_BODY_FRAME};
+use crate::chunk::{Definitions, Topic};
+use crate::file::Compression;
+use crate::frames::{MAP_FRAME, ROS_BODY_FRAME};
 use crate::log::StreamFailure;
 use crate::message::Stamp;
 use crate::motion::{Motion, Moved};
+use crate::pose::Link;
 use crate::schema::{self, Schema};
-use crate::sink::{Compression, LogWriter};
-use crate::topics::Topic;
-use navfuse_core::files::WholeFile;
+use crate::writer::LogWriter;
+use navfuse_core::files::{WholeFile, check_output};
 use navfuse_core::model::record::{Epoch, Record, Wants};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::units::time::Span;
@@ -27,6 +28,8 @@ use std::path::{Path, PathBuf};
 
 /// The name of the file in the folder; rosbag2 numbers the files of a bag.
 const FILE: &str = "estimate_0.mcap";
+/// The name of the description of the bag in the folder.
+const METADATA: &str = "metadata.yaml";
 /// The topics with their types, in the order of [`Recording::topics`].
 const TOPICS: [(&str, &Schema); 3] =
     [("/odometry", &schema::ODOMETRY), ("/fix", &schema::FIX), ("/tf", &schema::TRANSFORMS)];
@@ -79,6 +82,8 @@ impl Sink for BagSink {
                 .with_remedy("use --to csv or --to parquet, which have every state")
         })?;
         std::fs::create_dir_all(&self.folder).map_err(|e| StreamError::write(&self.folder, e))?;
+        let metadata = self.folder.join(METADATA);
+        check_output(&metadata).map_err(|e| StreamError::write(&metadata, e))?;
         let path = self.file();
         let failed = |e| StreamError::write(&path, e);
         let file = WholeFile::create(&path).map_err(failed)?;
@@ -109,7 +114,7 @@ impl Sink for BagSink {
     fn finish(&mut self) -> Result<Option<String>, StreamError> {
         let Some(mut recording) = self.recording.take() else { return Ok(None) };
         recording.log.finish().map_err(|e| StreamError::write(self.file(), e))?;
-        let path = self.folder.join("metadata.yaml");
+        let path = self.folder.join(METADATA);
         let written = WholeFile::create(&path).and_then(|mut file| {
             file.write_all(recording.metadata().as_bytes())?;
             file.finish()

@@ -2,7 +2,6 @@
 
 use crate::format::{bytes, record, text, texts, u16, u32, u64s};
 use crate::schema::Schema;
-use crate::topics::Topic;
 use mcap::records::op;
 use std::collections::BTreeMap;
 
@@ -11,6 +10,15 @@ use std::collections::BTreeMap;
 /// Longer chunks cost memory, and a run that is killed loses what is not written; shorter ones
 /// compress worse. `docs/src/explanation/performance.md` has the measurements.
 pub const LENGTH: usize = 1 << 19;
+
+/// A topic.
+#[derive(Clone, Copy, Debug)]
+pub struct Topic {
+    /// The channel's id.
+    pub channel: u16,
+    /// Number of messages written.
+    pub sequence: u32,
+}
 
 /// The schemas and channels of a file, as records.
 #[derive(Debug, Default)]

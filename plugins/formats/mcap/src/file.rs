@@ -6,11 +6,12 @@
 
 use crate::chunk::{Chunk, Definitions};
 use crate::format::{by_channel, record, text, texts, u16, u32, u64s};
-use crate::sink::Compression;
 use crc32fast::Hasher;
 use lz4_flex::frame::FrameEncoder;
 use mcap::MAGIC;
 use mcap::records::op;
+use schemars::JsonSchema;
+use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use zstd::bulk::Compressor;
@@ -18,6 +19,19 @@ use zstd::zstd_safe::compress_bound;
 
 /// Level of Zstandard: see `docs/src/explanation/performance.md`.
 const LEVEL: i32 = -1;
+
+/// Compression of the chunks of the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Compression {
+    /// Zstandard.
+    #[default]
+    Zstd,
+    /// LZ4.
+    Lz4,
+    /// Not at all.
+    None,
+}
 
 /// A file to which chunks are being written.
 pub struct LogFile<W> {

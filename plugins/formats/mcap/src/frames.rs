@@ -5,46 +5,22 @@
 //!                              └─ NAME, of every sensor
 //! ```
 
-use crate::chunk::Definitions;
+use crate::chunk::{Definitions, Topic};
 use crate::log::StreamFailure;
-use crate::message::{BODY_FRAME, FIXED_FRAME, Pose, Stamp};
+use crate::message::{BODY_FRAME, FIXED_FRAME, Stamp};
+use crate::pose::{Link, Pose, ned_in_map, ros_in_body};
 use crate::schema;
-use crate::sink::LogWriter;
-use crate::topics::Topic;
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use crate::writer::LogWriter;
+use nalgebra::Vector3;
 use navfuse_core::model::record::Epoch;
 use navfuse_core::model::sensor::mounting::Mounting;
 use navfuse_core::model::stream::RunInfo;
-use std::f64::consts::FRAC_1_SQRT_2;
 
 /// The fixed frame of RViz and of Foxglove's 3D panel: east, north, up, at the origin of
 /// [`FIXED_FRAME`].
 pub const MAP_FRAME: &str = "map";
 /// The body with the axes of ROS (REP 103): forward, left, up.
 pub const ROS_BODY_FRAME: &str = "base_link";
-
-/// A frame in its parent.
-#[derive(Clone, Copy, Debug)]
-pub struct Link<'a> {
-    pub parent: &'a str,
-    pub child: &'a str,
-    /// Origin of the child along the axes of the parent, m.
-    pub translation: Vector3<f64>,
-    /// Rotation from the child to the parent.
-    pub rotation: UnitQuaternion<f64>,
-}
-
-/// Half a turn about the bisector of two horizontal axes, which exchanges these and turns the
-/// third: from north, east, down to east, north, up.
-pub fn ned_in_map() -> UnitQuaternion<f64> {
-    let (x, y) = (FRAC_1_SQRT_2, FRAC_1_SQRT_2);
-    UnitQuaternion::new_unchecked(Quaternion::new(0.0, x, y, 0.0))
-}
-
-/// Half a turn about the forward axis: from forward, left, up to forward, right, down.
-pub fn ros_in_body() -> UnitQuaternion<f64> {
-    UnitQuaternion::new_unchecked(Quaternion::new(0.0, 1.0, 0.0, 0.0))
-}
 
 /// The topics of the frames.
 #[derive(Debug)]

@@ -14,7 +14,10 @@
 //! | `/estimate/fix` | `sensor_msgs/NavSatFix` | geodetic position and its covariance (east, north, up, as that message requires) |
 //! | `/tf` | `tf2_msgs/TFMessage` | `base_link_frd` in `ned`, and the frames of the sensors whose mounting the filter estimates |
 //! | `/tf_static` | `tf2_msgs/TFMessage` | `ned` in `map`, `base_link` and the frames of the other sensors in `base_link_frd`; once |
-//! | `/log` | `rcl_interfaces/Log` | events |
+//! | `/log` | `rcl_interfaces/Log` | events, and findings as warnings |
+//! | `/finding` | `navfuse_msgs/Finding` | a fault that was found: severity, basis, evidence and remedy |
+//! | `/rejection` | `navfuse_msgs/Rejection` | a sample of a driving sensor that the filter rejected, and why |
+//! | `/derived` | `navfuse_msgs/Derived` | a quantity that a sink derives: a table at one time |
 //!
 //! **Frames.** `ned` is north, east, down in the tangent plane at the position of the first epoch.
 //! `base_link_frd` is the body, forward, right, down, at the point whose position is estimated.
@@ -54,18 +57,20 @@ mod frames;
 mod log;
 mod message;
 mod motion;
+mod pose;
 mod reader;
 mod records;
 mod schema;
 mod sink;
 mod source;
 mod topics;
+mod writer;
 
 pub use bag::BagSink;
+pub use file::Compression;
 pub use log::{LogInfo, read_scenario};
-pub use message::reason;
-pub use reader::{BlockEntry, Entry, InnovationEntry, LogReader, SensorEntry};
-pub use sink::{Compression, Mcap, McapSink};
+pub use reader::{BlockEntry, Entry, InnovationEntry, LogReader, RejectionEntry, SensorEntry};
+pub use sink::{Mcap, McapSink};
 pub use source::{McapLog, McapSource};
 
 use navfuse_core::plugin::{Plugin, Registry};

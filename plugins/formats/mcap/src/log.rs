@@ -1,13 +1,12 @@
 //! The metadata of a log, and its summary.
 
 use crate::records::{Chunks, Records, Step};
-use mcap::records::{Metadata, Record, op};
-use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader};
-use mcap::{McapError, Summary};
+use mcap::McapError;
+use mcap::records::{self, Metadata, Record, op};
 use navfuse_core::model::stream::StreamError;
-use navfuse_frames::mcap::ChunkError;
-use std::fs::File;
-use std::io::{Read, Seek};
+use navfuse_frames::mcap::{ChunkError, Fields, HEAD, LONGEST, MAGIC, is_sound, whole_head};
+use std::collections::BTreeMap;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// The name of the metadata record.
@@ -109,7 +108,7 @@ pub fn read_scenario(path: &Path) -> Result<LogInfo, StreamError> {
 pub(crate) fn read_info(path: &Path, at_start: bool) -> Result<Option<LogInfo>, StreamError> {
     let mut records = Records::open(path, Chunks::Passed)?;
     let found = records.find(|opcode, data| match opcode {
-        op::METADATA => Ok(match mcap::parse_record(opcode, data) {
+        op::METADATA => Ok(match parse(opcode, data) {
             Ok(Record::Metadata(m)) if m.name == METADATA => Some(LogInfo::new(m)),
             _ => None,
         }),
@@ -119,18 +118,58 @@ pub(crate) fn read_info(path: &Path, at_start: bool) -> Result<Option<LogInfo>, 
     Ok(if let Step::Found(info) = found { info } else { None })
 }
 
+/// Reads a record, once its texts are known to be as long as they claim.
+///
+/// # Errors
+/// When the record does not follow the format.
+pub(crate) fn parse(opcode: u8, data: &[u8]) -> Result<Record<'_>, StreamError> {
+    if !is_sound(opcode, data) {
+        return Err(damaged(McapError::UnexpectedEof));
+    }
+    mcap::parse_record(opcode, data).map_err(damaged)
+}
+
+/// What the summary at the end of a log states.
+#[derive(Debug, Default)]
+pub(crate) struct Summary {
+    /// The channels in the order of their ids, each with the name of its schema.
+    pub channels: BTreeMap<u16, (records::Channel, String)>,
+    /// Log time of the last message, ns; none in a log without messages.
+    pub end: Option<u64>,
+}
+
 /// The summary at the end of a file; `None` if the file was cut off.
-pub fn summary(path: &Path) -> Option<Summary> {
-    let mut file = File::open(path).ok()?;
-    let mut reader = SummaryReader::new();
-    while let Some(event) = reader.next_event() {
-        match event.ok()? {
-            SummaryReadEvent::ReadRequest(n) => {
-                let read = file.read(reader.insert(n)).ok()?;
-                reader.notify_read(read);
+pub(crate) fn summary(path: &Path) -> Option<Summary> {
+    /// Number of bytes of a footer and of the mark at the end.
+    const TAIL: usize = HEAD + 20 + MAGIC.len();
+    let mut file = navfuse_core::files::open(path).ok()?;
+    let from = file.seek(SeekFrom::End(-(TAIL as i64))).ok()?;
+    let mut tail = [0; TAIL];
+    file.read_exact(&mut tail).ok()?;
+    let (op::FOOTER, 20) = whole_head(&tail)? else { return None };
+    let start = Fields(&tail[HEAD..]).u64().filter(|at| (1..=from).contains(at))?;
+    let length = usize::try_from(from - start).ok().filter(|n| *n <= LONGEST)?;
+    file.seek(SeekFrom::Start(start)).ok()?;
+    let mut section = vec![0; length];
+    file.read_exact(&mut section).ok()?;
+    let (mut rest, mut found, mut schemas) = (&section[..], Summary::default(), BTreeMap::new());
+    while !rest.is_empty() {
+        let (opcode, length) = whole_head(rest)?;
+        let (content, later) = rest[HEAD..].split_at_checked(length)?;
+        rest = later;
+        // the index, which a reader from front to back does not need, is passed over
+        if ![op::SCHEMA, op::CHANNEL, op::STATISTICS].contains(&opcode) {
+            continue;
+        }
+        match parse(opcode, content).ok()? {
+            Record::Schema { header, .. } => drop(schemas.insert(header.id, header.name)),
+            Record::Channel(channel) => {
+                let schema = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                found.channels.insert(channel.id, (channel, schema));
             }
-            SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(file.seek(to).ok()?),
+            Record::Statistics(s) if s.message_count > 0 => found.end = Some(s.message_end_time),
+            _ => {}
         }
     }
-    reader.finish()
+    Some(found)
 }

@@ -1,8 +1,9 @@
 //! The messages of the log in CDR, little-endian. [`crate::schema`] has their definitions.
 
-use crate::frames::{Link, ned_in_map, ros_in_body};
-use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
-use navfuse_core::model::record::{Event, Level, Outcome, Rejection, UpdateRecord};
+use crate::pose::{ENU_NED, Link, Pose, Velocity};
+use nalgebra::{Matrix3, Matrix6, UnitQuaternion};
+use navfuse_core::model::record::finding::Finding;
+use navfuse_core::model::record::{Derived, Event, Level, Outcome, UpdateRecord};
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::Mode;
 use navfuse_core::state::geodesy::Geodetic;
@@ -221,7 +222,7 @@ impl<'a> Encoder<'a> {
             Outcome::Placed => self.0.write_string("placed"),
             Outcome::Gated => self.0.write_string("gated"),
             Outcome::Rejected(why) => {
-                self.0.write_string(&format!("rejected: {}", reason(why, columns)))
+                self.0.write_string(&format!("rejected: {}", why.reason(columns)))
             }
         }
         self.numbers(&[update.nis, update.threshold]);
@@ -232,6 +233,30 @@ impl<'a> Encoder<'a> {
         update.channels().for_each(|(_, innovation, _)| self.0.write_f64(innovation));
         self.0.write_sequence_length(dof);
         update.channels().for_each(|(_, _, sigma)| self.0.write_f64(sigma));
+    }
+
+    /// `navfuse_msgs/Finding`.
+    pub fn finding(mut self, stamp: Stamp, finding: &Finding) {
+        self.header(stamp, &finding.about);
+        let Finding { severity, basis, text, remedy, .. } = finding;
+        for text in [severity.name(), basis.name(), text, remedy] {
+            self.0.write_string(text);
+        }
+    }
+
+    /// `navfuse_msgs/Rejection`.
+    pub fn rejection(mut self, stamp: Stamp, sensor: &str, reason: &str) {
+        self.header(stamp, sensor);
+        self.0.write_string(reason);
+    }
+
+    /// `navfuse_msgs/Derived`.
+    pub fn derived(mut self, stamp: Stamp, derived: &Derived) {
+        self.header(stamp, &derived.name);
+        self.0.write_string(&derived.unit);
+        self.texts(derived.rows.iter().map(String::as_str));
+        self.texts(derived.columns.iter().map(String::as_str));
+        self.sequence(&derived.values);
     }
 
     /// `rcl_interfaces/Log`.
@@ -247,64 +272,6 @@ impl<'a> Encoder<'a> {
         self.0.write_string("");
         self.0.write_string("");
         self.0.write_u32(0);
-    }
-}
-
-/// The reason for a rejection, in the words of the log; `columns` are the columns of the sensor.
-pub fn reason(why: Rejection, columns: &[String]) -> String {
-    why.reason(columns)
-}
-
-/// North, east, down along east, north, up, and the other way round.
-const ENU_NED: Matrix3<f64> = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
-/// Forward, right, down along forward, left, up, and the other way round.
-const FLU_FRD: Matrix3<f64> = Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
-
-/// The body in a fixed frame: [`FIXED_FRAME`] unless it was turned.
-#[derive(Clone, Copy, Debug)]
-pub struct Pose {
-    /// Along the axes of the frame, m.
-    pub position: Vector3<f64>,
-    /// Body to frame.
-    pub attitude: UnitQuaternion<f64>,
-    /// Of position (m) and rotation (rad) about the axes of the frame.
-    pub covariance: Matrix6<f64>,
-}
-
-impl Pose {
-    /// The covariance of the position.
-    pub fn position_covariance(&self) -> Matrix3<f64> {
-        self.covariance.fixed_view::<3, 3>(0, 0).into_owned()
-    }
-
-    /// The same pose in east, north, up, of the body forward, left, up (REP 103): with the rotation
-    /// `S` from north, east, down and the half turn `F` of the body, `C_flu^enu = S C_b^n F`. `S`
-    /// turns a rotation vector as it turns a position.
-    pub fn of_ros(&self) -> Self {
-        let mut turn = Matrix6::zeros();
-        turn.fixed_view_mut::<3, 3>(0, 0).copy_from(&ENU_NED);
-        turn.fixed_view_mut::<3, 3>(3, 3).copy_from(&ENU_NED);
-        Self {
-            position: ENU_NED * self.position,
-            attitude: ned_in_map() * self.attitude * ros_in_body(),
-            covariance: turn * self.covariance * turn.transpose(),
-        }
-    }
-}
-
-/// The velocity in body axes.
-#[derive(Clone, Copy, Debug)]
-pub struct Velocity {
-    /// m/s.
-    pub body: Vector3<f64>,
-    /// (m/s)^2; the first element is -1 where there is no velocity.
-    pub covariance: Matrix3<f64>,
-}
-
-impl Velocity {
-    /// The same velocity along forward, left, up.
-    pub fn of_ros(&self) -> Self {
-        Self { body: FLU_FRD * self.body, covariance: FLU_FRD * self.covariance * FLU_FRD }
     }
 }
 

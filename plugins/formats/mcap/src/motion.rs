@@ -1,6 +1,6 @@
 //! Position, attitude and velocity of the vehicle at an epoch, with their covariances.
 
-use crate::message::{Pose, Velocity};
+use crate::pose::{Pose, Velocity};
 use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3};
 use navfuse_core::model::record::Epoch;
 use navfuse_core::state::geodesy::Geodetic;

@@ -1,14 +1,15 @@
 //! Reads a log without composing its scenario, for reports and tables.
 
-use crate::log::{LogInfo, VERDICT, VERDICT_ENTRY, damaged, read_info};
+use crate::log::{LogInfo, VERDICT, VERDICT_ENTRY, parse, read_info};
 use crate::message::Stamp;
 use crate::records::{Chunks, Records, Step};
 use crate::schema;
 use crate::source::{read_imu, read_sample, read_time};
 use crate::topics::{KIND, PURPOSE, RATES, purpose};
 use mcap::records::{Record, op};
+use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Event, Level};
+use navfuse_core::model::record::{Derived, Event, Level};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::Mode;
@@ -17,6 +18,7 @@ use navfuse_core::units::time::Time;
 use re_cdr::{CdrReader, LittleEndian};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// An entry of a log.
 #[derive(Clone, Debug)]
@@ -29,8 +31,14 @@ pub enum Entry<'a> {
     Block(BlockEntry<'a>),
     /// The use of a sample of a measuring sensor.
     Innovation(InnovationEntry<'a>),
-    /// An event.
+    /// A rejected sample of a driving sensor.
+    Rejection(RejectionEntry<'a>),
+    /// An event. Each finding is among them, as a warning.
     Event(Event),
+    /// A fault that was found.
+    Finding(Finding),
+    /// A derived quantity.
+    Derived(Derived),
     /// The verdict of the run, at its end.
     Verdict(Verdict),
 }
@@ -90,6 +98,17 @@ pub struct InnovationEntry<'a> {
     pub sigma: Vec<f64>,
 }
 
+/// A rejected sample of a driving sensor: the message `navfuse_msgs/Rejection`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RejectionEntry<'a> {
+    /// The sample's time.
+    pub time: Time,
+    /// The sensor's name.
+    pub sensor: &'a str,
+    /// The reason.
+    pub reason: &'a str,
+}
+
 /// Reads a log from its beginning to its end.
 pub struct LogReader {
     records: Records,
@@ -108,7 +127,10 @@ enum Kind {
     Sample(SensorId),
     Block,
     Innovation,
+    Rejection,
     Event,
+    Finding,
+    Derived,
 }
 
 impl LogReader {
@@ -149,7 +171,7 @@ impl LogReader {
             if ![op::SCHEMA, op::CHANNEL, op::MESSAGE, op::METADATA].contains(&opcode) {
                 return Ok(None);
             }
-            match mcap::parse_record(opcode, data).map_err(damaged)? {
+            match parse(opcode, data)? {
                 Record::Schema { header, .. } => {
                     schemas.insert(header.id, header.name);
                     Ok(None)
@@ -225,6 +247,12 @@ fn kind(topic: &str, schema: &str, next: SensorId) -> Option<Kind> {
         Some(Kind::Block)
     } else if schema == schema::INNOVATION.name {
         Some(Kind::Innovation)
+    } else if schema == schema::REJECTION.name {
+        Some(Kind::Rejection)
+    } else if schema == schema::FINDING.name {
+        Some(Kind::Finding)
+    } else if schema == schema::DERIVED.name {
+        Some(Kind::Derived)
     } else {
         (schema == schema::LOG.name).then_some(Kind::Event)
     }
@@ -242,7 +270,14 @@ fn entry<'a>(kind: Kind, r: &mut Reader<'a>) -> re_cdr::Result<Entry<'a>> {
         }
         Kind::Block => Entry::Block(block(r)?),
         Kind::Innovation => Entry::Innovation(innovation(r)?),
+        Kind::Rejection => {
+            let time = Stamp { sec: r.read_i32()?, nanosec: r.read_u32()? }.time();
+            let (sensor, reason) = (r.read_str()?, r.read_str()?);
+            Entry::Rejection(RejectionEntry { time, sensor, reason })
+        }
         Kind::Event => Entry::Event(event(r)?),
+        Kind::Finding => Entry::Finding(finding(r)?),
+        Kind::Derived => Entry::Derived(derived(r)?),
     })
 }
 
@@ -299,6 +334,32 @@ fn event(r: &mut Reader<'_>) -> re_cdr::Result<Event> {
         _ => Level::Info,
     };
     Ok(Event { time, level, about: r.read_str()?.to_owned(), text: r.read_str()?.to_owned() })
+}
+
+fn finding(r: &mut Reader<'_>) -> re_cdr::Result<Finding> {
+    let unknown = |word: &str| re_cdr::Error::Custom(format!("{word} is unknown"));
+    let time = Stamp { sec: r.read_i32()?, nanosec: r.read_u32()? }.time();
+    let about = r.read_str()?.to_owned();
+    let severity = r.read_str()?;
+    let severity = Severity::ALL.into_iter().find(|s| s.name() == severity);
+    let severity = severity.ok_or_else(|| unknown("the severity"))?;
+    let basis = r.read_str()?;
+    let basis = Basis::ALL.into_iter().find(|b| b.name() == basis);
+    let basis = basis.ok_or_else(|| unknown("the basis"))?;
+    let (text, remedy) = (r.read_str()?.to_owned(), r.read_str()?.to_owned());
+    Ok(Finding { time, about, severity, basis, text, remedy })
+}
+
+fn derived(r: &mut Reader<'_>) -> re_cdr::Result<Derived> {
+    let time = Stamp { sec: r.read_i32()?, nanosec: r.read_u32()? }.time();
+    let (name, unit): (Arc<str>, Arc<str>) = (r.read_str()?.into(), r.read_str()?.into());
+    let names = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();
+    let (rows, columns): (Arc<[String]>, Arc<[String]>) = (names(texts(r)?), names(texts(r)?));
+    let values = numbers(r)?;
+    if values.len() != rows.len() * columns.len() {
+        return Err(re_cdr::Error::Custom(format!("the values of {name} differ in number")));
+    }
+    Ok(Derived { time, name, unit, rows, columns, values })
 }
 
 fn texts<'a>(r: &mut Reader<'a>) -> re_cdr::Result<Vec<&'a str>> {

@@ -6,7 +6,6 @@ use mcap::records::op;
 use navfuse_core::model::stream::StreamError;
 use navfuse_frames::Window;
 use navfuse_frames::mcap::{HEAD, LONGEST, MAGIC, PackedChunk, Unpacker, head, whole_head};
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// The result of a search in a log.
@@ -64,7 +63,7 @@ enum Place {
 impl Records {
     /// Opens a file.
     pub fn open(path: &Path, chunks: Chunks) -> Result<Self, StreamError> {
-        let file = File::open(path).map_err(|e| StreamError::open(path, e))?;
+        let file = navfuse_core::files::open(path).map_err(|e| StreamError::open(path, e))?;
         Ok(Self {
             path: path.to_path_buf(),
             window: Window::new(Box::new(file)),

@@ -88,5 +88,17 @@ pub const BLOCK: Schema =
 pub const INNOVATION: Schema =
     schema!("navfuse_msgs" / "Innovation", "std_msgs" / "Header", "builtin_interfaces" / "Time");
 
+/// A fault that was found.
+pub const FINDING: Schema =
+    schema!("navfuse_msgs" / "Finding", "std_msgs" / "Header", "builtin_interfaces" / "Time");
+
+/// A rejected sample of a driving sensor.
+pub const REJECTION: Schema =
+    schema!("navfuse_msgs" / "Rejection", "std_msgs" / "Header", "builtin_interfaces" / "Time");
+
+/// A derived quantity.
+pub const DERIVED: Schema =
+    schema!("navfuse_msgs" / "Derived", "std_msgs" / "Header", "builtin_interfaces" / "Time");
+
 /// An event.
 pub const LOG: Schema = schema!("rcl_interfaces" / "Log", "builtin_interfaces" / "Time");

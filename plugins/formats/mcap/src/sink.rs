@@ -1,14 +1,15 @@
 //! The sink: every sample, estimate, innovation and event of a run in one MCAP file.
 
-use crate::background::Background as Writer;
-use crate::chunk::{Chunk, Definitions, LENGTH};
-use crate::file::LogFile;
+use crate::chunk::Definitions;
+use crate::file::{Compression, LogFile};
 use crate::log::{METADATA, SCENARIO, StreamFailure, VERDICT, VERDICT_ENTRY};
-use crate::message::Encoder;
-use crate::topics::{Estimate, SensorTopics, Topic, Topics};
+use crate::message::Stamp;
+use crate::topics::Topics;
+use crate::writer::LogWriter;
 use navfuse_core::files::{WholeFile, part_of};
+use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::Verdict;
-use navfuse_core::model::record::{Epoch, Event, Record, UpdateRecord};
+use navfuse_core::model::record::{Derived, Epoch, Event, InputRejection, Record, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::plugin::{OpenContext, SinkType};
 use navfuse_core::run::background::Background;
@@ -18,7 +19,6 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::io;
 use std::path::{Path, PathBuf};
 
 /// Records the run in an MCAP file, which `navfuse replay`, ROS 2 tools, Foxglove and rerun read:
@@ -39,19 +39,6 @@ fn run_mcap() -> PathBuf {
 }
 
 const SECOND: u64 = 1_000_000_000;
-
-/// Compression of the chunks of the file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Compression {
-    /// Zstandard.
-    #[default]
-    Zstd,
-    /// LZ4.
-    Lz4,
-    /// Not at all.
-    None,
-}
 
 impl SinkType for Mcap {
     const TYPE: &'static str = "mcap";
@@ -157,7 +144,14 @@ impl Sink for McapSink {
             Record::Epoch(epoch) => self.record(epoch.state.time, |r| r.epoch(epoch)),
             Record::Update(update) => self.record(update.time, |r| r.update(update)),
             Record::Event(event) => self.event(event),
-            Record::Finding(finding) => self.event(&finding.event()),
+            Record::InputRejection(rejection) => {
+                self.record(rejection.time, |r| r.rejection(rejection))
+            }
+            Record::Finding(finding) => {
+                self.event(&finding.event())?;
+                self.record(finding.time, |r| r.finding(finding))
+            }
+            Record::Derived(derived) => self.record(derived.time, |r| r.derived(derived)),
             Record::Verdict(verdict) => self.verdict(verdict),
             _ => Ok(()),
         }
@@ -188,82 +182,11 @@ impl McapSink {
     }
 }
 
-/// The file, and the chunk that is being filled.
-#[derive(Debug)]
-pub(crate) struct LogWriter {
-    file: Writer,
-    chunk: Chunk,
-    /// Log time minus run time, ns.
-    offset: i64,
-    /// The latest time that was logged.
-    latest: Time,
-}
-
-impl LogWriter {
-    /// Begins a file whose log times are those of the run plus an offset in ns; `head` writes what
-    /// stands before the messages.
-    pub(crate) fn begin(
-        file: WholeFile,
-        compression: Compression,
-        version: &str,
-        definitions: Definitions,
-        offset: i64,
-        head: impl FnOnce(&mut LogFile<WholeFile>) -> io::Result<()>,
-    ) -> io::Result<Self> {
-        let mut chunk = Chunk::default();
-        chunk.records.extend_from_slice(&definitions.schemas);
-        chunk.records.extend_from_slice(&definitions.channels);
-        let library = format!("navfuse {version}");
-        let mut file = LogFile::begin(file, compression, &library, definitions)?;
-        head(&mut file)?;
-        let file = Writer::start(file)?;
-        Ok(Self { file, chunk, offset, latest: Time::MIN })
-    }
-
-    /// The log time of a time of the run, in ns; zero for an earlier one.
-    pub(crate) fn log_time(&self, time: Time) -> u64 {
-        u64::try_from(time.nanos().saturating_add(self.offset)).unwrap_or(0)
-    }
-
-    /// Completes the file, which then takes its name.
-    pub(crate) fn finish(&mut self) -> Result<(), StreamFailure> {
-        self.write_chunk()?;
-        self.file.finish()
-    }
-
-    /// Writes a message.
-    pub(crate) fn send(
-        &mut self,
-        topic: &mut Topic,
-        time: Time,
-        encode: impl FnOnce(Encoder<'_>),
-    ) -> Result<(), StreamFailure> {
-        let log_time = self.log_time(time);
-        self.chunk.message(topic, log_time, |out| encode(Encoder::new(out)));
-        topic.sequence = topic.sequence.wrapping_add(1);
-        self.latest = self.latest.max(time);
-        if self.chunk.records.len() < LENGTH { Ok(()) } else { self.write_chunk() }
-    }
-
-    fn write_chunk(&mut self) -> Result<(), StreamFailure> {
-        if self.chunk.records.is_empty() { Ok(()) } else { self.file.write(&mut self.chunk) }
-    }
-}
-
-impl Drop for LogWriter {
-    /// Writes the messages so far: a run that was aborted leaves them in the part of the file.
-    fn drop(&mut self) {
-        self.write_chunk().ok();
-    }
-}
-
 /// A log to which messages are being written.
 #[derive(Debug)]
 struct Recording {
     log: LogWriter,
-    sensors: Vec<SensorTopics>,
-    estimate: Estimate,
-    events: Topic,
+    topics: Topics,
 }
 
 impl Recording {
@@ -287,7 +210,7 @@ impl Recording {
         entries.extend(run.description.clone().map(|text| ("description", text)));
         let metadata = entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         let mut definitions = Definitions::default();
-        let Topics { sensors, estimate, events } = Topics::open(&mut definitions, run);
+        let topics = Topics::open(&mut definitions, run);
         let start = u64::try_from(first.nanos().saturating_add(offset)).unwrap_or(0);
         let head = |file: &mut LogFile<WholeFile>| {
             file.metadata(METADATA, &metadata)?;
@@ -295,7 +218,7 @@ impl Recording {
         };
         let mut log = LogWriter::begin(file, compression, &run.version, definitions, offset, head)?;
         log.latest = first;
-        Ok(Self { log, sensors, estimate, events })
+        Ok(Self { log, topics })
     }
 
     /// Completes the file, which then takes its name.
@@ -309,26 +232,45 @@ impl Recording {
         name: &'static str,
         entries: BTreeMap<String, String>,
     ) -> Result<(), StreamFailure> {
-        self.log.write_chunk()?;
-        self.log.file.metadata(name, entries)
+        self.log.metadata(name, entries)
     }
 
     fn sample(&mut self, sample: &Sample) -> Result<(), StreamFailure> {
-        self.sensors[sample.sensor.0].sample(&mut self.log, sample)
+        self.topics.sensors[sample.sensor.0].sample(&mut self.log, sample)
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
-        self.estimate.epoch(&mut self.log, epoch)
+        self.topics.estimate.epoch(&mut self.log, epoch)
     }
 
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamFailure> {
-        self.sensors[update.sensor.0].update(&mut self.log, update)
+        self.topics.sensors[update.sensor.0].update(&mut self.log, update)
     }
 
     /// Writes an event. An event from before the clock was known has the latest logged time.
     fn event(&mut self, event: &Event) -> Result<(), StreamFailure> {
-        let time = if event.time <= Time::MIN { self.log.latest } else { event.time };
-        let stamp = crate::message::Stamp::new(time)?;
-        self.log.send(&mut self.events, time, |m| m.log(stamp, event))
+        let (time, stamp) = self.stamp(event.time)?;
+        self.log.send(&mut self.topics.events, time, |m| m.log(stamp, event))
+    }
+
+    fn finding(&mut self, finding: &Finding) -> Result<(), StreamFailure> {
+        let (time, stamp) = self.stamp(finding.time)?;
+        self.log.send(&mut self.topics.findings, time, |m| m.finding(stamp, finding))
+    }
+
+    fn derived(&mut self, derived: &Derived) -> Result<(), StreamFailure> {
+        let (time, stamp) = self.stamp(derived.time)?;
+        self.log.send(&mut self.topics.derived, time, |m| m.derived(stamp, derived))
+    }
+
+    fn rejection(&mut self, rejection: &InputRejection) -> Result<(), StreamFailure> {
+        let Topics { sensors, rejections, .. } = &mut self.topics;
+        rejections.rejection(&mut self.log, &sensors[rejection.sensor.0], rejection)
+    }
+
+    /// The time of a message, and its stamp: the latest logged time from before the clock was known.
+    fn stamp(&self, time: Time) -> Result<(Time, Stamp), StreamFailure> {
+        let time = if time <= Time::MIN { self.log.latest } else { time };
+        Ok((time, Stamp::new(time)?))
     }
 }

@@ -1,6 +1,6 @@
 //! The source: the samples of a log, in the order in which they were recorded.
 
-use crate::log::{LogInfo, damaged, read_info, summary};
+use crate::log::{LogInfo, parse, read_info, summary};
 use crate::message::{MISSING, Stamp};
 use crate::records::{Chunks, Records, Step};
 use crate::schema;
@@ -71,17 +71,14 @@ impl McapSource {
         };
         source.router.check_topics().map_err(|e| e.in_file(path))?;
         if let Some(summary) = summary(path) {
-            let mut channels: Vec<_> = summary.channels.values().collect();
-            channels.sort_by_key(|c| c.id);
-            for c in channels {
-                let schema = c.schema.as_ref().map_or("", |s| s.name.as_str());
+            for (c, schema) in summary.channels.values() {
                 let added = source.router.channel(c.id, &c.topic, schema, &c.message_encoding);
                 added.map_err(|e| e.in_file(path))?;
             }
             source.router.check_matched().map_err(|e| e.in_file(path))?;
             let offset = info.as_ref().map_or(0, |i: &LogInfo| i.log_time_offset);
-            source.end = (summary.stats.filter(|s| s.message_count > 0))
-                .and_then(|s| i64::try_from(s.message_end_time).ok())
+            source.end = (summary.end)
+                .and_then(|end| i64::try_from(end).ok())
                 .map(|end| Time::from_nanos(end.saturating_sub(offset)));
         }
         Ok(source)
@@ -271,7 +268,7 @@ impl Router {
         if ![op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&opcode) {
             return Ok(None);
         }
-        match mcap::parse_record(opcode, data).map_err(damaged)? {
+        match parse(opcode, data)? {
             Record::Schema { header, .. } => {
                 self.schemas.insert(header.id, header.name);
             }

@@ -1,13 +1,13 @@
 //! The topics of a log, and the messages written to each.
 
-use crate::chunk::Definitions;
+use crate::chunk::{Definitions, Topic};
 use crate::frames::Frames;
 use crate::log::StreamFailure;
 use crate::message::{BODY_FRAME, BlockValues, FIXED_FRAME, Stamp};
 use crate::motion::{Motion, Moved};
 use crate::schema;
-use crate::sink::LogWriter;
-use navfuse_core::model::record::{Epoch, UpdateRecord};
+use crate::writer::LogWriter;
+use navfuse_core::model::record::{Epoch, InputRejection, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::RunInfo;
 use navfuse_core::state::Block;
@@ -15,15 +15,6 @@ use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{MAX_TANGENT, Position};
 use navfuse_core::units::sample::{Channel, Sample};
 use std::any::TypeId;
-
-/// A topic.
-#[derive(Clone, Copy, Debug)]
-pub struct Topic {
-    /// The channel's id.
-    pub channel: u16,
-    /// Number of messages written.
-    pub sequence: u32,
-}
 
 /// All topics of a run.
 #[derive(Debug)]
@@ -34,6 +25,12 @@ pub struct Topics {
     pub estimate: Estimate,
     /// `/log`
     pub events: Topic,
+    /// `/finding`
+    pub findings: Topic,
+    /// `/rejection`
+    pub rejections: Topic,
+    /// `/derived`
+    pub derived: Topic,
 }
 
 impl Topics {
@@ -43,6 +40,9 @@ impl Topics {
             sensors: run.sensors.iter().map(|s| SensorTopics::open(log, s)).collect(),
             estimate: Estimate::open(log, run),
             events: log.topic("/log", &schema::LOG),
+            findings: log.topic("/finding", &schema::FINDING),
+            rejections: log.topic("/rejection", &schema::REJECTION),
+            derived: log.topic("/derived", &schema::DERIVED),
         }
     }
 }
@@ -168,6 +168,20 @@ impl SensorTopics {
         let Some(topic) = &mut self.innovation else { return Ok(()) };
         let stamp = Stamp::new(update.time)?;
         log.send(topic, update.time, |m| m.innovation(stamp, &self.name, &self.columns, update))
+    }
+}
+
+impl Topic {
+    /// Writes the rejection of a sample of a driving sensor.
+    pub fn rejection(
+        &mut self,
+        log: &mut LogWriter,
+        sensor: &SensorTopics,
+        rejection: &InputRejection,
+    ) -> Result<(), StreamFailure> {
+        let (stamp, reason) =
+            (Stamp::new(rejection.time)?, rejection.reason.reason(&sensor.columns));
+        log.send(self, rejection.time, |m| m.rejection(stamp, &sensor.name, &reason))
     }
 }
 

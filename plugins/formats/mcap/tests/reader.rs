@@ -5,7 +5,10 @@
 mod common;
 
 use common::{fixture, floats, read};
-use navfuse_core::model::record::{Event, Level, Outcome, Record, Rejection, UpdateRecord};
+use navfuse_core::model::record::finding::{Basis, Finding, Severity};
+use navfuse_core::model::record::{
+    Derived, Event, InputRejection, Level, Outcome, Record, Rejection, UpdateRecord,
+};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::model::stream::Sink;
 use navfuse_core::units::sample::{Sample, SensorId};
@@ -60,7 +63,21 @@ fn told(path: &Path) -> (Vec<Value>, Vec<Known>, Option<String>) {
                 floats(&i.innovation),
                 floats(&i.sigma)
             ]),
+            Entry::Rejection(r) => json!([r.time.nanos(), text(r.sensor), text(r.reason)]),
             Entry::Event(e) => json!([e.time.nanos(), text(&e.about), text(&e.text)]),
+            Entry::Finding(f) => json!([
+                f.time.nanos(),
+                text(&f.about),
+                text(f.severity.name()),
+                text(f.basis.name()),
+                text(&f.text),
+                text(&f.remedy)
+            ]),
+            Entry::Derived(d) => {
+                let names = |names: &[String]| names.iter().map(|n| text(n)).collect::<Value>();
+                let (rows, columns) = (names(&d.rows), names(&d.columns));
+                json!([d.time.nanos(), text(&d.name), rows, columns, floats(&d.values)])
+            }
             Entry::Verdict(_) => return, // a metadata record, no message
         };
         messages.push(told);
@@ -101,6 +118,20 @@ fn written(path: &Path) -> Vec<Value> {
                 f["innovation"],
                 f["sigma"]
             ]),
+            "navfuse_msgs/msg/Rejection" => {
+                json!([time(), f["header"]["frame_id"], f["reason"]])
+            }
+            "navfuse_msgs/msg/Finding" => json!([
+                time(),
+                f["header"]["frame_id"],
+                f["severity"],
+                f["basis"],
+                f["text"],
+                f["remedy"]
+            ]),
+            "navfuse_msgs/msg/Derived" => {
+                json!([time(), f["header"]["frame_id"], f["rows"], f["columns"], f["values"]])
+            }
             "rcl_interfaces/msg/Log" => json!([time(), f["name"], f["msg"]]),
             "navfuse_msgs/msg/Sample" | "sensor_msgs/msg/Imu" => {
                 let imu = [
@@ -148,10 +179,35 @@ fn the_reader_tells_every_message_as_it_was_written() {
     }
     let event = Event { time, level: Level::Warning, about: "dvl".into(), text: "lost".into() };
     sink.take(&Record::Event(&event)).unwrap();
+    let rejection = InputRejection { time, sensor: SensorId(0), reason: Rejection::NotFinite(1) };
+    sink.take(&Record::InputRejection(&rejection)).unwrap();
+    let finding = Finding {
+        time,
+        about: "dvl".into(),
+        severity: Severity::DoNotUse,
+        basis: Basis::Explanation,
+        text: "the scale is wrong".into(),
+        remedy: "calibrate it".into(),
+    };
+    sink.take(&Record::Finding(&finding)).unwrap();
+    let derived = Derived {
+        time,
+        name: "information".into(),
+        unit: "".into(),
+        rows: ["roll", "pitch"].map(str::to_owned).into(),
+        columns: ["dvl", "depth", "gnss"].map(str::to_owned).into(),
+        values: vec![0.5, 0.25, 0.25, 1.0, 0.0, 0.0],
+    };
+    sink.take(&Record::Derived(&derived)).unwrap();
     sink.finish().unwrap();
     let (told, sensors, warning) = told(&path);
     assert_eq!(told, written(&path));
-    assert_eq!((told.len(), warning), (8, None));
+    // a finding is a warning of the log too
+    assert_eq!((told.len(), warning), (12, None));
+    let [.., rejected, logged, found, _] = &told[..] else { panic!("{told:?}") };
+    assert_eq!(rejected[2], text("gyro_y_radps is not finite"));
+    assert_eq!(logged[2], text("the scale is wrong; calibrate it"));
+    assert_eq!(found[2], text("do_not_use"));
     let kinds = [Purpose::Input, Purpose::Measurement, Purpose::Measurement, Purpose::Reference];
     let expected =
         fixture::sensors().into_iter().zip(kinds).map(|(s, purpose)| (s.name, s.kind, purpose));

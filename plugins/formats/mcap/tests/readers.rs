@@ -1,7 +1,7 @@
 //! Two independent readers of ROS 2 logs read every value of every message of a log.
 //!
 //! The test installs the readers from the Python package index into a virtual environment under the
-//! target folder. Without Python or the index, the test prints the reason and passes.
+//! target folder. Without Python or the index, the test is skipped.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test may stop")]
 
@@ -18,7 +18,7 @@ use std::process::Command;
 
 const READERS: [&str; 2] = ["mcap-ros2-support==0.6.0", "rosbags==0.11.9"];
 
-/// Path of a Python with the readers, or prints the reason why there is none.
+/// Returns a Python with the readers; without one, the test is skipped.
 fn python() -> Option<PathBuf> {
     Packages {
         names: "mcap-ros2-support and rosbags",

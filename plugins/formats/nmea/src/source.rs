@@ -4,13 +4,13 @@ use crate::beacon::Beacon;
 use crate::config::Nmea;
 use crate::epoch::{Dates, Epoch, Gatherer, North, Part};
 use crate::sentence::{Sentence, parse, talker};
+use navfuse_core::files::Input;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
 use navfuse_frames::{Clock, Count, Frames, Sentences, TimeConfig, open};
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -254,7 +254,7 @@ fn remember(addresses: &mut Vec<String>, content: &[u8]) {
 /// The samples of one sensor.
 struct Stream {
     path: PathBuf,
-    frames: Frames<File, Sentences>,
+    frames: Frames<Input, Sentences>,
     talker: Option<String>,
     target: Target,
     gatherer: Gatherer,

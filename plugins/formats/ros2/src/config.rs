@@ -62,13 +62,13 @@ pub struct TopicConfig {
     /// Fields of messages by the channel of the sensor: `speed = { field = "twist.linear.x" }`.
     /// They replace those that the type of the topic fills.
     pub channels: BTreeMap<String, MessageField>,
-    /// Time of a message. Default: that of the source.
+    /// Time of a message. Default: the time of the source.
     pub stamp: Option<Stamping>,
     /// Axes of the vectors in the messages: `flu` (forward, left, up; with the world east, north, up)
-    /// or `frd` (forward, right, down; north, east, down). Default: that of the type, which is `flu`
-    /// except for velocity logs.
+    /// or `frd` (forward, right, down; north, east, down). Default: `frd` for velocity
+    /// logs, `flu` for all others.
     pub axes: Option<Axes>,
-    /// Roll, pitch and yaw of the sensor's axes forward, right, down in those of the vehicle. Vectors
+    /// Roll, pitch and yaw of the sensor's axes in the vehicle's, both forward, right, down. Vectors
     /// along the sensor's axes are turned by it. Default: zero.
     pub rotation: Option<Triple<Angle>>,
     /// Position at which the coordinates of `nav_msgs/Odometry` and poses are zero. Without it, their
@@ -100,7 +100,7 @@ pub struct Datum {
 pub struct MessageField {
     /// Path of the field: `twist.twist.linear.x`, or `ranges[2]` for an element of a list.
     pub field: String,
-    /// Topic, where it is not that of the sensor.
+    /// Topic, where it differs from the sensor's.
     pub topic: Option<String>,
     /// Unit of the field. Default: the SI unit of the channel.
     pub unit: Option<String>,

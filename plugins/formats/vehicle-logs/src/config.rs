@@ -62,7 +62,7 @@ pub struct SensorConfig {
     /// Values that fields of the message must have, such as `{ id = 0 }`. Default: any.
     #[serde(default)]
     pub only: BTreeMap<String, f64>,
-    /// Field of each channel, by the name of the channel. Default: those of a known message.
+    /// Field of each channel, by the name of the channel. Default: the fields of a known message.
     #[serde(default)]
     pub channels: BTreeMap<String, FieldConfig>,
 }

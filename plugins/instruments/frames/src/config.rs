@@ -12,7 +12,7 @@ use serde::Deserialize;
 #[serde(default, deny_unknown_fields)]
 pub struct TimeConfig {
     /// Date and time of the instrument's clock at which the run's clock is zero. Default:
-    /// 1970-01-01T00:00:00, so that times are those of Unix.
+    /// 1970-01-01T00:00:00, so that times are Unix times.
     pub origin: Option<Date>,
     /// Day of the first record, for a format with a time of the day alone, such as PD4. Default:
     /// none; times count from midnight.

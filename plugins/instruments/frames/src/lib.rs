@@ -26,12 +26,7 @@ pub use number::Number;
 pub use sentences::{Check, Sentences, crc8};
 pub use window::Window;
 
-use std::io::{ErrorKind, Read, Result};
-
-/// Smallest number of bytes that one call reads from a long stream.
-const CHUNK: usize = 128 * 1024;
-/// Number of bytes that the buffer has at first.
-const LEAST: usize = 4096;
+use std::io::{Read, Result};
 
 /// Rules by which a format marks, measures and checks its frames.
 ///
@@ -111,15 +106,10 @@ pub struct Frame<'a> {
 /// The frames of a stream.
 #[derive(Debug)]
 pub struct Frames<R, F> {
-    reader: R,
+    window: Window<R>,
     framing: F,
-    buffer: Vec<u8>,
-    /// The bytes of the buffer that are read but not yet used.
-    start: usize,
-    end: usize,
-    /// Offset in the stream of the first byte of the buffer.
-    base: u64,
-    ended: bool,
+    /// Size of the frame at the beginning of the window that was returned.
+    used: usize,
     damage: Damage,
     /// Offset and size of the frame that was returned last.
     last: (u64, usize),
@@ -129,13 +119,9 @@ impl<R: Read, F: Framing> Frames<R, F> {
     /// The frames of `reader`.
     pub fn new(reader: R, framing: F) -> Self {
         Self {
-            reader,
+            window: Window::new(reader),
             framing,
-            buffer: vec![0; LEAST],
-            start: 0,
-            end: 0,
-            base: 0,
-            ended: false,
+            used: 0,
             damage: Damage::default(),
             last: (0, 0),
         }
@@ -147,37 +133,34 @@ impl<R: Read, F: Framing> Frames<R, F> {
     /// When the stream cannot be read.
     #[allow(clippy::should_implement_trait, reason = "a frame borrows from the buffer")]
     pub fn next(&mut self) -> Result<Option<Frame<'_>>> {
-        let (from, size) = loop {
-            let bytes = &self.buffer[self.start..self.end];
-            let Some(found) = self.framing.find(bytes) else {
-                self.skip(self.end - self.start);
-                if self.fill()? {
+        self.window.skip(std::mem::take(&mut self.used));
+        let size = loop {
+            let Some(found) = self.framing.find(self.window.bytes()) else {
+                self.skip(self.window.bytes().len());
+                if self.window.more()? {
                     continue;
                 }
                 return Ok(None);
             };
             self.skip(found);
-            let bytes = &self.buffer[self.start..self.end];
+            let bytes = self.window.bytes();
             match self.framing.judge(bytes) {
-                Judgement::Frame(size) if (1..=bytes.len()).contains(&size) => {
-                    self.damage.intact(size as u64);
-                    let from = self.start;
-                    self.start += size;
-                    break (from, size);
-                }
+                Judgement::Frame(size) if (1..=bytes.len()).contains(&size) => break size,
                 Judgement::Frame(_) => self.reject(Fault::Form),
                 Judgement::Rejected(fault) => self.reject(fault),
                 Judgement::Incomplete if bytes.len() >= F::MAX => self.reject(Fault::Form),
                 Judgement::Incomplete => {
-                    if !self.fill()? {
-                        self.damage.unfinished(self.base + self.start as u64);
+                    if !self.window.more()? {
+                        self.damage.unfinished(self.window.offset());
                         self.skip(1);
                     }
                 }
             }
         };
-        self.last = (self.base + from as u64, size);
-        Ok(Some(Frame { offset: self.last.0, bytes: &self.buffer[from..from + size] }))
+        self.damage.intact(size as u64);
+        self.last = (self.window.offset(), size);
+        self.used = size;
+        Ok(Some(Frame { offset: self.last.0, bytes: &self.window.bytes()[..size] }))
     }
 
     /// Counts the frame that was returned last as damage: its content contradicts the format in a
@@ -202,45 +185,18 @@ impl<R: Read, F: Framing> Frames<R, F> {
     /// Skips the mark at which no frame begins.
     fn reject(&mut self, fault: Fault) {
         if fault == Fault::Checksum {
-            self.damage.checksum(self.base + self.start as u64);
+            self.damage.checksum(self.window.offset());
         }
         self.skip(1);
     }
 
     fn skip(&mut self, count: usize) {
-        for k in self.start..self.start + count {
-            if !self.framing.separates(self.buffer[k]) {
-                self.damage.skipped(self.base + k as u64);
+        for (at, byte) in (self.window.offset()..).zip(&self.window.bytes()[..count]) {
+            if !self.framing.separates(*byte) {
+                self.damage.skipped(at);
             }
         }
-        self.start += count;
-    }
-
-    /// Reads more bytes; `false` at the end of the stream.
-    fn fill(&mut self) -> Result<bool> {
-        if self.ended {
-            return Ok(false);
-        }
-        if self.buffer.len() - self.end < CHUNK {
-            self.buffer.copy_within(self.start..self.end, 0);
-            self.base += self.start as u64;
-            self.end -= self.start;
-            self.start = 0;
-            // a short file needs little memory; a long one soon has the full size
-            let (size, full) = (self.buffer.len(), F::MAX + CHUNK);
-            if size < full && size - self.end < size / 2 {
-                self.buffer.resize((2 * size).min(full), 0);
-            }
-        }
-        loop {
-            match self.reader.read(&mut self.buffer[self.end..]) {
-                Ok(0) => self.ended = true,
-                Ok(count) => self.end += count,
-                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
-                Err(e) => return Err(e),
-            }
-            return Ok(!self.ended);
-        }
+        self.window.skip(count);
     }
 }
 

@@ -6,6 +6,11 @@ use std::io::Read;
 pub const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// Number of bytes of a record before its content: opcode and length.
 pub const HEAD: usize = 9;
+/// Opcodes of the records with texts.
+const HEADER: u8 = 0x01;
+const SCHEMA: u8 = 0x03;
+const CHANNEL: u8 = 0x04;
+const METADATA: u8 = 0x0c;
 /// Number of bytes of a chunk beside the name of its compression and its records.
 pub const CHUNK_HEAD: usize = 40;
 /// Largest size in bytes of a chunk or a record; a larger one counts as damaged.
@@ -47,6 +52,32 @@ impl<'a> Fields<'a> {
     pub fn text(&mut self) -> Option<String> {
         Some(String::from_utf8_lossy(self.bytes()?).into_owned())
     }
+}
+
+/// Tests whether the texts of a record with names are as long as they claim. Libraries reserve the
+/// claimed length, up to 4 GiB for each text, before they read it.
+pub fn is_sound(opcode: u8, content: &[u8]) -> bool {
+    let texts = |fields: &mut Fields<'_>, count: usize| {
+        (0..count).try_for_each(|_| fields.bytes().map(drop))
+    };
+    let map = |fields: &mut Fields<'_>| {
+        let mut entries = Fields(fields.bytes()?);
+        while !entries.0.is_empty() {
+            texts(&mut entries, 2)?;
+        }
+        Some(())
+    };
+    let mut fields = Fields(content);
+    let walked = match opcode {
+        HEADER => texts(&mut fields, 2),
+        SCHEMA => fields.take(2).and_then(|_| texts(&mut fields, 3)),
+        CHANNEL => {
+            fields.take(4).and_then(|_| texts(&mut fields, 2)).and_then(|()| map(&mut fields))
+        }
+        METADATA => texts(&mut fields, 1).and_then(|()| map(&mut fields)),
+        _ => Some(()),
+    };
+    walked.is_some()
 }
 
 /// Opcode and length of the record at the beginning of some bytes.
@@ -178,5 +209,25 @@ impl Unpacker {
         let Some(zstd) = &mut self.zstd else { return false };
         out.reserve(size);
         zstd.decompress_to_buffer(packed, out).is_ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_that_claims_more_than_its_record_has_is_not_sound() {
+        let text = |claimed: u32| [&claimed.to_le_bytes()[..], b"abc"].concat();
+        let map = |of: &[u8]| [&(of.len() as u32).to_le_bytes()[..], of].concat();
+        let record = |entry: u32| [text(3), map(&[text(3), text(entry)].concat())].concat();
+        assert!(is_sound(METADATA, &record(3)));
+        for claimed in [4, u32::MAX] {
+            assert!(!is_sound(METADATA, &record(claimed)));
+            assert!(!is_sound(HEADER, &[text(3), text(claimed)].concat()));
+            let channel = [&[0; 4][..], &text(3), &text(3), &map(&text(claimed))].concat();
+            assert!(!is_sound(CHANNEL, &channel));
+            assert!(!is_sound(SCHEMA, &[&[0; 2][..], &text(3), &text(claimed)].concat()));
+        }
     }
 }

@@ -7,8 +7,9 @@ const FIRST: usize = 16 * 1024;
 const BLOCK: usize = 256 * 1024;
 
 /// The bytes of a stream from a place on.
-pub struct Window {
-    reader: Box<dyn Read + Send>,
+#[derive(Debug)]
+pub struct Window<R = Box<dyn Read + Send>> {
+    reader: R,
     buffer: Vec<u8>,
     start: usize,
     end: usize,
@@ -17,9 +18,9 @@ pub struct Window {
     ended: bool,
 }
 
-impl Window {
+impl<R: Read> Window<R> {
     /// A window at the beginning of a stream.
-    pub fn new(reader: Box<dyn Read + Send>) -> Self {
+    pub fn new(reader: R) -> Self {
         Self { reader, buffer: Vec::new(), start: 0, end: 0, base: 0, ended: false }
     }
 
@@ -40,26 +41,45 @@ impl Window {
 
     /// Reads until this many bytes are there; `false` if the stream ends before. The buffer grows
     /// with the bytes that exist, whatever their number is claimed to be.
+    ///
+    /// # Errors
+    /// When the stream cannot be read.
     pub fn need(&mut self, count: usize) -> Result<bool> {
-        while self.end - self.start < count && !self.ended {
-            let block = self.buffer.len().clamp(FIRST, BLOCK);
-            if self.start > 0 && self.buffer.len() - self.end < block {
-                self.buffer.copy_within(self.start..self.end, 0);
-                self.base += self.start as u64;
-                self.end -= self.start;
-                self.start = 0;
+        while self.end - self.start < count {
+            if !self.more()? {
+                return Ok(false);
             }
-            if self.buffer.len() - self.end < block {
-                self.buffer.resize(self.end + block.max(self.end / 2), 0);
-            }
+        }
+        Ok(true)
+    }
+
+    /// Reads more bytes; `false` at the end of the stream.
+    ///
+    /// # Errors
+    /// When the stream cannot be read.
+    pub fn more(&mut self) -> Result<bool> {
+        if self.ended {
+            return Ok(false);
+        }
+        let block = self.buffer.len().clamp(FIRST, BLOCK);
+        if self.start > 0 && self.buffer.len() - self.end < block {
+            self.buffer.copy_within(self.start..self.end, 0);
+            self.base += self.start as u64;
+            self.end -= self.start;
+            self.start = 0;
+        }
+        if self.buffer.len() - self.end < block {
+            self.buffer.resize(self.end + block.max(self.end / 2), 0);
+        }
+        loop {
             match self.reader.read(&mut self.buffer[self.end..]) {
                 Ok(0) => self.ended = true,
                 Ok(read) => self.end += read,
-                Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
                 Err(e) => return Err(e),
             }
+            return Ok(!self.ended);
         }
-        Ok(self.end - self.start >= count)
     }
 
     /// Moves forward by bytes that are there.

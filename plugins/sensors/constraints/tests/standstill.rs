@@ -1,7 +1,7 @@
 //! Standstills of a simulated car: zero velocity is applied at all of them, and never in motion.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-use navfuse_core::model::record::{Outcome, Record, Wants};
+use navfuse_core::model::record::{Outcome, Record};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
@@ -16,9 +16,6 @@ struct Updates {
 }
 
 impl Sink for Updates {
-    fn wants(&self) -> Wants {
-        Wants::UPDATES
-    }
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.sensor = run.sensors.iter().position(|s| s.name == "zero-velocity");
         Ok(())

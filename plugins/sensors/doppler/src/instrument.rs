@@ -85,7 +85,7 @@ impl Mounting<'_> {
         ];
         if let Some((key, _)) = given.into_iter().find(|(_, given)| *given) {
             let message = format!(
-                "it is that of [sensor.{name}], which `transducer` names; remove one of the two"
+                "[sensor.{name}], which `transducer` names, has it already; remove one of the two"
             );
             return Err(ComposeError::new(key, message));
         }

@@ -5,6 +5,7 @@
 //! enough for the accelerometers, the heading for the way made, and constant biases stay constant.
 
 mod drift;
+mod fault;
 mod gravity;
 mod heading;
 mod levelling;
@@ -14,6 +15,7 @@ mod whiteness;
 use crate::imu::Imu;
 use crate::navigation::Navigation;
 use drift::Drift;
+use fault::Fault;
 use gravity::Gravity;
 use heading::Heading;
 use levelling::Levelling;
@@ -21,18 +23,10 @@ use nalgebra::Vector3;
 use navfuse_core::model::process::Input;
 use navfuse_core::model::process::monitor::Monitor;
 use navfuse_core::model::process::start::FilterView;
-use navfuse_core::model::record::finding::{Basis, Finding, Severity};
+use navfuse_core::model::record::finding::Finding;
 use navfuse_core::units::time::Time;
 use turning::Turning;
 use whiteness::Whiteness;
-
-/// A contradiction: its severity, the evidence and the remedy.
-struct Fault {
-    severity: Severity,
-    basis: Basis,
-    text: String,
-    remedy: &'static str,
-}
 
 /// Monitor of one IMU.
 #[derive(Clone)]

@@ -1,8 +1,9 @@
 //! A run compared with its truth.
 
-use navfuse_core::model::record::{Epoch, Outcome, Record, UpdateRecord, Wants};
+use navfuse_core::model::record::{Epoch, Outcome, Record, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
-use navfuse_core::run::runner::{self, Finished};
+use navfuse_core::run::runner;
+use navfuse_core::session::Finished;
 use navfuse_core::state::manifold::MAX_TANGENT;
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
@@ -34,9 +35,6 @@ impl Errors {
 }
 
 impl Sink for Errors {
-    fn wants(&self) -> Wants {
-        Wants::EPOCHS | Wants::UPDATES
-    }
     fn start(&mut self, run: &RunInfo) -> Result<(), StreamError> {
         self.names = run.sensors.iter().map(|s| s.name.clone()).collect();
         Ok(())

@@ -5,7 +5,7 @@ mod dense;
 mod outsider;
 
 use dense::{Dense, Measurement, Propagation};
-use navfuse_campaign::{BoundRecord, Campaign, Columns, Options, Record, execute};
+use navfuse_campaign::{BoundRecord, Campaign, Columns, Extent, Options, Record, execute};
 use navfuse_core::document::Document;
 use navfuse_core::nalgebra::{DMatrix, dmatrix};
 use navfuse_core::plugin::Registry;
@@ -31,8 +31,16 @@ fn bound(mut document: Document, settings: &[&str], every: f64) -> (Columns, Bou
         Ok(())
     };
     let stop = AtomicBool::new(false);
-    execute(&plan, &registry, &document, (None, 1), &stop, |_| {}, keep)
-        .unwrap_or_else(|e| panic!("{e}"));
+    execute(
+        &plan,
+        &registry,
+        &document,
+        Extent { threads: 1, ..Extent::default() },
+        &stop,
+        |_| {},
+        keep,
+    )
+    .unwrap_or_else(|e| panic!("{e}"));
     (plan.columns, bound.expect("a bound"))
 }
 

@@ -82,9 +82,6 @@ struct Writing {
 }
 
 impl Sink for Writing {
-    fn wants(&self) -> Wants {
-        Wants::EPOCHS
-    }
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         let Record::Epoch(epoch) = record else { return Ok(()) };
         self.last = epoch.state.time;

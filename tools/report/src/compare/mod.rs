@@ -7,7 +7,7 @@ mod keys;
 pub mod page;
 pub mod plots;
 
-use crate::history::{BlockHistory, History, Updates, displacement};
+use crate::history::{BlockHistory, History, displacement};
 pub use keys::KeyDifference;
 use keys::differences;
 use navfuse_core::document::{Document, DocumentError};
@@ -182,7 +182,7 @@ pub(crate) fn union<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
 
 fn sensors(runs: &[Run]) -> Vec<SensorResult> {
     let all = runs.iter().flat_map(|run| &run.history.sensors);
-    let measuring = all.filter(|s| s.updates != Updates::default()).map(|s| s.name.as_str());
+    let measuring = all.filter(|s| s.measures()).map(|s| s.name.as_str());
     let result = |name: &str| SensorResult {
         sensor: name.to_owned(),
         runs: runs.iter().map(|run| counts(&run.history, name)).collect(),
@@ -194,10 +194,11 @@ fn counts(history: &History, name: &str) -> Option<SensorCounts> {
     let updates = &history.sensor(name)?.updates;
     let judged = history.verdict.as_ref().and_then(|v| v.sensor(name));
     Some(SensorCounts {
-        used: updates.accepted,
-        gated: updates.gated,
-        rejected: updates.rejected.iter().map(|r| r.1).sum(),
-        mean_nis: (updates.accepted > 0).then(|| updates.nis[0] / updates.accepted as f64),
+        used: updates.outcomes.accepted,
+        gated: updates.outcomes.gated,
+        rejected: updates.outcomes.all_rejected(),
+        mean_nis: (updates.outcomes.accepted > 0)
+            .then(|| updates.nis[0] / updates.outcomes.accepted as f64),
         expected_nis: judged.map(|s| s.expected_nis),
         inside: judged.is_none_or(|s| s.inside),
     })

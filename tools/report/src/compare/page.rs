@@ -35,7 +35,7 @@ pub fn comparison(comparison: &Comparison, figures: &[Figure]) -> Result<String,
                 h2 { "States at the end" }
                 (states(comparison))
                 p.note {
-                    "Difference: from run " (first) ". Its sigma is that of two estimates with "
+                    "Difference: from run " (first) ". Its sigma holds for two estimates with "
                     "independent errors. Runs that share their samples differ by less, so a "
                     "difference beyond 3 sigma contradicts one of the two uncertainties."
                 }

@@ -1,8 +1,9 @@
 //! Figures of several runs: their curves one over another, and the differences from the first run.
 
 use super::{Run, between, estimated, title, union};
-use crate::history::{BlockHistory, Consistency, Row};
+use crate::history::{BlockHistory, Row};
 use crate::plots::{band, bins, close_range, curve, label, over_time, tracks_from};
+use crate::sensors::Consistency;
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel, Track, TrackPoint};
 
 /// Times that belong to the same epoch differ by less, s.
@@ -15,7 +16,8 @@ const METRES_PER_DEGREE: f64 = 111_200.0;
 pub fn figures(runs: &[Run]) -> Vec<Figure> {
     let states = estimated(runs).into_iter().filter_map(|name| state(runs, name));
     let sensors = runs.iter().flat_map(|run| &run.history.sensors);
-    let measuring = union(sensors.filter(|s| s.updates.accepted > 0).map(|s| s.name.as_str()));
+    let measuring =
+        union(sensors.filter(|s| s.updates.outcomes.accepted > 0).map(|s| s.name.as_str()));
     let nis = measuring.into_iter().map(|name| nis(runs, name));
     track(runs).into_iter().chain(states).chain(nis).collect()
 }

@@ -85,7 +85,12 @@ pub fn report(
     let (constant, moving): (Vec<&BlockHistory>, Vec<&BlockHistory>) =
         history.blocks.iter().partition(|b| b.constant());
     let compared_with = history.compared_with();
-    let measuring = || history.sensors.iter().filter(|s| s.updates.accepted + s.updates.gated > 0);
+    let measuring = || {
+        history
+            .sensors
+            .iter()
+            .filter(|s| s.updates.outcomes.accepted + s.updates.outcomes.gated > 0)
+    };
     let body = html! {
         header {
             h1 { (history.name) }
@@ -103,6 +108,7 @@ pub fn report(
             section #result {
                 h2 { "Result" }
                 (verdicts(history))
+                (tables::findings(&history.findings))
                 h3 { "Navigation at the end" }
                 (tables::end(&moving))
             }
@@ -165,6 +171,7 @@ pub fn report(
             section #observability {
                 h2 { "Observability" }
                 @if let Some(observed) = observed { (tables::verdicts(observed)) }
+                @for derived in &history.derived { (tables::derived(derived)) }
                 (picture(&plots::normalised(history), &html! {
                     "Sigma relative to its first value. A state whose sigma falls is observed "
                     "from then on; a state whose sigma stays at 1 is not."

@@ -1,9 +1,12 @@
 //! Tables and lists of the page.
 
 use super::facts::seconds;
-use crate::history::{BlockHistory, History, Row, SensorHistory};
+use crate::history::{BlockHistory, History, Row};
+use crate::sensors::SensorHistory;
 use maud::{Markup, html};
-use navfuse_core::model::record::Level;
+use navfuse_core::model::record::finding::Finding;
+use navfuse_core::model::record::verdict::VerdictLevel;
+use navfuse_core::model::record::{Derived, Level, Outcomes};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_observability::{ObservabilityReport, Verdict};
 
@@ -153,7 +156,6 @@ pub(super) fn sensors(history: &History) -> Markup {
         Some(Purpose::Reference) => "start and comparison",
         None => "",
     };
-    let measures = |s: &SensorHistory| s.updates != crate::Updates::default();
     html! {
         div.wide { table {
             thead { tr {
@@ -164,7 +166,7 @@ pub(super) fn sensors(history: &History) -> Markup {
             tbody {
                 @for sensor in &history.sensors {
                     @let updates = &sensor.updates;
-                    @let used = updates.accepted as f64;
+                    @let used = updates.outcomes.accepted as f64;
                     @let judged = history.verdict.as_ref().and_then(|v| v.sensor(&sensor.name));
                     @let bad = judged.is_some_and(|s| !s.inside).then_some("bad");
                     tr.first {
@@ -172,10 +174,13 @@ pub(super) fn sensors(history: &History) -> Markup {
                         td.name.more { (sensor.kind.as_deref().unwrap_or_default()) }
                         td.name { (word(sensor)) }
                         td { (sensor.read) }
-                        @if measures(sensor) {
-                            td { (updates.accepted + updates.placed) } td { (updates.gated) }
-                            td { (updates.rejected.iter().map(|r| r.1).sum::<u64>()) }
-                        } @else { td {} td {} td {} }
+                        @if sensor.measures() {
+                            td { (updates.outcomes.accepted + updates.outcomes.placed) } td { (updates.outcomes.gated) }
+                            td { (updates.outcomes.all_rejected()) }
+                        } @else {
+                            td {} td {}
+                            td { @if updates.outcomes != Outcomes::default() { (updates.outcomes.all_rejected()) } }
+                        }
                         td class=[bad] {
                             @if used > 0.0 { (format!("{:.2}", updates.nis[0] / used)) }
                         }
@@ -186,7 +191,7 @@ pub(super) fn sensors(history: &History) -> Markup {
                             }
                         }
                     }
-                    @for (why, count) in &updates.rejected {
+                    @for (why, count) in &updates.outcomes.rejected {
                         tr { th {} td.name colspan="9" { (count) " rejected: " (why) } }
                     }
                 }
@@ -290,6 +295,44 @@ pub(super) fn smoothing(history: &History, anchor: &str) -> Markup {
                     "usual."
                 }
             }
+        }
+    }
+}
+
+/// Creates the table of a derived quantity.
+pub(super) fn derived(derived: &Derived) -> Markup {
+    html! {
+        h3 {
+            (derived.name) @if !derived.unit.is_empty() { " [" (derived.unit) "]" }
+            ", at " (derived.time)
+        }
+        div.wide { table {
+            thead { tr { th {} @for column in derived.columns.iter() { th { (column) } } } }
+            tbody {
+                @for (row, values) in derived.iter() {
+                    tr { th { (row) } @for value in values { td { (format!("{value:.3}")) } } }
+                }
+            }
+        } }
+    }
+}
+
+/// Creates the table of the findings, if there are any.
+pub(super) fn findings(findings: &[Finding]) -> Markup {
+    html! {
+        @if !findings.is_empty() {
+            h3 { "Findings" }
+            div.wide { table.events {
+                tbody {
+                    @for finding in findings {
+                        tr.bad {
+                            td { (finding.time) }
+                            td.name { (VerdictLevel::from(finding.severity).words()) }
+                            td.name { (finding.about) } td.text { (finding) }
+                        }
+                    }
+                }
+            } }
         }
     }
 }

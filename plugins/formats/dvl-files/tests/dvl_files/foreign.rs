@@ -2,34 +2,30 @@
 //! generated ones.
 //!
 //! The tests install MHKiT from PyPI into the target folder, or use the interpreter that
-//! NAVFUSE_PYTHON names. Without Python or PyPI they are skipped and print so.
+//! NAVFUSE_PYTHON names. Without Python or PyPI they are skipped.
 
 use crate::generate::{Ensemble, ad2cp};
 use crate::read;
 use navfuse_dvl_files::{Coordinates, Format, Ping, Stamp, Track};
+use navfuse_testing::absent::data;
 use navfuse_testing::python::Packages;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
 
 /// Finds or installs an interpreter with MHKiT.
 fn python() -> Option<PathBuf> {
-    static PYTHON: OnceLock<Option<PathBuf>> = OnceLock::new();
-    let find = || {
-        Packages {
-            names: "MHKiT",
-            folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("mhkit"),
-            variable: Some("NAVFUSE_PYTHON"),
-            check: "import mhkit.dolfyn",
-            // the packages that dolfyn imports, and MHKiT without the others
-            install: &[
-                &["numpy", "scipy", "xarray", "netCDF4", "pandas", "matplotlib"],
-                &["--no-deps", "mhkit"],
-            ],
-        }
-        .python()
-    };
-    PYTHON.get_or_init(find).clone()
+    Packages {
+        names: "MHKiT",
+        folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("mhkit"),
+        variable: Some("NAVFUSE_PYTHON"),
+        check: "import mhkit.dolfyn",
+        // the packages that dolfyn imports, and MHKiT without the others
+        install: &[
+            &["numpy", "scipy", "xarray", "netCDF4", "pandas", "matplotlib"],
+            &["--no-deps", "mhkit"],
+        ],
+    }
+    .python()
 }
 
 /// A ping as dolfyn reads it; NaN where it has nothing.
@@ -146,20 +142,9 @@ fn same_teledyne(pings: &[Ping], rows: &[Row]) -> (usize, usize) {
 
 /// The sample files of dolfyn.
 fn samples(folder: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("NAVFUSE_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../../shared/data"),
-        PathBuf::from,
-    );
-    let path = data.join("formats").join(folder);
-    if path.is_dir() {
-        return Some(path);
-    }
-    println!(
-        "skipped: {} is not there. The files are those of examples/data/dolfyn in the public \
-         repository MHKiT-Software/MHKiT-Python; set NAVFUSE_DATA to the folder above `formats`",
-        path.display()
-    );
-    None
+    let origin = "The files are examples/data/dolfyn of the public repository \
+                  MHKiT-Software/MHKiT-Python";
+    data(&format!("formats/{folder}"), origin)
 }
 
 #[test]

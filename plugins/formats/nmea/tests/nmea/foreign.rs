@@ -1,7 +1,7 @@
 //! The parser equals pynmea2, a reader written by others.
 //!
 //! The test installs pynmea2 from PyPI into the target folder, or uses the interpreter that
-//! NAVFUSE_NMEA_PYTHON names. Without Python or PyPI it is skipped and prints so.
+//! NAVFUSE_NMEA_PYTHON names. Without Python or PyPI it is skipped.
 
 use crate::sentence;
 use navfuse_core::units::calendar::DAY;

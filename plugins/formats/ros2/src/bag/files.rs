@@ -2,12 +2,15 @@
 //! bytes.
 
 use super::sqlite;
+use navfuse_core::files::{Input, open as open_file};
 use navfuse_core::model::stream::StreamError;
 use navfuse_frames::{Window, mcap};
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Component, Path, PathBuf};
 
+/// First bytes of what zstd packed.
+pub const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 /// First bytes of a file that lz4 packed.
 const LZ4: &[u8] = &[0x04, 0x22, 0x4d, 0x18];
 /// Endings of the files of a bag.
@@ -21,7 +24,7 @@ const ALWAYS: u64 = 1 << 26;
 /// The content of a file.
 pub enum Storage {
     Mcap(Window),
-    Sqlite(File),
+    Sqlite(Input),
 }
 
 /// A file of a bag.
@@ -71,7 +74,7 @@ pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>, StreamError> {
             continue;
         }
         let metadata = path.join("metadata.yaml");
-        let text = match File::open(&metadata) {
+        let text = match open_file(&metadata) {
             Ok(file) => {
                 let mut text = Vec::new();
                 file.take(1 << 24)
@@ -116,13 +119,13 @@ pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>, StreamError> {
 pub fn open(path: &Path) -> Result<Opened, StreamError> {
     let absolute = || std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let read = |e| StreamError::read(path, e);
-    let mut file = File::open(path).map_err(|e| StreamError::open(absolute(), e))?;
+    let mut file = open_file(path).map_err(|e| StreamError::open(absolute(), e))?;
     let length = file.metadata().map_err(read)?.len();
     let mut magic = Vec::new();
     (&mut file).take(16).read_to_end(&mut magic).map_err(read)?;
     file.seek(SeekFrom::Start(0)).map_err(read)?;
     let mut notes = Vec::new();
-    let unpacked: Option<Box<dyn Read + Send>> = if magic.starts_with(super::ZSTD) {
+    let unpacked: Option<Box<dyn Read + Send>> = if magic.starts_with(ZSTD) {
         Some(Box::new(zstd::Decoder::new(file.try_clone().map_err(read)?).map_err(read)?))
     } else if magic.starts_with(LZ4) {
         Some(Box::new(lz4_flex::frame::FrameDecoder::new(file.try_clone().map_err(read)?)))
@@ -146,7 +149,11 @@ pub fn open(path: &Path) -> Result<Opened, StreamError> {
                 wal.display()
             ));
         }
-        Storage::Sqlite(if packed { unpack(window, length, path, &mut notes)? } else { file })
+        Storage::Sqlite(if packed {
+            unpack(window, length, path, &mut notes)?.into()
+        } else {
+            file
+        })
     } else {
         let text = match length {
             0 => "the file is empty",

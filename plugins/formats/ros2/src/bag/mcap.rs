@@ -1,7 +1,7 @@
 //! MCAP, read from front to back: messages in chunks and outside, with damaged parts skipped.
 
 use super::faults::Faults;
-use super::{Found, Place, Topic, Topics};
+use super::topics::{Found, Place, Topic, Topics};
 use navfuse_frames::Window;
 use navfuse_frames::mcap::{
     CHUNK_HEAD, Fields, HEAD, LONGEST, MAGIC, PackedChunk, Unpacker, head, whole_head,

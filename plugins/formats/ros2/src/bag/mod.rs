@@ -6,84 +6,18 @@ mod mcap;
 mod pages;
 mod sqlite;
 mod table;
+mod topics;
 
-use crate::definition::{Definitions, short_name};
-use crate::error::DefinitionError;
 pub use faults::Faults;
-use files::{Opened, Storage};
+use files::{Opened, Storage, ZSTD};
 use mcap::Mcap;
 use navfuse_core::model::stream::StreamError;
 use navfuse_frames::mcap::LONGEST;
 use sqlite::Sqlite;
 use std::io::Read;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
-
-/// First bytes of what zstd packed.
-const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
-/// Largest number of topics.
-const MOST_TOPICS: usize = 4096;
-
-/// A topic.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Topic {
-    /// Its name, such as `/imu/data`.
-    pub name: String,
-    /// The type of its messages, such as `sensor_msgs/msg/Imu`.
-    pub kind: String,
-    /// Encoding of its messages; a bag of ROS 2 has `cdr`.
-    pub encoding: String,
-    /// Definition of the type in `ros2msg` form, where the bag has it.
-    pub definition: Option<String>,
-}
-
-impl Topic {
-    /// The type without the `msg` in its middle: `sensor_msgs/Imu`.
-    pub fn short_kind(&self) -> String {
-        short_name(&self.kind)
-    }
-
-    /// The definitions for its messages, with the built-in ones for those that the bag has not.
-    pub(crate) fn definitions(&self) -> Result<Definitions, DefinitionError> {
-        match &self.definition {
-            Some(text) => Definitions::parse(&self.kind, text),
-            None => Ok(Definitions::default()),
-        }
-    }
-}
-
-/// The topics that were seen so far.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Topics(Vec<Topic>);
-
-impl Topics {
-    /// The index of a topic, which is added if it is new; `None` if there are too many.
-    fn add(&mut self, topic: Topic) -> Option<usize> {
-        if let Some(index) = self.0.iter().position(|known| *known == topic) {
-            return Some(index);
-        }
-        (self.0.len() < MOST_TOPICS).then(|| self.0.push(topic))?;
-        Some(self.0.len() - 1)
-    }
-}
-
-/// The place of the bytes of a message.
-#[derive(Clone, Debug)]
-pub(crate) enum Place {
-    Chunk(Range<usize>),
-    Window(Range<usize>),
-    /// Column of a row.
-    Row(usize),
-}
-
-/// A message that was found.
-#[derive(Clone, Debug)]
-pub(crate) struct Found {
-    topic: usize,
-    received: i64,
-    offset: u64,
-    place: Place,
-}
+pub use topics::Topic;
+use topics::{Found, Place, Topics};
 
 /// A message of a bag.
 #[derive(Clone, Copy, Debug)]
@@ -160,7 +94,7 @@ impl Bag {
 
     /// The topics that were found so far. MCAP has most of them where their first message is.
     pub fn topics(&self) -> &[Topic] {
-        &self.topics.0
+        &self.topics.all
     }
 
     /// Describes what was damaged so far.
@@ -208,7 +142,7 @@ impl Bag {
                 None => return Ok(None),
                 Some(Current::Mcap(file)) => file.advance(topics, faults),
                 Some(Current::Sqlite(file)) => {
-                    file.advance(|topic| topics.0.get(topic).is_some_and(&wanted), faults)
+                    file.advance(|topic| topics.all.get(topic).is_some_and(&wanted), faults)
                 }
             };
             match found.map_err(|e| StreamError::read(&self.file, e))? {
@@ -219,7 +153,7 @@ impl Bag {
             }
         };
         let Found { topic, received, offset, place } = found;
-        if !self.topics.0.get(topic).is_some_and(&wanted) {
+        if !self.topics.all.get(topic).is_some_and(&wanted) {
             return Ok(Some(Message { topic, received, offset, data: &[] }));
         }
         let data = match (&self.current, &place) {

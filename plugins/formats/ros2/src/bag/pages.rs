@@ -1,6 +1,6 @@
 //! The pages of an SQLite database.
 
-use std::fs::File;
+use navfuse_core::files::Input;
 use std::io::{ErrorKind, Read, Result, Seek, SeekFrom};
 
 /// Bytes that are read at once where pages follow each other.
@@ -10,7 +10,7 @@ const APART: usize = 16 * 1024;
 
 /// The pages of a file, numbered from 1.
 pub struct Pages {
-    file: File,
+    file: Input,
     /// Size of a page, and the bytes of it that are used.
     pub size: usize,
     pub usable: usize,
@@ -23,7 +23,7 @@ pub struct Pages {
 
 impl Pages {
     /// The pages of a database; `None` if its header is damaged.
-    pub fn new(mut file: File) -> Result<Option<Self>> {
+    pub fn new(mut file: Input) -> Result<Option<Self>> {
         let mut header = [0; 100];
         file.seek(SeekFrom::Start(0))?;
         match file.read_exact(&mut header) {

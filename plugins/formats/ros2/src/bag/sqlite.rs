@@ -4,9 +4,9 @@
 use super::faults::Faults;
 use super::pages::Pages;
 use super::table::{Row, Table};
-use super::{Found, Place, Topic, Topics};
+use super::topics::{Found, Place, Topic, Topics};
+use navfuse_core::files::Input;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::Result;
 
 /// First bytes of the file.
@@ -58,7 +58,7 @@ fn columns(statement: &str) -> Vec<String> {
 impl Sqlite {
     /// Opens a database at an offset of its bag; an error has the reason why it is no bag.
     pub fn open(
-        file: File,
+        file: Input,
         base: u64,
         topics: &mut Topics,
         faults: &mut Faults,

@@ -1,5 +1,5 @@
 //! Bags that `rosbags` wrote, in every storage and packing, give the samples that its messages
-//! stand for. Without Python or the package index, the tests print the reason and pass.
+//! stand for. Without Python or the package index, the tests are skipped.
 
 use crate::{Read, Rows, read};
 use navfuse_testing::python::{output, rosbags};

@@ -1,7 +1,7 @@
 //! The readers equal pyulog and pymavlink, readers written by others.
 //!
 //! The tests install both from PyPI into the target folder, or use the interpreter that
-//! NAVFUSE_VEHICLE_LOGS_PYTHON names. Without Python or PyPI they are skipped and print so.
+//! NAVFUSE_VEHICLE_LOGS_PYTHON names. Without Python or PyPI they are skipped.
 
 use crate::generate::{flight, telemetry};
 use crate::read;
@@ -23,11 +23,7 @@ fn theirs(kind: &str, log: &[u8]) -> Option<Columns> {
         check: "import pyulog, pymavlink",
         install: &[&["pyulog", "pymavlink"]],
     };
-    // two tests share the environment
-    static LOCK: std::sync::Mutex<()> = std::sync::Mutex::new(());
-    let guard = LOCK.lock().unwrap_or_else(|e| e.into_inner());
     let python = packages.python()?;
-    drop(guard);
     let folder = tempfile::tempdir().unwrap();
     // pymavlink reads a file as a telemetry log by its name
     let file = folder.path().join("log.tlog");

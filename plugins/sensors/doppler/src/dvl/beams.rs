@@ -1,8 +1,7 @@
 //! The velocity along each beam of a DVL.
 
-use super::FASTEST;
 use super::altitude::{self, Altitude};
-use super::geometry::{MAX_BEAMS, count, directions};
+use super::geometry::{FASTEST, MAX_BEAMS, count, directions};
 use super::sound::{Array, gains};
 use crate::instrument::{Instrument, TrackingMode};
 use crate::keys::doppler_sensor;

@@ -6,6 +6,9 @@ use navfuse_core::nalgebra::Vector3;
 use navfuse_core::units::Angle;
 use std::f64::consts::FRAC_PI_2;
 
+/// Largest plausible speed of a vehicle with a DVL, m/s.
+pub(super) const FASTEST: f64 = 30.0;
+
 /// The largest number of beams: a Janus of four, and a vertical one.
 pub(super) const MAX_BEAMS: usize = 5;
 

@@ -1,8 +1,7 @@
 //! The velocity along the instrument's own three axes.
 
-use super::FASTEST;
 use super::altitude::{self, Altitude};
-use super::geometry::directions;
+use super::geometry::{FASTEST, directions};
 use crate::instrument::{Instrument, TrackingMode};
 use crate::keys::doppler_sensor;
 use navfuse_core::Real;

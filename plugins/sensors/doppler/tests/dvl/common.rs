@@ -1,7 +1,7 @@
 //! What the tests of this crate share: a registry, scenarios, states set by name, and runs.
 
 use navfuse_core::compose::Composition;
-use navfuse_core::model::record::{Epoch, Record, UpdateRecord, Wants};
+use navfuse_core::model::record::{Epoch, Record, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::{AnyMeasurement, At};
 use navfuse_core::model::stream::{Sink, StreamError};
@@ -73,9 +73,6 @@ pub struct Log {
 }
 
 impl Sink for Log {
-    fn wants(&self) -> Wants {
-        Wants::SAMPLES | Wants::EPOCHS | Wants::UPDATES
-    }
     fn take(&mut self, record: &Record<'_>) -> Result<(), StreamError> {
         match *record {
             Record::Sample(sample) => self.sample(sample),

@@ -49,7 +49,8 @@ fn a_transducer_that_is_not_there_or_is_mounted_twice_is_refused() {
     let twice =
         refused(SCENARIO, &[&format!("{SAME}, lever_arm = [\"1 m\", \"0 m\", \"0 m\"] }}")]);
     assert!(
-        twice.contains("lever_arm") && twice.contains("it is that of [sensor.bottom-track]"),
+        twice.contains("lever_arm")
+            && twice.contains("[sensor.bottom-track], which `transducer` names, has it already"),
         "{twice}"
     );
     let none = refused(SCENARIO, &[&format!("{SAME} }}").replace("bottom-track", "botom")]);

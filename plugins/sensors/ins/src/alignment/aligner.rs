@@ -1,9 +1,9 @@
 //! Initial alignment of a strapdown process, from the first sample to the end of the fine stage.
 
-use super::coarse::CoarseAlignment;
+use super::coarse::{CoarseAlignment, Sensed};
+use super::config::{Alignment, AlignmentMethod};
 use super::error::AlignmentError;
 use super::settings::AlignmentSettings;
-use super::{Alignment, AlignmentMethod};
 use crate::earth::EARTH_RATE;
 use crate::imu::Imu;
 use crate::navigation::Navigation;
@@ -34,15 +34,6 @@ const HOPELESS: f64 = 0.5;
 /// Change of the attitude below which trials end, rad: half of the error that a navigation-grade
 /// IMU leaves after 240 s.
 const SETTLED: f64 = 3.5e-4;
-
-/// Sensors of an alignment.
-#[derive(Clone)]
-pub(crate) struct Sensed {
-    pub imu: Imu,
-    pub driver: usize,
-    /// Index and model of the sensor that measures the velocity.
-    pub velocity: Option<(usize, Arc<dyn AnyMeasurement + Sync>)>,
-}
 
 #[derive(Clone)]
 enum Phase {

@@ -1,12 +1,12 @@
 //! The coarse alignment: an attitude from the first samples.
 
-use super::aligner::Sensed;
+use super::config::{AlignmentMethod, CoarseMethod};
 use super::error::AlignmentError;
 use super::inertial::{Instant, Integral, align};
 use super::optimisation::analytic;
 use super::settings::AlignmentSettings;
-use super::{AlignmentMethod, CoarseMethod};
 use crate::earth::LocalEarth;
+use crate::imu::Imu;
 use crate::mechanisation::Increments;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -17,6 +17,7 @@ use navfuse_core::state::{Block, Layout, Mode, State, View};
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample};
 use navfuse_core::units::time::{Span, Time};
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// Interval between the instants of an alignment at rest, s.
 const INTERVAL: f64 = 1.0;
@@ -26,6 +27,15 @@ const MOTION: f64 = 6.0;
 const FEWEST: usize = 10;
 /// Largest prior sigma of a misalignment, rad, for which Monte Carlo runs showed consistent states.
 const VERIFIED: f64 = 1.0 / 180.0 * std::f64::consts::PI;
+
+/// Sensors of an alignment.
+#[derive(Clone)]
+pub(crate) struct Sensed {
+    pub imu: Imu,
+    pub driver: usize,
+    /// Index and model of the sensor that measures the velocity.
+    pub velocity: Option<(usize, Arc<dyn AnyMeasurement + Sync>)>,
+}
 
 /// Attitude and velocity at the beginning.
 #[derive(Clone, Debug)]

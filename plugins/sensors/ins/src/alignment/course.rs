@@ -15,7 +15,7 @@
 //! pair determines the tilt, and the heading as far as the vehicle accelerates; the second one
 //! determines the heading within the mounting of the IMU and the side slip.
 
-use super::AlignmentConfig;
+use super::config::AlignmentConfig;
 use super::error::AlignmentError;
 use super::inertial::Integral;
 use super::optimisation::Pairs;

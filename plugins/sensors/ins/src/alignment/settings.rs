@@ -1,7 +1,7 @@
 //! Settings of an alignment in SI, with their defaults and the priors that follow from them.
 
+use super::config::{Alignment, AlignmentMethod, CoarseMethod};
 use super::zero_velocity::ZeroVelocity;
-use super::{Alignment, AlignmentMethod, CoarseMethod};
 use crate::earth::{EARTH_RATE, normal_gravity};
 use crate::imu::Imu;
 use nalgebra::Vector3;

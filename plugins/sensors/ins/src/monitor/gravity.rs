@@ -1,6 +1,6 @@
 //! Rule: over a while, the specific force is about as large as gravity and points up.
 
-use super::Fault;
+use super::fault::Fault;
 use crate::earth::normal_gravity;
 use crate::navigation::Navigation;
 use nalgebra::Vector3;

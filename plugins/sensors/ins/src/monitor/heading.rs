@@ -9,7 +9,7 @@
 //! ```
 //! `P_pe` has only the way since the last fix of the position, and only the heading error that is left.
 
-use super::Fault;
+use super::fault::Fault;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix2, Vector2};
 use navfuse_core::model::process::start::FilterView;

@@ -7,7 +7,7 @@
 //! r = g (Pnn + Pee) / 2 / sqrt(d' Pb d)      d: down in body axes, Pb: covariance of the bias
 //! ```
 
-use super::Fault;
+use super::fault::Fault;
 use crate::earth::normal_gravity;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix3, Vector3};

@@ -5,7 +5,7 @@
 //! in deg/s turn it 57 times too far. The rule compares the residuals of that equation for the
 //! samples as they are with those for each error of use.
 
-use super::Fault;
+use super::fault::Fault;
 use nalgebra::{Matrix3, Vector3};
 use navfuse_core::model::record::finding::{Basis, Severity};
 

@@ -3,7 +3,7 @@
 //! Second differences of means over `m` samples remove the motion. For white noise their variance
 //! falls as `1/m`; vibration and motion follow another law, and are not judged here.
 
-use super::Fault;
+use super::fault::Fault;
 use crate::imu::Imu;
 use nalgebra::Vector3;
 use navfuse_core::model::record::finding::{Basis, Severity};

@@ -7,6 +7,7 @@ use navfuse_rerun::re_sdk::log::Chunk;
 use navfuse_rerun::re_sdk::{ComponentDescriptor, RecordingStreamBuilder, StoreId, StoreKind};
 use navfuse_rerun::re_sdk_types::blueprint::archetypes::{ContainerBlueprint, ViewBlueprint};
 use navfuse_rerun::re_sdk_types::blueprint::components::ContainerKind;
+use navfuse_testing::absent::{Need, skip};
 use re_chunk_store::{ChunkStore, ChunkStoreConfig};
 use re_protos::common::v1alpha1::{Timeline, TimelineTime};
 use re_protos::sdk_comms::v1alpha1::viewer_control_service_client::ViewerControlServiceClient;
@@ -37,32 +38,27 @@ fn succeeds(command: &mut Command) -> bool {
     command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|s| s.success())
 }
 
-/// The viewer's program, with a Vulkan driver for it; `None` and a message where either is missing.
+/// The viewer's program, with a Vulkan driver for it; without either, the test is skipped.
 ///
 /// The tests of a process run at the same time: one of them fetches, the others wait.
 pub fn program() -> Option<PathBuf> {
-    static PROGRAM: LazyLock<Option<PathBuf>> = LazyLock::new(|| {
+    static PROGRAM: LazyLock<Result<PathBuf, String>> = LazyLock::new(|| {
         if !vulkan() {
-            println!("skipped: no Vulkan driver; install mesa-vulkan-drivers");
-            return None;
+            return Err("no Vulkan driver; install mesa-vulkan-drivers".to_owned());
         }
-        std::env::var_os("RERUN_BIN").map(PathBuf::from).or_else(fetched)
+        std::env::var_os("RERUN_BIN").map_or_else(fetched, |program| Ok(program.into()))
     });
-    PROGRAM.clone()
+    PROGRAM.as_ref().map_err(|why| skip(Need::Viewer, why)).cloned().ok()
 }
 
-/// Whether a Vulkan driver is installed, if need be just now.
+/// Whether a Vulkan driver is installed.
 fn vulkan() -> bool {
-    let icd =
-        || Path::new("/usr/share/vulkan/icd.d").read_dir().is_ok_and(|mut d| d.next().is_some());
-    let mesa = ["install", "-y", "--no-install-recommends", "mesa-vulkan-drivers"];
-    let apt = |words: &[&str]| succeeds(Command::new("apt-get").args(words));
-    icd() || ((apt(&mesa) || (apt(&["update"]) && apt(&mesa))) && icd())
+    Path::new("/usr/share/vulkan/icd.d").read_dir().is_ok_and(|mut d| d.next().is_some())
 }
 
 /// The viewer's program of the wheel, fetched once and renamed when it is whole: a program that is
 /// still written cannot be started.
-fn fetched() -> Option<PathBuf> {
+fn fetched() -> Result<PathBuf, String> {
     let folder = target("rerun-viewer");
     let program = folder.join("rerun");
     if !program.exists() {
@@ -77,14 +73,12 @@ fn fetched() -> Option<PathBuf> {
             && std::fs::rename(part.join("rerun"), &program).is_ok();
         let _ = std::fs::remove_dir_all(&part);
         if !fetched {
-            println!(
-                "skipped: no viewer; set RERUN_BIN, or make `pip download --no-deps {wheel}` and \
-                 `unzip` work"
-            );
-            return None;
+            return Err(format!(
+                "no viewer; set RERUN_BIN, or make `pip download --no-deps {wheel}` and `unzip` work"
+            ));
         }
     }
-    Some(program)
+    Ok(program)
 }
 
 /// A viewer, which is killed at the end.

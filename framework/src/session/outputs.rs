@@ -3,13 +3,13 @@
 use crate::model::record::finding::Finding;
 use crate::model::record::verdict::Verdict;
 use crate::model::record::{
-    Epoch, Event, InputRejection, Level, Observer, Record, Rejection, Repetition, UpdateRecord,
-    Wants,
+    Derived, Epoch, Event, InputRejection, Level, Observer, Record, Rejection, Repetition,
+    UpdateRecord, Wants,
 };
 use crate::model::stream::{NamedSink, RunInfo, Sink, StreamError};
-use crate::run::output_rate::OutputRate;
-use crate::run::summary::{Recorded, Statistics};
-use crate::run::verdict::Judge;
+use crate::session::output_rate::OutputRate;
+use crate::session::summary::{Recorded, Statistics};
+use crate::session::verdict::Judge;
 use crate::smooth::Smoother;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
@@ -96,6 +96,17 @@ impl Outputs {
             None => Record::Epoch(epoch),
         };
         self.send_to(epoch.state.time, &record, to);
+        self.derive(false);
+    }
+
+    /// Passes on what the sinks derive from the records so far.
+    fn derive(&mut self, end: bool) {
+        if !self.want(Wants::DERIVED) {
+            return;
+        }
+        let open = self.sinks.iter_mut().filter(|o| o.open);
+        let derived: Vec<Derived> = open.filter_map(|o| o.sink.derive(end)).collect();
+        derived.iter().for_each(|derived| self.send(derived.time, &Record::Derived(derived)));
     }
 
     /// Passes a smoothed estimate on.
@@ -154,9 +165,15 @@ impl Outputs {
 
     /// Judges the run, which the error ended early, and passes the verdict on to the sinks.
     pub(crate) fn verdict(&mut self, time: Time, error: Option<String>) -> Verdict {
+        self.derive(true);
         let verdict = self.judge.verdict(&self.findings, error);
         self.send(time, &Record::Verdict(&verdict));
         verdict
+    }
+
+    /// Judges the run so far.
+    pub(crate) fn health(&self) -> Verdict {
+        self.judge.clone().verdict(&self.findings, None)
     }
 
     /// Closes the open sinks, all at the same time, and returns the places that they wrote to.

@@ -2,11 +2,11 @@
 
 use crate::compose::estimator::Estimator;
 use crate::model::record::verdict::Verdict;
-use crate::model::record::{Epoch, Event, Level, Outcome, Rejection, UpdateRecord};
+use crate::model::record::{Epoch, Event, Level, Outcome, Outcomes, Rejection, UpdateRecord};
 use crate::model::sensor::Purpose;
 use crate::model::sensor::Role;
 use crate::model::stream::RunInfo;
-use crate::run::track::Track;
+use crate::session::track::Track;
 use crate::smooth::QualityReport;
 use crate::state::Mode;
 use crate::state::manifold::{MAX_TANGENT, Position};
@@ -16,7 +16,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::any::TypeId;
 
-pub use crate::run::track::HorizontalError;
+pub use crate::session::track::HorizontalError;
 
 /// The place that a sink wrote to.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -91,14 +91,8 @@ pub struct StateRow {
 #[derive(Clone, Debug, Default)]
 struct Counts {
     read: u64,
-    used: u64,
-    /// Samples that placed a block, which have no innovation.
-    placed: u64,
-    gated: u64,
-    rejected: u64,
+    outcomes: Outcomes,
     excluded: u64,
-    /// Rejected samples of each reason, in the order of their first sample.
-    reasons: Vec<(Rejection, u64)>,
     nis: f64,
 }
 
@@ -107,20 +101,15 @@ impl Counts {
     fn unused(&mut self, why: Rejection) {
         match why {
             Rejection::Excluded => self.excluded += 1,
-            _ => {
-                self.rejected += 1;
-                match self.reasons.iter_mut().find(|(reason, _)| *reason == why) {
-                    Some((_, count)) => *count += 1,
-                    None => self.reasons.push((why, 1)),
-                }
-            }
+            _ => self.outcomes.reject(why),
         }
     }
 
     /// The rejected samples by their reasons in words.
     fn rejected_for(&self, channels: &[Channel]) -> Value {
         let columns: Vec<String> = channels.iter().map(Channel::column).collect();
-        let reasons = self.reasons.iter().map(|(why, count)| (why.reason(&columns), json!(count)));
+        let reasons = self.outcomes.rejected.iter();
+        let reasons = reasons.map(|(why, count)| (why.reason(&columns), json!(count)));
         Value::Object(reasons.collect())
     }
 }
@@ -165,7 +154,7 @@ impl Statistics {
         let counts = &mut self.sensors[sample.sensor.0].2;
         match rejected {
             Some(why) => counts.unused(why),
-            None if self.first.is_some_and(|f| sample.time > f) => counts.used += 1,
+            None if self.first.is_some_and(|f| sample.time > f) => counts.outcomes.accepted += 1,
             None => {}
         }
     }
@@ -173,13 +162,11 @@ impl Statistics {
     pub(crate) fn update(&mut self, update: &UpdateRecord<'_>) {
         let counts = &mut self.sensors[update.sensor.0].2;
         match update.outcome {
-            Outcome::Accepted => {
-                counts.used += 1;
-                counts.nis += update.nis;
-            }
-            Outcome::Placed => counts.placed += 1,
-            Outcome::Gated => counts.gated += 1,
             Outcome::Rejected(why) => counts.unused(why),
+            outcome => counts.outcomes.add(outcome),
+        }
+        if update.outcome == Outcome::Accepted {
+            counts.nis += update.nis;
         }
     }
 
@@ -264,21 +251,23 @@ impl Statistics {
         }
         let mut samples = Map::new();
         for ((name, _, c), sensor) in self.sensors.iter().zip(&estimator.composition().sensors) {
-            let mean_nis = if c.used > 0 { json!(c.nis / c.used as f64) } else { Value::Null };
+            let Outcomes { accepted, placed, gated, .. } = c.outcomes;
+            let rejected = c.outcomes.all_rejected();
+            let mean_nis = if accepted > 0 { json!(c.nis / accepted as f64) } else { Value::Null };
             // no source gives the samples of a constraint
-            let applied = c.used + c.placed + c.gated + c.rejected + c.excluded;
+            let applied = accepted + placed + gated + rejected + c.excluded;
             let read = if sensor.constraint { applied } else { c.read };
             let mut value = match sensor.role {
-                Role::Input(_) => json!({ "read": c.read, "used": c.used, "rejected": c.rejected }),
+                Role::Input(_) => json!({ "read": c.read, "used": accepted, "rejected": rejected }),
                 Role::Reference(_) => json!({ "read": c.read }),
-                Role::Measurement(_) => json!({ "read": read, "accepted": c.used, "gated": c.gated,
-                    "rejected": c.rejected, "mean_nis": mean_nis }),
+                Role::Measurement(_) => json!({ "read": read, "accepted": accepted, "gated": gated,
+                    "rejected": rejected, "mean_nis": mean_nis }),
             };
-            if c.rejected > 0 {
+            if rejected > 0 {
                 value["rejected_for"] = c.rejected_for(&sensor.info.channels);
             }
-            if c.placed > 0 {
-                value["placed"] = json!(c.placed);
+            if placed > 0 {
+                value["placed"] = json!(placed);
             }
             if !sensor.exclude.is_empty() {
                 value["excluded"] = json!(c.excluded);

@@ -23,7 +23,7 @@ use report::{FALSE_ALARM, Report, reason};
 use states::StateStatistics;
 
 /// Follows a run and judges it at its end. The memory does not grow with the run.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Judge {
     infos: Vec<SensorInfo>,
     /// Statistics of the measuring sensors, one place per sensor.

@@ -1,4 +1,4 @@
-//! Unscented update: the model is replaced by its linear regression over the sigma points.
+//! The rule `ukf`: the model is replaced by its linear regression over the sigma points.
 //!
 //! With the slopes `d_i` and second derivatives `q_ij` of [`super::points`], and `P = L L'` over the
 //! columns that the model reads, a Gaussian error gives to the second order of the curvature
@@ -12,14 +12,36 @@
 //! IEEE Trans. Autom. Control 47, 2002). Gate, recovery, robust weights and considered states work
 //! on it as on any linear model.
 
-use crate::filter::update::points::{SigmaPoints, add_headings, place};
+use super::points::{SigmaPoints, add_headings, place};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
+use crate::model::sensor::rule::{Check, Prior, Rule, RuleType};
 use crate::state::covariance::{Covariance, Update};
 use crate::units::sample::MAX_CHANNELS;
 
+/// Unscented update: linear regression over sigma points of the uncertainty. For a model that is
+/// curved within the uncertainty, however accurate the sensor.
+#[derive(Default)]
+pub struct Unscented(SigmaPoints);
+
+impl RuleType for Unscented {
+    const TYPE: &'static str = "ukf";
+    const EVALUATES: bool = true;
+}
+
+impl Rule for Unscented {
+    fn linearised(&mut self, prior: &Prior<'_>, update: &mut Update) {
+        let &Prior { ref at, model, covariance, .. } = prior;
+        regress(&mut self.0, at, model, covariance, update);
+    }
+
+    fn check(&self) -> Check {
+        Check::Never
+    }
+}
+
 /// Replaces the linearisation in the work space by the regression. Call after
 /// [`AnyMeasurement::linearise`] at the same state.
-pub(in crate::filter) fn regress(
+fn regress(
     points: &mut SigmaPoints,
     at: &At<'_>,
     model: &dyn AnyMeasurement,

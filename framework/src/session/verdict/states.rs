@@ -26,7 +26,7 @@ use crate::state::{Block, Layout};
 const FAR: f64 = 6.0;
 
 /// One component of a state.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Row {
     /// Name of the block.
     block: String,
@@ -41,7 +41,7 @@ struct Row {
 }
 
 /// Corrections of the rows by each sensor.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct StateStatistics {
     rows: Vec<Row>,
     /// Sum of the corrections and of their variances, of every row for each sensor in turn.

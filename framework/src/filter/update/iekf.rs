@@ -1,4 +1,4 @@
-//! Iterated update: Gauss-Newton steps to the most probable state.
+//! The rule `iekf`: Gauss-Newton steps to the most probable state.
 //!
 //! The update minimises, over the error `d` of the estimate `x`,
 //! ```text
@@ -14,8 +14,9 @@
 //! grows. The iteration ends when a step is below a thousandth of the prior sigma. Errors of
 //! considered states stay linear, and these states stay where they are.
 
-use crate::filter::update::points::add_headings;
+use super::points::add_headings;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
+use crate::model::sensor::rule::{Check, Prior, Rule, RuleType};
 use crate::state::State;
 use crate::state::covariance::{Covariance, Update, backward, cholesky, forward};
 
@@ -28,9 +29,10 @@ const CONVERGED: f64 = 1e-6;
 /// Number of halvings of a step before the iteration stops where it is.
 const HALVINGS: usize = 6;
 
-/// The iteration, with its memory allocated once.
+/// Iterated extended Kalman filter: linearises again at the estimate after the update, until it
+/// stays. For an accurate sensor and an estimate that is far off. Its memory is allocated once.
 #[derive(Default)]
-pub(in crate::filter) struct Iterated {
+pub struct Iterated {
     /// Linearisation at the trial of a step.
     trial: Update,
     at: State,
@@ -75,10 +77,35 @@ impl Point {
     }
 }
 
+impl RuleType for Iterated {
+    const TYPE: &'static str = "iekf";
+    const EVALUATES: bool = true;
+}
+
+impl Rule for Iterated {
+    fn accepted(&mut self, prior: &Prior<'_>, update: &mut Update) -> bool {
+        let &Prior { ref at, model, covariance, considered } = prior;
+        self.iterate(at, model, covariance, considered, update);
+        true
+    }
+
+    /// Replaces the last linear step by the correction at which an iteration stopped, if it has not
+    /// converged.
+    fn corrects(&self, delta: &mut [f64]) {
+        if !self.converged {
+            delta.copy_from_slice(&self.delta);
+        }
+    }
+
+    fn check(&self) -> Check {
+        Check::After
+    }
+}
+
 impl Iterated {
     /// Moves the linearisation in the work space from the state of `at` to the most probable one.
     /// The innovation becomes `r + H d`, for which the linear update gives the last step.
-    pub(in crate::filter) fn iterate(
+    fn iterate(
         &mut self,
         at: &At<'_>,
         model: &dyn AnyMeasurement,
@@ -134,14 +161,6 @@ impl Iterated {
         for (i, d) in self.delta.iter_mut().enumerate() {
             let terms = columns.iter().zip(&self.here.l).map(|(&c, l)| covariance.get(i, c) * l);
             *d = if considered[i] { 0.0 } else { terms.sum() };
-        }
-    }
-
-    /// Replaces the last linear step by the correction at which an iteration stopped, if it has not
-    /// converged. Call after [`Update::apply`].
-    pub(in crate::filter) fn correct(&self, delta: &mut [f64]) {
-        if !self.converged {
-            delta.copy_from_slice(&self.delta);
         }
     }
 

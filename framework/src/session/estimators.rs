@@ -3,12 +3,14 @@
 use crate::compose::Composition;
 use crate::compose::estimator::{Creator, Estimator};
 use crate::document::{DocumentError, Node, unknown};
-use crate::filter::{Ekf, Ukf};
+use crate::filter::{Ekf, Timeline, Ukf};
+
 use crate::model::error::ComposeError;
+use crate::model::record::Epoch;
 use crate::model::sensor::Role;
-use crate::model::sensor::update_rule::UpdateRule;
 use crate::plugin::Registry;
 use crate::smooth::Relinearised;
+use crate::units::time::Time;
 use std::any::Any;
 
 /// Finds the type of estimator of that name.
@@ -36,9 +38,6 @@ pub(crate) fn check(composition: &Composition, root: &Node<'_>) -> Result<(), Do
         return Err(ComposeError::new("passes", message).at(&place));
     }
     let creator = composition.creator;
-    if creator.name == Creator::of::<Ukf>().name {
-        check_rules(root)?;
-    }
     (creator.check)(composition).map_err(|e| e.at(&place))?;
     if [Creator::of::<Ekf>().name, Creator::of::<Ukf>().name].contains(&creator.name) {
         return Ok(());
@@ -87,21 +86,6 @@ pub(crate) fn settle(composition: &mut Composition) {
     composition.notes.push(("estimator".to_owned(), text));
 }
 
-/// Rejects another update rule than that of the unscented filter.
-fn check_rules(root: &Node<'_>) -> Result<(), DocumentError> {
-    let sensors = root.get("sensor").map_or_else(|| Ok(Vec::new()), |table| table.entries())?;
-    let tables = sensors.into_iter().map(|(_, node)| node).chain(root.get("estimator"));
-    for rule in tables.filter_map(|table| table.get("update")) {
-        if rule.parse::<UpdateRule>()? != UpdateRule::Ukf {
-            return Err(rule.error(
-                "with estimator.type = \"ukf\" every sensor has the rule \"ukf\"; remove it, or set \
-                 estimator.type = \"ekf\"",
-            ));
-        }
-    }
-    Ok(())
-}
-
 /// The filter of the framework behind an estimator, if it is one.
 pub(crate) fn filter(estimator: &dyn Estimator) -> Option<&Ekf> {
     let any: &dyn Any = estimator;
@@ -135,6 +119,27 @@ pub(crate) fn has_jumped(estimator: &mut dyn Estimator) -> bool {
     any.downcast_mut::<Relinearised>().is_some_and(Relinearised::has_jumped)
 }
 
+/// Shows the estimate after all samples that have arrived; the filter itself stays where it is.
+pub(crate) fn newest<T>(
+    timeline: &mut Option<Timeline>,
+    estimator: &mut dyn Estimator,
+    look: impl FnOnce(&Epoch<'_>) -> T,
+) -> Option<T> {
+    let pooled = estimator.composition().estimator.covariance_period().is_some();
+    match (timeline, settled_mut(estimator)) {
+        (Some(timeline), Some(filter)) => timeline.newest(filter, look),
+        // the covariance of a copy is brought to the time of the estimate
+        (None, Some(filter)) if pooled && filter.running() => {
+            let kept = filter.snapshot();
+            filter.settle(&mut ());
+            let seen = look(&filter.epoch());
+            filter.restore(&kept);
+            Some(seen)
+        }
+        _ => estimator.running().then(|| look(&estimator.epoch())),
+    }
+}
+
 /// The reason for which the filter never started, and the remedy.
 pub(crate) fn never_started(estimator: &dyn Estimator) -> String {
     let start = estimator.composition().start();
@@ -146,6 +151,10 @@ pub(crate) fn never_started(estimator: &dyn Estimator) -> String {
              estimator.start = {start}; give a later one"
         );
     }
+    let since = match start {
+        Time::MIN => String::new(),
+        start => format!(" at or after estimator.start = {start}"),
+    };
     match reference {
         Some(r) if let Some(block) = estimator.lacking() => format!(
             "the filter never started: no sample of [sensor.{}] gives {}; give its initial value, \
@@ -153,14 +162,10 @@ pub(crate) fn never_started(estimator: &dyn Estimator) -> String {
             r.info.name, block.name
         ),
         Some(r) if estimator.composition().estimator.from_reference() => format!(
-            "the filter never started: no sample of [sensor.{}] at or after \
-             estimator.start = {start}; check the time stamps, or give the initial values and \
-             estimator.initial = \"given\"",
+            "the filter never started: no sample of [sensor.{}]{since}; check the time stamps, or \
+             give the initial values and estimator.initial = \"given\"",
             r.info.name
         ),
-        _ => format!(
-            "the filter never started: no sample of the driving sensor at or after \
-             estimator.start = {start}"
-        ),
+        _ => format!("the filter never started: no sample of the driving sensor{since}"),
     }
 }

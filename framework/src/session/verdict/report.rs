@@ -41,7 +41,7 @@ pub(crate) fn size(ratio: f64) -> (Severity, String, &'static str) {
         );
     }
     let severity = if ratio >= UNTRUE { Severity::DoNotUse } else { Severity::Doubtful };
-    let remedy = "its stated noise, or that of the driving sensor, is too small, or an effect is \
-                  not modelled";
+    let remedy =
+        "its stated noise or the driving sensor's is too small, or an effect is not modelled";
     (severity, format!("{ratio:.2} times their reported"), remedy)
 }

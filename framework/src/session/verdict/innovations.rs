@@ -116,7 +116,7 @@ impl Streak {
 }
 
 /// Statistics of one measuring sensor.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct SensorStatistics {
     name: String,
     /// Names of the channels.

@@ -2,7 +2,8 @@
 
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::{Purpose, SensorInfo};
-use crate::run::outputs::Outputs;
+use crate::session::outputs::Outputs;
+use crate::units::pace::Pace;
 use crate::units::sample::Sample;
 use crate::units::time::{Span, Time};
 
@@ -22,35 +23,27 @@ struct Activity {
     /// The timeout that the scenario gives, s.
     timeout: Option<f64>,
     last: Option<Time>,
-    /// The longest of the first intervals, s, and the number of intervals so far.
-    usual: (f64, u32),
+    pace: Pace,
     lost: bool,
 }
 
 impl Activity {
-    /// The longest silence that is accepted, s: by default three times the usual interval and at
-    /// least 5 s. A sensor with one sample has no usual interval and is never lost.
+    /// The longest silence that is accepted, s. A sensor with one sample is never lost.
     fn timeout(&self) -> f64 {
-        match (self.timeout, self.usual) {
-            (Some(given), _) => given,
-            (None, (_, 0)) => f64::INFINITY,
-            (None, (usual, _)) => (3.0 * usual).ceil().max(5.0),
-        }
+        self.timeout.unwrap_or_else(|| self.pace.patience())
     }
 }
 
 impl SilenceMonitor {
     /// Time between two checks.
     const PERIOD: Span = Span::from_nanos(100_000_000);
-    /// Number of intervals that define the usual one.
-    const INTERVALS: u32 = 8;
 
     pub(crate) fn new(timeouts: Vec<Option<f64>>, sensors: &[SensorInfo]) -> Self {
         Self {
             driver: sensors.iter().position(|s| s.purpose == Purpose::Input),
             sensors: timeouts
                 .into_iter()
-                .map(|timeout| Activity { timeout, last: None, usual: (0.0, 0), lost: false })
+                .map(|timeout| Activity { timeout, last: None, pace: Pace::default(), lost: false })
                 .collect(),
             before: Time::MIN,
             next: Time::MIN,
@@ -67,20 +60,22 @@ impl SilenceMonitor {
         let now = sample.time;
         // the earlier of two successive times: a single wrong time stamp does not move the clock
         let clock = now.min(std::mem::replace(&mut self.before, now));
-        if clock >= self.next {
-            self.next = clock + Self::PERIOD;
-            self.check(clock, sensors, outputs);
-        }
+        self.tick(clock, sensors, outputs);
         let activity = &mut self.sensors[sample.sensor.0];
         let Some(last) = activity.last.replace(now) else { return };
-        // several observations of one time have no interval
-        if activity.usual.1 < Self::INTERVALS && last < now {
-            activity.usual = (activity.usual.0.max(now.since(last)), activity.usual.1 + 1);
-        }
+        activity.pace.take(now.since(last));
         if std::mem::take(&mut activity.lost) {
             let name = &sensors[sample.sensor.0].name;
             let text = format!("{name} is back after {:.1} s", now.since(last));
             outputs.event(Event { time: now, level: Level::Info, about: name.clone(), text });
+        }
+    }
+
+    /// Checks all sensors when a check is due.
+    pub(crate) fn tick(&mut self, clock: Time, sensors: &[SensorInfo], outputs: &mut Outputs) {
+        if clock >= self.next {
+            self.next = clock + Self::PERIOD;
+            self.check(clock, sensors, outputs);
         }
     }
 
@@ -92,6 +87,7 @@ impl SilenceMonitor {
             if !activity.lost && activity.last.is_some_and(|last| time.since(last) > timeout) {
                 activity.lost = true;
                 let about = sensor.name.clone();
+                let timeout = (timeout * 1e3).round() / 1e3;
                 let text = format!("{about} lost: no sample for {timeout} s");
                 outputs.event(Event { time, level: Level::Warning, about, text });
             }

@@ -1,0 +1,43 @@
+//! The estimate of a filter.
+
+use super::course::guide::Offset;
+use crate::model::process::start::FilterView;
+use crate::model::record::{Epoch, Truth};
+use crate::state::covariance::Covariance;
+use crate::state::{Layout, State};
+use crate::units::time::Time;
+
+/// State and covariance, which every part of the filter reads or changes.
+#[derive(Clone)]
+pub(super) struct Estimate {
+    pub(super) state: State,
+    pub(super) covariance: Covariance,
+    /// Estimate relative to the state, where the state follows a given trajectory.
+    pub(super) offset: Option<Offset>,
+}
+
+impl Estimate {
+    pub(super) fn new(layout: &Layout) -> Self {
+        let (state, covariance) = (layout.initial_state(), Covariance::zero(layout.tangent));
+        Self { state, covariance, offset: None }
+    }
+
+    /// Estimate relative to the state; empty where the state is the estimate.
+    pub(super) fn offset(&self) -> &[f64] {
+        self.offset.as_ref().map_or(&[], |offset| &offset.d)
+    }
+
+    /// The estimate as sinks see it.
+    pub(super) fn epoch<'a>(&'a self, layout: &'a Layout, truth: Option<Truth<'a>>) -> Epoch<'a> {
+        Epoch { layout, state: &self.state, covariance: &self.covariance, truth }
+    }
+
+    /// The estimate as alignments and monitors see it.
+    pub(super) fn view<'a>(
+        &'a self,
+        layout: &'a Layout,
+        gated: Option<(Time, u64)>,
+    ) -> FilterView<'a> {
+        FilterView { layout, state: &self.state, covariance: &self.covariance, gated }
+    }
+}

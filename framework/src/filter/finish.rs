@@ -1,0 +1,58 @@
+//! The end of a run: what the filter reports after the last sample.
+
+use super::ekf::Ekf;
+use super::judge::noise_level::NoiseLevel;
+use super::judge::reject::rejected;
+use crate::model::record::{Event, Level, Observer, Rejection};
+
+impl Ekf {
+    /// Reports unused samples and sensors that are still gated after the last sample.
+    pub fn finish(&mut self, observer: &mut dyn Observer) {
+        self.finish_screening(observer);
+        self.finish_pace(observer);
+        let time = self.state().time;
+        for (slot, sensor) in self.parts.sensors.iter().zip(&self.composition.sensors) {
+            if let Some((text, limit)) = slot.noise.as_ref().map(NoiseLevel::words) {
+                let level = if limit { Level::Warning } else { Level::Info };
+                observer.event(Event { time, level, about: slot.name.clone(), text });
+            }
+            // the alignment has already reported the samples of its own constraint
+            if !sensor.constraint || sensor.detector.is_some() {
+                slot.lockout.finish(&slot.name, slot.last, observer);
+            }
+        }
+    }
+
+    /// Uses the samples that the screening holds, and reports its counts.
+    fn finish_screening(&mut self, observer: &mut dyn Observer) {
+        let Some(driver) = self.driver else { return };
+        let waits = self.parts.start.waits();
+        let counts = {
+            let info = &self.composition.sensors[driver].info;
+            self.parts.screening.finish((info, waits), observer)
+        };
+        // a failure here loses a few samples at the very end of the run
+        self.use_screened(observer).ok();
+        let (time, info) = (self.state().time, &self.composition.sensors[driver].info);
+        if let Some(counts) = counts {
+            counts.report(time, info, observer);
+        }
+    }
+
+    /// Reports missing samples of the driving sensor, and measurements that it never reached.
+    fn finish_pace(&mut self, observer: &mut dyn Observer) {
+        let (missing, longest) = self.parts.pace.missing();
+        if let Some(driver) = self.driver
+            && missing > 1
+        {
+            let about = self.composition.sensors[driver].info.name.clone();
+            let text =
+                format!("samples were missing {missing} times, for {longest:.3} s at the longest");
+            let time = self.state().time;
+            observer.event(Event { time, level: Level::Warning, about, text });
+        }
+        while let Some(sample) = self.parts.pace.next() {
+            observer.update(&rejected(&sample, Rejection::NoInput));
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! The monitor of the driven process, and the detectors of pseudo-measurements.
+
+use crate::compose::Composition;
+use crate::filter::estimate::Estimate;
+use crate::model::process::Input;
+use crate::model::process::monitor::Monitor;
+use crate::model::process::start::FilterView;
+use crate::model::record::finding::Finding;
+use crate::model::sensor::detector::Detector;
+use crate::state::Layout;
+use crate::units::sample::Sample;
+
+/// What looks at the samples beside the filter.
+#[derive(Clone)]
+pub(in crate::filter) struct Watch {
+    /// Monitor of the driven process.
+    monitor: Option<Box<dyn Monitor>>,
+    /// Detectors, each with the index of its sensor.
+    detectors: Vec<(usize, Box<dyn Detector>)>,
+}
+
+impl Watch {
+    pub(in crate::filter) fn new(composition: &Composition) -> Self {
+        let sensors = composition.sensors.iter().enumerate();
+        Self {
+            monitor: composition.processes.iter().find_map(|p| p.monitor.clone()),
+            detectors: sensors.filter_map(|(k, s)| Some((k, s.detector.clone()?))).collect(),
+        }
+    }
+
+    /// Shows a corrected driving sample to the monitor.
+    pub(in crate::filter) fn input(
+        &mut self,
+        layout: &Layout,
+        estimate: &Estimate,
+        input: &Input<'_>,
+    ) -> Option<Finding> {
+        self.monitor.as_mut()?.input(&estimate.view(layout, None), input)
+    }
+
+    /// Shows a corrected estimate to the monitor.
+    pub(in crate::filter) fn corrected(&mut self, filter: &FilterView<'_>) {
+        self.monitor.iter_mut().for_each(|monitor| monitor.corrected(filter));
+    }
+
+    /// Notes that the covariance was widened.
+    pub(in crate::filter) fn widened(&mut self) {
+        self.monitor.iter_mut().for_each(|monitor| monitor.widened());
+    }
+
+    /// Number of detectors.
+    pub(in crate::filter) fn detectors(&self) -> usize {
+        self.detectors.len()
+    }
+
+    /// Shows a sample to a detector. Returns the index of its sensor, and whether its
+    /// pseudo-measurement holds.
+    pub(in crate::filter) fn detect(&mut self, k: usize, sample: &Sample) -> (usize, bool) {
+        let (index, detector) = &mut self.detectors[k];
+        (*index, detector.detects(sample))
+    }
+}

@@ -1,0 +1,91 @@
+//! The parts of a filter that own its state.
+
+use super::estimate::Estimate;
+use super::judge::signature::Signatures;
+use super::judge::slot::SensorSlot;
+use super::judge::watch::Watch;
+use super::past::clones::Clones;
+use super::past::delay::History;
+use super::propagate::pace::Pace;
+use super::propagate::propagation::Propagation;
+use super::screen::screened::Screening;
+use super::start::beginning::Beginning;
+use super::start::truth::Known;
+use super::transients::presence::Presence;
+use crate::compose::Composition;
+use crate::state::State;
+
+/// Everything that changes while the filter runs, in parts that own their state; a clone is a
+/// snapshot.
+#[derive(Clone)]
+pub(super) struct Parts {
+    pub(super) estimate: Estimate,
+    /// Stage, initial draws and alignments.
+    pub(super) start: Beginning,
+    /// Truth that references and scenario give.
+    pub(super) truth: Known,
+    /// Cadence of the driving sensor, and the measurements that wait for it.
+    pub(super) pace: Pace,
+    /// Screening of the driving sensor.
+    pub(super) screening: Screening,
+    /// Processes, held inputs and the transition.
+    pub(super) propagation: Propagation,
+    /// Gate, lock-out and tests of each sensor.
+    pub(super) sensors: Vec<SensorSlot>,
+    /// Score tests for errors that nothing models; `None` where they do not hold, or hold no longer.
+    pub(super) signatures: Option<Signatures>,
+    /// Monitor and detectors.
+    pub(super) watch: Watch,
+    /// Past states that sensors read.
+    pub(super) clones: Vec<Clones>,
+    /// Recent states, kept where some sensor has a time offset.
+    pub(super) history: Option<History>,
+    /// Blocks that come and go.
+    pub(super) presence: Presence,
+}
+
+/// A complete filter at one time, to return to: a clone of the parts that own its state.
+#[derive(Clone)]
+pub struct Snapshot(pub(super) Parts);
+
+impl Snapshot {
+    /// Estimate at the time of the snapshot.
+    pub(crate) fn state(&self) -> &State {
+        &self.0.estimate.state
+    }
+
+    /// Estimate relative to the state in a further pass of the smoother; empty otherwise.
+    pub(crate) fn offset(&self) -> &[f64] {
+        self.0.estimate.offset()
+    }
+}
+
+impl Parts {
+    pub(super) fn new(composition: &Composition) -> Self {
+        let layout = &composition.layout;
+        let propagation = Propagation::new(composition);
+        let slot = |sensor| SensorSlot::new(sensor, layout.tangent);
+        Self {
+            estimate: Estimate::new(layout),
+            start: Beginning::new(composition),
+            truth: Known::new(composition),
+            pace: Pace::new(),
+            screening: Screening::new(composition),
+            sensors: composition.sensors.iter().map(slot).collect(),
+            signatures: Signatures::new(composition, propagation.transition()),
+            propagation,
+            watch: Watch::new(composition),
+            clones: Clones::of(composition),
+            history: History::new(composition),
+            presence: Presence::new(layout.labels),
+        }
+    }
+
+    /// Approximate size, bytes.
+    pub(super) fn size(&self) -> usize {
+        let Self { estimate, propagation, pace, history, .. } = self;
+        let history = history.as_ref().map_or(0, History::size);
+        let matrices = estimate.covariance.size() + propagation.size();
+        size_of::<Self>() + matrices + history + pace.size()
+    }
+}

@@ -1,0 +1,83 @@
+//! What a filter shows of itself: estimate, layout, truth and snapshots.
+
+use super::ekf::Ekf;
+use super::parts::{Parts, Snapshot};
+use crate::compose::Composition;
+use crate::model::record::{Epoch, Truth};
+use crate::model::sensor::Role;
+use crate::state::covariance::Covariance;
+use crate::state::{Block, Layout, State};
+
+impl Ekf {
+    /// The estimate.
+    pub fn state(&self) -> &State {
+        &self.parts.estimate.state
+    }
+
+    /// Covariance of the estimate.
+    pub fn covariance(&self) -> &Covariance {
+        &self.parts.estimate.covariance
+    }
+
+    /// Layout of state and covariance.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Marks the considered error states.
+    pub(crate) fn considered(&self) -> &[bool] {
+        &self.considered
+    }
+
+    /// Composition that the filter runs.
+    pub fn composition(&self) -> &Composition {
+        &self.composition
+    }
+
+    /// Returns `true` once the filter has started.
+    pub fn running(&self) -> bool {
+        self.parts.start.runs()
+    }
+
+    pub(crate) fn searching(&self) -> bool {
+        self.parts.start.searches()
+    }
+
+    /// Block without an initial value for which the filter waits, although there were references.
+    pub(crate) fn lacking(&self) -> Option<&Block> {
+        self.parts.start.lacking().map(|slot| &self.layout.blocks[slot])
+    }
+
+    pub(super) fn has_reference(&self) -> bool {
+        self.composition.sensors.iter().any(|s| matches!(s.role, Role::Reference(_)))
+    }
+
+    /// Copies the complete filter.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot(self.parts.clone())
+    }
+
+    /// Returns to a snapshot of a filter of the same composition.
+    pub fn restore(&mut self, snapshot: &Snapshot) {
+        self.parts.clone_from(&snapshot.0);
+    }
+
+    /// Approximate size of a snapshot, bytes.
+    pub(crate) fn snapshot_size(&self) -> usize {
+        self.parts.size()
+    }
+
+    /// Last truth that a reference gave or the scenario states.
+    pub fn truth(&self) -> Truth<'_> {
+        self.parts.truth.view()
+    }
+
+    /// Estimate at the current time, with the truth where the scenario states it and no reference
+    /// gives it.
+    pub fn epoch(&mut self) -> Epoch<'_> {
+        let referenced = self.has_reference();
+        let Parts { estimate, truth, .. } = &mut self.parts;
+        let stated = !referenced && truth.state_at(&self.layout, estimate.state.time);
+        estimate.epoch(&self.layout, stated.then(|| truth.view()))
+    }
+}

@@ -1,0 +1,17 @@
+//! The heart of a run: samples go in, in the order of their arrival, and records come out.
+
+mod announced;
+mod estimators;
+mod finished;
+mod output_rate;
+mod outputs;
+#[allow(clippy::module_inception, reason = "the room and its first concept")]
+mod session;
+mod silence;
+pub mod summary;
+mod track;
+mod verdict;
+
+pub(crate) use estimators::{check, find, settle};
+pub use finished::{End, Finished, RunError};
+pub use session::Session;

@@ -1,0 +1,26 @@
+//! A sensor as it was found in a file.
+
+/// A sensor that was found in a file.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// Registered type of the sensor.
+    pub kind: &'static str,
+    /// Keys of the sensor.
+    pub sensor: Vec<String>,
+    /// Keys of its file.
+    pub source: Vec<String>,
+    /// Questions about the file.
+    pub questions: Vec<String>,
+    /// Set if a position comes with a velocity.
+    pub velocity: bool,
+}
+
+/// The use of an odometry in a bag.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum OdometryUse {
+    /// The reference, from which the filter starts and with which it is compared.
+    Reference,
+    /// A sensor that measures the motion since its previous message.
+    RelativePose,
+}
