@@ -81,7 +81,11 @@ impl Ekf {
         sample: &Sample,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
-        self.take_all(sample, observer)
+        self.take(sample, observer)?;
+        match self.take_found() {
+            Some(samples) => self.catch_up(&samples, observer),
+            None => Ok(()),
+        }
     }
 
     /// Takes a sample as [`Self::process`] does, except that the samples of a search that ends are
