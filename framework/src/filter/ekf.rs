@@ -10,7 +10,7 @@ use super::propagate::passage::Passage;
 use super::propagate::propagation::{Method, Stepper};
 use super::update::work::Work;
 use crate::compose::Composition;
-use crate::compose::linearised::Linearised;
+use crate::compose::estimator::Linearised;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::screening::Spread;
 use crate::model::process::{Input, Interval};
