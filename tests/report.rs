@@ -138,7 +138,7 @@ fn the_share_of_each_sensor_in_the_information_is_in_log_and_page() {
     assert_eq!(states.len(), information.rows.len());
     for (state, (name, shares)) in states.iter().zip(information.iter()) {
         assert_eq!(state["title"], name);
-        let bits = |sensor: &String| state["information"][sensor].as_f64().unwrap_or(0.0);
+        let bits = |sensor: &String| state["told_by"][sensor].as_f64().unwrap_or(0.0);
         let bits: Vec<f64> = information.columns.iter().map(bits).collect();
         let sum: f64 = bits.iter().sum();
         for (share, bits) in shares.iter().zip(&bits) {

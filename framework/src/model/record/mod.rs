@@ -1,16 +1,16 @@
 //! What a run records: estimates, updates, events, findings and the verdict.
 
 mod derived;
+mod event;
 pub mod finding;
+mod outcome;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod record;
-mod rejection;
 pub mod verdict;
 mod wants;
 
 pub use derived::Derived;
-pub use record::{
-    Epoch, Event, InputRejection, Level, Observer, Outcome, Repetition, Truth, UpdateRecord,
-};
-pub use rejection::{Outcomes, Rejection};
+pub use event::{Event, Level};
+pub use outcome::{Outcome, Outcomes, Rejection};
+pub use record::{Epoch, InputRejection, Observer, Repetition, Truth, UpdateRecord};
 pub use wants::{Record, Wants};

@@ -1,25 +1,11 @@
-//! Records of a run: epochs, updates and events.
+//! Records of a run: updates and epochs, and the observer that receives them.
 
-use crate::model::record::Rejection;
 use crate::model::record::finding::Finding;
+use crate::model::record::{Event, Outcome, Rejection};
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Layout, State};
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
-use serde::Serialize;
-
-/// Outcome of a measuring sensor's sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outcome {
-    /// The state was corrected.
-    Accepted,
-    /// The sample placed a block that was absent; it has no innovation and corrected no other state.
-    Placed,
-    /// The innovation was outside the gate; the state is unchanged.
-    Gated,
-    /// The sample could not be used; the state is unchanged.
-    Rejected(Rejection),
-}
 
 /// Record of a measuring sensor's sample.
 #[derive(Clone, Copy, Debug)]
@@ -87,31 +73,6 @@ pub struct Truth<'a> {
     pub state: &'a State,
     /// Which blocks of the state are known, one entry per slot.
     pub known: &'a [bool],
-}
-
-/// Severity of an event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Level {
-    /// Information for the log.
-    Info,
-    /// The run continues, but not as intended.
-    Warning,
-    /// The run, or a part of it, ends.
-    Error,
-}
-
-/// An event for the log and the user.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Event {
-    /// Time, on the run's clock.
-    pub time: Time,
-    /// Severity.
-    pub level: Level,
-    /// Sensor, process, source or sink concerned.
-    pub about: String,
-    /// Message.
-    pub text: String,
 }
 
 /// A filter takes all samples since its start once more, linearised at another trajectory. Until the
