@@ -18,7 +18,7 @@ mod execution;
 mod output;
 
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
-use navfuse_core::files::Held;
+use navfuse_core::input::Held;
 use navfuse_core::plugin::Registry;
 use output::terminal::Detail;
 use std::path::PathBuf;

@@ -125,6 +125,7 @@
 //! | [`state`] | blocks on manifolds, layout, view, error injection and reset, covariance |
 //! | [`units`] | quantities with dimensions, time, samples |
 //! | [`document`] | TOML with places, for errors that name file, line and key |
+//! | [`input`] | files that are read: regular, bounded, and never written over meanwhile |
 //! | [`files`] | files that appear once they are whole, folders that keep earlier results |
 //!
 //! A plugin's author starts with [`prelude`]. The
@@ -134,6 +135,7 @@ pub mod compose;
 pub mod document;
 pub mod files;
 pub mod filter;
+pub mod input;
 pub mod model;
 pub mod plugin;
 pub mod prelude;

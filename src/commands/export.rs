@@ -114,7 +114,7 @@ impl To {
 /// Writes the estimates of a log in another format.
 pub fn export(registry: &Registry, arguments: &Export) -> Result<ExitCode> {
     let (log, stop) = (&arguments.log, stop_on_signal());
-    std::fs::File::open(log).map_err(missing_log(log))?;
+    navfuse_core::input::open(log).map_err(missing_log(log))?;
     let uses_axes = matches!(arguments.to, To::Tum | To::Kitti | To::Csv | To::Parquet);
     if arguments.axes != ToAxes::Ned && !uses_axes {
         let message = "only csv, parquet, tum and kitti have axes";

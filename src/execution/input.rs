@@ -3,7 +3,8 @@
 use crate::error::{CommandError, Result};
 use crate::output::warn;
 use navfuse_core::document::{Document, LONGEST, quoted};
-use navfuse_core::files::{bounded_text, part_of};
+use navfuse_core::files::part_of;
+use navfuse_core::input::bounded_text;
 use navfuse_core::plugin::Kind;
 use navfuse_core::units::Duration;
 use serde::Deserialize;

@@ -4,7 +4,7 @@ use crate::document::error::{DocumentError, OverrideError};
 use crate::document::location::Excerpt;
 use crate::document::node::{Node, kind};
 use crate::document::places::{Places, join};
-use crate::files::{Held, read_text};
+use crate::input::{Held, read_text};
 use std::path::Path;
 use std::sync::Arc;
 use toml::de::DeTable;

@@ -7,7 +7,7 @@ use crate::document::document::{Document, LONGEST};
 use crate::document::error::DocumentError;
 use crate::document::node::Node;
 use crate::document::places::join;
-use crate::files::{Held, read_text};
+use crate::input::{Held, read_text};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::{Table, Value};

@@ -1,8 +1,8 @@
 //! Keeping the earlier result of a folder when a new one takes its place.
 
-use super::input::is_held;
 use super::own::{check_output, is_own};
 use super::part_of;
+use crate::input::is_held;
 use crate::units::calendar::Calendar;
 use std::fs;
 use std::io;

@@ -1,13 +1,11 @@
 //! Results on disk: files that appear once they are whole, and folders that keep earlier results.
 
 mod earlier;
-mod input;
 mod lock;
 mod own;
 mod whole;
 
 pub use earlier::{EARLIER, keep_earlier};
-pub use input::{Held, Input, bounded_text, open, read_text};
 pub use lock::{FolderError, FolderLock};
 pub use own::{LIST, check_output, create_growing};
 pub use whole::{WholeFile, part_of, write_whole};

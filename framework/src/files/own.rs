@@ -5,7 +5,7 @@
 //! with its length and the time of its last change. A file that was changed, copied or put there
 //! since is somebody else's. A lost list only makes navfuse more careful.
 
-use super::input::is_held;
+use crate::input::is_held;
 use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
@@ -116,7 +116,8 @@ fn state_of(m: &fs::Metadata) -> Option<(u64, u64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::{Held, write_whole};
+    use crate::files::write_whole;
+    use crate::input::Held;
 
     #[test]
     fn a_file_is_own_as_long_as_nobody_changes_it() -> io::Result<()> {

@@ -3,7 +3,7 @@
 //! fill the memory with one row.
 
 use flate2::read::MultiGzDecoder;
-use navfuse_core::files::{self, Input};
+use navfuse_core::input::{self, Input};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -81,7 +81,7 @@ impl Bounded {
 pub fn beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let buffer = usize::try_from(most).unwrap_or(usize::MAX / 2);
-    Bounded::new(files::open(path)?, buffer, false)?.take(most).read_to_end(&mut bytes)?;
+    Bounded::new(input::open(path)?, buffer, false)?.take(most).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 

@@ -116,7 +116,7 @@ impl Stream {
         info: &SensorInfo,
     ) -> Result<Self, StreamError> {
         let name = &info.name;
-        let file = navfuse_core::files::open(path).map_err(|e| {
+        let file = navfuse_core::input::open(path).map_err(|e| {
             StreamError::open(absolute(path), e)
                 .of_sensor(name)
                 .with_remedy(format!("set files.{name}.path, or the source's directory"))

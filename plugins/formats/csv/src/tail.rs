@@ -1,7 +1,7 @@
 //! Reads parts of a file once more: its last lines, its last byte, the lines up to an error. The
 //! functions read no more than they need, and none is called for every sample.
 
-use navfuse_core::files;
+use navfuse_core::input;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -11,7 +11,7 @@ const TAIL: u64 = 64 * 1024;
 /// The last lines of a file in reverse order, without line ends, empty lines and comments. The
 /// earliest of these lines may be incomplete.
 pub fn last_lines(path: &Path) -> Option<Vec<Vec<u8>>> {
-    let mut file = files::open(path).ok()?;
+    let mut file = input::open(path).ok()?;
     let length = file.metadata().ok()?.len();
     file.seek(SeekFrom::Start(length.saturating_sub(TAIL))).ok()?;
     let mut bytes = Vec::new();
@@ -25,7 +25,7 @@ pub fn last_lines(path: &Path) -> Option<Vec<Vec<u8>>> {
 /// Returns `true` if a file ends at a byte without a line end.
 pub fn ends_within_line(path: &Path, byte: u64) -> bool {
     let last = || -> std::io::Result<bool> {
-        let mut file = files::open(path)?;
+        let mut file = input::open(path)?;
         let mut last = [b'\n'];
         if file.metadata()?.len() == byte {
             file.seek(SeekFrom::End(-1))?;
@@ -40,7 +40,7 @@ pub fn ends_within_line(path: &Path, byte: u64) -> bool {
 pub fn line_before(path: &Path, byte: u64) -> u64 {
     let count = || -> std::io::Result<u64> {
         // the line end itself, or the first of its two bytes, belongs to the line
-        let mut reader = BufReader::new(files::open(path)?.take(byte.saturating_sub(1)));
+        let mut reader = BufReader::new(input::open(path)?.take(byte.saturating_sub(1)));
         let mut line = 1;
         loop {
             let bytes = reader.fill_buf()?;

@@ -142,7 +142,7 @@ pub(crate) struct Summary {
 pub(crate) fn summary(path: &Path) -> Option<Summary> {
     /// Number of bytes of a footer and of the mark at the end.
     const TAIL: usize = HEAD + 20 + MAGIC.len();
-    let mut file = navfuse_core::files::open(path).ok()?;
+    let mut file = navfuse_core::input::open(path).ok()?;
     let from = file.seek(SeekFrom::End(-(TAIL as i64))).ok()?;
     let mut tail = [0; TAIL];
     file.read_exact(&mut tail).ok()?;

@@ -63,7 +63,7 @@ enum Place {
 impl Records {
     /// Opens a file.
     pub fn open(path: &Path, chunks: Chunks) -> Result<Self, StreamError> {
-        let file = navfuse_core::files::open(path).map_err(|e| StreamError::open(path, e))?;
+        let file = navfuse_core::input::open(path).map_err(|e| StreamError::open(path, e))?;
         Ok(Self {
             path: path.to_path_buf(),
             window: Window::new(Box::new(file)),

@@ -4,7 +4,7 @@ use crate::beacon::Beacon;
 use crate::config::Nmea;
 use crate::epoch::{Dates, Epoch, Gatherer, North, Part};
 use crate::sentence::{Sentence, parse, talker};
-use navfuse_core::files::Input;
+use navfuse_core::input::Input;
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};

@@ -1,6 +1,6 @@
 //! The file that the key `file` of a source names.
 
-use navfuse_core::files::{self, Input};
+use navfuse_core::input::{self, Input};
 use navfuse_core::model::stream::StreamError;
 use std::io::Read;
 use std::path::Path;
@@ -13,7 +13,7 @@ const BEGINNING: u64 = 256 * 1024;
 /// # Errors
 /// When it cannot be opened, with its absolute path and the key.
 pub fn open(path: &Path) -> Result<Input, StreamError> {
-    files::open(path).map_err(|e| {
+    input::open(path).map_err(|e| {
         let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         StreamError::open(absolute, e).at_key("file")
     })

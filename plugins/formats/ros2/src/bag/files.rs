@@ -2,7 +2,7 @@
 //! bytes.
 
 use super::sqlite;
-use navfuse_core::files::{Input, open as open_file};
+use navfuse_core::input::{Input, open as open_file};
 use navfuse_core::model::stream::StreamError;
 use navfuse_frames::{Window, mcap};
 use std::fs::File;

@@ -1,6 +1,6 @@
 //! The pages of an SQLite database.
 
-use navfuse_core::files::Input;
+use navfuse_core::input::Input;
 use std::io::{ErrorKind, Read, Result, Seek, SeekFrom};
 
 /// Bytes that are read at once where pages follow each other.

@@ -5,7 +5,7 @@ use super::faults::Faults;
 use super::pages::Pages;
 use super::table::{Row, Table};
 use super::topics::{Found, Place, Topic, Topics};
-use navfuse_core::files::Input;
+use navfuse_core::input::Input;
 use std::collections::BTreeMap;
 use std::io::Result;
 

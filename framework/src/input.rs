@@ -76,7 +76,7 @@ impl Drop for Held {
 }
 
 /// True for a file that something of this process holds as an input.
-pub(super) fn is_held(path: &Path) -> bool {
+pub(crate) fn is_held(path: &Path) -> bool {
     identity(path).is_some_and(|identity| held().contains_key(&identity))
 }
 
