@@ -12,11 +12,11 @@ mod config;
 mod date;
 mod dimension;
 mod error;
-pub mod pace;
 mod pattern;
 mod print;
 mod quantities;
 mod quantity;
+pub mod rhythm;
 pub mod sample;
 #[cfg(test)]
 mod tests;
