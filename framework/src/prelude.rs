@@ -25,7 +25,8 @@ pub use crate::state::display;
 pub use crate::state::geodesy::Geodetic;
 pub use crate::state::manifold::{Manifold, Position, Reading, Rotation, Scalar, Vector};
 pub use crate::state::{
-    AnyHandle, BlockSpec, Display, Dynamics, Handle, Layout, Mode, Past, State, Transients, View,
+    AnyHandle, BlockSpec, Display, Dynamics, Handle, Layout, Mode, Past, State, Transients,
+    Vehicle, View,
 };
 pub use crate::units::sample::{Channel, Sample, SensorId};
 pub use crate::units::time::{Span, Time};

@@ -2,9 +2,10 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use navfuse_core::compose::estimator::{Estimator, EstimatorType};
+use navfuse_core::compose::linearised::{Linearised, Snapshot};
 use navfuse_core::compose::{Composer, Composition};
 use navfuse_core::document::Document;
-use navfuse_core::filter::{Ekf, EstimatorError, Ukf};
+use navfuse_core::filter::{Ekf, EstimatorError, Timeline, Ukf};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::process::{BuiltProcess, Interval, ProcessError, ProcessModel};
 use navfuse_core::model::record::{Epoch, Observer, Truth};
@@ -195,8 +196,34 @@ struct Sparing {
 
 impl EstimatorType for Sparing {
     const TYPE: &'static str = "sparing";
+    const LINEARISES: bool = true;
     fn create(composition: Composition) -> Box<dyn Estimator> {
         Box::new(Self { filter: Ekf::new(composition), used: false })
+    }
+}
+
+impl Linearised for Sparing {
+    fn base(&self) -> &dyn Linearised {
+        &self.filter
+    }
+    fn base_mut(&mut self) -> &mut dyn Linearised {
+        &mut self.filter
+    }
+    fn take(&mut self, sample: &Sample, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
+        if Some(sample.sensor.0) == self.composition().sensor("fix") {
+            self.used = !self.used;
+            if !self.used {
+                return Ok(());
+            }
+        }
+        self.base_mut().take(sample, observer)
+    }
+    fn snapshot(&self) -> Snapshot {
+        self.filter.snapshot().with(&[u8::from(self.used)])
+    }
+    fn restore(&mut self, snapshot: &Snapshot) {
+        self.filter.restore(snapshot);
+        self.used = snapshot.own() == [1];
     }
 }
 
@@ -209,13 +236,7 @@ impl Estimator for Sparing {
         sample: &Sample,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
-        if Some(sample.sensor.0) == self.composition().sensor("fix") {
-            self.used = !self.used;
-            if !self.used {
-                return Ok(());
-            }
-        }
-        self.filter.process(sample, observer)
+        self.take_all(sample, observer)
     }
     fn finish(&mut self, observer: &mut dyn Observer) {
         self.filter.finish(observer);
@@ -235,30 +256,140 @@ impl Estimator for Sparing {
     fn truth(&self) -> Truth<'_> {
         self.filter.truth()
     }
+    fn linearised(&mut self) -> Option<&mut dyn Linearised> {
+        Some(self)
+    }
 }
 
-#[test]
-fn an_outsiders_estimator_runs_and_is_rejected_what_only_the_framework_can_do() {
+/// An outsider's estimator that takes each sample once.
+struct Plain(Sparing);
+
+impl EstimatorType for Plain {
+    const TYPE: &'static str = "plain";
+    fn create(composition: Composition) -> Box<dyn Estimator> {
+        Box::new(Self(Sparing { filter: Ekf::new(composition), used: false }))
+    }
+}
+
+impl Estimator for Plain {
+    fn composition(&self) -> &Composition {
+        self.0.composition()
+    }
+    fn process(
+        &mut self,
+        sample: &Sample,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EstimatorError> {
+        self.0.process(sample, observer)
+    }
+    fn finish(&mut self, observer: &mut dyn Observer) {
+        self.0.finish(observer);
+    }
+    fn running(&self) -> bool {
+        self.0.running()
+    }
+    fn state(&self) -> &State {
+        self.0.state()
+    }
+    fn covariance(&self) -> &Covariance {
+        self.0.covariance()
+    }
+    fn epoch(&mut self) -> Epoch<'_> {
+        self.0.epoch()
+    }
+    fn truth(&self) -> Truth<'_> {
+        self.0.truth()
+    }
+}
+
+fn registry() -> Registry {
     let mut registry = Registry::new();
     registry.add(&Lab);
     registry.source::<Clock>();
     registry.estimator::<Sparing>();
-    let scenario = |settings: &[&str]| {
-        let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
-        let document = Document::parse("lab.toml", format!("{SCENARIO}[source.clock]\n")).unwrap();
-        Scenario::new(&registry, document, &settings).unwrap()
-    };
-    let accepted = |kind: &str| {
-        let assembly = scenario(&[&format!("estimator.type={kind:?}")]).assemble(None).unwrap();
-        let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
-        assert!(finished.error.is_none(), "{:?}", finished.error);
-        serde_json::to_value(&finished.summary).unwrap()["samples"]["fix"]["accepted"].as_u64()
-    };
-    assert_eq!((accepted("ekf"), accepted("ukf")), (Some(20), Some(20)));
-    assert_eq!(accepted("sparing"), Some(10));
-    let refused = |settings: &[&str]| scenario(settings).compose().err().unwrap().to_string();
+    registry.estimator::<Plain>();
+    registry
+}
+
+fn scenario<'a>(registry: &'a Registry, settings: &[&str]) -> Scenario<'a> {
+    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
+    let document = Document::parse("lab.toml", format!("{SCENARIO}[source.clock]\n")).unwrap();
+    Scenario::new(registry, document, &settings).unwrap()
+}
+
+/// Runs the scenario, and returns the summary, without the time that the run took.
+fn run(settings: &[&str]) -> serde_json::Value {
+    let registry = registry();
+    let assembly = scenario(&registry, settings).assemble(None).unwrap();
+    let finished = runner::run(assembly, &AtomicBool::new(false), |_| {});
+    assert!(finished.error.is_none(), "{:?}", finished.error);
+    let mut summary = serde_json::to_value(&finished.summary).unwrap();
+    summary["wall_s"] = 0.into();
+    summary
+}
+
+fn accepted(summary: &serde_json::Value) -> Option<u64> {
+    summary["samples"]["fix"]["accepted"].as_u64()
+}
+
+#[test]
+fn an_outsiders_estimator_runs() {
+    let fixes = |kind: &str| accepted(&run(&[&format!("estimator.type={kind:?}")]));
+    let expected = [20, 20, 10, 10].map(Some);
+    assert_eq!(["ekf", "ukf", "sparing", "plain"].map(fixes), expected);
+}
+
+/// The smoother takes the samples again from snapshots, and reports an estimator that does not
+/// repeat itself: it would, if a snapshot did not know which fix comes next.
+#[test]
+fn an_outsiders_estimator_is_smoothed_and_takes_late_samples() {
+    let sparing = |key: &str| run(&["estimator.type=\"sparing\"", key]);
+    let plain = run(&["estimator.type=\"sparing\""]);
+    for key in ["estimator.smooth=true", "estimator.passes=2"] {
+        let smoothed = sparing(key);
+        assert_eq!(accepted(&smoothed), Some(10), "{key}");
+        assert!(smoothed["smoothing"].is_object() && plain["smoothing"].is_null(), "{key}");
+    }
+    assert_eq!(accepted(&sparing("estimator.lag=\"3 s\"")), Some(10));
+    assert_eq!(sparing("sensor.fix.late=\"3 s\"")["states"], plain["states"]);
+    assert_eq!(accepted(&sparing("estimator.relinearise=\"5 s\"")), Some(10));
+}
+
+/// The newest estimate runs ahead on copies: the sparing estimator itself stays where it is.
+#[test]
+fn copies_of_an_outsiders_estimator_run_ahead_of_late_samples() {
+    let settings = ["estimator.type=\"sparing\"", "sensor.fix.late=\"3 s\""];
+    let registry = registry();
+    let compose = || scenario(&registry, &settings).compose().unwrap();
+    let (mut ahead, mut direct) = (Sparing::create(compose()), Sparing::create(compose()));
+    let mut timeline = Timeline::new(direct.composition()).unwrap();
+    let ids = ["speed", "fix"].map(|name| direct.composition().sensor(name).unwrap());
+    let mut log = Log::default();
+    for k in 0..40_u32 {
+        let t = f64::from(k / 2);
+        let place = [0.7 * t, 1.4 * t];
+        let values = if k.is_multiple_of(2) { &[1.0][..] } else { &place[..] };
+        let sample = Sample::new(seconds(t), SensorId(ids[k as usize % 2]), values);
+        direct.process(&sample, &mut log).unwrap();
+        let ahead = ahead.settled().unwrap();
+        assert!(timeline.arrive(&sample, ahead, &mut log));
+        while let Some(next) = timeline.release(ahead.running()) {
+            ahead.process(&next, &mut log).unwrap();
+        }
+        let newest = timeline.newest(ahead, |epoch| epoch.state.values.clone());
+        let present = direct.running().then(|| direct.state().values.clone());
+        assert_eq!(newest, present, "{t} s");
+    }
+    assert!(ahead.time() < direct.time());
+}
+
+#[test]
+fn what_an_estimator_without_snapshots_cannot_do_is_rejected() {
+    let mut registry = registry();
+    let refused =
+        |settings: &[&str]| scenario(&registry, settings).compose().err().unwrap().to_string();
     for key in ["sensor.fix.late=\"1 s\"", "estimator.smooth=true"] {
-        let message = refused(&["estimator.type=\"sparing\"", key]);
+        let message = refused(&["estimator.type=\"plain\"", key]);
         assert!(message.contains("estimator.type") && message.contains("\"ekf\""), "{message}");
     }
     registry.estimator::<Sparing>();

@@ -61,6 +61,7 @@ impl ProcessType for Steady {
         let descent = composer.block("descent", state(&[0.0], &fast, DESCENT))?;
         let (p, c) = (composer.tangent(position), composer.tangent(course));
         let (s, d) = (composer.tangent(speed), composer.tangent(descent));
+        composer.moves(Vehicle { position: Some(position), ..Vehicle::default() });
         let thrust = self.thrust.value().si().powi(2);
         let t = composer.transition();
         let model = Model {

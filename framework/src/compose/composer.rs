@@ -8,7 +8,9 @@ use crate::model::sensor::{Purpose, SensorInfo};
 use crate::state::covariance::{InputSlot, Transition};
 use crate::state::layout::Turning;
 use crate::state::manifold::{Manifold, Operations, Rotation, Vector};
-use crate::state::{AnyHandle, Block, BlockSpec, Dynamics, Handle, Layout, Mode, Past, Signal};
+use crate::state::{
+    AnyHandle, Block, BlockSpec, Dynamics, Handle, Layout, Mode, Past, Signal, Vehicle,
+};
 use crate::units::sample::Channel;
 use std::any::Any;
 use std::marker::PhantomData;
@@ -245,6 +247,22 @@ impl Composer {
     /// on invariant errors.
     pub fn turns_with_heading(&mut self, velocity: Handle<Vector<3>>, attitude: Handle<Rotation>) {
         self.layout.turning.push(Turning { velocity: velocity.slot, attitude: attitude.slot });
+    }
+
+    /// Declares what blocks mean for the motion of the body that the process moves. The first
+    /// process that declares it moves the vehicle: see [`Layout::vehicle`].
+    pub fn moves(&mut self, vehicle: Vehicle) {
+        self.layout.vehicles.push(vehicle);
+    }
+
+    /// The full name of a block.
+    pub fn name<M>(&self, block: Handle<M>) -> &str {
+        &self.layout.block(block).name
+    }
+
+    /// The motion of the vehicle, as far as processes have declared it.
+    pub fn vehicle(&self) -> Vehicle {
+        self.layout.vehicle()
     }
 
     /// Adds knowledge without a sensor, such as that the vehicle is at rest: `0 = h(x) + v`, `v ~

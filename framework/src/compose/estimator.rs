@@ -1,6 +1,7 @@
 //! The seam between an estimator and what runs it: the runner, campaigns, the bound and the sinks.
 
 use crate::compose::Composition;
+use crate::compose::linearised::Linearised;
 use crate::model::error::ComposeError;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::start::AlignmentReport;
@@ -9,7 +10,6 @@ use crate::state::covariance::Covariance;
 use crate::state::{Block, State};
 use crate::units::sample::Sample;
 use crate::units::time::Time;
-use std::any::Any;
 
 /// An estimator: takes samples in order of time, and gives estimates with their uncertainty.
 ///
@@ -18,7 +18,8 @@ use std::any::Any;
 /// [`crate::filter::Ukf`]; a plugin registers others with
 /// [`crate::plugin::Registry::estimator`].
 ///
-/// One that changes what another gives, and hands the rest over:
+/// One that changes what another gives, and hands the rest over. With [`Linearised`] it can also be
+/// smoothed and take late samples:
 /// ```
 /// use navfuse_core::compose::estimator::{Estimator, EstimatorType};
 /// use navfuse_core::filter::{Ekf, EstimatorError};
@@ -71,7 +72,7 @@ use std::any::Any;
 /// }
 /// Registry::new().estimator::<Sparing>();
 /// ```
-pub trait Estimator: Any + Send {
+pub trait Estimator: Send {
     /// Composition that the estimator runs.
     fn composition(&self) -> &Composition;
 
@@ -128,6 +129,22 @@ pub trait Estimator: Any + Send {
     fn alignments(&self) -> Vec<(String, AlignmentReport)> {
         Vec::new()
     }
+
+    /// The estimator with the functions that smoother and late samples need, if it has them. An
+    /// estimator that gives itself states [`EstimatorType::LINEARISES`].
+    fn linearised(&mut self) -> Option<&mut dyn Linearised> {
+        None
+    }
+
+    /// The estimator whose copies run ahead of samples that may be late.
+    fn settled(&mut self) -> Option<&mut dyn Linearised> {
+        self.linearised()
+    }
+
+    /// Returns `true` once after it has linearised samples again: copies of it are of the past.
+    fn has_jumped(&mut self) -> bool {
+        false
+    }
 }
 
 /// A type of estimator: `[estimator] type = "..."`. The example of [`Estimator`] has one.
@@ -155,6 +172,12 @@ pub trait EstimatorType: 'static {
     /// The name in TOML.
     const TYPE: &'static str;
 
+    /// Set if [`Estimator::linearised`] gives the estimator, so that its samples may be late.
+    const LINEARISES: bool = false;
+
+    /// Set if its runs can be smoothed, and its samples linearised again.
+    const SMOOTHS: bool = Self::LINEARISES;
+
     /// Rejects a scenario that the estimator cannot run; keys of the error are those of the table
     /// `[estimator]`. Default: rejects none.
     ///
@@ -172,6 +195,8 @@ pub trait EstimatorType: 'static {
 #[derive(Clone, Copy)]
 pub(crate) struct Creator {
     pub(crate) name: &'static str,
+    pub(crate) linearises: bool,
+    pub(crate) smooths: bool,
     pub(crate) check: fn(&Composition) -> Result<(), ComposeError>,
     pub(crate) create: fn(Composition) -> Box<dyn Estimator>,
 }
@@ -179,7 +204,13 @@ pub(crate) struct Creator {
 impl Creator {
     /// Creator of a type.
     pub(crate) fn of<E: EstimatorType>() -> Self {
-        Self { name: E::TYPE, check: E::check, create: E::create }
+        Self {
+            name: E::TYPE,
+            linearises: E::LINEARISES,
+            smooths: E::SMOOTHS,
+            check: E::check,
+            create: E::create,
+        }
     }
 }
 

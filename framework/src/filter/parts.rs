@@ -13,6 +13,7 @@ use super::start::beginning::Beginning;
 use super::start::truth::Known;
 use super::transients::presence::Presence;
 use crate::compose::Composition;
+use crate::compose::linearised::Kept;
 use crate::state::State;
 
 /// Everything that changes while the filter runs, in parts that own their state; a clone is a
@@ -44,19 +45,24 @@ pub(super) struct Parts {
     pub(super) presence: Presence,
 }
 
-/// A complete filter at one time, to return to: a clone of the parts that own its state.
-#[derive(Clone)]
-pub struct Snapshot(pub(super) Parts);
-
-impl Snapshot {
-    /// Estimate at the time of the snapshot.
-    pub(crate) fn state(&self) -> &State {
-        &self.0.estimate.state
+impl Kept for Parts {
+    fn boxed_clone(&self) -> Box<dyn Kept> {
+        Box::new(self.clone())
     }
 
-    /// Estimate relative to the state in a further pass of the smoother; empty otherwise.
-    pub(crate) fn offset(&self) -> &[f64] {
-        self.0.estimate.offset()
+    fn state(&self) -> &State {
+        &self.estimate.state
+    }
+
+    fn offset(&self) -> &[f64] {
+        self.estimate.offset()
+    }
+
+    fn size(&self) -> usize {
+        let Self { estimate, propagation, pace, history, .. } = self;
+        let history = history.as_ref().map_or(0, History::size);
+        let matrices = estimate.covariance.size() + propagation.size();
+        size_of::<Self>() + matrices + history + pace.size()
     }
 }
 
@@ -79,13 +85,5 @@ impl Parts {
             history: History::new(composition),
             presence: Presence::new(layout.labels),
         }
-    }
-
-    /// Approximate size, bytes.
-    pub(super) fn size(&self) -> usize {
-        let Self { estimate, propagation, pace, history, .. } = self;
-        let history = history.as_ref().map_or(0, History::size);
-        let matrices = estimate.covariance.size() + propagation.size();
-        size_of::<Self>() + matrices + history + pace.size()
     }
 }

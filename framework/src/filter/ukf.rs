@@ -4,6 +4,7 @@ use super::ekf::Ekf;
 use super::update::ukf::Unscented;
 use crate::compose::Composition;
 use crate::compose::estimator::{Estimator, EstimatorType};
+use crate::compose::linearised::Linearised;
 use crate::model::error::ComposeError;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::start::AlignmentReport;
@@ -90,6 +91,9 @@ macro_rules! estimator {
                 let $e = self;
                 $filter.lacking()
             }
+            fn linearised(&mut self) -> Option<&mut dyn Linearised> {
+                Some(self)
+            }
             fn alignments(&self) -> Vec<(String, AlignmentReport)> {
                 let $e = self;
                 $filter.alignments().map(|(name, report)| (name.to_owned(), report)).collect()
@@ -103,6 +107,7 @@ estimator!(Ukf, |e| e.0, |e| e.0);
 
 impl EstimatorType for Ekf {
     const TYPE: &'static str = "ekf";
+    const LINEARISES: bool = true;
 
     fn check(composition: &Composition) -> Result<(), ComposeError> {
         let transient = composition.layout.blocks.iter().find(|block| block.label.is_some());
@@ -126,6 +131,8 @@ impl EstimatorType for Ekf {
 
 impl EstimatorType for Ukf {
     const TYPE: &'static str = "ukf";
+    const LINEARISES: bool = true;
+    const SMOOTHS: bool = false;
 
     fn check(composition: &Composition) -> Result<(), ComposeError> {
         if composition.estimator.smooths() {

@@ -1,8 +1,9 @@
 //! What a filter shows of itself: estimate, layout, truth and snapshots.
 
 use super::ekf::Ekf;
-use super::parts::{Parts, Snapshot};
+use super::parts::Parts;
 use crate::compose::Composition;
+use crate::compose::linearised::Snapshot;
 use crate::model::record::{Epoch, Truth};
 use crate::model::sensor::Role;
 use crate::state::covariance::Covariance;
@@ -22,11 +23,6 @@ impl Ekf {
     /// Layout of state and covariance.
     pub fn layout(&self) -> &Layout {
         &self.layout
-    }
-
-    /// Marks the considered error states.
-    pub(crate) fn considered(&self) -> &[bool] {
-        &self.considered
     }
 
     /// Composition that the filter runs.
@@ -54,17 +50,14 @@ impl Ekf {
 
     /// Copies the complete filter.
     pub fn snapshot(&self) -> Snapshot {
-        Snapshot(self.parts.clone())
+        Snapshot::new(self.parts.clone())
     }
 
     /// Returns to a snapshot of a filter of the same composition.
     pub fn restore(&mut self, snapshot: &Snapshot) {
-        self.parts.clone_from(&snapshot.0);
-    }
-
-    /// Approximate size of a snapshot, bytes.
-    pub(crate) fn snapshot_size(&self) -> usize {
-        self.parts.size()
+        if let Some(parts) = snapshot.kept() {
+            self.parts.clone_from(parts);
+        }
     }
 
     /// Last truth that a reference gave or the scenario states.

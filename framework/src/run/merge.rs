@@ -6,38 +6,39 @@ use crate::model::stream::{NamedSource, StreamError};
 use crate::session::RunError;
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
 const NO_SAMPLE: Sample = Sample::empty(Time::MIN, SensorId(0));
 
-/// The sources of a run.
+/// The place of a waiting sample: its arrival, true for a reference that comes last, and its source.
+type Place = (Time, bool, usize);
+
+/// The sources of a run. A step costs the logarithm of their number.
 pub(crate) struct Merge {
     sources: Vec<NamedSource>,
-    heads: Vec<Head>,
+    /// The next sample of each source.
+    samples: Vec<Sample>,
+    /// The samples that wait, the first one on top.
+    waiting: BinaryHeap<Reverse<Place>>,
+    /// The sources whose samples were taken, and which are asked for another before the next choice.
+    taken: Vec<usize>,
+    /// True if the places are those of a running filter.
+    running: bool,
     /// For each sensor, true for a reference.
     references: Vec<bool>,
 }
 
-/// The next sample of a source.
-#[derive(Clone)]
-struct Head {
-    sample: Sample,
-    arrival: Time,
-    state: HeadState,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum HeadState {
-    /// The sample was taken, and the source is asked for the next one before the next choice.
-    Taken,
-    Waiting,
-    Ended,
-}
-
 impl Merge {
     pub(crate) fn new(sources: Vec<NamedSource>, sensors: &[Sensor]) -> Self {
-        let references = sensors.iter().map(|s| s.info.purpose == Purpose::Reference).collect();
-        let head = Head { sample: NO_SAMPLE, arrival: Time::MIN, state: HeadState::Taken };
-        Self { heads: vec![head; sources.len()], sources, references }
+        Self {
+            samples: vec![NO_SAMPLE; sources.len()],
+            waiting: BinaryHeap::with_capacity(sources.len()),
+            taken: (0..sources.len()).rev().collect(),
+            running: false,
+            references: sensors.iter().map(|s| s.info.purpose == Purpose::Reference).collect(),
+            sources,
+        }
     }
 
     /// The events that the sources announce.
@@ -62,43 +63,45 @@ impl Merge {
     /// # Errors
     /// When a source fails.
     pub(crate) fn next(&mut self, running: bool) -> Result<Option<Sample>, RunError> {
-        for k in 0..self.heads.len() {
-            if self.heads[k].state == HeadState::Taken {
-                self.advance(k)?;
-            }
+        while let Some(k) = self.taken.last() {
+            self.advance(*k)?;
+            self.taken.pop();
         }
-        let Some(first) = self.first(running) else { return Ok(None) };
-        let head = &mut self.heads[first];
-        head.state = HeadState::Taken;
-        Ok(Some(head.sample))
+        if running != self.running {
+            self.running = running;
+            let waiting = std::mem::take(&mut self.waiting).into_vec();
+            self.waiting =
+                waiting.into_iter().map(|Reverse((at, _, k))| self.place(at, k)).collect();
+        }
+        let Some(Reverse((_, _, first))) = self.waiting.pop() else { return Ok(None) };
+        self.taken.push(first);
+        Ok(Some(self.samples[first]))
     }
 
     /// Reads the next sample of a source.
     fn advance(&mut self, k: usize) -> Result<(), RunError> {
-        let ((name, source), head) = (&mut self.sources[k], &mut self.heads[k]);
-        head.sample = NO_SAMPLE;
+        let ((name, source), sample) = (&mut self.sources[k], &mut self.samples[k]);
+        *sample = NO_SAMPLE;
         let failed = |error| RunError::Source { source_name: name.clone(), error };
-        let open = source.next(&mut head.sample).map_err(failed)?;
-        let (found, count) = (head.sample.sensor.0, self.references.len());
+        let open = source.next(sample).map_err(failed)?;
+        let (found, count) = (sample.sensor.0, self.references.len());
         if found >= count {
             return Err(failed(StreamError::format(format!(
                 "a sample has the sensor number {found}, but the scenario has {count} sensors"
             ))));
         }
-        head.state = if open { HeadState::Waiting } else { HeadState::Ended };
-        head.arrival = source.arrival().unwrap_or(head.sample.time);
+        if open {
+            let arrival = source.arrival().unwrap_or(sample.time);
+            self.waiting.push(self.place(arrival, k));
+        }
         Ok(())
     }
 
-    /// The source whose sample arrives first; a sample arrives at its own time unless the source
+    /// The place of the sample of a source; a sample arrives at its own time unless the source
     /// gives another. Among samples that arrive at the same time the first source wins,
     /// except that a running filter takes references last: the truth is compared with the estimate
     /// that has used every other sample of that time.
-    fn first(&self, running: bool) -> Option<usize> {
-        let waiting = |(_, head): &(usize, &Head)| head.state == HeadState::Waiting;
-        let order = |(_, head): &(usize, &Head)| {
-            (head.arrival, running && self.references[head.sample.sensor.0])
-        };
-        self.heads.iter().enumerate().filter(waiting).min_by_key(order).map(|(k, _)| k)
+    fn place(&self, arrival: Time, k: usize) -> Reverse<Place> {
+        Reverse((arrival, self.running && self.references[self.samples[k].sensor.0], k))
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::document::{DocumentError, Node, unknown};
 use crate::filter::{Iterated, Unscented};
-use crate::model::sensor::rule::{Linear, RuleType, UpdateRule};
+use crate::model::sensor::rule::{Linear, UpdateRule};
 use crate::plugin::Registry;
 use crate::run::parts::Part;
 
@@ -57,19 +57,4 @@ impl Rules {
             place.error(unknown("update rule", name, &self.names()))
         })
     }
-}
-
-/// Rejects another update rule than that of the unscented filter.
-pub(crate) fn check_unscented(root: &Node<'_>) -> Result<(), DocumentError> {
-    let sensors = root.get("sensor").map_or_else(|| Ok(Vec::new()), |table| table.entries())?;
-    let tables = sensors.into_iter().map(|(_, node)| node).chain(root.get("estimator"));
-    for rule in tables.filter_map(|table| table.get("update")) {
-        if rule.parse::<String>()? != Unscented::TYPE {
-            return Err(rule.error(
-                "with estimator.type = \"ukf\" every sensor has the rule \"ukf\"; remove it, or set \
-                 estimator.type = \"ekf\"",
-            ));
-        }
-    }
-    Ok(())
 }

@@ -1,15 +1,15 @@
 //! From a TOML document to a composition, its sources and its sinks.
 
 use crate::compose::Composition;
-use crate::compose::estimator::{Creator, EstimatorType};
+use crate::compose::estimator::Creator;
 use crate::document::{Document, DocumentError};
-use crate::filter::{Ekf, Ukf};
+use crate::filter::Ekf;
 use crate::model::stream::{NamedSink, NamedSource};
 use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry, Shared};
 use crate::run::building::{Building, Header};
 pub use crate::run::parts::common_keys;
 use crate::run::parts::{self, Part};
-use crate::run::rules::{self, Rules};
+use crate::run::rules::Rules;
 use crate::run::sinks;
 use crate::session;
 use std::path::{Path, PathBuf};
@@ -110,9 +110,6 @@ impl<'a> Scenario<'a> {
         let creator = session::find(self.registry, &root, &header.estimator.kind)?;
         let (text, simulates) = (self.document.to_toml(), self.simulates()?);
         let mut composition = building.finish(header, creator, text, simulates)?;
-        if composition.creator.name == Ukf::TYPE {
-            rules::check_unscented(&root)?;
-        }
         session::check(&composition, &root)?;
         session::settle(&mut composition);
         Ok(composition)

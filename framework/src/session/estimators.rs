@@ -1,17 +1,16 @@
-//! The estimator of a run: its type by name, and what only the filters of the framework can do.
+//! The estimator of a run: its type by name, and what it can do.
 
 use crate::compose::Composition;
 use crate::compose::estimator::{Creator, Estimator};
 use crate::document::{DocumentError, Node, unknown};
-use crate::filter::{Ekf, Timeline, Ukf};
-
+use crate::filter::{Ekf, Timeline, Ukf, Unscented};
 use crate::model::error::ComposeError;
 use crate::model::record::Epoch;
 use crate::model::sensor::Role;
+use crate::model::sensor::rule::RuleType;
 use crate::plugin::Registry;
 use crate::smooth::Relinearised;
 use crate::units::time::Time;
-use std::any::Any;
 
 /// Finds the type of estimator of that name.
 pub(crate) fn find(
@@ -38,18 +37,21 @@ pub(crate) fn check(composition: &Composition, root: &Node<'_>) -> Result<(), Do
         return Err(ComposeError::new("passes", message).at(&place));
     }
     let creator = composition.creator;
-    (creator.check)(composition).map_err(|e| e.at(&place))?;
-    if [Creator::of::<Ekf>().name, Creator::of::<Ukf>().name].contains(&creator.name) {
-        return Ok(());
+    if creator.name == Creator::of::<Ukf>().name {
+        check_rules(root)?;
     }
-    // late samples and the smoother need snapshots of a filter of the framework
+    (creator.check)(composition).map_err(|e| e.at(&place))?;
+    // late samples and the smoother need snapshots, and linear steps
     let late = composition.sensors.iter().find(|sensor| sensor.late.is_some());
-    let lacks = if composition.estimator.smooths() {
-        Some("the smoother runs with type = \"ekf\" only; remove `smooth`".to_owned())
+    let lacks = if composition.estimator.smooths() && !creator.smooths {
+        let message = "the smoother needs an estimator that linearises, such as type = \"ekf\"; \
+                       remove `smooth`";
+        Some(message.to_owned())
     } else {
-        late.map(|sensor| {
+        late.filter(|_| !creator.linearises).map(|sensor| {
             format!(
-                "late samples need type = \"ekf\" or \"ukf\"; remove `late` of [sensor.{}]",
+                "late samples need an estimator that returns to snapshots, such as type = \"ekf\"; \
+                 remove `late` of [sensor.{}]",
                 sensor.info.name
             )
         })
@@ -59,9 +61,11 @@ pub(crate) fn check(composition: &Composition, root: &Node<'_>) -> Result<(), Do
 
 /// Creates the estimator of a composition.
 pub(crate) fn create(composition: Composition) -> Box<dyn Estimator> {
-    match composition.estimator.relinearise() {
-        Some(span) => Box::new(Relinearised::new(composition, span)),
-        None => (composition.creator.create)(composition),
+    let again = composition.estimator.relinearise();
+    let estimator = (composition.creator.create)(composition);
+    match again {
+        Some(span) => Box::new(Relinearised::new(estimator, span)),
+        None => estimator,
     }
 }
 
@@ -74,7 +78,7 @@ pub(crate) fn settle(composition: &mut Composition) {
     let text = if composition.estimator.smooths() {
         "`relinearise` has no effect on a smoothed run; `passes` linearises all its samples again"
             .to_owned()
-    } else if composition.creator.name != Creator::of::<Ekf>().name {
+    } else if !composition.creator.smooths {
         let name = composition.creator.name;
         format!("`relinearise` has no effect with type = {name:?}, but with type = \"ekf\"")
     } else if let Some(block) = transient {
@@ -86,37 +90,19 @@ pub(crate) fn settle(composition: &mut Composition) {
     composition.notes.push(("estimator".to_owned(), text));
 }
 
-/// The filter of the framework behind an estimator, if it is one.
-pub(crate) fn filter(estimator: &dyn Estimator) -> Option<&Ekf> {
-    let any: &dyn Any = estimator;
-    any.downcast_ref::<Ekf>().or_else(|| any.downcast_ref::<Ukf>().map(Ukf::filter))
-}
-
-/// The filter of the framework behind an estimator, to be changed.
-pub(crate) fn filter_mut(estimator: &mut dyn Estimator) -> Option<&mut Ekf> {
-    own(estimator)
-}
-
-fn own(any: &mut dyn Any) -> Option<&mut Ekf> {
-    if any.is::<Ekf>() {
-        return any.downcast_mut::<Ekf>();
+/// Rejects another update rule than that of the unscented filter.
+fn check_rules(root: &Node<'_>) -> Result<(), DocumentError> {
+    let sensors = root.get("sensor").map_or_else(|| Ok(Vec::new()), |table| table.entries())?;
+    let tables = sensors.into_iter().map(|(_, node)| node).chain(root.get("estimator"));
+    for rule in tables.filter_map(|table| table.get("update")) {
+        if rule.parse::<String>()? != Unscented::TYPE {
+            return Err(rule.error(
+                "with estimator.type = \"ukf\" every sensor has the rule \"ukf\"; remove it, or set \
+                 estimator.type = \"ekf\"",
+            ));
+        }
     }
-    any.downcast_mut::<Ukf>().map(Ukf::filter_mut)
-}
-
-/// The filter of the framework that takes samples once no late one can precede them.
-pub(crate) fn settled_mut(estimator: &mut dyn Estimator) -> Option<&mut Ekf> {
-    let any: &mut dyn Any = estimator;
-    if any.is::<Relinearised>() {
-        return any.downcast_mut::<Relinearised>().map(Relinearised::filter_mut);
-    }
-    own(any)
-}
-
-/// Returns `true` once after the filter has linearised samples again: copies of it are of the past.
-pub(crate) fn has_jumped(estimator: &mut dyn Estimator) -> bool {
-    let any: &mut dyn Any = estimator;
-    any.downcast_mut::<Relinearised>().is_some_and(Relinearised::has_jumped)
+    Ok(())
 }
 
 /// Shows the estimate after all samples that have arrived; the filter itself stays where it is.
@@ -126,7 +112,7 @@ pub(crate) fn newest<T>(
     look: impl FnOnce(&Epoch<'_>) -> T,
 ) -> Option<T> {
     let pooled = estimator.composition().estimator.covariance_period().is_some();
-    match (timeline, settled_mut(estimator)) {
+    match (timeline, estimator.settled()) {
         (Some(timeline), Some(filter)) => timeline.newest(filter, look),
         // the covariance of a copy is brought to the time of the estimate
         (None, Some(filter)) if pooled && filter.running() => {

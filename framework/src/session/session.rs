@@ -80,7 +80,7 @@ impl Session {
             over: false,
             error: None,
         };
-        if let Some(filter) = estimators::filter(session.estimator.as_ref()) {
+        if let Some(filter) = session.estimator.linearised() {
             match Smoother::new(filter) {
                 Ok(smoother) => session.outputs.smoother = smoother,
                 Err(error) => session.error = Some(error.into()),
@@ -170,9 +170,7 @@ impl Session {
     }
 
     fn take(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
-        let Some((timeline, filter)) =
-            self.timeline.as_mut().zip(estimators::settled_mut(self.estimator.as_mut()))
-        else {
+        let Some((timeline, filter)) = self.timeline.as_mut().zip(self.estimator.settled()) else {
             return self.process(sample);
         };
         if !timeline.arrive(sample, filter, &mut self.outputs) {
@@ -190,7 +188,7 @@ impl Session {
         {
             self.process(&sample)?;
             if let Some(timeline) = &mut self.timeline
-                && estimators::has_jumped(self.estimator.as_mut())
+                && self.estimator.has_jumped()
             {
                 timeline.forget_copies();
             }
@@ -219,7 +217,7 @@ impl Session {
         self.outputs.send(sample.time, &Record::Sample(sample));
         self.outputs.statistics.read(sample);
         self.estimate(sample)?;
-        if let Some(filter) = estimators::filter_mut(self.estimator.as_mut())
+        if let Some(filter) = self.estimator.linearised()
             && let Some(samples) = filter.take_found()
         {
             if let Some(smoother) = &mut self.outputs.smoother {
@@ -239,7 +237,7 @@ impl Session {
     /// the session, so that the smoother may keep the filter between them.
     fn estimate(&mut self, sample: &Sample) -> Result<(), EstimatorError> {
         let Self { estimator, outputs, .. } = self;
-        let Some(filter) = estimators::filter_mut(estimator.as_mut()) else {
+        let Some(filter) = estimator.linearised() else {
             return estimator.process(sample, outputs);
         };
         if let Some(smoother) = &mut outputs.smoother {
@@ -278,7 +276,7 @@ impl Session {
         let now = estimator.time();
         let due = |smoother: &mut Smoother| next_sample > now && smoother.is_due(now);
         if let Some(mut smoother) = outputs.smoother.take_if(due) {
-            if let Some(filter) = estimators::filter_mut(estimator.as_mut()) {
+            if let Some(filter) = estimator.linearised() {
                 smoother.release(filter, |epoch| outputs.smoothed(epoch));
             }
             outputs.smoother = Some(smoother);
@@ -360,7 +358,7 @@ impl Session {
     fn smooth(&mut self) -> Result<Option<QualityReport>, SmoothError> {
         let Some(smoother) = self.outputs.smoother.take() else { return Ok(None) };
         let Self { estimator, outputs, .. } = self;
-        let Some(filter) = estimators::filter_mut(estimator.as_mut()) else { return Ok(None) };
+        let Some(filter) = estimator.linearised() else { return Ok(None) };
         let end = filter.snapshot();
         let result = smoother.end(filter, |epoch| outputs.smoothed(epoch));
         filter.restore(&end);

@@ -2,11 +2,9 @@
 
 use crate::model::record::Epoch;
 use crate::state::covariance::Covariance;
-use crate::state::manifold::Position;
-use crate::state::{Block, Layout};
+use crate::state::{Block, Handle, Layout};
 use crate::units::time::Time;
 use serde::Serialize;
-use std::any::TypeId;
 
 /// Horizontal position error against the reference.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -97,9 +95,8 @@ pub(crate) struct Track {
 
 impl Track {
     pub(crate) fn new(layout: &Layout) -> Self {
-        let kind = TypeId::of::<Position>();
         Self {
-            position: layout.blocks.iter().position(|b| b.operations.kind == kind),
+            position: layout.vehicle().position.map(Handle::slot),
             before: None,
             before_truth: None,
             distance: 0.0,

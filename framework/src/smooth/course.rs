@@ -3,7 +3,7 @@
 use super::adjoint::Adjoint;
 use super::change::Change;
 use super::tape::Rows;
-use crate::filter::Course;
+use crate::compose::course::Course;
 use crate::state::covariance::Covariance;
 use crate::state::{Layout, State};
 use crate::units::time::Time;

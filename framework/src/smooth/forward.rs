@@ -12,7 +12,9 @@ use super::error::SmoothError;
 use super::estimate::Row;
 use super::segment::{Kind, Recorder, Segment, correction_length, gated_length};
 use super::tape::{Entry, Steps};
-use crate::filter::{Course, Ekf, EstimatorError, Snapshot};
+use crate::compose::course::Course;
+use crate::compose::linearised::{Linearised, Snapshot};
+use crate::filter::EstimatorError;
 use crate::model::record::{Epoch, Observer};
 use crate::state::Layout;
 use crate::state::covariance::{Closure, Transition, Update};
@@ -44,11 +46,13 @@ impl Checkpoints {
         Self { list: Vec::new(), longest: SHORTEST }
     }
 
-    fn add(&mut self, ekf: &Ekf, at: u64, epochs: usize) {
-        self.list.push(Checkpoint { snapshot: ekf.snapshot(), at, epochs });
+    fn add(&mut self, ekf: &dyn Linearised, at: u64, epochs: usize) {
+        let snapshot = ekf.snapshot();
+        let size = snapshot.size();
+        self.list.push(Checkpoint { snapshot, at, epochs });
         // an odd number, so that the last one stays
         let count = self.list.len();
-        if count % 2 == 1 && count * ekf.snapshot_size() > self.longest {
+        if count % 2 == 1 && count * size > self.longest {
             let mut number = 0;
             self.list.retain(|_| {
                 number += 1;
@@ -130,7 +134,7 @@ pub(super) struct Forward {
 
 impl Forward {
     /// Begins the pass at the present of the filter, with or without records for a further pass.
-    pub(super) fn new(ekf: &Ekf, further: bool) -> Result<Self, SmoothError> {
+    pub(super) fn new(ekf: &dyn Linearised, further: bool) -> Result<Self, SmoothError> {
         let layout = Arc::clone(&ekf.composition().layout);
         let considers = ekf.considered().contains(&true);
         let counter = Counter {
@@ -161,14 +165,14 @@ impl Forward {
     }
 
     /// Begins at a start that the filter has just found, and forgets the steps until now.
-    pub(super) fn begin(&mut self, ekf: &Ekf) -> Result<(), SmoothError> {
+    pub(super) fn begin(&mut self, ekf: &dyn Linearised) -> Result<(), SmoothError> {
         self.first = ekf.snapshot();
         self.start = Some(ekf.state().time);
         self.restart(ekf)
     }
 
     /// Forgets the steps, and begins again at the present of the filter.
-    pub(super) fn restart(&mut self, ekf: &Ekf) -> Result<(), SmoothError> {
+    pub(super) fn restart(&mut self, ekf: &dyn Linearised) -> Result<(), SmoothError> {
         self.steps.clear()?;
         self.checkpoints = Checkpoints::new();
         self.counter.recorded.clear();
@@ -178,7 +182,7 @@ impl Forward {
         Ok(())
     }
 
-    fn checkpoint(&mut self, ekf: &Ekf) {
+    fn checkpoint(&mut self, ekf: &dyn Linearised) {
         self.checkpoints.add(ekf, self.steps.end, self.counter.recorded.len());
         (self.counter.since, self.counter.in_step) = (0, false);
     }
@@ -191,7 +195,7 @@ impl Forward {
     }
 
     /// Notes a sample that the filter takes next.
-    pub(super) fn sample(&mut self, ekf: &Ekf, sample: &Sample) {
+    pub(super) fn sample(&mut self, ekf: &dyn Linearised, sample: &Sample) {
         if self.counter.since >= self.checkpoints.longest && ekf.running() {
             self.checkpoint(ekf);
         }
@@ -245,7 +249,7 @@ impl Forward {
     /// the error of a filter that fails.
     pub(super) fn repeat(
         &mut self,
-        ekf: &mut Ekf,
+        ekf: &mut dyn Linearised,
         course: Option<Box<dyn Course>>,
     ) -> Result<Result<(), EstimatorError>, SmoothError> {
         ekf.restore(&self.first);
@@ -286,13 +290,13 @@ impl Forward {
     /// any state.
     pub(super) fn backward(
         &mut self,
-        ekf: &mut Ekf,
+        ekf: &mut dyn Linearised,
         adjoint: &mut Adjoint,
         further: bool,
         mut visit: impl FnMut(&mut Adjoint, Visit<'_>) -> Result<(), SmoothError>,
     ) -> Result<(), SmoothError> {
         let mut segment = Segment::new(&self.layout, self.considers);
-        let present = |ekf: &Ekf| (ekf.state().clone(), ekf.offset().to_vec());
+        let present = |ekf: &dyn Linearised| (ekf.state().clone(), ekf.offset().to_vec());
         let mut end = (self.steps.end, (!self.failed_step).then(|| present(ekf)));
         while let Some(begin) = self.checkpoints.list.pop() {
             segment.clear();
@@ -340,7 +344,7 @@ impl Forward {
     /// end.
     pub(super) fn again(
         &mut self,
-        ekf: &mut Ekf,
+        ekf: &mut dyn Linearised,
         observer: &mut dyn Observer,
     ) -> Result<(), SmoothError> {
         let Some(begin) = self.checkpoints.list.first() else { return Ok(()) };
@@ -354,7 +358,7 @@ impl Forward {
 fn replay(
     steps: &mut Steps,
     (from, to): (u64, u64),
-    ekf: &mut Ekf,
+    ekf: &mut dyn Linearised,
     observer: &mut dyn Observer,
 ) -> Result<(), SmoothError> {
     steps.read(from, to, |_, entry| {
@@ -365,7 +369,11 @@ fn replay(
 }
 
 /// Lets the filter take a step.
-fn take(ekf: &mut Ekf, entry: &Entry, observer: &mut dyn Observer) -> Result<(), EstimatorError> {
+fn take(
+    ekf: &mut dyn Linearised,
+    entry: &Entry,
+    observer: &mut dyn Observer,
+) -> Result<(), EstimatorError> {
     match entry {
         Entry::Sample(sample) => ekf.process(sample, observer)?,
         Entry::Epoch => {

@@ -8,7 +8,7 @@ use super::estimate::{self, Estimate, Row};
 use super::forward::{Forward, Visit};
 use super::quality::{Quality, QualityReport};
 use super::tape::Rows;
-use crate::filter::Ekf;
+use crate::compose::linearised::Linearised;
 use crate::model::record::Epoch;
 use crate::state::Layout;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ impl Smoothed {
     /// trajectory is there for a `further` pass.
     pub(super) fn of(
         forward: &mut Forward,
-        ekf: &mut Ekf,
+        ekf: &mut dyn Linearised,
         further: bool,
     ) -> Result<Self, SmoothError> {
         let composition = ekf.composition();

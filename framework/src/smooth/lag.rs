@@ -20,7 +20,7 @@ use super::estimate::{Estimate, Row, time_of};
 use super::forward::{Forward, Visit};
 use super::stretch::Stretch;
 use super::tape::Rows;
-use crate::filter::Ekf;
+use crate::compose::linearised::Linearised;
 use crate::model::record::{Epoch, Observer};
 use crate::state::Layout;
 use crate::state::covariance::{Transition, Update};
@@ -49,7 +49,7 @@ pub(super) struct Lagged {
 }
 
 impl Lagged {
-    pub(super) fn new(ekf: &Ekf, lag: Span) -> Result<Self, SmoothError> {
+    pub(super) fn new(ekf: &dyn Linearised, lag: Span) -> Result<Self, SmoothError> {
         let layout = Arc::clone(&ekf.composition().layout);
         let row = Row::new(&layout);
         let considers = ekf.considered().contains(&true);
@@ -97,7 +97,7 @@ impl Lagged {
     pub(super) fn release(
         &mut self,
         forward: &mut Forward,
-        ekf: &mut Ekf,
+        ekf: &mut dyn Linearised,
         mut each: impl FnMut(&Epoch<'_>),
     ) -> Result<(), SmoothError> {
         while self.is_due(ekf.state().time) {
@@ -113,7 +113,7 @@ impl Lagged {
     pub(super) fn finish(
         &mut self,
         forward: &mut Forward,
-        ekf: &mut Ekf,
+        ekf: &mut dyn Linearised,
         mut each: impl FnMut(&Epoch<'_>),
     ) -> Result<(), SmoothError> {
         if std::mem::take(&mut self.failed_step) {
@@ -133,7 +133,11 @@ impl Lagged {
     }
 
     /// Moves the boundary to the present of the filter, and fills the stack.
-    fn move_boundary(&mut self, forward: &mut Forward, ekf: &mut Ekf) -> Result<(), SmoothError> {
+    fn move_boundary(
+        &mut self,
+        forward: &mut Forward,
+        ekf: &mut dyn Linearised,
+    ) -> Result<(), SmoothError> {
         let present = ekf.snapshot();
         let mut adjoint = Adjoint::at_boundary(&self.layout, ekf.considered());
         self.stack.clear()?;

@@ -3,7 +3,7 @@
 
 use super::adjoint::Correction;
 use super::segment::{Kind, Segment};
-use crate::filter::Course;
+use crate::compose::course::Course;
 use crate::model::record::Observer;
 use crate::state::covariance::{Covariance, Transition, Update, backward, cholesky, forward};
 use crate::state::{Layout, State};

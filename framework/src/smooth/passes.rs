@@ -5,7 +5,7 @@ use super::change::Passes;
 use super::error::SmoothError;
 use super::forward::Forward;
 use super::interval::Smoothed;
-use crate::filter::Ekf;
+use crate::compose::linearised::Linearised;
 
 /// Largest change of a component, in its smoothed sigma, at which the passes have converged.
 const CONVERGED: f64 = 1e-3;
@@ -13,7 +13,7 @@ const CONVERGED: f64 = 1e-3;
 /// Smooths a run in up to that many passes.
 pub(super) fn smooth(
     forward: &mut Forward,
-    ekf: &mut Ekf,
+    ekf: &mut dyn Linearised,
     passes: u32,
 ) -> Result<Smoothed, SmoothError> {
     let mut best = Smoothed::of(forward, ekf, passes > 1)?;

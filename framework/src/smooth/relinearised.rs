@@ -1,4 +1,4 @@
-//! An EKF that smooths its first seconds while it runs, and goes on from a state that is linearised
+//! An estimator that smooths its first seconds while it runs, and goes on from a state that is linearised
 //! at their smoothed trajectory.
 //!
 //! A filter linearises each sample at the estimate of its time. Where the prior is wide, the noise
@@ -18,7 +18,8 @@ use super::change::Change;
 use super::means::Records;
 use crate::compose::Composition;
 use crate::compose::estimator::Estimator;
-use crate::filter::{Ekf, EstimatorError, Snapshot};
+use crate::compose::linearised::{Linearised, Snapshot};
+use crate::filter::EstimatorError;
 use crate::model::process::start::AlignmentReport;
 use crate::model::record::finding::Finding;
 use crate::model::record::{
@@ -51,9 +52,9 @@ const REPORTED: u32 = 3;
 /// Number of samples that are kept before the filter starts.
 const WAITING: usize = 256;
 
-/// An EKF whose first samples are linearised again.
+/// An estimator whose first samples are linearised again.
 pub(crate) struct Relinearised {
-    ekf: Ekf,
+    estimator: Box<dyn Estimator>,
     record: Option<Box<Record>>,
     /// Set when samples were linearised again, until the caller knows it.
     jumped: bool,
@@ -75,38 +76,29 @@ struct Record {
 }
 
 impl Relinearised {
-    /// Creates an estimator that linearises the samples of the span after its start again.
-    pub(crate) fn new(composition: Composition, span: Span) -> Self {
-        let ekf = Ekf::new(composition);
-        let considers = ekf.considered().contains(&true);
-        let records = || Records::new(ekf.layout(), considers);
-        let record = Record {
-            first: ekf.snapshot(),
-            samples: Vec::new(),
-            next: Span::from_nanos(span.nanos() / FIRST),
-            span,
-            failures: 0,
-            run: records(),
-            pass: records(),
-        };
-        Self { record: Some(Box::new(record)), ekf, jumped: false }
-    }
-
-    /// The filter, for a caller that takes no samples with it.
-    pub(crate) fn filter_mut(&mut self) -> &mut Ekf {
-        &mut self.ekf
-    }
-
-    /// Returns `true` once after samples were linearised again.
-    pub(crate) fn has_jumped(&mut self) -> bool {
-        std::mem::take(&mut self.jumped)
+    /// Lets an estimator linearise the samples of the span after its start again.
+    pub(crate) fn new(mut estimator: Box<dyn Estimator>, span: Span) -> Self {
+        let record = estimator.linearised().map(|ekf| {
+            let considers = ekf.considered().contains(&true);
+            let records = || Records::new(&ekf.composition().layout, considers);
+            Box::new(Record {
+                first: ekf.snapshot(),
+                samples: Vec::new(),
+                next: Span::from_nanos(span.nanos() / FIRST),
+                span,
+                failures: 0,
+                run: records(),
+                pass: records(),
+            })
+        });
+        Self { record, estimator, jumped: false }
     }
 
     /// Makes the passes if they are due.
     fn relinearise(&mut self, observer: &mut dyn Observer) {
-        let Self { ekf, record: place, jumped } = self;
-        let time = ekf.state().time;
-        let Some(record) = place else { return };
+        let Self { estimator, record: place, jumped } = self;
+        let Some((ekf, record)) = estimator.linearised().zip(place.as_mut()) else { return };
+        let time = ekf.time();
         let Some(start) = record.run.start.filter(|start| time - *start >= record.next) else {
             return;
         };
@@ -151,7 +143,7 @@ impl Relinearised {
 
 impl Record {
     /// Notes a sample that the filter takes next.
-    fn note(&mut self, ekf: &Ekf, sample: &Sample) {
+    fn note(&mut self, ekf: &dyn Linearised, sample: &Sample) {
         // a search gives its samples back when it ends
         if ekf.searching() {
             return;
@@ -163,7 +155,7 @@ impl Record {
     }
 
     /// Forgets the samples until now.
-    fn begin(&mut self, ekf: &Ekf) {
+    fn begin(&mut self, ekf: &dyn Linearised) {
         self.first = ekf.snapshot();
         self.samples.clear();
     }
@@ -172,7 +164,7 @@ impl Record {
     /// Returns their report, or the reason why there is no result; the filter is then in any state.
     fn relinearise(
         &mut self,
-        ekf: &mut Ekf,
+        ekf: &mut dyn Linearised,
         converged: f64,
         observer: &mut dyn Observer,
     ) -> Result<String, String> {
@@ -287,7 +279,7 @@ impl Observer for Recording<'_> {
 
 impl Estimator for Relinearised {
     fn composition(&self) -> &Composition {
-        self.ekf.composition()
+        self.estimator.composition()
     }
 
     fn process(
@@ -295,9 +287,10 @@ impl Estimator for Relinearised {
         sample: &Sample,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
-        let Self { ekf, record: Some(record), .. } = self else {
-            return self.ekf.process(sample, observer);
+        let Self { estimator, record: Some(record), .. } = self else {
+            return self.estimator.process(sample, observer);
         };
+        let Some(ekf) = estimator.linearised() else { return Ok(()) };
         record.note(ekf, sample);
         ekf.take(sample, &mut Recording { records: &mut record.run, observer })?;
         if let Some(samples) = ekf.take_found() {
@@ -310,47 +303,55 @@ impl Estimator for Relinearised {
     }
 
     fn finish(&mut self, observer: &mut dyn Observer) {
-        self.ekf.finish(observer);
+        self.estimator.finish(observer);
     }
 
     fn running(&self) -> bool {
-        self.ekf.running()
+        self.estimator.running()
     }
 
     fn state(&self) -> &State {
-        self.ekf.state()
+        self.estimator.state()
     }
 
     fn covariance(&self) -> &Covariance {
-        self.ekf.covariance()
+        self.estimator.covariance()
     }
 
     fn settle(&mut self, observer: &mut dyn Observer) {
         match &mut self.record {
             Some(record) => {
-                self.ekf.settle(&mut Recording { records: &mut record.run, observer });
+                self.estimator.settle(&mut Recording { records: &mut record.run, observer });
             }
-            None => self.ekf.settle(observer),
+            None => self.estimator.settle(observer),
         }
     }
 
     fn epoch(&mut self) -> Epoch<'_> {
-        self.ekf.epoch()
+        self.estimator.epoch()
     }
 
     fn truth(&self) -> Truth<'_> {
-        self.ekf.truth()
+        self.estimator.truth()
+    }
+
+    fn settled(&mut self) -> Option<&mut dyn Linearised> {
+        self.estimator.linearised()
+    }
+
+    fn has_jumped(&mut self) -> bool {
+        std::mem::take(&mut self.jumped)
     }
 
     fn unfinished(&self) -> Vec<Event> {
-        self.ekf.unfinished().collect()
+        self.estimator.unfinished()
     }
 
     fn lacking(&self) -> Option<&Block> {
-        self.ekf.lacking()
+        self.estimator.lacking()
     }
 
     fn alignments(&self) -> Vec<(String, AlignmentReport)> {
-        Estimator::alignments(&self.ekf)
+        self.estimator.alignments()
     }
 }

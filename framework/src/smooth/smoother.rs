@@ -5,7 +5,7 @@ use super::forward::Forward;
 use super::lag::Lagged;
 use super::passes;
 use super::quality::QualityReport;
-use crate::filter::Ekf;
+use crate::compose::linearised::Linearised;
 use crate::model::record::Epoch;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;
@@ -20,7 +20,7 @@ pub(crate) struct Smoother {
 
 impl Smoother {
     /// Prepares for a filter that has not started; `None` if its run is not smoothed.
-    pub(crate) fn new(ekf: &Ekf) -> Result<Option<Self>, SmoothError> {
+    pub(crate) fn new(ekf: &dyn Linearised) -> Result<Option<Self>, SmoothError> {
         let estimator = &ekf.composition().estimator;
         if !estimator.smooths() {
             return Ok(None);
@@ -32,12 +32,12 @@ impl Smoother {
 
     /// Begins at the start of the filter, which a search has found: the samples until now do not
     /// belong to the smoothed run.
-    pub(crate) fn begin(&mut self, ekf: &Ekf) {
+    pub(crate) fn begin(&mut self, ekf: &dyn Linearised) {
         self.error = self.forward.begin(ekf).err();
     }
 
     /// Notes a sample that the filter takes next.
-    pub(crate) fn sample(&mut self, ekf: &Ekf, sample: &Sample) {
+    pub(crate) fn sample(&mut self, ekf: &dyn Linearised, sample: &Sample) {
         self.forward.sample(ekf, sample);
     }
 
@@ -105,7 +105,7 @@ impl Smoother {
     }
 
     /// Passes the complete estimates to `each`.
-    pub(crate) fn release(&mut self, ekf: &mut Ekf, each: impl FnMut(&Epoch<'_>)) {
+    pub(crate) fn release(&mut self, ekf: &mut dyn Linearised, each: impl FnMut(&Epoch<'_>)) {
         if let Some(lagged) = &mut self.lagged {
             self.error = lagged.release(&mut self.forward, ekf, each).err();
         }
@@ -115,7 +115,7 @@ impl Smoother {
     /// state.
     pub(crate) fn end(
         mut self,
-        ekf: &mut Ekf,
+        ekf: &mut dyn Linearised,
         mut each: impl FnMut(&Epoch<'_>),
     ) -> Result<Option<QualityReport>, SmoothError> {
         if let Some(error) = self.failed() {

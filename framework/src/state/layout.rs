@@ -3,6 +3,7 @@
 use crate::state::block::Block;
 use crate::state::manifold::Manifold;
 use crate::state::transient::Pool;
+use crate::state::vehicle::Vehicle;
 use crate::units::time::Time;
 use std::marker::PhantomData;
 
@@ -88,12 +89,27 @@ pub struct Layout {
     pub(crate) labels: usize,
     /// Velocities that turn with the heading.
     pub(crate) turning: Vec<Turning>,
+    /// The bodies whose motion processes declare, in the order of composition.
+    pub vehicles: Vec<Vehicle>,
 }
 
 impl Layout {
     /// Finds the block with a full name.
     pub fn find(&self, name: &str) -> Option<&Block> {
         self.blocks.iter().find(|b| b.name == name)
+    }
+
+    /// Handle of the block with a full name, if it lives on the manifold.
+    pub fn handle<M: Manifold>(&self, name: &str) -> Option<Handle<M>> {
+        let kind = std::any::TypeId::of::<M>();
+        let slot = self.blocks.iter().position(|b| b.name == name && b.operations.kind == kind)?;
+        Some(Handle { slot, manifold: PhantomData })
+    }
+
+    /// The motion of the vehicle: the first one that a process of the scenario declares. Empty if
+    /// no process moves a body.
+    pub fn vehicle(&self) -> Vehicle {
+        self.vehicles.first().copied().unwrap_or_default()
     }
 
     /// Block of a handle.

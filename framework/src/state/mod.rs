@@ -13,6 +13,7 @@ pub mod layout;
 pub mod manifold;
 pub mod transient;
 mod vectorised;
+mod vehicle;
 pub mod view;
 
 pub use block::{Block, BlockSpec, Display, Dynamics, Mode};
@@ -20,4 +21,5 @@ pub use block_set::BlockSet;
 pub use layout::{AnyHandle, Handle, Layout, Past, Signal, State};
 pub use transient::Transients;
 pub(crate) use vectorised::vectorised;
+pub use vehicle::Vehicle;
 pub use view::View;

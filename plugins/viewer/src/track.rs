@@ -5,11 +5,9 @@ use crate::quantity::Here;
 use crate::rig::Mount;
 use navfuse_core::model::record::Epoch;
 use navfuse_core::nalgebra::{Matrix3, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion};
-use navfuse_core::state::Layout;
-use navfuse_core::state::manifold::{Position, Rotation, Vector};
+use navfuse_core::state::{Handle, Layout};
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::{Span, Time};
-use std::any::TypeId;
 
 /// Greatest number of vertices of a track: more would make a software renderer slow.
 const VERTICES: usize = 4000;
@@ -111,20 +109,13 @@ impl Extent {
 }
 
 impl Track {
-    /// The track of the first position in the layout, with the attitude and the velocity of the
-    /// same owner; `None` without a position. A full one has all poses.
+    /// The track of the vehicle; `None` without a position. A full one has all poses.
     pub fn new(layout: &Layout, full: bool) -> Option<Self> {
-        let position =
-            layout.blocks.iter().position(|b| b.operations.kind == TypeId::of::<Position>())?;
-        let owner = layout.blocks[position].name.split('.').next();
-        let beside = |of: &dyn Fn(&navfuse_core::state::Block) -> bool| {
-            layout.blocks.iter().position(|b| of(b) && b.name.split('.').next() == owner)
-        };
-        let vector = TypeId::of::<Vector<3>>();
+        let vehicle = layout.vehicle();
         Some(Self {
-            position,
-            attitude: beside(&|b| b.operations.kind == TypeId::of::<Rotation>()),
-            velocity: beside(&|b| b.operations.kind == vector && b.spec.display.unit == "m/s"),
+            position: vehicle.position?.slot(),
+            attitude: vehicle.attitude.map(Handle::slot),
+            velocity: vehicle.velocity.map(Handle::slot),
             origin: None,
             estimate: Thinned::new(VERTICES),
             filtered: Thinned::new(VERTICES),

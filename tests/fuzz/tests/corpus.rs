@@ -155,3 +155,26 @@ fn every_file_of_the_corpus_is_read_without_a_panic() {
         assert!(understood > 0, "{}: no file of the corpus is understood", target.name);
     }
 }
+
+/// The formats that a stranger may write, the fuzz targets and their corpus are the same everywhere.
+#[test]
+fn the_table_of_formats_the_targets_and_the_corpus_agree() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut known: Vec<String> = TARGETS.iter().map(|t| t.name.to_owned()).collect();
+    known.sort();
+    let text = std::fs::read_to_string(root.join("SECURITY.md")).unwrap();
+    let rows = text.lines().filter(|l| l.starts_with("| ")).skip(1);
+    let column = rows.filter_map(|row| row.split('|').nth(2));
+    let mut listed: Vec<String> =
+        column.flat_map(|cell| cell.split(',')).map(|t| t.trim().replace('`', "")).collect();
+    listed.sort();
+    assert_eq!(listed, known);
+    for folder in ["fuzz/fuzz_targets", "fuzz/corpus"] {
+        let entries =
+            std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
+        let mut names: Vec<String> =
+            entries.map(|path| path.file_stem().unwrap().to_string_lossy().into_owned()).collect();
+        names.sort();
+        assert_eq!(names, known, "{folder}");
+    }
+}

@@ -8,8 +8,7 @@ use navfuse_core::model::sensor::measurement::{AnyMeasurement, At};
 use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::sensor::{Role, Sensor};
 use navfuse_core::state::geodesy::{Geodetic, radii_of_curvature};
-use navfuse_core::state::manifold::{Manifold, Position, Rotation};
-use navfuse_core::state::{Dynamics, Layout, State};
+use navfuse_core::state::{Dynamics, Handle, Layout, State};
 use navfuse_core::units::Components;
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::units::time::Time;
@@ -62,15 +61,15 @@ impl<'a> Builder<'a> {
 
     pub(crate) fn build(mut self) -> Result<Recording, SegmentError> {
         let reference = self.reference();
-        let initial = self.block::<Position>(".position");
+        let vehicle = self.layout.vehicle();
+        let initial = self.initial(vehicle.position);
         let mut initial_position =
             Geodetic { latitude: initial[0], longitude: initial[1], height: initial[2] };
         if let Some(first) = reference.as_ref().and_then(|r| r.value.first()) {
             initial_position = first.position;
-            self.set(
-                ".position",
-                &[first.position.latitude, first.position.longitude, first.position.height],
-            );
+            if let Some(position) = vehicle.position {
+                self.state.set(self.layout, position, &first.position);
+            }
         }
         let imu = self.imu()?;
         let start = self.composition.start().max(self.zero).since(self.zero);
@@ -78,7 +77,7 @@ impl<'a> Builder<'a> {
         let given = !self.composition.estimator.from_reference()
             && !self.composition.processes.iter().any(|p| p.searches);
         let initial_attitude = given.then(|| {
-            let c = self.block::<Rotation>(".attitude");
+            let c = self.initial(vehicle.attitude);
             UnitQuaternion::from_euler_angles(c[0], c[1], c[2])
         });
         let mut recording = Recording {
@@ -92,7 +91,9 @@ impl<'a> Builder<'a> {
             start,
             initial_attitude,
             initial_position,
-            attitude_sigma: self.sigma(".attitude"),
+            attitude_sigma: vehicle.attitude.map_or_else(Vector3::zeros, |attitude| {
+                triple(&self.layout.block(attitude).spec.sigma)
+            }),
             warnings: Vec::new(),
         };
         for (index, sensor) in self.composition.sensors.iter().enumerate() {
@@ -117,23 +118,10 @@ impl<'a> Builder<'a> {
         Ok(recording)
     }
 
-    /// Returns the initial coordinates of the first block with this ending of its name; zero
-    /// without such a block.
-    fn block<M: Manifold>(&self, ending: &str) -> [f64; 3] {
-        let kind = std::any::TypeId::of::<M>();
-        let block = self
-            .layout
-            .blocks
-            .iter()
-            .find(|b| b.operations.kind == kind && b.name.ends_with(ending));
-        std::array::from_fn(|i| block.and_then(|b| b.spec.initial.get(i)).copied().unwrap_or(0.0))
-    }
-
-    /// Sets the coordinates of the blocks with this ending of their names.
-    fn set(&mut self, ending: &str, coordinates: &[f64]) {
-        for block in self.layout.blocks.iter().filter(|b| b.name.ends_with(ending)) {
-            (block.operations.from_coordinates)(coordinates, &mut self.state.values[block.range()]);
-        }
+    /// The initial coordinates of a block; zero without it.
+    fn initial<M>(&self, block: Option<Handle<M>>) -> [f64; 3] {
+        let given = block.map_or(&[][..], |block| &self.layout.block(block).spec.initial);
+        std::array::from_fn(|i| given.get(i).copied().unwrap_or(0.0))
     }
 
     fn reference(&self) -> Option<Series<Motion>> {
@@ -380,8 +368,11 @@ impl<'a> Probe<'a> {
         set(&format!("{name}.scale"), &[1.0]);
         set(&format!("{name}.misalignment"), &[0.0; 3]);
         set(&format!("{name}.lever_arm"), &[0.0; 3]);
-        set(".attitude", &[0.0; 3]);
-        let velocity = layout.blocks.iter().position(|b| b.name.ends_with(".velocity"));
+        let vehicle = layout.vehicle();
+        if let Some(attitude) = vehicle.attitude {
+            state.set(layout, attitude, &Rotation3::identity());
+        }
+        let velocity = vehicle.velocity.map(Handle::slot);
         Self { layout, state, velocity }
     }
 

@@ -13,17 +13,11 @@
 //! zero. The reset by `f(c) [-] c'` is left out: it is the process noise of one step, some
 //! 1e-6 rad.
 
+use crate::compose::course::Course;
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Layout, State};
 use crate::units::time::Time;
 use std::io;
-
-/// A trajectory of the state, read in order of time.
-pub(crate) trait Course: Send {
-    /// Reads the values of the state at a time. The search begins at `place`; the place after the
-    /// state is returned, or `None` if the trajectory has no state of this time.
-    fn read(&mut self, place: u64, time: Time, values: &mut [f64]) -> io::Result<Option<u64>>;
-}
 
 /// The estimate relative to the trajectory.
 #[derive(Clone)]

@@ -1,6 +1,7 @@
 //! A further pass of the smoother: the filter follows a given trajectory, see [`super::guide`].
 
-use crate::filter::course::guide::{Course, Guide, Offset};
+use crate::compose::course::Course;
+use crate::filter::course::guide::{Guide, Offset};
 use crate::filter::ekf::Ekf;
 use crate::filter::estimate::Estimate;
 use crate::filter::parts::Parts;
@@ -31,11 +32,6 @@ impl Ekf {
             history.corrected(&offset.d);
         }
         offset.d
-    }
-
-    /// Returns the estimate relative to the trajectory; empty without one.
-    pub(crate) fn offset(&self) -> &[f64] {
-        self.parts.estimate.offset()
     }
 
     /// Error of the trajectory, if it could not be read.

@@ -13,8 +13,7 @@
 //! before the earliest late sample, through all samples up to the present.
 
 use crate::compose::Composition;
-use crate::filter::ekf::Ekf;
-use crate::filter::parts::Parts;
+use crate::compose::linearised::{Linearised, Snapshot};
 use crate::filter::propagate::pace::MAX_PENDING;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Epoch, Observer, Rejection};
@@ -79,9 +78,9 @@ pub struct Timeline {
 #[derive(Default)]
 struct Ahead {
     /// The filter after the sample of that place.
-    newest: Option<(Parts, Place)>,
+    newest: Option<(Snapshot, Place)>,
     /// Snapshots in order of time, each taken before every sample of its time.
-    snapshots: VecDeque<(Time, Parts)>,
+    snapshots: VecDeque<(Time, Snapshot)>,
     /// Samples of one time during a replay.
     group: VecDeque<Sample>,
 }
@@ -130,7 +129,12 @@ impl Timeline {
     }
 
     /// Takes a sample that arrives; `false` if it is too late and therefore rejected.
-    pub fn arrive(&mut self, sample: &Sample, ekf: &mut Ekf, observer: &mut dyn Observer) -> bool {
+    pub fn arrive(
+        &mut self,
+        sample: &Sample,
+        ekf: &mut dyn Linearised,
+        observer: &mut dyn Observer,
+    ) -> bool {
         let index = sample.sensor.0;
         let limit = self.late[index].unwrap_or(self.window);
         if self.now.is_some_and(|now| now - sample.time > limit) {
@@ -186,21 +190,29 @@ impl Timeline {
     /// change; the filter itself stays where it is. Where samples on their way leave a gap that the
     /// process cannot bridge, the estimate is that before the gap. Nothing is shown before the
     /// filter runs.
-    pub fn newest<T>(&mut self, ekf: &mut Ekf, look: impl FnOnce(&Epoch<'_>) -> T) -> Option<T> {
-        let (parts, start) = self.ahead.resume(&ekf.parts);
-        let settled = std::mem::replace(&mut ekf.parts, parts);
+    pub fn newest<T>(
+        &mut self,
+        ekf: &mut dyn Linearised,
+        look: impl FnOnce(&Epoch<'_>) -> T,
+    ) -> Option<T> {
+        let (mut copy, start) = self.ahead.resume(|| ekf.snapshot());
+        ekf.exchange(&mut copy);
         let replayed = self.replay(ekf, start);
         ekf.settle(&mut ());
         let seen = ekf.running().then(|| look(&ekf.epoch()));
-        let parts = std::mem::replace(&mut ekf.parts, settled);
+        ekf.exchange(&mut copy);
         // after a gap, the next replay begins at a snapshot before it
-        self.ahead.newest = replayed.ok().flatten().map(|place| (parts, place));
+        self.ahead.newest = replayed.ok().flatten().map(|place| (copy, place));
         seen
     }
 
     /// Takes a copy of the filter through the samples from the start on, and returns the place of
     /// the last one.
-    fn replay(&mut self, ekf: &mut Ekf, start: Start) -> Result<Option<Place>, EstimatorError> {
+    fn replay(
+        &mut self,
+        ekf: &mut dyn Linearised,
+        start: Start,
+    ) -> Result<Option<Place>, EstimatorError> {
         let Self { samples, references, ahead, .. } = self;
         let spacing = Span::from_nanos(self.window.nanos() / SNAPSHOTS);
         let (time, mut last) = match start {
@@ -218,7 +230,7 @@ impl Timeline {
             ahead.group.extend(left);
             let due = ahead.snapshots.back().is_none_or(|(before, _)| *before + spacing <= time);
             if due && resumed.is_none() {
-                ahead.snapshots.push_back((time, ekf.parts.clone()));
+                ahead.snapshots.push_back((time, ekf.snapshot()));
             }
             while let Some(sample) = next_of_group(&mut ahead.group, ekf.running(), references) {
                 ekf.process(&sample, &mut ())?;
@@ -254,11 +266,11 @@ impl Ahead {
     }
 
     /// Latest copy of the filter, and the place where it goes on.
-    fn resume(&mut self, settled: &Parts) -> (Parts, Start) {
+    fn resume(&mut self, settled: impl FnOnce() -> Snapshot) -> (Snapshot, Start) {
         match (self.newest.take(), self.snapshots.back()) {
-            (Some((parts, place)), _) => (parts, Start::After(place)),
-            (None, Some((time, parts))) => (parts.clone(), Start::Before(*time)),
-            (None, None) => (settled.clone(), Start::Before(Time::MIN)),
+            (Some((copy, place)), _) => (copy, Start::After(place)),
+            (None, Some((time, copy))) => (copy.clone(), Start::Before(*time)),
+            (None, None) => (settled(), Start::Before(Time::MIN)),
         }
     }
 }

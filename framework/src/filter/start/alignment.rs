@@ -5,7 +5,7 @@ use super::stage::Stage;
 use crate::compose::moved;
 use crate::filter::ekf::Ekf;
 use crate::filter::estimate::Estimate;
-use crate::filter::parts::{Parts, Snapshot};
+use crate::filter::parts::Parts;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::ProcessError;
 use crate::model::process::start::{AlignmentReport, Progress};
@@ -81,38 +81,11 @@ impl Ekf {
         tried
     }
 
-    /// Samples of a search that has just ended, which the filter has to take next, one by one. The
-    /// filter is left as it is before it begins.
-    pub(crate) fn take_found(&mut self) -> Option<Vec<Sample>> {
-        self.parts.start.take_found()
-    }
-
     /// Begins to run with the initial values that a search has found.
     pub(in crate::filter) fn begin_found(&mut self, observer: &mut dyn Observer) {
         self.begin(observer);
         let Parts { estimate, truth, .. } = &self.parts;
         observer.epoch(&estimate.epoch(&self.layout, truth.at(estimate.state.time)));
-    }
-
-    /// Takes the samples of a search, with an estimate in each period of the output rate. With a
-    /// reference, its samples give the estimates.
-    pub(crate) fn catch_up(
-        &mut self,
-        samples: &[Sample],
-        observer: &mut dyn Observer,
-    ) -> Result<(), EstimatorError> {
-        let period = self.composition.estimator.output_period();
-        let mut next = self.state().time.next_multiple(period);
-        for sample in samples {
-            let now = self.state().time;
-            if !self.has_reference() && now >= next && sample.time > now {
-                next = now.next_multiple(period);
-                self.settle(observer);
-                observer.epoch(&self.epoch());
-            }
-            self.take(sample, observer)?;
-        }
-        Ok(())
     }
 
     /// Runs through the buffered samples until the alignment accepts the initial values.
@@ -123,7 +96,7 @@ impl Ekf {
             self.parts.estimate.offset = None;
             self.begin(&mut ());
             let ended = buffer.iter().try_for_each(|sample| self.take(sample, &mut ()));
-            let after = self.snapshot();
+            let after = self.parts.estimate.clone();
             self.restore(&before);
             // a trial that fails before its end gives no estimate
             if ended.is_ok() {
@@ -153,7 +126,7 @@ impl Ekf {
     /// information, would move it away, and the filter would linearise in the wrong place again. A
     /// block that wanders keeps its prior, since its value at the end of the trial is not its value
     /// at the start.
-    fn adopt(&mut self, Snapshot(Parts { estimate: after, .. }): &Snapshot) {
+    fn adopt(&mut self, after: &Estimate) {
         let moved = moved(&self.layout, &self.composition.processes);
         let Estimate { state, covariance, .. } = &mut self.parts.estimate;
         let blocks = self.layout.blocks.iter().zip(moved);

@@ -15,7 +15,7 @@ pub(super) enum Stage {
     /// since that time.
     Searching(Vec<Sample>),
     /// Has found the initial values, and begins with the next sample. The samples since the time of
-    /// the state, which the filter takes next, are here until [`crate::filter::Ekf::take_found`].
+    /// the state, which the filter takes next, are here until `take_found`.
     Found(Vec<Sample>),
     /// Runs.
     Running,

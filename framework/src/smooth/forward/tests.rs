@@ -5,6 +5,7 @@ use super::*;
 use crate::Real;
 use crate::compose::Composer;
 use crate::document::Document;
+use crate::filter::Ekf;
 use crate::model::error::ComposeError;
 use crate::model::process::{BuiltProcess, Interval, ProcessError, ProcessModel};
 use crate::model::record::UpdateRecord;
@@ -253,7 +254,7 @@ fn the_counted_length_of_a_segment_is_that_of_its_records() {
 #[test]
 fn the_snapshots_need_no_more_memory_than_a_segment_and_the_first_and_the_last_one_stay() {
     let ekf = filter(&[]);
-    let (mut checkpoints, size) = (Checkpoints::new(), ekf.snapshot_size());
+    let (mut checkpoints, size) = (Checkpoints::new(), ekf.snapshot().size());
     let mut added = 0;
     while checkpoints.longest < 8 * SHORTEST {
         checkpoints.add(&ekf, added, 0);
@@ -273,15 +274,15 @@ fn the_size_of_a_snapshot_contains_its_history_and_the_samples_that_wait() {
     let copied = |ekf: &Ekf| allocation_counter::measure(|| drop(ekf.snapshot())).bytes_total;
     let offset = "sensor.fix.time_offset={ initial = \"0.1 s\", sigma = \"1 s\" }";
     let (mut with, without) = (filter(&[offset]), filter(&[]));
-    let stated = (with.snapshot_size() - without.snapshot_size()) as f64;
+    let stated = (with.snapshot().size() - without.snapshot().size()) as f64;
     let measured = (copied(&with) - copied(&without)) as f64;
     assert!((stated / measured - 1.0).abs() < 0.2, "{stated} {measured}");
     let begin = sample(&with, "clock", 0.0, &[0.0]);
     with.process(&begin, &mut ()).unwrap();
-    let before = with.snapshot_size();
+    let before = with.snapshot().size();
     for k in 1..=100 {
         let fix = sample(&with, "fix", f64::from(k), &[0.0]);
         with.process(&fix, &mut ()).unwrap();
     }
-    assert_eq!(with.snapshot_size() - before, 100 * size_of::<Sample>());
+    assert_eq!(with.snapshot().size() - before, 100 * size_of::<Sample>());
 }

@@ -4,9 +4,8 @@ use crate::pose::{Pose, Velocity};
 use nalgebra::{Matrix3, Matrix6, SMatrix, UnitQuaternion, Vector3};
 use navfuse_core::model::record::Epoch;
 use navfuse_core::state::geodesy::Geodetic;
-use navfuse_core::state::manifold::{Manifold, Position, Rotation, Vector, load_quaternion};
-use navfuse_core::state::{Layout, display};
-use std::any::TypeId;
+use navfuse_core::state::manifold::{Manifold, Position, load_quaternion};
+use navfuse_core::state::{Handle, Layout};
 
 /// The blocks of a state that has a position and an attitude, by their slots.
 #[derive(Clone, Copy, Debug)]
@@ -31,14 +30,11 @@ pub struct Moved {
 impl Motion {
     /// The blocks of a layout; `None` without a position or an attitude.
     pub fn of(layout: &Layout) -> Option<Self> {
-        let first = |kind: TypeId| layout.blocks.iter().position(|b| b.operations.kind == kind);
+        let vehicle = layout.vehicle();
         Some(Self {
-            position: first(TypeId::of::<Position>())?,
-            attitude: first(TypeId::of::<Rotation>())?,
-            velocity: layout.blocks.iter().position(|b| {
-                b.operations.kind == TypeId::of::<Vector<3>>()
-                    && b.spec.display == display::VELOCITY
-            }),
+            position: vehicle.position?.slot(),
+            attitude: vehicle.attitude?.slot(),
+            velocity: vehicle.velocity.map(Handle::slot),
             origin: None,
         })
     }

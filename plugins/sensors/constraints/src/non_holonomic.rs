@@ -65,8 +65,10 @@ impl SensorType for NonHolonomic {
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let lever_arm =
             self.lever_arm.block(composer, "lever_arm", &[0.0; 3], display::LEVER_ARM)?;
+        let turns = ("lever_arm", self.lever_arm != LeverArm::default());
+        let place = ("navigation", &*self.navigation);
         let model = NonHolonomicModel {
-            navigation: Navigation::find(composer, "navigation", &self.navigation)?,
+            navigation: Navigation::find_turning(composer, place, turns)?,
             side_slip: self.side_slip.block(composer, "side_slip", &[0.0], display::YAW)?,
             suspension: self.suspension.block(composer, "suspension", &[0.0], display::PITCH)?,
             pitch: self.pitch.block(composer, "pitch", &[0.0], display::PITCH)?,

@@ -58,7 +58,9 @@ impl Mounting<'_> {
         composer: &mut Composer,
         tracking: &Tracking<'_>,
     ) -> Result<Instrument, ComposeError> {
-        let navigation = Navigation::find(composer, "navigation", self.navigation)?;
+        let turns = ("lever_arm", self.lever_arm != LeverArm::default());
+        let navigation =
+            Navigation::find_turning(composer, ("navigation", self.navigation), turns)?;
         let current = tracking.current(composer)?;
         let scale = self.scale.block(composer, "scale", &[1.0], display::RATIO)?;
         let (c_b_d, lever_arm) = match tracking.transducer {
@@ -173,6 +175,8 @@ impl Instrument {
         h.set(self.navigation.attitude, &(b_d * body.attitude));
         h.set(self.navigation.velocity, &(b_d * body.velocity));
         h.set(self.navigation.position, &(b_d * body.position));
-        h.set(self.navigation.gyro_bias, &(b_d * body.gyro_bias));
+        if let Some(bias) = self.navigation.gyro_bias {
+            h.set(bias, &(b_d * body.gyro_bias));
+        }
     }
 }

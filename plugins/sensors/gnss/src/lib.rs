@@ -90,8 +90,14 @@ impl SensorType for Gnss {
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
+        let turns = self.velocity_noise.is_some() && self.lever_arm != LeverArm::default();
+        let turns = ("lever_arm", turns);
         let model = GnssModel {
-            navigation: Navigation::find(composer, "navigation", &self.navigation)?,
+            navigation: Navigation::find_turning(
+                composer,
+                ("navigation", &self.navigation),
+                turns,
+            )?,
             bias: self.bias.block(composer, "bias", &[0.0; 3], BIAS)?,
             lever_arm: self.lever_arm.block(
                 composer,

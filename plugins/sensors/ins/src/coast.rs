@@ -43,8 +43,8 @@ impl Coast {
         let position = state.get(layout, n.position).displaced(&(velocity * dt));
         state.set(layout, n.position, &position);
         // the vehicle does not turn; the rotation of the Earth is far below the noise
-        let bias = state.get(layout, n.gyro_bias);
-        state.publish(n.angular_rate, &[bias.x, bias.y, bias.z]);
+        let [bias, _] = n.biases(layout, state);
+        n.publish(state, &bias.into());
         let (one, none) = (Matrix3::identity(), Matrix3::zeros());
         for place in [s.phi_phi, s.v_v, s.p_p] {
             out.set(place, &one);

@@ -29,8 +29,8 @@ impl Places {
         let (phi, v) = (composer.tangent(n.attitude), composer.tangent(n.velocity));
         let (p, bg, ba) = (
             composer.tangent(n.position),
-            composer.tangent(n.gyro_bias),
-            composer.tangent(n.accel_bias),
+            n.gyro_bias.and_then(|bias| composer.tangent(bias)),
+            n.accel_bias.and_then(|bias| composer.tangent(bias)),
         );
         let phi_gyro = composer.input_place(imu, phi, 0);
         let v_accel = composer.input_place(imu, v, 3);

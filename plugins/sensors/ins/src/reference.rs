@@ -51,11 +51,9 @@ impl SensorType for ReferenceSolution {
     }
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
-        let navigation = match Navigation::find(composer, "navigation", &self.navigation) {
-            Err(error)
-                if self.lever_arm.is_some()
-                    || composer.names().any(|n| n.ends_with(".attitude")) =>
-            {
+        let (place, arm) = (("navigation", &*self.navigation), self.lever_arm.is_some());
+        let navigation = match Navigation::find_turning(composer, place, ("lever_arm", arm)) {
+            Err(error) if arm || composer.vehicle().attitude.is_some() => {
                 return Err(error);
             }
             found => found.ok(),
@@ -101,8 +99,8 @@ impl Reference for ReferenceModel {
             || state.get(layout, navigation.position).latitude,
             |[latitude, ..]| latitude,
         );
-        let signal = navfuse_core::state::View::new(layout, state).signal(navigation.angular_rate);
-        motion.w_ib_b = Vector3::from(signal) - state.get(layout, navigation.gyro_bias);
+        let rate = navigation.published(&navfuse_core::state::View::new(layout, state));
+        motion.w_ib_b = Vector3::from(rate) - navigation.biases(layout, state)[0];
         motion.f_ib_b = Vector3::zeros();
         let w_eb_b = motion.w_ib_b - c_b_n.inverse_transform_vector(&earth_rate_ned(latitude));
         motion.position = motion.position.displaced(&-(c_b_n * self.lever_arm));
@@ -157,7 +155,7 @@ mod tests {
         let velocity = Vector3::from(sample.array::<3>(3).unwrap());
         assert!((velocity - Vector3::new(10.0, 1.0, 0.0)).norm() < 2e-4, "{velocity}");
         let mut state = bench.state();
-        state.publish(bench.navigation.angular_rate, &motion.w_ib_b.into());
+        bench.navigation.publish(&mut state, &motion.w_ib_b.into());
         let back = reference.motion(&composition.layout, &state, &sample).unwrap();
         assert!((back.velocity - motion.velocity).norm() < 1e-6, "{}", back.velocity);
         assert!(back.position.ned_from(&motion.position).norm() < 2e-6);

@@ -208,8 +208,12 @@ impl ProcessType for Strapdown {
         let accel_bias =
             self.accel_bias.block(composer, "accel_bias", &[0.0; 3], display::ACCEL_BIAS)?;
         let angular_rate = composer.signal("angular_rate");
-        let navigation =
-            Navigation { attitude, velocity, position, gyro_bias, accel_bias, angular_rate };
+        let navigation = Navigation {
+            gyro_bias: Some(gyro_bias),
+            accel_bias: Some(accel_bias),
+            angular_rate: Some(angular_rate),
+            ..Navigation::provide(composer, attitude, velocity, position)
+        };
         let places = Places::new(composer, &navigation, &self.imu);
         if let Some(model) = settings.as_ref().and_then(|s| s.constraint(velocity)) {
             let channels = Channel::all(ZeroVelocity::CHANNELS);
@@ -241,7 +245,7 @@ impl ProcessType for Strapdown {
         let built = built.driven_by(self.imu, simulator);
         let built = match screening {
             Some(screening) => {
-                built.screened_by(screening).watched_by(monitor).with_bias(navigation.gyro_bias)
+                built.screened_by(screening).watched_by(monitor).with_bias(gyro_bias)
             }
             None => built,
         };
@@ -327,7 +331,7 @@ impl StrapdownModel {
     #[inline(always)]
     fn publish(&self, state: &mut State, at: Time) {
         if let Some(w) = self.rates.angular_rate(at) {
-            state.publish(self.navigation.angular_rate, &[w.x, w.y, w.z]);
+            self.navigation.publish(state, &[w.x, w.y, w.z]);
         }
     }
 }
@@ -381,14 +385,13 @@ impl ProcessModel for StrapdownModel {
         let n = &self.navigation;
         let at = |slot: usize| layout.blocks[slot].offset;
         let (a, v, p) = (at(n.attitude.slot()), at(n.velocity.slot()), at(n.position.slot()));
+        let [bg, ba] = n.biases(layout, state);
         let x = &mut state.values;
         let nav = NavState {
             c_b_n: load_quaternion(&x[a..a + 4]),
             velocity: Vector3::new(x[v], x[v + 1], x[v + 2]),
             position: Geodetic { latitude: x[p], longitude: x[p + 1], height: x[p + 2] },
         };
-        let bias = |slot: usize| Vector3::new(x[at(slot)], x[at(slot) + 1], x[at(slot) + 2]);
-        let (bg, ba) = (bias(n.gyro_bias.slot()), bias(n.accel_bias.slot()));
         let increments = Increments { dtheta: (w - bg) * dt, dvel: (f - ba) * dt, dt };
         let (next, rates) = (self.mechanisation.step_part(&nav, &increments, duration.max(dt)))
             .map_err(|e| ProcessError::domain(e.to_string()).with_source(e))?;
@@ -439,8 +442,8 @@ impl ProcessModel for StrapdownModel {
         state.set(layout, n.attitude, &motion.c_b_n.to_rotation_matrix());
         state.set(layout, n.velocity, &motion.velocity);
         state.set(layout, n.position, &motion.position);
-        let w = motion.w_ib_b + state.get(layout, n.gyro_bias);
-        state.publish(n.angular_rate, &[w.x, w.y, w.z]);
+        let w = motion.w_ib_b + n.biases(layout, state)[0];
+        n.publish(state, &[w.x, w.y, w.z]);
         for slot in [n.attitude.slot(), n.velocity.slot(), n.position.slot()] {
             known[slot] = true;
         }

@@ -7,7 +7,7 @@ use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
 use navfuse_core::state::covariance::Covariance;
 use navfuse_core::state::display;
 use navfuse_core::state::manifold::{Manifold, Operations, Position, Rotation, Scalar, Vector};
-use navfuse_core::state::{Block, BlockSpec, Display, Dynamics, Layout, Mode, State};
+use navfuse_core::state::{Block, BlockSpec, Display, Dynamics, Layout, Mode, State, Vehicle};
 use navfuse_core::units::sample::{Channel, Sample, SensorId};
 use navfuse_core::units::time::Time;
 
@@ -87,6 +87,11 @@ impl Synthetic {
         add::<Rotation>(&mut layout, "ins.attitude", &[0.0; 3], None, display::ANGLES);
         add::<Vector<3>>(&mut layout, "ins.velocity", &[0.0; 3], None, display::VELOCITY);
         add::<Position>(&mut layout, "ins.position", &start, None, display::POSITION);
+        layout.vehicles.push(Vehicle {
+            position: layout.handle("ins.position"),
+            attitude: layout.handle("ins.attitude"),
+            velocity: layout.handle("ins.velocity"),
+        });
         let [g, a] = [display::GYRO_BIAS.scale, display::ACCEL_BIAS.scale];
         add::<Vector<3>>(
             &mut layout,

@@ -14,7 +14,7 @@ use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{
     Manifold, Operations, Position, Rotation, Scalar, Vector, store_quaternion,
 };
-use navfuse_core::state::{Block, BlockSpec, Display, Dynamics, Layout, Mode, State};
+use navfuse_core::state::{Block, BlockSpec, Display, Dynamics, Layout, Mode, State, Vehicle};
 use navfuse_core::units::sample::{Channel, Sample, SensorId};
 use navfuse_core::units::time::{Span, Time};
 use navfuse_mcap::{Compression, McapSink};
@@ -87,6 +87,11 @@ pub fn layout() -> Layout {
     block::<Rotation>(&mut layout, "ins.attitude", Mode::Estimate, display::ANGLES);
     block::<Vector<3>>(&mut layout, "ins.velocity", Mode::Estimate, display::VELOCITY);
     block::<Position>(&mut layout, "ins.position", Mode::Estimate, display::POSITION);
+    layout.vehicles.push(Vehicle {
+        position: layout.handle("ins.position"),
+        attitude: layout.handle("ins.attitude"),
+        velocity: layout.handle("ins.velocity"),
+    });
     block::<Scalar>(&mut layout, "dvl.scale", Mode::Consider, display::RATIO);
     block::<Vector<3>>(&mut layout, "dvl.lever_arm", Mode::Fixed, display::LEVER_ARM);
     layout

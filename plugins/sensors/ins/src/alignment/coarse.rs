@@ -114,9 +114,9 @@ impl CoarseAlignment {
             return Ok(false);
         }
         let Some((w, f)) = sensed.imu.rates(sample, dt) else { return Ok(false) };
-        self.state.publish(self.navigation.angular_rate, &[w.x, w.y, w.z]);
-        let bias = |block| self.state.get(layout, block);
-        let (w, f) = (w - bias(self.navigation.gyro_bias), f - bias(self.navigation.accel_bias));
+        self.navigation.publish(&mut self.state, &[w.x, w.y, w.z]);
+        let [gyro, accel] = self.navigation.biases(layout, &self.state);
+        let (w, f) = (w - gyro, f - accel);
         if self.instants.is_empty() && settings.method == AlignmentMethod::Static {
             self.note(0.0, Vector3::zeros());
         }
@@ -167,7 +167,7 @@ impl CoarseAlignment {
         self.state.set(layout, navigation.attitude, &Rotation3::identity());
         self.state.set(layout, navigation.velocity, &Vector3::zeros());
         for (instant, (sample, rate)) in self.instants.iter_mut().zip(&self.measured) {
-            self.state.publish(navigation.angular_rate, rate);
+            navigation.publish(&mut self.state, rate);
             if let Some(velocity) =
                 body_velocity(layout, model.as_ref(), &self.state, sample, navigation)
             {
@@ -235,8 +235,7 @@ impl CoarseAlignment {
             then.advance(before);
         }
         self.instants.push(Instant { time, c_b_b0: then.c_b_b0, dvel: then.dvel, velocity });
-        self.measured
-            .push((sample, View::new(layout, &self.state).signal(self.navigation.angular_rate)));
+        self.measured.push((sample, self.navigation.published(&View::new(layout, &self.state))));
         Ok(())
     }
 

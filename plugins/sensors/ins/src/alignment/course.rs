@@ -224,8 +224,8 @@ impl InitialAlignment for CourseAlignment {
             if dt > 0.0
                 && let Some((w, f)) = self.imu.1.rates(sample, dt)
             {
-                let w = w - state.get(layout, self.navigation.gyro_bias);
-                let f = f - state.get(layout, self.navigation.accel_bias);
+                let [gyro, accel] = self.navigation.biases(layout, state);
+                let (w, f) = (w - gyro, f - accel);
                 self.integral.advance(&Increments { dtheta: w * dt, dvel: f * dt, dt });
                 self.span = Some((begin, sample.time));
             }

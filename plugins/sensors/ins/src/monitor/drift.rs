@@ -8,7 +8,7 @@ use super::fault::Fault;
 use crate::navigation::Navigation;
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
-use navfuse_core::state::{Block, Dynamics, Mode};
+use navfuse_core::state::{Block, Dynamics, Handle, Mode};
 use navfuse_core::units::time::{Span, Time};
 use std::collections::VecDeque;
 
@@ -94,7 +94,8 @@ impl Drift {
 
     /// Blames the IMU if one of its biases moved more than any other constant.
     fn judge(&mut self, filter: &FilterView<'_>) -> Option<Fault> {
-        let (gyro, accel) = (self.navigation.gyro_bias.slot(), self.navigation.accel_bias.slot());
+        let gyro = self.navigation.gyro_bias.map(Handle::slot);
+        let accel = self.navigation.accel_bias.map(Handle::slot);
         let (mut own, mut other): (f64, f64) = (0.0, 0.0);
         let mut worst = None;
         for kept in self.kept.iter().filter(|kept| kept.time > Time::MIN) {
@@ -112,7 +113,7 @@ impl Drift {
                         continue;
                     }
                     let sigmas = moved[k].abs() / decrease.sqrt();
-                    if slot != gyro && slot != accel {
+                    if Some(slot) != gyro && Some(slot) != accel {
                         other = other.max(sigmas);
                     } else if sigmas > own {
                         own = sigmas;
@@ -127,7 +128,7 @@ impl Drift {
             return None;
         }
         self.severity = Some(severity);
-        let what = if slot == gyro { "gyro" } else { "accelerometer" };
+        let what = if Some(slot) == gyro { "gyro" } else { "accelerometer" };
         Some(Fault {
             severity,
             basis: Basis::Comparison,

@@ -54,7 +54,7 @@ impl Levelling {
         }
         let n = &self.navigation;
         let tangent = |slot: usize| filter.layout.blocks[slot].tangent;
-        let (tilt, bias) = (tangent(n.attitude.slot())?, tangent(n.accel_bias.slot())?);
+        let (tilt, bias) = (tangent(n.attitude.slot())?, tangent(n.accel_bias?.slot())?);
         let p = |i, j| filter.covariance.get(i, j);
         let c_b_n = filter.state.get(filter.layout, n.attitude);
         let down = c_b_n.inverse() * Vector3::z();

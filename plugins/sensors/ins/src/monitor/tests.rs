@@ -282,7 +282,7 @@ fn moved_across(
     let at = layout.find(name).unwrap().tangent.unwrap();
     (0..3).for_each(|k| watch.covariance.set(at + k, at + k, 3.0 * unit * unit));
     let (n, bias) = (watch.bench.navigation, Vector3::new(0.0, -units * unit, 0.0));
-    watch.state.set(layout, [n.gyro_bias, n.accel_bias][sensor], &bias);
+    watch.state.set(layout, [n.gyro_bias, n.accel_bias][sensor].unwrap(), &bias);
     watch.state.set(layout, n.velocity, &Vector3::new(30.0, 20.0, 10.0));
     watch.sigma("ins.velocity", [0.1; 3]);
     assert!(watch.take(20.0, 1.0, STILL).is_none(), "it compares every 20 s");

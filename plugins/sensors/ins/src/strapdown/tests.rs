@@ -79,7 +79,7 @@ impl Run {
     /// Angular rate that the sensors read.
     fn rate(&self) -> Vector3<f64> {
         let layout = &*self.bench.composition.layout;
-        View::new(layout, &self.state).signal(self.bench.navigation.angular_rate).into()
+        self.bench.navigation.published(&View::new(layout, &self.state)).into()
     }
 }
 
@@ -171,8 +171,8 @@ fn every_component_of_the_state_takes_part_in_a_step() {
     let (gyro, accel) = (Vector3::new(0.2, -0.3, 0.5), Vector3::new(0.4, 0.7, -0.6));
     let layout = run.bench.composition.layout.clone();
     run.state.set(&layout, n.velocity, &velocity);
-    run.state.set(&layout, n.gyro_bias, &gyro);
-    run.state.set(&layout, n.accel_bias, &accel);
+    run.state.set(&layout, n.gyro_bias.unwrap(), &gyro);
+    run.state.set(&layout, n.accel_bias.unwrap(), &accel);
     let before = run.state.get(&layout, n.position);
     let gravity = crate::earth::normal_gravity(before.latitude, before.height);
     let force = run.attitude.inverse() * Vector3::new(0.0, 0.0, -gravity) + accel;
@@ -277,7 +277,7 @@ fn after_a_restart_the_samples_before_it_do_not_count() {
 fn a_vehicle_that_follows_a_motion_shows_its_rate_with_the_bias() {
     let mut run = Run::new(&[]);
     let (n, layout) = (run.bench.navigation, run.bench.composition.layout.clone());
-    run.state.set(&layout, n.gyro_bias, &Vector3::new(0.5, -0.25, 0.125));
+    run.state.set(&layout, n.gyro_bias.unwrap(), &Vector3::new(0.5, -0.25, 0.125));
     let motion = Motion {
         position: Geodetic { latitude: 0.3, longitude: -2.0, height: 7.0 },
         velocity: Vector3::new(1.0, -2.0, 3.0),

@@ -194,8 +194,8 @@ fn moving(
     let composition = &bench.composition;
     let (layout, mut state) = (&*composition.layout, bench.state());
     state.time = Time::from_seconds(BEGIN).unwrap();
-    state.set(layout, bench.navigation.gyro_bias, &Vector3::new(0.0, 0.0, 0.1));
-    state.set(layout, bench.navigation.accel_bias, &Vector3::new(0.0, 0.0, 0.25));
+    state.set(layout, bench.navigation.gyro_bias.unwrap(), &Vector3::new(0.0, 0.0, 0.1));
+    state.set(layout, bench.navigation.accel_bias.unwrap(), &Vector3::new(0.0, 0.0, 0.25));
     let name = if sensor.is_empty() { "speeds" } else { "mounted" };
     let [driver, speeds] = ["imu", name].map(|name| composition.sensor(name).unwrap());
     let Role::Measurement(model) = &composition.sensors[speeds].role else { panic!("it measures") };

@@ -117,8 +117,8 @@ fn a_car_that_drives_along_a_bend_is_aligned() {
     let (layout, mut state) = (&*bench.composition.layout, bench.state());
     let n = bench.navigation;
     let (gyro, accel) = (Vector3::new(0.02, -0.03, 0.05), Vector3::new(0.3, -0.2, 0.4));
-    state.set(layout, n.gyro_bias, &gyro);
-    state.set(layout, n.accel_bias, &accel);
+    state.set(layout, n.gyro_bias.unwrap(), &gyro);
+    state.set(layout, n.accel_bias.unwrap(), &accel);
     state.time = Time::from_seconds(50.0).unwrap();
     let begin = state.time;
     let mut search = search_with(&bench, &json!({ "duration": "10 s" }), (0.0, 0.0));
