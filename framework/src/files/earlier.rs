@@ -3,7 +3,7 @@
 use super::input::is_held;
 use super::own::{check_output, is_own};
 use super::part_of;
-use crate::units::calendar::Calendar;
+use crate::calendar::Calendar;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};

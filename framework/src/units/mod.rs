@@ -6,7 +6,6 @@
 //! notation of the scenario, and the printed text reads back to the same bits.
 
 mod any;
-pub mod calendar;
 mod chart;
 mod config;
 mod date;
@@ -23,6 +22,7 @@ mod tests;
 pub mod time;
 mod unit;
 
+pub use crate::calendar;
 pub use any::AnyQuantity;
 pub use chart::{Latitude, Longitude};
 pub use config::{Components, NonNegative, Positive, Sigma, Triple};

@@ -9,8 +9,6 @@ pub mod verdict;
 mod wants;
 
 pub use derived::Derived;
-pub use record::{
-    Epoch, Event, InputRejection, Level, Observer, Outcome, Repetition, Truth, UpdateRecord,
-};
-pub use rejection::{Outcomes, Rejection};
+pub use record::{Epoch, Event, InputRejection, Level, Observer, Repetition, Truth, UpdateRecord};
+pub use rejection::{Outcome, Outcomes, Rejection};
 pub use wants::{Record, Wants};

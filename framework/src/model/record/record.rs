@@ -1,25 +1,12 @@
 //! Records of a run: epochs, updates and events.
 
-use crate::model::record::Rejection;
 use crate::model::record::finding::Finding;
+use crate::model::record::{Outcome, Rejection};
 use crate::state::covariance::{Covariance, Transition, Update};
 use crate::state::{Layout, State};
 use crate::units::sample::{Sample, SensorId};
 use crate::units::time::Time;
 use serde::Serialize;
-
-/// Outcome of a measuring sensor's sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outcome {
-    /// The state was corrected.
-    Accepted,
-    /// The sample placed a block that was absent; it has no innovation and corrected no other state.
-    Placed,
-    /// The innovation was outside the gate; the state is unchanged.
-    Gated,
-    /// The sample could not be used; the state is unchanged.
-    Rejected(Rejection),
-}
 
 /// Record of a measuring sensor's sample.
 #[derive(Clone, Copy, Debug)]

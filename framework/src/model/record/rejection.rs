@@ -1,6 +1,17 @@
-//! Rejections: why a sample was not used, in words, and the numbers of samples by their outcome.
+//! Outcomes of samples: the reason of a rejection in words, and the numbers of samples by outcome.
 
-use crate::model::record::Outcome;
+/// Outcome of a measuring sensor's sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// The state was corrected.
+    Accepted,
+    /// The sample placed a block that was absent; it has no innovation and corrected no other state.
+    Placed,
+    /// The innovation was outside the gate; the state is unchanged.
+    Gated,
+    /// The sample could not be used; the state is unchanged.
+    Rejected(Rejection),
+}
 
 /// Reason of a rejection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
