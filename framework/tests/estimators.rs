@@ -2,8 +2,8 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use navfuse_core::compose::estimator::{Estimator, EstimatorType};
-use navfuse_core::compose::linearised::{Linearised, Snapshot};
 use navfuse_core::compose::{Composer, Composition};
+use navfuse_core::compose::{estimator::Linearised, snapshot::Snapshot};
 use navfuse_core::document::Document;
 use navfuse_core::filter::{Ekf, EstimatorError, Timeline, Ukf};
 use navfuse_core::model::error::ComposeError;

@@ -10,7 +10,7 @@ use super::propagate::passage::Passage;
 use super::propagate::propagation::{Method, Stepper};
 use super::update::work::Work;
 use crate::compose::Composition;
-use crate::compose::linearised::Linearised;
+use crate::compose::estimator::Linearised;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::screening::Spread;
 use crate::model::process::{Input, Interval};
@@ -81,7 +81,11 @@ impl Ekf {
         sample: &Sample,
         observer: &mut dyn Observer,
     ) -> Result<(), EstimatorError> {
-        self.take_all(sample, observer)
+        self.take(sample, observer)?;
+        match self.take_found() {
+            Some(samples) => self.catch_up(&samples, observer),
+            None => Ok(()),
+        }
     }
 
     /// Takes a sample as [`Self::process`] does, except that the samples of a search that ends are

@@ -3,7 +3,7 @@
 use super::ekf::Ekf;
 use super::ukf::Ukf;
 use crate::compose::course::Course;
-use crate::compose::linearised::{Linearised, Snapshot};
+use crate::compose::{estimator::Linearised, snapshot::Snapshot};
 use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Observer, Rejection};
 use crate::units::sample::Sample;

@@ -17,7 +17,7 @@ mod ukf;
 mod update;
 mod view;
 
-pub use crate::compose::linearised::Snapshot;
+pub use crate::compose::snapshot::Snapshot;
 pub use crate::model::estimator_error::EstimatorError;
 pub use ekf::Ekf;
 pub use late::timeline::Timeline;

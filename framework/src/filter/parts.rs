@@ -13,7 +13,7 @@ use super::start::beginning::Beginning;
 use super::start::truth::Known;
 use super::transients::presence::Presence;
 use crate::compose::Composition;
-use crate::compose::linearised::Kept;
+use crate::compose::snapshot::Kept;
 use crate::state::State;
 
 /// Everything that changes while the filter runs, in parts that own their state; a clone is a

@@ -3,8 +3,8 @@
 use super::ekf::Ekf;
 use super::update::ukf::Unscented;
 use crate::compose::Composition;
+use crate::compose::estimator::Linearised;
 use crate::compose::estimator::{Estimator, EstimatorType};
-use crate::compose::linearised::Linearised;
 use crate::model::error::ComposeError;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::process::start::AlignmentReport;

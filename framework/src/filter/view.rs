@@ -3,7 +3,7 @@
 use super::ekf::Ekf;
 use super::parts::Parts;
 use crate::compose::Composition;
-use crate::compose::linearised::Snapshot;
+use crate::compose::snapshot::Snapshot;
 use crate::model::record::{Epoch, Truth};
 use crate::model::sensor::Role;
 use crate::state::covariance::Covariance;

@@ -13,7 +13,7 @@ use super::estimate::Row;
 use super::segment::{Kind, Recorder, Segment, correction_length, gated_length};
 use super::tape::{Entry, Steps};
 use crate::compose::course::Course;
-use crate::compose::linearised::{Linearised, Snapshot};
+use crate::compose::{estimator::Linearised, snapshot::Snapshot};
 use crate::filter::EstimatorError;
 use crate::model::record::{Epoch, Observer};
 use crate::state::Layout;

@@ -8,7 +8,7 @@ use super::estimate::{self, Estimate, Row};
 use super::forward::{Forward, Visit};
 use super::quality::{Quality, QualityReport};
 use super::tape::Rows;
-use crate::compose::linearised::Linearised;
+use crate::compose::estimator::Linearised;
 use crate::model::record::Epoch;
 use crate::state::Layout;
 use std::sync::Arc;

@@ -20,7 +20,7 @@ use super::estimate::{Estimate, Row, time_of};
 use super::forward::{Forward, Visit};
 use super::stretch::Stretch;
 use super::tape::Rows;
-use crate::compose::linearised::Linearised;
+use crate::compose::estimator::Linearised;
 use crate::model::record::{Epoch, Observer};
 use crate::state::Layout;
 use crate::state::covariance::{Transition, Update};

@@ -5,7 +5,7 @@ use super::change::Passes;
 use super::error::SmoothError;
 use super::forward::Forward;
 use super::interval::Smoothed;
-use crate::compose::linearised::Linearised;
+use crate::compose::estimator::Linearised;
 
 /// Largest change of a component, in its smoothed sigma, at which the passes have converged.
 const CONVERGED: f64 = 1e-3;

@@ -18,7 +18,7 @@ use super::change::Change;
 use super::means::Records;
 use crate::compose::Composition;
 use crate::compose::estimator::Estimator;
-use crate::compose::linearised::{Linearised, Snapshot};
+use crate::compose::{estimator::Linearised, snapshot::Snapshot};
 use crate::filter::EstimatorError;
 use crate::model::process::start::AlignmentReport;
 use crate::model::record::finding::Finding;

@@ -5,7 +5,7 @@ use super::forward::Forward;
 use super::lag::Lagged;
 use super::passes;
 use super::quality::QualityReport;
-use crate::compose::linearised::Linearised;
+use crate::compose::estimator::Linearised;
 use crate::model::record::Epoch;
 use crate::state::covariance::{Transition, Update};
 use crate::units::sample::Sample;

@@ -13,7 +13,7 @@
 //! before the earliest late sample, through all samples up to the present.
 
 use crate::compose::Composition;
-use crate::compose::linearised::{Linearised, Snapshot};
+use crate::compose::{estimator::Linearised, snapshot::Snapshot};
 use crate::filter::propagate::pace::MAX_PENDING;
 use crate::model::estimator_error::EstimatorError;
 use crate::model::record::{Epoch, Observer, Rejection};
