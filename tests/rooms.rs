@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// Rooms of the framework from the lowest to the highest.
-const ROOMS: [&str; 12] = [
-    "input", "document", "units", "files", "state", "model", "compose", "plugin", "filter",
-    "smooth", "session", "run",
+const ROOMS: [&str; 13] = [
+    "calendar", "input", "files", "document", "units", "state", "model", "compose", "plugin",
+    "filter", "smooth", "session", "run",
 ];
 
 /// Largest number of files in a circle: a trait and its context may know each other.

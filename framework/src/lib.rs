@@ -131,6 +131,7 @@
 //! A plugin's author starts with [`prelude`]. The
 //! [book](https://github.com/navfuse/navfuse/tree/main/docs/src) has tutorials and the equations.
 
+pub mod calendar;
 pub mod compose;
 pub mod document;
 pub mod files;

@@ -2,8 +2,8 @@
 
 use super::own::{check_output, is_own};
 use super::part_of;
+use crate::calendar::Calendar;
 use crate::input::is_held;
-use crate::units::calendar::Calendar;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};

@@ -3,7 +3,7 @@
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::session::outputs::Outputs;
-use crate::units::pace::Pace;
+use crate::units::rhythm::Rhythm;
 use crate::units::sample::Sample;
 use crate::units::time::{Span, Time};
 
@@ -23,14 +23,14 @@ struct Activity {
     /// The timeout that the scenario gives, s.
     timeout: Option<f64>,
     last: Option<Time>,
-    pace: Pace,
+    rhythm: Rhythm,
     lost: bool,
 }
 
 impl Activity {
     /// The longest silence that is accepted, s. A sensor with one sample is never lost.
     fn timeout(&self) -> f64 {
-        self.timeout.unwrap_or_else(|| self.pace.patience())
+        self.timeout.unwrap_or_else(|| self.rhythm.patience())
     }
 }
 
@@ -43,7 +43,12 @@ impl SilenceMonitor {
             driver: sensors.iter().position(|s| s.purpose == Purpose::Input),
             sensors: timeouts
                 .into_iter()
-                .map(|timeout| Activity { timeout, last: None, pace: Pace::default(), lost: false })
+                .map(|timeout| Activity {
+                    timeout,
+                    last: None,
+                    rhythm: Rhythm::default(),
+                    lost: false,
+                })
                 .collect(),
             before: Time::MIN,
             next: Time::MIN,
@@ -63,7 +68,7 @@ impl SilenceMonitor {
         self.tick(clock, sensors, outputs);
         let activity = &mut self.sensors[sample.sensor.0];
         let Some(last) = activity.last.replace(now) else { return };
-        activity.pace.take(now.since(last));
+        activity.rhythm.take(now.since(last));
         if std::mem::take(&mut activity.lost) {
             let name = &sensors[sample.sensor.0].name;
             let text = format!("{name} is back after {:.1} s", now.since(last));

@@ -1,9 +1,8 @@
 //! Layout of the blocks in one flat vector, and the state in that layout.
 
 use crate::state::block::Block;
-use crate::state::manifold::Manifold;
+use crate::state::manifold::{Manifold, Position, Rotation, Vector};
 use crate::state::transient::Pool;
-use crate::state::vehicle::Vehicle;
 use crate::units::time::Time;
 use std::marker::PhantomData;
 
@@ -68,6 +67,19 @@ impl<M> Past<M> {
 #[derive(Clone, Copy, Debug)]
 pub struct Signal<const N: usize> {
     pub(crate) offset: usize,
+}
+
+/// What the blocks of a process mean for the motion of a body. A process declares it with
+/// [`crate::compose::Composer::moves`]; viewers, logs and the summary read it from
+/// [`Layout::vehicle`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Vehicle {
+    /// Geodetic position.
+    pub position: Option<Handle<Position>>,
+    /// Attitude: body (forward, right, down) to navigation frame (north, east, down).
+    pub attitude: Option<Handle<Rotation>>,
+    /// Earth-referenced velocity, north, east, down, m/s.
+    pub velocity: Option<Handle<Vector<3>>>,
 }
 
 /// Blocks of a composition and their places.

@@ -13,13 +13,11 @@ pub mod layout;
 pub mod manifold;
 pub mod transient;
 mod vectorised;
-mod vehicle;
 pub mod view;
 
 pub use block::{Block, BlockSpec, Display, Dynamics, Mode};
 pub use block_set::BlockSet;
-pub use layout::{AnyHandle, Handle, Layout, Past, Signal, State};
+pub use layout::{AnyHandle, Handle, Layout, Past, Signal, State, Vehicle};
 pub use transient::Transients;
 pub(crate) use vectorised::vectorised;
-pub use vehicle::Vehicle;
 pub use view::View;

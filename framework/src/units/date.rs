@@ -1,6 +1,6 @@
 //! A date as the parameter of a scenario.
 
-use crate::units::calendar;
+use crate::calendar;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};

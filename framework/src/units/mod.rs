@@ -6,23 +6,23 @@
 //! notation of the scenario, and the printed text reads back to the same bits.
 
 mod any;
-pub mod calendar;
 mod chart;
 mod config;
 mod date;
 mod dimension;
 mod error;
-pub mod pace;
 mod pattern;
 mod print;
 mod quantities;
 mod quantity;
+pub mod rhythm;
 pub mod sample;
 #[cfg(test)]
 mod tests;
 pub mod time;
 mod unit;
 
+pub use crate::calendar;
 pub use any::AnyQuantity;
 pub use chart::{Latitude, Longitude};
 pub use config::{Components, NonNegative, Positive, Sigma, Triple};

@@ -7,7 +7,7 @@ use navfuse_core::model::chi_square::{gated_moments, outside};
 use navfuse_core::model::record::{InputRejection, Outcome, Outcomes, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::StreamError;
-use navfuse_core::units::pace::Pace;
+use navfuse_core::units::rhythm::Rhythm;
 use navfuse_core::units::time::{Span, Time};
 use re_sdk::EntityPath;
 use re_sdk_types::archetypes::{StateChange, StateConfiguration};
@@ -95,7 +95,7 @@ pub struct Lane {
     latest: VecDeque<(Time, Health)>,
     nis: VecDeque<[f64; 3]>,
     moments: (usize, f64, [f64; 2]),
-    pace: Pace,
+    rhythm: Rhythm,
     last: Option<Time>,
 }
 
@@ -113,7 +113,7 @@ impl Lane {
             latest: VecDeque::with_capacity(MAJORITY),
             nis: VecDeque::with_capacity(NIS_WINDOW),
             moments: (0, f64::NAN, [0.0; 2]),
-            pace: Pace::default(),
+            rhythm: Rhythm::default(),
             last: None,
         })
     }
@@ -135,8 +135,8 @@ impl Lane {
         match (self.current, self.last) {
             (None, None) => self.change(recording, Health::Silent, now),
             (Some((health, _)), Some(last)) if health != Health::Silent => {
-                let Some(usual) = self.pace.usual() else { return Ok(()) };
-                if now.since(last) <= self.pace.patience() {
+                let Some(usual) = self.rhythm.usual() else { return Ok(()) };
+                if now.since(last) <= self.rhythm.patience() {
                     return Ok(());
                 }
                 self.latest.clear();
@@ -226,7 +226,7 @@ impl Lane {
     ) -> Result<(), StreamError> {
         self.tick(recording, time)?;
         if let Some(last) = self.last {
-            self.pace.take(time.since(last));
+            self.rhythm.take(time.since(last));
         }
         self.last = Some(time);
         self.follow(recording, time, health)

@@ -1,6 +1,6 @@
 //! Rows of a series over a whole run in bounded memory, thinned so that extremes stay.
 
-use navfuse_core::units::pace::Pace;
+use navfuse_core::units::rhythm::Rhythm;
 use navfuse_core::units::time::Time;
 
 /// Largest number of rows of a thinned series: about the width of a plot in pixels.
@@ -9,7 +9,7 @@ const CAPACITY: usize = 1280;
 /// Finds the gaps in a sequence of times.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Gaps {
-    pace: Pace,
+    rhythm: Rhythm,
     last: Option<Time>,
 }
 
@@ -18,8 +18,8 @@ impl Gaps {
     pub fn after(&mut self, now: Time) -> Option<i64> {
         let last = self.last.replace(now)?;
         let interval = now.since(last);
-        let gap = interval > self.pace.patience();
-        self.pace.take(interval);
+        let gap = interval > self.rhythm.patience();
+        self.rhythm.take(interval);
         gap.then(|| last.nanos() + (now - last).nanos() / 2)
     }
 }

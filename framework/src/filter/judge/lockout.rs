@@ -14,7 +14,7 @@
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::gate::{Action, Recovery};
-use crate::units::pace::Pace;
+use crate::units::rhythm::Rhythm;
 use crate::units::sample::Channel;
 use crate::units::time::Time;
 use std::sync::Arc;
@@ -117,7 +117,7 @@ pub(in crate::filter) struct Lockout {
     /// Time of the last judged sample, and of the last used one.
     last: Option<Time>,
     used: Option<Time>,
-    pace: Pace,
+    rhythm: Rhythm,
     /// Mean NIS of the used samples for each channel.
     spread: f64,
     /// Set once the sensor was used after a lock-out that no evidence decided: the filter may be
@@ -134,7 +134,7 @@ impl Lockout {
             channels: channels.iter().map(|channel| Arc::clone(&channel.name)).collect(),
             last: None,
             used: None,
-            pace: Pace::default(),
+            rhythm: Rhythm::default(),
             spread: 1.0,
             adopted: false,
         }
@@ -167,7 +167,7 @@ impl Lockout {
     ) -> Verdict {
         let before = self.last.replace(sample.time);
         if let Some(before) = before {
-            self.pace.take(sample.time.since(before));
+            self.rhythm.take(sample.time.since(before));
         }
         let verdict = if self.isolation.is_some() {
             self.judge_isolated(sample, evidence.passes, recovery, observer)
@@ -232,7 +232,7 @@ impl Lockout {
 
     /// Silence from which on the filter is suspected, s, as where a sensor counts as lost.
     fn silence(&self) -> f64 {
-        self.timeout.unwrap_or_else(|| self.pace.patience())
+        self.timeout.unwrap_or_else(|| self.rhythm.patience())
     }
 
     /// Begins a streak.
@@ -245,7 +245,7 @@ impl Lockout {
             since: sample.time,
             count: 0,
             silence: None,
-            step: jump && !self.adopted && gap.is_some_and(|gap| self.pace.follows(gap)),
+            step: jump && !self.adopted && gap.is_some_and(|gap| self.rhythm.follows(gap)),
             contradicted: false,
             reported: false,
             worst: sample.worst,

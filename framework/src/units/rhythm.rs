@@ -11,13 +11,13 @@ const SHORTEST: f64 = 5.0;
 /// change it, whether at the beginning or later. An irregular sensor has its long intervals, and a new
 /// rate is known after two of them.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Pace {
+pub struct Rhythm {
     latest: [f64; LATEST],
     count: usize,
     usual: Option<f64>,
 }
 
-impl Pace {
+impl Rhythm {
     /// Takes an interval, s. Several observations of one time have no interval.
     pub fn take(&mut self, interval: f64) {
         if interval <= 0.0 {
@@ -53,9 +53,9 @@ mod tests {
     use super::*;
 
     fn patience(intervals: &[f64]) -> f64 {
-        let mut pace = Pace::default();
-        intervals.iter().for_each(|dt| pace.take(*dt));
-        pace.patience()
+        let mut rhythm = Rhythm::default();
+        intervals.iter().for_each(|dt| rhythm.take(*dt));
+        rhythm.patience()
     }
 
     #[test]
