@@ -8,7 +8,7 @@ use navfuse_core::prelude::*;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_testing::lab::{self, Bench, Lab, SCENARIO};
 use schemars::json_schema;
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{PI, TAU};
 
 const SIGMAS: [f64; 2] = [0.02, 0.05];
 const OFFSET: f64 = 30.0;
@@ -83,8 +83,8 @@ fn compose(table: &str) -> Result<Ekf, String> {
     scenario.compose().map(Ekf::new).map_err(|e| e.to_string())
 }
 
-/// The central differences are exact to 1e-10, relative; bearings turn by more than half a turn,
-/// and some samples lack a channel.
+/// The central differences are exact to 1e-10, relative; the bearing begins at half a turn, where it
+/// wraps, and some samples lack a channel.
 #[test]
 fn it_corrects_as_a_sensor_with_types_does() {
     let run = |kind: &str| {
@@ -94,7 +94,7 @@ fn it_corrects_as_a_sensor_with_types_does() {
         let mut found = Vec::new();
         for k in 0..200 {
             let t = f64::from(k);
-            let place = 0.2 * t - 20.0;
+            let place = 0.2 * t;
             b.give("speed", t, &[0.2]);
             let bearing = wrapped(place.atan2(-OFFSET) + 0.04 * (1.7 * t).sin());
             let mut sample =
@@ -109,7 +109,7 @@ fn it_corrects_as_a_sensor_with_types_does() {
         found
     };
     let (typed, scripted) = (run("typed"), run("scripted"));
-    assert!(typed[398] > -FRAC_PI_2 && typed[399] < 1.0, "it measures the place");
+    assert!((typed[398] - 39.8).abs() < 0.1 && typed[399] < 0.1, "it measures the place");
     for (a, b) in typed.iter().zip(&scripted) {
         assert!((a - b).abs() <= 1e-6 * a.abs().max(1.0), "{a} {b}");
     }
