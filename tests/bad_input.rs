@@ -436,6 +436,7 @@ fn two_sinks_of_one_file_are_rejected_before_either_opens_it() {
         let kept = std::fs::read_to_string(recording.path("out/run.mcap"));
         assert_eq!(kept.expect("it is there"), "an earlier run");
     }
+    std::fs::remove_file(recording.path("out/run.mcap")).expect("it is there");
     let apart = "sink={ mcap = {}, copy = { type = \"mcap\", path = \"copy.mcap\" } }";
     let output = run(&recording, &["--set", apart]);
     assert!(output.status.success(), "{}", stderr(&output));

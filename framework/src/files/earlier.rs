@@ -1,6 +1,6 @@
 //! Keeping the earlier result of a folder when a new one takes its place.
 
-use super::own::{check_output, is_own};
+use super::own::{is_own, reason_to_stay};
 use super::part_of;
 use crate::calendar::Calendar;
 use crate::input::is_held;
@@ -21,7 +21,7 @@ const DESCRIPTIONS: [&str; 1] = ["report.html"];
 /// as the one behind a link, is kept in a folder beside it.
 ///
 /// # Errors
-/// When a file cannot be moved, or has to stay ([`check_output`]). Then none is moved.
+/// When a file cannot be moved, or has to stay ([`super::check_output`]). Then none is moved.
 pub fn keep_earlier<P: AsRef<Path>>(
     folder: &Path,
     names: impl IntoIterator<Item = P>,
@@ -30,8 +30,9 @@ pub fn keep_earlier<P: AsRef<Path>>(
     let mut outside = Vec::new();
     for name in names.into_iter().flat_map(|name| [part_of(name.as_ref()), name.as_ref().into()]) {
         let path = folder.join(&name);
-        check_output(&path)
-            .map_err(|e| io::Error::new(e.kind(), format!("{}: {e}", path.display())))?;
+        if let Some((kind, reason)) = reason_to_stay(&path) {
+            return Err(io::Error::new(kind, format!("{}: {reason}", path.display())));
+        }
         if !fs::metadata(&path).is_ok_and(|m| m.is_file()) {
             continue;
         }

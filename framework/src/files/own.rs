@@ -25,23 +25,23 @@ const PART: &str = "part";
 /// # Errors
 /// When a file at the path has to stay. The message has the reason and the remedy.
 pub fn check_output(path: &Path) -> io::Result<()> {
-    let refuse = |kind, why: &str| {
+    reason_to_stay(path).map_or(Ok(()), |(kind, reason)| {
         let remedy = "give another place with --out, or move it";
-        Err(io::Error::new(kind, format!("{why}; {remedy}")))
-    };
-    if fs::symlink_metadata(path).is_err() {
-        return Ok(());
-    }
+        Err(io::Error::new(kind, format!("{reason}; {remedy}")))
+    })
+}
+
+/// The reason for which a file at a path has to stay, if there is one.
+pub(super) fn reason_to_stay(path: &Path) -> Option<(ErrorKind, &'static str)> {
+    fs::symlink_metadata(path).ok()?;
     if is_held(path) {
-        return refuse(ErrorKind::InvalidInput, "it is an input of this command");
+        return Some((ErrorKind::InvalidInput, "it is an input of this command"));
     }
     let Ok(real) = fs::canonicalize(path) else {
-        return refuse(ErrorKind::AlreadyExists, "it is a link that leads nowhere");
+        return Some((ErrorKind::AlreadyExists, "it is a link that leads nowhere"));
     };
-    if real.is_file() && !is_own(&real) {
-        return refuse(ErrorKind::AlreadyExists, "it exists, and navfuse did not write it");
-    }
-    Ok(())
+    let foreign = real.is_file() && !is_own(&real);
+    foreign.then_some((ErrorKind::AlreadyExists, "it exists, and navfuse did not write it"))
 }
 
 /// True for a file that is in the list of its folder, as it was written.

@@ -75,10 +75,11 @@ impl Recording {
         recording.use_odometry()?;
         if recording.part("imu").is_none() {
             let names: Vec<&str> = recording.parts.iter().map(|p| p.name).collect();
-            return Err(StreamError::format(format!(
-                "no file has an IMU, only {}",
-                names.join(", ")
-            ))
+            let files: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
+            return Err(StreamError::format(match &names[..] {
+                [] => format!("no sensor was found in {}", files.join(", ")),
+                _ => format!("no file has an IMU, only {}", names.join(", ")),
+            })
             .with_remedy(
                 "give a table with the columns gyro_x_radps ... accel_z_mps2 or dtheta_x_rad \
                      ... dvel_z_mps",
