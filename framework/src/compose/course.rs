@@ -4,6 +4,19 @@ use crate::units::time::Time;
 use std::io;
 
 /// A trajectory of the state, read in order of time.
+///
+/// ```
+/// use navfuse_core::compose::course::Course;
+/// use navfuse_core::units::time::Time;
+/// /// The same state at all times.
+/// struct AtRest(Vec<f64>);
+/// impl Course for AtRest {
+///     fn read(&mut self, place: u64, _: Time, values: &mut [f64]) -> std::io::Result<Option<u64>> {
+///         values.copy_from_slice(&self.0);
+///         Ok(Some(place + 1))
+///     }
+/// }
+/// ```
 pub trait Course: Send {
     /// Reads the values of the state at a time. The search begins at `place`; the place after the
     /// state is returned, or `None` if the trajectory has no state of this time.

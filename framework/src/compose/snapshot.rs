@@ -4,6 +4,31 @@ use crate::state::State;
 use std::any::Any;
 
 /// State of a filter that its snapshot keeps.
+///
+/// ```
+/// use navfuse_core::compose::snapshot::{Kept, Snapshot};
+/// use navfuse_core::state::State;
+/// /// A filter whose whole memory is its estimate.
+/// #[derive(Clone)]
+/// struct Estimate(State);
+/// impl Kept for Estimate {
+///     fn boxed_clone(&self) -> Box<dyn Kept> {
+///         Box::new(self.clone())
+///     }
+///     fn state(&self) -> &State {
+///         &self.0
+///     }
+///     fn offset(&self) -> &[f64] {
+///         &[]
+///     }
+///     fn size(&self) -> usize {
+///         size_of_val(&self.0.values[..])
+///     }
+/// }
+/// fn snapshot(estimate: &Estimate) -> Snapshot {
+///     Snapshot::new(estimate.clone())
+/// }
+/// ```
 pub trait Kept: Any + Send {
     /// Copies it.
     fn boxed_clone(&self) -> Box<dyn Kept>;

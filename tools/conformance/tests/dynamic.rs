@@ -18,7 +18,7 @@ const SCENARIO: &str = r#"
     simulation = { rate = "20 Hz" }
 
     [sensor.baro]
-    sigmas = [0.5, 0.8, 0.2]
+    sigmas = ["50 cm", "0.8 m", "20 cm"]
     simulation = { rate = "1 Hz" }
 
     [sensor.reference]
@@ -54,12 +54,14 @@ impl Plugin for Script {
             "type": "object",
             "description": "Heights of several barometers",
             "properties": { "sigmas": {
-                "type": "array", "items": { "type": "number" }, "description": "Sigmas, m"
+                "type": "array", "items": { "type": "string" }, "description": "Sigmas with a unit of length"
             } }
         });
         registry.sensor_dyn("baro", schema, |table, composer| {
             let given = table.get("sigmas").and_then(|list| list.as_array());
-            let sigmas: Vec<f64> = given.into_iter().flatten().filter_map(|s| s.as_f64()).collect();
+            let given = given.into_iter().flatten().filter_map(|sigma| sigma.as_str());
+            let sigmas: Vec<f64> =
+                given.filter_map(|sigma| Some(sigma.parse::<Length>().ok()?.si())).collect();
             let position = composer.find_any("position", "ins.position")?;
             let channels = (1..=sigmas.len()).map(|k| Channel::new(format!("h{k}"), "m"));
             let (n, channels) = (sigmas.len(), channels.collect());

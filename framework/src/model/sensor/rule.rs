@@ -80,8 +80,18 @@ impl std::fmt::Debug for Prior<'_> {
     }
 }
 
-/// A type of update rule: `update = "..."` of a sensor or of `[estimator]`. The example of [`Rule`]
-/// has one.
+/// A type of update rule: `update = "..."` of a sensor or of `[estimator]`.
+///
+/// ```
+/// use navfuse_core::model::sensor::rule::{Rule, RuleType};
+/// /// The extended Kalman filter under another name.
+/// #[derive(Default)]
+/// struct Plain;
+/// impl Rule for Plain {}
+/// impl RuleType for Plain {
+///     const TYPE: &'static str = "plain";
+/// }
+/// ```
 pub trait RuleType: Rule + Default + 'static {
     /// The name in TOML.
     const TYPE: &'static str;
