@@ -222,7 +222,7 @@ fn texts<'v>(value: &'v Value, keys: &[&str], out: &mut Vec<&'v str>) {
 
 #[test]
 fn the_layout_for_foxglove_shows_topics_fields_and_frames_of_a_log() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/src/how-to/foxglove.json");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../docs/src/how-to/foxglove.json");
     let layout = std::fs::read_to_string(path).unwrap();
     let layout: Value = serde_json::from_str(&layout).unwrap();
     let folder = tempfile::tempdir().unwrap();

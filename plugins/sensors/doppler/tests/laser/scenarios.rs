@@ -6,7 +6,7 @@ use navfuse_core::document::Document;
 /// 20 runs, all initial errors and truths drawn.
 fn verdict(file: &str, settings: &[&str]) -> Verdict {
     let registry = crate::common::registry();
-    let path = format!("{}/../../scenarios/{file}", env!("CARGO_MANIFEST_DIR"));
+    let path = format!("{}/../../../scenarios/{file}", env!("CARGO_MANIFEST_DIR"));
     let mut document = Document::from_file(path).unwrap_or_else(|e| panic!("{e}"));
     settings.iter().for_each(|s| document.set(s).unwrap_or_else(|e| panic!("{e}")));
     let options = Options { runs: 20, ..Options::default() };
