@@ -1,7 +1,7 @@
 //! Tables and messages as the command prints them, whole: a change is reviewed by reading it.
 //!
 //! `INSTA_UPDATE=always cargo test --workspace --test snapshots` writes them anew; read `git diff`.
-#![allow(clippy::expect_used, reason = "a test fails by panicking")]
+#![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 #![cfg(unix)]
 
 mod common;
