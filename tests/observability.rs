@@ -10,7 +10,7 @@ use navfuse_core::document::Document;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_observability::plan::{self, Options};
-use navfuse_observability::{ObservabilityReport, Tracker, TrackerSink, Verdict};
+use navfuse_observability::{Determination, ObservabilityReport, Tracker, TrackerSink};
 use navfuse_segments::{Gatherer, Recording, Settings, find};
 use serde_json::Value;
 use std::path::PathBuf;
@@ -76,7 +76,7 @@ fn reports(name: &str) -> Vec<ObservabilityReport> {
     parallel(&SEEDS, |seed| report(name, &[&format!("seed={seed}")]))
 }
 
-fn verdict(report: &ObservabilityReport, title: &str) -> Verdict {
+fn verdict(report: &ObservabilityReport, title: &str) -> Determination {
     report.state(title).unwrap_or_else(|| panic!("{title}")).verdict
 }
 
@@ -91,7 +91,12 @@ fn agreed(report: &ObservabilityReport) -> Vec<&str> {
 
 fn all_determined(report: &ObservabilityReport, titles: &[&str]) {
     for title in titles {
-        assert_eq!(verdict(report, title), Verdict::Determined, "{}: {title}", report.scenario);
+        assert_eq!(
+            verdict(report, title),
+            Determination::Determined,
+            "{}: {title}",
+            report.scenario
+        );
     }
 }
 
@@ -115,7 +120,7 @@ fn theorem_1_both_conditions_and_all_but_slow_gyro_biases_are_determined() {
             all_determined(&r, titles);
         }
         // the initial position is not observable
-        assert_eq!(verdict(&r, "ins.position north"), Verdict::NotDetermined);
+        assert_eq!(verdict(&r, "ins.position north"), Determination::NotDetermined);
         // roll of the DVL only with the dive: Remark 4
         let since = r.state(ROLL).and_then(|s| s.since_s).expect("determined");
         assert!(since > 180.0, "{since}");
@@ -139,7 +144,7 @@ fn remark_2_with_one_thruster_the_angle_about_it_is_not_observable() {
         assert_eq!(r.segments.as_ref().expect("segments").type_i.rank, 1);
         all_determined(&r, &PITCH_YAW_K);
         let roll = r.state(ROLL).expect("it is estimated");
-        assert_eq!(roll.verdict, Verdict::NotDetermined);
+        assert_eq!(roll.verdict, Determination::NotDetermined);
         let why = roll.missing.as_deref().expect("something is missing");
         assert_eq!(
             why,
@@ -152,7 +157,7 @@ fn remark_2_with_one_thruster_the_angle_about_it_is_not_observable() {
         for title in &ACCEL[..2] {
             let state = r.state(title).expect("it is estimated");
             assert!(
-                state.verdict != Verdict::Determined
+                state.verdict != Determination::Determined
                     && state.missing.as_deref().expect("why").contains("turn by 90 deg")
             );
         }
@@ -167,7 +172,7 @@ fn remark_3_with_turns_all_else_is_determined() {
         for titles in [&PITCH_YAW_K[..], &ACCEL, &ATTITUDE, &VELOCITY] {
             all_determined(&r, titles);
         }
-        assert_ne!(verdict(&r, ROLL), Verdict::Determined, "{}", r.scenario);
+        assert_ne!(verdict(&r, ROLL), Determination::Determined, "{}", r.scenario);
     }
 }
 
@@ -389,7 +394,7 @@ fn a_composition_without_dvl_has_verdicts_too() {
         "{}",
         why("ins.position north")
     );
-    assert_eq!(verdict(&r, "ins.position down"), Verdict::Determined);
+    assert_eq!(verdict(&r, "ins.position down"), Determination::Determined);
 }
 
 #[test]

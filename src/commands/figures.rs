@@ -11,7 +11,7 @@ use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner::Progress;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_report::History;
+use navfuse_report::RunHistory;
 use navfuse_report::pan_wu::{self, Observer, Runs};
 use navfuse_segments::Recording;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,7 @@ pub fn figures(registry: &Registry, arguments: &Figures) -> Result<ExitCode> {
     let Paper::PanWu = arguments.paper;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("runs").join("figures-pan-wu"));
     let (stop, bar) = (stop_on_signal(), Bar::new(true));
-    let history = |file: &str, text: &str| -> Result<(History, End)> {
+    let history = |file: &str, text: &str| -> Result<(RunHistory, End)> {
         let document = Document::parse(file, text)?;
         let (history, end, _) = run(registry, document, &arguments.set, Vec::new(), &stop, &bar)?;
         Ok((history, end))

@@ -9,7 +9,7 @@ use navfuse_campaign::JobCount;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
-use navfuse_observability::{ObservabilityReport, TrackerSink, Verdict, plan, words};
+use navfuse_observability::{Determination, ObservabilityReport, TrackerSink, plan, words};
 use navfuse_segments::{Gatherer, Kind, SegmentError};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -188,7 +188,7 @@ fn show(report: &ObservabilityReport) {
     output::line(format_args!("{table}"));
     segments(report);
     let missing: Vec<_> =
-        report.states.iter().filter(|s| s.verdict != Verdict::Determined).collect();
+        report.states.iter().filter(|s| s.verdict != Determination::Determined).collect();
     if !missing.is_empty() {
         output::line("\nWhat is missing");
     }

@@ -11,7 +11,7 @@ use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::session::Finished;
 use navfuse_observability::{ObservabilityReport, Tracker, TrackerSink};
-use navfuse_report::History;
+use navfuse_report::RunHistory;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
@@ -43,7 +43,7 @@ pub struct Report {
 
 /// The content of a page, and the folder that it is written to by default.
 struct Content {
-    history: History,
+    history: RunHistory,
     observed: Option<ObservabilityReport>,
     folder: PathBuf,
     end: End,
@@ -117,7 +117,7 @@ fn of_log(
 fn filter_again(
     registry: &Registry,
     log: &Path,
-    history: &mut History,
+    history: &mut RunHistory,
     stop: &AtomicBool,
     bar: &Bar,
 ) -> Result<Option<ObservabilityReport>> {

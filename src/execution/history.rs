@@ -9,7 +9,7 @@ use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::session::Finished;
-use navfuse_report::{History, Recorder};
+use navfuse_report::{Recorder, RunHistory};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
@@ -43,7 +43,7 @@ pub fn run(
     sinks: Vec<(String, Box<dyn Sink>)>,
     stop: &AtomicBool,
     bar: &Bar,
-) -> Result<(History, End, Finished)> {
+) -> Result<(RunHistory, End, Finished)> {
     let scenario = Scenario::new(registry, document, settings)?;
     let mut assembly = scenario.assemble(None)?;
     assembly.sinks.push(("report".to_owned(), Box::new(Recorder::default())));

@@ -5,7 +5,7 @@ use super::judge::signature::Signatures;
 use super::judge::slot::SensorSlot;
 use super::judge::watch::Watch;
 use super::past::clones::Clones;
-use super::past::delay::History;
+use super::past::delay::RecentStates;
 use super::propagate::pace::Pace;
 use super::propagate::propagation::Propagation;
 use super::screen::screened::Screening;
@@ -40,7 +40,7 @@ pub(super) struct Parts {
     /// Past states that sensors read.
     pub(super) clones: Vec<Clones>,
     /// Recent states, kept where some sensor has a time offset.
-    pub(super) history: Option<History>,
+    pub(super) history: Option<RecentStates>,
     /// Blocks that come and go.
     pub(super) presence: Presence,
 }
@@ -60,7 +60,7 @@ impl Kept for Parts {
 
     fn size(&self) -> usize {
         let Self { estimate, propagation, pace, history, .. } = self;
-        let history = history.as_ref().map_or(0, History::size);
+        let history = history.as_ref().map_or(0, RecentStates::size);
         let matrices = estimate.covariance.size() + propagation.size();
         size_of::<Self>() + matrices + history + pace.size()
     }
@@ -82,7 +82,7 @@ impl Parts {
             propagation,
             watch: Watch::new(composition),
             clones: Clones::of(composition),
-            history: History::new(composition),
+            history: RecentStates::new(composition),
             presence: Presence::new(layout.labels),
         }
     }

@@ -5,7 +5,7 @@ use crate::plan::{self, Plan};
 use crate::recording::Recording;
 use crate::rig;
 use crate::style::{AXES, BOUND, Colour, FILTERED, SENSOR, START, STOP, TRUTH, path};
-use crate::track::{Place, Pose, Track};
+use crate::track::{Motion, Place, Pose};
 use navfuse_core::model::stream::StreamError;
 use re_sdk_types::archetypes::{
     Arrows3D, Ellipsoids3D, GeoLineStrings, GeoPoints, LineStrips3D, Mesh3D, Points2D, Points3D,
@@ -29,7 +29,7 @@ pub fn start(recording: &Recording) -> Result<(), StreamError> {
 }
 
 /// Draws the tracks so far, which replace those drawn before, and the vehicle where it is now.
-pub fn draw(recording: &Recording, track: &Track) -> Result<(), StreamError> {
+pub fn draw(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
     let Some((_, side)) = track.extent.middle() else { return Ok(()) };
     let estimate: Vec<Place> = track.estimate.iter().collect();
     let truth: Vec<Place> = track.truth.iter().collect();
@@ -43,7 +43,7 @@ pub fn draw(recording: &Recording, track: &Track) -> Result<(), StreamError> {
 }
 
 /// Sends the last pose to the viewers that watch.
-pub fn follow(recording: &Recording, track: &Track) -> Result<(), StreamError> {
+pub fn follow(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
     match track.poses.iter().last() {
         Some(pose) => write_poses(recording, &[pose], track, true),
         None => Ok(()),
@@ -51,7 +51,7 @@ pub fn follow(recording: &Recording, track: &Track) -> Result<(), StreamError> {
 }
 
 /// Writes all poses.
-pub fn finish(recording: &Recording, track: &Track) -> Result<(), StreamError> {
+pub fn finish(recording: &Recording, track: &Motion) -> Result<(), StreamError> {
     let poses: Vec<Pose> = track.poses.iter().collect();
     if poses.is_empty() {
         return Ok(());
@@ -113,7 +113,7 @@ fn draw_estimate(recording: &Recording, estimate: &[Place]) -> Result<(), Stream
 }
 
 /// A hull that points forward with a fin above it, axes, and the sensors at their lever arms.
-fn draw_vehicle(recording: &Recording, track: &Track, length: f32) -> Result<(), StreamError> {
+fn draw_vehicle(recording: &Recording, track: &Motion, length: f32) -> Result<(), StreamError> {
     let scaled = |v: [f32; 3]| v.map(|x| x * length);
     let body = |leaf: &str| path(&["world", "vehicle", leaf]);
     let hull = [
@@ -143,7 +143,7 @@ fn draw_vehicle(recording: &Recording, track: &Track, length: f32) -> Result<(),
 fn write_poses(
     recording: &Recording,
     poses: &[Pose],
-    track: &Track,
+    track: &Motion,
     live: bool,
 ) -> Result<(), StreamError> {
     let Some((_, side)) = track.extent.middle() else { return Ok(()) };

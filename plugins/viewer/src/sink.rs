@@ -14,7 +14,7 @@ use crate::state::{self, BlockSeries};
 use crate::style::path;
 use crate::tab::Tab;
 use crate::tally::{Excursion, Excursions};
-use crate::track::Track;
+use crate::track::Motion;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 use navfuse_core::model::record::{
     Epoch, Event, InputRejection, Level, Record, UpdateRecord, Wants,
@@ -47,7 +47,7 @@ pub struct Run {
     /// The health of the sensors.
     pub lanes: Vec<Lane>,
     /// The track, where there is a position.
-    pub track: Option<Track>,
+    pub track: Option<Motion>,
     /// Set for a run that is smoothed.
     pub smoothed: bool,
     /// The component with the largest error in sigma, once the run is over.
@@ -203,7 +203,7 @@ impl Run {
             sensors: Vec::new(),
             samples: Vec::new(),
             lanes: Vec::new(),
-            track: Track::new(&info.layout, full),
+            track: Motion::new(&info.layout, full),
             smoothed: info.smoothed,
             worst: None,
             span: None,
@@ -234,7 +234,7 @@ impl Run {
     }
 
     fn here(&self) -> Here {
-        self.track.as_ref().map_or_else(Here::default, Track::here)
+        self.track.as_ref().map_or_else(Here::default, Motion::here)
     }
 
     /// Ends stretches and excursions.

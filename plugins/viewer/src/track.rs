@@ -46,7 +46,7 @@ pub struct Pose {
 }
 
 /// The position and attitude of the vehicle over time, and its track so far.
-pub struct Track {
+pub struct Motion {
     position: usize,
     attitude: Option<usize>,
     velocity: Option<usize>,
@@ -108,7 +108,7 @@ impl Extent {
     }
 }
 
-impl Track {
+impl Motion {
     /// The track of the vehicle; `None` without a position. A full one has all poses.
     pub fn new(layout: &Layout, full: bool) -> Option<Self> {
         let vehicle = layout.vehicle();

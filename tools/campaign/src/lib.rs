@@ -44,4 +44,4 @@ pub use outcome::{LIMIT, Outcomes, WorstState};
 pub use record::{BoundRecord, Record, Row, RunRecord};
 pub use report::{Anees, CampaignReport, Nis, PointReport, StateReport, WorstRun};
 pub use statistics::{EpochStatistics, Judged, PointStatistics};
-pub use verdict::{Finding, Verdict};
+pub use verdict::{Finding, PointVerdict};

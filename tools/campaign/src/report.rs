@@ -3,7 +3,7 @@
 use crate::campaign::Campaign;
 use crate::columns::{Columns, Component};
 use crate::statistics::{Judged, PointStatistics};
-use crate::verdict::{Verdict, anees_band, nis_band, verdict};
+use crate::verdict::{PointVerdict, anees_band, nis_band, verdict};
 use navfuse_core::model::chi_square::Band;
 use serde::Serialize;
 
@@ -47,7 +47,7 @@ pub struct PointReport {
     /// Runs by the level of their own verdict, which does not know the errors.
     pub judged: Judged,
     /// Verdict on the consistency of errors and uncertainty; `None` without runs.
-    pub verdict: Option<Verdict>,
+    pub verdict: Option<PointVerdict>,
 }
 
 /// One run of a campaign, with the arguments that repeat it.

@@ -11,7 +11,7 @@ const FALSE_ALARM: f64 = 0.05;
 
 /// The verdict on a point.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Verdict {
+pub struct PointVerdict {
     /// Set if no test found an inconsistency.
     pub consistent: bool,
     /// Verdict in one line: `consistent`, or the first finding.
@@ -160,7 +160,7 @@ impl Test {
 }
 
 /// Computes the verdict on a point's runs.
-pub fn verdict(columns: &Columns, point: &PointStatistics) -> Verdict {
+pub fn verdict(columns: &Columns, point: &PointStatistics) -> PointVerdict {
     let blocks = (1..=columns.blocks.len()).filter(|k| columns.blocks[k - 1].known).map(Test::Nees);
     let sensors = (0..columns.sensors.len()).map(Test::Nis);
     // blocks and sensors, which name a cause, come before the whole state, which does not
@@ -178,7 +178,7 @@ pub fn verdict(columns: &Columns, point: &PointStatistics) -> Verdict {
         (None, _) => "consistent".to_owned(),
         (Some(first), _) => first.text.clone(),
     };
-    Verdict { consistent: findings.is_empty() && point.runs > 0, text, findings }
+    PointVerdict { consistent: findings.is_empty() && point.runs > 0, text, findings }
 }
 
 #[cfg(test)]

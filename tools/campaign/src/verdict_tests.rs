@@ -31,7 +31,7 @@ fn chi_square(random: &mut Random, freedom: usize) -> f64 {
 /// Returns the verdict on a campaign of consistent numbers, independent from epoch to epoch, in
 /// which the errors of one block are scaled: `wrong` is its index and the ratio of its errors to
 /// their sigma.
-fn campaign(number: u64, runs: usize, epochs: i64, wrong: (usize, f64)) -> Verdict {
+fn campaign(number: u64, runs: usize, epochs: i64, wrong: (usize, f64)) -> PointVerdict {
     let columns = columns();
     let mut random = Random::new(number, "verdict");
     let mut point = PointStatistics::new(None);
@@ -87,7 +87,7 @@ fn a_consistent_filter_raises_false_alarms_at_the_stated_rate() {
 /// campaigns is missed with a probability of 8e-4.
 #[test]
 fn errors_of_1_3_sigma_in_one_block_are_found_and_named_in_100_runs() {
-    let missed: Vec<Verdict> = (0..200)
+    let missed: Vec<PointVerdict> = (0..200)
         .map(|number| campaign(number, 100, 2, (1, 1.3)))
         .filter(|v| {
             !(v.text.starts_with("overconfident in ins.velocity by 1.")

@@ -2,7 +2,7 @@
 //! defect passes.
 #![allow(clippy::expect_used, clippy::panic, missing_docs, reason = "a test fails by panicking")]
 
-use navfuse_campaign::{Options, PointReport, Verdict, report};
+use navfuse_campaign::{Options, PointReport, PointVerdict, report};
 use navfuse_core::Real;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::ScaleFactor;
@@ -136,7 +136,7 @@ fn campaign(settings: &[&str]) -> PointReport {
 }
 
 /// Returns the verdict of a campaign, and prints its findings.
-fn verdict(settings: &[&str]) -> Verdict {
+fn verdict(settings: &[&str]) -> PointVerdict {
     let verdict = campaign(settings).verdict.expect("runs have a verdict");
     println!("{settings:?}: {}", verdict.text);
     verdict.findings.iter().for_each(|f| println!("  {}", f.text));
@@ -144,7 +144,7 @@ fn verdict(settings: &[&str]) -> Verdict {
 }
 
 /// Returns the ratio of a block's errors to their sigma in the verdict.
-fn factor(verdict: &Verdict, of: &str) -> f64 {
+fn factor(verdict: &PointVerdict, of: &str) -> f64 {
     verdict.findings.iter().find(|f| f.of == of).map_or(1.0, |f| f.factor)
 }
 

@@ -15,7 +15,7 @@ mod trajectory;
 pub use navfuse_csv::Axes;
 pub use navfuse_mcap::BagSink;
 pub use table::{Table, TableSink};
-pub use track::{Fix, Track};
+pub use track::{Fix, Fixes};
 
 use navfuse_core::files::WholeFile;
 use navfuse_core::model::stream::StreamError;
@@ -166,7 +166,7 @@ pub fn export(
     for (path, form, out) in &mut parts {
         form.begin(out).map_err(|e| StreamError::write(&*path, e))?;
         for pass in 0..form.passes() {
-            let mut track = Track::open(log)?;
+            let mut track = Fixes::open(log)?;
             exported.epochs = 0;
             while let Some(fix) = track.next()? {
                 form.fix(pass, &fix, out).map_err(|e| StreamError::write(&*path, e))?;

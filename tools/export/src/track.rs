@@ -35,7 +35,7 @@ impl Fix {
 }
 
 /// Reads the estimates of a log, epoch by epoch.
-pub struct Track {
+pub struct Fixes {
     path: PathBuf,
     log: LogReader,
     /// Name of the block of the position, the first that the log has.
@@ -64,7 +64,7 @@ impl Partial {
     }
 }
 
-impl Track {
+impl Fixes {
     /// Opens a log.
     ///
     /// # Errors

@@ -50,10 +50,10 @@ impl Component {
     }
 }
 
-/// Verdict on a component.
+/// How far the run determines a component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Verdict {
+pub enum Determination {
     /// At most a sixteenth of its variance is still prior.
     Determined,
     /// At most a half of its variance is still prior.
@@ -65,7 +65,7 @@ pub enum Verdict {
     Considered,
 }
 
-impl Verdict {
+impl Determination {
     /// Returns the verdict as text.
     pub fn text(self) -> &'static str {
         match self {

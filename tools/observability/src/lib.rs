@@ -18,11 +18,11 @@ mod theorem;
 mod tracker;
 pub mod words;
 
-pub use component::{Component, Verdict};
+pub use component::{Component, Determination};
 pub use direction::Direction;
 pub use information::{Information, ObservabilityPlugin};
 pub use panel::markdown;
-pub use report::{DirectionReport, History, ObservabilityReport, SensorReport, StateReport};
+pub use report::{DirectionReport, ObservabilityReport, SensorReport, SigmaHistory, StateReport};
 pub use status::{ComponentStatus, DETERMINED, IN_PART, LOST};
 pub use theorem::{DirectionsReport, RemarkReport, SegmentRow, SegmentView, SphereReport};
 pub use tracker::{SensorShare, Tracker, TrackerSink};

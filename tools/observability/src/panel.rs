@@ -1,6 +1,6 @@
 //! The state of a run's observability as a page in Markdown, for an operator during the run.
 
-use crate::component::Verdict;
+use crate::component::Determination;
 use crate::status::ComponentStatus;
 use crate::tracker::Tracker;
 use crate::words::{self, short};
@@ -32,7 +32,7 @@ pub fn markdown(tracker: &Tracker) -> String {
 
 fn verdict(now: &ComponentStatus) -> String {
     match (now.verdict, now.since) {
-        (Verdict::Determined, Some(since)) => {
+        (Determination::Determined, Some(since)) => {
             format!("**determined** since {:.0} s", since.seconds())
         }
         (verdict, _) => verdict.text().to_owned(),

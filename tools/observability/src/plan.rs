@@ -5,7 +5,7 @@
 //! The planner compares it with straight motion of the same duration.
 
 use crate::tracker::{Tracker, TrackerSink};
-use crate::{Verdict, words};
+use crate::{Determination, words};
 use navfuse_core::document::{Document, DocumentError, Node, key};
 use navfuse_core::plugin::{BuildError, Registry};
 use navfuse_core::run::runner;
@@ -110,8 +110,8 @@ pub struct Improvement {
     pub with: f64,
     /// Additional halvings of sigma.
     pub bits: f64,
-    /// Verdict after the manoeuvre.
-    pub verdict: Verdict,
+    /// Determination after the manoeuvre.
+    pub verdict: Determination,
 }
 
 /// Manoeuvre with its segments and their durations, s.
@@ -355,7 +355,7 @@ fn counting(before: &Tracker, of: &[String]) -> Result<Vec<bool>, PlanError> {
         let open: Vec<bool> = before
             .status()
             .iter()
-            .map(|n| matches!(n.verdict, Verdict::InPart | Verdict::NotDetermined))
+            .map(|n| matches!(n.verdict, Determination::InPart | Determination::NotDetermined))
             .collect();
         let all = components.iter().map(|c| !c.considered).collect();
         return Ok(if open.contains(&true) { open } else { all });

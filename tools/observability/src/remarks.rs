@@ -1,7 +1,7 @@
 //! Consequences of the segments for the states, and the agreement of Theorem 1 and its remarks with
 //! the filter.
 
-use crate::Verdict;
+use crate::Determination;
 use crate::report::StateReport;
 use crate::theorem::{RemarkReport, SegmentView};
 use crate::words::short;
@@ -29,7 +29,7 @@ impl SegmentView {
         let turned = self.heading_change_deg();
         for s in states
             .iter_mut()
-            .filter(|s| matches!(s.verdict, Verdict::InPart | Verdict::NotDetermined))
+            .filter(|s| matches!(s.verdict, Determination::InPart | Determination::NotDetermined))
         {
             let rank = self.type_i.rank;
             let along = self.type_i.axis(0);
@@ -77,7 +77,7 @@ impl SegmentView {
                 .any(|e| s.state.ends_with(e));
             of_ins || s.state == scale || s.state == misalignment
         };
-        let determined = |s: &StateReport| s.verdict == Verdict::Determined;
+        let determined = |s: &StateReport| s.verdict == Determination::Determined;
         let open = |except: Option<&str>| -> Vec<String> {
             let rest = states
                 .iter()

@@ -1,6 +1,6 @@
 //! The report of a run: the verdict on each state, its time, and what is missing.
 
-use crate::component::Verdict;
+use crate::component::Determination;
 use crate::theorem::{self, SegmentView};
 use crate::tracker::Tracker;
 use crate::words;
@@ -35,7 +35,7 @@ pub struct ObservabilityReport {
     /// Reason why the segments could not be evaluated.
     pub no_segments: Option<String>,
     /// Normalised sigma of each component over time.
-    pub history: History,
+    pub history: SigmaHistory,
 }
 
 /// One component.
@@ -64,8 +64,8 @@ pub struct StateReport {
     pub bits: f64,
     /// Share of the estimate that is still prior, 0 to 1.
     pub prior_weight: f64,
-    /// Verdict.
-    pub verdict: Verdict,
+    /// How far the run determines it.
+    pub verdict: Determination,
     /// Time since which the component is determined, s.
     pub since_s: Option<f64>,
     /// Last time at which the component ceased to be determined, s.
@@ -101,7 +101,7 @@ pub struct DirectionReport {
 
 /// Normalised sigmas over time.
 #[derive(Clone, Debug, Serialize)]
-pub struct History {
+pub struct SigmaHistory {
     /// Times, s.
     pub time_s: Vec<f64>,
     /// Components, named by [`StateReport::title`], with one number per time.
@@ -166,7 +166,7 @@ impl ObservabilityReport {
             undetermined: directions.collect(),
             segments: None,
             no_segments: None,
-            history: History::new(tracker, &titles),
+            history: SigmaHistory::new(tracker, &titles),
         }
     }
 
@@ -223,7 +223,7 @@ impl ObservabilityReport {
     }
 }
 
-impl History {
+impl SigmaHistory {
     fn new(tracker: &Tracker, titles: &[String]) -> Self {
         let (times, values) = tracker.history();
         let n = titles.len();

@@ -1,6 +1,6 @@
 //! Present status of a component: its uncertainty, the share of prior, and the verdict.
 
-use crate::component::Verdict;
+use crate::component::Determination;
 use navfuse_core::units::time::Time;
 
 /// Largest share of prior in a determined component: the estimate is four times better than the
@@ -24,8 +24,8 @@ pub struct ComponentStatus {
     pub sigma: f64,
     /// Share of the estimate that is still prior, 0 to 1: see [`crate::Tracker`].
     pub weight: f64,
-    /// Verdict.
-    pub verdict: Verdict,
+    /// Determination.
+    pub verdict: Determination,
     /// Time since which the component is determined.
     pub since: Option<Time>,
     /// Last time at which the component ceased to be determined.
@@ -54,7 +54,7 @@ impl ComponentStatus {
         weight: f64,
     ) -> bool {
         (self.prior, self.reference, self.sigma, self.weight) = (prior, reference, sigma, weight);
-        if self.verdict == Verdict::Considered {
+        if self.verdict == Determination::Considered {
             return false;
         }
         if self.weight <= DETERMINED {
@@ -63,9 +63,9 @@ impl ComponentStatus {
             self.lost = Some(time);
         }
         let verdict = match (self.since, self.weight <= IN_PART) {
-            (Some(_), _) => Verdict::Determined,
-            (None, true) => Verdict::InPart,
-            (None, false) => Verdict::NotDetermined,
+            (Some(_), _) => Determination::Determined,
+            (None, true) => Determination::InPart,
+            (None, false) => Determination::NotDetermined,
         };
         std::mem::replace(&mut self.verdict, verdict) != verdict
     }

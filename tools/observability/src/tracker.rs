@@ -1,6 +1,6 @@
 //! The tracker: follows a run and computes the share of each state that is still prior.
 
-use crate::component::{Component, Verdict, square_root};
+use crate::component::{Component, Determination, square_root};
 use crate::direction::{self, Direction};
 use crate::initial_error::InitialError;
 use crate::reference::Reference;
@@ -111,8 +111,9 @@ impl Tracker {
             bits: vec![0.0; n],
             reads: vec![false; n],
         };
-        let verdict =
-            |c: &Component| if c.considered { Verdict::Considered } else { Verdict::NotDetermined };
+        let verdict = |c: &Component| {
+            if c.considered { Determination::Considered } else { Determination::NotDetermined }
+        };
         let nan = f64::NAN;
         let first = |c| ComponentStatus {
             prior: nan,

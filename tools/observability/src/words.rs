@@ -1,6 +1,6 @@
 //! Explanations for states that are not determined.
 
-use crate::component::Verdict;
+use crate::component::Determination;
 use crate::direction::Direction;
 use crate::tracker::Tracker;
 
@@ -13,11 +13,11 @@ const PARTNERS: usize = 2;
 pub fn missing(tracker: &Tracker, i: usize) -> Option<String> {
     let (component, now) = (&tracker.components()[i], &tracker.status()[i]);
     match now.verdict {
-        Verdict::Determined => return None,
-        Verdict::Considered => {
+        Determination::Determined => return None,
+        Determination::Considered => {
             return Some("the scenario has mode = \"consider\": the state is not estimated".into());
         }
-        Verdict::InPart | Verdict::NotDetermined => {}
+        Determination::InPart | Determination::NotDetermined => {}
     }
     let measuring = || tracker.sensors().iter().filter(|s| s.measures);
     if measuring().next().is_none() {

@@ -17,7 +17,7 @@ const EVENTS: usize = 500;
 /// History of one run. A [`crate::Recorder`] collects it during the run, and [`crate::read_log`]
 /// from the log, with the same result.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct History {
+pub struct RunHistory {
     /// Name of the scenario.
     pub name: String,
     /// Version of the program that ran the scenario.
@@ -128,7 +128,7 @@ pub enum Fate<'a> {
     Rejected(&'a str),
 }
 
-impl History {
+impl RunHistory {
     /// Returns the times of the first and the last estimate, s.
     pub fn span(&self) -> Option<[f64; 2]> {
         let first = self.blocks.first()?;

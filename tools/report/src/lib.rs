@@ -1,7 +1,7 @@
 //! Reports of runs: collected during a run or from its log, plotted, and written as one page that
 //! opens offline.
 //!
-//! A [`History`] holds all content of a report: series of a bounded length, however long the run,
+//! A [`RunHistory`] holds all content of a report: series of a bounded length, however long the run,
 //! and counts over all samples. [`Recorder`] collects it from a run and [`read_log`] from a log,
 //! with the same result. [`plots`] plots it, [`page`] writes the report, [`compare`] compares several
 //! runs, and [`pan_wu`] makes the figures of Pan & Wu (2016) from the histories of their two runs.
@@ -17,7 +17,7 @@ mod sensors;
 mod sink;
 mod thin;
 
-pub use history::{BlockHistory, History, Row, Travelled};
+pub use history::{BlockHistory, Row, RunHistory, Travelled};
 pub use log::read_log;
 pub use sensors::{Consistency, Envelope, Innovation, SensorHistory, Updates};
 pub use sink::Recorder;

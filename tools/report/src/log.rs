@@ -1,6 +1,6 @@
 //! History of a run from its log.
 
-use crate::history::{BlockInfo, Fate, History, Row};
+use crate::history::{BlockInfo, Fate, Row, RunHistory};
 use crate::sensors::SensorHistory;
 use navfuse_core::model::stream::StreamError;
 use navfuse_mcap::{Entry, InnovationEntry, LogReader};
@@ -11,16 +11,19 @@ use std::path::Path;
 /// # Errors
 /// Returns an error if the log cannot be read, is damaged, was not recorded by navfuse, or has no
 /// estimate.
-pub fn read_log(path: &Path, mut progress: impl FnMut([u64; 2])) -> Result<History, StreamError> {
+pub fn read_log(
+    path: &Path,
+    mut progress: impl FnMut([u64; 2]),
+) -> Result<RunHistory, StreamError> {
     let mut log = LogReader::open(path)?;
     let info = log.info();
-    let mut history = History {
+    let mut history = RunHistory {
         name: info.name.clone(),
         version: info.version.clone(),
         scenario: info.scenario.clone(),
         description: info.description.clone(),
         seed: info.seed.filter(|_| info.simulated),
-        ..History::default()
+        ..RunHistory::default()
     };
     let mut count = 0_u64;
     while log.next(|entry| take(&mut history, entry))? {
@@ -39,7 +42,7 @@ pub fn read_log(path: &Path, mut progress: impl FnMut([u64; 2])) -> Result<Histo
     Ok(history)
 }
 
-fn take(history: &mut History, entry: Entry<'_>) {
+fn take(history: &mut RunHistory, entry: Entry<'_>) {
     match entry {
         Entry::Sensor(s) => history.sensors.push(SensorHistory {
             name: s.name.to_owned(),
@@ -77,7 +80,7 @@ fn take(history: &mut History, entry: Entry<'_>) {
     }
 }
 
-fn innovation(history: &mut History, update: &InnovationEntry<'_>) {
+fn innovation(history: &mut RunHistory, update: &InnovationEntry<'_>) {
     let Some(index) = history.sensors.iter().position(|s| s.name == update.sensor) else { return };
     let fate = match update.outcome {
         "accepted" => Fate::Accepted,

@@ -5,7 +5,7 @@
 //! about z. navfuse uses forward, right, down. So quantities about or along the paper's y axis are
 //! navfuse's third component with the opposite sign.
 
-use crate::history::{BlockHistory, History};
+use crate::history::{BlockHistory, RunHistory};
 use crate::page::{document, picture};
 use crate::plots::{
     beside_truth, channel, convergence, curve, error, label, normalised_panel, over_time, profile,
@@ -51,9 +51,9 @@ pub const CAPTIONS: [&str; 16] = [
 #[derive(Clone, Debug)]
 pub struct Runs {
     /// Run with the descent and the ascent.
-    pub three: History,
+    pub three: RunHistory,
     /// Run without them.
-    pub two: History,
+    pub two: RunHistory,
     /// Results of ideal observers on the samples of the 3D run; Figures 4 and 5 need at least one.
     pub observers: Vec<Observer>,
 }
@@ -139,7 +139,7 @@ pub fn figures(runs: &Runs) -> Result<Vec<(usize, Figure)>, Missing> {
 const OBSERVED: [f64; 2] = [0.05, 3.0];
 
 /// Plots the observers' scale factor and angles with the truth.
-fn observed(run: &History, observers: &[Observer]) -> Result<(Panel, Vec<Panel>), Missing> {
+fn observed(run: &RunHistory, observers: &[Observer]) -> Result<(Panel, Vec<Panel>), Missing> {
     let panel =
         |title: &str, block: &BlockHistory, (k, sign): (usize, f64), place: usize, about: f64| {
             let last = &block.last;
@@ -167,18 +167,18 @@ fn observed(run: &History, observers: &[Observer]) -> Result<(Panel, Vec<Panel>)
     Ok((panel("scale factor k", scale, (0, 1.0), 0, OBSERVED[0]), of_angles.into()))
 }
 
-fn block<'a>(run: &'a History, name: &'static str) -> Result<&'a BlockHistory, Missing> {
+fn block<'a>(run: &'a RunHistory, name: &'static str) -> Result<&'a BlockHistory, Missing> {
     run.block(name).ok_or_else(|| Missing { run: run.name.clone(), what: name })
 }
 
-fn sensor<'a>(run: &'a History, name: &'static str) -> Result<&'a SensorHistory, Missing> {
+fn sensor<'a>(run: &'a RunHistory, name: &'static str) -> Result<&'a SensorHistory, Missing> {
     run.sensor(name)
         .filter(|s| s.read > 0)
         .ok_or_else(|| Missing { run: run.name.clone(), what: name })
 }
 
 /// Plots the true tracks of both runs, on the map and as heights over time.
-fn trajectory(three: &History, two: &History) -> Result<Vec<Panel>, Missing> {
+fn trajectory(three: &RunHistory, two: &RunHistory) -> Result<Vec<Panel>, Missing> {
     let (mut map, mut height) = (Vec::new(), Vec::new());
     for (name, look, run) in [("3D run", Look::Data(0), three), ("2D run", Look::Data(1), two)] {
         let (_, truth) = tracks(block(run, "ins.position")?);
@@ -213,12 +213,12 @@ fn profiles(sensor: &SensorHistory, from: &[usize]) -> Vec<Panel> {
     channels.map(panel).collect()
 }
 
-fn scale(run: &History) -> Result<Vec<Panel>, Missing> {
+fn scale(run: &RunHistory) -> Result<Vec<Panel>, Missing> {
     let k = block(run, "dvl.scale")?;
     Ok([beside_truth(k, 0, 1.0), convergence(k, 0)].map(|p| named(p, "scale factor k")).into())
 }
 
-fn misalignment(run: &History) -> Result<Vec<Panel>, Missing> {
+fn misalignment(run: &RunHistory) -> Result<Vec<Panel>, Missing> {
     Ok(estimates(block(run, "dvl.misalignment")?, ANGLES))
 }
 
@@ -228,7 +228,7 @@ fn estimates(block: &BlockHistory, axes: [(&str, usize, f64); 3]) -> Vec<Panel> 
     above.into_iter().chain(axes.map(|(name, k, _)| named(convergence(block, k), name))).collect()
 }
 
-fn attitude(run: &History) -> Result<Vec<Panel>, Missing> {
+fn attitude(run: &RunHistory) -> Result<Vec<Panel>, Missing> {
     let attitude = block(run, "ins.attitude")?;
     let above = ANGLES.map(|(name, k, sign)| named(error(attitude, k, sign), name));
     Ok(above
@@ -237,7 +237,7 @@ fn attitude(run: &History) -> Result<Vec<Panel>, Missing> {
         .collect())
 }
 
-fn position(run: &History) -> Result<Vec<Panel>, Missing> {
+fn position(run: &RunHistory) -> Result<Vec<Panel>, Missing> {
     let position = block(run, "ins.position")?;
     let axes = [("north", 0), ("east", 1)];
     let above = axes.map(|(name, k)| named(error(position, k, 1.0), name));
@@ -247,7 +247,7 @@ fn position(run: &History) -> Result<Vec<Panel>, Missing> {
         .collect())
 }
 
-fn normalised(run: &History) -> Result<Vec<Panel>, Missing> {
+fn normalised(run: &RunHistory) -> Result<Vec<Panel>, Missing> {
     let panel = |title: &str, name: &'static str, names: [(&str, usize, f64); 3]| {
         let panel = normalised_panel(block(run, name)?, &names.map(|n| n.1));
         let curves = panel

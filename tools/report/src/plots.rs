@@ -1,6 +1,6 @@
 //! Figures of any run.
 
-use crate::history::{BlockHistory, History, Row, displacement};
+use crate::history::{BlockHistory, Row, RunHistory, displacement};
 use crate::sensors::{Consistency, Innovation, SensorHistory};
 use navfuse_core::units::Unit;
 use navfuse_figures::{Axis, Band, Curve, Figure, Look, Panel};
@@ -36,17 +36,17 @@ pub(crate) fn label(what: &str, unit: &str) -> String {
 }
 
 /// Times and positions north, east, down (m) from the first position.
-pub(crate) type Track = Vec<(f64, [f64; 3])>;
+pub(crate) type Places = Vec<(f64, [f64; 3])>;
 
 /// Returns the tracks of the estimate and of the truth, relative to the first true position, or to
 /// the first estimate if no truth is known.
-pub(crate) fn tracks(position: &BlockHistory) -> (Track, Track) {
+pub(crate) fn tracks(position: &BlockHistory) -> (Places, Places) {
     tracks_from(position, &position.first)
 }
 
 /// Returns the tracks of the estimate and of the truth, relative to the position of a row, the true
 /// one if it is known.
-pub(crate) fn tracks_from(position: &BlockHistory, start: &Row) -> (Track, Track) {
+pub(crate) fn tracks_from(position: &BlockHistory, start: &Row) -> (Places, Places) {
     let origin = &start.estimate;
     let off = start.error.first_chunk::<3>().copied().unwrap_or_default();
     let place = |r: &Row| {
@@ -62,7 +62,7 @@ pub(crate) fn tracks_from(position: &BlockHistory, start: &Row) -> (Track, Track
 }
 
 /// Plots the track on a map and its height over time; `None` without a position.
-pub fn trajectory(history: &History) -> Option<Figure> {
+pub fn trajectory(history: &RunHistory) -> Option<Figure> {
     let (estimate, truth) = tracks(history.position()?);
     let both = [("truth", Look::Truth, &truth), ("estimate", Look::Data(0), &estimate)];
     let both = || both.iter().filter(|(_, _, track)| !track.is_empty());
@@ -202,7 +202,7 @@ pub(crate) fn convergence(block: &BlockHistory, k: usize) -> Panel {
 
 /// Plots every component's sigma relative to its first value, one panel per block. A curve falls
 /// from the time on at which the run begins to determine the state.
-pub fn normalised(history: &History) -> Figure {
+pub fn normalised(history: &RunHistory) -> Figure {
     let blocks = history.blocks.iter().filter(|b| b.uncertain());
     let panels = blocks.map(|b| normalised_panel(b, &(0..b.components.len()).collect::<Vec<_>>()));
     Figure {

@@ -1,8 +1,8 @@
 //! Results of a run at its end: path length, and errors where the truth is known.
 
-use crate::history::{BlockHistory, History, Travelled};
+use crate::history::{BlockHistory, RunHistory, Travelled};
 
-impl History {
+impl RunHistory {
     /// Returns the horizontal path length, of the truth if it is known to the end, otherwise of the
     /// estimate, m.
     pub fn distance(&self) -> Option<f64> {

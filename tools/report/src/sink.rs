@@ -1,6 +1,6 @@
 //! History of a run during the run.
 
-use crate::history::{BlockInfo, Fate, History, Row};
+use crate::history::{BlockInfo, Fate, Row, RunHistory};
 use crate::sensors::SensorHistory;
 use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::record::{Epoch, Event, Outcome, Record, UpdateRecord};
@@ -14,7 +14,7 @@ use std::any::TypeId;
 /// [`navfuse_core::session::Finished::take_sink`].
 #[derive(Debug)]
 pub struct Recorder {
-    history: History,
+    history: RunHistory,
     columns: Vec<Vec<String>>,
     /// Latest time so far, which events without a time of their own get, as in the log.
     latest: Time,
@@ -22,13 +22,13 @@ pub struct Recorder {
 
 impl Default for Recorder {
     fn default() -> Self {
-        Self { history: History::default(), columns: Vec::new(), latest: Time::MIN }
+        Self { history: RunHistory::default(), columns: Vec::new(), latest: Time::MIN }
     }
 }
 
 impl Recorder {
     /// The history of the run so far.
-    pub fn into_history(self) -> History {
+    pub fn into_history(self) -> RunHistory {
         self.history
     }
 }

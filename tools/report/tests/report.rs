@@ -7,7 +7,7 @@ use navfuse_core::plugin::Registry;
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
 use navfuse_core::session::Finished;
-use navfuse_report::{History, Recorder, page, read_log};
+use navfuse_report::{Recorder, RunHistory, page, read_log};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -69,12 +69,12 @@ bank = "2 deg"
 "#;
 
 /// A run of the scenario with its history and its log.
-fn run(settings: &[&str], output: &Path) -> (History, Finished) {
+fn run(settings: &[&str], output: &Path) -> (RunHistory, Finished) {
     run_text(SCENARIO, settings, output)
 }
 
 /// A run of another scenario.
-fn run_text(text: &str, settings: &[&str], output: &Path) -> (History, Finished) {
+fn run_text(text: &str, settings: &[&str], output: &Path) -> (RunHistory, Finished) {
     let mut registry = Registry::new();
     registry
         .add(&navfuse_ins::InsPlugin)

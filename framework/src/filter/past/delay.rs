@@ -49,7 +49,7 @@ struct Moving {
 
 /// Recent states in a ring; a new entry replaces the oldest.
 #[derive(Clone)]
-pub(in crate::filter) struct History {
+pub(in crate::filter) struct RecentStates {
     moving: Vec<Moving>,
     /// Row and column of each element of `Phi` that processes fill, and its value in the identity.
     places: Vec<(usize, usize, f64)>,
@@ -92,7 +92,7 @@ struct Entry {
     correction: Vec<f64>,
 }
 
-impl History {
+impl RecentStates {
     /// Creates a history for the sensors of a composition that have a time offset; `None` where
     /// none has.
     pub(in crate::filter) fn new(composition: &Composition) -> Option<Self> {
@@ -382,7 +382,7 @@ mod tests {
     use super::*;
 
     /// A ring with entries at these times, in ms, the oldest one at place `first`.
-    fn history(times: &[i64], first: usize) -> History {
+    fn history(times: &[i64], first: usize) -> RecentStates {
         let entry = |&ms: &i64| Entry {
             time: Time::from_nanos(ms * 1_000_000),
             values: Vec::new(),
@@ -394,7 +394,7 @@ mod tests {
         };
         let mut entries: Vec<Entry> = times.iter().map(entry).collect();
         entries.rotate_right(first);
-        History {
+        RecentStates {
             moving: Vec::new(),
             places: Vec::new(),
             first,

@@ -5,7 +5,7 @@
 //! the instrument looks. The velocities of these records are those of the vehicle.
 
 use crate::bytes::{f32_at, i16_at, i32_at, u8_at, u16_at, u32_at};
-use crate::ping::{Attitude, Coordinates, Decoder, Ping, Stamp, Track};
+use crate::ping::{Attitude, Coordinates, Decoder, Ping, Stamp, TrackedVelocity};
 use navfuse_core::units::calendar::Calendar;
 use navfuse_frames::{Damage, Fault, Frames, Framing, Judgement};
 use std::io::{Read, Result};
@@ -138,9 +138,9 @@ fn stamp(content: &[u8], at: usize) -> Stamp {
 }
 
 /// The track of velocities of the vehicle.
-fn track(coordinates: Coordinates, recorded: [Option<f64>; 4]) -> Track {
+fn track(coordinates: Coordinates, recorded: [Option<f64>; 4]) -> TrackedVelocity {
     let [x, y, z, second] = recorded;
-    let mut track = Track { coordinates, recorded, ..Track::default() };
+    let mut track = TrackedVelocity { coordinates, recorded, ..TrackedVelocity::default() };
     match coordinates {
         Coordinates::Beam => track.beams = Some(recorded),
         Coordinates::Instrument => {
@@ -191,7 +191,7 @@ fn profiler(content: &[u8]) -> Option<Ping> {
     let angle = |at| Some(hundredths(f64::from(i16_at(content, at)?)));
     Some(Ping {
         stamp: stamp(content, 8),
-        bottom: Some(Track {
+        bottom: Some(TrackedVelocity {
             range: range.map(|r| r.map(|r| f64::from(r) * 1e-3)),
             ..track(coordinates, recorded)
         }),
@@ -220,7 +220,7 @@ fn log(content: &[u8], water: bool) -> Option<Ping> {
     let range = checked(52, 4).map(|r: Option<f64>| r.filter(|r| *r > 0.0));
     let merit: [Option<f64>; 4] = checked(148, 16);
     let worst = merit.iter().flatten().copied().reduce(f64::max);
-    let track = Track {
+    let track = TrackedVelocity {
         beams: Some(beams),
         range,
         figure_of_merit: worst,

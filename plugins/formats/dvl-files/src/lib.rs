@@ -44,7 +44,7 @@ mod water_linked;
 pub use config::{AttitudeUse, DvlFile, Screen};
 pub use format::Format;
 pub use navfuse_frames::{Damage, Gap, Stamp, TimeConfig};
-pub use ping::{Attitude, Coordinates, Decoder, Ping, Track};
+pub use ping::{Attitude, Coordinates, Decoder, Ping, TrackedVelocity};
 
 use navfuse_core::plugin::{Plugin, Registry};
 

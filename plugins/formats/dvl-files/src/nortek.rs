@@ -5,7 +5,7 @@
 //! differ only in the names of the fields. `$PNORBT3` and `$PNORBT4` have a speed and a direction,
 //! which are no velocity along the instrument's axes.
 
-use crate::ping::{Coordinates, Decoder, Ping, Stamp, Track};
+use crate::ping::{Coordinates, Decoder, Ping, Stamp, TrackedVelocity};
 use crate::text::{fields, number, two_digits, value};
 use navfuse_core::units::calendar::{Calendar, SECOND, decimal_seconds, with_century};
 use navfuse_frames::{Damage, Frames, Sentences};
@@ -118,7 +118,8 @@ fn beam<'a>(fields: &mut impl Iterator<Item = &'a str>, offset: u64) -> Option<(
     let (date, time) = (fields.next()?, fields.next()?);
     let (_trigger, _output) = (number(fields)?, number(fields)?);
     let (velocity, merit, distance) = (number(fields)?, number(fields)?, number(fields)?);
-    let mut track = Track { coordinates: Coordinates::Beam, ..Track::default() };
+    let mut track =
+        TrackedVelocity { coordinates: Coordinates::Beam, ..TrackedVelocity::default() };
     track.recorded[index] = Some(velocity).filter(|v| *v > BAD);
     track.range[index] = Some(distance).filter(|d| *d > 0.0);
     track.beams = Some(track.recorded);
@@ -153,13 +154,13 @@ fn axes<'a>(fields: &mut impl Iterator<Item = &'a str>, water: bool) -> Option<P
     for distance in &mut range {
         *distance = Some(number(fields)?).filter(|d| *d > 0.0);
     }
-    let track = Track {
+    let track = TrackedVelocity {
         coordinates: Coordinates::Instrument,
         recorded: [x, y, z, None],
         axes: x.zip(y).zip(z).map(|((x, y), z)| [x, y, z]),
         range,
         figure_of_merit: Some(merit),
-        ..Track::default()
+        ..TrackedVelocity::default()
     };
     let mut ping = Ping { stamp: unix_time(seconds), ..Ping::default() };
     if water {

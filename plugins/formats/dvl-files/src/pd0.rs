@@ -1,7 +1,7 @@
 //! Teledyne PD0: ensembles of binary data types, each found by its offset in the header.
 
 use crate::bytes::{i16_at, sum, u8_at, u16_at};
-use crate::ping::{Attitude, Decoder, Ping, Stamp, Track};
+use crate::ping::{Attitude, Decoder, Ping, Stamp, TrackedVelocity};
 use crate::teledyne::{Convention, Janus, Mounting, coordinates, velocities};
 use navfuse_core::units::calendar::{Calendar, with_century};
 use navfuse_frames::{Damage, Fault, Frames, Framing, Judgement};
@@ -183,7 +183,7 @@ fn shares(data: &[u8], at: usize, full: f64) -> [Option<f64>; 4] {
     [0, 1, 2, 3].map(|k| u8_at(data, at + k).map(|b| f64::from(b) / full))
 }
 
-fn bottom_track(convention: &Convention, data: &[u8]) -> Option<Track> {
+fn bottom_track(convention: &Convention, data: &[u8]) -> Option<TrackedVelocity> {
     data.get(..44)?;
     let recorded = velocities(words(data, 24));
     let range = [0, 1, 2, 3].map(|k| {
@@ -194,14 +194,14 @@ fn bottom_track(convention: &Convention, data: &[u8]) -> Option<Track> {
     });
     let correlation = shares(data, 32, 255.0);
     let percent_good = shares(data, 40, 100.0);
-    Some(Track { range, correlation, percent_good, ..convention.track(recorded) })
+    Some(TrackedVelocity { range, correlation, percent_good, ..convention.track(recorded) })
 }
 
 /// The track of the water-mass layer. An instrument that does not ping it has no good pings there.
-fn water_track(convention: &Convention, data: &[u8]) -> Option<Track> {
+fn water_track(convention: &Convention, data: &[u8]) -> Option<TrackedVelocity> {
     data.get(66..70)?.iter().any(|percent| *percent > 0).then_some(())?;
     let recorded = velocities(words(data, 50));
     let correlation = shares(data, 58, 255.0);
     let percent_good = shares(data, 66, 100.0);
-    Some(Track { correlation, percent_good, ..convention.track(recorded) })
+    Some(TrackedVelocity { correlation, percent_good, ..convention.track(recorded) })
 }

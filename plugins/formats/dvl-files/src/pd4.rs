@@ -1,7 +1,7 @@
 //! Teledyne PD4 and PD5: one binary record of fixed size for each ensemble.
 
 use crate::bytes::{i16_at, sum, u8_at, u16_at};
-use crate::ping::{Attitude, Decoder, Ping, Stamp, Track};
+use crate::ping::{Attitude, Decoder, Ping, Stamp, TrackedVelocity};
 use crate::teledyne::{Convention, Mounting, coordinates, velocities};
 use navfuse_core::units::calendar::time_of_day;
 use navfuse_frames::{Damage, Fault, Frames, Framing, Judgement};
@@ -91,7 +91,7 @@ fn record(offset: u64, bytes: &[u8]) -> Ping {
     Ping {
         offset,
         stamp,
-        bottom: Some(Track { range, ..convention.track(velocities(words(5))) }),
+        bottom: Some(TrackedVelocity { range, ..convention.track(velocities(words(5))) }),
         water: Some(convention.track(velocities(words(22)))),
         depth: u16_at(bytes, 46).filter(|_| long).map(|d| f64::from(d) * 0.1),
         attitude,

@@ -4,7 +4,7 @@
 //! vehicle along the instrument's axes. The same velocities along other axes (`:WS`, `:BE`, ...)
 //! are not needed.
 
-use crate::ping::{Attitude, Coordinates, Decoder, Ping, Stamp, Track};
+use crate::ping::{Attitude, Coordinates, Decoder, Ping, Stamp, TrackedVelocity};
 use crate::teledyne::{Convention, Mounting};
 use crate::text::{fields, number, two_digits};
 use navfuse_core::units::calendar::{Calendar, with_century};
@@ -120,7 +120,7 @@ fn sentence(ping: &mut Ping, name: &[u8], content: &[u8]) -> Option<()> {
                 attitude: None,
                 sign: 1.0,
             };
-            let track: Track = convention.track(recorded);
+            let track: TrackedVelocity = convention.track(recorded);
             if name == b"BI" { ping.bottom = Some(track) } else { ping.water = Some(track) }
         }
         _ => {}

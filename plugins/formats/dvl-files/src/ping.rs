@@ -12,9 +12,9 @@ pub struct Ping {
     /// Time at which the instrument stamped the record.
     pub stamp: Stamp,
     /// Velocity relative to the bottom.
-    pub bottom: Option<Track>,
+    pub bottom: Option<TrackedVelocity>,
     /// Velocity relative to a layer of water.
-    pub water: Option<Track>,
+    pub water: Option<TrackedVelocity>,
     /// Depth of the transducer, m.
     pub depth: Option<f64>,
     /// Heading, pitch and roll, as the instrument reports them.
@@ -51,7 +51,7 @@ impl Coordinates {
 
 /// The velocity relative to the bottom or to a layer of water, with its quality.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Track {
+pub struct TrackedVelocity {
     /// Axes along which the file has the velocities.
     pub coordinates: Coordinates,
     /// The velocities as in the file, with its axes and its sign, m/s. The fourth is the error
@@ -78,7 +78,7 @@ pub struct Track {
     pub figure_of_merit: Option<f64>,
 }
 
-impl Track {
+impl TrackedVelocity {
     /// The mean of the ranges of the beams that have one.
     pub(crate) fn mean_range(&self) -> Option<f64> {
         let count = self.range.iter().flatten().count();

@@ -1,7 +1,7 @@
 //! The sensors that receive the pings, and the parts of a ping that they take.
 
 use crate::config::{AttitudeUse, DvlFile, Screen};
-use crate::ping::{Coordinates, Ping, Track};
+use crate::ping::{Coordinates, Ping, TrackedVelocity};
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::OpenContext;
@@ -38,7 +38,7 @@ impl Part {
         }
     }
 
-    fn track(self, ping: &Ping) -> Option<&Track> {
+    fn track(self, ping: &Ping) -> Option<&TrackedVelocity> {
         match self {
             Self::Bottom => ping.bottom.as_ref(),
             Self::Water => ping.water.as_ref(),
@@ -242,7 +242,7 @@ impl Target {
 }
 
 /// Tests whether the velocity as a whole is beyond a limit.
-fn beyond(track: &Track, screen: &Screen) -> bool {
+fn beyond(track: &TrackedVelocity, screen: &Screen) -> bool {
     let above = |value: Option<f64>, limit: Option<f64>| {
         value.zip(limit).is_some_and(|(value, limit)| value.abs() > limit)
     };
@@ -251,7 +251,7 @@ fn beyond(track: &Track, screen: &Screen) -> bool {
 }
 
 /// Tests whether a beam is beyond a limit.
-fn poor(track: &Track, screen: &Screen, beam: usize) -> bool {
+fn poor(track: &TrackedVelocity, screen: &Screen, beam: usize) -> bool {
     let below = |value: Option<f64>, limit: Option<f64>| {
         value.zip(limit).is_some_and(|(value, limit)| value < limit)
     };

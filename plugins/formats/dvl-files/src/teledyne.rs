@@ -5,7 +5,7 @@
 //! down (-Z), so that beam 3 points forward. PD0 gives the velocity of the bottom, the other
 //! formats that of the vehicle.
 
-use crate::ping::{Attitude, Coordinates, Track};
+use crate::ping::{Attitude, Coordinates, TrackedVelocity};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 /// The integer that marks a velocity as bad.
@@ -116,7 +116,7 @@ pub struct Convention {
 
 impl Convention {
     /// The track of four recorded velocities.
-    pub fn track(&self, recorded: [Option<f64>; 4]) -> Track {
+    pub fn track(&self, recorded: [Option<f64>; 4]) -> TrackedVelocity {
         let [x, y, z, e] = recorded;
         let whole = || Some([x?, y?, z?]);
         let level = self.attitude.unwrap_or_default();
@@ -141,14 +141,14 @@ impl Convention {
                 (turned, e, None)
             }
         };
-        Track {
+        TrackedVelocity {
             coordinates: self.coordinates,
             recorded,
             // forward, right, down
             axes: xyz.map(|[x, y, z]| [self.sign * y, self.sign * x, -self.sign * z]),
             beams,
             error_velocity: error,
-            ..Track::default()
+            ..TrackedVelocity::default()
         }
     }
 }

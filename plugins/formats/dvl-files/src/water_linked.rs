@@ -3,7 +3,7 @@
 //!
 //! The axes are forward, right and down, and the velocity is that of the vehicle.
 
-use crate::ping::{Coordinates, Decoder, Ping, Stamp, Track};
+use crate::ping::{Coordinates, Decoder, Ping, Stamp, TrackedVelocity};
 use crate::text::{fields, number, value};
 use navfuse_frames::{Check, Damage, Fault, Frames, Framing, Judgement, Sentences};
 use serde::Deserialize;
@@ -163,14 +163,14 @@ fn ping(
     merit: Option<f64>,
 ) -> Ping {
     let [x, y, z] = velocity.map(|v| v.filter(|_| valid));
-    let track = Track {
+    let track = TrackedVelocity {
         coordinates: Coordinates::Instrument,
         recorded: [x, y, z, None],
         axes: x.zip(y).zip(z).map(|((x, y), z)| [x, y, z]),
         // without the bottom it reports -1
         altitude: altitude.filter(|a| valid && *a > 0.0),
         figure_of_merit: merit,
-        ..Track::default()
+        ..TrackedVelocity::default()
     };
     Ping { offset, stamp, bottom: Some(track), ..Ping::default() }
 }

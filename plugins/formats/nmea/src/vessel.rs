@@ -29,9 +29,9 @@ pub enum Axes {
 
 /// Values with their times in ns, in order.
 #[derive(Debug)]
-struct Track<const N: usize>(VecDeque<(i64, [f64; N])>);
+struct Recent<const N: usize>(VecDeque<(i64, [f64; N])>);
 
-impl<const N: usize> Track<N> {
+impl<const N: usize> Recent<N> {
     fn add(&mut self, time: i64, value: [f64; N]) {
         if self.0.back().is_some_and(|(last, _)| time < *last) {
             // a clock that goes back begins again
@@ -74,13 +74,13 @@ impl<const N: usize> Track<N> {
 /// The recent positions and headings of a vessel.
 #[derive(Debug)]
 pub struct Vessel {
-    positions: Track<2>,
-    headings: Track<1>,
+    positions: Recent<2>,
+    headings: Recent<1>,
 }
 
 impl Default for Vessel {
     fn default() -> Self {
-        Self { positions: Track(VecDeque::new()), headings: Track(VecDeque::new()) }
+        Self { positions: Recent(VecDeque::new()), headings: Recent(VecDeque::new()) }
     }
 }
 
@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn a_track_is_interpolated_and_ends_after_its_last_value() {
-        let mut track = Track::<1>(VecDeque::new());
+        let mut track = Recent::<1>(VecDeque::new());
         assert_eq!(track.at(0), None);
         track.add(10 * SECOND, [3.1]);
         assert_eq!((track.at(10 * SECOND), track.at(11 * SECOND)), (Some([3.1]), None));

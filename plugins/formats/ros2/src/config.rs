@@ -43,7 +43,7 @@ pub enum Stamping {
 /// The velocities that are used of a log that tracks bottom and water.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Track {
+pub enum Tracked {
     /// Over the bottom.
     #[default]
     Bottom,
@@ -79,7 +79,7 @@ pub struct TopicConfig {
     /// Density of the water, for this depth. Default: 1025 kg/m^3.
     pub density: Option<Density>,
     /// Velocities that are used of a log that tracks bottom and water: `bottom` (default) or `water`.
-    pub track: Track,
+    pub track: Tracked,
 }
 
 /// A position.

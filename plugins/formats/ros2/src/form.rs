@@ -1,7 +1,7 @@
 //! The known message types: their fields, and the channels that they fill.
 
 use crate::axes::{Axes, attitude, swap};
-use crate::config::{TopicConfig, Track};
+use crate::config::{TopicConfig, Tracked};
 use crate::definition::Definitions;
 use crate::error::DefinitionError;
 use crate::program::{Program, has_field};
@@ -234,7 +234,7 @@ pub struct Converter {
     atmosphere: f64,
     /// Pascals of one metre of water.
     gradient: f64,
-    track: Track,
+    track: Tracked,
 }
 
 impl Converter {
@@ -375,7 +375,7 @@ impl Converter {
         let (valid, altitude) = match self.form {
             Form::MarineDvl => {
                 let water = slots[3] == 2.0;
-                if water != (self.track == Track::Water) {
+                if water != (self.track == Tracked::Water) {
                     return Err(Unused::OtherTrack);
                 }
                 // three beams give a velocity; a driver without the count leaves it zero

@@ -7,7 +7,7 @@ mod keys;
 pub mod page;
 pub mod plots;
 
-use crate::history::{BlockHistory, History, displacement};
+use crate::history::{BlockHistory, RunHistory, displacement};
 pub use keys::KeyDifference;
 use keys::differences;
 use navfuse_core::document::{Document, DocumentError};
@@ -29,7 +29,7 @@ pub struct Run {
     /// Origin: the file, and the values that were changed.
     pub origin: String,
     /// History of the run.
-    pub history: History,
+    pub history: RunHistory,
 }
 
 /// Numbers of a comparison. The first run is the one from which the others differ.
@@ -190,7 +190,7 @@ fn sensors(runs: &[Run]) -> Vec<SensorResult> {
     union(measuring).into_iter().map(result).collect()
 }
 
-fn counts(history: &History, name: &str) -> Option<SensorCounts> {
+fn counts(history: &RunHistory, name: &str) -> Option<SensorCounts> {
     let updates = &history.sensor(name)?.updates;
     let judged = history.verdict.as_ref().and_then(|v| v.sensor(name));
     Some(SensorCounts {

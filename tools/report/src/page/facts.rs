@@ -1,13 +1,13 @@
 //! Top of the page: facts of the run, and the results to inspect first.
 
-use crate::history::History;
+use crate::history::RunHistory;
 use maud::{Markup, html};
 use navfuse_core::model::chi_square::beyond;
 use navfuse_core::model::record::Level;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 
 /// Creates the list of facts of the run.
-pub(super) fn facts(history: &History) -> Markup {
+pub(super) fn facts(history: &RunHistory) -> Markup {
     html! {
         dl.facts {
             @if let Some([from, to]) = history.span() {
@@ -25,7 +25,7 @@ pub(super) fn facts(history: &History) -> Markup {
 }
 
 /// Creates the list of results to inspect first.
-pub(super) fn verdicts(history: &History) -> Markup {
+pub(super) fn verdicts(history: &RunHistory) -> Markup {
     let worst = worst(history);
     let level = history.level();
     html! {
@@ -127,12 +127,12 @@ pub(super) fn seconds(s: f64) -> String {
 }
 
 /// Returns the number of uncertain components.
-fn number_of_states(history: &History) -> usize {
+fn number_of_states(history: &RunHistory) -> usize {
     history.blocks.iter().filter(|b| b.uncertain()).map(|b| b.components.len()).sum()
 }
 
 /// Returns the component with the largest ratio of error to sigma at the end, and that ratio.
-fn worst(history: &History) -> Option<(String, f64)> {
+fn worst(history: &RunHistory) -> Option<(String, f64)> {
     let blocks = history.blocks.iter().filter(|b| b.uncertain() && b.compared_to_the_end());
     let all = blocks.flat_map(|b| {
         let row = b.compared.as_ref();

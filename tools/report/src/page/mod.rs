@@ -4,7 +4,7 @@
 mod facts;
 pub(crate) mod tables;
 
-use crate::history::{BlockHistory, History};
+use crate::history::{BlockHistory, RunHistory};
 use crate::plots;
 use facts::{facts, seconds, verdicts};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -79,7 +79,7 @@ fn labelled(figure: &Figure, compared_with: &str) -> Figure {
 /// # Errors
 /// Returns an error if the drawing library fails.
 pub fn report(
-    history: &History,
+    history: &RunHistory,
     observed: Option<&ObservabilityReport>,
 ) -> Result<String, FigureError> {
     let (constant, moving): (Vec<&BlockHistory>, Vec<&BlockHistory>) =

@@ -1,14 +1,14 @@
 //! Tables and lists of the page.
 
 use super::facts::seconds;
-use crate::history::{BlockHistory, History, Row};
+use crate::history::{BlockHistory, Row, RunHistory};
 use crate::sensors::SensorHistory;
 use maud::{Markup, html};
 use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::record::{Derived, Level, Outcomes};
 use navfuse_core::model::sensor::Purpose;
-use navfuse_observability::{ObservabilityReport, Verdict};
+use navfuse_observability::{Determination, ObservabilityReport};
 
 /// Formats a number with the digits that are significant for its sigma, and one more.
 pub(crate) fn number(value: f64, sigma: f64) -> String {
@@ -149,7 +149,7 @@ fn part(ratio: f64) -> String {
 }
 
 /// Creates the table of the sensors and the outcomes of their samples.
-pub(super) fn sensors(history: &History) -> Markup {
+pub(super) fn sensors(history: &RunHistory) -> Markup {
     let word = |s: &SensorHistory| match s.purpose {
         Some(Purpose::Input) => "drives the process",
         Some(Purpose::Measurement) => "corrects the state",
@@ -219,7 +219,7 @@ pub(super) fn verdicts(observed: &ObservabilityReport) -> Markup {
                     tr.first {
                         th { (state.title) }
                         td.name {
-                            span class=[(state.verdict != Verdict::Determined).then_some("bad")] {
+                            span class=[(state.verdict != Determination::Determined).then_some("bad")] {
                                 (state.verdict.text())
                             }
                         }
@@ -251,7 +251,7 @@ fn values(block: &BlockHistory) -> String {
 }
 
 /// Lists the values of the blocks that are held fixed, which have no plots.
-pub(super) fn fixed(history: &History) -> Markup {
+pub(super) fn fixed(history: &RunHistory) -> Markup {
     let mut fixed = history.blocks.iter().filter(|b| !b.uncertain()).peekable();
     html! {
         @if fixed.peek().is_some() {
@@ -279,7 +279,7 @@ pub(super) fn shown(sensor: &SensorHistory) -> Markup {
 }
 
 /// Creates the section of a smoothed run: where it is weak, and what contradicts it.
-pub(super) fn smoothing(history: &History, anchor: &str) -> Markup {
+pub(super) fn smoothing(history: &RunHistory, anchor: &str) -> Markup {
     html! {
         @if history.smoothed().next().is_some() {
             section id=(anchor) {
@@ -338,7 +338,7 @@ pub(super) fn findings(findings: &[Finding]) -> Markup {
 }
 
 /// Creates the table of the events.
-pub(super) fn events(history: &History) -> Markup {
+pub(super) fn events(history: &RunHistory) -> Markup {
     let word = |level| match level {
         Level::Info => "",
         Level::Warning => "warning",

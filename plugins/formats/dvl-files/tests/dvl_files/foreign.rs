@@ -6,7 +6,7 @@
 
 use crate::generate::{Ensemble, ad2cp};
 use crate::read;
-use navfuse_dvl_files::{Coordinates, Format, Ping, Stamp, Track};
+use navfuse_dvl_files::{Coordinates, Format, Ping, Stamp, TrackedVelocity};
 use navfuse_testing::absent::data;
 use navfuse_testing::python::Packages;
 use std::path::{Path, PathBuf};
@@ -241,7 +241,7 @@ fn ad2cp_samples_equal_dolfyn_as_recorded_and_with_a_bottom() {
             for (ours, theirs) in [a.heading, a.pitch, a.roll].into_iter().zip(row.attitude) {
                 same(Some(ours.to_degrees()), theirs, |_| false, "attitude", k);
             }
-            let track: Track = ping.bottom.unwrap();
+            let track: TrackedVelocity = ping.bottom.unwrap();
             assert_eq!(track.coordinates, Coordinates::Beam);
             for i in 0..4 {
                 let lost = row.merit[i] == 65_535.0 || row.range[i] <= 0.0;

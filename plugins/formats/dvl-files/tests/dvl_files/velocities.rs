@@ -6,7 +6,7 @@ use crate::generate::{
 };
 use crate::read;
 use navfuse_core::nalgebra::{Matrix4x3, Rotation3, Vector3};
-use navfuse_dvl_files::{Coordinates, Format, Ping, Stamp, Track};
+use navfuse_dvl_files::{Coordinates, Format, Ping, Stamp, TrackedVelocity};
 
 /// Velocity of the vehicle in the tests, m/s.
 const V: [f64; 3] = [1.234, -0.321, 0.087];
@@ -26,7 +26,7 @@ fn mm(v: f64) -> i16 {
 /// Compares with the velocity in the tests. Each of three or four recorded numbers is rounded by
 /// at most half of `resolution`; a rotation or the sum of two beams of 30 deg enlarges it by at
 /// most 2.
-fn is_v(track: Option<Track>, resolution: f64) {
+fn is_v(track: Option<TrackedVelocity>, resolution: f64) {
     let axes = track.unwrap().axes.unwrap();
     for (found, expected) in axes.iter().zip(V) {
         assert!((found - expected).abs() <= resolution, "{axes:?}");

@@ -1,10 +1,10 @@
 //! The scenarios of the laser are consistent.
 
-use navfuse_campaign::{Options, Verdict, report};
+use navfuse_campaign::{Options, PointVerdict, report};
 use navfuse_core::document::Document;
 
 /// 20 runs, all initial errors and truths drawn.
-fn verdict(file: &str, settings: &[&str]) -> Verdict {
+fn verdict(file: &str, settings: &[&str]) -> PointVerdict {
     let registry = crate::common::registry();
     let path = format!("{}/../../../scenarios/{file}", env!("CARGO_MANIFEST_DIR"));
     let mut document = Document::from_file(path).unwrap_or_else(|e| panic!("{e}"));
