@@ -7,7 +7,7 @@ use crate::sink::Run;
 use crate::state::{BlockSeries, Plots, end_of_run};
 use crate::style::{label, title};
 use crate::tab::Tab;
-use crate::track::Extent;
+use crate::track::{Extent, Motion};
 use re_sdk::RecordingStreamResult;
 use re_sdk::blueprint::{
     ContainerLike, Grid, Horizontal, MapView, Spatial2DView, Spatial3DView, Tabs, TextDocumentView,
@@ -104,11 +104,14 @@ impl Layout {
             }
             view
         });
-        let top = match track {
-            Some(track) => {
-                Horizontal::new([track, page]).with_column_shares(vec![1.0, 1.25]).into()
+        let top = match (track, run.track.as_ref()) {
+            (Some(track), Some(motion)) => {
+                let follow = self.follow("Follows the vehicle", motion);
+                Horizontal::new([track, follow, page])
+                    .with_column_shares(vec![1.0, 1.0, 1.6])
+                    .into()
             }
-            None => page,
+            _ => page,
         };
         let lanes = (LANE[0] * run.lanes.len() as f64 + LANE[1]).clamp(LANES[0], LANES[1]);
         let mut below = vec![self.lanes("Health of the sensors", &["+ /health/**".to_owned()])];
@@ -141,16 +144,22 @@ impl Layout {
     fn track(&mut self, run: &Run) -> Option<ContainerLike> {
         let track = run.track.as_ref()?;
         let [whole, map] = self.overviews(&track.extent);
-        let follow = self.space("3-D, follows the vehicle", &track.extent);
-        if let Some((middle, side)) = track.extent.middle().filter(|_| self.ranges) {
-            let vehicle = components::EntityPath::from("/world/vehicle");
-            let last = track.poses.iter().last().map_or(middle, |p| p.place.ned);
-            let eye = eye(last, 0.25 * side).with_tracking_entity(vehicle);
-            self.set(&follow, "EyeControls3D", eye);
-        }
+        let follow = self.follow("3-D, follows the vehicle", track);
         let right = Vertical::new([follow, map]).into();
         let both = Horizontal::new([whole, right]).with_column_shares(vec![1.3, 1.0]);
         Some(both.with_name("Track").into())
+    }
+
+    /// The view in three dimensions whose eye follows the vehicle.
+    fn follow(&mut self, name: &str, track: &Motion) -> ContainerLike {
+        let view = self.space(name, &track.extent);
+        // a tracked eye has a place of its own: with another position it would not follow
+        let tracked = if track.mounts.is_empty() { "hull" } else { "sensors" };
+        let eye = EyeControls3D::new()
+            .with_tracking_entity(components::EntityPath::from(format!("/world/vehicle/{tracked}")))
+            .with_eye_up([0.0, 0.0, -1.0]);
+        self.set(&view, "EyeControls3D", eye);
+        view
     }
 
     /// The views of all tracks in that box: in three dimensions and on the map.

@@ -58,11 +58,11 @@ impl Layout {
     /// # Errors
     /// When the viewer's library cannot encode the layout.
     pub fn messages(self, root: ContainerLike) -> RecordingStreamResult<Vec<LogMsg>> {
-        let play = if self.ranges { PlayState::Paused } else { PlayState::Following };
         let time = TimePanel::new()
             .with_timeline(TIMELINE)
             .with_state(PanelState::Collapsed)
-            .with_play_state(play);
+            // the cursor stands at the end, of a finished run too
+            .with_play_state(PlayState::Following);
         let blueprint = Blueprint::new(root)
             .with_auto_views(false)
             .with_auto_layout(false)

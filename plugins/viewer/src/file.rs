@@ -30,12 +30,7 @@ impl RecordingFile {
         let file = WholeFile::create(path)?;
         let options = EncodingOptions::PROTOBUF_COMPRESSED;
         let state = match Encoder::new_eager(re_sdk::build_info().version, options, file) {
-            Ok(mut encoder) => {
-                // An index of the messages at the end: a fifth of the file and of its processor
-                // time. The viewer reads the messages in order, and needs none.
-                encoder.do_not_emit_footer();
-                State::Open(Box::new(encoder))
-            }
+            Ok(encoder) => State::Open(Box::new(encoder)),
             // the disk is full from the start: the run goes on, without its recording
             Err(error) => State::Failed(error.to_string()),
         };

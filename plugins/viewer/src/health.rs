@@ -31,6 +31,8 @@ pub enum Health {
     Used,
     /// The samples correct the state, but their innovations are too large for their sigma.
     Noisy,
+    /// The samples correct the state, although the filter or a monitor found a fault of the sensor.
+    Doubted,
     /// Most samples are outside the gate.
     Gated,
     /// Most samples are rejected before the gate.
@@ -41,13 +43,15 @@ pub enum Health {
 
 impl Health {
     /// All values.
-    pub const ALL: [Self; 5] = [Self::Used, Self::Noisy, Self::Gated, Self::Rejected, Self::Silent];
+    pub const ALL: [Self; 6] =
+        [Self::Used, Self::Noisy, Self::Doubted, Self::Gated, Self::Rejected, Self::Silent];
 
     /// Word in the lane.
     pub fn word(self) -> &'static str {
         match self {
             Self::Used => "used",
             Self::Noisy => "NIS too large",
+            Self::Doubted => "doubted",
             Self::Gated => "gated",
             Self::Rejected => "rejected",
             Self::Silent => "silent",
@@ -59,6 +63,7 @@ impl Health {
         match self {
             Self::Used => [0, 158, 115],
             Self::Noisy => [230, 159, 0],
+            Self::Doubted => [240, 228, 66],
             Self::Gated => [204, 121, 167],
             Self::Rejected => [213, 94, 0],
             Self::Silent => [96, 100, 108],
@@ -92,6 +97,8 @@ pub struct Lane {
     /// Finished stretches.
     pub stretches: Vec<Stretch>,
     current: Option<(Health, Time)>,
+    /// Set by the first finding about the sensor.
+    doubted: bool,
     latest: VecDeque<(Time, Health)>,
     nis: VecDeque<[f64; 3]>,
     moments: (usize, f64, [f64; 2]),
@@ -110,12 +117,18 @@ impl Lane {
             in_turns: [0; 2],
             stretches: Vec::new(),
             current: None,
+            doubted: false,
             latest: VecDeque::with_capacity(MAJORITY),
             nis: VecDeque::with_capacity(NIS_WINDOW),
             moments: (0, f64::NAN, [0.0; 2]),
             rhythm: Rhythm::default(),
             last: None,
         })
+    }
+
+    /// Set where a finding or a reason is about the sensor or one of its states: `dvl.scale`.
+    pub fn is_meant_by(&self, about: &str) -> bool {
+        about.split(['.', ' ']).next() == Some(&self.name)
     }
 
     /// Writes the colours of the lane.
@@ -153,6 +166,17 @@ impl Lane {
         }
         self.outcomes.accepted += 1;
         self.judge(recording, time, Health::Used)
+    }
+
+    /// Takes a finding about the sensor: from its time on the sensor is doubted where it is used.
+    pub fn doubt(&mut self, recording: &Recording, time: Time) -> Result<(), StreamError> {
+        self.doubted = true;
+        match self.current {
+            Some((Health::Used | Health::Noisy, from)) => {
+                self.change(recording, Health::Doubted, time.max(from))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Takes back a sample of a driving sensor, which the filter rejected.
@@ -239,6 +263,10 @@ impl Lane {
         time: Time,
         health: Health,
     ) -> Result<(), StreamError> {
+        let health = match health {
+            Health::Used | Health::Noisy if self.doubted => Health::Doubted,
+            other => other,
+        };
         if self.latest.len() == MAJORITY {
             self.latest.pop_front();
         }

@@ -4,7 +4,7 @@ use navfuse_core::units::rhythm::Rhythm;
 use navfuse_core::units::time::Time;
 
 /// Largest number of rows of a thinned series: about the width of a plot in pixels.
-const CAPACITY: usize = 1280;
+const CAPACITY: usize = 1024;
 
 /// Finds the gaps in a sequence of times.
 #[derive(Clone, Copy, Debug, Default)]

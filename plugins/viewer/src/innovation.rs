@@ -21,6 +21,8 @@ use std::sync::Arc;
 const OUTSIDE: f64 = 0.05;
 /// Bound over the usual one from which on an innovation is that of a wide prior.
 const WIDE: f64 = 3.0;
+/// Place of a mark for an innovation beyond the plot, relative to the edge.
+const EDGE: f64 = 0.97;
 /// Level of a rejected sample without a gate, decimal logarithm of the NIS.
 const REJECTED_LEVEL: f64 = 1.5;
 
@@ -271,14 +273,21 @@ impl Innovations {
                 size = size.max(value.abs());
             }
         }
-        for (time, [value]) in &gated {
-            marks.push(recording, Time::from_nanos(*time), &[value / scale.size])?;
-        }
-        // an outlier far away would flatten the plot: the NIS shows its size
+        // an outlier far away would flatten the plot: a mark at the edge stands for it
         let far = gated.iter().map(|r| (r.1[0] / scale.size).abs()).fold(0.0, f64::max);
         let size = if size > 0.0 { size.max(far.min(3.0 * size)) } else { far };
+        let name_beyond = format!("gated, beyond: up to {far:.3e} {}", scale.unit);
+        let mut beyond =
+            Series::marked(entity("beyond"), &name_beyond, GATED, 4.5, MarkerShape::Up);
+        for (time, [value]) in &gated {
+            let (time, value) = (Time::from_nanos(*time), value / scale.size);
+            match value.abs() > size {
+                true => beyond.push(recording, time, &[EDGE * size * value.signum()])?,
+                false => marks.push(recording, time, &[value])?,
+            }
+        }
         self.plot = Some(Plot { name, range: [-size, size] });
-        [line, bounds, marks].iter_mut().try_for_each(|series| series.flush(recording))
+        [line, bounds, marks, beyond].iter_mut().try_for_each(|series| series.flush(recording))
     }
 
     /// The unit that fits the last sigma.

@@ -7,7 +7,7 @@
 //! | entity | content |
 //! |---|---|
 //! | `/overview` | the verdict and its reasons, the sensors, the states that converged, the errors |
-//! | `/health/SENSOR` | used, gated, rejected or silent |
+//! | `/health/SENSOR` | used, doubted, gated, rejected or silent |
 //! | `/plan/estimate`, `/plan/truth` | the tracks from above, with a grid; coloured by sigma |
 //! | `/world/estimate`, `/world/truth` | the tracks, north-east-down metres from the start |
 //! | `/world/vehicle` | position and attitude over time, with its sensors; `velocity`, `uncertainty` beside it |

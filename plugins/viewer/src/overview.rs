@@ -3,12 +3,13 @@
 use crate::axis;
 use crate::health::{Health, Lane, Stretch};
 use crate::innovation::SensorSeries;
+use crate::sink::Run;
 use crate::state::BlockSeries;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
 
-/// Sigma at the end relative to the first one, above which a state has not converged.
+/// Sigma at the end relative to the prior, above which a state has not converged.
 const CONVERGED: f64 = 0.5;
 /// Number of states in the lists.
 const STATES: usize = 4;
@@ -47,21 +48,16 @@ pub fn worst(blocks: &[BlockSeries]) -> Option<(usize, usize)> {
 }
 
 /// The page of the overview.
-pub fn page(
-    name: &str,
-    blocks: &[BlockSeries],
-    lanes: &[Lane],
-    sensors: &[SensorSeries],
-    verdict: Option<&Verdict>,
-) -> String {
+pub fn page(run: &Run, verdict: Option<&Verdict>) -> String {
     let mut page = String::new();
+    let name = if run.smoothed { format!("{}, smoothed", run.name) } else { run.name.clone() };
     match verdict {
-        Some(verdict) => write_verdict(&mut page, name, verdict),
+        Some(verdict) => write_verdict(&mut page, &name, verdict),
         None => page += &format!("# {name}\n\nThe run has no verdict yet.\n"),
     }
-    write_sensors(&mut page, lanes, sensors, verdict);
-    write_convergence(&mut page, blocks);
-    write_errors(&mut page, blocks);
+    write_sensors(&mut page, &run.lanes, &run.sensors, verdict);
+    write_convergence(&mut page, &run.blocks);
+    write_errors(&mut page, &run.blocks);
     page
 }
 
@@ -87,7 +83,12 @@ fn write_sensors(
     verdict: Option<&Verdict>,
 ) {
     page.push_str("\n## Which sensor was bad, and when\n\n");
-    let bad: Vec<String> = lanes.iter().filter_map(bad).collect();
+    let accused = |lane: &Lane| {
+        let named = verdict?.reasons.iter().any(|reason| lane.is_meant_by(&reason.about));
+        named.then(|| format!("**{}**, over the run: see the verdict", lane.name))
+    };
+    let bad: Vec<String> =
+        lanes.iter().filter_map(|lane| bad(lane).or_else(|| accused(lane))).collect();
     match bad.is_empty() {
         true => page.push_str("**None** for longer than a second.\n\n"),
         false => {
@@ -192,11 +193,11 @@ fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
     };
     let _ = writeln!(
         page,
-        "**{answer}**: {} of {total} states ended with at most half of their first sigma.",
+        "**{answer}**: {} of {total} states ended with at most half of their prior sigma.",
         total - shares.len()
     );
     if !shares.is_empty() {
-        page.push_str("Not so, with the last sigma over the first one:");
+        page.push_str("Not so, with the last sigma over the prior:");
         for (k, (name, share)) in shares.iter().take(STATES).enumerate() {
             let _ = write!(page, "{} **{name}** ({share:.2})", if k == 0 { "" } else { "," });
         }

@@ -15,6 +15,7 @@ use crate::style::path;
 use crate::tab::Tab;
 use crate::tally::{Excursion, Excursions};
 use crate::track::Motion;
+use navfuse_core::model::record::finding::Finding;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 use navfuse_core::model::record::{
     Epoch, Event, InputRejection, Level, Record, UpdateRecord, Wants,
@@ -272,7 +273,7 @@ impl Run {
         recording: &Recording,
         verdict: Option<&Verdict>,
     ) -> Result<(), StreamError> {
-        let page = overview::page(&self.name, &self.blocks, &self.lanes, &self.sensors, verdict);
+        let page = overview::page(self, verdict);
         recording.log_static(&path(&["overview"]), &TextDocument::from_markdown(page))
     }
 }
@@ -312,7 +313,7 @@ impl Sink for RerunSink {
             Record::Update(update) => self.update(update),
             Record::InputRejection(rejection) => self.input_rejection(rejection),
             Record::Event(event) => self.event(event),
-            Record::Finding(finding) => self.event(&finding.event()),
+            Record::Finding(finding) => self.finding(finding),
             Record::Verdict(verdict) => self.verdict(verdict),
             _ => Ok(()),
         }
@@ -401,6 +402,15 @@ impl RerunSink {
             Some(lane) => run.lanes[lane].reject(&self.recording, rejection),
             None => Ok(()),
         }
+    }
+
+    fn finding(&mut self, finding: &Finding) -> Result<(), StreamError> {
+        if let Some(run) = &mut self.run {
+            let mut lanes = run.lanes.iter_mut();
+            let lane = lanes.find(|lane| lane.is_meant_by(&finding.about));
+            lane.map_or(Ok(()), |lane| lane.doubt(&self.recording, finding.time))?;
+        }
+        self.event(&finding.event())
     }
 
     fn event(&mut self, event: &Event) -> Result<(), StreamError> {

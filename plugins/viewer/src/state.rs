@@ -152,6 +152,7 @@ impl BlockSeries {
         self.show(block, &epoch.state.values, &mut shown);
         block.show_sigma(&epoch.state.values, epoch.covariance, &mut sigma);
         for (k, c) in self.components.iter_mut().enumerate() {
+            c.tally.begin(sigma[k]);
             c.filtered.push(epoch.state.time.nanos(), [shown[k], sigma[k]]);
         }
     }

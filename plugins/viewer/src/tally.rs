@@ -79,8 +79,8 @@ impl Excursions {
 /// First and last values of a component, and its largest error.
 #[derive(Clone, Debug, Default)]
 pub struct Tally {
-    /// First 1-sigma.
-    pub first_sigma: f64,
+    /// First 1-sigma of the filter: in a smoothed run the one before all samples.
+    pub prior: Option<f64>,
     /// Last estimate.
     pub estimate: f64,
     /// Last 1-sigma.
@@ -95,17 +95,18 @@ pub struct Tally {
     pub worst: Option<(f64, Time)>,
     /// First excursion that noise does not explain.
     pub left: Option<Excursion>,
-    count: u64,
     excursion: Option<Excursion>,
 }
 
 impl Tally {
+    /// Keeps the first 1-sigma of the filter.
+    pub fn begin(&mut self, sigma: f64) {
+        self.prior.get_or_insert(sigma);
+    }
+
     /// Adds an epoch; returns an excursion that ended.
     pub fn add(&mut self, time: Time, estimate: f64, sigma: f64, error: f64) -> Option<Excursion> {
-        if self.count == 0 {
-            self.first_sigma = sigma;
-        }
-        self.count += 1;
+        self.begin(sigma);
         (self.estimate, self.sigma) = (estimate, sigma);
         if !error.is_finite() || sigma <= 0.0 {
             return None;
@@ -134,9 +135,9 @@ impl Tally {
         Some(ended)
     }
 
-    /// The last sigma relative to the first one.
+    /// The last sigma relative to the prior.
     pub fn converged(&self) -> Option<f64> {
-        (self.first_sigma > 0.0).then(|| self.sigma / self.first_sigma)
+        self.prior.filter(|prior| *prior > 0.0).map(|prior| self.sigma / prior)
     }
 }
 
@@ -168,6 +169,15 @@ mod tests {
         assert_eq!((tally.compared, tally.outside), (35, 17));
         assert_eq!(tally.worst.map(|w| w.1.seconds()), Some(7.0));
         assert_eq!(tally.left.map(|e| e.from.seconds()), Some(7.0));
+    }
+
+    #[test]
+    fn a_smoothed_state_converges_against_the_prior_of_the_filter() {
+        let mut tally = Tally::default();
+        tally.begin(4.0);
+        tally.begin(2.0);
+        (0..3).for_each(|_| _ = tally.add(Time::default(), 0.0, 1.0, f64::NAN));
+        assert_eq!(tally.converged(), Some(0.25));
     }
 
     #[test]

@@ -11,8 +11,10 @@ use navfuse_viewer::Viewer as Config;
 use re_chunk_store::{ChunkStore, ChunkStoreConfig};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 const RED: [u8; 3] = [235, 64, 82];
+const BEAM: [u8; 3] = [240, 228, 66];
 const GREEN: [u8; 3] = [38, 166, 91];
 const BLUE: [u8; 3] = [56, 132, 255];
 const TRUTH: [u8; 3] = [245, 166, 35];
@@ -33,6 +35,7 @@ const PAGES: &[(&[&str], Views)] = &[
         &["Overview"],
         &[
             ("Track from above, coloured by its sigma", &[TRUTH, START, STOP]),
+            ("Follows the vehicle", &[BEAM]),
             ("Verdict and reasons", &[]),
             ("Health of the sensors", &[USED]),
         ],
@@ -41,7 +44,7 @@ const PAGES: &[(&[&str], Views)] = &[
         &["Track"],
         &[
             ("3-D track", &[TRUTH, START, VELOCITY]),
-            ("3-D, follows the vehicle", &[RED]),
+            ("3-D, follows the vehicle", &[BEAM]),
             ("Map with tiles", &[TRUTH, RED]),
         ],
     ),
@@ -93,14 +96,19 @@ fn least(view: &str, colour: [u8; 3]) -> usize {
     if mark && colour != TRUTH { 20 } else { 100 }
 }
 
+/// Records a synthetic run into a folder.
+fn recorded(folder: &Path) -> PathBuf {
+    let mut sink = Config::default().record(folder).unwrap();
+    Synthetic::new(6000).feed(sink.as_mut()).unwrap();
+    sink.finish().unwrap();
+    folder.join("run.rrd")
+}
+
 #[test]
 fn every_series_of_a_run_is_drawn_in_its_colour() {
     let Some(program) = driver::program() else { return };
     let folder = driver::target("rerun-pictures");
-    let mut sink = Config::default().record(&folder).unwrap();
-    Synthetic::new(6000).feed(sink.as_mut()).unwrap();
-    sink.finish().unwrap();
-    let recording = folder.join("run.rrd");
+    let recording = recorded(&folder);
     let layout = Layout::read(&recording);
     let end = Synthetic::time(5999).nanos();
     let mut viewer = Viewer::start(&program, Some(&recording.display().to_string()), &folder);
@@ -124,6 +132,42 @@ fn every_series_of_a_run_is_drawn_in_its_colour() {
         }
     }
     assert!(missing.is_empty(), "{missing:#?}\nsee {}", folder.display());
+}
+
+/// The beams begin at the vehicle. Their pixels are in the middle third of the view, wherever the
+/// vehicle is.
+#[test]
+fn the_eye_of_the_overview_follows_the_vehicle() {
+    let Some(program) = driver::program() else { return };
+    let folder = driver::target("rerun-pictures/follow");
+    let recording = recorded(&folder);
+    let layout = Layout::read(&recording);
+    let mut viewer = Viewer::start(&program, Some(&recording.display().to_string()), &folder);
+    viewer.wait(Synthetic::time(5999).nanos());
+    let view = &layout.views["Follows the vehicle"];
+    for k in [1500, 4500] {
+        viewer.seek(Synthetic::time(k).nanos());
+        viewer.settled(&format!("at {k}"));
+        let picture = viewer.screenshot(Some(view), &format!("vehicle at {k}"));
+        let (w, h) = (picture.width() / 3, picture.height() / 3);
+        let middle = image::imageops::crop_imm(&picture, w, h, w, h).to_image();
+        assert!(count(&middle, BEAM) >= 20, "{k}: see {}", folder.display());
+    }
+}
+
+#[test]
+fn a_recording_verifies_and_opens_at_its_end() {
+    let Some(program) = driver::program() else { return };
+    let folder = driver::target("rerun-pictures/end");
+    let recording = recorded(&folder);
+    let verified = Command::new(&program).args(["rrd", "verify"]).arg(&recording).output().unwrap();
+    let text = String::from_utf8_lossy(&verified.stderr);
+    assert!(verified.status.success(), "{text}");
+    let end = Synthetic::time(5999).nanos();
+    let mut viewer = Viewer::start(&program, Some(&recording.display().to_string()), &folder);
+    viewer.wait(end);
+    viewer.settled("as it opens");
+    assert_eq!(viewer.cursor(), Some(end));
 }
 
 /// The scalars of a recording: entities with the times, ns, of their finite values.
@@ -163,12 +207,9 @@ fn labelled_ticks([low, high]: [f64; 2], height: f64) -> usize {
 #[test]
 fn every_plot_has_three_labelled_ticks_and_data_and_a_title_that_fits() {
     let folder = driver::target("rerun-pictures/layout");
-    let mut sink = Config::default().record(&folder).unwrap();
-    Synthetic::new(6000).feed(sink.as_mut()).unwrap();
-    sink.finish().unwrap();
     let recording = match std::env::var_os("NAVFUSE_RECORDING") {
         Some(path) => Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path),
-        None => folder.join("run.rrd"),
+        None => recorded(&folder),
     };
     let (layout, data) = (Layout::read(&recording), scalars(&recording));
     let views = driver::geometry::views(&layout);

@@ -12,7 +12,7 @@ use re_chunk_store::{ChunkStore, ChunkStoreConfig};
 use re_protos::common::v1alpha1::{Timeline, TimelineTime};
 use re_protos::sdk_comms::v1alpha1::viewer_control_service_client::ViewerControlServiceClient;
 use re_protos::sdk_comms::v1alpha1::{
-    GetViewerStateRequest, SaveScreenshotRequest, SetTimeCursorRequest,
+    GetViewerStateRequest, SaveScreenshotRequest, SetTimeCursorRequest, ViewerRecording,
 };
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -158,13 +158,20 @@ impl Viewer {
     }
 
     fn end(&mut self) -> Option<i64> {
-        let state = self
-            .runtime
-            .block_on(self.client.get_viewer_state(GetViewerStateRequest {}))
-            .ok()?
-            .into_inner();
-        let timelines = state.recordings.iter().flat_map(|r| &r.timelines);
+        let recordings = self.recordings();
+        let timelines = recordings.iter().flat_map(|r| &r.timelines);
         timelines.filter_map(|t| t.time_range.as_ref()).map(|r| r.end).max()
+    }
+
+    /// The time at which the cursor stands, ns.
+    pub fn cursor(&mut self) -> Option<i64> {
+        self.recordings().iter().find_map(|r| Some(r.current_time.as_ref()?.time?.time))
+    }
+
+    fn recordings(&mut self) -> Vec<ViewerRecording> {
+        let state = self.client.get_viewer_state(GetViewerStateRequest {});
+        let state = self.runtime.block_on(state);
+        state.map_or_else(|_| Vec::new(), |state| state.into_inner().recordings)
     }
 
     /// Moves the time cursor and pauses.
