@@ -2,6 +2,7 @@
 
 use super::terminal::{Detail, Tone};
 use super::{Table, line, marked_line, marked_table, right, table, warn};
+use navfuse_core::model::record::answers::Answers;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 use navfuse_core::model::record::{Event, Level, Record, Wants};
 use navfuse_core::model::stream::{Sink, StreamError};
@@ -123,13 +124,25 @@ fn consistency(verdict: &Verdict, sensor: &str) -> [String; 3] {
 /// Prints the reasons of a verdict with their remedies, and the verdict in the last line.
 pub fn verdict(verdict: &Verdict) {
     for reason in &verdict.reasons {
-        let level = VerdictLevel::from(reason.severity);
+        let (words, level) = (reason.severity.words(), VerdictLevel::from(reason.severity));
         let remedy =
             if reason.remedy.is_empty() { String::new() } else { format!("; {}", reason.remedy) };
-        let text = format!("{}: {reason}{remedy}", level.words());
-        marked_line(text, &[(level.words(), tone(level))]);
+        marked_line(format!("{words}: {reason}{remedy}"), &[(words, tone(level))]);
+    }
+    if !verdict.reasons.is_empty() {
+        answers(&verdict.answers());
     }
     line_of(verdict);
+}
+
+/// Prints the answers to the three questions, a line for each.
+fn answers(answers: &Answers) {
+    let Answers { usable, because, sigma, change } = answers;
+    let because = if because.is_empty() { String::new() } else { format!(", {because}") };
+    line(format_args!("usable: {}{because}", usable.words()));
+    line(format_args!("sigma:  {}", sigma.words()));
+    let parts: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
+    line(format_args!("change: {}", parts.join(", ")));
 }
 
 /// Prints the verdict in one line.

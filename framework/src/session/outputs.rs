@@ -80,6 +80,7 @@ impl Outputs {
         // the statistics and the sinks that compare may have received it with its truth
         let compared = self.statistics.last_epoch == Some(time);
         if !compared {
+            self.judge.epoch(epoch);
             self.statistics.epoch(epoch);
         }
         if let Some(smoother) = &mut self.smoother {
@@ -166,14 +167,14 @@ impl Outputs {
     /// Judges the run, which the error ended early, and passes the verdict on to the sinks.
     pub(crate) fn verdict(&mut self, time: Time, error: Option<String>) -> Verdict {
         self.derive(true);
-        let verdict = self.judge.verdict(&self.findings, error);
+        let verdict = self.judge.verdict(&self.findings, error, self.statistics.compared());
         self.send(time, &Record::Verdict(&verdict));
         verdict
     }
 
     /// Judges the run so far.
     pub(crate) fn health(&self) -> Verdict {
-        self.judge.clone().verdict(&self.findings, None)
+        self.judge.clone().verdict(&self.findings, None, self.statistics.compared())
     }
 
     /// Closes the open sinks, all at the same time, and returns the places that they wrote to.
@@ -232,6 +233,7 @@ fn finish(sinks: Vec<&mut Output>) -> Vec<Closed> {
 impl Observer for Outputs {
     fn epoch(&mut self, epoch: &Epoch<'_>) {
         let time = epoch.state.time;
+        self.judge.epoch(epoch);
         self.statistics.epoch(epoch);
         let all = self.rate.records_comparison(time);
         if let Some(smoother) = &mut self.smoother {

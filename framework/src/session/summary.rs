@@ -1,12 +1,13 @@
 //! The results of a run in numbers.
 
 use crate::compose::estimator::Estimator;
+use crate::model::record::answers::Answers;
 use crate::model::record::verdict::Verdict;
 use crate::model::record::{Epoch, Event, Level, Outcome, Outcomes, Rejection, UpdateRecord};
 use crate::model::sensor::Purpose;
 use crate::model::sensor::Role;
 use crate::model::stream::RunInfo;
-use crate::session::track::Track;
+use crate::session::track::{Compared, Track};
 use crate::smooth::QualityReport;
 use crate::state::Mode;
 use crate::state::manifold::{MAX_TANGENT, Position};
@@ -45,6 +46,8 @@ pub struct Summary {
     pub wall_s: f64,
     /// Verdict on the run, with its reasons.
     pub verdict: Verdict,
+    /// The three questions that the verdict answers.
+    pub answers: Answers,
     /// Numbers of each sensor's samples: read, accepted, gated, rejected, and rejected for each
     /// reason; placed, where samples placed a block; excluded, where the scenario excludes any.
     pub samples: Map<String, Value>,
@@ -181,6 +184,12 @@ impl Statistics {
         self.smoothed.get_or_insert_with(|| Track::new(epoch.layout)).epoch(epoch);
     }
 
+    /// The last comparison of each block with its truth, of the smoothed estimates where there are
+    /// any, and the time of the last estimate.
+    pub(crate) fn compared(&self) -> (&[Option<Compared>], Option<Time>) {
+        (&self.smoothed.as_ref().unwrap_or(&self.track).compared, self.last_epoch)
+    }
+
     /// A warning for each sensor that gave no sample.
     pub(crate) fn silent(&self, estimator: &dyn Estimator) -> Vec<Event> {
         let sensors = self.sensors.iter().zip(&estimator.composition().sensors);
@@ -287,6 +296,7 @@ impl Statistics {
             duration_s: self.first.zip(self.last_epoch).map_or(0.0, |(a, b)| b.since(a)),
             distance_m: track.distance(end),
             wall_s: 0.0,
+            answers: verdict.answers(),
             verdict,
             samples,
             starts,

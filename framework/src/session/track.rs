@@ -46,6 +46,15 @@ impl Compared {
         }
     }
 
+    /// A comparison of an estimate with that error and sigma of each component with a truth of zero.
+    #[cfg(test)]
+    pub(crate) fn beside(block: &Block, time: Time, error: [f64; 3], sigma: f64) -> Self {
+        let mut compared = Self::new(block, time);
+        compared.value.copy_from_slice(&error);
+        (0..3).for_each(|k| compared.covariance.set(k, k, sigma * sigma));
+        compared
+    }
+
     /// Replaces the comparison by that of another epoch.
     fn replace(&mut self, block: &Block, epoch: &Epoch<'_>, truth: &[f64]) {
         let time = epoch.state.time;
@@ -64,6 +73,11 @@ impl Compared {
     /// True if the comparison is recent enough to hold at the end.
     pub(crate) fn holds_at(&self, end: Time) -> bool {
         end.since(self.time) <= (2.0 * self.interval).max(2.0)
+    }
+
+    /// The block, as the only one of a state.
+    pub(crate) fn block(&self) -> &Block {
+        &self.block
     }
 
     /// Error of the estimate, in the display unit.

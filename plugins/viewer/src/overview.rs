@@ -5,7 +5,7 @@ use crate::health::{Health, Lane, Stretch};
 use crate::innovation::SensorSeries;
 use crate::sink::Run;
 use crate::state::BlockSeries;
-use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
+use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
 
@@ -67,7 +67,7 @@ fn write_verdict(page: &mut String, name: &str, verdict: &Verdict) {
         page.push_str("No criterion contradicts the reported uncertainty.\n");
     }
     for reason in &verdict.reasons {
-        let words = VerdictLevel::from(reason.severity).words();
+        let words = reason.severity.words();
         let _ = write!(page, "- {words}: **{}**: {}", reason.about, reason.text);
         if !reason.remedy.is_empty() {
             let _ = write!(page, "; *{}*", reason.remedy);

@@ -51,7 +51,7 @@ pub fn run(
     let unseen =
         || rows.is_empty().then(|| "the truth was never known while the filter ran".to_owned());
     let failure = finished.error.map(|e| e.to_string()).or_else(unseen);
-    let verdict = &finished.summary.verdict;
+    let verdict = finished.summary.verdict.without_reference();
     let judged = verdict.level;
     let unusable = judged == VerdictLevel::DoNotUse;
     let blamed = verdict.reasons.first().map(|reason| reason.about.clone());

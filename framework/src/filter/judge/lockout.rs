@@ -226,7 +226,7 @@ impl Lockout {
             "its innovation jumped between two samples, and an error of the filter grows gradually"
         };
         let text = format!("{gated}; the sensor is isolated: {reason}");
-        find(sample, Severity::Doubtful, text, SENSOR, observer);
+        find(sample, Severity::Contained, text, SENSOR, observer);
         Verdict::Isolate
     }
 
@@ -302,7 +302,7 @@ impl Lockout {
             Action::Inflate => {
                 let (severity, reason, remedy) = match silence {
                     Some(silence) => (
-                        Severity::Doubtful,
+                        Severity::Contained,
                         format!(", after {silence:.1} s without a used sample"),
                         NOISE,
                     ),
@@ -367,7 +367,7 @@ impl Lockout {
                 "the sensor is isolated at the end, and contradicts the filter since {since}"
             );
             let (severity, remedy) = if contradicted {
-                (Severity::Doubtful, SENSOR)
+                (Severity::Contained, SENSOR)
             } else {
                 (Severity::DoNotUse, EITHER)
             };

@@ -91,7 +91,7 @@ impl Counts {
             observer.finding(Finding {
                 time,
                 about,
-                severity: Severity::Doubtful,
+                severity: Severity::Contained,
                 basis: Basis::Samples,
                 text: format!("{spikes} spikes among {samples} samples were replaced"),
                 remedy: "check the cable, the supply and the driver of the sensor; a jump that is \
@@ -139,7 +139,7 @@ fn report(
             observer.finding(Finding {
                 time: to,
                 about,
-                severity: if too_long { Severity::DoNotUse } else { Severity::Doubtful },
+                severity: if too_long { Severity::DoNotUse } else { Severity::Contained },
                 basis: Basis::Samples,
                 text,
                 remedy: remedy(fault).to_owned(),

@@ -9,6 +9,11 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
+    /// The result may be used: a setting should be changed nevertheless.
+    Note,
+    /// A fault was found and contained: its samples were left out or replaced, or the covariance
+    /// contains it. The result may be used.
+    Contained,
     /// The result may be used with care: an engineer should look at the finding first.
     Doubtful,
     /// The result must not be used.
@@ -17,11 +22,23 @@ pub enum Severity {
 
 impl Severity {
     /// All values.
-    pub const ALL: [Self; 2] = [Self::Doubtful, Self::DoNotUse];
+    pub const ALL: [Self; 4] = [Self::Note, Self::Contained, Self::Doubtful, Self::DoNotUse];
+
+    /// Words for a person: `note`, `contained`, `doubtful`, `do not use`.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Note => "note",
+            Self::Contained => "contained",
+            Self::Doubtful => "doubtful",
+            Self::DoNotUse => "do not use",
+        }
+    }
 
     /// Name in a log and in JSON.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Note => "note",
+            Self::Contained => "contained",
             Self::Doubtful => "doubtful",
             Self::DoNotUse => "do_not_use",
         }

@@ -1,5 +1,6 @@
 //! What a run records: estimates, updates, events, findings and the verdict.
 
+pub mod answers;
 mod derived;
 mod event;
 pub mod finding;

@@ -35,7 +35,8 @@ impl VerdictLevel {
 impl From<Severity> for VerdictLevel {
     fn from(severity: Severity) -> Self {
         match severity {
-            Severity::Doubtful => Self::Doubtful,
+            Severity::Note => Self::Consistent,
+            Severity::Contained | Severity::Doubtful => Self::Doubtful,
             Severity::DoNotUse => Self::DoNotUse,
         }
     }
@@ -76,6 +77,8 @@ pub enum Criterion {
     Correlation,
     /// The innovations of one channel drift: their means over a minute are too large.
     Drift,
+    /// The reference contradicts the estimate at the end.
+    Reference,
 }
 
 /// Reason of a verdict.
@@ -131,19 +134,33 @@ impl Verdict {
     /// Number of reasons in the line of the verdict.
     const IN_LINE: usize = 2;
 
-    /// Creates the verdict from its reasons, which it sorts by severity.
+    /// Creates the verdict from its reasons, which it sorts by severity. A reference shows that the
+    /// estimate is wrong and not why, so that it follows every doubt that names a part.
     pub fn new(mut reasons: Vec<Reason>, sensors: Vec<SensorConsistency>) -> Self {
-        reasons.sort_by_key(|reason| std::cmp::Reverse(reason.severity));
-        let level = reasons.first().map_or(VerdictLevel::Consistent, |r| r.severity.into());
+        let level = reasons.iter().map(|r| r.severity).max();
+        let level = level.map_or(VerdictLevel::Consistent, VerdictLevel::from);
+        reasons.sort_by_key(|reason| match reason.criterion {
+            Criterion::Reference => std::cmp::Reverse((Severity::Contained, false)),
+            _ => std::cmp::Reverse((reason.severity, true)),
+        });
         let mut text = level.words().to_owned();
-        for (k, reason) in reasons.iter().take(Self::IN_LINE).enumerate() {
+        let doubts = || reasons.iter().filter(|r| r.severity > Severity::Note);
+        for (k, reason) in doubts().take(Self::IN_LINE).enumerate() {
             text += if k == 0 { ": " } else { "; " };
             text += &reason.to_string();
         }
-        if reasons.len() > Self::IN_LINE {
-            text += &format!("; and {} more", reasons.len() - Self::IN_LINE);
+        let count = doubts().count();
+        if count > Self::IN_LINE {
+            text += &format!("; and {} more", count - Self::IN_LINE);
         }
         Self { level, text, reasons, sensors }
+    }
+
+    /// The verdict as if there were no reference: a campaign judges how far a run finds out without
+    /// the truth that it is wrong.
+    pub fn without_reference(&self) -> Self {
+        let others = self.reasons.iter().filter(|r| r.criterion != Criterion::Reference);
+        Self::new(others.cloned().collect(), self.sensors.clone())
     }
 
     /// NIS of the sensor of that name.
@@ -178,5 +195,29 @@ mod tests {
         assert_eq!(verdict.level, VerdictLevel::DoNotUse);
         assert_eq!(verdict.to_string(), "do not use: depth: is wrong; dvl: is wrong; and 1 more");
         assert_eq!(Verdict::new(Vec::new(), Vec::new()).to_string(), "consistent");
+    }
+
+    #[test]
+    fn a_note_is_no_doubt_and_not_in_the_line() {
+        let verdict = Verdict::new(vec![reason(Severity::Note, "depth")], Vec::new());
+        assert_eq!(
+            (verdict.level, verdict.text.as_str()),
+            (VerdictLevel::Consistent, "consistent")
+        );
+        assert_eq!(verdict.reasons.len(), 1);
+    }
+
+    #[test]
+    fn a_reference_gives_the_level_and_follows_the_doubts_that_name_a_part() {
+        let severe =
+            Reason { criterion: Criterion::Reference, ..reason(Severity::DoNotUse, "ref") };
+        let reasons =
+            vec![severe, reason(Severity::Note, "dvl"), reason(Severity::Doubtful, "gnss")];
+        let verdict = Verdict::new(reasons, Vec::new());
+        let parts: Vec<&str> = verdict.reasons.iter().map(|r| r.about.as_str()).collect();
+        assert_eq!((verdict.level, parts), (VerdictLevel::DoNotUse, vec!["gnss", "ref", "dvl"]));
+        assert_eq!(verdict.text, "do not use: gnss: is wrong; ref: is wrong");
+        let alone = verdict.without_reference();
+        assert_eq!((alone.level, alone.reasons.len()), (VerdictLevel::Doubtful, 2));
     }
 }

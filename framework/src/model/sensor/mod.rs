@@ -14,4 +14,4 @@ pub mod rule;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod sensor;
 
-pub use sensor::{Purpose, Reference, Role, Sensor, SensorInfo};
+pub use sensor::{Accuracy, Purpose, Reference, Role, Sensor, SensorInfo};

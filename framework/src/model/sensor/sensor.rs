@@ -111,6 +111,21 @@ pub trait Reference: Send + Sync {
     fn motion(&self, layout: &Layout, state: &State, sample: &Sample) -> Option<Motion>;
     /// The reverse: the sample of a reference on a known motion.
     fn sample(&self, motion: &Motion, sample: &mut Sample);
+    /// Stated accuracy, with which the verdict of a run compares; `None` where it is not known.
+    fn accuracy(&self) -> Option<Accuracy> {
+        None
+    }
+}
+
+/// 1-sigma of a reference, of each component. The default is exact.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Accuracy {
+    /// Position, m.
+    pub position: f64,
+    /// Velocity, m/s.
+    pub velocity: f64,
+    /// Attitude, rad.
+    pub attitude: f64,
 }
 
 /// A sensor with its place in the composition.

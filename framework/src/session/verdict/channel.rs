@@ -166,13 +166,17 @@ mod tests {
     /// A million innovations show a ratio of 1.04, which no decision depends on; 100 do not show
     /// 1.06, as the sigma of the ratio is 1 / sqrt(2 n) = 7 %.
     #[test]
-    fn a_ratio_to_the_reported_sigma_is_doubted_from_5_per_cent_if_the_samples_show_it() {
+    fn a_ratio_to_the_reported_sigma_is_noted_from_5_per_cent_and_doubted_from_20_if_the_samples_show_it()
+     {
         let of = |n, ratio| found(&statistics(n, ratio), false);
         let doubt = |severity| vec![(Criterion::Channel, severity)];
         assert_eq!(of(1e6, 1.04), []);
-        assert_eq!(of(1e6, 1.06), doubt(Severity::Doubtful));
+        assert_eq!(of(1e6, 1.06), doubt(Severity::Note));
         assert_eq!(of(100.0, 1.06), []);
-        assert_eq!(of(1e6, 1.0 / 1.06), doubt(Severity::Doubtful));
+        assert_eq!(of(1e6, 1.19), doubt(Severity::Note));
+        assert_eq!(of(1e6, 1.21), doubt(Severity::Doubtful));
+        assert_eq!(of(1e6, 1.0 / 1.06), doubt(Severity::Note));
+        assert_eq!(of(1e6, 0.1), doubt(Severity::Note));
         assert_eq!(of(1e6, 1.99), doubt(Severity::Doubtful));
         assert_eq!(of(1e6, 2.01), doubt(Severity::DoNotUse));
         // the mean NIS of the sensor speaks of these

@@ -377,10 +377,10 @@ impl SensorStatistics {
         if ratio.max(1.0 / ratio) < SLIGHT {
             return;
         }
-        let (_, words, _) = size(ratio);
+        let (severity, words, _) = size(ratio);
         report.reasons.push(reason(
             Criterion::NisOfMinute,
-            Severity::Doubtful,
+            severity.min(Severity::Doubtful),
             &self.name,
             format!(
                 "in the minute from {begin} its mean NIS is {:.2}, expected {:.2}: its innovations \

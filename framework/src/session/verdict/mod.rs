@@ -6,19 +6,23 @@
 mod channel;
 mod innovations;
 mod linearisation;
+mod reference;
 mod report;
 mod states;
 
 use crate::compose::{Composition, moved};
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::verdict::{Criterion, Reason, Verdict};
-use crate::model::record::{Outcome, UpdateRecord};
+use crate::model::record::{Epoch, Outcome, UpdateRecord};
 use crate::model::sensor::{Purpose, SensorInfo};
+use crate::session::track::Compared;
 use crate::state::Mode;
 use crate::state::covariance::Update;
 use crate::units::sample::Channel;
+use crate::units::time::Time;
 use innovations::SensorStatistics;
-use linearisation::wide_priors;
+use linearisation::{WidePrior, wide_priors};
+use reference::ReferenceStatistics;
 use report::{FALSE_ALARM, Report, reason};
 use states::StateStatistics;
 
@@ -34,6 +38,9 @@ pub(crate) struct Judge {
     white: bool,
     /// Sensor of the last accepted sample, whose correction follows.
     last: usize,
+    /// Priors that are too wide.
+    wide: Vec<WidePrior>,
+    reference: Option<ReferenceStatistics>,
     /// Reasons that are known before the end.
     reasons: Vec<Reason>,
 }
@@ -56,7 +63,9 @@ impl Judge {
             sensors,
             white,
             last: 0,
-            reasons: wide_priors(composition, &moved),
+            wide: wide_priors(composition, &moved),
+            reference: ReferenceStatistics::new(composition),
+            reasons: Vec::new(),
         }
     }
 
@@ -75,6 +84,11 @@ impl Judge {
         self.states.correction(self.last, update);
     }
 
+    /// Takes an estimate.
+    pub(crate) fn epoch(&mut self, epoch: &Epoch<'_>) {
+        self.wide.iter_mut().for_each(|prior| prior.epoch(epoch));
+    }
+
     /// Takes an initial alignment that is incomplete after the last sample.
     pub(crate) fn unfinished(&mut self, process: &str, text: &str) {
         self.reasons.push(reason(
@@ -86,8 +100,14 @@ impl Judge {
         ));
     }
 
-    /// Judges the run, with the findings of the filter and the error that ended it.
-    pub(crate) fn verdict(&mut self, findings: &[Finding], error: Option<String>) -> Verdict {
+    /// Judges the run, with the findings of the filter, the error that ended it, and the comparisons
+    /// with the reference.
+    pub(crate) fn verdict(
+        &mut self,
+        findings: &[Finding],
+        error: Option<String>,
+        (references, end): (&[Option<Compared>], Option<Time>),
+    ) -> Verdict {
         let mut report = Report::default();
         let (own, compared): (Vec<&Finding>, Vec<&Finding>) =
             of_each_part(findings).into_iter().partition(|f| f.basis == Basis::Samples);
@@ -102,6 +122,7 @@ impl Judge {
             )
         }));
         report.reasons.extend(compared.into_iter().map(found));
+        report.reasons.extend(self.wide.iter().map(|prior| prior.reason().clone()));
         report.reasons.append(&mut self.reasons);
         let sensors = || self.sensors.iter().flatten();
         let tests = sensors().map(|s| s.tests(self.white)).sum::<usize>() + self.states.tests();
@@ -111,7 +132,27 @@ impl Judge {
             sensor.finish();
             sensor.judge(alpha, self.white, &mut report);
         }
+        if let Some((reference, end)) = self.reference.as_ref().zip(end) {
+            reference.judge(alpha, (references, end), &mut report);
+        }
+        contain(&mut report.reasons);
+        self.wide.iter().for_each(|prior| prior.acquit(&mut report.reasons));
         Verdict::new(report.reasons, report.sensors)
+    }
+}
+
+/// Takes samples that were gated or rejected as part of a fault of their sensor that was found and
+/// contained.
+fn contain(reasons: &mut [Reason]) {
+    let faults: Vec<String> = (reasons.iter())
+        .filter(|r| (r.criterion, r.severity) == (Criterion::Finding, Severity::Contained))
+        .map(|r| r.about.clone())
+        .collect();
+    let of_fault = |r: &&mut Reason| {
+        matches!(r.criterion, Criterion::Gated | Criterion::Rejected) && faults.contains(&r.about)
+    };
+    for reason in reasons.iter_mut().filter(of_fault) {
+        reason.severity = reason.severity.min(Severity::Contained);
     }
 }
 

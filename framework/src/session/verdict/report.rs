@@ -10,6 +10,11 @@ pub(crate) const FALSE_ALARM: f64 = 0.005;
 /// it: no decision depends on 5 %.
 pub(crate) const SLIGHT: f64 = 1.05;
 
+/// Ratio of actual to reported sigma up to which the result may be used, while the noise should be
+/// stated anew: the sigma is wrong by as little as a mean whose innovations drift or are correlated
+/// within their limits.
+pub(crate) const SMALL: f64 = 1.2;
+
 /// Ratio of actual to reported sigma from which a result must not be used.
 pub(crate) const UNTRUE: f64 = 2.0;
 
@@ -35,12 +40,16 @@ pub(crate) fn reason(
 pub(crate) fn size(ratio: f64) -> (Severity, String, &'static str) {
     if ratio < 1.0 {
         return (
-            Severity::Doubtful,
+            Severity::Note,
             format!("only {ratio:.2} times their reported"),
             "its stated noise is too large",
         );
     }
-    let severity = if ratio >= UNTRUE { Severity::DoNotUse } else { Severity::Doubtful };
+    let severity = match ratio {
+        r if r >= UNTRUE => Severity::DoNotUse,
+        r if r >= SMALL => Severity::Doubtful,
+        _ => Severity::Note,
+    };
     let remedy =
         "its stated noise or the driving sensor's is too small, or an effect is not modelled";
     (severity, format!("{ratio:.2} times their reported"), remedy)

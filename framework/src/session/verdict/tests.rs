@@ -104,12 +104,12 @@ fn each_departure_from_white_noise_has_its_criterion() {
 }
 
 #[test]
-fn innovations_of_twice_their_sigma_must_not_be_used_and_of_half_are_doubtful() {
+fn innovations_of_twice_their_sigma_must_not_be_used_and_of_half_are_a_note() {
     let mut random = Random::new(3, "scaled");
     // the gate of three channels cuts 37 % of the innovations of 2.6 sigma off, so that the others
     // have 1.85: the share of gated samples shows the factor
     for (factor, criterion, severity) in
-        [(2.6, Criterion::Gated, Severity::DoNotUse), (0.5, Criterion::Nis, Severity::Doubtful)]
+        [(2.6, Criterion::Gated, Severity::DoNotUse), (0.5, Criterion::Nis, Severity::Note)]
     {
         let found = violated(|_| white(&mut random).map(|u| factor * u));
         assert!(found.contains(&(criterion, severity)), "{factor}: {found:?}");
@@ -203,7 +203,16 @@ fn corrected(innovation: f64, findings: &[Finding]) -> Verdict {
     composer.block::<Scalar>("bias", spec).unwrap();
     let states = StateStatistics::new(&composer.finish().0, &[false], true, 1);
     let (infos, sensors, reasons) = (Vec::new(), vec![None], Vec::new());
-    let mut judge = Judge { infos, sensors, states, white: true, last: 0, reasons };
+    let mut judge = Judge {
+        infos,
+        sensors,
+        states,
+        white: true,
+        last: 0,
+        wide: Vec::new(),
+        reference: None,
+        reasons,
+    };
     let mut p = Covariance::zero(1);
     p.set(0, 0, 1.0);
     let mut update = Update::with_capacity(1, 1);
@@ -215,7 +224,26 @@ fn corrected(innovation: f64, findings: &[Finding]) -> Verdict {
     update.innovate(&p).unwrap();
     update.apply(&mut p, &[false]);
     judge.correction(&update);
-    judge.verdict(findings, None)
+    judge.verdict(findings, None, (&[], None))
+}
+
+#[test]
+fn gated_samples_of_a_contained_fault_are_part_of_it() {
+    let reason_of = |criterion, severity, about: &str| {
+        super::report::reason(criterion, severity, about, String::new(), "")
+    };
+    for fault in [Severity::Contained, Severity::Doubtful] {
+        let mut reasons = [
+            reason_of(Criterion::Finding, fault, "gnss"),
+            reason_of(Criterion::Gated, Severity::DoNotUse, "gnss"),
+            reason_of(Criterion::Gated, Severity::Doubtful, "dvl"),
+            reason_of(Criterion::Bias, Severity::Doubtful, "gnss"),
+        ];
+        super::contain(&mut reasons);
+        let gated = if fault == Severity::Contained { fault } else { Severity::DoNotUse };
+        let severities = reasons.map(|r| r.severity);
+        assert_eq!(severities, [fault, gated, Severity::Doubtful, Severity::Doubtful]);
+    }
 }
 
 /// The gain is 1/2 and the correction of sigma `sqrt(1/2)`; the prior variance may be wrong by 5 %

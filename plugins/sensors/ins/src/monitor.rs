@@ -88,6 +88,7 @@ impl Monitor for ImuMonitor {
         let c_b_n = filter.state.get(filter.layout, n.attitude);
         let v: Vector3<f64> = filter.state.get(filter.layout, n.velocity);
         self.turning.velocity = c_b_n.inverse() * v;
+        self.gravity.corrected(&v);
     }
 
     fn widened(&mut self) {

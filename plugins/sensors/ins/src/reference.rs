@@ -8,12 +8,12 @@ use navfuse_core::compose::Composer;
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::sensor::motion::Motion;
 use navfuse_core::model::sensor::mounting::Mounting;
-use navfuse_core::model::sensor::{Reference, Role};
+use navfuse_core::model::sensor::{Accuracy, Reference, Role};
 use navfuse_core::plugin::SensorType;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::{Layout, State};
 use navfuse_core::units::sample::{Channel, Sample};
-use navfuse_core::units::{Length, Triple};
+use navfuse_core::units::{Angle, Length, Positive, Speed, Triple};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -25,10 +25,36 @@ use std::sync::Arc;
 pub struct ReferenceSolution {
     /// Position of the reference point from the IMU, in body axes. Default: at the IMU.
     pub lever_arm: Option<Triple<Length>>,
+    /// 1-sigma of the reference, with which the verdict compares the estimate at the end. Default:
+    /// exact in a simulation; 10 m, 0.5 m/s and 2 deg in a recording.
+    pub accuracy: Option<StatedAccuracy>,
     /// Process whose state the reference gives. A vehicle without an IMU has no such process; its
     /// reference has no lever arm.
     #[serde(default = "crate::default_name")]
     pub navigation: String,
+}
+
+/// 1-sigma of each component of a reference.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StatedAccuracy {
+    /// Position north, east and down.
+    pub position: Positive<Length>,
+    /// Velocity north, east and down.
+    pub velocity: Positive<Speed>,
+    /// Roll, pitch and yaw.
+    pub attitude: Positive<Angle>,
+}
+
+impl StatedAccuracy {
+    fn si(&self) -> Accuracy {
+        let Self { position, velocity, attitude } = self;
+        Accuracy {
+            position: position.value().si(),
+            velocity: velocity.value().si(),
+            attitude: attitude.value().si(),
+        }
+    }
 }
 
 const CHANNELS: [(&str, &str); 9] = [
@@ -60,7 +86,8 @@ impl SensorType for ReferenceSolution {
         };
         let lever_arm = self.lever_arm.map_or_else(Vector3::zeros, |l| l.si());
         composer.mounted(Mounting::at_constant(lever_arm));
-        Ok(Role::Reference(Arc::new(ReferenceModel { navigation, lever_arm })))
+        let accuracy = self.accuracy.map(|accuracy| accuracy.si());
+        Ok(Role::Reference(Arc::new(ReferenceModel { navigation, lever_arm, accuracy })))
     }
 }
 
@@ -68,6 +95,7 @@ struct ReferenceModel {
     /// Source of the angular rate, which a lever arm needs.
     navigation: Option<Navigation>,
     lever_arm: Vector3<f64>,
+    accuracy: Option<Accuracy>,
 }
 
 impl Reference for ReferenceModel {
@@ -106,6 +134,10 @@ impl Reference for ReferenceModel {
         motion.position = motion.position.displaced(&-(c_b_n * self.lever_arm));
         motion.velocity -= c_b_n * w_eb_b.cross(&self.lever_arm);
         Some(motion)
+    }
+
+    fn accuracy(&self) -> Option<Accuracy> {
+        self.accuracy
     }
 
     fn sample(&self, motion: &Motion, sample: &mut Sample) {

@@ -4,6 +4,7 @@ use crate::history::RunHistory;
 use maud::{Markup, html};
 use navfuse_core::model::chi_square::beyond;
 use navfuse_core::model::record::Level;
+use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 
 /// Creates the list of facts of the run.
@@ -94,8 +95,8 @@ fn judged(verdict: Option<&Verdict>) -> Markup {
         @if let Some(verdict) = verdict.filter(|v| !v.reasons.is_empty()) {
             ul.reasons {
                 @for reason in &verdict.reasons {
-                    li.bad {
-                        (VerdictLevel::from(reason.severity).words()) ": " b { (reason.about) } ": "
+                    li.bad[reason.severity > Severity::Note] {
+                        (reason.severity.words()) ": " b { (reason.about) } ": "
                         (reason.text)
                         @if !reason.remedy.is_empty() { "; " (reason.remedy) }
                         "."

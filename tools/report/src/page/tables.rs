@@ -5,7 +5,6 @@ use crate::history::{BlockHistory, Row, RunHistory};
 use crate::sensors::SensorHistory;
 use maud::{Markup, html};
 use navfuse_core::model::record::finding::Finding;
-use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::record::{Derived, Level, Outcomes};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_observability::{Determination, ObservabilityReport};
@@ -327,7 +326,7 @@ pub(super) fn findings(findings: &[Finding]) -> Markup {
                     @for finding in findings {
                         tr.bad {
                             td { (finding.time) }
-                            td.name { (VerdictLevel::from(finding.severity).words()) }
+                            td.name { (finding.severity.words()) }
                             td.name { (finding.about) } td.text { (finding) }
                         }
                     }

@@ -17,7 +17,7 @@
 
 use super::effect::Effect;
 use crate::compose::Composition;
-use crate::model::record::finding::Finding;
+use crate::model::record::finding::{Finding, Severity};
 use crate::state::covariance::{Covariance, cholesky, forward};
 use crate::units::time::{Span, Time};
 
@@ -57,6 +57,9 @@ impl Containment {
     /// A finding, which states where the covariance contains the error.
     pub(super) fn noted(&self, mut finding: Finding) -> Finding {
         if !self.off {
+            if finding.severity == Severity::Doubtful {
+                finding.severity = Severity::Contained;
+            }
             finding.text.push_str("; the covariance contains it from now on, and not before");
         }
         finding

@@ -1,4 +1,9 @@
 //! Rule: over a while, the specific force is about as large as gravity and points up.
+//!
+//! A vehicle that accelerates has another specific force, `f = a - g`. So the mean is compared with
+//! gravity and the acceleration that other sensors confirm: the change of the velocity between two
+//! corrections that no sensor contradicts. Wrong samples confirm nothing, since they move the
+//! velocity away from the other sensors.
 
 use super::fault::Fault;
 use crate::earth::normal_gravity;
@@ -23,12 +28,20 @@ const TILT: f64 = 0.17;
 /// horizontal acceleration of 17 m/s^2.
 const ANGLE: f64 = 1.05;
 
+/// Least share of the time of a mean that two corrections have to span.
+const SPANNED: f64 = 0.5;
+
+/// Velocity in navigation axes that a correction left, m/s, and its time, s, since the mean began.
+type Confirmed = (f64, Vector3<f64>);
+
 /// Mean specific force.
 #[derive(Clone)]
 pub(super) struct Gravity {
     /// Up in body axes at the first sample, where roll and pitch are known.
     up: Option<Vector3<f64>>,
     tilt: Option<f64>,
+    /// First and last correction since the mean began.
+    confirmed: Option<(Confirmed, Confirmed)>,
     sum: Vector3<f64>,
     time: f64,
     first: bool,
@@ -38,7 +51,20 @@ pub(super) struct Gravity {
 impl Gravity {
     pub(super) fn new(tilt: Option<f64>) -> Self {
         let sum = Vector3::zeros();
-        Self { up: None, tilt, sum, time: 0.0, first: true, reported: false }
+        let confirmed = None;
+        Self { up: None, tilt, confirmed, sum, time: 0.0, first: true, reported: false }
+    }
+
+    /// Takes the velocity after a correction that no sensor contradicts.
+    pub(super) fn corrected(&mut self, velocity: &Vector3<f64>) {
+        let now = (self.time, *velocity);
+        self.confirmed = Some((self.confirmed.map_or(now, |(first, _)| first), now));
+    }
+
+    /// Acceleration in navigation axes that the corrections confirm since the mean began.
+    fn acceleration(&self) -> Option<Vector3<f64>> {
+        let ((from, before), (to, after)) = self.confirmed?;
+        (to - from >= SPANNED * self.time).then(|| (after - before) / (to - from))
     }
 
     #[inline]
@@ -62,13 +88,27 @@ impl Gravity {
             return None;
         }
         let mean = self.sum / self.time;
-        let up = self.up.take();
+        let (up, acceleration) = (self.up.take(), self.acceleration());
+        self.confirmed =
+            self.confirmed.map(|(_, (_, velocity))| ((0.0, velocity), (0.0, velocity)));
         (self.sum, self.time, self.first) = (Vector3::zeros(), 0.0, false);
         let p = filter.state.get(filter.layout, navigation.position);
-        let fault = judge(&mean, up, normal_gravity(p.latitude, p.height));
+        let gravity = normal_gravity(p.latitude, p.height);
+        if acceleration.is_some_and(|a| explains(&a, gravity, mean.norm())) {
+            return None;
+        }
+        let fault = judge(&mean, up, gravity);
         self.reported = fault.is_some();
         fault
     }
+}
+
+/// Returns `true` if the acceleration leaves the range that is plausible at rest, and the size of
+/// the mean specific force is that of `a - g`, to half of it or of gravity.
+fn explains(acceleration: &Vector3<f64>, gravity: f64, size: f64) -> bool {
+    let expected = (acceleration - Vector3::new(0.0, 0.0, gravity)).norm();
+    let accelerates = acceleration.norm() > PLAUSIBLE.start * gravity;
+    accelerates && (size - expected).abs() <= 0.5 * expected.max(gravity)
 }
 
 fn judge(mean: &Vector3<f64>, up: Option<Vector3<f64>>, gravity: f64) -> Option<Fault> {
@@ -130,6 +170,58 @@ mod tests {
         }
         let (sin, cos) = 59_f64.to_radians().sin_cos();
         assert_eq!(text([G * sin, 0.0, -G * cos], Some([0.0, 0.0, -1.0])), "");
+    }
+
+    /// Means over a second at rest and then over ten seconds of that acceleration north and down, in
+    /// m/s^2, of which the specific force has `scale` times; corrections at that interval confirm it,
+    /// if any do.
+    fn accelerated(acceleration: [f64; 2], scale: f64, interval: Option<f64>) -> bool {
+        let bench = crate::testing::Bench::new(&[]);
+        let (state, layout) = (bench.state(), &*bench.composition.layout);
+        let covariance = navfuse_core::state::covariance::Covariance::zero(layout.tangent);
+        let filter = FilterView { layout, state: &state, covariance: &covariance, gated: None };
+        let mut rule = Gravity::new(None);
+        let [north, down] = acceleration;
+        let dt = 0.125;
+        let mut next = 0.0;
+        (0..88).any(|k| {
+            let time = f64::from(k) * dt;
+            let moving = time >= 1.0;
+            let along = if moving { time - 1.0 } else { 0.0 };
+            if let Some(interval) = interval
+                && time >= next
+            {
+                rule.corrected(&Vector3::new(north * along, 0.0, down * along));
+                next += interval;
+            }
+            let [x, z] = if moving { [north, down - G] } else { [0.0, -G] };
+            let f = Vector3::new(x, 0.0, z) * if moving { scale } else { 1.0 };
+            rule.take(&filter, &bench.navigation, &f, dt).is_some()
+        })
+    }
+
+    /// Boosts forward and up, and free fall, as any aid from 5 Hz down to once in 4 s confirms them.
+    #[test]
+    fn an_acceleration_that_other_sensors_confirm_is_no_fault_of_the_unit() {
+        for acceleration in [[98.0, 0.0], [300.0, 0.0], [0.0, -60.0], [0.0, G], [30.0, G]] {
+            for interval in [0.2, 1.0, 4.0] {
+                assert!(
+                    !accelerated(acceleration, 1.0, Some(interval)),
+                    "{acceleration:?} {interval}"
+                );
+            }
+            assert!(accelerated(acceleration, 1.0, None), "{acceleration:?}: nothing confirms it");
+        }
+    }
+
+    /// A vehicle at rest, and one that accelerates, with accelerometers that read too much or too
+    /// little of it.
+    #[test]
+    fn an_acceleration_that_other_sensors_do_not_confirm_is_a_fault() {
+        for scale in [0.4, 2.1, 9.8] {
+            assert!(accelerated([0.0, 0.0], scale, Some(0.2)), "{scale}");
+            assert!(accelerated([98.0, 0.0], scale, Some(0.2)), "{scale}");
+        }
     }
 
     #[test]

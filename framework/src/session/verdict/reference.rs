@@ -1,0 +1,154 @@
+//! Comparison of the estimate with a reference at the end.
+//!
+//! A simulated reference is the truth. Another one has errors of its own: it counts with the
+//! accuracy that it states, or else with that of a poor satellite receiver, so that it contradicts
+//! the estimate only where no other system would.
+
+use super::report::{Report, reason};
+use crate::compose::Composition;
+use crate::model::chi_square::sigmas;
+use crate::model::record::finding::Severity;
+use crate::model::record::verdict::Criterion;
+use crate::model::sensor::{Accuracy, Role};
+use crate::session::track::Compared;
+use crate::state::Handle;
+use crate::units::time::Time;
+
+/// Accuracy of a recorded reference that states none.
+const ASSUMED: Accuracy = Accuracy { position: 10.0, velocity: 0.5, attitude: 0.035 };
+
+/// Distance in sigmas from which a result must not be used, as from a prior.
+const FAR: f64 = 6.0;
+
+/// A reference, with its 1-sigma (SI) for each slot of the state that it gives.
+#[derive(Clone, Debug)]
+pub(crate) struct ReferenceStatistics {
+    name: String,
+    blocks: Vec<(usize, f64)>,
+}
+
+/// A component of the state beside the reference.
+struct Difference {
+    name: String,
+    error: f64,
+    unit: &'static str,
+    sigmas: f64,
+}
+
+impl ReferenceStatistics {
+    /// Follows the first reference of a composition, if there is one.
+    pub(crate) fn new(composition: &Composition) -> Option<Self> {
+        let (name, stated) = composition.sensors.iter().find_map(|sensor| match &sensor.role {
+            Role::Reference(reference) => Some((&sensor.info.name, reference.accuracy())),
+            Role::Measurement(_) | Role::Input(_) => None,
+        })?;
+        let assumed = if composition.simulated { Accuracy::default() } else { ASSUMED };
+        let Accuracy { position, velocity, attitude } = stated.unwrap_or(assumed);
+        let vehicle = composition.layout.vehicle();
+        let blocks = [
+            vehicle.position.map(Handle::slot).zip(Some(position)),
+            vehicle.velocity.map(Handle::slot).zip(Some(velocity)),
+            vehicle.attitude.map(Handle::slot).zip(Some(attitude)),
+        ];
+        Some(Self { name: name.clone(), blocks: blocks.into_iter().flatten().collect() })
+    }
+
+    /// Judges the component that is farthest from the reference, at `alpha`, the probability of a
+    /// false alarm of one test. `compared` has the last comparison of each slot.
+    pub(crate) fn judge(
+        &self,
+        alpha: f64,
+        (compared, end): (&[Option<Compared>], Time),
+        report: &mut Report,
+    ) {
+        let differences = self.blocks.iter().filter_map(|(slot, accuracy)| {
+            let compared = compared.get(*slot)?.as_ref().filter(|c| c.holds_at(end))?;
+            Some(differences(compared, *accuracy))
+        });
+        let farthest = differences.flatten().max_by(|a, b| a.sigmas.total_cmp(&b.sigmas));
+        let Some(Difference { name, error, unit, sigmas: distance }) =
+            farthest.filter(|d| d.sigmas > sigmas(0.5 * alpha))
+        else {
+            return;
+        };
+        let severity = if distance >= FAR { Severity::DoNotUse } else { Severity::Doubtful };
+        let text = format!(
+            "at the end {name} is {error:.3} {unit} off the reference, {distance:.1} sigma of \
+             estimate and reference together"
+        );
+        let remedy = "an error of a sensor is not modelled: look at the sensors and priors that \
+                      determine the state, and at the accuracy of the reference";
+        report.reasons.push(reason(Criterion::Reference, severity, &self.name, text, remedy));
+    }
+}
+
+/// The components of a block beside the reference of that accuracy.
+fn differences(compared: &Compared, accuracy: f64) -> impl Iterator<Item = Difference> {
+    let block = compared.block();
+    let display = block.spec.display.clone();
+    let own = accuracy / display.scale;
+    let name = block.name.clone();
+    let sides = compared.error().into_iter().zip(compared.sigma()).enumerate();
+    sides.filter_map(move |(k, (error, sigma))| {
+        let component = display.components.get(k).copied().unwrap_or_default();
+        let name = format!("{name} {component}").trim_end().to_owned();
+        let sigmas = (error / sigma.hypot(own)).abs();
+        sigmas.is_finite().then_some(Difference { name, error, unit: display.unit, sigmas })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::manifold::{Operations, Vector};
+    use crate::state::{Block, BlockSpec, Dynamics, Mode, display};
+
+    /// A velocity that is off by `error` m/s to the east at 10 s, with a sigma of 0.3 m/s.
+    fn compared(error: f64) -> Option<Compared> {
+        let spec = BlockSpec {
+            mode: Mode::Estimate,
+            initial: vec![0.0; 3],
+            sigma: vec![1.0; 3],
+            truth: None,
+            dynamics: Dynamics::Constant,
+            display: display::VELOCITY,
+        };
+        let (operations, tangent) = (Operations::of::<Vector<3>>(), Some(0));
+        let name = "ins.velocity".to_owned();
+        let block =
+            Block { name, spec, operations, offset: 0, tangent, wanders: false, label: None };
+        Some(Compared::beside(&block, Time::from_nanos(10_000_000_000), [0.0, error, 0.0], 0.3))
+    }
+
+    fn judged(accuracy: f64, error: f64, end: i64) -> Option<(Severity, String)> {
+        let blocks = vec![(0, accuracy)];
+        let reference = ReferenceStatistics { name: "reference".to_owned(), blocks };
+        let mut report = Report::default();
+        let end = Time::from_nanos(end * 1_000_000_000);
+        reference.judge(1e-3, (&[compared(error)], end), &mut report);
+        report.reasons.pop().map(|reason| (reason.severity, reason.text))
+    }
+
+    /// The sigma of 0.3 m/s and an accuracy of 0.4 m/s are 0.5 m/s; the limit is 3.29 sigma.
+    #[test]
+    fn a_reference_counts_with_its_own_accuracy() {
+        let severity = |error| judged(0.4, error, 10).map(|(severity, _)| severity);
+        for sign in [1.0, -1.0] {
+            assert_eq!(severity(1.64 * sign), None);
+            assert_eq!(severity(1.65 * sign), Some(Severity::Doubtful));
+            assert_eq!(severity(2.99 * sign), Some(Severity::Doubtful));
+            assert_eq!(severity(3.01 * sign), Some(Severity::DoNotUse));
+        }
+        // an exact one
+        let text = judged(0.0, 1.5, 10).map(|(_, text)| text).unwrap_or_default();
+        assert!(
+            text.contains("ins.velocity east is 1.500 m/s off the reference, 5.0 sigma"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_reference_that_ended_before_the_run_is_no_evidence() {
+        assert_eq!((judged(0.0, 9.0, 12).is_some(), judged(0.0, 9.0, 13)), (true, None));
+    }
+}
