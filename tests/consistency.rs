@@ -5,6 +5,7 @@
 mod common;
 
 use common::{navfuse, run_without_sinks, scenario, stdout};
+use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::{Criterion, Reason, Verdict, VerdictLevel};
 use serde_json::Value;
 
@@ -111,10 +112,12 @@ fn a_noise_larger_than_stated_is_named_with_its_factor() {
 }
 
 #[test]
-fn a_noise_smaller_than_stated_is_doubtful_but_harms_nobody() {
-    let verdict = verdict(&["sensor.dvl.simulation.noise=0.4"]);
-    assert_eq!(verdict.level, VerdictLevel::Doubtful, "{verdict:#?}");
-    reason(&verdict, Criterion::Nis, "dvl");
+fn a_noise_smaller_than_stated_is_a_note_and_harms_nobody() {
+    for factor in ["0.1", "0.4", "0.8"] {
+        let verdict = verdict(&[&format!("sensor.dvl.simulation.noise={factor}")]);
+        assert_eq!(verdict.level, VerdictLevel::Consistent, "{verdict:#?}");
+        assert_eq!(reason(&verdict, Criterion::Nis, "dvl").severity, Severity::Note);
+    }
 }
 
 /// Runs of 40 s, some of it at rest, in which the scale factor and the velocity are unknown and the

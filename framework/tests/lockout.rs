@@ -330,7 +330,7 @@ fn after_silence_the_covariance_is_inflated_at_once() {
         "{:?}",
         b.log.events
     );
-    assert_eq!(b.log.findings[0].severity, Severity::Doubtful);
+    assert_eq!(b.log.findings[0].severity, Severity::Contained);
     assert!((b.value("cart.place") - 60.0).abs() < 0.5, "{}", b.value("cart.place"));
 }
 
@@ -359,7 +359,7 @@ fn a_sensor_that_jumps_is_isolated_and_taken_back_when_it_agrees_again() {
     assert_eq!(outcomes[30..64], [isolated; 34]);
     assert_eq!(outcomes[64..], [Outcome::Accepted; 16]);
     let finding = &b.log.findings[0];
-    assert_eq!((finding.about.as_str(), finding.severity), ("fix", Severity::Doubtful));
+    assert_eq!((finding.about.as_str(), finding.severity), ("fix", Severity::Contained));
     assert!(finding.text.contains("its innovation jumped"), "{}", finding.text);
     assert_eq!(b.log.findings.len(), 1);
     assert_eq!(b.log.says("taken back, isolated since 50.000 s"), 1, "{:?}", b.log.events);
@@ -373,7 +373,7 @@ fn an_isolation_that_nothing_decides_ends_and_the_run_must_not_be_used() {
     assert_eq!(b.log.outcomes()[40], Outcome::Accepted, "30 s gated and 10 s isolated");
     let severities: Vec<Severity> = b.log.findings.iter().map(|f| f.severity).collect();
     // the way back is a jump as well; after the fix was used nothing decides it
-    assert_eq!(severities[..2], [Severity::Doubtful, Severity::DoNotUse]);
+    assert_eq!(severities[..2], [Severity::Contained, Severity::DoNotUse]);
     assert!(b.log.findings[1].text.contains("isolated for 10 s"), "{}", b.log.findings[1].text);
 }
 
@@ -420,7 +420,7 @@ fn a_sensor_that_others_contradict_is_isolated_even_if_its_error_came_gradually(
     }
     let finding = &b.log.findings[0];
     assert!(finding.text.contains("other sensors contradict it"), "{}", finding.text);
-    assert_eq!((finding.about.as_str(), finding.severity), ("fix", Severity::Doubtful));
+    assert_eq!((finding.about.as_str(), finding.severity), ("fix", Severity::Contained));
     let (error, sigma) = (b.value("cart.place"), b.variance("cart.place").sqrt());
     assert!(error.abs() < 3.5 * sigma, "{error} {sigma}");
 }

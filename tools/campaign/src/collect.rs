@@ -5,6 +5,7 @@ use crate::columns::{Columns, Places};
 use crate::grid::Grid;
 use crate::record::{Row, RunRecord, SENSOR};
 use navfuse_core::model::chi_square::gated_moments;
+use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::record::{Epoch, Level, Outcome, Record, Truth, UpdateRecord, Wants};
 use navfuse_core::model::stream::{Sink, StreamError};
@@ -54,7 +55,8 @@ pub fn run(
     let verdict = finished.summary.verdict.without_reference();
     let judged = verdict.level;
     let unusable = judged == VerdictLevel::DoNotUse;
-    let blamed = verdict.reasons.first().map(|reason| reason.about.clone());
+    let doubt = verdict.reasons.first().filter(|reason| reason.severity > Severity::Note);
+    let blamed = doubt.map(|reason| reason.about.clone());
     let warnings = finished.events.into_iter().filter(|e| e.level >= Level::Warning);
     let warned: BTreeSet<String> = warnings.map(|event| event.about).collect();
     let warned = warned.into_iter().collect();

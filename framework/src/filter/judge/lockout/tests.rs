@@ -137,7 +137,7 @@ fn a_lock_out_is_reported_once_and_its_fifth_sample_warned_of() {
 fn the_covariance_is_inflated_at_the_third_sample_after_a_silence() {
     let mut sensor = Sensor::new(Action::Inflate);
     assert_eq!(sensor.until(from(16.0), 90.0), (18.0, Verdict::Inflate));
-    assert_eq!(sensor.severities(), [Severity::Doubtful]);
+    assert_eq!(sensor.severities(), [Severity::Contained]);
     let mut sensor = Sensor::new(Action::Inflate);
     assert_eq!(sensor.until([11.0, 17.0, 18.0], 39.0), (18.0, Verdict::Inflate));
     // 5 s are no silence, and the jump came after a gap of more than three intervals
@@ -159,7 +159,7 @@ fn a_sensor_that_jumped_is_isolated_and_one_that_drifted_inflates() {
         (verdict, sensor.severities())
     };
     let (isolated, inflated) = (
-        (Verdict::Isolate, vec![Severity::Doubtful]),
+        (Verdict::Isolate, vec![Severity::Contained]),
         (Verdict::Inflate, vec![Severity::DoNotUse]),
     );
     assert_eq!(found(11.0, 41.0), isolated);
@@ -272,7 +272,7 @@ fn an_isolation_ends_after_five_minutes_where_no_other_sensor_contradicts() {
     assert_eq!(jumped.until(from(11.0), 90.0), (41.0, Verdict::Isolate));
     assert_eq!(jumped.judge(340.9, 90.0, 1.0, BAD), Verdict::Isolate);
     jumped.lockout.finish("depth", Time::MIN, &mut jumped.reports);
-    assert_eq!(jumped.severities(), [Severity::Doubtful, Severity::DoNotUse]);
+    assert_eq!(jumped.severities(), [Severity::Contained, Severity::DoNotUse]);
     assert_eq!(jumped.judge(341.0, f64::INFINITY, 1.0, BAD), Verdict::Isolate);
     assert_eq!(jumped.judge(342.0, 90.0, 1.0, BAD), Verdict::Inflate);
     assert_eq!(jumped.severities()[2..], [Severity::DoNotUse]);
@@ -286,7 +286,7 @@ fn an_isolation_ends_after_five_minutes_where_no_other_sensor_contradicts() {
     assert_eq!(last.take(31).last(), Some(Verdict::Isolate));
     assert_eq!(wrong.judge(1000.0, 39.0, 1.0, BAD), Verdict::Isolate);
     wrong.lockout.finish("depth", Time::MIN, &mut wrong.reports);
-    assert_eq!(wrong.severities(), [Severity::Doubtful; 2]);
+    assert_eq!(wrong.severities(), [Severity::Contained; 2]);
 }
 
 #[test]
