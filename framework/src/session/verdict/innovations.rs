@@ -265,7 +265,10 @@ impl SensorStatistics {
             channel.judge(alpha, (white, self.channels.len(), inside), &mut found);
         }
         // one reason for each criterion: of the channel that violates it most
-        while let Some(worst) = found.iter().max_by(|a, b| a.size.total_cmp(&b.size)).cloned() {
+        let order = |a: &&Departure, b: &&Departure| {
+            a.severity.cmp(&b.severity).then(a.size.total_cmp(&b.size))
+        };
+        while let Some(worst) = found.iter().max_by(order).cloned() {
             let of_criterion = |d: &&Departure| d.criterion == worst.criterion;
             let others: Vec<&str> = (found.iter().filter(of_criterion))
                 .map(|d| d.channel.as_str())
