@@ -38,7 +38,8 @@ fn trials(diagnosis: &Diagnosis) {
 fn row(trial: &Trial, next: Option<&Trial>) -> [String; 6] {
     let margin = next.map_or_else(String::new, |next| format!("{:.0}", trial.score - next.score));
     let moved = trial.moved.map_or_else(String::new, |m| format!("{m:.2} m"));
-    let nis = if trial.mean_nis.is_finite() { format!("{:.2}", trial.mean_nis) } else { String::new() };
+    let nis =
+        if trial.mean_nis.is_finite() { format!("{:.2}", trial.mean_nis) } else { String::new() };
     let change = match &trial.estimate {
         Some(estimate) => format!("{}: {estimate}", trial.change),
         None => trial.change.clone(),

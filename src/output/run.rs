@@ -129,6 +129,9 @@ pub fn verdict(verdict: &Verdict) {
         let text = format!("{}: {reason}{remedy}", level.words());
         marked_line(text, &[(level.words(), tone(level))]);
     }
+    if verdict.level != VerdictLevel::Consistent {
+        line("`navfuse diagnose` with this scenario or log looks for the change that explains it");
+    }
     line_of(verdict);
 }
 

@@ -1,7 +1,7 @@
 //! The changes that are tried: errors that instruments and scenarios usually have.
 
 use crate::likelihood::Channels;
-use crate::patch::{Patch, path, widened};
+use crate::patch::{Patch, Uncertain, about, path, widened};
 use crate::recording::Recording;
 use crate::trial::Outcome;
 use navfuse_core::compose::Composition;
@@ -37,6 +37,11 @@ pub(crate) struct Scene<'a> {
 
 /// Jumps of a clock, s: the leap seconds between GPS, UTC and TAI, and their changes since 2012.
 const JUMPS: [i32; 5] = [17, 18, 19, 27, 37];
+/// Lags about which an offset is estimated, s, of either sign: a gate that is narrower than the lag
+/// hides it from an estimate that begins at zero.
+const LAGS: [f64; 8] = [0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0];
+/// Yaws with which instruments are mounted, deg.
+const YAWS: [i32; 11] = [-150, -135, -90, -60, -45, 45, 60, 90, 135, 150, 180];
 /// Spans at the start that are left out, s.
 const STARTS: [f64; 3] = [5.0, 10.0, 30.0];
 
@@ -92,6 +97,7 @@ impl<'a> Scene<'a> {
         if measures {
             all.extend(self.calibrations(Kind::Sensor, name, kind));
             all.extend(self.gates(name));
+            all.extend(lags(name));
         } else {
             all.extend(self.screening(name, kind));
         }
@@ -117,10 +123,17 @@ impl<'a> Scene<'a> {
                 let path = path(kind, name, &key);
                 let settings = widened(self.document, &path, &format!("\"{sigma}\""));
                 all.push(Patch {
-                    state: Some(format!("{name}.{key}")),
+                    state: Some(Uncertain {
+                        name: format!("{name}.{key}"),
+                        path,
+                        sigma: sigma.to_string(),
+                    }),
                     parameters: 1,
                     ..Patch::new(format!("{name}: {key} estimated, sigma {sigma}"), settings)
                 });
+            }
+            if key == "misalignment" {
+                all.extend(mounted(self.document, kind, name, &key));
             }
         }
         all
@@ -186,14 +199,26 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// A change of a sensor's noise with the factor that the innovations of its run suggest.
+/// Change of a sensor's noise with the factor that the innovations of its run suggest.
 pub(crate) fn refined(scene: &Scene<'_>, patch: &Patch, outcome: &Outcome) -> Option<Patch> {
     let (name, factor) = patch.noise.as_ref()?;
+    noise_of(scene, name, *factor, outcome)
+}
+
+/// Changes of the noise of each sensor that the innovations of a run suggest.
+pub(crate) fn suggested(scene: &Scene<'_>, outcome: &Outcome) -> Vec<Patch> {
+    let names = outcome.densities.nis.keys();
+    names.filter_map(|name| noise_of(scene, name, 1.0, outcome)).collect()
+}
+
+/// Change of the noise of a sensor, which a run had multiplied by a factor, to the size of its
+/// innovations; `None` where it has that size.
+fn noise_of(scene: &Scene<'_>, name: &str, factor: f64, outcome: &Outcome) -> Option<Patch> {
     let (nis, channels) = outcome.densities.nis.get(name)?;
     let better = factor * (nis / *channels as f64).sqrt();
     let rounded: f64 = format!("{better:.1e}").parse().ok().filter(|f: &f64| f.is_finite())?;
     let sensor = scene.sensors.iter().find(|s| s.info.name == *name)?;
-    (rounded != *factor).then(|| noise::multiplied(scene, sensor, rounded)).flatten()
+    (rounded != factor).then(|| noise::multiplied(scene, sensor, rounded)).flatten()
 }
 
 /// Wide sigmas of a state, by a value in its unit.
@@ -210,6 +235,46 @@ fn wide(key: &str, example: &str) -> &'static [&'static str] {
         "ug" => &["50 mg"],
         _ => &[],
     }
+}
+
+/// An instrument that is mounted with another yaw, which is estimated about it.
+fn mounted(document: &Document, kind: Kind, name: &str, key: &str) -> Vec<Patch> {
+    let path = path(kind, name, key);
+    let patch = |yaw: i32| {
+        let initial = format!("[\"0 deg\", \"0 deg\", \"{yaw} deg\"]");
+        let settings = about(&widened(document, &path, "\"5 deg\""), &path, &initial, "\"5 deg\"");
+        let (name, path) = (format!("{name}.{key}"), path.clone());
+        Patch {
+            state: Some(Uncertain { name: name.clone(), path, sigma: "5 deg".to_owned() }),
+            parameters: 1,
+            choices: (YAWS.len() as f64).ln(),
+            ..Patch::new(format!("{} near yaw {yaw} deg", name.replacen('.', ": ", 1)), settings)
+        }
+    };
+    YAWS.map(patch).into()
+}
+
+/// A lag that is estimated about another value than zero.
+fn lags(name: &str) -> Vec<Patch> {
+    let key = path(Kind::Sensor, name, "time_offset");
+    let both = LAGS.into_iter().flat_map(|lag| [lag, -lag]);
+    both.map(|lag| {
+        let value = format!("{{ initial = \"{lag} s\", sigma = \"{} s\" }}", 0.2 * lag.abs());
+        Patch {
+            state: Some(Uncertain {
+                name: format!("{name}.time_offset"),
+                path: key.clone(),
+                sigma: format!("{} s", 0.2 * lag.abs()),
+            }),
+            parameters: 1,
+            choices: (2.0 * LAGS.len() as f64).ln(),
+            ..Patch::new(
+                format!("{name}: time_offset near {lag} s"),
+                vec![format!("{key}={value}")],
+            )
+        }
+    })
+    .collect()
 }
 
 /// A clock that is wrong by leap seconds.
@@ -245,7 +310,10 @@ fn factors(
     for (channel, factor) in factors {
         let of = sensor.info.channel(*channel);
         let whole = factor * present_factor(document, name, of);
-        settings.push(format!("{}={whole:?}", path(Kind::Sensor, name, &format!("samples.factor.{of}"))));
+        settings.push(format!(
+            "{}={whole:?}",
+            path(Kind::Sensor, name, &format!("samples.factor.{of}"))
+        ));
         stretch[*channel] = factor.abs().ln();
     }
     let measures = sensor.info.purpose == Purpose::Measurement;

@@ -114,7 +114,8 @@ impl Densities {
             let count = self.count.get(name).copied().unwrap_or_default();
             let scale = scales.get(name).copied().unwrap_or([1.0; MAX_CHANNELS]);
             for k in 0..MAX_CHANNELS {
-                let share = if count[k] > wanted[k] { wanted[k] as f64 / count[k] as f64 } else { 1.0 };
+                let share =
+                    if count[k] > wanted[k] { wanted[k] as f64 / count[k] as f64 } else { 1.0 };
                 let missing = wanted[k].saturating_sub(count[k]) as f64;
                 total += share * density[k] + missing * (OUTLIERS / (TAU * scale[k])).ln();
             }

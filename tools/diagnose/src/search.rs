@@ -1,9 +1,9 @@
 //! The search: every change on a part of the samples, the best ones on all of them, then pairs.
 
-use crate::causes::{Scene, refined};
+use crate::causes::{Scene, refined, suggested};
 use crate::likelihood::Channels;
 use crate::patch::Patch;
-use crate::trial::{Outcome, distance, run};
+use crate::trial::{Outcome, distance, run, words};
 use crate::{Diagnosis, Options, Trial};
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::units::sample::MAX_CHANNELS;
@@ -70,6 +70,13 @@ impl<'a> Search<'a> {
         });
         runs.extend(self.all(noise.into_iter().collect(), last));
         if !self.solved(&base, &runs) {
+            let centred = self.best(&base, &runs).and_then(|(patch, outcome)| {
+                let row = outcome.estimate.as_ref()?;
+                patch.centred(&row.estimate, row.unit)
+            });
+            runs.extend(self.all(centred.into_iter().collect(), last));
+        }
+        if !self.solved(&base, &runs) {
             let pairs = self.pairs(&base, &runs);
             runs.extend(self.all(pairs, last));
         }
@@ -115,9 +122,11 @@ impl<'a> Search<'a> {
                 (self.progress)(done, self.planned.load(Ordering::Relaxed));
             }
         };
-        std::thread::scope(|scope| (0..self.options.threads.max(1)).for_each(|_| {
-            scope.spawn(work);
-        }));
+        std::thread::scope(|scope| {
+            (0..self.options.threads.max(1)).for_each(|_| {
+                scope.spawn(work);
+            })
+        });
         let mut runs = runs.into_inner().unwrap_or_else(PoisonError::into_inner);
         runs.sort_by_key(|(at, _)| *at);
         runs.into_iter().map(|(_, run)| run).collect()
@@ -160,20 +169,28 @@ impl<'a> Search<'a> {
         order.into_iter().take(most).map(|k| runs[k].0.clone()).collect()
     }
 
-    /// True if the best change makes the run consistent, or no change explains anything.
-    fn solved(&self, base: &Outcome, runs: &[Run]) -> bool {
+    /// The run with the highest score, if the samples favour it.
+    fn best<'r>(&self, base: &Outcome, runs: &'r [Run]) -> Option<&'r Run> {
         let scores = self.scores(base, runs);
         let best = (0..runs.len()).max_by(|a, b| scores[*a].1.total_cmp(&scores[*b].1));
-        best.is_none_or(|k| {
-            scores[k].1 < CLEAR || runs[k].1.level == VerdictLevel::Consistent
-        })
+        best.filter(|k| scores[*k].1 >= CLEAR).map(|k| &runs[k])
     }
 
-    /// The best change with each of the next ones that leaves its keys alone.
+    /// True if the best change makes the run consistent, or no change explains anything.
+    fn solved(&self, base: &Outcome, runs: &[Run]) -> bool {
+        let best = self.best(base, runs);
+        best.is_none_or(|(_, outcome)| outcome.level == VerdictLevel::Consistent)
+    }
+
+    /// The best change with each of the next ones that leaves its keys alone, and with the noise of
+    /// each sensor that its innovations suggest.
     fn pairs(&self, base: &Outcome, runs: &[Run]) -> Vec<Patch> {
         let best = self.ranked(base, runs, BEST);
         let Some((first, others)) = best.split_first() else { return Vec::new() };
-        others.iter().filter(|o| !first.collides(o)).map(|o| first.with(o)).collect()
+        let noise = self.best(base, runs).map(|(_, outcome)| suggested(self.scene, outcome));
+        let noise = noise.unwrap_or_default();
+        let others = others.iter().chain(&noise);
+        others.filter(|other| !first.collides(other)).map(|other| first.with(other)).collect()
     }
 
     /// The trials, the best first.
@@ -181,9 +198,7 @@ impl<'a> Search<'a> {
         let scores = self.scores(base, &runs);
         let trials = runs.into_iter().zip(scores);
         let mut trials: Vec<Trial> = trials
-            .map(|((patch, outcome), (gain, score))| {
-                self.trial(&outcome, patch, base, gain, score)
-            })
+            .map(|((patch, outcome), (gain, score))| self.trial(&outcome, patch, base, gain, score))
             .collect();
         trials.sort_by(|a, b| b.score.total_cmp(&a.score));
         trials
@@ -207,7 +222,7 @@ impl<'a> Search<'a> {
             level: outcome.level,
             verdict: outcome.verdict.clone(),
             moved,
-            estimate: outcome.estimate.clone(),
+            estimate: outcome.estimate.as_ref().map(words),
         }
     }
 }

@@ -22,8 +22,8 @@ pub(crate) struct Outcome {
     pub verdict: String,
     /// Latitude, longitude (deg) and height (m) at the end.
     pub position: Option<[f64; 3]>,
-    /// State that the change makes uncertain, with its 1-sigma, in words.
-    pub estimate: Option<String>,
+    /// State that the change makes uncertain.
+    pub estimate: Option<StateRow>,
     /// Set if the run was interrupted.
     pub interrupted: bool,
 }
@@ -49,7 +49,10 @@ pub(crate) fn run(
         level: level(&finished),
         verdict: finished.summary.verdict.text.clone(),
         position: position(&finished.summary),
-        estimate: patch.state.as_ref().and_then(|name| estimate(&finished.summary, name)),
+        estimate: patch
+            .state
+            .as_ref()
+            .and_then(|state| finished.summary.rows.into_iter().find(|row| row.name == state.name)),
         interrupted: finished.interrupted,
     })
 }
@@ -70,13 +73,13 @@ fn position(summary: &Summary) -> Option<[f64; 3]> {
     summary.rows.iter().find(geodetic)?.estimate[..].try_into().ok()
 }
 
-fn estimate(summary: &Summary, name: &str) -> Option<String> {
-    let row = summary.rows.iter().find(|row| row.name == name)?;
+/// A state with its 1-sigma.
+pub(crate) fn words(row: &StateRow) -> String {
     let values = row.estimate.iter().zip(&row.sigma).map(|(value, sigma)| {
         let digits = (1.0 - sigma.abs().max(1e-9).log10().floor()).clamp(0.0, 6.0) as usize;
         format!("{value:.digits$} +- {sigma:.digits$}")
     });
-    Some(format!("{} {}", values.collect::<Vec<_>>().join(", "), row.unit))
+    format!("{} {}", values.collect::<Vec<_>>().join(", "), row.unit)
 }
 
 /// Distance of two positions, m, on a sphere.

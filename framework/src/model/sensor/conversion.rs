@@ -71,7 +71,8 @@ const VECTORS: [[&str; 3]; 2] = [["_x", "_y", "_z"], ["_n", "_e", "_d"]];
 /// The vectors among the channels, by the indices of their components.
 fn vectors(channels: &[Channel]) -> impl Iterator<Item = [usize; 3]> + '_ {
     let stems = channels.iter().flat_map(|first| {
-        let ends = VECTORS.iter().filter_map(|ends| Some((first.name.strip_suffix(ends[0])?, ends)));
+        let ends =
+            VECTORS.iter().filter_map(|ends| Some((first.name.strip_suffix(ends[0])?, ends)));
         ends.map(|(stem, ends)| ends.map(|end| format!("{stem}{end}")))
     });
     let index = |name: &String| channels.iter().position(|c| *c.name == **name);
@@ -110,10 +111,7 @@ impl Conversion {
 }
 
 /// The moves of the components of every vector.
-fn turned(
-    axes: [Axis; 3],
-    channels: &[Channel],
-) -> Result<Vec<(usize, usize, f64)>, ComposeError> {
+fn turned(axes: [Axis; 3], channels: &[Channel]) -> Result<Vec<(usize, usize, f64)>, ComposeError> {
     let error = |message: &str| Err(ComposeError::new("samples.axes", message));
     let mut used = axes.map(|axis| axis.parts().0);
     used.sort_unstable();
@@ -165,7 +163,8 @@ mod tests {
 
     #[test]
     fn axes_factors_and_clock_are_applied_to_the_samples_of_any_source() {
-        let text = "axes = [\"y\", \"x\", \"-z\"]\nfactor = { depth = -1, vel_x = 0.5 }\nclock = \"-2 s\"";
+        let text =
+            "axes = [\"y\", \"x\", \"-z\"]\nfactor = { depth = -1, vel_x = 0.5 }\nclock = \"-2 s\"";
         let converter = conversion(text).resolve(&channels()).unwrap();
         let mut sample = Sample::new(Time::from_nanos(0), SensorId(0), &[1.0, 2.0, 3.0, 4.0]);
         sample.clear(0);

@@ -15,9 +15,8 @@ const NAMES: [&str; 3] = ["x", "y", "z"];
 fn all() -> Vec<Axes> {
     let orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
     let signs = (0..8).map(|bits| [0, 1, 2].map(|k| if bits >> k & 1 == 1 { -1.0 } else { 1.0 }));
-    let sets = signs.flat_map(|signs| {
-        orders.map(|order| std::array::from_fn(|k| (order[k], signs[k])))
-    });
+    let sets =
+        signs.flat_map(|signs| orders.map(|order| std::array::from_fn(|k| (order[k], signs[k]))));
     sets.filter(|axes: &Axes| *axes != [(0, 1.0), (1, 1.0), (2, 1.0)]).collect()
 }
 
@@ -41,9 +40,8 @@ fn words(axes: &Axes) -> String {
 }
 
 fn setting(name: &str, axes: &Axes) -> String {
-    let axis = |(k, sign): (usize, f64)| {
-        format!("\"{}{}\"", if sign < 0.0 { "-" } else { "" }, NAMES[k])
-    };
+    let axis =
+        |(k, sign): (usize, f64)| format!("\"{}{}\"", if sign < 0.0 { "-" } else { "" }, NAMES[k]);
     let list = axes.map(axis).join(", ");
     format!("{}=[{list}]", path(Kind::Sensor, name, "samples.axes"))
 }
@@ -66,7 +64,9 @@ pub(super) fn turned(sensor: &Instrument, document: &Document) -> Vec<Patch> {
     let patch = |axes: &Axes| {
         let text = match ends("_z") {
             true => words(axes),
-            false => format!("velocity as {}", setting("", axes).split_once('=').map_or("", |s| s.1)),
+            false => {
+                format!("velocity as {}", setting("", axes).split_once('=').map_or("", |s| s.1))
+            }
         };
         Patch { choices, ..Patch::new(format!("{name}: {text}"), vec![setting(name, axes)]) }
     };

@@ -89,7 +89,10 @@ mod tests {
     fn quantities_are_multiplied_in_their_unit() {
         let text = |text: &str| toml::Value::String(text.to_owned());
         assert_eq!(times(&text("3 mm"), 3.0).as_deref(), Some("\"9 mm\""));
-        assert_eq!(times(&text("0.2 deg/h/sqrt(Hz)"), 2.0).as_deref(), Some("\"0.4 deg/h/sqrt(Hz)\""));
+        assert_eq!(
+            times(&text("0.2 deg/h/sqrt(Hz)"), 2.0).as_deref(),
+            Some("\"0.4 deg/h/sqrt(Hz)\"")
+        );
         let both = toml::Value::Array(vec![text("1e-2 m"), toml::Value::Integer(2)]);
         assert_eq!(times(&both, 0.5).as_deref(), Some("[\"0.005 m\", 1.0]"));
         assert_eq!(times(&toml::Value::Boolean(true), 2.0), None);
