@@ -254,27 +254,26 @@ fn mounted(document: &Document, kind: Kind, name: &str, key: &str) -> Vec<Patch>
     YAWS.map(patch).into()
 }
 
-/// A lag that is estimated about another value than zero.
+/// A lag that is estimated about another value than zero. A filter knows the past exactly and the
+/// future by extrapolation, so stamps that are early by `l` become late by `l` through a clock of `2 l`.
 fn lags(name: &str) -> Vec<Patch> {
-    let key = path(Kind::Sensor, name, "time_offset");
-    let both = LAGS.into_iter().flat_map(|lag| [lag, -lag]);
-    both.map(|lag| {
-        let value = format!("{{ initial = \"{lag} s\", sigma = \"{} s\" }}", 0.2 * lag.abs());
+    let path = |key: &str| path(Kind::Sensor, name, key);
+    let lagging = |lag: f64, early: bool| {
+        let (key, sigma) = (path("time_offset"), format!("{:.3} s", 0.25 * lag));
+        let offset = format!("{key}={{ initial = \"{lag} s\", sigma = \"{sigma}\" }}");
+        let clock = early.then(|| format!("{}=\"{} s\"", path("samples.clock"), 2.0 * lag));
+        let text = match early {
+            true => format!("{name}: time_offset near -{lag} s, after a clock of +{} s", 2.0 * lag),
+            false => format!("{name}: time_offset near {lag} s"),
+        };
         Patch {
-            state: Some(Uncertain {
-                name: format!("{name}.time_offset"),
-                path: key.clone(),
-                sigma: format!("{} s", 0.2 * lag.abs()),
-            }),
+            state: Some(Uncertain { name: format!("{name}.time_offset"), path: key, sigma }),
             parameters: 1,
             choices: (2.0 * LAGS.len() as f64).ln(),
-            ..Patch::new(
-                format!("{name}: time_offset near {lag} s"),
-                vec![format!("{key}={value}")],
-            )
+            ..Patch::new(text, [offset].into_iter().chain(clock).collect())
         }
-    })
-    .collect()
+    };
+    LAGS.into_iter().flat_map(|lag| [lagging(lag, false), lagging(lag, true)]).collect()
 }
 
 /// A clock that is wrong by leap seconds.

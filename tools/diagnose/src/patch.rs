@@ -57,9 +57,10 @@ impl Patch {
         };
         let (number, of) = sigma.split_once(' ')?;
         let sigma = format!("\"{} {of}\"", number.parse::<f64>().ok()? / 5.0);
-        let settings = about(&self.settings, path, &initial, &sigma);
+        let others = self.settings.iter().filter(|setting| !setting.starts_with(path.as_str()));
+        let settings = others.cloned().chain(about(&self.settings, path, &initial, &sigma));
         let text = format!("{} estimated about {}", name.replacen('.', ": ", 1), values.join(", "));
-        Some(Self { text: text.replace('"', ""), settings, ..self.clone() })
+        Some(Self { text: text.replace('"', ""), settings: settings.collect(), ..self.clone() })
     }
 
     /// Both changes.

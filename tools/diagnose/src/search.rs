@@ -156,7 +156,9 @@ impl<'a> Search<'a> {
         let (before, n) = (total(base), wanted.values().flatten().sum::<u64>().max(1) as f64);
         let score = |(patch, outcome): &Run| {
             let gain = 2.0 * (total(outcome) - before);
-            (gain, gain - patch.parameters as f64 * n.ln() - 2.0 * patch.choices)
+            let state = outcome.estimate.as_ref().map_or(0, |row| row.estimate.len());
+            let parameters = patch.parameters.max(state) as f64;
+            (gain, gain - parameters * n.ln() - 2.0 * patch.choices)
         };
         runs.iter().map(score).collect()
     }
