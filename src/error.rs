@@ -7,6 +7,7 @@ use navfuse_core::files::FolderError;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::{BuildError, PluginError};
 use navfuse_core::session::RunError;
+use navfuse_diagnose::DiagnoseError;
 use navfuse_figures::FigureError;
 use navfuse_import::ImportError;
 use navfuse_observability::plan::PlanError;
@@ -111,6 +112,16 @@ impl From<ImportError> for CommandError {
             ImportError::Stream(error) => error.into(),
             ImportError::Build(error) => error.into(),
             ImportError::Document(error) => error.into(),
+            other => Self::Request(other.to_string()),
+        }
+    }
+}
+
+impl From<DiagnoseError> for CommandError {
+    fn from(error: DiagnoseError) -> Self {
+        match error {
+            DiagnoseError::Build(error) => error.into(),
+            DiagnoseError::Document(error) => error.into(),
             other => Self::Request(other.to_string()),
         }
     }

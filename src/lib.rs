@@ -120,6 +120,8 @@ enum Commands {
     Merge(commands::merge::Merge),
     /// Calibrate the DVL: IO-DVLC of Pan & Wu, the methods that they compare with, and the filter
     Calibrate(commands::calibrate::Calibrate),
+    /// Find the change of a scenario that explains its samples: run them again with each
+    Diagnose(commands::diagnose::Diagnose),
     /// Write one page about a run, which opens offline: track, states, innovations, calibration
     Report(commands::report::Report),
     /// Compare runs: what differs in their scenarios and in their results
@@ -140,7 +142,7 @@ enum Commands {
 }
 
 /// Arguments with a path that is written, in any command. Every other path is read.
-const OUTPUTS: [&str; 4] = ["out", "path", "write", "initialise"];
+const OUTPUTS: [&str; 5] = ["apply", "out", "path", "write", "initialise"];
 
 /// Holds the files that the arguments of a command name as its inputs, so that it writes over none.
 fn hold_inputs(matches: &ArgMatches) -> Vec<Held> {
@@ -186,6 +188,7 @@ fn run(registry: &Registry, command: Commands) -> error::Result<ExitCode> {
         Commands::Merge(arguments) => commands::merge::merge(&arguments),
         Commands::Calibrate(arguments) => commands::calibrate::calibrate(registry, &arguments),
         Commands::NewPlugin(arguments) => commands::new_plugin::new_plugin(registry, &arguments),
+        Commands::Diagnose(arguments) => commands::diagnose::diagnose(registry, &arguments),
         Commands::Report(arguments) => commands::report::report(registry, &arguments),
         #[cfg(feature = "rerun")]
         Commands::View(arguments) => commands::view::view(registry, &arguments),

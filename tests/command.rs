@@ -354,6 +354,7 @@ fn help_has_examples() {
         "run",
         "replay",
         "report",
+        "diagnose",
         "figures",
         "observability",
         "calibrate",

@@ -104,9 +104,9 @@ pub struct Conducted {
 }
 
 /// Number of threads of a campaign.
-fn threads(settings: &CampaignOptions) -> Result<usize> {
+pub fn threads(jobs: Option<usize>) -> Result<usize> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    match settings.jobs {
+    match jobs {
         Some(0) => {
             let message = "give at least one thread; without --jobs there is one a core";
             Err(CommandError::argument("--jobs 0", message))
@@ -125,7 +125,7 @@ pub fn conduct(
     kind: &Kind<'_>,
     stop: &AtomicBool,
 ) -> Result<Option<Conducted>> {
-    let threads = threads(settings)?;
+    let threads = threads(settings.jobs)?;
     let mut document = document(path)?;
     settings.set.iter().try_for_each(|s| document.set(s))?;
     options.every = settings.every.as_deref().map(|text| seconds("--every", text)).transpose()?;
@@ -185,7 +185,7 @@ pub fn run(
         (None, None) => {}
     }
     if text && Detail::get() != Detail::Quiet {
-        took(done, threads(settings)?, clock);
+        took(done, threads(settings.jobs)?, clock);
     }
     if done.interrupted() {
         let JobCount { done, asked } = done;
@@ -244,7 +244,7 @@ pub fn run_several(
     let rows = all.iter().filter_map(|one| Some((&one.campaign, one.results.as_ref()?)));
     if text {
         scenarios::table(rows);
-        took(total, threads(settings)?, clock);
+        took(total, threads(settings.jobs)?, clock);
     } else {
         output::line(serde_json::to_string(&scenarios::rows(rows))?);
     }

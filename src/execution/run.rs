@@ -26,7 +26,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const VIEWER: &str = "rerun";
 
 /// Exit code of a run whose verdict is "do not use".
-const INCONSISTENT: u8 = 3;
+pub const INCONSISTENT: u8 = 3;
 
 /// Options of a run.
 #[derive(Clone, Debug, Args)]

@@ -76,6 +76,13 @@ impl Bar {
         self.0.set_position(done.done as u64);
     }
 
+    /// Shows the runs of a diagnosis that are done; each of its steps adds some.
+    pub fn trials(&self, done: usize, all: usize) {
+        self.length(all as u64, "runs");
+        self.0.set_length(all as u64);
+        self.0.set_position(done as u64);
+    }
+
     fn length(&self, length: u64, of: &str) {
         if self.0.length().is_none() {
             self.0.set_length(length);

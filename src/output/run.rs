@@ -132,6 +132,9 @@ pub fn verdict(verdict: &Verdict) {
     if !verdict.reasons.is_empty() {
         answers(&verdict.answers());
     }
+    if verdict.level != VerdictLevel::Consistent {
+        line("`navfuse diagnose` with this scenario or log looks for the change that explains it");
+    }
     line_of(verdict);
 }
 

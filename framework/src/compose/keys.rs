@@ -2,6 +2,7 @@
 
 use crate::compose::calibration::TimeOffset;
 use crate::compose::correlated::CorrelatedError;
+use crate::model::sensor::conversion::Conversion;
 use crate::model::sensor::delivery::Delay;
 use crate::model::sensor::gate::{Gate, Recovery};
 use crate::model::sensor::limits::LimitKeys;
@@ -83,6 +84,10 @@ sensor_keys! {
         /// Delay of delivery, such as `{ mean = "2 s", sigma = "0.5 s" }`: rehearses late samples
         /// with a simulation or a recording. Default: samples arrive at their own time.
         pub delay: Option<Delay>,
+        /// Conversion of the samples before the filter takes them, such as
+        /// `{ axes = ["y", "x", "-z"] }`, `{ factor = { depth = -1 } }` or `{ clock = "-18 s" }`.
+        /// Default: the samples are in the axes, units and time of navfuse.
+        pub samples: Option<Conversion>,
         /// Spans of time whose samples the filter does not use, each `["110 s", "125 s"]`: from the
         /// first time on, and before the second. The samples stay in the log.
         #[serde(default)]

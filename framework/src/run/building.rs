@@ -331,6 +331,8 @@ fn place_sensor(
     }
     let limits = limits::resolve(built.limits, &keys.limits, &built.channels)
         .map_err(|e| e.at(&part.node))?;
+    let conversion = keys.samples.as_ref().map(|samples| samples.resolve(&built.channels));
+    let conversion = conversion.transpose().map_err(|e| e.at(&part.node))?;
     let time_offset = time_offset_block(part, &keys, composer)?;
     let update = rules.of_sensor(part, keys.update.as_deref(), keys.time_offset.is_some())?;
     let exclude = excluded(part, &keys)?;
@@ -369,6 +371,7 @@ fn place_sensor(
         timeout: keys.timeout.map(|t| t.value().si()),
         late,
         delay: keys.delay,
+        conversion,
         clones,
         exclude,
         simulation: keys.simulation,

@@ -1,32 +1,44 @@
-//! Sources whose samples arrive later than they are valid: the key `delay` of a sensor.
+//! Sources whose samples arrive later than they are valid, or have other stamps: the keys `delay` and
+//! `samples.clock` of a sensor.
 
 use crate::compose::Composition;
 use crate::model::record::Event;
+use crate::model::sensor::Sensor;
 use crate::model::sensor::delivery::Delay;
 use crate::model::stream::{NamedSource, Source, StreamError};
 use crate::units::sample::{Sample, SensorId};
-use crate::units::time::Time;
+use crate::units::time::{Span, Time};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 
-/// Delay of each sensor and the purpose of its random numbers, for a scenario where some sensor has
-/// a delay.
-type Delays = Arc<[Option<(Delay, String)>]>;
+/// Delivery of the samples of a sensor.
+struct Delivery {
+    /// Delay, and the purpose of its random numbers.
+    delay: Option<(Delay, String)>,
+    /// Time that was added to the stamps of the source.
+    clock: Span,
+}
+
+impl Delivery {
+    fn new(sensor: &Sensor) -> Self {
+        let delay = sensor.delay.map(|delay| (delay, format!("delay of {}", sensor.info.name)));
+        Self { delay, clock: sensor.conversion.as_ref().map_or(Span::ZERO, |c| c.clock) }
+    }
+}
 
 /// Delays the samples of the sources as the scenario demands.
 pub(crate) fn delayed(sources: Vec<NamedSource>, composition: &Composition) -> Vec<NamedSource> {
-    let sensors = composition.sensors.iter();
-    let delays: Delays = sensors
-        .map(|s| s.delay.map(|delay| (delay, format!("delay of {}", s.info.name))))
-        .collect();
-    if delays.iter().all(Option::is_none) {
+    let deliveries: Arc<[Delivery]> = composition.sensors.iter().map(Delivery::new).collect();
+    if deliveries.iter().all(|d| d.delay.is_none() && d.clock == Span::ZERO) {
         return sources;
     }
     let seed = composition.seed;
+    let back = deliveries.iter().map(|d| d.clock).min().unwrap_or_default().min(Span::ZERO);
     let wrap = |source| Delayed {
         source,
-        delays: Arc::clone(&delays),
+        deliveries: Arc::clone(&deliveries),
+        back,
         seed,
         next: None,
         ended: false,
@@ -40,7 +52,9 @@ pub(crate) fn delayed(sources: Vec<NamedSource>, composition: &Composition) -> V
 /// A source whose samples are given in order of arrival.
 struct Delayed {
     source: Box<dyn Source>,
-    delays: Delays,
+    deliveries: Arc<[Delivery]>,
+    /// Largest time by which a clock goes back, at most zero.
+    back: Span,
     seed: u64,
     /// Sample of the source that is not delivered yet.
     next: Option<Sample>,
@@ -93,17 +107,23 @@ impl Source for Delayed {
                 self.ended = !self.source.next(&mut next)?;
                 self.next = (!self.ended).then_some(next);
             }
-            // no later sample of the source arrives before its own time
+            let next = self.next.map(|sample| (sample, self.deliveries.get(sample.sensor.0)));
+            // no later sample of the source arrives before this time: before its own, and one of a
+            // clock that goes back before that
             let first = self.waiting.peek().map(|Reverse(w)| w.arrival);
-            if first.is_some_and(|first| self.next.is_none_or(|next| first <= next.time))
+            let earliest = next.map(|(sample, delivery)| {
+                sample.time - delivery.map_or(Span::ZERO, |d| d.clock) + self.back
+            });
+            if first.is_some_and(|first| earliest.is_none_or(|earliest| first <= earliest))
                 && let Some(Reverse(waiting)) = self.waiting.pop()
             {
                 self.arrival = waiting.arrival;
                 *sample = waiting.sample;
                 return Ok(true);
             }
-            let Some(next) = self.next.take() else { return Ok(false) };
-            let delay = self.delays.get(next.sensor.0).and_then(Option::as_ref);
+            let Some((next, delivery)) = next else { return Ok(false) };
+            self.next = None;
+            let delay = delivery.and_then(|d| d.delay.as_ref());
             let arrival = delay
                 .map_or(next.time, |(delay, purpose)| delay.arrival(self.seed, purpose, next.time));
             self.count += 1;
@@ -151,7 +171,8 @@ mod tests {
     fn a_source_with_a_delay_keeps_its_end_and_its_warning() {
         let mut delayed = Delayed {
             source: Box::new(CutOff),
-            delays: Arc::new([]),
+            deliveries: Arc::new([]),
+            back: Span::ZERO,
             seed: 1,
             next: None,
             ended: false,

@@ -2,6 +2,7 @@
 
 pub mod background;
 mod building;
+mod converted;
 mod delayed;
 mod inputs;
 mod merge;

@@ -1,5 +1,6 @@
 //! The runner: merges the sources in order of time, and pushes their samples into a session.
 
+use crate::run::converted::converted;
 use crate::run::delayed::delayed;
 use crate::run::merge::Merge;
 use crate::run::scenario::Assembly;
@@ -27,7 +28,8 @@ const PROGRESS: u64 = 4096;
 pub fn run(assembly: Assembly, stop: &AtomicBool, mut progress: impl FnMut(Progress)) -> Finished {
     let clock = Instant::now();
     let Assembly { composition, sources, sinks } = assembly;
-    let mut merge = Merge::new(delayed(sources, &composition), &composition.sensors);
+    let sources = delayed(converted(sources, &composition), &composition);
+    let mut merge = Merge::new(sources, &composition.sensors);
     let mut session = Session::new(composition, sinks);
     session.announce(merge.schedule());
     let end = push_all(&mut session, &mut merge, stop, &mut progress);

@@ -2,7 +2,7 @@
 
 use crate::compose::Composition;
 use crate::compose::estimator::Creator;
-use crate::document::{Document, DocumentError};
+use crate::document::{Document, DocumentError, key};
 use crate::filter::Ekf;
 use crate::model::stream::{NamedSink, NamedSource};
 use crate::plugin::{BuildError, Entry, Kind, Make, OpenContext, Registry, Shared};
@@ -108,7 +108,7 @@ impl<'a> Scenario<'a> {
         building.connect_detectors()?;
         building.constraints()?;
         let creator = session::find(self.registry, &root, &header.estimator.kind)?;
-        let (text, simulates) = (self.document.to_toml(), self.simulates()?);
+        let (text, simulates) = (self.text(), self.simulates()?);
         let mut composition = building.finish(header, creator, text, simulates)?;
         session::check(&composition, &root)?;
         session::settle(&mut composition);
@@ -186,6 +186,18 @@ impl<'a> Scenario<'a> {
             None => Vec::new(),
         };
         Ok(Assembly { composition, sources, sinks })
+    }
+
+    /// The scenario as a log holds it. The samples in a log are converted, so that its scenario does
+    /// not convert them again.
+    fn text(&self) -> String {
+        let sensors = self.document.root().get(Kind::Sensor.table());
+        let names = sensors.and_then(|s| s.value().as_table().map(|t| t.keys().cloned()));
+        let mut document = self.document.clone();
+        for name in names.into_iter().flatten() {
+            document.remove_path(&format!("{}.{}.samples", Kind::Sensor.table(), key(&name)));
+        }
+        document.to_toml()
     }
 
     /// The tables of the sources, of which there has to be one at least.

@@ -1,6 +1,7 @@
 //! Sensors and their roles in the estimator.
 
 use crate::model::process::input::Correction;
+use crate::model::sensor::conversion::Converter;
 use crate::model::sensor::delivery::Delay;
 use crate::model::sensor::detector::Detector;
 use crate::model::sensor::dynamic::{Dynamic, DynamicModel};
@@ -152,6 +153,8 @@ pub struct Sensor {
     pub late: Option<Span>,
     /// Delay of delivery, with which a run rehearses late samples.
     pub delay: Option<Delay>,
+    /// Conversion of the samples of all sources.
+    pub conversion: Option<Converter>,
     /// Source and past of each clone that the sensor takes, a pair of slots.
     pub clones: Vec<[usize; 2]>,
     /// Spans of time whose samples the filter does not use: from the first time on, and before the
@@ -189,6 +192,7 @@ impl Sensor {
             timeout: None,
             late: None,
             delay: None,
+            conversion: None,
             clones: Vec::new(),
             exclude: Vec::new(),
             simulation: None,

@@ -1,0 +1,71 @@
+//! A diagnosis as a table.
+
+use super::run::tone;
+use super::terminal::Detail;
+use super::{line, marked_table, right, table};
+use navfuse_core::model::record::verdict::VerdictLevel;
+use navfuse_diagnose::{CLEAR, Diagnosis, Trial};
+
+/// Rows of the table.
+const ROWS: usize = 10;
+
+/// Prints the table of the trials, and the best change.
+pub fn print(diagnosis: &Diagnosis) {
+    if Detail::get() != Detail::Quiet {
+        trials(diagnosis);
+    }
+    conclusion(diagnosis);
+}
+
+fn trials(diagnosis: &Diagnosis) {
+    let mut rows = table(&["change", "2 ln L", "margin", "mean NIS", "verdict", "end moves"]);
+    rows.add_row(row(&Trial { change: "none".to_owned(), ..diagnosis.unchanged.clone() }, None));
+    for (k, trial) in diagnosis.trials.iter().take(ROWS).enumerate() {
+        rows.add_row(row(trial, diagnosis.trials.get(k + 1)));
+    }
+    right(&mut rows, 1..4);
+    right(&mut rows, 5..6);
+    let levels = [VerdictLevel::Consistent, VerdictLevel::Doubtful, VerdictLevel::DoNotUse];
+    marked_table(&rows, &levels.map(|level| (level.words(), tone(level))));
+    let unfit = match diagnosis.unfit {
+        0 => String::new(),
+        n => format!("; {n} do not fit this scenario"),
+    };
+    line(format_args!("{} changes were tried{unfit}", diagnosis.tried));
+}
+
+/// Cells of a trial; its margin is that over the next one.
+fn row(trial: &Trial, next: Option<&Trial>) -> [String; 6] {
+    let margin = next.map_or_else(String::new, |next| format!("{:.0}", trial.score - next.score));
+    let moved = trial.moved.map_or_else(String::new, |m| format!("{m:.2} m"));
+    let nis =
+        if trial.mean_nis.is_finite() { format!("{:.2}", trial.mean_nis) } else { String::new() };
+    let change = match &trial.estimate {
+        Some(estimate) => format!("{}: {estimate}", trial.change),
+        None => trial.change.clone(),
+    };
+    [change, format!("{:.0}", trial.gain), margin, nis, trial.level.words().to_owned(), moved]
+}
+
+/// Prints the best change and its assignments.
+fn conclusion(diagnosis: &Diagnosis) {
+    let Some(best) = diagnosis.best() else {
+        return line("no change explains the samples better than the scenario as it is");
+    };
+    let others = diagnosis.trials.iter().filter(|t| t.change != best.change);
+    let near: Vec<&str> = others
+        .take_while(|t| best.score - t.score < CLEAR)
+        .map(|trial| trial.change.as_str())
+        .collect();
+    let what = match best.level {
+        VerdictLevel::Consistent => "remedy, with which the run is consistent",
+        _ => "the best explanation, not consistent",
+    };
+    line(format_args!("{what}: {}", best.change));
+    for setting in &best.settings {
+        line(format_args!("  --set '{setting}'"));
+    }
+    if !near.is_empty() {
+        line(format_args!("without a clear margin over: {}", near.join("; ")));
+    }
+}

@@ -1,0 +1,326 @@
+//! The changes that are tried: errors that instruments and scenarios usually have.
+
+use crate::likelihood::Channels;
+use crate::patch::{Patch, Uncertain, about, path, widened};
+use crate::recording::Recording;
+use crate::trial::Outcome;
+use navfuse_core::compose::Composition;
+use navfuse_core::document::Document;
+use navfuse_core::model::sensor::{Purpose, Role, Sensor, SensorInfo};
+use navfuse_core::plugin::{Kind, Registry};
+use navfuse_core::run::schema::parameters;
+use navfuse_core::units::sample::MAX_CHANNELS;
+use std::collections::BTreeMap;
+
+mod axes;
+mod noise;
+mod units;
+
+/// A sensor of the scenario.
+pub(crate) struct Instrument {
+    pub info: SensorInfo,
+    /// Number of channels that it measures or drives by.
+    used: usize,
+    /// Set if no source has samples of it.
+    pub constraint: bool,
+}
+
+/// What a scenario has that may be wrong.
+pub(crate) struct Scene<'a> {
+    pub registry: &'a Registry,
+    pub document: &'a Document,
+    pub recording: &'a Recording,
+    pub sensors: Vec<Instrument>,
+    /// Names and types of the processes.
+    processes: Vec<(String, String)>,
+}
+
+/// Jumps of a clock, s: the leap seconds between GPS, UTC and TAI, and their changes since 2012.
+const JUMPS: [i32; 5] = [17, 18, 19, 27, 37];
+/// Lags about which an offset is estimated, s, of either sign: a gate that is narrower than the lag
+/// hides it from an estimate that begins at zero.
+const LAGS: [f64; 8] = [0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0];
+/// Yaws with which instruments are mounted, deg.
+const YAWS: [i32; 11] = [-150, -135, -90, -60, -45, 45, 60, 90, 135, 150, 180];
+/// Spans at the start that are left out, s.
+const STARTS: [f64; 3] = [5.0, 10.0, 30.0];
+
+impl<'a> Scene<'a> {
+    pub fn new(
+        registry: &'a Registry,
+        document: &'a Document,
+        composition: &Composition,
+        recording: &'a Recording,
+    ) -> Self {
+        let instrument = |sensor: &Sensor| Instrument {
+            info: sensor.info.clone(),
+            used: match &sensor.role {
+                Role::Measurement(model) => model.channels(),
+                Role::Input(_) | Role::Reference(_) => sensor.info.channels.len(),
+            },
+            constraint: sensor.constraint,
+        };
+        let processes = composition.processes.iter();
+        Self {
+            registry,
+            document,
+            recording,
+            sensors: composition.sensors.iter().map(instrument).collect(),
+            processes: processes.map(|p| (p.name.clone(), p.kind.clone())).collect(),
+        }
+    }
+
+    /// All changes.
+    pub fn causes(&self) -> Vec<Patch> {
+        let mut all = Vec::new();
+        for (name, kind) in &self.processes {
+            all.extend(self.calibrations(Kind::Process, name, kind));
+            all.extend(self.priors(name));
+        }
+        // a constraint of a process has no table
+        let given = self.sensors.iter().filter(|s| self.table(&s.info.name));
+        for sensor in given.filter(|s| s.info.purpose != Purpose::Reference) {
+            all.extend(self.of_sensor(sensor));
+        }
+        all
+    }
+
+    fn table(&self, sensor: &str) -> bool {
+        let sensors = self.document.root().get(Kind::Sensor.table());
+        sensors.is_some_and(|sensors| sensors.get(sensor).is_some())
+    }
+
+    fn of_sensor(&self, sensor: &Instrument) -> Vec<Patch> {
+        let (name, kind) = (sensor.info.name.as_str(), sensor.info.kind.as_str());
+        let measures = sensor.info.purpose == Purpose::Measurement;
+        let mut all = noise::larger(self, sensor);
+        if measures {
+            all.extend(self.calibrations(Kind::Sensor, name, kind));
+            all.extend(self.gates(name));
+            all.extend(lags(name));
+        } else {
+            all.extend(self.screening(name, kind));
+        }
+        if !sensor.constraint {
+            all.extend(axes::turned(sensor, self.document));
+            all.extend(units::changed(sensor, self.document));
+            all.extend(jumps(name));
+            all.extend(measures.then(|| self.starts(name)).into_iter().flatten());
+        }
+        all
+    }
+
+    /// Each calibration state of a type with a wide sigma.
+    fn calibrations(&self, kind: Kind, name: &str, of: &str) -> Vec<Patch> {
+        let Some(entry) = self.registry.get(kind, of) else { return Vec::new() };
+        let states = parameters(entry).into_iter().filter_map(|parameter| {
+            let example = parameter.takes.strip_prefix("calibration, ")?.to_owned();
+            Some((parameter.key, example))
+        });
+        let mut all = Vec::new();
+        for (key, example) in states {
+            for sigma in wide(&key, &example) {
+                let path = path(kind, name, &key);
+                let settings = widened(self.document, &path, &format!("\"{sigma}\""));
+                all.push(Patch {
+                    state: Some(Uncertain {
+                        name: format!("{name}.{key}"),
+                        path,
+                        sigma: sigma.to_string(),
+                    }),
+                    parameters: 1,
+                    ..Patch::new(format!("{name}: {key} estimated, sigma {sigma}"), settings)
+                });
+            }
+            if key == "misalignment" {
+                all.extend(mounted(self.document, kind, name, &key));
+            }
+        }
+        all
+    }
+
+    /// The priors of a process, wide; with an alignment there are none.
+    fn priors(&self, process: &str) -> Vec<Patch> {
+        let wide = [
+            ("attitude", "heading", "[\"2 deg\", \"2 deg\", \"45 deg\"]"),
+            ("attitude", "attitude", "\"10 deg\""),
+            ("velocity", "velocity", "\"5 m/s\""),
+            ("position", "position", "\"100 m\""),
+        ];
+        let table = self.document.root().get(Kind::Process.table());
+        let table = table.and_then(|t| t.get(process));
+        let given = |key: &str| table.as_ref().is_some_and(|t| t.get(key).is_some());
+        let patch = |(key, what, sigma): (&str, &str, &str)| Patch {
+            parameters: 1,
+            ..Patch::new(
+                format!("{process}: {what} unknown at the start"),
+                widened(self.document, &path(Kind::Process, process, key), sigma),
+            )
+        };
+        wide.into_iter().filter(|(key, ..)| given(key)).map(patch).collect()
+    }
+
+    /// A sensor that is used, weighted or left out in another way.
+    fn gates(&self, name: &str) -> Vec<Patch> {
+        let set = |text: &str, key: &str, value: &str| {
+            let setting = format!("{}={value}", path(Kind::Sensor, name, key));
+            Patch::new(format!("{name}: {text}"), vec![setting])
+        };
+        vec![
+            set("no gate", "gate", "\"off\""),
+            set("large innovations count less", "robust", "\"student-t\""),
+            set("left out", "enabled", "false"),
+        ]
+    }
+
+    fn screening(&self, name: &str, kind: &str) -> Option<Patch> {
+        let entry = self.registry.get(Kind::Sensor, kind)?;
+        parameters(entry).iter().any(|p| p.key == "screening").then(|| {
+            let setting = format!("{}=\"off\"", path(Kind::Sensor, name, "screening"));
+            Patch::new(format!("{name}: no screening"), vec![setting])
+        })
+    }
+
+    /// The start of a sensor's samples left out.
+    fn starts(&self, name: &str) -> Vec<Patch> {
+        let Some(first) = self.recording.of(name).map(|s| s.time.seconds()).min_by(f64::total_cmp)
+        else {
+            return Vec::new();
+        };
+        let key = path(Kind::Sensor, name, "exclude");
+        let without = |span: f64| Patch {
+            choices: (STARTS.len() as f64).ln(),
+            ..Patch::new(
+                format!("{name}: the first {span} s left out"),
+                vec![format!("{key}=[[\"{first} s\", \"{} s\"]]", first + span)],
+            )
+        };
+        STARTS.map(without).into()
+    }
+}
+
+/// Change of a sensor's noise with the factor that the innovations of its run suggest.
+pub(crate) fn refined(scene: &Scene<'_>, patch: &Patch, outcome: &Outcome) -> Option<Patch> {
+    let (name, factor) = patch.noise.as_ref()?;
+    noise_of(scene, name, *factor, outcome)
+}
+
+/// Changes of the noise of each sensor that the innovations of a run suggest.
+pub(crate) fn suggested(scene: &Scene<'_>, outcome: &Outcome) -> Vec<Patch> {
+    let names = outcome.densities.nis.keys();
+    names.filter_map(|name| noise_of(scene, name, 1.0, outcome)).collect()
+}
+
+/// Change of the noise of a sensor, which a run had multiplied by a factor, to the size of its
+/// innovations; `None` where it has that size.
+fn noise_of(scene: &Scene<'_>, name: &str, factor: f64, outcome: &Outcome) -> Option<Patch> {
+    let (nis, channels) = outcome.densities.nis.get(name)?;
+    let better = factor * (nis / *channels as f64).sqrt();
+    let rounded: f64 = format!("{better:.1e}").parse().ok().filter(|f: &f64| f.is_finite())?;
+    let sensor = scene.sensors.iter().find(|s| s.info.name == *name)?;
+    (rounded != factor).then(|| noise::multiplied(scene, sensor, rounded)).flatten()
+}
+
+/// Wide sigmas of a state, by a value in its unit.
+fn wide(key: &str, example: &str) -> &'static [&'static str] {
+    let unit = example.trim_end_matches('"').rsplit(' ').next().unwrap_or_default();
+    match unit {
+        "m" if key.ends_with("lever_arm") => &["2 m"],
+        "m" => &["10 m"],
+        "deg" => &["10 deg"],
+        "ppm" => &["20 %"],
+        "ms" => &["0.3 s", "1.9 s"],
+        "cm/s" => &["50 cm/s"],
+        "deg/h" => &["1 deg/s"],
+        "ug" => &["50 mg"],
+        _ => &[],
+    }
+}
+
+/// An instrument that is mounted with another yaw, which is estimated about it.
+fn mounted(document: &Document, kind: Kind, name: &str, key: &str) -> Vec<Patch> {
+    let path = path(kind, name, key);
+    let patch = |yaw: i32| {
+        let initial = format!("[\"0 deg\", \"0 deg\", \"{yaw} deg\"]");
+        let settings = about(&widened(document, &path, "\"5 deg\""), &path, &initial, "\"5 deg\"");
+        let (name, path) = (format!("{name}.{key}"), path.clone());
+        Patch {
+            state: Some(Uncertain { name: name.clone(), path, sigma: "5 deg".to_owned() }),
+            parameters: 1,
+            choices: (YAWS.len() as f64).ln(),
+            ..Patch::new(format!("{} near yaw {yaw} deg", name.replacen('.', ": ", 1)), settings)
+        }
+    };
+    YAWS.map(patch).into()
+}
+
+/// A lag that is estimated about another value than zero. A filter knows the past exactly and the
+/// future by extrapolation, so stamps that are early by `l` become late by `l` through a clock of `2 l`.
+fn lags(name: &str) -> Vec<Patch> {
+    let path = |key: &str| path(Kind::Sensor, name, key);
+    let lagging = |lag: f64, early: bool| {
+        let (key, sigma) = (path("time_offset"), format!("{:.3} s", 0.25 * lag));
+        let offset = format!("{key}={{ initial = \"{lag} s\", sigma = \"{sigma}\" }}");
+        let clock = early.then(|| format!("{}=\"{} s\"", path("samples.clock"), 2.0 * lag));
+        let text = match early {
+            true => format!("{name}: time_offset near -{lag} s, after a clock of +{} s", 2.0 * lag),
+            false => format!("{name}: time_offset near {lag} s"),
+        };
+        Patch {
+            state: Some(Uncertain { name: format!("{name}.time_offset"), path: key, sigma }),
+            parameters: 1,
+            choices: (2.0 * LAGS.len() as f64).ln(),
+            ..Patch::new(text, [offset].into_iter().chain(clock).collect())
+        }
+    };
+    LAGS.into_iter().flat_map(|lag| [lagging(lag, false), lagging(lag, true)]).collect()
+}
+
+/// A clock that is wrong by leap seconds.
+fn jumps(name: &str) -> Vec<Patch> {
+    let key = path(Kind::Sensor, name, "samples.clock");
+    let both = JUMPS.into_iter().flat_map(|jump| [jump, -jump]);
+    both.map(|jump| Patch {
+        choices: (2.0 * JUMPS.len() as f64).ln(),
+        ..Patch::new(format!("{name}: clock {jump:+} s"), vec![format!("{key}=\"{jump} s\"")])
+    })
+    .collect()
+}
+
+/// The factor that a scenario has on a channel.
+fn present_factor(document: &Document, sensor: &str, channel: &str) -> f64 {
+    let keys = [Kind::Sensor.table(), sensor, "samples", "factor", channel];
+    let node = keys.into_iter().try_fold(document.root(), |node, key| node.get(key));
+    node.and_then(|node| node.value().as_float().or(node.value().as_integer().map(|i| i as f64)))
+        .unwrap_or(1.0)
+}
+
+/// The change that multiplies channels by factors.
+fn factors(
+    document: &Document,
+    sensor: &Instrument,
+    text: &str,
+    choices: usize,
+    factors: &[(usize, f64)],
+) -> Patch {
+    let name = &sensor.info.name;
+    let mut stretch = [0.0; MAX_CHANNELS];
+    let mut settings = Vec::new();
+    for (channel, factor) in factors {
+        let of = sensor.info.channel(*channel);
+        let whole = factor * present_factor(document, name, of);
+        settings.push(format!(
+            "{}={whole:?}",
+            path(Kind::Sensor, name, &format!("samples.factor.{of}"))
+        ));
+        stretch[*channel] = factor.abs().ln();
+    }
+    let measures = sensor.info.purpose == Purpose::Measurement;
+    let stretches: Channels<f64> =
+        measures.then(|| (name.clone(), stretch)).into_iter().collect::<BTreeMap<_, _>>();
+    Patch {
+        stretches,
+        choices: (choices as f64).ln(),
+        ..Patch::new(format!("{name}: {text}"), settings)
+    }
+}

@@ -1,0 +1,127 @@
+//! Finds the change of a scenario that explains its samples.
+//!
+//! The scenario is run again with every plausible error put right, such as a lag, a lever arm, a
+//! unit or the axes of an instrument, and the likelihoods of the same samples are compared.
+
+mod apply;
+mod causes;
+mod likelihood;
+mod patch;
+mod recording;
+mod search;
+mod trial;
+
+pub use apply::apply;
+pub use search::CLEAR;
+
+use navfuse_core::document::{Document, DocumentError};
+use navfuse_core::model::record::verdict::VerdictLevel;
+use navfuse_core::model::stream::StreamError;
+use navfuse_core::plugin::{BuildError, Registry};
+use navfuse_core::run::scenario::Scenario;
+use serde::Serialize;
+use std::sync::atomic::AtomicBool;
+
+/// Extent of a diagnosis.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Number of threads.
+    pub threads: usize,
+    /// Time for the runs of all changes, s; where they take longer, a part of the samples serves.
+    pub seconds: f64,
+}
+
+/// The run with one change.
+#[derive(Clone, Debug, Serialize)]
+pub struct Trial {
+    /// The change in words.
+    pub change: String,
+    /// Assignments `key.path=value`, as `--set` takes them.
+    pub settings: Vec<String>,
+    /// Twice the log-likelihood that the change gains.
+    pub gain: f64,
+    /// The gain less a penalty for the parameters and choices of the change.
+    pub score: f64,
+    /// Mean normalised innovation squared of the accepted samples by channel; expected is 1.
+    pub mean_nis: f64,
+    /// Level of the verdict.
+    pub level: VerdictLevel,
+    /// Verdict in one line.
+    pub verdict: String,
+    /// Distance of the position at the end from that of the unchanged scenario, m.
+    #[serde(rename = "moved_m")]
+    pub moved: Option<f64>,
+    /// State that the change makes uncertain, with its 1-sigma.
+    pub estimate: Option<String>,
+}
+
+/// The trials of a scenario.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// The scenario as it is.
+    pub unchanged: Trial,
+    /// Changes that were tried on all samples, the best first.
+    pub trials: Vec<Trial>,
+    /// Number of changes that were tried.
+    pub tried: usize,
+    /// Number of changes that the scenario does not allow.
+    pub unfit: usize,
+    /// Set if the search was interrupted.
+    pub interrupted: bool,
+}
+
+impl Diagnosis {
+    /// The best change, if the samples favour one. Among changes without a clear margin, one that
+    /// makes the run consistent comes first.
+    pub fn best(&self) -> Option<&Trial> {
+        let first = self.trials.first().filter(|t| t.score >= CLEAR)?;
+        let near = || self.trials.iter().take_while(|t| first.score - t.score < CLEAR);
+        Some(near().find(|t| t.level == VerdictLevel::Consistent).unwrap_or(first))
+    }
+}
+
+/// The reason for which there is no diagnosis.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DiagnoseError {
+    /// The scenario does not compose.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// The scenario cannot be changed.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
+    /// A source failed.
+    #[error("source {name}: {error}")]
+    Source {
+        /// Its name in the scenario.
+        name: String,
+        /// The reason.
+        #[source]
+        error: StreamError,
+    },
+    /// The text of the scenario is not TOML.
+    #[error(transparent)]
+    Text(toml_edit::TomlError),
+    /// The scenario has a value where the change needs a table.
+    #[error("{0:?} cannot be written into the scenario: its path leads through a value")]
+    Setting(String),
+}
+
+/// Runs a scenario with every plausible change, and calls `progress` with the number of runs that
+/// are done, and of all.
+///
+/// # Errors
+/// When the scenario does not compose, or its samples cannot be read.
+pub fn diagnose(
+    registry: &Registry,
+    document: &Document,
+    options: &Options,
+    stop: &AtomicBool,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Diagnosis, DiagnoseError> {
+    let scenario = Scenario::new(registry, document.clone(), &[])?;
+    let recording = recording::Recording::read(scenario.assemble(None)?)?;
+    let composition = scenario.compose()?;
+    let scene = causes::Scene::new(registry, document, &composition, &recording);
+    search::Search::new(&scene, options, stop, progress).search()
+}

@@ -1,0 +1,104 @@
+//! One run of the recording with a change.
+
+use crate::causes::Scene;
+use crate::likelihood::{Channels, Densities, Likelihood};
+use crate::patch::Patch;
+use navfuse_core::model::record::verdict::VerdictLevel;
+use navfuse_core::plugin::BuildError;
+use navfuse_core::run::runner;
+use navfuse_core::run::scenario::{Assembly, Scenario};
+use navfuse_core::session::Finished;
+use navfuse_core::session::summary::{StateRow, Summary};
+use navfuse_core::units::time::Time;
+use std::sync::atomic::AtomicBool;
+
+/// The outcome of a run.
+#[derive(Clone, Debug)]
+pub(crate) struct Outcome {
+    pub densities: Densities,
+    /// Scales of outliers that its innovations suggest.
+    pub scales: Channels<f64>,
+    pub level: VerdictLevel,
+    pub verdict: String,
+    /// Latitude, longitude (deg) and height (m) at the end.
+    pub position: Option<[f64; 3]>,
+    /// State that the change makes uncertain.
+    pub estimate: Option<StateRow>,
+    /// Set if the run was interrupted.
+    pub interrupted: bool,
+}
+
+/// Runs the samples until a time with a change.
+pub(crate) fn run(
+    scene: &Scene<'_>,
+    patch: &Patch,
+    until: Time,
+    scales: &Channels<f64>,
+    stop: &AtomicBool,
+) -> Result<Outcome, BuildError> {
+    let scenario = Scenario::new(scene.registry, scene.document.clone(), &patch.settings)?;
+    let composition = scenario.compose()?;
+    let sources = scene.recording.sources(&composition, until);
+    let likelihood = Likelihood::new(scales.clone(), patch.stretches.clone());
+    let sinks = vec![("likelihood".to_owned(), Box::new(likelihood) as _)];
+    let mut finished = runner::run(Assembly { composition, sources, sinks }, stop, |_| {});
+    let likelihood = finished.take_sink::<Likelihood>().unwrap_or_default();
+    Ok(Outcome {
+        densities: likelihood.densities(),
+        scales: likelihood.scales(),
+        level: level(&finished),
+        verdict: finished.summary.verdict.text.clone(),
+        position: position(&finished.summary),
+        estimate: patch
+            .state
+            .as_ref()
+            .and_then(|state| finished.summary.rows.into_iter().find(|row| row.name == state.name)),
+        interrupted: finished.interrupted,
+    })
+}
+
+/// The level of the verdict; a run that an error ended is not used.
+fn level(finished: &Finished) -> VerdictLevel {
+    match finished.error {
+        Some(_) => VerdictLevel::DoNotUse,
+        None => finished.summary.verdict.level,
+    }
+}
+
+/// Latitude, longitude and height at the end, of the first state that has them.
+fn position(summary: &Summary) -> Option<[f64; 3]> {
+    let geodetic = |row: &&StateRow| {
+        summary.states.get(&row.name).is_some_and(|state| state.get("estimate_unit").is_some())
+    };
+    summary.rows.iter().find(geodetic)?.estimate[..].try_into().ok()
+}
+
+/// A state with its 1-sigma.
+pub(crate) fn words(row: &StateRow) -> String {
+    let values = row.estimate.iter().zip(&row.sigma).map(|(value, sigma)| {
+        let digits = (1.0 - sigma.abs().max(1e-9).log10().floor()).clamp(0.0, 6.0) as usize;
+        format!("{value:.digits$} +- {sigma:.digits$}")
+    });
+    format!("{} {}", values.collect::<Vec<_>>().join(", "), row.unit)
+}
+
+/// Distance of two positions, m, on a sphere.
+pub(crate) fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    const RADIUS: f64 = 6_371_000.0;
+    let north = (a[0] - b[0]).to_radians() * RADIUS;
+    let turn = (a[1] - b[1]).rem_euclid(360.0);
+    let east = turn.min(360.0 - turn).to_radians() * RADIUS * a[0].to_radians().cos();
+    north.hypot(east).hypot(a[2] - b[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_distance_of_two_positions_is_that_on_the_ground_and_in_height() {
+        let minute = distance([60.0, 179.995, 0.0], [60.0, -179.995, 0.0]);
+        assert!((minute - 0.01_f64.to_radians() * 6_371_000.0 * 0.5).abs() < 1e-6, "{minute}");
+        assert_eq!(distance([0.0, 0.0, 3.0], [0.0, 0.0, 7.0]), 4.0);
+    }
+}
