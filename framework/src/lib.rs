@@ -132,6 +132,7 @@
 //! [book](https://github.com/navfuse/navfuse/tree/main/docs/src) has tutorials and the equations.
 
 pub mod calendar;
+pub mod checkpoint;
 pub mod compose;
 pub mod document;
 pub mod files;

@@ -1,5 +1,6 @@
 //! A session: the filter and everything around it that follows the samples of a run.
 
+use crate::checkpoint::{Checkpoint, CheckpointError, Io, Part};
 use crate::compose::Composition;
 use crate::compose::estimator::Estimator;
 use crate::filter::Timeline;
@@ -64,29 +65,85 @@ impl Session {
     /// sample.
     pub fn new(composition: Composition, sinks: Vec<NamedSink>) -> Self {
         let info = run_info(&composition);
+        let mut session = Self::build(composition, &info, sinks);
+        session.begin(&info);
+        session
+    }
+
+    /// Goes on with the run of a checkpoint: what follows is equal, to the bit, to what would have
+    /// followed in the run that was saved. The composition is a new one of the same scenario. The
+    /// sinks begin anew, and receive the records from here on. Announced events that are still to
+    /// come are part of the checkpoint.
+    ///
+    /// # Errors
+    /// When the checkpoint is of a scenario with other blocks, sensors or processes.
+    pub fn resume(
+        composition: Composition,
+        sinks: Vec<NamedSink>,
+        from: &Checkpoint,
+    ) -> Result<Self, CheckpointError> {
+        let info = run_info(&composition);
+        let mut session = Self::build(composition, &info, sinks);
+        from.read(|io| session.memory(io))?;
+        session.begin(&info);
+        Ok(session)
+    }
+
+    /// Saves the run as it is: the estimator with all its parts, samples that wait, statistics and
+    /// findings. It changes nothing. What the sinks have received is not part of it.
+    ///
+    /// # Errors
+    /// When the run is smoothed, when `relinearise` is not over, or when the estimator of a plugin
+    /// cannot be saved.
+    pub fn checkpoint(&mut self) -> Result<Checkpoint, CheckpointError> {
+        Checkpoint::write(|io| self.memory(io))
+    }
+
+    /// Saves or restores everything that changes during the run.
+    fn memory(&mut self, io: &mut Io<'_>) {
+        let Self {
+            estimator, timeline, silence, outputs, newest, sensors: _, announced, over, error: _,
+        } = self;
+        Part::pass_all(&layout(estimator.composition()), io);
+        if estimator.composition().estimator.smooths() {
+            io.refuse("the smoother needs every step since the start; remove `smooth` and `lag`");
+        }
+        estimator.memory(io);
+        io.part("late samples", |io| io.each(timeline));
+        io.part("silence", |io| io.pass(silence));
+        io.part("results", |io| io.pass(outputs));
+        io.part("events", |io| io.pass(announced));
+        io.pass(newest);
+        io.pass(over);
+    }
+
+    /// Builds the parts of a run.
+    fn build(composition: Composition, info: &RunInfo, sinks: Vec<NamedSink>) -> Self {
         let rate = OutputRate::new(composition.estimator.output_period());
         let judge = Judge::new(&composition);
-        let mut outputs = Outputs::new(sinks, Statistics::new(&info), rate, judge);
-        outputs.start(&info);
         let timeouts = composition.sensors.iter().map(|s| s.timeout).collect();
-        let mut session = Self {
+        Self {
             silence: SilenceMonitor::new(timeouts, &info.sensors),
             timeline: Timeline::new(&composition),
             announced: Announced::new(composition.notes.clone()),
             estimator: estimators::create(composition),
-            outputs,
+            outputs: Outputs::new(sinks, Statistics::new(info), rate, judge),
             newest: rate,
-            sensors: info.sensors,
+            sensors: info.sensors.clone(),
             over: false,
             error: None,
-        };
-        if let Some(filter) = session.estimator.linearised() {
+        }
+    }
+
+    /// Informs the sinks, and begins the smoother.
+    fn begin(&mut self, info: &RunInfo) {
+        self.outputs.start(info);
+        if let Some(filter) = self.estimator.linearised() {
             match Smoother::new(filter) {
-                Ok(smoother) => session.outputs.smoother = smoother,
-                Err(error) => session.error = Some(error.into()),
+                Ok(smoother) => self.outputs.smoother = smoother,
+                Err(error) => self.error = Some(error.into()),
             }
         }
-        session
     }
 
     /// Announces events, each of which is logged once the samples reach its time. An event at
@@ -396,6 +453,25 @@ impl Session {
         let (events, sinks) = self.outputs.into_parts();
         Finished { time, summary, recorded, events, findings, error, interrupted, sinks }
     }
+}
+
+/// The parts of a composition by name, which a checkpoint has to have.
+fn layout(composition: &Composition) -> Vec<Part> {
+    let part = |kind: &str, name: &str, detail: String| {
+        let (kind, name) = (kind.to_owned(), name.to_owned());
+        Part { kind, name, detail }
+    };
+    let blocks = composition.layout.blocks.iter().map(|block| {
+        let (components, mode) = (block.operations.tangent, block.spec.mode);
+        part("state", &block.name, format!("{mode:?} with {components} components"))
+    });
+    let sensors = composition.sensors.iter().map(|sensor| {
+        let SensorInfo { name, kind, channels, .. } = &sensor.info;
+        part("sensor", name, format!("{kind} with {} channels", channels.len()))
+    });
+    let processes = composition.processes.iter().map(|p| part("process", &p.name, p.kind.clone()));
+    let estimator = part("estimator", composition.creator.name, String::new());
+    blocks.chain(sensors).chain(processes).chain([estimator]).collect()
 }
 
 /// The facts about a run that its sinks receive first.

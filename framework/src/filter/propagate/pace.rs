@@ -1,5 +1,6 @@
 //! The pace of a filter: its driving sensor, and the measurements that wait for it.
 
+use crate::checkpoint::saved;
 use super::cadence::Cadence;
 use crate::units::sample::Sample;
 use crate::units::time::Time;
@@ -17,6 +18,8 @@ pub(in crate::filter) struct Pace {
     /// Measurements ahead of the driving sensor, in order of time.
     waiting: VecDeque<Sample>,
 }
+
+saved!(Pace { input, cadence, waiting });
 
 impl Pace {
     pub(in crate::filter) fn new() -> Self {

@@ -1,5 +1,6 @@
 //! The propagation of the estimate from one time to the next.
 
+use crate::checkpoint::saved;
 use super::held::Held;
 use super::inputs::{Corrected, correct, replace};
 use super::linear::Linear;
@@ -46,6 +47,8 @@ pub(in crate::filter) struct Propagation {
     /// Driving sensors beside the first.
     held: Vec<Held>,
 }
+
+saved!(Propagation { transition } each { processes, pool, held } except { dynamics });
 
 impl Propagation {
     pub(in crate::filter) fn new(composition: &Composition) -> Self {

@@ -1,5 +1,6 @@
 //! Innovations of one channel.
 
+use crate::checkpoint::saved;
 use super::report::{SLIGHT, UNTRUE, size};
 use crate::model::chi_square::{outside, sigmas};
 use crate::model::record::finding::Severity;
@@ -39,6 +40,8 @@ pub(crate) struct ChannelStatistics {
     /// Sum over the minutes of `(sum of u)^2 / n`, each of expectation 1, and their number.
     drift: (f64, f64),
 }
+
+saved!(ChannelStatistics { count, sum, raw, squares, last, products, minute, drift } except { name });
 
 impl ChannelStatistics {
     pub(crate) fn new(name: String) -> Self {

@@ -13,6 +13,7 @@
 //! would decide. So the variance of every sum contains the share of the prior variance by which a
 //! sigma may be wrong without a doubt.
 
+use crate::checkpoint::saved;
 use super::report::{Report, SLIGHT, reason};
 use crate::model::chi_square::sigmas;
 use crate::model::record::finding::Severity;
@@ -47,6 +48,8 @@ pub(crate) struct StateStatistics {
     /// Sum of the corrections and of their variances, of every row for each sensor in turn.
     pulls: Vec<[f64; 2]>,
 }
+
+saved!(StateStatistics {} each { pulls } except { rows });
 
 /// Correction of one row by one sensor.
 #[derive(Clone, Copy, Debug, Default)]

@@ -12,6 +12,7 @@ mod levelling;
 mod turning;
 mod whiteness;
 
+use navfuse_core::checkpoint::{Io, saved};
 use crate::imu::Imu;
 use crate::navigation::Navigation;
 use drift::Drift;
@@ -41,6 +42,8 @@ pub(crate) struct ImuMonitor {
     whiteness: Whiteness,
     drift: Drift,
 }
+
+saved!(ImuMonitor { gravity, levelling, heading, turning, whiteness, drift } except { name, imu, navigation });
 
 impl ImuMonitor {
     /// A monitor of the IMU of that name; `tilt` is the prior sigma of roll and pitch, where they
@@ -92,6 +95,10 @@ impl Monitor for ImuMonitor {
 
     fn widened(&mut self) {
         self.drift.widened();
+    }
+
+    fn memory(&mut self, io: &mut Io<'_>) {
+        io.pass(self);
     }
 
     fn boxed_clone(&self) -> Box<dyn Monitor> {

@@ -1,5 +1,6 @@
 //! The strapdown process: mechanisation and error model as a process model of the framework.
 
+use navfuse_core::checkpoint::{Io, saved};
 use crate::alignment::{
     Aligner, Alignment, AlignmentMethod, AlignmentSettings, CourseAlignment, CourseSettings,
     ZeroVelocity,
@@ -268,6 +269,8 @@ struct StrapdownModel {
     rates: LastRates,
 }
 
+saved!(StrapdownModel { mechanisation, rates } except { imu, navigation, places, isotropic });
+
 impl StrapdownModel {
     /// Process noise over `dt` in navigation axes, `C_b^n Q_b C_b^n'` (compare Groves section
     /// 14.2.6). The rotation is omitted where all axes have the same noise, since it changes
@@ -447,6 +450,10 @@ impl ProcessModel for StrapdownModel {
         for slot in [n.attitude.slot(), n.velocity.slot(), n.position.slot()] {
             known[slot] = true;
         }
+    }
+
+    fn memory(&mut self, io: &mut Io<'_>) {
+        io.pass(self);
     }
 
     fn boxed_clone(&self) -> Box<dyn ProcessModel> {

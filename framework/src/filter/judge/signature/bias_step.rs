@@ -8,6 +8,7 @@
 //! One sum runs from the start. The others begin at one minute, two, four and so on after it, since
 //! a filter needs the longer to follow a step, the longer it has learnt the constant.
 
+use crate::checkpoint::saved;
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened, name};
 use super::score::SPAN;
@@ -35,6 +36,8 @@ struct Axis {
     effect: Effect,
 }
 
+saved!(Axis { effect } except { row });
+
 impl Axis {
     fn begin(&mut self, time: Time) {
         self.effect.begin(time);
@@ -55,6 +58,8 @@ pub(super) struct BiasSteps {
     span: Time,
     severity: Option<Severity>,
 }
+
+saved!(BiasSteps { start, next, span, severity } each { axes } except { sensor });
 
 /// A significant step of the bias of a row.
 pub(super) struct Step {

@@ -15,6 +15,7 @@
 //! positive. So the mean of the NEES is `tr(P^-1 cov e0) + A s' P^-1 s <= n + 1`, and no state is
 //! off by more than its sigma in the mean.
 
+use crate::checkpoint::saved;
 use super::effect::Effect;
 use crate::compose::Composition;
 use crate::model::record::finding::Finding;
@@ -39,6 +40,8 @@ pub(super) struct Containment {
     /// Set where nothing is contained at present.
     off: bool,
 }
+
+saved!(Containment { widened, first, off } except { p, lower, white, never, again });
 
 impl Containment {
     pub(super) fn new(composition: &Composition) -> Self {

@@ -4,6 +4,7 @@
 //! = dh/dp`. It is off from the start, so that one sum is enough. From a finding on, the covariance
 //! contains its effect.
 
+use crate::checkpoint::saved;
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
 use super::score::SPAN;
@@ -23,13 +24,15 @@ const SIGNIFICANT: f64 = 6.0;
 const LINEAR: f64 = 0.2;
 
 /// Component of a fixed block.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Component {
     block: usize,
     component: usize,
     /// Index of the first sensor that reads the block.
     sensor: usize,
 }
+
+saved!(Component { block, component, sensor });
 
 /// Tests of the fixed blocks that sensors read.
 #[derive(Clone)]
@@ -47,6 +50,8 @@ pub(super) struct Parameters {
     /// Components that were found to be wrong.
     found: Vec<usize>,
 }
+
+saved!(Parameters { components, effects, span, severity, found } each { known } except { tested, rotations });
 
 /// A significant error of a parameter.
 pub(super) struct Wrong {

@@ -1,5 +1,6 @@
 //! All tests of a filter.
 
+use crate::checkpoint::saved;
 use super::bias_step::BiasSteps;
 use super::contain::Containment;
 use super::effect::Whitened;
@@ -31,6 +32,8 @@ pub(in crate::filter) struct Signatures {
     time: Time,
     step: f64,
 }
+
+saved!(Signatures { parameters, containment, settled, time, step } each { offsets, steps } except { places, changes });
 
 /// Test for steps of the constant biases of the first driving sensor.
 fn bias_steps(composition: &Composition) -> Option<BiasSteps> {

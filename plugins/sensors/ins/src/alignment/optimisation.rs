@@ -1,5 +1,6 @@
 //! Attitude from vectors known in two frames.
 
+use navfuse_core::checkpoint::saved;
 use crate::earth::LocalEarth;
 use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 
@@ -42,6 +43,8 @@ fn triad(first: &Vector3<f64>, second: &Vector3<f64>) -> Option<Matrix3<f64>> {
 pub struct Pairs {
     k: Matrix4<f64>,
 }
+
+saved!(Pairs { k });
 
 /// Solution of Wahba's problem.
 #[derive(Clone, Copy, Debug)]

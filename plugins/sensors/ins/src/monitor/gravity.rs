@@ -1,5 +1,6 @@
 //! Rule: over a while, the specific force is about as large as gravity and points up.
 
+use navfuse_core::checkpoint::saved;
 use super::fault::Fault;
 use crate::earth::normal_gravity;
 use crate::navigation::Navigation;
@@ -34,6 +35,8 @@ pub(super) struct Gravity {
     first: bool,
     reported: bool,
 }
+
+saved!(Gravity { up, sum, time, first, reported } except { tilt });
 
 impl Gravity {
     pub(super) fn new(tilt: Option<f64>) -> Self {

@@ -9,6 +9,7 @@
 //! ```
 //! `P_pe` has only the way since the last fix of the position, and only the heading error that is left.
 
+use navfuse_core::checkpoint::saved;
 use super::fault::Fault;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix2, Vector2};
@@ -35,6 +36,8 @@ pub(super) struct Heading {
     useless: u32,
     severity: Option<Severity>,
 }
+
+saved!(Heading { next, doubtful, useless, severity } except { navigation });
 
 impl Heading {
     pub(super) fn new(navigation: Navigation) -> Self {

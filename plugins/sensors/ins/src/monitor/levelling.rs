@@ -7,6 +7,7 @@
 //! r = g (Pnn + Pee) / 2 / sqrt(d' Pb d)      d: down in body axes, Pb: covariance of the bias
 //! ```
 
+use navfuse_core::checkpoint::saved;
 use super::fault::Fault;
 use crate::earth::normal_gravity;
 use crate::navigation::Navigation;
@@ -40,6 +41,8 @@ pub(super) struct Levelling {
     aligned: bool,
     severity: Option<Severity>,
 }
+
+saved!(Levelling { last, first, least, severity } except { navigation, aligned });
 
 impl Levelling {
     /// Creates the rule; it is off for initial values that an alignment finds.

@@ -3,6 +3,7 @@
 //! Second differences of means over `m` samples remove the motion. For white noise their variance
 //! falls as `1/m`; vibration and motion follow another law, and are not judged here.
 
+use navfuse_core::checkpoint::saved;
 use super::fault::Fault;
 use crate::imu::Imu;
 use nalgebra::Vector3;
@@ -32,6 +33,8 @@ struct Level {
     count: u32,
     sum: f64,
 }
+
+saved!(Level { half, last, before, count, sum });
 
 impl Level {
     /// Takes a mean; returns the mean of two at every second one.
@@ -69,6 +72,8 @@ pub(super) struct Whiteness {
     noisy: [u32; 6],
     reported: bool,
 }
+
+saved!(Whiteness { levels, taken, time, noisy, reported } except { density, step });
 
 impl Whiteness {
     pub(super) fn new(imu: &Imu) -> Self {
