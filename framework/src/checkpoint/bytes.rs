@@ -56,15 +56,18 @@ fn difference(here: &[Part], there: &[Part]) -> Option<String> {
         return Some(format!("it does not have the {kind} {name} of this scenario"));
     }
     let (here, there) = here.iter().zip(there).find(|(here, there)| here != there)?;
+    let (kind, name) = (&there.kind, &there.name);
     Some(match here.is(there) {
         true => format!(
-            "its {} {} is {}, and that of this scenario is {}",
-            there.kind, there.name, there.detail, here.detail
+            "its {kind} {name} has {}, where this scenario has {}",
+            there.detail, here.detail
         ),
-        false => format!(
-            "its {} {} stands where this scenario has the {} {}",
-            there.kind, there.name, here.kind, here.name
-        ),
+        false => {
+            format!(
+                "its {kind} {name} stands where this scenario has the {} {}",
+                here.kind, here.name
+            )
+        }
     })
 }
 
@@ -82,8 +85,7 @@ impl Checkpoint {
         memory(&mut io);
         let memory = io.finish()?;
         let length = (HEAD + memory.len() + TAIL) as u64;
-        let mut bytes =
-            [&MARK[..], &FORMAT.to_le_bytes(), &length.to_le_bytes(), &memory].concat();
+        let mut bytes = [&MARK[..], &FORMAT.to_le_bytes(), &length.to_le_bytes(), &memory].concat();
         bytes.extend_from_slice(&fnv1a(&bytes).to_le_bytes());
         Ok(Self(bytes))
     }
@@ -103,8 +105,7 @@ impl Checkpoint {
     /// changed.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, CheckpointError> {
         let rest = bytes.strip_prefix(&MARK).ok_or(CheckpointError::Foreign)?;
-        let truncated =
-            |length| CheckpointError::Truncated { found: bytes.len() as u64, length };
+        let truncated = |length| CheckpointError::Truncated { found: bytes.len() as u64, length };
         let (format, rest) = rest.split_first_chunk().ok_or(truncated(HEAD as u64))?;
         let (found, read) = (u32::from_le_bytes(*format), FORMAT);
         if found != read {

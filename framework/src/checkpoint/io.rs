@@ -202,7 +202,7 @@ impl<'a> Io<'a> {
 ///   place for each sensor, or an `Option` that a key fills;
 /// - a field of `except` is work space, or the same in every build of the scenario.
 ///
-/// Values of an `Option`, a `Vec` or a variant come and go during a run; their types have a default.
+/// Values of an `Option`, a `Vec` or a variant come and go during a run, and have a default.
 /// ```
 /// use navfuse_core::checkpoint::{Io, saved};
 ///

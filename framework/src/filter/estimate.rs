@@ -1,7 +1,7 @@
 //! The estimate of a filter.
 
-use crate::checkpoint::saved;
 use super::course::guide::Offset;
+use crate::checkpoint::saved;
 use crate::model::process::start::FilterView;
 use crate::model::record::{Epoch, Truth};
 use crate::state::covariance::Covariance;

@@ -1,6 +1,5 @@
 //! The parts of a filter that own its state.
 
-use crate::checkpoint::{Io, Saved};
 use super::estimate::Estimate;
 use super::judge::signature::Signatures;
 use super::judge::slot::SensorSlot;
@@ -13,6 +12,7 @@ use super::screen::screened::Screening;
 use super::start::beginning::Beginning;
 use super::start::truth::Known;
 use super::transients::presence::Presence;
+use crate::checkpoint::{Io, Saved};
 use crate::compose::Composition;
 use crate::compose::snapshot::Kept;
 use crate::state::State;
@@ -48,14 +48,26 @@ pub(super) struct Parts {
 
 impl Saved for Parts {
     fn saved(&mut self, io: &mut Io<'_>) {
-        let Self { estimate, start, truth, pace, screening, propagation, .. } = self;
+        let Self {
+            estimate,
+            start,
+            truth,
+            pace,
+            screening,
+            propagation,
+            sensors,
+            signatures,
+            watch,
+            clones,
+            history,
+            presence,
+        } = self;
         io.part("estimate", |io| io.pass(estimate));
         io.part("start", |io| io.pass(start));
         io.part("truth", |io| io.pass(truth));
         io.part("driving sensor", |io| io.pass(pace));
         io.part("screening", |io| io.pass(screening));
         io.part("processes", |io| io.pass(propagation));
-        let Self { sensors, signatures, watch, clones, history, presence, .. } = self;
         sensors.iter_mut().for_each(|slot| io.part(slot.name.clone(), |io| io.pass(slot)));
         io.part("signatures", |io| io.while_there(signatures));
         io.part("monitor and detectors", |io| io.pass(watch));

@@ -49,7 +49,11 @@ pub(crate) struct Outputs {
     pub(crate) findings: Vec<Finding>,
 }
 
-saved!(Outputs { statistics, rate, recorded, judge, events, findings } except { sinks, smoother, repeating });
+saved!(Outputs {
+    statistics, rate, recorded, judge, events, findings,
+} except {
+    sinks, smoother, repeating,
+});
 
 impl Outputs {
     pub(crate) fn new(

@@ -1,6 +1,6 @@
 //! A session: the filter and everything around it that follows the samples of a run.
 
-use crate::checkpoint::{Checkpoint, CheckpointError, Io, Part};
+use crate::checkpoint::{Io, Part};
 use crate::compose::Composition;
 use crate::compose::estimator::Estimator;
 use crate::filter::Timeline;
@@ -70,41 +70,24 @@ impl Session {
         session
     }
 
-    /// Goes on with the run of a checkpoint: what follows is equal, to the bit, to what would have
-    /// followed in the run that was saved. The composition is a new one of the same scenario. The
-    /// sinks begin anew, and receive the records from here on. Announced events that are still to
-    /// come are part of the checkpoint.
-    ///
-    /// # Errors
-    /// When the checkpoint is of a scenario with other blocks, sensors or processes.
-    pub fn resume(
-        composition: Composition,
-        sinks: Vec<NamedSink>,
-        from: &Checkpoint,
-    ) -> Result<Self, CheckpointError> {
-        let info = run_info(&composition);
-        let mut session = Self::build(composition, &info, sinks);
-        from.read(|io| session.memory(io))?;
-        session.begin(&info);
-        Ok(session)
+    pub(super) fn composition(&self) -> &Composition {
+        self.estimator.composition()
     }
 
-    /// Saves the run as it is: the estimator with all its parts, samples that wait, statistics and
-    /// findings. It changes nothing. What the sinks have received is not part of it.
-    ///
-    /// # Errors
-    /// When the run is smoothed, when `relinearise` is not over, or when the estimator of a plugin
-    /// cannot be saved.
-    pub fn checkpoint(&mut self) -> Result<Checkpoint, CheckpointError> {
-        Checkpoint::write(|io| self.memory(io))
-    }
-
-    /// Saves or restores everything that changes during the run.
-    fn memory(&mut self, io: &mut Io<'_>) {
+    /// Saves or restores everything that changes during the run, after the parts of its scenario.
+    pub(super) fn memory(&mut self, parts: &[Part], io: &mut Io<'_>) {
         let Self {
-            estimator, timeline, silence, outputs, newest, sensors: _, announced, over, error: _,
+            estimator,
+            timeline,
+            silence,
+            outputs,
+            newest,
+            sensors: _,
+            announced,
+            over,
+            error: _,
         } = self;
-        Part::pass_all(&layout(estimator.composition()), io);
+        Part::pass_all(parts, io);
         if estimator.composition().estimator.smooths() {
             io.refuse("the smoother needs every step since the start; remove `smooth` and `lag`");
         }
@@ -118,7 +101,7 @@ impl Session {
     }
 
     /// Builds the parts of a run.
-    fn build(composition: Composition, info: &RunInfo, sinks: Vec<NamedSink>) -> Self {
+    pub(super) fn build(composition: Composition, info: &RunInfo, sinks: Vec<NamedSink>) -> Self {
         let rate = OutputRate::new(composition.estimator.output_period());
         let judge = Judge::new(&composition);
         let timeouts = composition.sensors.iter().map(|s| s.timeout).collect();
@@ -136,7 +119,7 @@ impl Session {
     }
 
     /// Informs the sinks, and begins the smoother.
-    fn begin(&mut self, info: &RunInfo) {
+    pub(super) fn begin(&mut self, info: &RunInfo) {
         self.outputs.start(info);
         if let Some(filter) = self.estimator.linearised() {
             match Smoother::new(filter) {
@@ -455,27 +438,8 @@ impl Session {
     }
 }
 
-/// The parts of a composition by name, which a checkpoint has to have.
-fn layout(composition: &Composition) -> Vec<Part> {
-    let part = |kind: &str, name: &str, detail: String| {
-        let (kind, name) = (kind.to_owned(), name.to_owned());
-        Part { kind, name, detail }
-    };
-    let blocks = composition.layout.blocks.iter().map(|block| {
-        let (components, mode) = (block.operations.tangent, block.spec.mode);
-        part("state", &block.name, format!("{mode:?} with {components} components"))
-    });
-    let sensors = composition.sensors.iter().map(|sensor| {
-        let SensorInfo { name, kind, channels, .. } = &sensor.info;
-        part("sensor", name, format!("{kind} with {} channels", channels.len()))
-    });
-    let processes = composition.processes.iter().map(|p| part("process", &p.name, p.kind.clone()));
-    let estimator = part("estimator", composition.creator.name, String::new());
-    blocks.chain(sensors).chain(processes).chain([estimator]).collect()
-}
-
 /// The facts about a run that its sinks receive first.
-fn run_info(composition: &Composition) -> RunInfo {
+pub(super) fn run_info(composition: &Composition) -> RunInfo {
     RunInfo {
         name: composition.name.clone(),
         description: composition.description.clone(),

@@ -3,8 +3,8 @@
 //! Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems*, 2nd ed.,
 //! section 2.4.
 
-use crate::checkpoint::saved;
 use crate::Real;
+use crate::checkpoint::saved;
 use nalgebra::{Vector3, convert};
 
 /// Equatorial radius of WGS-84, m.

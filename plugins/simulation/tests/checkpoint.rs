@@ -9,12 +9,12 @@ use navfuse_core::run::scenario::Scenario;
 use navfuse_core::session::{End, Session};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::{Span, Time};
-use navfuse_testing::shipped;
+use navfuse_testing::{document, registry};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 /// Samples of each run: the faults of the scenarios begin before.
-const SAMPLES: usize = 40_000;
+const SAMPLES: usize = 60_000;
 
 /// What a run reports, as bits.
 #[derive(Default)]
@@ -156,9 +156,9 @@ impl Case<'_> {
 
 /// Checks a scenario, and returns `false` if its samples are not there.
 fn check(name: &str, settings: &[&str], late: impl Fn(&str) -> bool) -> bool {
-    let registry = shipped::registry();
+    let registry = registry();
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
-    let scenario = Scenario::new(&registry, shipped::document(name), &settings);
+    let scenario = Scenario::new(&registry, document(name), &settings);
     let scenario = scenario.expect("the settings fit");
     let Ok(assembly) = scenario.assemble(None) else { return false };
     let mut samples = samples(assembly.sources);
@@ -186,8 +186,8 @@ fn check_all(folder: &str) -> Vec<String> {
 
 #[test]
 fn a_run_that_is_cut_and_resumed_equals_the_uncut_one() {
-    let recorded = ["csv-dvl.toml", "drive.toml", "snapir.toml"];
-    assert_eq!(check_all(""), recorded, "the others are simulated");
+    let recorded = ["csv-dvl.toml", "drive.toml", "rlg-static.toml", "snapir.toml"];
+    assert_eq!(check_all(""), recorded, "all others are simulated");
 }
 
 #[test]

@@ -130,7 +130,11 @@ pub(in crate::filter) struct Lockout {
     adopted: bool,
 }
 
-saved!(Lockout { streak, isolation, last, used, rhythm, spread, adopted } except { timeout, channels });
+saved!(Lockout {
+    streak, isolation, last, used, rhythm, spread, adopted,
+} except {
+    timeout, channels,
+});
 
 impl Lockout {
     pub(in crate::filter) fn new(timeout: Option<f64>, channels: &[Channel]) -> Self {

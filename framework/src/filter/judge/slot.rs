@@ -48,7 +48,13 @@ pub(in crate::filter) struct SensorSlot {
     plausible: Option<Sample>,
 }
 
-saved!(SensorSlot { last, lockout, reach, refused, plausible } each { noise, repeats, bias, curvature } except { name, channels, several, thresholds, recovery, robust, limits });
+saved!(SensorSlot {
+    last, lockout, reach, refused, plausible,
+} each {
+    noise, repeats, bias, curvature,
+} except {
+    name, channels, several, thresholds, recovery, robust, limits,
+});
 
 impl SensorSlot {
     /// Creates the slot for an error state of dimension `n`.

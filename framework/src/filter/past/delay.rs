@@ -80,7 +80,13 @@ pub(in crate::filter) struct RecentStates {
     wide: Vec<f64>,
 }
 
-saved!(RecentStates { first, len, start, steps, last } each { entries, drift, density } except { moving, places, at, around, scratch, row, columns, index, seen, wide });
+saved!(RecentStates {
+    first, len, start, steps, last,
+} each {
+    entries, drift, density,
+} except {
+    moving, places, at, around, scratch, row, columns, index, seen, wide,
+});
 
 /// The state at one time.
 #[derive(Clone)]

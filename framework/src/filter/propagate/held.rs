@@ -1,7 +1,7 @@
 //! The last sample of each driving sensor beside the first.
 
-use crate::checkpoint::saved;
 use super::inputs::{Corrected, replace};
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::model::process::{Input, Interval};
 use crate::units::sample::Sample;

@@ -1,7 +1,7 @@
 //! The pace of a filter: its driving sensor, and the measurements that wait for it.
 
-use crate::checkpoint::saved;
 use super::cadence::Cadence;
+use crate::checkpoint::saved;
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::collections::VecDeque;

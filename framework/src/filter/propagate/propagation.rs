@@ -1,11 +1,11 @@
 //! The propagation of the estimate from one time to the next.
 
-use crate::checkpoint::saved;
 use super::held::Held;
 use super::inputs::{Corrected, correct, replace};
 use super::linear::Linear;
 use super::passage::Passage;
 use super::pooled::PooledSteps;
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::estimate::Estimate;
 use crate::model::estimator_error::EstimatorError;

@@ -36,7 +36,14 @@ pub(in crate::filter) enum Fault {
     Stuck,
 }
 
-saved!(enum Fault { Zeros, Range, Frozen, Stuck });
+saved!(
+    enum Fault {
+        Zeros,
+        Range,
+        Frozen,
+        Stuck,
+    }
+);
 
 /// Repetitions so far. The channels come first, as in [`crate::filter::screen::usual::Usual`].
 #[derive(Clone)]

@@ -1,8 +1,8 @@
 //! Use of the screened samples of the driving sensor, and the reports of the screening.
 
-use crate::checkpoint::{Io, Saved};
 use super::repeats::Fault;
 use super::screening::{News, Screen, Skipped};
+use crate::checkpoint::{Io, Saved};
 use crate::compose::Composition;
 use crate::model::process::screening::Spread;
 use crate::model::record::finding::{Basis, Finding, Severity};

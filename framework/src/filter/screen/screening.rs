@@ -90,7 +90,11 @@ pub(in crate::filter) struct Screen {
     pub(in crate::filter) spikes: u64,
 }
 
-saved!(Screen { usual, repeats, held, suspects, faulty, bridge, skipped, ready, bridged, unusable, spikes } except { limits, n, news });
+saved!(Screen {
+    usual, repeats, held, suspects, faulty, bridge, skipped, ready, bridged, unusable, spikes,
+} except {
+    limits, n, news,
+});
 
 /// Judgement of a sample on the vector instructions that the processor has.
 struct Judgement<'a> {

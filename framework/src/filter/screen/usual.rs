@@ -61,7 +61,12 @@ pub(in crate::filter) struct Usual {
     least_of: f64,
 }
 
-saved!(Usual { last, before, rough, bends, least, mean, mean_before, motion, changed, good, count, time, cadence, least_of } except { change, limits, n });
+saved!(Usual {
+    last, before, rough, bends, least, mean, mean_before, motion, changed, good, count, time,
+    cadence, least_of,
+} except {
+    change, limits, n,
+});
 
 /// The first `n` channels in whole lanes.
 #[inline(always)]

@@ -1,7 +1,7 @@
 //! What a filter knows of its start.
 
-use crate::checkpoint::{Io, Saved};
 use super::stage::Stage;
+use crate::checkpoint::{Io, Saved};
 use crate::compose::Composition;
 use crate::compose::draw::Draw;
 use crate::model::process::start::{AlignmentReport, InitialAlignment};

@@ -22,4 +22,12 @@ pub(super) enum Stage {
     Running,
 }
 
-saved!(enum Stage { At(time), FromReference(time), Searching(samples), Found(samples), Running });
+saved!(
+    enum Stage {
+        At(time),
+        FromReference(time),
+        Searching(samples),
+        Found(samples),
+        Running,
+    }
+);

@@ -60,7 +60,8 @@ pub trait Monitor: Send {
     /// it.
     fn widened(&mut self) {}
 
-    /// Saves or restores what the monitor remembers between its calls. Default: it remembers nothing.
+    /// Saves or restores what the monitor remembers between its calls.
+    /// Default: it remembers nothing.
     fn memory(&mut self, _io: &mut Io<'_>) {}
 
     /// Copies the monitor for a snapshot of the filter.

@@ -140,7 +140,8 @@ pub trait ProcessModel: Send {
     ) {
     }
 
-    /// Saves or restores what the process remembers between its calls. Default: it remembers nothing.
+    /// Saves or restores what the process remembers between its calls.
+    /// Default: it remembers nothing.
     fn memory(&mut self, _io: &mut Io<'_>) {}
 
     /// Copies the model with its memory for a snapshot of the filter.

@@ -157,7 +157,8 @@ pub trait InitialAlignment: Send {
         None
     }
 
-    /// Saves or restores what the alignment remembers between its calls. Default: it remembers nothing.
+    /// Saves or restores what the alignment remembers between its calls.
+    /// Default: it remembers nothing.
     fn memory(&mut self, _io: &mut Io<'_>) {}
 
     /// Copies the alignment for a snapshot of the filter.

@@ -17,7 +17,13 @@ pub enum Level {
     Error,
 }
 
-saved!(enum Level { Info, Warning, Error });
+saved!(
+    enum Level {
+        Info,
+        Warning,
+        Error,
+    }
+);
 
 /// An event for the log and the user.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

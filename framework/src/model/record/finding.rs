@@ -17,7 +17,12 @@ pub enum Severity {
     DoNotUse,
 }
 
-saved!(enum Severity { Doubtful, DoNotUse });
+saved!(
+    enum Severity {
+        Doubtful,
+        DoNotUse,
+    }
+);
 
 impl Severity {
     /// All values.
@@ -47,7 +52,13 @@ pub enum Basis {
     Samples,
 }
 
-saved!(enum Basis { Comparison, Explanation, Samples });
+saved!(
+    enum Basis {
+        Comparison,
+        Explanation,
+        Samples,
+    }
+);
 
 impl Basis {
     /// All values.

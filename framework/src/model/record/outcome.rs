@@ -45,10 +45,22 @@ pub enum Rejection {
     Absent,
 }
 
-saved!(enum Rejection {
-    NotFinite(channel), Missing, OutOfOrder, Late, Singular, NoInput, Isolated, Repeated,
-    OutOfRange(channel), TooFast(channel), Excluded, Absent,
-});
+saved!(
+    enum Rejection {
+        NotFinite(channel),
+        Missing,
+        OutOfOrder,
+        Late,
+        Singular,
+        NoInput,
+        Isolated,
+        Repeated,
+        OutOfRange(channel),
+        TooFast(channel),
+        Excluded,
+        Absent,
+    }
+);
 
 impl Rejection {
     /// The reason in words; `columns` are the names of the sensor's channels.

@@ -51,7 +51,8 @@ pub trait Detector: Send {
     /// `true` if the knowledge holds at the time of this sample.
     fn detects(&mut self, sample: &Sample) -> bool;
 
-    /// Saves or restores what the detector remembers between its calls. Default: it remembers nothing.
+    /// Saves or restores what the detector remembers between its calls.
+    /// Default: it remembers nothing.
     fn memory(&mut self, _io: &mut Io<'_>) {}
 
     /// Copies the detector for a snapshot of the filter.

@@ -1,7 +1,7 @@
 //! Innovations of one channel.
 
-use crate::checkpoint::saved;
 use super::report::{SLIGHT, UNTRUE, size};
+use crate::checkpoint::saved;
 use crate::model::chi_square::{outside, sigmas};
 use crate::model::record::finding::Severity;
 use crate::model::record::verdict::Criterion;
@@ -41,7 +41,11 @@ pub(crate) struct ChannelStatistics {
     drift: (f64, f64),
 }
 
-saved!(ChannelStatistics { count, sum, raw, squares, last, products, minute, drift } except { name });
+saved!(ChannelStatistics {
+    count, sum, raw, squares, last, products, minute, drift,
+} except {
+    name,
+});
 
 impl ChannelStatistics {
     pub(crate) fn new(name: String) -> Self {

@@ -5,9 +5,9 @@
 //! divided by its sigma and by the root of `E / m`, the share of the gated NIS, so that a consistent
 //! filter gives a white sequence `u` of variance 1.
 
-use crate::checkpoint::saved;
 use super::channel::{ChannelStatistics, Departure};
 use super::report::{Report, SLIGHT, reason, size};
+use crate::checkpoint::saved;
 use crate::model::chi_square::{Band, band, gated_moments, probability};
 use crate::model::record::finding::Severity;
 use crate::model::record::verdict::{Criterion, SensorConsistency};
@@ -148,7 +148,13 @@ pub(crate) struct SensorStatistics {
     moments: [Option<(f64, f64, f64)>; MAX_CHANNELS + 1],
 }
 
-saved!(SensorStatistics { whole, memory, minute, minutes, worst, gated, streak, longest, expected_gated, faulty } each { channels } except { name, constraint, moments });
+saved!(SensorStatistics {
+    whole, memory, minute, minutes, worst, gated, streak, longest, expected_gated, faulty,
+} each {
+    channels,
+} except {
+    name, constraint, moments,
+});
 
 impl SensorStatistics {
     pub(crate) fn new(name: String, channels: Vec<String>, constraint: bool) -> Self {

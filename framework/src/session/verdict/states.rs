@@ -13,8 +13,8 @@
 //! would decide. So the variance of every sum contains the share of the prior variance by which a
 //! sigma may be wrong without a doubt.
 
-use crate::checkpoint::saved;
 use super::report::{Report, SLIGHT, reason};
+use crate::checkpoint::saved;
 use crate::model::chi_square::sigmas;
 use crate::model::record::finding::Severity;
 use crate::model::record::verdict::Criterion;

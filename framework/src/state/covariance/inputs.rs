@@ -8,8 +8,8 @@
 //! ```
 //! The process gives `dx' / dz`, the framework differentiates the model for `dz / dy`.
 
-use crate::checkpoint::saved;
 use super::Transition;
+use crate::checkpoint::saved;
 
 /// Place of the derivative of `R` error states with respect to `C` channels of a driving sensor.
 #[derive(Clone, Copy, Debug)]

@@ -1,8 +1,8 @@
 //! The symmetric covariance of the error state.
 
-use crate::checkpoint::{Io, Saved};
 use super::aligned::Aligned;
 use super::lanes::{put, tile, turned};
+use crate::checkpoint::{Io, Saved};
 use crate::state::manifold::MAX_TANGENT;
 use nalgebra::{DMatrix, DVector};
 use pulp::Simd;

@@ -1,9 +1,9 @@
 //! Transition of one step: a sparse pattern, found once, and its products.
 
-use crate::checkpoint::saved;
 use super::inputs::Inputs;
 use super::kernel::Kernel;
 use super::{Covariance, Reach};
+use crate::checkpoint::saved;
 use crate::state::{Layout, vectorised};
 
 /// Place of an `R` x `C` block of the transition matrix; a block of a fixed state has no place.

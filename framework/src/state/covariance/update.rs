@@ -1,8 +1,8 @@
 //! Measurement update of the covariance.
 
-use crate::checkpoint::saved;
 use super::Covariance;
 use super::rank::{Joseph, Projection};
+use crate::checkpoint::saved;
 use crate::state::block_set::BlockSet;
 use crate::units::sample::MAX_CHANNELS;
 use pulp::Arch;

@@ -1,7 +1,7 @@
 //! Earth rotation and normal gravity in north-east-down axes.
 
-use navfuse_core::checkpoint::saved;
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::saved;
 use navfuse_core::state::geodesy::{
     ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, FLATTENING, radii_of_curvature,
 };
@@ -44,7 +44,18 @@ pub struct LocalEarth {
     pub gravity_height: f64,
 }
 
-saved!(LocalEarth { sin, cos, inv_cos, inv_n, inv_e, r_n_slope, r_e_slope, gravity, gravity_latitude, gravity_height });
+saved!(LocalEarth {
+    sin,
+    cos,
+    inv_cos,
+    inv_n,
+    inv_e,
+    r_n_slope,
+    r_e_slope,
+    gravity,
+    gravity_latitude,
+    gravity_height
+});
 
 impl LocalEarth {
     /// The Earth at a latitude (rad) and height (m).

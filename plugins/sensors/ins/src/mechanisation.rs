@@ -7,8 +7,8 @@
 //! Coriolis, gravity, radii) are evaluated once, at the midpoint of the interval, which is accurate
 //! to second order.
 
-use navfuse_core::checkpoint::saved;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use navfuse_core::checkpoint::saved;
 use navfuse_core::state::geodesy::Geodetic;
 use std::f64::consts::PI;
 use thiserror::Error;

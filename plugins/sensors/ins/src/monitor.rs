@@ -12,7 +12,6 @@ mod levelling;
 mod turning;
 mod whiteness;
 
-use navfuse_core::checkpoint::{Io, saved};
 use crate::imu::Imu;
 use crate::navigation::Navigation;
 use drift::Drift;
@@ -21,6 +20,7 @@ use gravity::Gravity;
 use heading::Heading;
 use levelling::Levelling;
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::model::process::Input;
 use navfuse_core::model::process::monitor::Monitor;
 use navfuse_core::model::process::start::FilterView;
@@ -43,7 +43,11 @@ pub(crate) struct ImuMonitor {
     drift: Drift,
 }
 
-saved!(ImuMonitor { gravity, levelling, heading, turning, whiteness, drift } except { name, imu, navigation });
+saved!(ImuMonitor {
+    gravity, levelling, heading, turning, whiteness, drift,
+} except {
+    name, imu, navigation,
+});
 
 impl ImuMonitor {
     /// A monitor of the IMU of that name; `tilt` is the prior sigma of roll and pitch, where they

@@ -1,7 +1,7 @@
 //! The rates of the last two inertial samples, and the angular rate at a time within the last one.
 
-use navfuse_core::checkpoint::saved;
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::saved;
 use navfuse_core::units::time::Time;
 
 /// Mean angular rate and specific force over the time that a sample covers.

@@ -1,6 +1,5 @@
 //! The strapdown process: mechanisation and error model as a process model of the framework.
 
-use navfuse_core::checkpoint::{Io, saved};
 use crate::alignment::{
     Aligner, Alignment, AlignmentMethod, AlignmentSettings, CourseAlignment, CourseSettings,
     ZeroVelocity,
@@ -13,6 +12,7 @@ use crate::navigation::Navigation;
 use crate::places::Places;
 use crate::rates::{LastRates, Rates};
 use nalgebra::{Matrix3, Vector3};
+use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{AccelBias, GyroBias};
 use navfuse_core::model::error::ComposeError;

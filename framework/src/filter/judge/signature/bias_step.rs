@@ -8,10 +8,10 @@
 //! One sum runs from the start. The others begin at one minute, two, four and so on after it, since
 //! a filter needs the longer to follow a step, the longer it has learnt the constant.
 
-use crate::checkpoint::saved;
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened, name};
 use super::score::SPAN;
+use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::state::Layout;
 use crate::state::covariance::Covariance;

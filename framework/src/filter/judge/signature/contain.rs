@@ -15,8 +15,8 @@
 //! positive. So the mean of the NEES is `tr(P^-1 cov e0) + A s' P^-1 s <= n + 1`, and no state is
 //! off by more than its sigma in the mean.
 
-use crate::checkpoint::saved;
 use super::effect::Effect;
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::model::record::finding::Finding;
 use crate::state::covariance::{Covariance, cholesky, forward};

@@ -1,7 +1,7 @@
 //! Effect of an error of unit size on the error states and on the innovations.
 
-use crate::checkpoint::saved;
 use super::score::Score;
+use crate::checkpoint::saved;
 use crate::model::record::finding::Severity;
 use crate::state::covariance::{Covariance, Update};
 use crate::state::{Layout, vectorised};

@@ -8,10 +8,10 @@
 //! An offset may begin at any time: one sum runs from the start, and three begin again in turn.
 //! From a finding on, the covariance contains the effect of each sum that is significant.
 
-use crate::checkpoint::saved;
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
 use super::score::SPAN;
+use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::state::covariance::Covariance;

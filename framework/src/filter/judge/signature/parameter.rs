@@ -4,10 +4,10 @@
 //! = dh/dp`. It is off from the start, so that one sum is enough. From a finding on, the covariance
 //! contains its effect.
 
-use crate::checkpoint::saved;
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
 use super::score::SPAN;
+use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::state::covariance::Covariance;
@@ -51,7 +51,13 @@ pub(super) struct Parameters {
     found: Vec<usize>,
 }
 
-saved!(Parameters { components, effects, span, severity, found } each { known } except { tested, rotations });
+saved!(Parameters {
+    components, effects, span, severity, found,
+} each {
+    known,
+} except {
+    tested, rotations,
+});
 
 /// A significant error of a parameter.
 pub(super) struct Wrong {

@@ -1,11 +1,11 @@
 //! All tests of a filter.
 
-use crate::checkpoint::saved;
 use super::bias_step::BiasSteps;
 use super::contain::Containment;
 use super::effect::Whitened;
 use super::offset::{self, Offset};
 use super::parameter::Parameters;
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::model::record::finding::Finding;
 use crate::model::sensor::Role;
@@ -33,7 +33,13 @@ pub(in crate::filter) struct Signatures {
     step: f64,
 }
 
-saved!(Signatures { parameters, containment, settled, time, step } each { offsets, steps } except { places, changes });
+saved!(Signatures {
+    parameters, containment, settled, time, step,
+} each {
+    offsets, steps,
+} except {
+    places, changes,
+});
 
 /// Test for steps of the constant biases of the first driving sensor.
 fn bias_steps(composition: &Composition) -> Option<BiasSteps> {

@@ -1,6 +1,5 @@
 //! Initial alignment of a strapdown process, from the first sample to the end of the fine stage.
 
-use navfuse_core::checkpoint::{Io, saved};
 use super::coarse::{CoarseAlignment, Sensed};
 use super::config::{Alignment, AlignmentMethod};
 use super::error::AlignmentError;
@@ -9,6 +8,7 @@ use crate::earth::EARTH_RATE;
 use crate::imu::Imu;
 use crate::navigation::Navigation;
 use nalgebra::UnitQuaternion;
+use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::process::ProcessError;
 use navfuse_core::model::process::start::{
@@ -84,7 +84,11 @@ pub(crate) struct Aligner {
     aligned: Option<Aligned>,
 }
 
-saved!(Aligner { phase, coarse, before, doubt, aligned } except { settings, navigation, wanted, imu, sensed });
+saved!(Aligner {
+    phase, coarse, before, doubt, aligned,
+} except {
+    settings, navigation, wanted, imu, sensed,
+});
 
 impl Aligner {
     pub fn new(

@@ -1,6 +1,5 @@
 //! The coarse alignment: an attitude from the first samples.
 
-use navfuse_core::checkpoint::saved;
 use super::config::{AlignmentMethod, CoarseMethod};
 use super::error::AlignmentError;
 use super::inertial::{Instant, Integral, align};
@@ -11,6 +10,7 @@ use crate::imu::Imu;
 use crate::mechanisation::Increments;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::sensor::measurement::{AnyMeasurement, At};
 use navfuse_core::state::covariance::Update;
 use navfuse_core::state::manifold::Reading;

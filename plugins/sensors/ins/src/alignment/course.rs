@@ -15,7 +15,6 @@
 //! pair determines the tilt, and the heading as far as the vehicle accelerates; the second one
 //! determines the heading within the mounting of the IMU and the side slip.
 
-use navfuse_core::checkpoint::{Io, saved};
 use super::config::AlignmentConfig;
 use super::error::AlignmentError;
 use super::inertial::Integral;
@@ -25,6 +24,7 @@ use crate::imu::Imu;
 use crate::mechanisation::Increments;
 use crate::navigation::Navigation;
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::process::ProcessError;
 use navfuse_core::model::process::start::{
@@ -134,7 +134,11 @@ pub(crate) struct CourseAlignment {
     found: Option<Found>,
 }
 
-saved!(CourseAlignment { span, integral, first, pairs, moving, found } except { settings, navigation, imu, finds_position, sensed });
+saved!(CourseAlignment {
+    span, integral, first, pairs, moving, found,
+} except {
+    settings, navigation, imu, finds_position, sensed,
+});
 
 impl CourseAlignment {
     pub fn new(

@@ -17,11 +17,11 @@
 //! effect: its rotation is in `C_b^b0`, and its velocity stays small compared with `a`, which grows
 //! with time.
 
-use navfuse_core::checkpoint::saved;
 use super::optimisation::{Fit, Pairs};
 use crate::earth::LocalEarth;
 use crate::mechanisation::{Increments, Mechanisation};
 use nalgebra::{UnitQuaternion, Vector3};
+use navfuse_core::checkpoint::saved;
 
 /// Rotation and specific force, integrated in inertial axes since the beginning.
 #[derive(Clone, Copy, Debug, Default)]

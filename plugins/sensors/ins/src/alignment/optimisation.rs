@@ -1,8 +1,8 @@
 //! Attitude from vectors known in two frames.
 
-use navfuse_core::checkpoint::saved;
 use crate::earth::LocalEarth;
 use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
+use navfuse_core::checkpoint::saved;
 
 /// Sine of the angle below which two vectors count as one direction.
 const COLLINEAR: f64 = 1e-6;

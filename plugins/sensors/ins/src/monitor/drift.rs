@@ -4,9 +4,9 @@
 //! difference has the variance `P1 - P2`. A larger move shows that the constant has changed, or that
 //! a sensor contradicts the others.
 
-use navfuse_core::checkpoint::saved;
 use super::fault::Fault;
 use crate::navigation::Navigation;
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
 use navfuse_core::state::{Block, Dynamics, Handle, Mode};

@@ -1,10 +1,10 @@
 //! Rule: over a while, the specific force is about as large as gravity and points up.
 
-use navfuse_core::checkpoint::saved;
 use super::fault::Fault;
 use crate::earth::normal_gravity;
 use crate::navigation::Navigation;
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
 

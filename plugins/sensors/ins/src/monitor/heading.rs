@@ -9,10 +9,10 @@
 //! ```
 //! `P_pe` has only the way since the last fix of the position, and only the heading error that is left.
 
-use navfuse_core::checkpoint::saved;
 use super::fault::Fault;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix2, Vector2};
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
 use navfuse_core::units::time::{Span, Time};

@@ -7,11 +7,11 @@
 //! r = g (Pnn + Pee) / 2 / sqrt(d' Pb d)      d: down in body axes, Pb: covariance of the bias
 //! ```
 
-use navfuse_core::checkpoint::saved;
 use super::fault::Fault;
 use crate::earth::normal_gravity;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix3, Vector3};
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
 use navfuse_core::units::time::{Span, Time};

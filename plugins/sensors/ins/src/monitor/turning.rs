@@ -5,9 +5,9 @@
 //! in deg/s turn it 57 times too far. The rule compares the residuals of that equation for the
 //! samples as they are with those for each error of use.
 
-use navfuse_core::checkpoint::saved;
 use super::fault::Fault;
 use nalgebra::{Matrix3, Vector3};
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::record::finding::{Basis, Severity};
 
 /// Length of the blocks of which means are compared, s.

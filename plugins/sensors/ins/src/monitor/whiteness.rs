@@ -3,10 +3,10 @@
 //! Second differences of means over `m` samples remove the motion. For white noise their variance
 //! falls as `1/m`; vibration and motion follow another law, and are not judged here.
 
-use navfuse_core::checkpoint::saved;
 use super::fault::Fault;
 use crate::imu::Imu;
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::record::finding::{Basis, Severity};
 
 /// Number of averaging lengths: 1, 2, 4, 8 and 16 samples.

@@ -17,7 +17,8 @@ fn at_rest(coarse: &str) -> (CoarseAlignment, CoarseSolution, UnitQuaternion<f64
     });
     let settings = AlignmentSettings::new(&serde_json::from_value(keys).unwrap(), (0.0, 0.0));
     let settings = settings.unwrap().unwrap();
-    let sensed = Sensed { navigation: bench.navigation, imu: imu(&json!({})), driver: 0, velocity: None };
+    let sensed =
+        Sensed { navigation: bench.navigation, imu: imu(&json!({})), driver: 0, velocity: None };
     let mut search = CoarseAlignment::new(layout, &state, bench.navigation);
     let attitude = UnitQuaternion::from_euler_angles(0.1, -0.2, 1.0);
     let earth = LocalEarth::at(45_f64.to_radians(), 100.0);
