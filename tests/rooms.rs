@@ -12,9 +12,21 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// Rooms of the framework from the lowest to the highest.
-const ROOMS: [&str; 13] = [
-    "calendar", "input", "files", "document", "units", "state", "model", "compose", "plugin",
-    "filter", "smooth", "session", "run",
+const ROOMS: [&str; 14] = [
+    "calendar",
+    "checkpoint",
+    "input",
+    "files",
+    "document",
+    "units",
+    "state",
+    "model",
+    "compose",
+    "plugin",
+    "filter",
+    "smooth",
+    "session",
+    "run",
 ];
 
 /// Largest number of files in a circle: a trait and its context may know each other.

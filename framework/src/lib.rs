@@ -125,6 +125,7 @@
 //! | [`state`] | blocks on manifolds, layout, view, error injection and reset, covariance |
 //! | [`units`] | quantities with dimensions, time, samples |
 //! | [`document`] | TOML with places, for errors that name file, line and key |
+//! | [`checkpoint`] | the memory of a run as bytes, and its transfer |
 //! | [`input`] | files that are read: regular, bounded, and never written over meanwhile |
 //! | [`files`] | files that appear once they are whole, folders that keep earlier results |
 //!
@@ -132,6 +133,7 @@
 //! [book](https://github.com/navfuse/navfuse/tree/main/docs/src) has tutorials and the equations.
 
 pub mod calendar;
+pub mod checkpoint;
 pub mod compose;
 pub mod document;
 pub mod files;

@@ -15,6 +15,7 @@ use navfuse_core::plugin::{ProcessType, Registry, SourceType};
 use navfuse_core::prelude::{OpenContext, Source, StreamError};
 use navfuse_core::run::runner;
 use navfuse_core::run::scenario::Scenario;
+use navfuse_core::session::Session;
 use navfuse_core::state::covariance::{Covariance, PhiSlot, Transition};
 use navfuse_core::state::manifold::Scalar;
 use navfuse_core::state::{BlockSpec, Dynamics, Handle, Layout, Mode, State, display};
@@ -381,6 +382,34 @@ fn copies_of_an_outsiders_estimator_run_ahead_of_late_samples() {
         assert_eq!(newest, present, "{t} s");
     }
     assert!(ahead.time() < direct.time());
+}
+
+/// A checkpoint keeps what the snapshot of a plugin's estimator keeps; an estimator without
+/// snapshots refuses.
+#[test]
+fn an_outsiders_estimator_goes_on_from_a_checkpoint() {
+    let registry = registry();
+    let session = |kind: &str| {
+        let settings = format!("estimator.type={kind:?}");
+        Session::new(scenario(&registry, &[&settings]).compose().unwrap(), Vec::new())
+    };
+    let (mut uncut, mut cut) = (session("sparing"), session("sparing"));
+    let composition = || scenario(&registry, &["estimator.type=\"sparing\""]).compose().unwrap();
+    let ids = ["speed", "fix"].map(|name| composition().sensor(name).unwrap());
+    for k in 0..40_u32 {
+        let t = f64::from(k / 2);
+        let place = [0.7 * t, 1.4 * t];
+        let values = if k.is_multiple_of(2) { &[1.0][..] } else { &place[..] };
+        let sample = Sample::new(seconds(t), SensorId(ids[k as usize % 2]), values);
+        let saved = cut.checkpoint().unwrap();
+        cut = Session::resume(composition(), Vec::new(), &saved).unwrap();
+        uncut.push(&sample).unwrap();
+        cut.push(&sample).unwrap();
+        let [a, b] = [&mut uncut, &mut cut].map(|s| s.newest(|epoch| epoch.state.clone()));
+        assert_eq!(a, b, "{t} s");
+    }
+    let refused = session("plain").checkpoint().err().unwrap().to_string();
+    assert!(refused.contains("Estimator::memory"), "{refused}");
 }
 
 #[test]

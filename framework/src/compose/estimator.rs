@@ -1,5 +1,6 @@
 //! The seam between an estimator and what runs it: the runner, campaigns, the bound and the sinks.
 
+use crate::checkpoint::Io;
 use crate::compose::Composition;
 use crate::compose::course::Course;
 use crate::compose::snapshot::Snapshot;
@@ -142,6 +143,17 @@ pub trait Estimator: Send {
     /// The estimator whose copies run ahead of samples that may be late.
     fn settled(&mut self) -> Option<&mut dyn Linearised> {
         self.linearised()
+    }
+
+    /// Saves or restores everything that changes while the estimator runs. Default: the snapshot of
+    /// an estimator that linearises; any other refuses.
+    fn memory(&mut self, io: &mut Io<'_>) {
+        let Some(filter) = self.linearised() else {
+            return io.refuse("its estimator keeps its memory to itself (Estimator::memory)");
+        };
+        let mut snapshot = filter.snapshot();
+        io.pass(&mut snapshot);
+        filter.exchange(&mut snapshot);
     }
 
     /// Returns `true` once after it has linearised samples again: copies of it are of the past.

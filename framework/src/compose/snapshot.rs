@@ -1,5 +1,6 @@
 //! Snapshots of an estimator.
 
+use crate::checkpoint::{Io, Saved};
 use crate::state::State;
 use std::any::Any;
 
@@ -38,6 +39,10 @@ pub trait Kept: Any + Send {
     fn offset(&self) -> &[f64];
     /// Approximate size, bytes.
     fn size(&self) -> usize;
+    /// Saves or restores the state in a checkpoint. Default: refuses.
+    fn memory(&mut self, io: &mut Io<'_>) {
+        io.refuse("its estimator keeps its state to itself (Kept::memory)");
+    }
 }
 
 /// A complete estimator at one time, to return to.
@@ -49,6 +54,13 @@ pub struct Snapshot {
 impl Clone for Snapshot {
     fn clone(&self) -> Self {
         Self { kept: self.kept.boxed_clone(), own: self.own.clone() }
+    }
+}
+
+impl Saved for Snapshot {
+    fn saved(&mut self, io: &mut Io<'_>) {
+        self.kept.memory(io);
+        io.part("estimator", |io| io.pass(&mut self.own));
     }
 }
 

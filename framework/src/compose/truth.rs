@@ -1,5 +1,6 @@
 //! True states of a simulation: stated, drawn, and moved by dynamics and processes.
 
+use crate::checkpoint::saved;
 use crate::compose::draw::Draw;
 use crate::compose::{Composition, Process};
 use crate::model::process::ProcessModel;
@@ -25,6 +26,9 @@ pub struct TrueState {
     /// Time of the next draw.
     next: Time,
 }
+
+// the wandering truths of a build follow again from their seeds
+saved!(TrueState { state } each { known } except { wandering, moving, next });
 
 /// Truth of one block that moves by its dynamics.
 #[derive(Clone, Debug)]

@@ -1,6 +1,7 @@
 //! The estimate of a filter.
 
 use super::course::guide::Offset;
+use crate::checkpoint::saved;
 use crate::model::process::start::FilterView;
 use crate::model::record::{Epoch, Truth};
 use crate::state::covariance::Covariance;
@@ -15,6 +16,8 @@ pub(super) struct Estimate {
     /// Estimate relative to the state, where the state follows a given trajectory.
     pub(super) offset: Option<Offset>,
 }
+
+saved!(Estimate { state, covariance } except { offset });
 
 impl Estimate {
     pub(super) fn new(layout: &Layout) -> Self {

@@ -12,6 +12,7 @@ use super::screen::screened::Screening;
 use super::start::beginning::Beginning;
 use super::start::truth::Known;
 use super::transients::presence::Presence;
+use crate::checkpoint::{Io, Saved};
 use crate::compose::Composition;
 use crate::compose::snapshot::Kept;
 use crate::state::State;
@@ -45,6 +46,37 @@ pub(super) struct Parts {
     pub(super) presence: Presence,
 }
 
+impl Saved for Parts {
+    fn saved(&mut self, io: &mut Io<'_>) {
+        let Self {
+            estimate,
+            start,
+            truth,
+            pace,
+            screening,
+            propagation,
+            sensors,
+            signatures,
+            watch,
+            clones,
+            history,
+            presence,
+        } = self;
+        io.part("estimate", |io| io.pass(estimate));
+        io.part("start", |io| io.pass(start));
+        io.part("truth", |io| io.pass(truth));
+        io.part("driving sensor", |io| io.pass(pace));
+        io.part("screening", |io| io.pass(screening));
+        io.part("processes", |io| io.pass(propagation));
+        sensors.iter_mut().for_each(|slot| io.part(slot.name.clone(), |io| io.pass(slot)));
+        io.part("signatures", |io| io.while_there(signatures));
+        io.part("monitor and detectors", |io| io.pass(watch));
+        io.part("past states", |io| io.each(clones));
+        io.part("time offsets", |io| io.each(history));
+        io.part("states that come and go", |io| io.pass(presence));
+    }
+}
+
 impl Kept for Parts {
     fn boxed_clone(&self) -> Box<dyn Kept> {
         Box::new(self.clone())
@@ -63,6 +95,10 @@ impl Kept for Parts {
         let history = history.as_ref().map_or(0, RecentStates::size);
         let matrices = estimate.covariance.size() + propagation.size();
         size_of::<Self>() + matrices + history + pace.size()
+    }
+
+    fn memory(&mut self, io: &mut Io<'_>) {
+        io.pass(self);
     }
 }
 

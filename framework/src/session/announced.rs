@@ -1,5 +1,6 @@
 //! What the log of a run receives at a time that is known beforehand.
 
+use crate::checkpoint::saved;
 use crate::model::record::{Event, Level, Observer};
 use crate::units::time::Time;
 
@@ -12,6 +13,8 @@ pub(crate) struct Announced {
     /// Warnings for the end.
     warnings: Vec<(String, String)>,
 }
+
+saved!(Announced { notes, events, warnings });
 
 impl Announced {
     pub(crate) fn new(notes: Vec<(String, String)>) -> Self {

@@ -5,6 +5,7 @@ mod estimators;
 mod finished;
 mod output_rate;
 mod outputs;
+mod resume;
 #[allow(clippy::module_inception, reason = "the room and its first concept")]
 mod session;
 mod silence;

@@ -1,5 +1,6 @@
 //! The times at which estimates are recorded.
 
+use crate::checkpoint::saved;
 use crate::units::time::{Span, Time};
 
 /// Chooses the estimates that the sinks receive: one in each period of the output rate.
@@ -18,6 +19,8 @@ pub(crate) struct OutputRate {
     /// Set while the reference is faster than the output rate.
     fast: bool,
 }
+
+saved!(OutputRate { next, compared, fast } except { period });
 
 impl OutputRate {
     pub(crate) fn new(period: Span) -> Self {

@@ -1,5 +1,6 @@
 //! The recipients of a run: its sinks, its statistics and its list of events.
 
+use crate::checkpoint::saved;
 use crate::model::record::finding::Finding;
 use crate::model::record::verdict::Verdict;
 use crate::model::record::{
@@ -47,6 +48,12 @@ pub(crate) struct Outputs {
     /// Faults that the filter found: see [`keep`].
     pub(crate) findings: Vec<Finding>,
 }
+
+saved!(Outputs {
+    statistics, rate, recorded, judge, events, findings,
+} except {
+    sinks, smoother, repeating,
+});
 
 impl Outputs {
     pub(crate) fn new(

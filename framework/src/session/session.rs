@@ -1,5 +1,6 @@
 //! A session: the filter and everything around it that follows the samples of a run.
 
+use crate::checkpoint::{Io, Part};
 use crate::compose::Composition;
 use crate::compose::estimator::Estimator;
 use crate::filter::Timeline;
@@ -64,29 +65,68 @@ impl Session {
     /// sample.
     pub fn new(composition: Composition, sinks: Vec<NamedSink>) -> Self {
         let info = run_info(&composition);
+        let mut session = Self::build(composition, &info, sinks);
+        session.begin(&info);
+        session
+    }
+
+    pub(super) fn composition(&self) -> &Composition {
+        self.estimator.composition()
+    }
+
+    /// Saves or restores everything that changes during the run, after the parts of its scenario.
+    pub(super) fn memory(&mut self, parts: &[Part], io: &mut Io<'_>) {
+        let Self {
+            estimator,
+            timeline,
+            silence,
+            outputs,
+            newest,
+            sensors: _,
+            announced,
+            over,
+            error: _,
+        } = self;
+        Part::pass_all(parts, io);
+        if estimator.composition().estimator.smooths() {
+            io.refuse("the smoother needs every step since the start; remove `smooth` and `lag`");
+        }
+        estimator.memory(io);
+        io.part("late samples", |io| io.each(timeline));
+        io.part("silence", |io| io.pass(silence));
+        io.part("results", |io| io.pass(outputs));
+        io.part("events", |io| io.pass(announced));
+        io.pass(newest);
+        io.pass(over);
+    }
+
+    /// Builds the parts of a run.
+    pub(super) fn build(composition: Composition, info: &RunInfo, sinks: Vec<NamedSink>) -> Self {
         let rate = OutputRate::new(composition.estimator.output_period());
         let judge = Judge::new(&composition);
-        let mut outputs = Outputs::new(sinks, Statistics::new(&info), rate, judge);
-        outputs.start(&info);
         let timeouts = composition.sensors.iter().map(|s| s.timeout).collect();
-        let mut session = Self {
+        Self {
             silence: SilenceMonitor::new(timeouts, &info.sensors),
             timeline: Timeline::new(&composition),
             announced: Announced::new(composition.notes.clone()),
             estimator: estimators::create(composition),
-            outputs,
+            outputs: Outputs::new(sinks, Statistics::new(info), rate, judge),
             newest: rate,
-            sensors: info.sensors,
+            sensors: info.sensors.clone(),
             over: false,
             error: None,
-        };
-        if let Some(filter) = session.estimator.linearised() {
+        }
+    }
+
+    /// Informs the sinks, and begins the smoother.
+    pub(super) fn begin(&mut self, info: &RunInfo) {
+        self.outputs.start(info);
+        if let Some(filter) = self.estimator.linearised() {
             match Smoother::new(filter) {
-                Ok(smoother) => session.outputs.smoother = smoother,
-                Err(error) => session.error = Some(error.into()),
+                Ok(smoother) => self.outputs.smoother = smoother,
+                Err(error) => self.error = Some(error.into()),
             }
         }
-        session
     }
 
     /// Announces events, each of which is logged once the samples reach its time. An event at
@@ -399,7 +439,7 @@ impl Session {
 }
 
 /// The facts about a run that its sinks receive first.
-fn run_info(composition: &Composition) -> RunInfo {
+pub(super) fn run_info(composition: &Composition) -> RunInfo {
     RunInfo {
         name: composition.name.clone(),
         description: composition.description.clone(),

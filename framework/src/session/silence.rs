@@ -1,5 +1,6 @@
 //! Detecting sensors that fall silent.
 
+use crate::checkpoint::saved;
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::{Purpose, SensorInfo};
 use crate::session::outputs::Outputs;
@@ -18,6 +19,8 @@ pub(crate) struct SilenceMonitor {
     next: Time,
 }
 
+saved!(SilenceMonitor { before, next } each { sensors } except { driver });
+
 /// The samples of one sensor over time.
 struct Activity {
     /// The timeout that the scenario gives, s.
@@ -26,6 +29,8 @@ struct Activity {
     rhythm: Rhythm,
     lost: bool,
 }
+
+saved!(Activity { last, rhythm, lost } except { timeout });
 
 impl Activity {
     /// The longest silence that is accepted, s. A sensor with one sample is never lost.

@@ -1,5 +1,6 @@
 //! The results of a run in numbers.
 
+use crate::checkpoint::{Io, Saved, saved};
 use crate::compose::estimator::Estimator;
 use crate::model::record::answers::Answers;
 use crate::model::record::verdict::Verdict;
@@ -99,6 +100,8 @@ struct Counts {
     nis: f64,
 }
 
+saved!(Counts { read, outcomes, excluded, nis });
+
 impl Counts {
     /// Counts a sample that the filter did not use.
     fn unused(&mut self, why: Rejection) {
@@ -129,6 +132,17 @@ pub(crate) struct Statistics {
     track: Track,
     /// Smoothed estimates, in a run that is smoothed.
     smoothed: Option<Track>,
+}
+
+impl Saved for Statistics {
+    fn saved(&mut self, io: &mut Io<'_>) {
+        let Self { last_epoch, name: _, version: _, seed: _, sensors, first, track, smoothed: _ } =
+            self;
+        io.pass(last_epoch);
+        sensors.iter_mut().for_each(|(_, _, counts)| io.pass(counts));
+        io.pass(first);
+        io.pass(track);
+    }
 }
 
 impl Statistics {
@@ -222,7 +236,7 @@ impl Statistics {
             // a truth that the scenario states also holds at the end; a reference holds at its last
             // time
             let holds = (block.spec.truth.is_some() && !block.wanders) || truth.state.time == end;
-            let before = track.compared[slot].as_ref().filter(|c| c.holds_at(end));
+            let before = Some(&track.compared[slot]).filter(|c| c.holds_at(end));
             let (error, error_sigma) = match before {
                 _ if holds && truth.known[slot] => {
                     block.show_error(&state.values, &truth.state.values, &mut error);

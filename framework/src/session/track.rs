@@ -1,5 +1,6 @@
 //! Path of the estimates, and their errors against the reference.
 
+use crate::checkpoint::saved;
 use crate::model::record::Epoch;
 use crate::state::covariance::Covariance;
 use crate::state::{Block, Handle, Layout};
@@ -22,7 +23,8 @@ pub struct HorizontalError {
 /// request: a run compares its estimates thousands of times, and its summary shows the last one.
 #[derive(Clone, Debug)]
 pub(crate) struct Compared {
-    time: Time,
+    /// Time of the last comparison, if there was one.
+    time: Option<Time>,
     /// Time since the comparison before, s.
     interval: f64,
     /// The block as the only one of a state.
@@ -32,12 +34,14 @@ pub(crate) struct Compared {
     covariance: Covariance,
 }
 
+saved!(Compared { time, interval, covariance } each { value, truth } except { block });
+
 impl Compared {
-    fn new(block: &Block, time: Time) -> Self {
+    fn new(block: &Block) -> Self {
         let states = block.tangent_range().len();
         let alone = Block { offset: 0, tangent: block.tangent.map(|_| 0), ..block.clone() };
         Self {
-            time,
+            time: None,
             interval: 0.0,
             value: vec![0.0; block.operations.ambient],
             truth: vec![0.0; block.operations.ambient],
@@ -58,7 +62,7 @@ impl Compared {
     /// Replaces the comparison by that of another epoch.
     fn replace(&mut self, block: &Block, epoch: &Epoch<'_>, truth: &[f64]) {
         let time = epoch.state.time;
-        self.interval = time.since(std::mem::replace(&mut self.time, time));
+        self.interval = self.time.replace(time).map_or(0.0, |before| time.since(before));
         self.value.copy_from_slice(&epoch.state.values[block.range()]);
         self.truth.copy_from_slice(&truth[block.range()]);
         let own = block.tangent_range();
@@ -72,7 +76,7 @@ impl Compared {
 
     /// True if the comparison is recent enough to hold at the end.
     pub(crate) fn holds_at(&self, end: Time) -> bool {
-        end.since(self.time) <= (2.0 * self.interval).max(2.0)
+        self.time.is_some_and(|time| end.since(time) <= (2.0 * self.interval).max(2.0))
     }
 
     /// The block, as the only one of a state.
@@ -104,8 +108,13 @@ pub(crate) struct Track {
     distance: f64,
     true_distance: f64,
     errors: (u64, f64, f64),
-    pub(crate) compared: Vec<Option<Compared>>,
+    /// Comparison of each block.
+    pub(crate) compared: Vec<Compared>,
 }
+
+saved!(Track {
+    before, before_truth, distance, true_distance, errors
+} each { compared } except { position });
 
 impl Track {
     pub(crate) fn new(layout: &Layout) -> Self {
@@ -116,7 +125,7 @@ impl Track {
             distance: 0.0,
             true_distance: 0.0,
             errors: (0, 0.0, 0.0),
-            compared: vec![None; layout.blocks.len()],
+            compared: layout.blocks.iter().map(Compared::new).collect(),
         }
     }
 
@@ -149,12 +158,7 @@ impl Track {
             for (slot, block) in
                 epoch.layout.blocks.iter().enumerate().filter(|(slot, _)| truth.known[*slot])
             {
-                let time = epoch.state.time;
-                self.compared[slot].get_or_insert_with(|| Compared::new(block, time)).replace(
-                    block,
-                    epoch,
-                    &truth.state.values,
-                );
+                self.compared[slot].replace(block, epoch, &truth.state.values);
             }
         }
     }
@@ -163,7 +167,7 @@ impl Track {
     /// the end.
     pub(crate) fn distance(&self, end: Time) -> f64 {
         let (count, ..) = self.errors;
-        let position = self.position.and_then(|slot| self.compared[slot].as_ref());
+        let position = self.position.map(|slot| &self.compared[slot]);
         let to_the_end = count > 1 && position.is_some_and(|c| c.holds_at(end));
         if to_the_end { self.true_distance } else { self.distance }
     }
@@ -199,8 +203,8 @@ mod tests {
         let name = "ins.velocity".to_owned();
         let block =
             Block { name, spec, operations, offset: 0, tangent, wanders: false, label: None };
-        let time = Time::from_nanos(10_000_000_000);
-        Compared { interval, ..Compared::new(&block, time) }
+        let time = Some(Time::from_nanos(10_000_000_000));
+        Compared { time, interval, ..Compared::new(&block) }
     }
 
     /// Two intervals of 3 s end at 16 s. A fast reference counts for 2 s.

@@ -16,6 +16,7 @@
 
 use super::change::Change;
 use super::means::Records;
+use crate::checkpoint::Io;
 use crate::compose::Composition;
 use crate::compose::estimator::Estimator;
 use crate::compose::{estimator::Linearised, snapshot::Snapshot};
@@ -337,6 +338,15 @@ impl Estimator for Relinearised {
 
     fn settled(&mut self) -> Option<&mut dyn Linearised> {
         self.estimator.linearised()
+    }
+
+    fn memory(&mut self, io: &mut Io<'_>) {
+        if io.restores() {
+            self.record = None;
+        } else if self.record.is_some() {
+            io.refuse("it linearises its samples again until estimator.relinearise is over");
+        }
+        self.estimator.memory(io);
     }
 
     fn has_jumped(&mut self) -> bool {

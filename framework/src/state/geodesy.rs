@@ -4,6 +4,7 @@
 //! section 2.4.
 
 use crate::Real;
+use crate::checkpoint::saved;
 use nalgebra::{Vector3, convert};
 
 /// Equatorial radius of WGS-84, m.
@@ -14,7 +15,7 @@ pub const FLATTENING: f64 = 1.0 / 298.257_223_563;
 pub const ECCENTRICITY_SQUARED: f64 = FLATTENING * (2.0 - FLATTENING);
 
 /// A geodetic position on WGS-84.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Geodetic<T = f64> {
     /// Geodetic latitude, rad.
     pub latitude: T,
@@ -23,6 +24,8 @@ pub struct Geodetic<T = f64> {
     /// Height above the ellipsoid, m.
     pub height: T,
 }
+
+saved!(Geodetic { latitude, longitude, height });
 
 /// Radii of curvature of the ellipsoid at a latitude (rad): meridian `R_N` and transverse `R_E`, m
 /// (Groves eqs 2.105 and 2.106).

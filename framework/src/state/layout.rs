@@ -1,5 +1,6 @@
 //! Layout of the blocks in one flat vector, and the state in that layout.
 
+use crate::checkpoint::saved;
 use crate::state::block::Block;
 use crate::state::manifold::{Manifold, Position, Rotation, Vector};
 use crate::state::transient::Pool;
@@ -187,6 +188,8 @@ pub struct State {
     /// Label of each block that comes and goes; `None` where the block is absent.
     pub labels: Vec<Option<u32>>,
 }
+
+saved!(State { time, values, signals, labels });
 
 impl Clone for State {
     fn clone(&self) -> Self {

@@ -1,5 +1,7 @@
 //! Usual interval of the samples of a sensor, and the silence after which it is missed.
 
+use crate::checkpoint::saved;
+
 /// Number of latest intervals that decide.
 const LATEST: usize = 8;
 /// Number of usual intervals within which samples follow each other.
@@ -16,6 +18,8 @@ pub struct Rhythm {
     count: usize,
     usual: Option<f64>,
 }
+
+saved!(Rhythm { latest, count, usual });
 
 impl Rhythm {
     /// Takes an interval, s. Several observations of one time have no interval.

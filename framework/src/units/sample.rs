@@ -1,5 +1,6 @@
 //! Samples: the measurements that sources provide.
 
+use crate::checkpoint::saved;
 use crate::units::time::Time;
 use crate::units::{Unit, UnitError};
 use std::sync::Arc;
@@ -53,11 +54,13 @@ impl Channel {
 }
 
 /// Index of a sensor in the composition.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SensorId(pub usize);
 
+saved!(SensorId(index));
+
 /// The channels of a sensor at one time, in SI. Any of them may be missing.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
     /// The time at which the sample is valid; the end of the interval of an integrating sensor.
     pub time: Time,
@@ -66,6 +69,8 @@ pub struct Sample {
     values: [f64; MAX_CHANNELS],
     present: u16,
 }
+
+saved!(Sample { time, sensor, values, present });
 
 impl Sample {
     /// A sample without any channel.

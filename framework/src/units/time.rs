@@ -1,5 +1,6 @@
 //! Instants and their differences as exact counts of nanoseconds.
 
+use crate::checkpoint::saved;
 use std::fmt;
 use std::ops::{Add, Sub};
 
@@ -7,6 +8,8 @@ use std::ops::{Add, Sub};
 /// that equal times compare equal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Time(i64);
+
+saved!(Time(nanos));
 
 impl Time {
     /// A time before every instant of a run.
@@ -89,6 +92,8 @@ impl fmt::Display for Time {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Span(i64);
+
+saved!(Span(nanos));
 
 impl Span {
     /// No time at all.

@@ -1,9 +1,11 @@
-//! Checks of repeatability. Four things must be the same to the bit: the samples of a seed, the
-//! filter that reads these samples, a filter restored from a snapshot, and a filter after it has
-//! rejected a sample.
+//! Checks of repeatability. Five things must be the same to the bit: the samples of a seed, the
+//! filter that reads these samples, a filter restored from a snapshot or from a checkpoint, and a
+//! filter after it has rejected a sample.
 
 use crate::lab::{Heard, Lab, assemble_to, merged};
 use crate::{Failure, Report};
+use navfuse_core::checkpoint::Io;
+use navfuse_core::compose::estimator::Estimator as _;
 use navfuse_core::filter::Ekf;
 use navfuse_core::model::record::Rejection;
 use navfuse_core::model::sensor::Role;
@@ -20,7 +22,8 @@ pub fn check(lab: &Lab<'_>, report: &mut Report) {
         return; // sinks alone
     }
     report.add("determinism", all.clone(), determinism(lab));
-    report.add("snapshot", all, snapshot(lab));
+    report.add("snapshot", all.clone(), snapshot(lab));
+    report.add("checkpoint", all, checkpoint(lab));
     for part in lab.sensors() {
         let outcome = rejection(lab, part.index);
         report.add("rejection", part.about, outcome);
@@ -126,6 +129,31 @@ fn snapshot(lab: &Lab<'_>) -> Result<String, Failure> {
         "a run restored at sample {middle} of {} continues to the same bits",
         lab.samples.len()
     ))
+}
+
+/// Saves the filter in the middle of the run, restores it in a new build, and goes on with both.
+fn checkpoint(lab: &Lab<'_>) -> Result<String, Failure> {
+    let middle = lab.samples.len() / 2;
+    let (first, second) = lab.samples.split_at(middle);
+    let mut ekf = Ekf::new(lab.compose(&[])?);
+    feed(&mut ekf, first)?;
+    let mut io = Io::writer();
+    ekf.memory(&mut io);
+    let saved = io.finish().map_err(Failure::caused_by)?;
+    let mut other = Ekf::new(lab.compose(&[])?);
+    let mut io = Io::reader(&saved);
+    other.memory(&mut io);
+    io.finish().map_err(Failure::caused_by)?;
+    feed(&mut ekf, second)?;
+    feed(&mut other, second)?;
+    match difference(&ekf, &other) {
+        None => Ok(format!("a run resumed at sample {middle} continues to the same bits")),
+        Some(block) => Err(Failure::new(format!(
+            "a new build of the filter, restored from a checkpoint in the middle of the run, \
+             differs in {block}; pass everything that a process, a monitor, an alignment or a \
+             detector remembers in its function memory"
+        ))),
+    }
 }
 
 fn rejection(lab: &Lab<'_>, sensor: usize) -> Result<String, Failure> {

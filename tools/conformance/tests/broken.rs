@@ -79,6 +79,7 @@ fn a_sensor_without_a_fault_passes_every_check() {
         "sigma",
         "determinism",
         "snapshot",
+        "checkpoint",
         "rejection",
         "nis",
         "nees",
@@ -254,6 +255,12 @@ fn a_process_whose_copy_forgets() {
         "snapshot",
         "let boxed_clone of a process model copy all of its memory",
     );
+}
+
+#[test]
+fn a_process_that_saves_not_all_it_remembers() {
+    let message = "pass everything that a process, a monitor, an alignment or a detector remembers";
+    finds(&process("unsaved"), "checkpoint", message);
 }
 
 #[test]

@@ -20,6 +20,7 @@
 //! innovations is positive, the variance of a sum grows by `(1 + r) / (1 - r)`, and `e` is also
 //! divided by the root of this factor.
 
+use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::SensorInfo;
 use crate::state::covariance::Update;
@@ -64,6 +65,8 @@ struct Chart {
     sum: f64,
 }
 
+saved!(Chart { value, since, count, sum });
+
 /// Charts of one channel.
 #[derive(Clone, Copy)]
 struct Charts {
@@ -74,6 +77,8 @@ struct Charts {
     product: f64,
     before: f64,
 }
+
+saved!(Charts { charts, seen, square, product, before });
 
 /// A mean of the innovations of one channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,6 +118,8 @@ pub(in crate::filter) struct BiasTest {
     bounds: [f64; HALVES.len()],
     channels: Vec<Charts>,
 }
+
+saved!(BiasTest {} each { channels } except { bounds });
 
 impl BiasTest {
     /// Creates the test of a sensor with that number of channels.

@@ -16,6 +16,7 @@
 //! reads have grown so much that the last `c` would reach the bound. A first update that determines
 //! the states in which the model is curved does no harm; two checks in a row give a finding.
 
+use crate::checkpoint::saved;
 use crate::filter::update::points::{SigmaPoints, place};
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::SensorInfo;
@@ -48,6 +49,8 @@ pub(in crate::filter) struct Curvature {
     /// Number of checks in a row that found too large a curvature.
     curved: u32,
 }
+
+saved!(Curvature { seen, columns, variances, ratio, curved });
 
 /// A model that is curved within the uncertainty.
 #[derive(Clone, Copy)]

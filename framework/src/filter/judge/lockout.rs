@@ -11,6 +11,7 @@
 //!               inflated, and the result must not be used
 //! ```
 
+use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::{Event, Level, Observer};
 use crate::model::sensor::gate::{Action, Recovery};
@@ -78,7 +79,7 @@ pub(in crate::filter) struct Evidence {
 }
 
 /// Consecutive gated samples of one sensor.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(in crate::filter) struct Streak {
     pub(in crate::filter) since: Time,
     pub(in crate::filter) count: u64,
@@ -94,8 +95,10 @@ pub(in crate::filter) struct Streak {
     worst: (usize, f64),
 }
 
+saved!(Streak { since, count, silence, step, contradicted, reported, worst });
+
 /// Isolation of a sensor: its samples are judged and not used.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(in crate::filter) struct Isolation {
     /// Time of the first gated sample.
     pub(in crate::filter) since: Time,
@@ -106,6 +109,8 @@ pub(in crate::filter) struct Isolation {
     /// Number of samples in a row that agreed.
     agreed: u32,
 }
+
+saved!(Isolation { since, contradicted, began, agreed });
 
 /// State of a sensor's lock-out.
 #[derive(Clone)]
@@ -124,6 +129,12 @@ pub(in crate::filter) struct Lockout {
     /// wrong since then, so a jump is no evidence against the sensor any more.
     adopted: bool,
 }
+
+saved!(Lockout {
+    streak, isolation, last, used, rhythm, spread, adopted,
+} except {
+    timeout, channels,
+});
 
 impl Lockout {
     pub(in crate::filter) fn new(timeout: Option<f64>, channels: &[Channel]) -> Self {

@@ -11,6 +11,7 @@
 //! weight: while the state is uncertain, an innovation says little about the noise. A gate lets the
 //! mean square of the innovations that pass be smaller than `S`, by the share of the mean NIS.
 
+use crate::checkpoint::saved;
 use crate::model::chi_square::gated_moments;
 use crate::state::covariance::{Update, backward, cholesky, forward};
 use crate::units::sample::MAX_CHANNELS;
@@ -32,6 +33,8 @@ pub(in crate::filter) struct NoiseLevel {
     /// Mean NIS of the samples that pass the gate over its mean without one, by number of channels.
     passing: [f64; MAX_CHANNELS + 1],
 }
+
+saved!(NoiseLevel { variance, weight } except { passing });
 
 impl NoiseLevel {
     /// The level of a sensor with these thresholds of its gate, by number of channels.

@@ -1,5 +1,6 @@
 //! Filter state of one sensor: its gate, and the fault that its innovations show.
 
+use crate::checkpoint::saved;
 use crate::filter::judge::bias::BiasTest;
 use crate::filter::judge::curvature::Curvature;
 use crate::filter::judge::lockout::{Isolation, Lockout};
@@ -46,6 +47,14 @@ pub(in crate::filter) struct SensorSlot {
     /// Last plausible sample.
     plausible: Option<Sample>,
 }
+
+saved!(SensorSlot {
+    last, lockout, reach, refused, plausible,
+} each {
+    noise, repeats, bias, curvature,
+} except {
+    name, channels, several, thresholds, recovery, robust, limits,
+});
 
 impl SensorSlot {
     /// Creates the slot for an error state of dimension `n`.

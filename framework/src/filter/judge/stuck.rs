@@ -13,6 +13,7 @@
 //! with the square of the number of repetitions, so that any number of them carries bounded
 //! information.
 
+use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::state::covariance::Update;
 use crate::units::sample::{MAX_CHANNELS, Sample};
@@ -42,6 +43,8 @@ pub(in crate::filter) struct Repeats {
     /// Time of the first of the equal samples.
     since: Time,
 }
+
+saved!(Repeats { last, count, varied, motion, variance, left, stuck, since });
 
 /// A sensor that is stuck.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,5 +1,6 @@
 //! The monitor of the driven process, and the detectors of pseudo-measurements.
 
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::estimate::Estimate;
 use crate::model::process::Input;
@@ -18,6 +19,8 @@ pub(in crate::filter) struct Watch {
     /// Detectors, each with the index of its sensor.
     detectors: Vec<(usize, Box<dyn Detector>)>,
 }
+
+saved!(Watch {} each { monitor, detectors });
 
 impl Watch {
     pub(in crate::filter) fn new(composition: &Composition) -> Self {

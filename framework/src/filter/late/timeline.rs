@@ -12,6 +12,7 @@
 //! order. The newest estimate is computed on demand: a copy of the filter goes on from a snapshot
 //! before the earliest late sample, through all samples up to the present.
 
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::compose::{estimator::Linearised, snapshot::Snapshot};
 use crate::filter::propagate::pace::MAX_PENDING;
@@ -73,6 +74,8 @@ pub struct Timeline {
     closed: bool,
     ahead: Ahead,
 }
+
+saved!(Timeline { now, samples, closed } except { window, late, references, driver, ahead });
 
 /// Copies of the filter ahead of the samples that it has taken.
 #[derive(Default)]

@@ -1,5 +1,6 @@
 //! The clones that the sensors take: pairs of source and past, and the transition between them.
 
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::estimate::Estimate;
 use crate::state::Layout;
@@ -16,6 +17,8 @@ pub(in crate::filter) struct Clones {
     /// Set once a sample of the sensor was there to take the clones at.
     pub(super) taken: bool,
 }
+
+saved!(Clones { taken } except { sensor, pairs, transition });
 
 impl Clones {
     /// Copies values and covariance of the sources to the past blocks.

@@ -20,6 +20,7 @@
 //! dz/dtau := max(0, 1 - 5 I_n / I) dz/dtau
 //! ```
 
+use crate::checkpoint::saved;
 use crate::compose::time_offset::{LONGEST, SIGMAS};
 use crate::compose::{Composition, moved};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
@@ -79,6 +80,14 @@ pub(in crate::filter) struct RecentStates {
     wide: Vec<f64>,
 }
 
+saved!(RecentStates {
+    first, len, start, steps, last,
+} each {
+    entries, drift, density,
+} except {
+    moving, places, at, around, scratch, row, columns, index, seen, wide,
+});
+
 /// The state at one time.
 #[derive(Clone)]
 struct Entry {
@@ -91,6 +100,8 @@ struct Entry {
     corrected: bool,
     correction: Vec<f64>,
 }
+
+saved!(Entry { time, steps, corrected } each { values, signals, drift, correction });
 
 impl RecentStates {
     /// Creates a history for the sensors of a composition that have a time offset; `None` where

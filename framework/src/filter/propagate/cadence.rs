@@ -1,5 +1,7 @@
 //! Cadence of the driving sensor: its usual interval, and intervals with missing samples.
 
+use crate::checkpoint::saved;
+
 /// Ratio to the usual interval above which samples are missing, and below whose inverse the sensor
 /// is faster.
 const LONG: f64 = 1.5;
@@ -31,6 +33,8 @@ pub(in crate::filter) struct Cadence {
     /// Longest of those intervals, s.
     pub longest: f64,
 }
+
+saved!(Cadence { interval, scatter, longer, shorter, missing, longest });
 
 impl Cadence {
     /// Time that a sample covers, s, after an interval of `duration`: the duration itself, or the

@@ -1,6 +1,7 @@
 //! The last sample of each driving sensor beside the first.
 
 use super::inputs::{Corrected, replace};
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::model::process::{Input, Interval};
 use crate::units::sample::Sample;
@@ -14,6 +15,8 @@ pub(super) struct Held {
     /// Time between the last two samples, s.
     interval: f64,
 }
+
+saved!(Held { sample, interval } except { process, sensor });
 
 impl Held {
     /// The driving sensors beside the first.

@@ -1,6 +1,7 @@
 //! The pace of a filter: its driving sensor, and the measurements that wait for it.
 
 use super::cadence::Cadence;
+use crate::checkpoint::saved;
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 use std::collections::VecDeque;
@@ -17,6 +18,8 @@ pub(in crate::filter) struct Pace {
     /// Measurements ahead of the driving sensor, in order of time.
     waiting: VecDeque<Sample>,
 }
+
+saved!(Pace { input, cadence, waiting });
 
 impl Pace {
     pub(in crate::filter) fn new() -> Self {

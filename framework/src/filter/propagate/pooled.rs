@@ -5,6 +5,7 @@
 //! velocity, which turns into a position, does so one pooled step later. The estimate itself takes
 //! every sample.
 
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::state::covariance::Transition;
 use crate::units::time::{Span, Time};
@@ -21,6 +22,8 @@ pub(super) struct PooledSteps {
     /// The share of the identity in its elements.
     identity: Vec<f64>,
 }
+
+saved!(PooledSteps { since, whole } except { period, identity });
 
 impl PooledSteps {
     /// The pool of a composition that sets a covariance rate.

@@ -5,6 +5,7 @@ use super::inputs::{Corrected, correct, replace};
 use super::linear::Linear;
 use super::passage::Passage;
 use super::pooled::PooledSteps;
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::filter::estimate::Estimate;
 use crate::model::estimator_error::EstimatorError;
@@ -46,6 +47,8 @@ pub(in crate::filter) struct Propagation {
     /// Driving sensors beside the first.
     held: Vec<Held>,
 }
+
+saved!(Propagation { transition } each { processes, pool, held } except { dynamics });
 
 impl Propagation {
     pub(in crate::filter) fn new(composition: &Composition) -> Self {

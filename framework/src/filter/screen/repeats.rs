@@ -1,5 +1,6 @@
 //! Repetitions of the driving sensor's samples, zeros, and values beyond the range.
 
+use crate::checkpoint::saved;
 use crate::filter::screen::usual::{lanes, lanes_mut};
 use crate::model::process::screening::{Screening, Spread};
 use crate::units::sample::MAX_CHANNELS;
@@ -22,9 +23,10 @@ const SHORT: u32 = 3;
 const WARM: u64 = 100;
 
 /// Fault of a sample of the driving sensor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::filter) enum Fault {
     /// Every channel is exactly zero.
+    #[default]
     Zeros,
     /// Channels are beyond their range.
     Range,
@@ -33,6 +35,15 @@ pub(in crate::filter) enum Fault {
     /// Single channels repeat their value.
     Stuck,
 }
+
+saved!(
+    enum Fault {
+        Zeros,
+        Range,
+        Frozen,
+        Stuck,
+    }
+);
 
 /// Repetitions so far. The channels come first, as in [`crate::filter::screen::usual::Usual`].
 #[derive(Clone)]
@@ -54,6 +65,8 @@ pub(in crate::filter) struct Repeats {
     repeated: u32,
     runs: [u32; MAX_CHANNELS],
 }
+
+saved!(Repeats { raw, coarse, samples, in_a_row, repeated, runs } except { range, limits, n });
 
 impl Repeats {
     pub(in crate::filter) fn new(limits: Arc<Screening>) -> Self {

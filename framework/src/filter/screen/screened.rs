@@ -2,6 +2,7 @@
 
 use super::repeats::Fault;
 use super::screening::{News, Screen, Skipped};
+use crate::checkpoint::{Io, Saved};
 use crate::compose::Composition;
 use crate::model::process::screening::Spread;
 use crate::model::record::finding::{Basis, Finding, Severity};
@@ -18,6 +19,12 @@ const SHARE: f64 = 1e-3;
 /// Screening of the driving sensor, where its process has limits.
 #[derive(Clone)]
 pub(in crate::filter) struct Screening(Option<Screen>);
+
+impl Saved for Screening {
+    fn saved(&mut self, io: &mut Io<'_>) {
+        io.each(&mut self.0);
+    }
+}
 
 /// Number of replaced spikes, and of all samples.
 pub(in crate::filter) struct Counts {

@@ -8,6 +8,7 @@
 //! Most samples are good, and a good sample costs little: the loops over its channels take four at
 //! once where the processor can, with the same bits as one by one.
 
+use crate::checkpoint::saved;
 use crate::filter::screen::repeats::{Fault, Repeats, STUCK};
 use crate::filter::screen::usual::Usual;
 use crate::model::process::screening::{Screening, Spread};
@@ -38,7 +39,7 @@ pub(in crate::filter) enum News {
 }
 
 /// Span of faulty samples.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Bridge {
     fault: Fault,
     channels: u16,
@@ -51,14 +52,18 @@ struct Bridge {
     reported: bool,
 }
 
+saved!(Bridge { fault, channels, from, to, unknown, reported });
+
 /// Span of faulty samples before the first good one.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::filter) struct Skipped {
     pub(in crate::filter) fault: Fault,
     pub(in crate::filter) channels: u16,
     pub(in crate::filter) from: Time,
     pub(in crate::filter) to: Time,
 }
+
+saved!(Skipped { fault, channels, from, to });
 
 /// State of the screening.
 #[derive(Clone)]
@@ -84,6 +89,12 @@ pub(in crate::filter) struct Screen {
     /// Number of replaced spikes.
     pub(in crate::filter) spikes: u64,
 }
+
+saved!(Screen {
+    usual, repeats, held, suspects, faulty, bridge, skipped, ready, bridged, unusable, spikes,
+} except {
+    limits, n, news,
+});
 
 /// Judgement of a sample on the vector instructions that the processor has.
 struct Judgement<'a> {

@@ -2,6 +2,7 @@
 //!
 //! The loops over the channels take some at once: see [`super::screen`].
 
+use crate::checkpoint::saved;
 use crate::filter::propagate::cadence::Cadence;
 use crate::model::process::screening::{Screening, Spread};
 use crate::units::sample::MAX_CHANNELS;
@@ -59,6 +60,13 @@ pub(in crate::filter) struct Usual {
     /// Interval for which `least` was computed, s.
     least_of: f64,
 }
+
+saved!(Usual {
+    last, before, rough, bends, least, mean, mean_before, motion, changed, good, count, time,
+    cadence, least_of,
+} except {
+    change, limits, n,
+});
 
 /// The first `n` channels in whole lanes.
 #[inline(always)]

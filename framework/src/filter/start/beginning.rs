@@ -1,6 +1,7 @@
 //! What a filter knows of its start.
 
 use super::stage::Stage;
+use crate::checkpoint::{Io, Saved};
 use crate::compose::Composition;
 use crate::compose::draw::Draw;
 use crate::model::process::start::{AlignmentReport, InitialAlignment};
@@ -17,6 +18,16 @@ pub(in crate::filter) struct Beginning {
     pub(super) alignments: Vec<Option<Box<dyn InitialAlignment>>>,
     /// Slot of a block without an initial value, which the latest reference did not give either.
     pub(super) lacking: Option<usize>,
+}
+
+// the initial draws of a build follow again from their seed
+impl Saved for Beginning {
+    fn saved(&mut self, io: &mut Io<'_>) {
+        let Self { stage, draws: _, alignments, lacking } = self;
+        io.pass(stage);
+        io.pass(lacking);
+        alignments.iter_mut().for_each(|alignment| io.each(alignment));
+    }
 }
 
 impl Beginning {

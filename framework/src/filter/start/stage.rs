@@ -1,5 +1,6 @@
 //! Stages of a filter: waiting for its start, searching for its initial values, running.
 
+use crate::checkpoint::saved;
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 
@@ -20,3 +21,13 @@ pub(super) enum Stage {
     /// Runs.
     Running,
 }
+
+saved!(
+    enum Stage {
+        At(time),
+        FromReference(time),
+        Searching(samples),
+        Found(samples),
+        Running,
+    }
+);

@@ -1,5 +1,6 @@
 //! The truth that a reference gives, or the scenario states.
 
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::compose::truth::TrueState;
 use crate::filter::propagate::propagation::Propagation;
@@ -16,6 +17,8 @@ pub(in crate::filter) struct Known {
     state: State,
     known: Vec<bool>,
 }
+
+saved!(Known { constants, state } each { known });
 
 impl Known {
     pub(in crate::filter) fn new(composition: &Composition) -> Self {

@@ -1,5 +1,6 @@
 //! Filter state of the blocks that come and go.
 
+use crate::checkpoint::saved;
 use crate::state::covariance::{Covariance, Update};
 use crate::state::{Layout, State};
 use crate::units::time::Time;
@@ -10,6 +11,8 @@ pub(in crate::filter) struct Presence {
     /// Time of the last observation of each label's block.
     seen: Vec<Time>,
 }
+
+saved!(Presence {} each { seen });
 
 impl Presence {
     pub(in crate::filter) fn new(labels: usize) -> Self {

@@ -1,5 +1,6 @@
 //! Monitors: the rules of physics by which a process notices faults of its driving sensor.
 
+use crate::checkpoint::{Io, Saved};
 use crate::model::process::Input;
 use crate::model::process::start::FilterView;
 use crate::model::record::finding::Finding;
@@ -59,8 +60,18 @@ pub trait Monitor: Send {
     /// it.
     fn widened(&mut self) {}
 
+    /// Saves or restores what the monitor remembers between its calls.
+    /// Default: it remembers nothing.
+    fn memory(&mut self, _io: &mut Io<'_>) {}
+
     /// Copies the monitor for a snapshot of the filter.
     fn boxed_clone(&self) -> Box<dyn Monitor>;
+}
+
+impl Saved for dyn Monitor {
+    fn saved(&mut self, io: &mut Io<'_>) {
+        io.part("monitor", |io| self.memory(io));
+    }
 }
 
 impl Clone for Box<dyn Monitor> {

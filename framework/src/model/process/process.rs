@@ -1,5 +1,6 @@
 //! Process models, which propagate blocks.
 
+use crate::checkpoint::{Io, Saved};
 use crate::model::process::ProcessError;
 use crate::model::process::input::{AnyInput, ErasedInput, InputModel};
 use crate::model::process::monitor::Monitor;
@@ -139,8 +140,18 @@ pub trait ProcessModel: Send {
     ) {
     }
 
+    /// Saves or restores what the process remembers between its calls.
+    /// Default: it remembers nothing.
+    fn memory(&mut self, _io: &mut Io<'_>) {}
+
     /// Copies the model with its memory for a snapshot of the filter.
     fn boxed_clone(&self) -> Box<dyn ProcessModel>;
+}
+
+impl Saved for dyn ProcessModel {
+    fn saved(&mut self, io: &mut Io<'_>) {
+        io.part("process", |io| self.memory(io));
+    }
 }
 
 /// A process model that propagates nothing: its blocks follow their own dynamics, such as a random

@@ -1,5 +1,6 @@
 //! Initial alignment: how a process finds the initial values of its blocks from samples.
 
+use crate::checkpoint::{Io, Saved};
 use crate::model::error::ComposeError;
 use crate::model::process::ProcessError;
 use crate::model::record::Level;
@@ -156,8 +157,18 @@ pub trait InitialAlignment: Send {
         None
     }
 
+    /// Saves or restores what the alignment remembers between its calls.
+    /// Default: it remembers nothing.
+    fn memory(&mut self, _io: &mut Io<'_>) {}
+
     /// Copies the alignment for a snapshot of the filter.
     fn boxed_clone(&self) -> Box<dyn InitialAlignment>;
+}
+
+impl Saved for dyn InitialAlignment {
+    fn saved(&mut self, io: &mut Io<'_>) {
+        io.part("alignment", |io| self.memory(io));
+    }
 }
 
 impl Clone for Box<dyn InitialAlignment> {

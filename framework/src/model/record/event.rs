@@ -1,13 +1,15 @@
 //! Events for the log and the user.
 
+use crate::checkpoint::saved;
 use crate::units::time::Time;
 use serde::Serialize;
 
 /// Severity of an event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Level {
     /// Information for the log.
+    #[default]
     Info,
     /// The run continues, but not as intended.
     Warning,
@@ -15,8 +17,16 @@ pub enum Level {
     Error,
 }
 
+saved!(
+    enum Level {
+        Info,
+        Warning,
+        Error,
+    }
+);
+
 /// An event for the log and the user.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Event {
     /// Time, on the run's clock.
     pub time: Time,
@@ -27,3 +37,5 @@ pub struct Event {
     /// Message.
     pub text: String,
 }
+
+saved!(Event { time, level, about, text });

@@ -1,12 +1,13 @@
 //! Findings: faults that the filter or a monitor found in a run.
 
+use crate::checkpoint::saved;
 use crate::model::record::{Event, Level};
 use crate::units::time::Time;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Consequence of a finding for the use of the run's result.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
     /// The result may be used: a setting should be changed nevertheless.
@@ -15,10 +16,18 @@ pub enum Severity {
     /// contains it. The result may be used.
     Contained,
     /// The result may be used with care: an engineer should look at the finding first.
+    #[default]
     Doubtful,
     /// The result must not be used.
     DoNotUse,
 }
+
+saved!(
+    enum Severity {
+        Doubtful,
+        DoNotUse,
+    }
+);
 
 impl Severity {
     /// All values.
@@ -46,9 +55,10 @@ impl Severity {
 }
 
 /// Basis of a finding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Basis {
     /// The filter compares sensors with each other, so that another sensor may be at fault.
+    #[default]
     Comparison,
     /// An error of the sensor, with its size, explains what contradicts the filter: such a finding
     /// says more than that they contradict each other.
@@ -58,6 +68,14 @@ pub enum Basis {
     /// comparisons.
     Samples,
 }
+
+saved!(
+    enum Basis {
+        Comparison,
+        Explanation,
+        Samples,
+    }
+);
 
 impl Basis {
     /// All values.
@@ -75,7 +93,7 @@ impl Basis {
 
 /// A fault that the filter or a monitor found, with its remedy. The verdict of a run lists its
 /// findings.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Finding {
     /// Time at which the fault was found, on the run's clock.
     pub time: Time,
@@ -90,6 +108,8 @@ pub struct Finding {
     /// Remedy: the key or the part of the vehicle to look at.
     pub remedy: String,
 }
+
+saved!(Finding { time, about, severity, basis, text, remedy });
 
 impl Finding {
     /// The finding as a warning for the log.

@@ -1,5 +1,7 @@
 //! Outcomes of samples: why a sample was not used, in words, and the numbers of samples by outcome.
 
+use crate::checkpoint::saved;
+
 /// Outcome of a measuring sensor's sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
@@ -14,11 +16,12 @@ pub enum Outcome {
 }
 
 /// Reason of a rejection.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rejection {
     /// The channel is NaN or infinite.
     NotFinite(usize),
     /// No channel is present, or for a driving sensor not all of them.
+    #[default]
     Missing,
     /// The time is not later than that of the sensor's previous sample.
     OutOfOrder,
@@ -41,6 +44,23 @@ pub enum Rejection {
     /// The sample observes a block that is absent.
     Absent,
 }
+
+saved!(
+    enum Rejection {
+        NotFinite(channel),
+        Missing,
+        OutOfOrder,
+        Late,
+        Singular,
+        NoInput,
+        Isolated,
+        Repeated,
+        OutOfRange(channel),
+        TooFast(channel),
+        Excluded,
+        Absent,
+    }
+);
 
 impl Rejection {
     /// The reason in words; `columns` are the names of the sensor's channels.
@@ -75,6 +95,8 @@ pub struct Outcomes<R = Rejection> {
     /// Rejected samples of each reason, in the order of their first sample.
     pub rejected: Vec<(R, u64)>,
 }
+
+saved!(Outcomes { accepted, placed, gated, rejected });
 
 impl<R> Default for Outcomes<R> {
     fn default() -> Self {

@@ -1,6 +1,7 @@
 //! Pseudo-measurements: knowledge about the motion, such as zero velocity, that holds at times which
 //! a detector finds.
 
+use crate::checkpoint::{Io, Saved};
 use crate::model::error::ComposeError;
 use crate::model::sensor::Sensor;
 use crate::units::sample::Sample;
@@ -50,8 +51,18 @@ pub trait Detector: Send {
     /// `true` if the knowledge holds at the time of this sample.
     fn detects(&mut self, sample: &Sample) -> bool;
 
+    /// Saves or restores what the detector remembers between its calls.
+    /// Default: it remembers nothing.
+    fn memory(&mut self, _io: &mut Io<'_>) {}
+
     /// Copies the detector for a snapshot of the filter.
     fn boxed_clone(&self) -> Box<dyn Detector>;
+}
+
+impl Saved for dyn Detector {
+    fn saved(&mut self, io: &mut Io<'_>) {
+        io.part("detector", |io| self.memory(io));
+    }
 }
 
 impl Clone for Box<dyn Detector> {

@@ -1,5 +1,6 @@
 //! Simulation of sensors: the scene, simulators of driving sensors, and faults of all sensors.
 
+use crate::checkpoint::fnv1a;
 use crate::model::sensor::measurement::MeasurementModel;
 use crate::model::sensor::motion::Trajectory;
 use crate::model::simulate::fault::Fault;
@@ -23,9 +24,7 @@ impl Random {
     /// Stream of a seed for one purpose: an additional sensor does not change the draws of another.
     pub fn new(seed: u64, purpose: &str) -> Self {
         // FNV-1a, since the standard hasher may change with the compiler
-        let hash = purpose.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| {
-            (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)
-        });
+        let hash = fnv1a(purpose.as_bytes());
         Self(Xoshiro256PlusPlus::seed_from_u64(seed ^ hash.rotate_left(17)))
     }
 

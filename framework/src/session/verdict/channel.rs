@@ -1,6 +1,7 @@
 //! Innovations of one channel.
 
 use super::report::{SLIGHT, UNTRUE, size};
+use crate::checkpoint::saved;
 use crate::model::chi_square::{outside, sigmas};
 use crate::model::record::finding::Severity;
 use crate::model::record::verdict::Criterion;
@@ -39,6 +40,12 @@ pub(crate) struct ChannelStatistics {
     /// Sum over the minutes of `(sum of u)^2 / n`, each of expectation 1, and their number.
     drift: (f64, f64),
 }
+
+saved!(ChannelStatistics {
+    count, sum, raw, squares, last, products, minute, drift,
+} except {
+    name,
+});
 
 impl ChannelStatistics {
     pub(crate) fn new(name: String) -> Self {

@@ -7,6 +7,7 @@
 
 use super::channel::{ChannelStatistics, Departure};
 use super::report::{Report, SLIGHT, reason, size};
+use crate::checkpoint::saved;
 use crate::model::chi_square::{Band, band, gated_moments, probability};
 use crate::model::record::finding::Severity;
 use crate::model::record::verdict::{Criterion, SensorConsistency};
@@ -38,6 +39,8 @@ struct NisSums {
     variance: f64,
 }
 
+saved!(NisSums { count, nis, expected, variance });
+
 impl NisSums {
     fn add(&mut self, nis: f64, (mean, variance): (f64, f64)) {
         self.count += 1;
@@ -53,12 +56,14 @@ impl NisSums {
 }
 
 /// The most improbable minute so far.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Minute {
     begin: Time,
     probability: f64,
     sums: NisSums,
 }
+
+saved!(Minute { begin, probability, sums });
 
 /// Autocovariance of the normalised NIS at lag 0 and 1.
 #[derive(Clone, Copy, Debug, Default)]
@@ -69,6 +74,8 @@ struct Memory {
     products: f64,
     count: f64,
 }
+
+saved!(Memory { last, sum, squares, products, count });
 
 impl Memory {
     fn add(&mut self, deviation: f64) {
@@ -105,6 +112,8 @@ struct Streak {
     count: u64,
 }
 
+saved!(Streak { begin, end, count });
+
 impl Streak {
     fn add(&mut self, time: Time) {
         if self.count == 0 {
@@ -138,6 +147,14 @@ pub(crate) struct SensorStatistics {
     /// each number of channels.
     moments: [Option<(f64, f64, f64)>; MAX_CHANNELS + 1],
 }
+
+saved!(SensorStatistics {
+    whole, memory, minute, minutes, worst, gated, streak, longest, expected_gated, faulty,
+} each {
+    channels,
+} except {
+    name, constraint, moments,
+});
 
 impl SensorStatistics {
     pub(crate) fn new(name: String, channels: Vec<String>, constraint: bool) -> Self {

@@ -10,6 +10,7 @@ mod reference;
 mod report;
 mod states;
 
+use crate::checkpoint::{Io, Saved};
 use crate::compose::{Composition, moved};
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::record::verdict::{Criterion, Reason, Verdict};
@@ -43,6 +44,16 @@ pub(crate) struct Judge {
     reference: Option<ReferenceStatistics>,
     /// Reasons that are known before the end.
     reasons: Vec<Reason>,
+}
+
+// the reasons before the end are those of a build
+impl Saved for Judge {
+    fn saved(&mut self, io: &mut Io<'_>) {
+        let Self { infos: _, sensors, states, white: _, last, reasons: _ } = self;
+        sensors.iter_mut().for_each(|sensor| io.each(sensor));
+        io.pass(states);
+        io.pass(last);
+    }
 }
 
 impl Judge {

@@ -14,6 +14,7 @@
 //! sigma may be wrong without a doubt.
 
 use super::report::{Report, SLIGHT, reason};
+use crate::checkpoint::saved;
 use crate::model::chi_square::sigmas;
 use crate::model::record::finding::Severity;
 use crate::model::record::verdict::Criterion;
@@ -47,6 +48,8 @@ pub(crate) struct StateStatistics {
     /// Sum of the corrections and of their variances, of every row for each sensor in turn.
     pulls: Vec<[f64; 2]>,
 }
+
+saved!(StateStatistics {} each { pulls } except { rows });
 
 /// Correction of one row by one sensor.
 #[derive(Clone, Copy, Debug, Default)]

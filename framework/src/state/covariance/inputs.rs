@@ -9,6 +9,7 @@
 //! The process gives `dx' / dz`, the framework differentiates the model for `dz / dy`.
 
 use super::Transition;
+use crate::checkpoint::saved;
 
 /// Place of the derivative of `R` error states with respect to `C` channels of a driving sensor.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +24,8 @@ pub(super) struct Inputs {
     /// Elements of `Phi`, one entry for each driving sensor with input models.
     links: Vec<Link>,
 }
+
+saved!(Inputs {} each { values } except { places, links });
 
 #[derive(Clone, Copy, Debug)]
 struct Place {

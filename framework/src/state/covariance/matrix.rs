@@ -2,6 +2,7 @@
 
 use super::aligned::Aligned;
 use super::lanes::{put, tile, turned};
+use crate::checkpoint::{Io, Saved};
 use crate::state::manifold::MAX_TANGENT;
 use nalgebra::{DMatrix, DVector};
 use pulp::Simd;
@@ -14,6 +15,12 @@ pub struct Covariance {
     pub(super) n: usize,
     pub(super) stride: usize,
     pub(super) p: Aligned,
+}
+
+impl Saved for Covariance {
+    fn saved(&mut self, io: &mut Io<'_>) {
+        io.each(self.p.iter_mut());
+    }
 }
 
 impl Clone for Covariance {

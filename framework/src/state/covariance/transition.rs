@@ -3,6 +3,7 @@
 use super::inputs::Inputs;
 use super::kernel::Kernel;
 use super::{Covariance, Reach};
+use crate::checkpoint::saved;
 use crate::state::{Layout, vectorised};
 
 /// Place of an `R` x `C` block of the transition matrix; a block of a fixed state has no place.
@@ -38,6 +39,8 @@ pub struct Transition {
     pub(super) kernel: Kernel,
 }
 
+saved!(Transition { excess, inputs } each { phi, q, own } except { places, noise, kernel });
+
 /// One axis of a block with dynamics of its own.
 #[derive(Clone, Debug)]
 struct Own {
@@ -46,6 +49,8 @@ struct Own {
     phi: Option<usize>,
     q: f64,
 }
+
+saved!(Own { q } except { row, phi });
 
 impl Transition {
     /// Declares a block of `Phi` with rows of `row` and columns of `column` (first tangent index,

@@ -2,6 +2,7 @@
 
 use super::Covariance;
 use super::rank::{Joseph, Projection};
+use crate::checkpoint::saved;
 use crate::state::block_set::BlockSet;
 use crate::units::sample::MAX_CHANNELS;
 use pulp::Arch;
@@ -83,6 +84,8 @@ pub(crate) struct Reach {
     first: [f64; MAX_CHANNELS],
     explained: [f64; MAX_CHANNELS],
 }
+
+saved!(Reach { channels, stride, g, first, explained });
 
 impl Reach {
     /// Creates room for an error state of dimension `n` and up to `m` channels.

@@ -9,6 +9,7 @@
 //! let the filter average these errors away and become overconfident, so each angle is a state: a
 //! Gauss-Markov process.
 
+use navfuse_core::checkpoint::Io;
 use navfuse_core::compose::calibration::{Calibration, LeverArm};
 use navfuse_core::model::sensor::detector::Detector;
 use navfuse_core::prelude::*;
@@ -132,6 +133,10 @@ impl Detector for Periodic {
             self.next = if on_grid { self.next + period } else { sample.time + period };
         }
         due
+    }
+
+    fn memory(&mut self, io: &mut Io<'_>) {
+        io.pass(&mut self.next);
     }
 
     fn boxed_clone(&self) -> Box<dyn Detector> {

@@ -1,5 +1,6 @@
 //! Detection of a standstill from the samples of the IMU, and from those of an odometer.
 
+use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::model::sensor::detector::Detector;
 use navfuse_core::model::sensor::{Purpose, Sensor};
 use navfuse_core::prelude::*;
@@ -31,12 +32,14 @@ pub(crate) struct Settings {
 }
 
 /// Angular rate and specific force of a sample of the IMU.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Inertial {
     time: Time,
     rate: Vector3<f64>,
     force: Vector3<f64>,
 }
+
+saved!(Inertial { time, rate, force });
 
 /// Sensors that the detector reads.
 #[derive(Clone, Copy, Debug)]
@@ -62,6 +65,8 @@ pub(crate) struct Standstill {
     /// Time of the next test.
     next: Time,
 }
+
+saved!(Standstill { window, before, speeds, next } except { settings, sensed });
 
 impl Standstill {
     pub fn new(settings: Settings) -> Self {
@@ -167,6 +172,10 @@ impl Detector for Standstill {
         let pause = if rests { self.settings.period } else { TEST };
         self.next = sample.time + Span::from_seconds(pause).unwrap_or_default();
         rests
+    }
+
+    fn memory(&mut self, io: &mut Io<'_>) {
+        io.pass(self);
     }
 
     fn boxed_clone(&self) -> Box<dyn Detector> {

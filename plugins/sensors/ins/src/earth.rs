@@ -1,6 +1,7 @@
 //! Earth rotation and normal gravity in north-east-down axes.
 
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::saved;
 use navfuse_core::state::geodesy::{
     ECCENTRICITY_SQUARED, EQUATORIAL_RADIUS, FLATTENING, radii_of_curvature,
 };
@@ -17,7 +18,7 @@ const SOMIGLIANA: f64 = 0.001_931_853;
 /// The ellipsoid, its rotation and its gravity at one latitude and height, computed in one pass.
 ///
 /// Valid short of the poles, where `1 / cos` is finite.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LocalEarth {
     /// Sine of the latitude.
     pub sin: f64,
@@ -42,6 +43,19 @@ pub struct LocalEarth {
     /// Derivative of gravity by the height, 1/s^2.
     pub gravity_height: f64,
 }
+
+saved!(LocalEarth {
+    sin,
+    cos,
+    inv_cos,
+    inv_n,
+    inv_e,
+    r_n_slope,
+    r_e_slope,
+    gravity,
+    gravity_latitude,
+    gravity_height
+});
 
 impl LocalEarth {
     /// The Earth at a latitude (rad) and height (m).
@@ -108,7 +122,7 @@ impl LocalEarth {
 
 /// A node of a grid of latitudes: sine and cosine of latitudes near it are short series, many times
 /// faster than the functions themselves.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct LatitudeNode {
     latitude: f64,
     sin: f64,
@@ -117,6 +131,8 @@ pub(crate) struct LatitudeNode {
     r_n: f64,
     r_n_slope: f64,
 }
+
+saved!(LatitudeNode { latitude, sin, cos, r_n, r_n_slope });
 
 impl LatitudeNode {
     /// Distance of the nodes, rad: 6 km.

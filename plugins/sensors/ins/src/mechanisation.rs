@@ -8,6 +8,7 @@
 //! to second order.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use navfuse_core::checkpoint::saved;
 use navfuse_core::state::geodesy::Geodetic;
 use std::f64::consts::PI;
 use thiserror::Error;
@@ -29,7 +30,7 @@ pub struct NavState {
 }
 
 /// Integrals of the inertial sensors over an interval, biases already removed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Increments {
     /// Integral of the angular rate `w_ib^b`, rad.
     pub dtheta: Vector3<f64>,
@@ -38,6 +39,8 @@ pub struct Increments {
     /// Length of the interval, s.
     pub dt: f64,
 }
+
+saved!(Increments { dtheta, dvel, dt });
 
 impl Increments {
     /// Returns the part of this sample for a fraction of its interval, at the sample's mean rates.
@@ -116,6 +119,8 @@ pub struct Mechanisation {
     pending: Option<Increments>,
     node: Option<LatitudeNode>,
 }
+
+saved!(Mechanisation { previous, pending, node });
 
 impl Mechanisation {
     /// Advances a state by one whole inertial sample.

@@ -20,6 +20,7 @@ use gravity::Gravity;
 use heading::Heading;
 use levelling::Levelling;
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::model::process::Input;
 use navfuse_core::model::process::monitor::Monitor;
 use navfuse_core::model::process::start::FilterView;
@@ -41,6 +42,12 @@ pub(crate) struct ImuMonitor {
     whiteness: Whiteness,
     drift: Drift,
 }
+
+saved!(ImuMonitor {
+    gravity, levelling, heading, turning, whiteness, drift,
+} except {
+    name, imu, navigation,
+});
 
 impl ImuMonitor {
     /// A monitor of the IMU of that name; `tilt` is the prior sigma of roll and pitch, where they
@@ -93,6 +100,10 @@ impl Monitor for ImuMonitor {
 
     fn widened(&mut self) {
         self.drift.widened();
+    }
+
+    fn memory(&mut self, io: &mut Io<'_>) {
+        io.pass(self);
     }
 
     fn boxed_clone(&self) -> Box<dyn Monitor> {

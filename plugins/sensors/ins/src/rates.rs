@@ -1,10 +1,11 @@
 //! The rates of the last two inertial samples, and the angular rate at a time within the last one.
 
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::saved;
 use navfuse_core::units::time::Time;
 
 /// Mean angular rate and specific force over the time that a sample covers.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Rates {
     /// End of the sample.
     pub time: Time,
@@ -16,12 +17,16 @@ pub(crate) struct Rates {
     pub f: Vector3<f64>,
 }
 
+saved!(Rates { time, duration, w, f });
+
 /// The last two samples.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LastRates {
     before: Option<Rates>,
     last: Option<Rates>,
 }
+
+saved!(LastRates { before, last });
 
 impl LastRates {
     /// Takes a sample, unless it is the last one again.

@@ -12,6 +12,7 @@ use crate::navigation::Navigation;
 use crate::places::Places;
 use crate::rates::{LastRates, Rates};
 use nalgebra::{Matrix3, Vector3};
+use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::{AccelBias, GyroBias};
 use navfuse_core::model::error::ComposeError;
@@ -268,6 +269,8 @@ struct StrapdownModel {
     rates: LastRates,
 }
 
+saved!(StrapdownModel { mechanisation, rates } except { imu, navigation, places, isotropic });
+
 impl StrapdownModel {
     /// Process noise over `dt` in navigation axes, `C_b^n Q_b C_b^n'` (compare Groves section
     /// 14.2.6). The rotation is omitted where all axes have the same noise, since it changes
@@ -447,6 +450,10 @@ impl ProcessModel for StrapdownModel {
         for slot in [n.attitude.slot(), n.velocity.slot(), n.position.slot()] {
             known[slot] = true;
         }
+    }
+
+    fn memory(&mut self, io: &mut Io<'_>) {
+        io.pass(self);
     }
 
     fn boxed_clone(&self) -> Box<dyn ProcessModel> {

@@ -3,6 +3,7 @@
 pub mod streams;
 
 use navfuse_core::Real;
+use navfuse_core::checkpoint::Io;
 use navfuse_core::compose::Composer;
 use navfuse_core::compose::calibration::LengthBias;
 use navfuse_core::model::error::ComposeError;
@@ -292,7 +293,11 @@ impl ProcessModel for CartModel {
     ) -> Result<(), ProcessError> {
         let dt = interval.duration();
         self.steps += 1;
-        let drift = if self.fault == "forgets" { 1e-9 * f64::from(self.steps) } else { 0.0 };
+        let drift = if matches!(&*self.fault, "forgets" | "unsaved") {
+            1e-9 * f64::from(self.steps)
+        } else {
+            0.0
+        };
         let place = state.get(layout, self.place) + state.get(layout, self.speed) * dt + drift;
         state.set(layout, self.place, &place);
         let one = SMatrix::from([[1.0]]);
@@ -316,6 +321,11 @@ impl ProcessModel for CartModel {
         state.set(layout, self.speed, &-motion.velocity.z);
         known[self.place.slot()] = true;
         known[self.speed.slot()] = true;
+    }
+    fn memory(&mut self, io: &mut Io<'_>) {
+        if self.fault != "unsaved" {
+            io.pass(&mut self.steps);
+        }
     }
     fn boxed_clone(&self) -> Box<dyn ProcessModel> {
         let steps = if self.fault == "forgets" { 0 } else { self.steps };

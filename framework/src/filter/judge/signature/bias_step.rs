@@ -11,6 +11,7 @@
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened, name};
 use super::score::SPAN;
+use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::state::Layout;
 use crate::state::covariance::Covariance;
@@ -35,6 +36,8 @@ struct Axis {
     effect: Effect,
 }
 
+saved!(Axis { effect } except { row });
+
 impl Axis {
     fn begin(&mut self, time: Time) {
         self.effect.begin(time);
@@ -55,6 +58,8 @@ pub(super) struct BiasSteps {
     span: Time,
     severity: Option<Severity>,
 }
+
+saved!(BiasSteps { start, next, span, severity } each { axes } except { sensor });
 
 /// A significant step of the bias of a row.
 pub(super) struct Step {

@@ -16,6 +16,7 @@
 //! off by more than its sigma in the mean.
 
 use super::effect::Effect;
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::model::record::finding::{Finding, Severity};
 use crate::state::covariance::{Covariance, cholesky, forward};
@@ -39,6 +40,8 @@ pub(super) struct Containment {
     /// Set where nothing is contained at present.
     off: bool,
 }
+
+saved!(Containment { widened, first, off } except { p, lower, white, never, again });
 
 impl Containment {
     pub(super) fn new(composition: &Composition) -> Self {

@@ -1,6 +1,7 @@
 //! Effect of an error of unit size on the error states and on the innovations.
 
 use super::score::Score;
+use crate::checkpoint::saved;
 use crate::model::record::finding::Severity;
 use crate::state::covariance::{Covariance, Update};
 use crate::state::{Layout, vectorised};
@@ -29,13 +30,15 @@ pub(super) struct Whitened<'a> {
 }
 
 /// Sensitivity of the error states, and the scores.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(super) struct Effect {
     pub(super) s: Rows,
     /// Changes of a step.
     moved: Rows,
     pub(super) scores: [Score; SUMS],
 }
+
+saved!(Effect { s, moved, scores });
 
 /// A significant error.
 #[derive(Clone, Copy, Debug)]

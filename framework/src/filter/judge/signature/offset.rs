@@ -11,6 +11,7 @@
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
 use super::score::SPAN;
+use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::state::covariance::Covariance;
@@ -27,7 +28,7 @@ const SLOPE: (f64, f64) = (0.1, 1.5);
 const SIGNIFICANT: f64 = 6.0;
 
 /// Test of one sensor.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(super) struct Offset {
     effect: Effect,
     /// The next sum to begin again.
@@ -40,6 +41,8 @@ pub(super) struct Offset {
     span: Time,
     severity: Option<Severity>,
 }
+
+saved!(Offset { effect, next, base, slope, due, span, severity });
 
 /// Finding about the sensor.
 pub(super) fn finding(found: &Found, time: Time, sensor: &str, layout: &Layout) -> Finding {

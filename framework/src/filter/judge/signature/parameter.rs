@@ -7,6 +7,7 @@
 use super::contain::Containment;
 use super::effect::{Effect, Found, SUMS, Whitened};
 use super::score::SPAN;
+use crate::checkpoint::saved;
 use crate::model::record::finding::{Basis, Finding, Severity};
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::state::covariance::Covariance;
@@ -23,13 +24,15 @@ const SIGNIFICANT: f64 = 6.0;
 const LINEAR: f64 = 0.2;
 
 /// Component of a fixed block.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Component {
     block: usize,
     component: usize,
     /// Index of the first sensor that reads the block.
     sensor: usize,
 }
+
+saved!(Component { block, component, sensor });
 
 /// Tests of the fixed blocks that sensors read.
 #[derive(Clone)]
@@ -47,6 +50,14 @@ pub(super) struct Parameters {
     /// Components that were found to be wrong.
     found: Vec<usize>,
 }
+
+saved!(Parameters {
+    components, effects, span, severity, found,
+} each {
+    known,
+} except {
+    tested, rotations,
+});
 
 /// A significant error of a parameter.
 pub(super) struct Wrong {

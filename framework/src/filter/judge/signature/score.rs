@@ -1,5 +1,6 @@
 //! Score of a hypothesis about an error that nothing models.
 
+use crate::checkpoint::saved;
 use crate::units::time::Time;
 
 /// Length of the spans of which the scatter is taken, s.
@@ -15,6 +16,8 @@ pub(super) struct Score {
     span: [f64; 2],
     squares: [f64; 3],
 }
+
+saved!(Score { since, b, i, span, squares });
 
 impl Score {
     pub(super) fn new(since: Time) -> Self {

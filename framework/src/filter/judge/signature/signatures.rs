@@ -5,6 +5,7 @@ use super::contain::Containment;
 use super::effect::Whitened;
 use super::offset::{self, Offset};
 use super::parameter::Parameters;
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::model::record::finding::Finding;
 use crate::model::sensor::Role;
@@ -31,6 +32,14 @@ pub(in crate::filter) struct Signatures {
     time: Time,
     step: f64,
 }
+
+saved!(Signatures {
+    parameters, containment, settled, time, step,
+} each {
+    offsets, steps,
+} except {
+    places, changes,
+});
 
 /// Test for steps of the constant biases of the first driving sensor.
 fn bias_steps(composition: &Composition) -> Option<BiasSteps> {

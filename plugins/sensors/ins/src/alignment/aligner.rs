@@ -8,6 +8,7 @@ use crate::earth::EARTH_RATE;
 use crate::imu::Imu;
 use crate::navigation::Navigation;
 use nalgebra::UnitQuaternion;
+use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::process::ProcessError;
 use navfuse_core::model::process::start::{
@@ -50,6 +51,20 @@ enum Phase {
     Done,
 }
 
+saved!(enum Phase { Waiting, Searching(search), Fine { begin, next, late }, Done });
+
+/// The end of an alignment.
+#[derive(Clone, Copy, Default)]
+struct Aligned {
+    /// Time since the beginning of the fine stage, s.
+    elapsed: f64,
+    /// Heading and its 1-sigma, rad.
+    heading: f64,
+    sigma: f64,
+}
+
+saved!(Aligned { elapsed, heading, sigma });
+
 /// Finds attitude and velocity at the start, and supervises the filter until they are good enough.
 #[derive(Clone)]
 pub(crate) struct Aligner {
@@ -66,8 +81,14 @@ pub(crate) struct Aligner {
     before: Option<UnitQuaternion<f64>>,
     /// Warning to report at the start of the fine stage.
     doubt: Option<(String, String)>,
-    report: Option<AlignmentReport>,
+    aligned: Option<Aligned>,
 }
+
+saved!(Aligner {
+    phase, coarse, before, doubt, aligned,
+} except {
+    settings, navigation, wanted, imu, sensed,
+});
 
 impl Aligner {
     pub fn new(
@@ -87,7 +108,7 @@ impl Aligner {
             coarse: None,
             before: None,
             doubt: None,
-            report: None,
+            aligned: None,
         }
     }
 
@@ -148,25 +169,7 @@ impl Aligner {
 
     fn finish(&mut self, now: &FilterView<'_>, elapsed: f64) {
         let (heading, sigma) = self.heading(now);
-        let degrees = |rad: f64| rad.to_degrees().rem_euclid(360.0);
-        let (heading, sigma) = (degrees(heading), sigma.to_degrees());
-        let method =
-            if self.settings.method == AlignmentMethod::Static { "static" } else { "in-motion" };
-        let coarse = self.coarse.as_ref().map(|found| degrees(found.euler_angles().2));
-        let from =
-            coarse.map_or_else(String::new, |c| format!(" (coarse, at the start: {c:.2} deg)"));
-        let text = format!(
-            "aligned, {method}, {elapsed:.0} s: heading {heading:.3} deg{from}, \
-             1-sigma {sigma:.3} deg"
-        );
-        let values = serde_json::json!({
-            "method": method,
-            "duration_s": elapsed,
-            "heading_deg": heading,
-            "heading_sigma_deg": sigma,
-            "coarse_heading_deg": coarse,
-        });
-        self.report = Some(AlignmentReport { text, values });
+        self.aligned = Some(Aligned { elapsed, heading, sigma });
         self.phase = Phase::Done;
     }
 }
@@ -178,7 +181,8 @@ impl InitialAlignment for Aligner {
             AlignmentMethod::InMotion => Some(self.velocity_sensor(sensors)?),
             AlignmentMethod::Given | AlignmentMethod::Static | AlignmentMethod::Course => None,
         };
-        self.sensed = Some(Sensed { imu: self.imu.1.clone(), driver, velocity });
+        let (navigation, imu) = (self.navigation, self.imu.1.clone());
+        self.sensed = Some(Sensed { navigation, imu, driver, velocity });
         Ok(())
     }
 
@@ -292,7 +296,7 @@ impl InitialAlignment for Aligner {
         }
         if elapsed >= settings.duration && good {
             self.finish(now, elapsed);
-            let message = self.report.as_ref().map(|r| (Level::Info, r.text.clone()));
+            let message = self.report().map(|report| (Level::Info, report.text));
             return Ok(Supervision { message, ..Supervision::default() });
         }
         let mut message = None;
@@ -349,7 +353,30 @@ impl InitialAlignment for Aligner {
     }
 
     fn report(&self) -> Option<AlignmentReport> {
-        self.report.clone()
+        let Aligned { elapsed, heading, sigma } = self.aligned?;
+        let degrees = |rad: f64| rad.to_degrees().rem_euclid(360.0);
+        let (heading, sigma) = (degrees(heading), sigma.to_degrees());
+        let method =
+            if self.settings.method == AlignmentMethod::Static { "static" } else { "in-motion" };
+        let coarse = self.coarse.as_ref().map(|found| degrees(found.euler_angles().2));
+        let from =
+            coarse.map_or_else(String::new, |c| format!(" (coarse, at the start: {c:.2} deg)"));
+        let text = format!(
+            "aligned, {method}, {elapsed:.0} s: heading {heading:.3} deg{from}, \
+             1-sigma {sigma:.3} deg"
+        );
+        let values = serde_json::json!({
+            "method": method,
+            "duration_s": elapsed,
+            "heading_deg": heading,
+            "heading_sigma_deg": sigma,
+            "coarse_heading_deg": coarse,
+        });
+        Some(AlignmentReport { text, values })
+    }
+
+    fn memory(&mut self, io: &mut Io<'_>) {
+        io.pass(self);
     }
 
     fn boxed_clone(&self) -> Box<dyn InitialAlignment> {

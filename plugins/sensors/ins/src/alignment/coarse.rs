@@ -10,6 +10,7 @@ use crate::imu::Imu;
 use crate::mechanisation::Increments;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::sensor::measurement::{AnyMeasurement, At};
 use navfuse_core::state::covariance::Update;
 use navfuse_core::state::manifold::Reading;
@@ -31,6 +32,7 @@ const VERIFIED: f64 = 1.0 / 180.0 * std::f64::consts::PI;
 /// Sensors of an alignment.
 #[derive(Clone)]
 pub(crate) struct Sensed {
+    pub navigation: Navigation,
     pub imu: Imu,
     pub driver: usize,
     /// Index and model of the sensor that measures the velocity.
@@ -52,9 +54,8 @@ impl CoarseSolution {
 }
 
 /// Integrates the inertial samples and collects the instants from which the attitude follows.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(crate) struct CoarseAlignment {
-    navigation: Navigation,
     /// The state at the beginning with the identity as attitude and zero velocity, at which the
     /// model of the velocity sensor is linearised.
     state: State,
@@ -72,6 +73,8 @@ pub(crate) struct CoarseAlignment {
     waiting: VecDeque<Sample>,
 }
 
+saved!(CoarseAlignment { state, earth, begin, last, integral, sums, instants, measured, waiting });
+
 impl CoarseAlignment {
     pub fn new(layout: &Layout, state: &State, navigation: Navigation) -> Self {
         let position = state.get(layout, navigation.position);
@@ -79,7 +82,6 @@ impl CoarseAlignment {
         state.set(layout, navigation.attitude, &Rotation3::identity());
         state.set(layout, navigation.velocity, &Vector3::zeros());
         Self {
-            navigation,
             earth: LocalEarth::at(position.latitude, position.height),
             begin: state.time,
             last: state.time,
@@ -114,23 +116,16 @@ impl CoarseAlignment {
             return Ok(false);
         }
         let Some((w, f)) = sensed.imu.rates(sample, dt) else { return Ok(false) };
-        self.navigation.publish(&mut self.state, &[w.x, w.y, w.z]);
-        let [gyro, accel] = self.navigation.biases(layout, &self.state);
+        sensed.navigation.publish(&mut self.state, &[w.x, w.y, w.z]);
+        let [gyro, accel] = sensed.navigation.biases(layout, &self.state);
         let (w, f) = (w - gyro, f - accel);
         if self.instants.is_empty() && settings.method == AlignmentMethod::Static {
             self.note(0.0, Vector3::zeros());
         }
         let part = |dt: f64| Increments { dtheta: w * dt, dvel: f * dt, dt };
-        if let Some((_, model)) = &sensed.velocity {
-            while let Some(waiting) = self.waiting.pop_front_if(|s| s.time <= sample.time) {
-                self.velocity(
-                    layout,
-                    model.as_ref(),
-                    waiting,
-                    &part(waiting.time.since(self.last).max(0.0)),
-                    settings,
-                )?;
-            }
+        while let Some(waiting) = self.waiting.pop_front_if(|s| s.time <= sample.time) {
+            let before = part(waiting.time.since(self.last).max(0.0));
+            self.velocity(layout, sensed, waiting, &before, settings)?;
         }
         self.integral.advance(&part(dt));
         self.sums.0 += w * dt;
@@ -162,7 +157,7 @@ impl CoarseAlignment {
     /// Recomputes the velocities with the calibration states that a trial has estimated.
     pub fn measure_again(&mut self, layout: &Layout, sensed: &Sensed, state: &State) {
         let Some((_, model)) = &sensed.velocity else { return };
-        let navigation = self.navigation;
+        let navigation = sensed.navigation;
         self.state.values.copy_from_slice(&state.values);
         self.state.set(layout, navigation.attitude, &Rotation3::identity());
         self.state.set(layout, navigation.velocity, &Vector3::zeros());
@@ -182,7 +177,7 @@ impl CoarseAlignment {
         let ((_, model), (sample, _)) = (sensed.velocity.as_ref()?, self.measured.first()?);
         let mut update = Update::with_capacity(layout.tangent, MAX_CHANNELS);
         model.linearise(&At { layout, state: &self.state, sample }, &mut update);
-        let attitude = layout.block(self.navigation.attitude).tangent;
+        let attitude = layout.block(sensed.navigation.attitude).tangent;
         let read = |b: &&Block| {
             b.spec.mode == Mode::Estimate && b.tangent.is_some_and(|t| update.columns.contains(&t))
         };
@@ -218,13 +213,17 @@ impl CoarseAlignment {
     fn velocity(
         &mut self,
         layout: &Layout,
-        model: &dyn AnyMeasurement,
+        sensed: &Sensed,
         mut sample: Sample,
         before: &Increments,
         settings: &AlignmentSettings,
     ) -> Result<(), AlignmentError> {
+        let (Some((_, model)), navigation) = (&sensed.velocity, sensed.navigation) else {
+            return Ok(());
+        };
         model.complete(&mut sample);
-        let Some(velocity) = body_velocity(layout, model, &self.state, &sample, self.navigation)
+        let Some(velocity) =
+            body_velocity(layout, model.as_ref(), &self.state, &sample, navigation)
         else {
             return Ok(());
         };
@@ -235,7 +234,7 @@ impl CoarseAlignment {
             then.advance(before);
         }
         self.instants.push(Instant { time, c_b_b0: then.c_b_b0, dvel: then.dvel, velocity });
-        self.measured.push((sample, self.navigation.published(&View::new(layout, &self.state))));
+        self.measured.push((sample, navigation.published(&View::new(layout, &self.state))));
         Ok(())
     }
 

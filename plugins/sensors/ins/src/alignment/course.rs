@@ -24,6 +24,7 @@ use crate::imu::Imu;
 use crate::mechanisation::Increments;
 use crate::navigation::Navigation;
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::process::ProcessError;
 use navfuse_core::model::process::start::{
@@ -83,7 +84,7 @@ impl CourseSettings {
 }
 
 /// The first fix, and the integral of the specific force then.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct First {
     time: Time,
     velocity: Vector3<f64>,
@@ -91,6 +92,19 @@ struct First {
     position: Geodetic<f64>,
     gravity: f64,
 }
+
+saved!(First { time, velocity, dvel, position, gravity });
+
+/// The coarse solution: time since the beginning, s, and attitude, rad.
+#[derive(Clone, Copy, Debug, Default)]
+struct Found {
+    elapsed: f64,
+    roll: f64,
+    pitch: f64,
+    yaw: f64,
+}
+
+saved!(Found { elapsed, roll, pitch, yaw });
 
 /// Sensors of the alignment, and the first channels of position and velocity.
 #[derive(Clone, Copy, Debug)]
@@ -117,8 +131,14 @@ pub(crate) struct CourseAlignment {
     pairs: Pairs,
     /// Number of fixes in motion.
     moving: usize,
-    report: Option<AlignmentReport>,
+    found: Option<Found>,
 }
+
+saved!(CourseAlignment {
+    span, integral, first, pairs, moving, found,
+} except {
+    settings, navigation, imu, finds_position, sensed,
+});
 
 impl CourseAlignment {
     pub fn new(
@@ -138,7 +158,7 @@ impl CourseAlignment {
             first: None,
             pairs: Pairs::default(),
             moving: 0,
-            report: None,
+            found: None,
         }
     }
 
@@ -175,18 +195,7 @@ impl CourseAlignment {
             state.set(layout, n.position, &first.position);
         }
         let (roll, pitch, yaw) = fit.rotation.euler_angles();
-        let heading = yaw.to_degrees().rem_euclid(360.0);
-        let text = format!(
-            "aligned by the course, {elapsed:.1} s: heading {heading:.1} deg at the start, coarse"
-        );
-        let values = serde_json::json!({
-            "method": "course",
-            "duration_s": elapsed,
-            "coarse_heading_deg": heading,
-            "coarse_roll_deg": roll.to_degrees(),
-            "coarse_pitch_deg": pitch.to_degrees(),
-        });
-        self.report = Some(AlignmentReport { text, values });
+        self.found = Some(Found { elapsed, roll, pitch, yaw });
         Some(())
     }
 }
@@ -243,7 +252,7 @@ impl InitialAlignment for CourseAlignment {
     }
 
     fn unfinished(&self, _: &FilterView<'_>) -> Option<(Level, String)> {
-        if self.report.is_some() {
+        if self.found.is_some() {
             return None;
         }
         let error = AlignmentError::NoCourse {
@@ -256,7 +265,23 @@ impl InitialAlignment for CourseAlignment {
     }
 
     fn report(&self) -> Option<AlignmentReport> {
-        self.report.clone()
+        let Found { elapsed, roll, pitch, yaw } = self.found?;
+        let heading = yaw.to_degrees().rem_euclid(360.0);
+        let text = format!(
+            "aligned by the course, {elapsed:.1} s: heading {heading:.1} deg at the start, coarse"
+        );
+        let values = serde_json::json!({
+            "method": "course",
+            "duration_s": elapsed,
+            "coarse_heading_deg": heading,
+            "coarse_roll_deg": roll.to_degrees(),
+            "coarse_pitch_deg": pitch.to_degrees(),
+        });
+        Some(AlignmentReport { text, values })
+    }
+
+    fn memory(&mut self, io: &mut Io<'_>) {
+        io.pass(self);
     }
 
     fn boxed_clone(&self) -> Box<dyn InitialAlignment> {

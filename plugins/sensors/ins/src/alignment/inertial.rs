@@ -21,6 +21,7 @@ use super::optimisation::{Fit, Pairs};
 use crate::earth::LocalEarth;
 use crate::mechanisation::{Increments, Mechanisation};
 use nalgebra::{UnitQuaternion, Vector3};
+use navfuse_core::checkpoint::saved;
 
 /// Rotation and specific force, integrated in inertial axes since the beginning.
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,6 +32,8 @@ pub struct Integral {
     pub dvel: Vector3<f64>,
     mechanisation: Mechanisation,
 }
+
+saved!(Integral { c_b_b0, dvel, mechanisation });
 
 impl Integral {
     /// Adds an inertial sample whose biases are removed.
@@ -47,7 +50,7 @@ impl Integral {
 }
 
 /// Integrals and velocity at one time.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Instant {
     /// Time since the beginning, s.
     pub time: f64,
@@ -58,6 +61,8 @@ pub struct Instant {
     /// Velocity relative to the Earth in body axes, m/s: zero at rest.
     pub velocity: Vector3<f64>,
 }
+
+saved!(Instant { time, c_b_b0, dvel, velocity });
 
 /// Attitude that fits the instants best.
 #[derive(Clone, Debug)]

@@ -2,6 +2,7 @@
 
 use crate::earth::LocalEarth;
 use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
+use navfuse_core::checkpoint::saved;
 
 /// Sine of the angle below which two vectors count as one direction.
 const COLLINEAR: f64 = 1e-6;
@@ -42,6 +43,8 @@ fn triad(first: &Vector3<f64>, second: &Vector3<f64>) -> Option<Matrix3<f64>> {
 pub struct Pairs {
     k: Matrix4<f64>,
 }
+
+saved!(Pairs { k });
 
 /// Solution of Wahba's problem.
 #[derive(Clone, Copy, Debug)]

@@ -6,6 +6,7 @@
 
 use super::fault::Fault;
 use crate::navigation::Navigation;
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
 use navfuse_core::state::{Block, Dynamics, Handle, Mode};
@@ -24,12 +25,14 @@ const USELESS: f64 = 5.5;
 const DECREASE: f64 = 1e-4;
 
 /// Estimates and variances at one time.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Kept {
     time: Time,
     values: Vec<f64>,
     variances: Vec<f64>,
 }
+
+saved!(Kept { time, values, variances });
 
 /// Moves of the estimates of constants.
 #[derive(Clone)]
@@ -38,6 +41,8 @@ pub(super) struct Drift {
     kept: VecDeque<Kept>,
     severity: Option<Severity>,
 }
+
+saved!(Drift { kept, severity } except { navigation });
 
 /// Of a block that comes and goes, another object may have the place by now.
 fn is_constant(block: &Block) -> bool {

@@ -9,6 +9,7 @@ use super::fault::Fault;
 use crate::earth::normal_gravity;
 use crate::navigation::Navigation;
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
 
@@ -47,6 +48,8 @@ pub(super) struct Gravity {
     first: bool,
     reported: bool,
 }
+
+saved!(Gravity { up, sum, time, first, reported } except { tilt });
 
 impl Gravity {
     pub(super) fn new(tilt: Option<f64>) -> Self {

@@ -12,6 +12,7 @@
 use super::fault::Fault;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix2, Vector2};
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
 use navfuse_core::units::time::{Span, Time};
@@ -35,6 +36,8 @@ pub(super) struct Heading {
     useless: u32,
     severity: Option<Severity>,
 }
+
+saved!(Heading { next, doubtful, useless, severity } except { navigation });
 
 impl Heading {
     pub(super) fn new(navigation: Navigation) -> Self {

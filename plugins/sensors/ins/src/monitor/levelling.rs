@@ -11,6 +11,7 @@ use super::fault::Fault;
 use crate::earth::normal_gravity;
 use crate::navigation::Navigation;
 use nalgebra::{Matrix3, Vector3};
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::process::start::FilterView;
 use navfuse_core::model::record::finding::{Basis, Severity};
 use navfuse_core::units::time::{Span, Time};
@@ -40,6 +41,8 @@ pub(super) struct Levelling {
     aligned: bool,
     severity: Option<Severity>,
 }
+
+saved!(Levelling { last, first, least, severity } except { navigation, aligned });
 
 impl Levelling {
     /// Creates the rule; it is off for initial values that an alignment finds.

@@ -7,6 +7,7 @@
 
 use super::fault::Fault;
 use nalgebra::{Matrix3, Vector3};
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::record::finding::{Basis, Severity};
 
 /// Length of the blocks of which means are compared, s.
@@ -33,12 +34,14 @@ const ERRORS: [(&str, [f64; 9], f64); 7] = [
 ];
 
 /// Mean rates of a block.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Block {
     w: Vector3<f64>,
     f: Vector3<f64>,
     v: Vector3<f64>,
 }
+
+saved!(Block { w, f, v });
 
 /// Sums of squares for one reading of the samples.
 #[derive(Clone, Copy, Debug, Default)]
@@ -47,6 +50,8 @@ struct Squares {
     residual: f64,
     change: f64,
 }
+
+saved!(Squares { residual, change });
 
 impl Squares {
     /// Adds two blocks, read with axes `m` and rates times `unit`.
@@ -74,6 +79,8 @@ pub(super) struct Turning {
     wrong: [Squares; ERRORS.len()],
     reported: bool,
 }
+
+saved!(Turning { velocity, w, f, time, before, blocks, right, wrong, reported });
 
 impl Turning {
     #[inline]

@@ -6,6 +6,7 @@
 use super::fault::Fault;
 use crate::imu::Imu;
 use nalgebra::Vector3;
+use navfuse_core::checkpoint::saved;
 use navfuse_core::model::record::finding::{Basis, Severity};
 
 /// Number of averaging lengths: 1, 2, 4, 8 and 16 samples.
@@ -32,6 +33,8 @@ struct Level {
     count: u32,
     sum: f64,
 }
+
+saved!(Level { half, last, before, count, sum });
 
 impl Level {
     /// Takes a mean; returns the mean of two at every second one.
@@ -69,6 +72,8 @@ pub(super) struct Whiteness {
     noisy: [u32; 6],
     reported: bool,
 }
+
+saved!(Whiteness { levels, taken, time, noisy, reported } except { density, step });
 
 impl Whiteness {
     pub(super) fn new(imu: &Imu) -> Self {
