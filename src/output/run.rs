@@ -120,20 +120,16 @@ fn consistency(verdict: &Verdict, sensor: &str) -> [String; 3] {
     })
 }
 
-/// Prints the reasons of a verdict with their remedies, and the verdict in the last line.
+/// Prints the reasons of a verdict with their remedies, and the verdict in the last line. Where
+/// results alone are printed, the verdict is alone.
 pub fn verdict(verdict: &Verdict) {
-    for reason in &verdict.reasons {
+    for reason in verdict.reasons.iter().filter(|_| !Detail::is_quiet()) {
         let level = VerdictLevel::from(reason.severity);
         let remedy =
             if reason.remedy.is_empty() { String::new() } else { format!("; {}", reason.remedy) };
         let text = format!("{}: {reason}{remedy}", level.words());
         marked_line(text, &[(level.words(), tone(level))]);
     }
-    line_of(verdict);
-}
-
-/// Prints the verdict in one line.
-pub fn line_of(verdict: &Verdict) {
     let words = verdict.level.words();
     marked_line(format_args!("verdict: {verdict}"), &[(words, tone(verdict.level))]);
 }
