@@ -66,7 +66,7 @@ Start here:
 struct Arguments {
     #[command(subcommand)]
     command: Commands,
-    /// Print results alone, in a line: no tables of a run, no progress, no warnings
+    /// Print results alone, a line for each: no tables, no progress, no warnings
     #[arg(short, long, global = true)]
     quiet: bool,
     /// Print all warnings, and the notes of a run as it goes on

@@ -180,3 +180,60 @@ fn the_walk_of_an_imu_sample_leads_forward_through_at_most_eight_files() {
         }
     }
 }
+
+/// Limits of formats: the start of their row in SECURITY.md, the file, and its constants.
+const LIMITS: &[(&str, &str, &[&str])] = &[
+    ("scenarios", "framework/src/document/document.rs", &["LONGEST"]),
+    ("scenarios", "framework/src/document/include.rs", &["MOST"]),
+    ("recordings in CSV", "plugins/formats/csv/src/bounded.rs", &["LONGEST_ROW"]),
+    ("recordings in CSV", "plugins/formats/csv/src/stamp.rs", &["LONGEST_DATE"]),
+    ("logs of navfuse", "plugins/instruments/frames/src/mcap.rs", &["LONGEST"]),
+    ("bags", "plugins/instruments/frames/src/mcap.rs", &["LONGEST"]),
+    ("bags", "plugins/formats/ros2/src/bag/topics.rs", &["MOST_TOPICS"]),
+    ("bags", "plugins/formats/ros2/src/bag/mcap.rs", &["MOST_DEFINITIONS", "LONGEST_DEFINITION"]),
+    ("bags", "plugins/formats/ros2/src/program.rs", &["DEEPEST"]),
+    ("bags", "plugins/formats/ros2/src/bag/table.rs", &["DEEPEST"]),
+    ("bags", "plugins/formats/ros2/src/transforms.rs", &["DEEPEST"]),
+    ("NMEA", "plugins/instruments/frames/src/sentences.rs", &["MAX"]),
+    ("NMEA", "plugins/formats/nmea/src/vessel.rs", &["MOST"]),
+    ("Nortek", "plugins/formats/dvl-files/src/ad2cp.rs", &["LARGEST"]),
+    ("Water Linked", "plugins/formats/dvl-files/src/water_linked.rs", &["MAX"]),
+    ("campaigns", "tools/campaign/src/journal.rs", &["LONGEST"]),
+    ("campaigns", "tools/campaign/src/campaign.rs", &["MAX_RUNS"]),
+];
+
+/// The value of a constant in a source text: a number, a product or a shift.
+fn constant(text: &str, name: &str) -> Option<u64> {
+    let (_, rest) = text.split_once(&format!("const {name}: "))?;
+    let (_, value) = rest.split_once(';')?.0.split_once("= ")?;
+    let number = |text: &str| text.trim().replace('_', "").parse::<u64>().ok();
+    if let Some((a, b)) = value.split_once("<<") {
+        return Some(number(a)? << number(b)?);
+    }
+    value.split('*').try_fold(1, |product, factor| Some(product * number(factor)?))
+}
+
+/// The ways in which the table shows a limit: as bytes or as a count.
+fn shown(value: u64) -> [String; 2] {
+    let bytes = match value.trailing_zeros() {
+        20.. => format!("{} MiB", value >> 20),
+        10.. => format!("{} KiB", value >> 10),
+        _ => format!("{value} bytes"),
+    };
+    [bytes, format!("{value} ")]
+}
+
+#[test]
+fn the_limits_in_security_are_those_of_the_code() {
+    let page = std::fs::read_to_string(root().join("SECURITY.md")).expect("the page exists");
+    for (row, file, names) in LIMITS {
+        let row = page.lines().find(|line| line.starts_with(&format!("| {row}")));
+        let row = row.unwrap_or_else(|| panic!("{file}: no row")).replace("1 000 000", "1000000");
+        let text = std::fs::read_to_string(root().join(file)).expect("the file exists");
+        for name in *names {
+            let value = constant(&text, name).unwrap_or_else(|| panic!("{file}: no {name}"));
+            let words = shown(value);
+            assert!(words.iter().any(|w| row.contains(w)), "{file}: {name} is {words:?}: {row}");
+        }
+    }
+}

@@ -114,6 +114,18 @@ impl io::Seek for Input {
     }
 }
 
+/// The text of a path, as scenarios and settings hold it.
+///
+/// # Errors
+/// When the path is not UTF-8: any text of it would name another file.
+pub fn text_of(path: &Path) -> io::Result<&str> {
+    path.to_str().ok_or_else(|| {
+        let text =
+            "its path is not UTF-8, and no scenario can name it; rename the file or its folder";
+        io::Error::new(io::ErrorKind::InvalidInput, text)
+    })
+}
+
 /// Opens a file for reading. A device may have no end, and a pipe may never have a writer.
 ///
 /// # Errors

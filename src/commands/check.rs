@@ -42,7 +42,7 @@ pub fn check(registry: &Registry, arguments: &Check) -> Result<ExitCode> {
         return Ok(rejected(arguments, mistakes));
     }
     let assembly = scenario.assemble(None)?;
-    if Detail::get() == Detail::Quiet {
+    if Detail::is_quiet() {
         return Ok(ExitCode::SUCCESS);
     }
     let composition = &assembly.composition;

@@ -4,6 +4,7 @@ use crate::error::{CommandError, Result};
 use crate::output;
 use crate::output::progress::{INTERRUPTED, stop_on_signal};
 use clap::{Args, ValueEnum};
+use navfuse_core::input::text_of;
 use navfuse_core::plugin::Registry;
 use navfuse_import::{Answers, Imported, OdometryUse, StreamSurvey};
 use std::path::PathBuf;
@@ -51,6 +52,9 @@ pub enum Odometry {
 pub fn import(registry: &Registry, arguments: &Import) -> Result<ExitCode> {
     let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from("import.toml"));
     output::check(&out)?;
+    for file in &arguments.files {
+        text_of(file).map_err(CommandError::file(file, "cannot be read", ""))?;
+    }
     let name = out.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let position = arguments.position.as_deref().map(position).transpose()?;
     let odometry = arguments.odometry.map(|usage| match usage {

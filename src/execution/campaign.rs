@@ -184,7 +184,7 @@ pub fn run(
         (None, Some(out)) => part(settings.shard, done, out, text),
         (None, None) => {}
     }
-    if text && Detail::get() != Detail::Quiet {
+    if text {
         took(done, threads(settings.jobs)?, clock);
     }
     if done.interrupted() {
@@ -259,7 +259,7 @@ pub fn run_several(
 /// Prints the number of jobs and their time.
 fn took(done: JobCount, threads: usize, clock: Instant) {
     let (jobs, threads) = (counted(done.done, "job"), counted(threads, "thread"));
-    output::line(format_args!("{jobs} on {threads} in {:.1} s", clock.elapsed().as_secs_f64()));
+    output::aside(format_args!("{jobs} on {threads} in {:.1} s", clock.elapsed().as_secs_f64()));
 }
 
 /// Prints the place of a part.

@@ -4,7 +4,7 @@ use crate::error::{CommandError, Result};
 use crate::output::warn;
 use navfuse_core::document::{Document, LONGEST, quoted};
 use navfuse_core::files::part_of;
-use navfuse_core::input::bounded_text;
+use navfuse_core::input::{bounded_text, text_of};
 use navfuse_core::plugin::Kind;
 use navfuse_core::units::Duration;
 use serde::Deserialize;
@@ -51,6 +51,8 @@ pub fn missing_log(log: &Path) -> impl FnOnce(std::io::Error) -> CommandError {
 /// The scenario of a log, or another one, and the setting that makes the log its source.
 pub fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)> {
     let path = std::fs::canonicalize(log).map_err(missing_log(log))?;
+    let text = text_of(&path).map_err(CommandError::file(log, "cannot be read", ""))?;
+    let source = format!("source={{ mcap = {{ path = {} }} }}", quoted(text));
     let document = match scenario {
         Some(path) => self::document(path)?,
         None => {
@@ -75,10 +77,7 @@ pub fn of_log(log: &Path, scenario: Option<&Path>) -> Result<(Document, String)>
             document
         }
     };
-    Ok((
-        document,
-        format!("source={{ mcap = {{ path = {} }} }}", quoted(&path.display().to_string())),
-    ))
+    Ok((document, source))
 }
 
 /// True for the path of a log, which may be the part of one that a killed run left.

@@ -143,7 +143,7 @@ fn output_folder(scenario: &Scenario<'_>, options: &RunOptions) -> Option<PathBu
 
 fn print(finished: &Finished, text: bool) -> Result<()> {
     if text {
-        if Detail::get() != Detail::Quiet {
+        if !Detail::is_quiet() {
             output::run::summary(&finished.summary);
             output::run::recorded(&finished.recorded);
         }
@@ -151,10 +151,8 @@ fn print(finished: &Finished, text: bool) -> Result<()> {
         output::line(in_json(finished)?);
     }
     output::run::events(&finished.events);
-    match (text, Detail::get()) {
-        (false, _) => {}
-        (true, Detail::Quiet) => output::run::line_of(&finished.summary.verdict),
-        (true, _) => output::run::verdict(&finished.summary.verdict),
+    if text {
+        output::run::verdict(&finished.summary.verdict);
     }
     Ok(())
 }

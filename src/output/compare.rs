@@ -2,20 +2,22 @@
 
 use super::run::number;
 use super::run::tone;
-use super::terminal::Tone;
+use super::terminal::{Detail, Tone};
 use super::{line, marked_line, marked_table, right, table};
 use navfuse_report::compare::{Comparison, RunResult, StateResult};
 
-/// Prints the comparison: runs, differing keys, sensors, states.
+/// Prints the comparison: runs, differing keys, sensors, states, and the verdicts.
 pub fn tables(comparison: &Comparison) {
-    for run in &comparison.runs {
-        line(format_args!("{}  {}", run.letter, run.origin));
+    if !Detail::is_quiet() {
+        for run in &comparison.runs {
+            line(format_args!("{}  {}", run.letter, run.origin));
+        }
+        line("");
+        keys(comparison);
+        results(comparison);
+        sensors(comparison);
+        states(comparison);
     }
-    line("");
-    keys(comparison);
-    results(comparison);
-    sensors(comparison);
-    states(comparison);
     for run in &comparison.runs {
         let verdict = run.verdict_text.as_deref().unwrap_or("not judged");
         let mark = run.verdict.map(|level| (level.words(), tone(level)));

@@ -12,7 +12,8 @@ pub mod terminal;
 
 pub use files::{check, write, write_files};
 pub use tables::{
-    Table, check_standard_output, line, marked_line, marked_table, mistake, raw, right, table, warn,
+    Table, aside, check_standard_output, line, marked_line, marked_table, mistake, raw, right,
+    table, warn,
 };
 
 use clap::ValueEnum;

@@ -49,7 +49,7 @@ pub struct Bar(ProgressBar);
 impl Bar {
     /// A bar; a hidden one prints nothing.
     pub fn new(shown: bool) -> Self {
-        let shown = shown && Detail::get() != Detail::Quiet;
+        let shown = shown && !Detail::is_quiet();
         let target =
             if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         Self(ProgressBar::with_draw_target(None, target))

@@ -121,8 +121,18 @@ fn consistency(verdict: &Verdict, sensor: &str) -> [String; 3] {
     })
 }
 
-/// Prints the reasons of a verdict with their remedies, and the verdict in the last line.
+/// Prints the reasons of a verdict with their remedies, and the verdict in the last line. Where
+/// results alone are printed, the verdict is alone.
 pub fn verdict(verdict: &Verdict) {
+    if !Detail::is_quiet() {
+        grounds(verdict);
+    }
+    let words = verdict.level.words();
+    marked_line(format_args!("verdict: {verdict}"), &[(words, tone(verdict.level))]);
+}
+
+/// Prints the reasons with their remedies, the three answers, and the command that looks further.
+fn grounds(verdict: &Verdict) {
     for reason in &verdict.reasons {
         let (words, level) = (reason.severity.words(), VerdictLevel::from(reason.severity));
         let remedy =
@@ -135,7 +145,6 @@ pub fn verdict(verdict: &Verdict) {
     if verdict.level != VerdictLevel::Consistent {
         line("`navfuse diagnose` with this scenario or log looks for the change that explains it");
     }
-    line_of(verdict);
 }
 
 /// Prints the answers to the three questions, a line for each.
@@ -146,12 +155,6 @@ fn answers(answers: &Answers) {
     line(format_args!("sigma:  {}", sigma.words()));
     let parts: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
     line(format_args!("change: {}", parts.join(", ")));
-}
-
-/// Prints the verdict in one line.
-pub fn line_of(verdict: &Verdict) {
-    let words = verdict.level.words();
-    marked_line(format_args!("verdict: {verdict}"), &[(words, tone(verdict.level))]);
 }
 
 /// The tone of a verdict.

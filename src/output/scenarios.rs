@@ -1,6 +1,6 @@
 //! The results of campaigns of several scenarios as one table.
 
-use super::{line, right};
+use super::{aside, line, right};
 use navfuse_campaign::{Campaign, LIMIT, Outcomes, Results, WorstState};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -82,10 +82,11 @@ pub fn table<'a>(all: impl Iterator<Item = (&'a Campaign, &'a Results)>) {
         ]);
     }
     right(&mut table, 2..8);
-    line(format_args!("{table}\n"));
-    line("at the end, meanwhile: largest error of a state over its sigma, rms over the runs;");
-    line("missed: runs that end with a larger error and do not report \"do not use\";");
-    line("named first: sensor or state that the verdict of a run names first");
+    line(&table);
+    aside("");
+    aside("at the end, meanwhile: largest error of a state over its sigma, rms over the runs;");
+    aside("missed: runs that end with a larger error and do not report \"do not use\";");
+    aside("named first: sensor or state that the verdict of a run names first");
 }
 
 /// Names with the number of their runs, the most frequent first, such as `dvl 29, imu 1`.

@@ -1,6 +1,6 @@
 //! Lines and tables on the terminal.
 
-use super::terminal::{Stream, Tone, wrapped};
+use super::terminal::{Detail, Stream, Tone, wrapped};
 use crate::error::{CommandError, Result};
 use comfy_table::{
     CellAlignment, ColumnConstraint, ContentArrangement, LineStyle, Row, Width, presets,
@@ -48,10 +48,21 @@ fn print(text: &str) {
     }
 }
 
-/// Prints a line on standard error. A closed standard error causes no error.
+/// Prints a line beside the results, such as an explanation, unless results alone are printed.
+pub fn aside(text: impl fmt::Display) {
+    if !Detail::is_quiet() {
+        line(text);
+    }
+}
+
+/// Prints a line on standard error; a warning or a note only if more than results is printed. A
+/// closed standard error causes no error.
 pub fn warn(text: impl fmt::Display) {
     let marks = [("error:", Tone::Bad), ("warning:", Tone::Doubtful)];
     let text = text.to_string();
+    if Detail::is_quiet() && ["warning:", "note:"].iter().any(|word| text.starts_with(word)) {
+        return;
+    }
     // only the word at the start is a level
     let mark = marks.iter().filter(|(word, _)| text.starts_with(word));
     let mark: Vec<(&str, Tone)> = mark.copied().collect();
@@ -207,9 +218,20 @@ fn longest_words(table: &comfy_table::Table, columns: usize) -> Vec<u16> {
     longest
 }
 
+/// The cells of a row in a line.
+fn in_line(row: &Row) -> String {
+    let cells: Vec<String> = row.cell_iter().map(|c| c.content().replace('\n', " ")).collect();
+    cells.join("  ").trim_end().to_owned()
+}
+
+/// A table, or its rows alone where results are printed without tables.
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match Stream::Output.width() {
+            _ if Detail::is_quiet() => {
+                let rows: Vec<String> = self.table.row_iter().map(in_line).collect();
+                f.write_str(&rows.join("\n"))
+            }
             None => self.table.fmt(f),
             Some(width) => {
                 let lines = self.within(width);

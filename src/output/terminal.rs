@@ -12,7 +12,7 @@ static DETAIL: OnceLock<Detail> = OnceLock::new();
 /// Amount of output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Detail {
-    /// Results in a line, and errors.
+    /// Results, a line for each, and errors.
     Quiet,
     /// Results, progress, and the first warnings.
     #[default]
@@ -30,6 +30,11 @@ impl Detail {
     /// The amount of output of the process.
     pub fn get() -> Self {
         DETAIL.get().copied().unwrap_or_default()
+    }
+
+    /// True if results alone are printed.
+    pub fn is_quiet() -> bool {
+        Self::get() == Self::Quiet
     }
 }
 

@@ -160,31 +160,42 @@ fn liar() -> Vec<u8> {
     .concat()
 }
 
-/// The limit is one of address space: memory that is reserved counts, even if it is never touched.
+/// Calls a command with 256 MiB of address space: memory that is reserved counts, even if it is never
+/// touched.
+#[cfg(target_os = "linux")]
+fn in_little_space(recording: &Recording, arguments: &[&str]) -> Output {
+    let mut sh = std::process::Command::new("sh");
+    let limit = format!("ulimit -v {}; exec \"$@\"", MEMORY >> 10);
+    sh.args(["-c", &limit, "sh", env!("CARGO_BIN_EXE_navfuse")]);
+    sh.current_dir(recording.folder()).args(arguments).output().expect("sh starts")
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn no_reader_of_a_log_reserves_what_the_log_claims() {
     let recording = Recording::new();
-    let log = recording.path("liar.mcap");
-    std::fs::write(&log, liar()).expect("the test can write");
-    let log = log.display().to_string();
-    for arguments in [
-        &["replay", &log, "--no-output"][..],
-        &["report", &log],
-        &["smooth", &log, "--no-output"],
-        &["calibrate", &log],
-        &["observability", &log],
-        &["export", &log, "--to", "csv"],
-        &["export", &log, "--to", "kml"],
-        &["compare", &log, &log],
-        &["import", &log],
-    ] {
-        let mut sh = std::process::Command::new("sh");
-        sh.args(["-c", "ulimit -v 1572864; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_navfuse")]);
-        let output =
-            sh.current_dir(recording.folder()).args(arguments).output().expect("sh starts");
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {}", stderr(&output));
-        assert!(stderr(&output).contains("liar.mcap"), "{arguments:?}: {}", stderr(&output));
+    assert!(run(&recording, &[]).status.success());
+    std::fs::write(recording.path("liar.mcap"), liar()).expect("the test can write");
+    let readers = [
+        "replay @ --no-output",
+        "report @",
+        "smooth @ --no-output",
+        "observability @",
+        "export @ --to csv",
+        "export @ --to kml",
+        "compare @ @ --no-output",
+    ];
+    for reader in readers.iter().chain(&["calibrate @", "import @"]) {
+        let line = reader.replace('@', "liar.mcap");
+        let output = in_little_space(&recording, &line.split(' ').collect::<Vec<_>>());
+        assert_eq!(output.status.code(), Some(1), "{line}: {}", stderr(&output));
+        assert!(stderr(&output).contains("liar.mcap"), "{line}: {}", stderr(&output));
+    }
+    // a good log is read in the same space
+    for reader in readers {
+        let line = reader.replace('@', "out/run.mcap");
+        let output = in_little_space(&recording, &line.split(' ').collect::<Vec<_>>());
+        assert!(output.status.success(), "{line}: {}", stderr(&output));
     }
 }
 
@@ -226,6 +237,33 @@ fn what_has_no_end_is_not_read() {
         let setting =
             format!("source.csv.{key}={}", if key == "directory" { "/dev" } else { &fifo });
         assert_eq!(run(&recording, &["--set", &setting]).status.code(), Some(1), "{key}");
+    }
+}
+
+/// A pipe that nobody writes to would hold the command for ever.
+#[cfg(unix)]
+#[test]
+fn a_pipe_in_the_folder_of_a_campaign_is_no_file_of_it() {
+    let recording = Recording::new();
+    let part = recording.path("part");
+    std::fs::create_dir(&part).expect("a folder");
+    let quick = scenario("quickstart").display().to_string();
+    let part = part.display().to_string();
+    let merged = recording.path("merged").display().to_string();
+    let campaign = ["monte-carlo", &quick, "--runs", "1", "--out", &part, "--resume"];
+    for (file, arguments) in [
+        ("campaign.json", &["merge", &part, "--out", &merged][..]),
+        ("campaign.journal", &campaign),
+    ] {
+        let pipe = std::path::Path::new(&part).join(file);
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.is_ok_and(|s| s.success()));
+        let output = crate::common::navfuse(arguments);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {}", stderr(&output));
+        for text in [file, "a regular file is needed"] {
+            assert!(stderr(&output).contains(text), "{}", stderr(&output));
+        }
+        std::fs::remove_file(&pipe).expect("the test made it");
     }
 }
 

@@ -2,16 +2,19 @@
 //! its earlier result.
 
 use crate::common::recording::Recording;
-use crate::common::{command, stderr};
+use crate::common::{command, stderr, stdout};
 use crate::run;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::process::Output;
 
 /// Calls of the commands that write, with `@` for the output: a file, or a folder and the file in
 /// it that stands for all.
-const CALLS: [(&str, &str, &str); 16] = [
+const CALLS: &[(&str, &str, &str)] = &[
     ("run", "rest.toml --out @", "run.mcap"),
+    #[cfg(feature = "rerun")]
+    ("run", "rest.toml --out @", "run.rrd"),
     ("replay", "out/run.mcap --out @", "run.mcap"),
     ("smooth", "rest.toml --out @", "run.mcap"),
     ("monte-carlo", "quick.toml --runs 1 --out @", "report.json"),
@@ -46,11 +49,15 @@ fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
-fn call(recording: &Recording, name: &str, arguments: &str, out: &str) -> (bool, String) {
+fn output(recording: &Recording, name: &str, arguments: &str, out: &str) -> Output {
     let mut command = command();
     command.current_dir(recording.folder()).arg(name);
     command.args(arguments.split(' ').map(|a| if a == "@" { out } else { a }));
-    let output = command.output().expect("the command starts");
+    command.output().expect("the command starts")
+}
+
+fn call(recording: &Recording, name: &str, arguments: &str, out: &str) -> (bool, String) {
+    let output = output(recording, name, arguments, out);
     (output.status.code().is_some_and(|code| [0, 3].contains(&code)), stderr(&output))
 }
 
@@ -75,7 +82,7 @@ fn every_command_that_writes_has_a_case() {
         let has_case = CALLS.iter().any(|(command, ..)| command == name) || OTHERS.contains(name);
         assert!(has_case, "navfuse {name} has no case in CALLS");
     }
-    for name in CALLS.map(|(name, ..)| name).iter().chain(&OTHERS) {
+    for name in CALLS.iter().map(|(name, ..)| name).chain(&OTHERS) {
         assert!(names.contains(name), "there is no command {name}");
     }
 }
@@ -94,12 +101,13 @@ fn no_command_writes_over_a_file_of_somebody_else() {
         for part in [out.as_str(), "navfuse did not write it", "--out"] {
             assert!(error.contains(part), "{name} {arguments}: no {part:?} in {error}");
         }
+        assert_eq!(error.matches("--out").count(), 1, "two remedies: {error}");
         assert_eq!(fs::read_to_string(&file).expect("it is there"), "theirs", "{name}");
     }
 }
 
 #[test]
-fn every_command_keeps_its_earlier_result() {
+fn every_command_keeps_its_earlier_result_and_prints_results_alone_where_asked() {
     let recording = prepared();
     for (k, (name, arguments, inner)) in CALLS.iter().enumerate() {
         let out = format!("again-{k}");
@@ -108,8 +116,11 @@ fn every_command_keeps_its_earlier_result() {
         let path = recording.path(&out);
         let file = if inner.is_empty() { path } else { path.join(inner) };
         let first = fs::read(&file).expect("it was written");
-        let (done, error) = call(&recording, name, arguments, &out);
-        assert!(done, "{name} {arguments} again: {error}");
+        let again = output(&recording, name, &format!("{arguments} -q"), &out);
+        assert!(again.status.code().is_some_and(|code| [0, 3].contains(&code)), "{name} again");
+        assert_eq!(stderr(&again), "", "{name} {arguments}");
+        let printed = stdout(&again);
+        assert!(!printed.contains('─') && printed.lines().count() < 60, "{name}: {printed}");
         let earlier = content(&file.with_file_name("earlier"));
         assert!(earlier.values().any(|kept| *kept == first), "{name} {arguments}");
     }

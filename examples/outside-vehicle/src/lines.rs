@@ -1,6 +1,7 @@
 //! A source and a sink: samples as lines of text, `TIME_NS SENSOR VALUE VALUE ...`, with `-` for a
 //! missing channel.
 
+use navfuse_core::input::{self, Input};
 use navfuse_core::model::sensor::SensorInfo;
 use navfuse_core::prelude::*;
 use std::fs::File;
@@ -21,7 +22,7 @@ impl SourceType for LinesSource {
 
     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
         let path = context.base.join(self.path);
-        let file = File::open(&path).map_err(|e| StreamError::open(&path, e))?;
+        let file = input::open(&path).map_err(|e| StreamError::open(&path, e))?;
         let sensors = context.composition.sensors.iter().map(|s| s.info.clone()).collect();
         Ok(vec![Box::new(Reading {
             lines: BufReader::new(file).lines(),
@@ -33,7 +34,7 @@ impl SourceType for LinesSource {
 }
 
 struct Reading {
-    lines: Lines<BufReader<File>>,
+    lines: Lines<BufReader<Input>>,
     number: u64,
     path: PathBuf,
     sensors: Vec<SensorInfo>,

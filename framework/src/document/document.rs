@@ -4,10 +4,11 @@ use crate::document::error::{DocumentError, OverrideError};
 use crate::document::location::Excerpt;
 use crate::document::node::{Node, kind};
 use crate::document::places::{Places, join};
-use crate::input::{Held, read_text};
+use crate::input::{Held, read_text, text_of};
+use serde::Deserialize;
 use std::path::Path;
 use std::sync::Arc;
-use toml::de::DeTable;
+use toml::de::{DeTable, Deserializer};
 use toml::{Table, Value};
 
 /// Largest number of bytes of a document with all that it includes.
@@ -31,10 +32,10 @@ impl Document {
     /// # Errors
     /// When a file cannot be read or is not TOML, or a file includes itself.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, DocumentError> {
-        let name = path.as_ref().display().to_string();
-        match read_text(path.as_ref(), LONGEST) {
-            Ok(text) => Self::parse_with_includes(name, text),
-            Err(source) => Err(DocumentError::Read { name, source }),
+        let path = path.as_ref();
+        match text_of(path).and_then(|name| Ok((name, read_text(path, LONGEST)?))) {
+            Ok((name, text)) => Self::parse_with_includes(name, text),
+            Err(source) => Err(DocumentError::Read { name: path.display().to_string(), source }),
         }
     }
 
@@ -54,8 +55,10 @@ impl Document {
                 excerpt: Box::new(excerpt),
             }
         };
-        let places = Places::of(&name, &text, DeTable::parse(&text).map_err(syntax)?.get_ref());
-        let value = Value::Table(toml::from_str(&text).map_err(syntax)?);
+        let table = DeTable::parse(&text).map_err(syntax)?;
+        let places = Places::of(&name, &text, table.get_ref());
+        let table = Table::deserialize(Deserializer::from(table)).map_err(syntax)?;
+        let value = Value::Table(table);
         Ok(Self { name, text, value, places, overrides: Vec::new(), inputs: Vec::new() })
     }
 

@@ -7,5 +7,5 @@ mod whole;
 
 pub use earlier::{EARLIER, keep_earlier};
 pub use lock::{FolderError, FolderLock};
-pub use own::{LIST, check_output, create_growing};
+pub use own::{LIST, check_output, create_growing, has_to_stay};
 pub use whole::{WholeFile, part_of, write_whole};

@@ -5,10 +5,11 @@
 //! with its length and the time of its last change. A file that was changed, copied or put there
 //! since is somebody else's. A lost list only makes navfuse more careful.
 
-use crate::input::is_held;
+use crate::input::{self, is_held};
+use std::error::Error;
 use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
@@ -18,6 +19,8 @@ pub const LIST: &str = ".navfuse";
 const TOLERANCE: u64 = 2;
 /// Length in the list of a part, which grows.
 const PART: &str = "part";
+/// Largest number of bytes of a list that are read.
+const LONGEST: u64 = 64 << 20;
 
 /// Tests that a result may be written to a path: there is nothing, a device or a pipe, or a file
 /// that navfuse wrote and does not read now.
@@ -25,10 +28,18 @@ const PART: &str = "part";
 /// # Errors
 /// When a file at the path has to stay. The message has the reason and the remedy.
 pub fn check_output(path: &Path) -> io::Result<()> {
-    reason_to_stay(path).map_or(Ok(()), |(kind, reason)| {
-        let remedy = "give another place with --out, or move it";
-        Err(io::Error::new(kind, format!("{reason}; {remedy}")))
-    })
+    reason_to_stay(path).map_or(Ok(()), |(kind, reason)| Err(io::Error::new(kind, Stays(reason))))
+}
+
+/// The reason for which a file has to stay.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}; give another place with --out, or move it")]
+struct Stays(&'static str);
+
+/// Checks whether an error comes from [`check_output`]. Its message then has its remedy.
+pub fn has_to_stay(error: &(dyn Error + 'static)) -> bool {
+    let reason = error.downcast_ref::<io::Error>().and_then(io::Error::get_ref);
+    reason.is_some_and(|reason| reason.is::<Stays>()) || error.source().is_some_and(has_to_stay)
 }
 
 /// The reason for which a file at a path has to stay, if there is one.
@@ -47,7 +58,7 @@ pub(super) fn reason_to_stay(path: &Path) -> Option<(ErrorKind, &'static str)> {
 /// True for a file that is in the list of its folder, as it was written.
 pub(super) fn is_own(path: &Path) -> bool {
     let Some((folder, name)) = split(path) else { return false };
-    let list = fs::read(folder.join(LIST)).unwrap_or_default();
+    let list = listed(folder).unwrap_or_default();
     let whole = state(path);
     let of_this = |line: &[u8]| {
         let mut fields = line.splitn(3, |b| *b == b' ');
@@ -62,6 +73,13 @@ pub(super) fn is_own(path: &Path) -> bool {
         Some(length == Some(PART) || whole.is_some_and(near))
     };
     list.split(|b| *b == b'\n').any(|line| of_this(line).unwrap_or(false))
+}
+
+/// The lines of a folder's list, as far as it is a list.
+fn listed(folder: &Path) -> io::Result<Vec<u8>> {
+    let mut lines = Vec::new();
+    input::open(&folder.join(LIST))?.take(LONGEST).read_to_end(&mut lines)?;
+    Ok(lines)
 }
 
 /// Adds a file to the list of its folder. Without room for it, the file counts as somebody else's.
@@ -92,11 +110,12 @@ pub(super) fn list_part(path: &Path) {
 fn add(path: &Path, state: &str) {
     let Some((folder, name)) = split(path) else { return };
     let name = name.as_encoded_bytes();
-    if name.contains(&b'\n') {
+    let list = folder.join(LIST);
+    if name.contains(&b'\n') || fs::metadata(&list).is_ok_and(|m| !m.is_file()) {
         return;
     }
     let line = [state.as_bytes(), b" ", name, b"\n"].concat();
-    let open = OpenOptions::new().append(true).create(true).open(folder.join(LIST));
+    let open = OpenOptions::new().append(true).create(true).open(list);
     open.and_then(|mut list| list.write_all(&line)).ok();
 }
 

@@ -20,6 +20,7 @@ mod view;
 pub use crate::compose::snapshot::Snapshot;
 pub use crate::model::estimator_error::EstimatorError;
 pub use ekf::Ekf;
+pub(crate) use judge::signature::untested;
 pub use late::timeline::Timeline;
 pub use ukf::Ukf;
 pub(crate) use update::iekf::Iterated;

@@ -3,7 +3,7 @@
 use crate::compose::Composition;
 use crate::compose::estimator::{Creator, Estimator};
 use crate::document::{DocumentError, Node, unknown};
-use crate::filter::{Ekf, Timeline, Ukf, Unscented};
+use crate::filter::{Ekf, Timeline, Ukf, Unscented, untested};
 use crate::model::error::ComposeError;
 use crate::model::record::Epoch;
 use crate::model::sensor::Role;
@@ -70,7 +70,10 @@ pub(crate) fn create(composition: Composition) -> Box<dyn Estimator> {
 }
 
 /// Lets each sample be linearised once where its estimator cannot linearise it again, with a note.
+/// Another note is about sensors that are not tested.
 pub(crate) fn settle(composition: &mut Composition) {
+    let untested = untested(&composition.sensors);
+    composition.notes.extend(untested.map(|text| ("estimator".to_owned(), text)));
     if composition.estimator.relinearise().is_none() {
         return;
     }

@@ -1,9 +1,11 @@
 //! The recording of a run: always a file, and streams to the viewers that watch it.
 
+use crate::Rerun;
 use crate::file::RecordingFile;
 use crate::live::Live;
 use crate::serve::{self, Served};
 use navfuse_core::model::stream::{StreamError, StreamErrorKind};
+use navfuse_core::plugin::SinkType;
 use re_sdk::external::re_log_types::BlueprintActivationCommand;
 use re_sdk::log::{LogMsg, TimeColumn};
 use re_sdk::sink::{GrpcSink, LogSink};
@@ -12,7 +14,7 @@ use re_sdk::{
     SerializedComponentColumn, StoreId, TimeCell,
 };
 use std::error::Error;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// The application of every recording: the viewer keeps one layout for each application.
@@ -46,7 +48,7 @@ impl Recording {
             })?;
         }
         let id = StoreId::random(re_sdk::StoreKind::Recording, APPLICATION);
-        let file = RecordingFile::create(&path).map_err(|e| StreamError::write(&path, e))?;
+        let file = RecordingFile::create(&path).map_err(|e| failure(&path, e))?;
         let mut recording = Self { streams: Vec::new(), path, file, served: None };
         let to_file = stream(&id, recording.file.clone()).map_err(|e| recording.error(e))?;
         recording.streams.push(to_file);
@@ -69,9 +71,7 @@ impl Recording {
 
     /// An error that names the file.
     pub fn error(&self, cause: impl Into<Box<dyn Error + Send + Sync>>) -> StreamError {
-        StreamError::write(&self.path, cause).with_remedy(
-            "free space there, give another folder with --out, or set sink.rerun.enabled=false",
-        )
+        failure(&self.path, cause)
     }
 
     /// Sets the name that the viewer shows.
@@ -230,6 +230,11 @@ impl Recording {
         };
         finished.map(|()| place)
     }
+}
+
+/// An error that names the file.
+fn failure(path: &Path, cause: impl Into<Box<dyn Error + Send + Sync>>) -> StreamError {
+    StreamError::sink(Rerun::TYPE, path, cause)
 }
 
 /// A stream to one sink. The stream is enabled whatever the environment variable RERUN holds: the

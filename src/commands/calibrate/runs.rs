@@ -228,7 +228,7 @@ fn table(name: &str, rows: &[Row], seeds: &[u64]) {
     output::line(format_args!(
         "seeds {list}; error/sigma of a consistent sigma is 1 +- {scatter:.2}"
     ));
-    output::line(settles() + "; its median");
+    output::aside(settles() + "; its median");
     for row in rows {
         if let Some(why) = &row.refused {
             let times = seeds.len() - row.runs.len();

@@ -60,7 +60,7 @@ pub fn print(data: &CalibrationData, outcomes: &[Outcome]) {
             t.k, a.x, a.y, a.z
         ));
     }
-    output::line(settles());
+    output::aside(settles());
     let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
     for outcome in outcomes {
         let all = match &outcome.result {

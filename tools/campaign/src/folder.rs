@@ -10,7 +10,9 @@ use crate::report::CampaignReport;
 use crate::statistics::PointStatistics;
 use crate::sweep;
 use crate::tables::{Names, TableWriter};
+use navfuse_core::document::LONGEST;
 use navfuse_core::files::{FolderError, FolderLock, keep_earlier, write_whole};
+use navfuse_core::input::read_text;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -333,7 +335,7 @@ impl Folder {
 
 /// True if a folder holds this campaign, or this part of it, with all its jobs.
 pub fn is_complete(folder: &Path, campaign: &Campaign, shard: Option<Shard>) -> bool {
-    let text = std::fs::read_to_string(folder.join(CAMPAIGN)).ok();
+    let text = read_text(&folder.join(CAMPAIGN), LONGEST).ok();
     let log: Option<Log> = text.and_then(|text| serde_json::from_str(&text).ok());
     log.is_some_and(|log| {
         log.done == log.asked

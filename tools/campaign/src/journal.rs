@@ -9,6 +9,7 @@ use crate::CampaignError;
 use crate::campaign::{Campaign, Job, Shard};
 use crate::record::{BoundRecord, Record, Row, RunRecord};
 use navfuse_core::files::create_growing;
+use navfuse_core::input;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
@@ -69,7 +70,10 @@ impl Journal {
     ) -> Result<Option<(Self, usize)>, CampaignError> {
         let path = folder.join(JOURNAL);
         let failed = |e: io::Error| CampaignError::file(&path, e);
-        let file = match OpenOptions::new().read(true).write(true).open(&path) {
+        // a device or a pipe is refused before it is opened
+        let file =
+            input::open(&path).and_then(|_| OpenOptions::new().read(true).write(true).open(&path));
+        let file = match file {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
             other => other.map_err(failed)?,
         };

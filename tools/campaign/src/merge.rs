@@ -8,12 +8,14 @@ use crate::folder::{
 };
 use crate::record::{BoundRecord, Record, Row, RunRecord};
 use crate::tables::{Names, TableReader, checksum};
+use navfuse_core::document::LONGEST;
+use navfuse_core::input::read_text;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use std::path::{Path, PathBuf};
 
 fn read_log(folder: &Path) -> Result<Log, CampaignError> {
     let path = folder.join(CAMPAIGN);
-    let text = std::fs::read_to_string(&path).map_err(|e| {
+    let text = read_text(&path, LONGEST).map_err(|e| {
         CampaignError::file_with(
             &path,
             e,

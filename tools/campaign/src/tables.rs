@@ -3,6 +3,7 @@
 
 use crate::CampaignError;
 use navfuse_core::files::WholeFile;
+use navfuse_core::input::{self, Input};
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::column::reader::ColumnReader;
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
@@ -79,7 +80,7 @@ impl Write for Summed {
 
 /// The CRC-32 of a file, in hexadecimal digits.
 pub fn checksum(path: &Path) -> io::Result<String> {
-    let mut file = File::open(path)?;
+    let mut file = input::open(path)?;
     let mut sum = crc32fast::Hasher::new();
     let mut block = vec![0; 1 << 16];
     loop {
@@ -196,6 +197,8 @@ impl TableWriter {
 pub struct TableReader {
     path: PathBuf,
     file: SerializedFileReader<File>,
+    /// The open file, which no result replaces meanwhile.
+    _input: Input,
     names: Names,
 }
 
@@ -206,7 +209,8 @@ impl TableReader {
     /// Returns an error if the file cannot be read or has other columns.
     pub fn open(path: &Path, names: &Names) -> Result<Self, CampaignError> {
         const AGAIN: &str = "the file is not complete; make it again with the same command";
-        let file = File::open(path).map_err(|e| CampaignError::file_with(path, e, AGAIN))?;
+        let input = input::open(path).map_err(|e| CampaignError::file_with(path, e, AGAIN))?;
+        let file = input.try_clone().map_err(|e| CampaignError::file(path, e))?;
         let file = SerializedFileReader::new(file)
             .map_err(|e| CampaignError::file_with(path, e, AGAIN))?;
         let found = file
@@ -225,7 +229,7 @@ impl TableReader {
                 "the columns differ from campaign.json in the same folder",
             ));
         }
-        Ok(Self { path: path.to_path_buf(), file, names: names.clone() })
+        Ok(Self { path: path.to_path_buf(), file, _input: input, names: names.clone() })
     }
 
     /// Passes the rows to `each`, a row group at a time.

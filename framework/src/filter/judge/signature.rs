@@ -25,3 +25,4 @@ mod score;
 mod signatures;
 
 pub(in crate::filter) use signatures::Signatures;
+pub(crate) use signatures::untested;

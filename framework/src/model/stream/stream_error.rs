@@ -1,5 +1,6 @@
 //! The error of sources and sinks: its kind, its place, its message and its cause.
 
+use crate::files::has_to_stay;
 use std::error::Error;
 use std::fmt;
 use std::path::PathBuf;
@@ -148,6 +149,22 @@ impl StreamError {
     /// A file that cannot be written, and why.
     pub fn write(path: impl Into<PathBuf>, cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::about_file(StreamErrorKind::Write, "written", path.into(), cause.into())
+    }
+
+    /// A file of a sink that cannot be written, why, and what to do about it. An error that comes
+    /// from [`check_output`](crate::files::check_output) has its own remedy.
+    pub fn sink(
+        kind: &str,
+        path: impl Into<PathBuf>,
+        cause: impl Into<Box<dyn Error + Send + Sync>>,
+    ) -> Self {
+        let error = Self::write(path, cause);
+        if error.source().is_some_and(has_to_stay) {
+            return error;
+        }
+        error.with_remedy(format!(
+            "free space there, give another folder with --out, or set sink.{kind}.enabled=false"
+        ))
     }
 
     fn about_file(

@@ -1,10 +1,10 @@
 //! The metadata of a log, and its summary.
 
-use crate::records::{Chunks, Records, Step};
+use crate::records::Records;
 use mcap::McapError;
 use mcap::records::{self, Metadata, Record, op};
 use navfuse_core::model::stream::StreamError;
-use navfuse_frames::mcap::{ChunkError, Fields, HEAD, LONGEST, MAGIC, is_sound, whole_head};
+use navfuse_frames::mcap::{Chunks, Fields, HEAD, LONGEST, MAGIC, is_sound, whole_head};
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
@@ -23,13 +23,10 @@ pub const SCENARIO: &str = "scenario.toml";
 pub enum StreamFailure {
     /// The disk is full, or the reader of a pipe has gone.
     #[error("{0}")]
-    Io(std::io::Error),
+    Io(#[source] std::io::Error),
     /// The content violates the format.
     #[error("{0}")]
     Format(McapError),
-    /// A chunk cannot be unpacked.
-    #[error(transparent)]
-    Chunk(#[from] ChunkError),
     /// The message cannot be encoded.
     #[error(transparent)]
     Content(#[from] StreamError),
@@ -115,7 +112,7 @@ pub(crate) fn read_info(path: &Path, at_start: bool) -> Result<Option<LogInfo>, 
         op::CHUNK | op::MESSAGE if at_start => Ok(Some(None)),
         _ => Ok(None),
     })?;
-    Ok(if let Step::Found(info) = found { info } else { None })
+    Ok(found.flatten())
 }
 
 /// Reads a record, once its texts are known to be as long as they claim.

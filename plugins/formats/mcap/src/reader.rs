@@ -2,7 +2,7 @@
 
 use crate::log::{LogInfo, VERDICT, VERDICT_ENTRY, parse, read_info};
 use crate::message::Stamp;
-use crate::records::{Chunks, Records, Step};
+use crate::records::Records;
 use crate::schema;
 use crate::source::{read_imu, read_sample, read_time};
 use crate::topics::{KIND, PURPOSE, RATES, purpose};
@@ -15,6 +15,7 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_core::state::Mode;
 use navfuse_core::units::sample::{MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::units::time::Time;
+use navfuse_frames::mcap::Chunks;
 use re_cdr::{CdrReader, LittleEndian};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -117,7 +118,6 @@ pub struct LogReader {
     schemas: BTreeMap<u16, String>,
     topics: BTreeMap<u16, Kind>,
     sensors: usize,
-    cut: bool,
 }
 
 /// The kind of the messages of a topic.
@@ -147,7 +147,7 @@ impl LogReader {
                 .with_remedy("a log of navfuse is called run.mcap")
         })?;
         let (schemas, topics) = Default::default();
-        Ok(Self { records, info, length, schemas, topics, sensors: 0, cut: false })
+        Ok(Self { records, info, length, schemas, topics, sensors: 0 })
     }
 
     /// The metadata of the run.
@@ -163,11 +163,11 @@ impl LogReader {
     /// Passes the next entry to `take`; returns `false` at the end.
     ///
     /// # Errors
-    /// When the log is damaged. A log that was cut off ends at the cut, which [`Self::warning`]
-    /// reports.
+    /// When the log cannot be read, or an intact record contradicts itself. Damaged parts are
+    /// skipped, and [`Self::warning`] reports them.
     pub fn next(&mut self, mut take: impl FnMut(Entry<'_>)) -> Result<bool, StreamError> {
         let (schemas, topics, sensors) = (&mut self.schemas, &mut self.topics, &mut self.sensors);
-        let step = self.records.find(|opcode, data| {
+        let found = self.records.find(|opcode, data| {
             if ![op::SCHEMA, op::CHANNEL, op::MESSAGE, op::METADATA].contains(&opcode) {
                 return Ok(None);
             }
@@ -221,18 +221,14 @@ impl LogReader {
                 _ => Ok(None),
             }
         })?;
-        self.cut |= step == Step::Cut;
-        Ok(step == Step::Found(()))
+        Ok(found.is_some())
     }
 
-    /// A warning at the end, if the log was cut off.
+    /// A warning at the end, if parts of the log could not be read.
     pub fn warning(&self) -> Option<String> {
-        self.cut.then(|| {
-            format!(
-                "the log was cut off at byte {}; everything before was read",
-                self.records.position()
-            )
-        })
+        self.records
+            .is_damaged()
+            .then(|| format!("the log: {}", self.records.damage("").join("; ")))
     }
 }
 

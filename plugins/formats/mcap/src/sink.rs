@@ -74,7 +74,7 @@ impl McapSink {
     /// # Errors
     /// When the file cannot be created.
     pub fn create(path: &Path, compression: Compression) -> Result<Self, StreamError> {
-        let file = WholeFile::create(path).map_err(|e| failure(path, e))?;
+        let file = WholeFile::create(path).map_err(|e| StreamError::sink(Mcap::TYPE, path, e))?;
         let path = path.to_path_buf();
         Ok(Self {
             path,
@@ -121,9 +121,7 @@ impl McapSink {
 
 /// An error of writing the log, with its remedy.
 fn failure(path: &Path, cause: impl Into<Box<dyn Error + Send + Sync>>) -> StreamError {
-    let error = StreamError::write(path, cause).with_remedy(
-        "free space there, give another folder with --out, or set sink.mcap.enabled=false",
-    );
+    let error = StreamError::sink(Mcap::TYPE, path, cause);
     let part = part_of(path);
     if part.is_file() {
         error.with_remedy(format!("`navfuse replay {}` reads what was written", part.display()))

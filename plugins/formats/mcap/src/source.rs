@@ -2,7 +2,7 @@
 
 use crate::log::{LogInfo, parse, read_info, summary};
 use crate::message::{MISSING, Stamp};
-use crate::records::{Chunks, Records, Step};
+use crate::records::Records;
 use crate::schema;
 use crate::topics::RATES;
 use mcap::records::{Record, op};
@@ -11,6 +11,7 @@ use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::{Channel, MAX_CHANNELS, Sample, SensorId};
 use navfuse_core::units::time::Time;
+use navfuse_frames::mcap::Chunks;
 use re_cdr::{BigEndian, ByteOrder, CdrReader, LittleEndian};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -46,7 +47,6 @@ pub struct McapSource {
     router: Router,
     end: Option<Time>,
     last: Option<Time>,
-    cut: bool,
 }
 
 impl McapSource {
@@ -62,13 +62,8 @@ impl McapSource {
     ) -> Result<Self, StreamError> {
         let info = read_info(path, true)?;
         let records = Records::open(path, Chunks::Unpacked)?;
-        let mut source = Self {
-            records,
-            router: Router::new(sensors, topics),
-            end: None,
-            last: None,
-            cut: false,
-        };
+        let mut source =
+            Self { records, router: Router::new(sensors, topics), end: None, last: None };
         source.router.check_topics().map_err(|e| e.in_file(path))?;
         if let Some(summary) = summary(path) {
             for (c, schema) in summary.channels.values() {
@@ -87,17 +82,13 @@ impl McapSource {
 
 impl Source for McapSource {
     fn next(&mut self, sample: &mut Sample) -> Result<bool, StreamError> {
-        match self.records.find(|opcode, data| self.router.record(opcode, data))? {
-            Step::Found(found) => {
-                self.last = Some(found.time);
-                *sample = found;
-                return Ok(true);
-            }
-            Step::End => {}
-            Step::Cut => self.cut = true,
+        if let Some(found) = self.records.find(|opcode, data| self.router.record(opcode, data))? {
+            self.last = Some(found.time);
+            *sample = found;
+            return Ok(true);
         }
         // a log that was cut off before its first topic is not an error
-        if !self.cut || !self.router.others.is_empty() {
+        if !self.records.is_damaged() || !self.router.others.is_empty() {
             self.router.check_matched().map_err(|e| e.in_file(self.records.path()))?;
         }
         Ok(false)
@@ -108,15 +99,9 @@ impl Source for McapSource {
     }
 
     fn warning(&mut self) -> Option<String> {
-        let mut warnings = Vec::new();
-        if self.cut {
-            let after = self
-                .last
-                .map_or_else(|| "before the first sample".into(), |t| format!("after t = {t}"));
-            let position = self.records.position();
-            warnings
-                .push(format!("cut off at byte {position} {after}; everything before was read"));
-        }
+        let before = " before the first sample".to_owned();
+        let after = self.last.map_or(before, |t| format!(" after t = {t}"));
+        let mut warnings = self.records.damage(&after);
         let unknown = &self.router.others;
         if !unknown.is_empty() && self.router.matched {
             warnings.push(format!(

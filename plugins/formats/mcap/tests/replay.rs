@@ -258,6 +258,25 @@ fn a_file_that_is_no_log_is_refused() {
 }
 
 #[test]
+fn a_damaged_chunk_costs_its_samples_alone_and_the_warning_names_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let samples = bits(&record(&path, Compression::Zstd, Time::default(), 60_000));
+    let mut bytes = std::fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    let path = file(&folder, &bytes);
+    let (read, warning) = open(&path).and_then(|mut source| drain(&mut source)).unwrap();
+    let read = bits(&read);
+    let before = read.iter().zip(&samples).take_while(|(a, b)| a == b).count();
+    let after = read[before..].iter().rev().zip(samples.iter().rev());
+    assert!(before > 0 && before < read.len() && read.len() < samples.len(), "{before}");
+    assert!(after.clone().count() == read.len() - before && { after }.all(|(a, b)| a == b));
+    let warning = warning.unwrap();
+    assert!(warning.contains("1 chunk skipped, damaged, at byte"), "{warning}");
+}
+
+#[test]
 fn a_damaged_log_is_an_error_or_a_cut_and_never_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     for compression in ALL {

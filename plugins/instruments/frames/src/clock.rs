@@ -76,7 +76,10 @@ impl Count {
         match n {
             0 => None,
             1 => Some(format!("1 {record} {what} at byte {first}")),
-            _ => Some(format!("{n} {record}s {what}, the first at byte {first}")),
+            _ => {
+                let what = what.trim_end_matches(',');
+                Some(format!("{n} {record}s {what}, the first at byte {first}"))
+            }
         }
     }
 
@@ -232,6 +235,17 @@ impl<T> Clock<T> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn one_comma_ends_a_clause() {
+        let mut count = Count::default();
+        count.add(17);
+        let described = |count: &Count| count.describe("chunk", "skipped, damaged,");
+        assert_eq!(described(&count).as_deref(), Some("1 chunk skipped, damaged, at byte 17"));
+        count.add(18);
+        let several = "2 chunks skipped, damaged, the first at byte 17";
+        assert_eq!(described(&count).as_deref(), Some(several));
+    }
 
     /// The seconds of the pings that a clock gives for stamps in seconds, and its description.
     fn read(stamps: &[Stamp]) -> (Vec<i64>, Option<String>) {

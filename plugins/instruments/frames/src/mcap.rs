@@ -1,16 +1,30 @@
-//! The outer form of an MCAP file: the heads of records and of chunks, and the unpacking of chunks.
+//! The outer form of an MCAP file: its records, the heads of records and of chunks, and the unpacking
+//! of chunks.
+
+mod records;
+
+pub use records::{Chunks, Found, Lost, MESSAGE_HEAD, Place, Records};
 
 use std::io::Read;
+
+/// Opcodes of the records.
+#[allow(missing_docs, reason = "the names are those of the specification")]
+pub mod op {
+    pub const HEADER: u8 = 0x01;
+    pub const FOOTER: u8 = 0x02;
+    pub const SCHEMA: u8 = 0x03;
+    pub const CHANNEL: u8 = 0x04;
+    pub const MESSAGE: u8 = 0x05;
+    pub const CHUNK: u8 = 0x06;
+    pub const MESSAGE_INDEX: u8 = 0x07;
+    pub const METADATA: u8 = 0x0c;
+    pub const DATA_END: u8 = 0x0f;
+}
 
 /// First bytes of a file, and last.
 pub const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// Number of bytes of a record before its content: opcode and length.
 pub const HEAD: usize = 9;
-/// Opcodes of the records with texts.
-const HEADER: u8 = 0x01;
-const SCHEMA: u8 = 0x03;
-const CHANNEL: u8 = 0x04;
-const METADATA: u8 = 0x0c;
 /// Number of bytes of a chunk beside the name of its compression and its records.
 pub const CHUNK_HEAD: usize = 40;
 /// Largest size in bytes of a chunk or a record; a larger one counts as damaged.
@@ -69,12 +83,12 @@ pub fn is_sound(opcode: u8, content: &[u8]) -> bool {
     };
     let mut fields = Fields(content);
     let walked = match opcode {
-        HEADER => texts(&mut fields, 2),
-        SCHEMA => fields.take(2).and_then(|_| texts(&mut fields, 3)),
-        CHANNEL => {
+        op::HEADER => texts(&mut fields, 2),
+        op::SCHEMA => fields.take(2).and_then(|_| texts(&mut fields, 3)),
+        op::CHANNEL => {
             fields.take(4).and_then(|_| texts(&mut fields, 2)).and_then(|()| map(&mut fields))
         }
-        METADATA => texts(&mut fields, 1).and_then(|()| map(&mut fields)),
+        op::METADATA => texts(&mut fields, 1).and_then(|()| map(&mut fields)),
         _ => Some(()),
     };
     walked.is_some()
@@ -144,24 +158,6 @@ impl<'a> PackedChunk<'a> {
     }
 }
 
-/// The reason why a chunk cannot be unpacked.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ChunkError {
-    /// The chunk is too large.
-    #[error("a chunk of {0} bytes is longer than the {LONGEST} that are allowed")]
-    Size(u64),
-    /// The compression is not known.
-    #[error("the compression {0:?} of a chunk is not one of zstd, lz4 and none")]
-    Compression(String),
-    /// The packed bytes are damaged.
-    #[error("the content of a chunk cannot be unpacked")]
-    Content,
-    /// The unpacked bytes are not those that were packed.
-    #[error("the checksum of a chunk does not match its content")]
-    Checksum,
-}
-
 /// Unpacks the records of chunks.
 #[derive(Default)]
 pub struct Unpacker {
@@ -169,16 +165,13 @@ pub struct Unpacker {
 }
 
 impl Unpacker {
-    /// Unpacks a whole chunk.
-    ///
-    /// # Errors
-    /// When the chunk is damaged; `out` then has no meaning.
-    pub fn unpack(&mut self, chunk: &PackedChunk<'_>, out: &mut Vec<u8>) -> Result<(), ChunkError> {
+    /// Unpacks a whole chunk; `false` if it is damaged or of an unknown compression, and `out` then
+    /// has no meaning.
+    pub fn unpack(&mut self, chunk: &PackedChunk<'_>, out: &mut Vec<u8>) -> bool {
         out.clear();
-        let size = usize::try_from(chunk.size).unwrap_or(usize::MAX);
-        if size > LONGEST {
-            return Err(ChunkError::Size(chunk.size));
-        }
+        let Some(size) = usize::try_from(chunk.size).ok().filter(|n| *n <= LONGEST) else {
+            return false;
+        };
         let unpacked = match chunk.compression {
             b"" => {
                 out.extend_from_slice(chunk.packed);
@@ -189,17 +182,10 @@ impl Unpacker {
                 let reader = lz4_flex::frame::FrameDecoder::new(chunk.packed);
                 reader.take(size as u64 + 1).read_to_end(out).is_ok()
             }
-            other => {
-                return Err(ChunkError::Compression(String::from_utf8_lossy(other).into_owned()));
-            }
+            _ => false,
         };
-        if !unpacked || out.len() != size {
-            return Err(ChunkError::Content);
-        }
-        if chunk.crc != 0 && crc32fast::hash(out) != chunk.crc {
-            return Err(ChunkError::Checksum);
-        }
-        Ok(())
+        let intact = || chunk.crc == 0 || crc32fast::hash(out) == chunk.crc;
+        unpacked && out.len() == size && intact()
     }
 
     fn zstd(&mut self, packed: &[u8], size: usize, out: &mut Vec<u8>) -> bool {
@@ -221,13 +207,13 @@ mod tests {
         let text = |claimed: u32| [&claimed.to_le_bytes()[..], b"abc"].concat();
         let map = |of: &[u8]| [&(of.len() as u32).to_le_bytes()[..], of].concat();
         let record = |entry: u32| [text(3), map(&[text(3), text(entry)].concat())].concat();
-        assert!(is_sound(METADATA, &record(3)));
+        assert!(is_sound(op::METADATA, &record(3)));
         for claimed in [4, u32::MAX] {
-            assert!(!is_sound(METADATA, &record(claimed)));
-            assert!(!is_sound(HEADER, &[text(3), text(claimed)].concat()));
+            assert!(!is_sound(op::METADATA, &record(claimed)));
+            assert!(!is_sound(op::HEADER, &[text(3), text(claimed)].concat()));
             let channel = [&[0; 4][..], &text(3), &text(3), &map(&text(claimed))].concat();
-            assert!(!is_sound(CHANNEL, &channel));
-            assert!(!is_sound(SCHEMA, &[&[0; 2][..], &text(3), &text(claimed)].concat()));
+            assert!(!is_sound(op::CHANNEL, &channel));
+            assert!(!is_sound(op::SCHEMA, &[&[0; 2][..], &text(3), &text(claimed)].concat()));
         }
     }
 }

@@ -52,7 +52,12 @@ pub(crate) fn document(title: &str, body: &Markup) -> String {
             }
         }
     };
-    page.into_string()
+    // a browser or a terminal may obey the controls in a name
+    let controls = |c: char| {
+        let directs = matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        directs || c.is_control() && c != '\n'
+    };
+    page.into_string().replace(controls, "\u{fffd}")
 }
 
 /// Creates a figure with a caption.

@@ -8,14 +8,18 @@ use super::parameter::Parameters;
 use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::model::record::finding::Finding;
-use crate::model::sensor::Role;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
+use crate::model::sensor::{Role, Sensor};
 use crate::state::covariance::{Covariance, Transition, Update, backward, cholesky, forward};
 use crate::state::{Dynamics, Layout, Mode, State};
 use crate::units::sample::MAX_CHANNELS;
 use crate::units::time::Time;
 
-/// Score tests of all sensors.
+/// Largest number of sensors that are tested. Every test follows the samples of all sensors, so that
+/// without a bound a run of many sensors would cost the square of their number.
+const TESTED: usize = 64;
+
+/// Score tests of the sensors.
 #[derive(Clone)]
 pub(in crate::filter) struct Signatures {
     offsets: Vec<Option<Offset>>,
@@ -41,6 +45,34 @@ saved!(Signatures {
     places, changes,
 });
 
+/// True for a sensor whose samples can show an error that stays.
+fn suits(sensor: &Sensor) -> bool {
+    let Role::Measurement(model) = &sensor.role else { return false };
+    let judged = !sensor.constraint && sensor.detector.is_none();
+    judged && !sensor.is_noise_free() && model.observations() == 1
+}
+
+/// The sensors that are tested: the first ones that suit.
+fn tested(sensors: &[Sensor]) -> Vec<bool> {
+    let mut left = TESTED;
+    let tested = |sensor| {
+        let tested = left > 0 && suits(sensor);
+        left -= usize::from(tested);
+        tested
+    };
+    sensors.iter().map(tested).collect()
+}
+
+/// The note of a run with more sensors than are tested.
+pub(crate) fn untested(sensors: &[Sensor]) -> Option<String> {
+    let count = sensors.iter().filter(|sensor| suits(sensor)).count();
+    (count > TESTED).then(|| {
+        format!(
+            "an offset or a wrong parameter is found in the first {TESTED} of {count} sensors alone"
+        )
+    })
+}
+
 /// Test for steps of the constant biases of the first driving sensor.
 fn bias_steps(composition: &Composition) -> Option<BiasSteps> {
     let layout = &*composition.layout;
@@ -64,12 +96,7 @@ impl Signatures {
         if considers || layout.labels > 0 || !layout.clones.is_empty() {
             return None;
         }
-        let tested = composition.sensors.iter().map(|sensor| {
-            let Role::Measurement(model) = &sensor.role else { return false };
-            let judged = !sensor.constraint && sensor.detector.is_none();
-            judged && !sensor.is_noise_free() && model.observations() == 1
-        });
-        let tested: Vec<_> = tested.collect();
+        let tested = tested(&composition.sensors);
         let offsets = composition.sensors.iter().zip(&tested).map(|(sensor, tested)| {
             let tested = *tested && sensor.time_offset.is_none();
             tested.then(|| Offset::new(layout.tangent))

@@ -157,7 +157,7 @@ impl Bag {
             return Ok(Some(Message { topic, received, offset, data: &[] }));
         }
         let data = match (&self.current, &place) {
-            (Some(Current::Mcap(file)), place) => file.data(place),
+            (Some(Current::Mcap(file)), Place::Record(place)) => file.data(place),
             (Some(Current::Sqlite(file)), Place::Row(column)) => file.data(*column),
             _ => &[],
         };

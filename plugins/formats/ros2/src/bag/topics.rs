@@ -2,7 +2,7 @@
 
 use crate::definition::{Definitions, short_name};
 use crate::error::DefinitionError;
-use std::ops::Range;
+use navfuse_frames::mcap;
 
 /// Largest number of topics.
 const MOST_TOPICS: usize = 4096;
@@ -55,8 +55,7 @@ impl Topics {
 /// The place of the bytes of a message.
 #[derive(Clone, Debug)]
 pub(crate) enum Place {
-    Chunk(Range<usize>),
-    Window(Range<usize>),
+    Record(mcap::Place),
     /// Column of a row.
     Row(usize),
 }
