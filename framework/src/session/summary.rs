@@ -200,7 +200,7 @@ impl Statistics {
 
     /// The last comparison of each block with its truth, of the smoothed estimates where there are
     /// any, and the time of the last estimate.
-    pub(crate) fn compared(&self) -> (&[Option<Compared>], Option<Time>) {
+    pub(crate) fn compared(&self) -> (&[Compared], Option<Time>) {
         (&self.smoothed.as_ref().unwrap_or(&self.track).compared, self.last_epoch)
     }
 

@@ -53,7 +53,7 @@ impl Compared {
     /// A comparison of an estimate with that error and sigma of each component with a truth of zero.
     #[cfg(test)]
     pub(crate) fn beside(block: &Block, time: Time, error: [f64; 3], sigma: f64) -> Self {
-        let mut compared = Self::new(block, time);
+        let mut compared = Self { time: Some(time), ..Self::new(block) };
         compared.value.copy_from_slice(&error);
         (0..3).for_each(|k| compared.covariance.set(k, k, sigma * sigma));
         compared

@@ -24,6 +24,8 @@ pub enum Severity {
 
 saved!(
     enum Severity {
+        Note,
+        Contained,
         Doubtful,
         DoNotUse,
     }

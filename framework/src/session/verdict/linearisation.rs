@@ -5,6 +5,7 @@
 //! Other blocks have no such term of their own.
 
 use super::report::reason;
+use crate::checkpoint::saved;
 use crate::compose::Composition;
 use crate::model::record::Epoch;
 use crate::model::record::finding::Severity;
@@ -24,6 +25,8 @@ pub(crate) struct WidePrior {
     place: usize,
     variance: f64,
 }
+
+saved!(WidePrior { variance } except { reason, place });
 
 impl WidePrior {
     pub(crate) fn reason(&self) -> &Reason {

@@ -49,10 +49,12 @@ pub(crate) struct Judge {
 // the reasons before the end are those of a build
 impl Saved for Judge {
     fn saved(&mut self, io: &mut Io<'_>) {
-        let Self { infos: _, sensors, states, white: _, last, reasons: _ } = self;
+        let Self { infos: _, sensors, states, white: _, last, wide, reference: _, reasons: _ } =
+            self;
         sensors.iter_mut().for_each(|sensor| io.each(sensor));
         io.pass(states);
         io.pass(last);
+        io.each(wide);
     }
 }
 
@@ -117,7 +119,7 @@ impl Judge {
         &mut self,
         findings: &[Finding],
         error: Option<String>,
-        (references, end): (&[Option<Compared>], Option<Time>),
+        (references, end): (&[Compared], Option<Time>),
     ) -> Verdict {
         let mut report = Report::default();
         let (own, compared): (Vec<&Finding>, Vec<&Finding>) =

@@ -58,11 +58,11 @@ impl ReferenceStatistics {
     pub(crate) fn judge(
         &self,
         alpha: f64,
-        (compared, end): (&[Option<Compared>], Time),
+        (compared, end): (&[Compared], Time),
         report: &mut Report,
     ) {
         let differences = self.blocks.iter().filter_map(|(slot, accuracy)| {
-            let compared = compared.get(*slot)?.as_ref().filter(|c| c.holds_at(end))?;
+            let compared = compared.get(*slot).filter(|c| c.holds_at(end))?;
             Some(differences(compared, *accuracy))
         });
         let farthest = differences.flatten().max_by(|a, b| a.sigmas.total_cmp(&b.sigmas));
@@ -104,7 +104,7 @@ mod tests {
     use crate::state::{Block, BlockSpec, Dynamics, Mode, display};
 
     /// A velocity that is off by `error` m/s to the east at 10 s, with a sigma of 0.3 m/s.
-    fn compared(error: f64) -> Option<Compared> {
+    fn compared(error: f64) -> Compared {
         let spec = BlockSpec {
             mode: Mode::Estimate,
             initial: vec![0.0; 3],
@@ -117,7 +117,7 @@ mod tests {
         let name = "ins.velocity".to_owned();
         let block =
             Block { name, spec, operations, offset: 0, tangent, wanders: false, label: None };
-        Some(Compared::beside(&block, Time::from_nanos(10_000_000_000), [0.0, error, 0.0], 0.3))
+        Compared::beside(&block, Time::from_nanos(10_000_000_000), [0.0, error, 0.0], 0.3)
     }
 
     fn judged(accuracy: f64, error: f64, end: i64) -> Option<(Severity, String)> {

@@ -49,7 +49,7 @@ pub(super) struct Gravity {
     reported: bool,
 }
 
-saved!(Gravity { up, sum, time, first, reported } except { tilt });
+saved!(Gravity { up, confirmed, sum, time, first, reported } except { tilt });
 
 impl Gravity {
     pub(super) fn new(tilt: Option<f64>) -> Self {
