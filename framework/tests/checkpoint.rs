@@ -111,7 +111,7 @@ fn another_layout_is_refused_by_name() {
     );
     assert_eq!(
         refused(SCENARIO, &["estimator.type=\"ukf\""]),
-        format!("{of}: it does not have the estimator ukf of this scenario")
+        format!("{of}: it has the estimator ekf, which this scenario does not have")
     );
     assert_eq!(
         refused(SCENARIO, &["sensor.fix.late=\"2 s\""]),

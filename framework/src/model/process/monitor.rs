@@ -13,6 +13,7 @@ use crate::model::record::finding::Finding;
 ///
 /// A pedometer that counts no steps while the map moves:
 /// ```
+/// use navfuse_core::checkpoint::Io;
 /// use navfuse_core::model::record::finding::{Basis, Finding, Severity};
 /// use navfuse_core::model::process::monitor::Monitor;
 /// use navfuse_core::model::process::Input;
@@ -41,6 +42,9 @@ use crate::model::record::finding::Finding;
 ///             text: "no steps at more than 1 m/s".into(),
 ///             remedy: "check the batteries".into(),
 ///         })
+///     }
+///     fn memory(&mut self, io: &mut Io<'_>) {
+///         io.pass(&mut self.reported);
 ///     }
 ///     fn boxed_clone(&self) -> Box<dyn Monitor> {
 ///         Box::new(self.clone())

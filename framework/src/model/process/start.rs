@@ -69,6 +69,7 @@ pub struct AlignmentReport {
 ///
 /// The mean of ten samples as the initial level of a lake:
 /// ```
+/// use navfuse_core::checkpoint::Io;
 /// use navfuse_core::model::process::start::{InitialAlignment, Progress};
 /// use navfuse_core::prelude::*;
 ///
@@ -93,6 +94,9 @@ pub struct AlignmentReport {
 ///         let mean = self.samples.iter().sum::<f64>() / self.samples.len() as f64;
 ///         state.set(layout, self.level, &mean);
 ///         Ok(Progress::Found)
+///     }
+///     fn memory(&mut self, io: &mut Io<'_>) {
+///         io.pass(&mut self.samples);
 ///     }
 ///     fn boxed_clone(&self) -> Box<dyn InitialAlignment> {
 ///         Box::new(self.clone())

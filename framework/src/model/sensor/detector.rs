@@ -16,6 +16,7 @@ use crate::units::sample::Sample;
 ///
 /// Knowledge that holds all the time, applied once a second:
 /// ```
+/// use navfuse_core::checkpoint::Io;
 /// use navfuse_core::model::sensor::detector::Detector;
 /// use navfuse_core::prelude::*;
 ///
@@ -31,6 +32,9 @@ use crate::units::sample::Sample;
 ///             self.last = Some(sample.time);
 ///         }
 ///         due
+///     }
+///     fn memory(&mut self, io: &mut Io<'_>) {
+///         io.pass(&mut self.last);
 ///     }
 ///     fn boxed_clone(&self) -> Box<dyn Detector> {
 ///         Box::new(self.clone())
