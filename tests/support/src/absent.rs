@@ -21,6 +21,8 @@ pub enum Need {
     Viewer,
     /// The batch system Slurm.
     Slurm,
+    /// Valgrind, which counts instructions.
+    Valgrind,
     /// Devices and programs of a Unix, such as `/dev/full` and `script`.
     Unix,
 }

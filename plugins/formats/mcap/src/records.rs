@@ -58,6 +58,12 @@ impl Records {
         !(self.lost.cuts.is_empty() && self.lost.chunks.is_zero() && self.lost.places.is_zero())
     }
 
+    /// Describes the damage that was skipped, if there is any.
+    pub fn skipped(&self) -> Option<String> {
+        let parts = self.lost.describe();
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
+
     /// Describes what could not be read, in clauses. A file may be cut off `after` something.
     pub fn damage(&self, after: &str) -> Vec<String> {
         let mut parts = self.lost.describe();

@@ -87,6 +87,10 @@ impl Source for McapSource {
             *sample = found;
             return Ok(true);
         }
+        if let (None, Some(damage)) = (self.last, self.records.skipped()) {
+            let none = format!("it has no intact sample: {damage}");
+            return Err(StreamError::format(none).in_file(self.records.path()));
+        }
         // a log that was cut off before its first topic is not an error
         if !self.records.is_damaged() || !self.router.others.is_empty() {
             self.router.check_matched().map_err(|e| e.in_file(self.records.path()))?;
