@@ -92,7 +92,7 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
     let out = path("new.toml");
     recording.write("numbers.csv", "1,2,3\n4,5,6\n");
     recording.write("unknown.csv", "time_s,temperature_c\n1,20\n");
-    recording.write("timeless.csv", "depth_m\n1\n");
+    recording.write("timeless.csv", "depth_m,pitch_deg\n1,2\n");
     recording.write("empty.csv", "");
     for (files, words) in [
         (vec![path("numbers.csv")], "not headings"),
@@ -114,6 +114,57 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
         error.contains("it exists, and navfuse did not write it; give another place with --out"),
         "{error}"
     );
+}
+
+#[test]
+fn a_file_without_a_known_format_is_refused_by_what_it_is_or_what_was_looked_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("new.toml").display().to_string();
+    // plausible records of KF-GINS, but for times that do not go on, or forces without gravity
+    let record = |time: f64, force: f64| vec![time, 1e-5, 2e-5, 3e-5, 1e-4, 2e-4, force];
+    let still = generate::doubles((0..500).map(|_| record(100.0, -0.0979)));
+    let free = generate::doubles((0..500).map(|k| record(100.0 + f64::from(k) * 0.01, -1e-5)));
+    let mut ahead = b"#ROSBAG V2.0\n".to_vec();
+    ahead.extend(&free);
+    for (bytes, words) in [
+        (vec![0; 10_000], "nor a log of a vehicle"),
+        (still, "nor a log of a vehicle"),
+        (free, "nor a log of a vehicle"),
+        (ahead, "a bag of ROS 1"),
+        (b"\x93NUMPY\x01\0v\0{'descr': '<f8'}".to_vec(), "an array of NumPy"),
+        (b"PK\x03\x04rest".to_vec(), "a ZIP archive"),
+        (b"Dear reader,\nthis is a letter.\n".to_vec(), "it is no table"),
+        (b"t,ax,ay,az,gx,gy,gz\n".iter().copied().chain(falling()).collect(), "is gravity removed"),
+    ] {
+        let path = folder.path().join("file");
+        std::fs::write(&path, bytes).expect("a file");
+        let error = refused(&["--out", &out, &path.display().to_string()]);
+        let error = error.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(error.contains(words), "{words}: {error}");
+        assert!(!Path::new(&out).exists(), "{words}");
+    }
+}
+
+/// Rows of an IMU whose specific forces lack gravity.
+fn falling() -> Vec<u8> {
+    let row = |k: u32| {
+        format!("{:.2},0.1,{:.2},0.2,0,0,0.01\n", f64::from(k) * 0.01, 0.01 * f64::from(k % 7))
+    };
+    (0..100).map(row).collect::<String>().into_bytes()
+}
+
+#[test]
+fn units_that_the_numbers_contradict_are_corrected_and_marked() {
+    let recording = Recording::new();
+    let imu = std::fs::read_to_string(recording.path("imu.csv")).expect("a table");
+    let wrong = imu.replacen("accel_x_mps2,accel_y_mps2,accel_z_mps2", "ax_g,ay_g,az_g", 1);
+    recording.write("wrong.csv", &wrong);
+    let path = recording.path("wrong.csv");
+    let (_, text, printed) = import(recording.folder(), &[&path], &["--position", "30,5,0"]);
+    let words = "its heading means g, but the median norm 9.7932 is gravity: m/s^2 is used";
+    let printed = printed.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(text.contains(words) && printed.contains(words), "{text}{printed}");
+    assert!(text.contains("columns.accel_z = { column = \"az_g\", unit = \"m/s^2\" }"), "{text}");
 }
 
 /// Imports a dive, runs it with the changes and returns its report.
@@ -260,7 +311,7 @@ fn logs_of_vehicles_and_tables_of_inertial_units_become_scenarios_that_run() {
     let binary = write("imu.bin", &generate::doubles(records.iter().map(|r| r.to_vec())));
     let position = ["--position", "30,5,0"];
     let (scenario, text, _) = import(folder.path(), &[&plain], &position);
-    assert!(text.contains("headings = [\"time_s\", \"dtheta_x_rad\""), "{text}");
+    assert!(text.contains("headings = [\"time\", \"dtheta_x\""), "{text}");
     let expected = runs(&scenario);
     std::fs::remove_file(&scenario).expect("it is there");
     let (scenario, text, _) = import(folder.path(), &[&binary], &position);

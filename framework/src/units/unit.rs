@@ -216,7 +216,8 @@ fn names() -> Vec<String> {
 }
 
 /// Parses a unit expression: units combined with `*`, `/`, `^n`, `sqrt(...)` and parentheses. The
-/// signs `°`, `µ`, `·`, `²`, `³` and `√` are allowed too. `g` is standard gravity.
+/// signs `°`, `µ`, `·`, `²`, `³` and `√` are allowed too. `g` is standard gravity. A
+/// whole number may be a factor: `100*us`.
 ///
 /// # Errors
 /// When a unit is unknown or the expression is malformed.
@@ -314,8 +315,9 @@ impl Parser<'_> {
         if self.peek() == Some('(') {
             return self.parenthesised();
         }
-        if self.take('1') {
-            return Ok(Unit::ONE);
+        let digits = self.word(|c| c.is_ascii_digit());
+        if let Some(number) = digits.parse().ok().filter(|n: &u16| *n > 0) {
+            return Ok(Unit { numerator: f64::from(number), ..Unit::ONE });
         }
         let name = self.word(|c| c.is_alphabetic() || matches!(c, '°' | '%' | '_')).to_owned();
         match name.as_str() {

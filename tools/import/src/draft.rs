@@ -1,5 +1,7 @@
 //! The text of the scenario.
 
+mod start;
+
 use crate::Answers;
 use crate::recording::{Part, Reader, Recording};
 use crate::stream::StreamSurvey;
@@ -15,8 +17,11 @@ pub const MARK: &str = "# ANSWER:";
 const REST: f64 = 0.05;
 /// Longest gap of the IMU that is bridged without a question, s.
 const LONGEST_BRIDGED: f64 = 0.5;
-/// Longest alignment at rest, s.
-const LONGEST_ALIGNMENT: f64 = 900.0;
+/// Speed, m/s, from which a course is a heading, and below which the alignment must be told.
+const SLOWEST: f64 = 0.7;
+const SLOW: f64 = 4.0;
+/// Recording, s, that is too short for the usual alignment by the course.
+const SHORT: f64 = 25.0;
 
 /// The text while it is written, and its questions.
 #[derive(Default)]
@@ -98,19 +103,20 @@ fn process<'a>(
     let rest = imu.is_some_and(at_rest);
     let attitude = |part: &&Part| stream(part.name).is_none_or(|s| s.first.get(6).is_some());
     let reference = recording.part("reference").filter(attitude);
-    let gnss = recording.part("gnss").filter(|part| part.found.velocity);
+    let gnss = recording.part("gnss").filter(|part| {
+        let moves = stream(part.name).is_none_or(|s| s.fastest > SLOWEST);
+        let velocity = part.found.velocity || recording.part("dvl").is_none();
+        imu.is_some() && !rest && moves && velocity
+    });
     out.line("[process.ins]");
     if reference.is_some() {
         out.ask("attitude = { sigma = \"0.1 deg\" }", "1-sigma of the reference");
         out.ask("velocity = { sigma = \"5 cm/s\" }", "1-sigma of the reference");
         out.ask("position = { sigma = \"1 m\" }", "1-sigma of the reference");
-    } else if gnss.is_some() && !rest {
-        out.line(
-            "alignment = \"course\"    # attitude from the velocity of GNSS and the accelerometers",
-        );
-        out.line("position = { sigma = \"5 m\" }");
+    } else if gnss.is_some() {
+        course(out, stream("gnss"), imu);
     } else {
-        align(out, recording, imu, rest);
+        start::align(out, recording, stream);
         position(out, recording, stream("gnss"), answers);
     }
     // a bias of some times the noise of one hour; only gyros with less find north at rest
@@ -121,21 +127,21 @@ fn process<'a>(
     out.ask("accel_bias = { sigma = \"1 mg\" }", "bias of the data sheet");
 }
 
-fn align(out: &mut Text, recording: &Recording, imu: Option<&StreamSurvey>, rest: bool) {
-    let span = imu.map_or(LONGEST_ALIGNMENT, |imu| imu.span[1].since(imu.span[0]));
-    if rest || recording.part("dvl").is_none() {
-        // the last second is for the filter
-        let duration = (span - 1.0).floor().clamp(1.0, LONGEST_ALIGNMENT);
-        out.ask(
-            &format!(
-                "alignment = {{ method = \"static\", duration = \"{duration} s\", \
-                 heading_gate = \"5 deg\" }}"
-            ),
-            "time at rest from the start, and the heading that is accurate enough",
-        );
-    } else {
-        out.line("alignment = \"in-motion\"");
+/// The alignment of a vehicle that drives.
+fn course(out: &mut Text, gnss: Option<&StreamSurvey>, imu: Option<&StreamSurvey>) {
+    let mut keys = String::new();
+    if let Some(fastest) = gnss.map(|s| s.fastest).filter(|v| *v < SLOW) {
+        let _ = write!(keys, ", min_speed = \"{:.1} m/s\"", 0.5 * fastest);
     }
+    if let Some(span) = imu.map(StreamSurvey::length).filter(|span| *span < SHORT) {
+        let _ = write!(keys, ", duration = \"{:.1} s\"", 0.4 * span);
+    }
+    let why = "# attitude from the course of GNSS and the accelerometers";
+    match keys.as_str() {
+        "" => out.line(&format!("alignment = \"course\"    {why}")),
+        keys => out.line(&format!("alignment = {{ method = \"course\"{keys} }}    {why}")),
+    }
+    out.line("position = { sigma = \"5 m\" }");
 }
 
 /// The position at the start: as answered, that of the first fix, or a question.
@@ -254,6 +260,13 @@ fn sensor(out: &mut Text, part: &Part, stream: Option<&StreamSurvey>) {
             lever_arm(out, part, "position of the antenna from the IMU");
         }
         "compass" => out.ask("noise = \"1 deg\"", "noise of the data sheet"),
+        "odometer" => {
+            out.ask("noise = \"10 cm/s\"", "noise of the data sheet");
+            out.ask("lateral_noise = \"10 cm/s\"", "side slip of the wheel");
+            out.ask("vertical_noise = \"10 cm/s\"", "suspension and bumps");
+            out.ask("scale = { sigma = \"5 %\" }", "radius of the wheel");
+            lever_arm(out, part, "position from the IMU");
+        }
         "odometry" => {
             let why = "noise of the motion between two messages";
             out.ask("translation_noise = \"1 cm\"", why);

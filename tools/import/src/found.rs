@@ -1,7 +1,7 @@
 //! A sensor as it was found in a file.
 
 /// A sensor that was found in a file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Found {
     /// Registered type of the sensor.
     pub kind: &'static str,

@@ -10,7 +10,7 @@ mod clocks;
 mod draft;
 mod found;
 mod instrument;
-mod plain;
+mod marks;
 mod recording;
 mod stream;
 mod table;

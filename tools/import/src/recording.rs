@@ -3,6 +3,7 @@
 use crate::bag::{self, InBag};
 use crate::found::{Found, OdometryUse};
 use crate::instrument;
+use crate::marks;
 use crate::stream::StreamSurvey;
 use crate::table;
 use crate::vehicle;
@@ -12,6 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Size in bytes of the beginning of a file by which it is recognised.
 const BEGINNING: u64 = 256 * 1024;
+/// Size in bytes of the beginning of a table by which its units are found.
+const TABLE: u64 = 4 * 1024 * 1024;
 /// Size in bytes of the beginning of a log of a vehicle in which its messages are looked for.
 const MESSAGES: u64 = 16 * 1024 * 1024;
 
@@ -51,6 +54,10 @@ pub struct Recording {
     odometry: Option<OdometryUse>,
     /// Odometry of a bag, whose use depends on the other files.
     undecided: Option<(InBag, PathBuf)>,
+    /// What each file has, in words.
+    contents: Vec<(PathBuf, String)>,
+    /// Set if a file is a bag.
+    bag: bool,
     /// Set once the axes were turned.
     turned: bool,
 }
@@ -74,21 +81,27 @@ impl Recording {
         }
         recording.use_odometry()?;
         if recording.part("imu").is_none() {
-            let names: Vec<&str> = recording.parts.iter().map(|p| p.name).collect();
-            let files: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
-            return Err(StreamError::format(match &names[..] {
-                [] => format!("no sensor was found in {}", files.join(", ")),
-                _ => format!("no file has an IMU, only {}", names.join(", ")),
-            })
-            .with_remedy(
-                "give a table with the columns gyro_x_radps ... accel_z_mps2 or dtheta_x_rad \
-                     ... dvel_z_mps",
-            ));
+            return Err(recording.without_imu());
         }
         // the order of a scenario
-        let order = ["imu", "dvl", "depth", "gnss", "compass", "odometry", "reference"];
+        let order = ["imu", "dvl", "depth", "gnss", "compass", "odometer", "odometry", "reference"];
         recording.parts.sort_by_key(|part| order.iter().position(|name| *name == part.name));
         Ok(Some(recording))
+    }
+
+    /// The error of a recording without an IMU: what each file has, and what is missing.
+    fn without_imu(&self) -> StreamError {
+        let has = self.contents.iter().map(|(file, has)| format!("{}: {has}", file.display()));
+        let text = format!("no file has an IMU ({})", has.collect::<Vec<_>>().join("; "));
+        let remedy = if self.parts.iter().any(|p| p.reader == Reader::Bag) || self.bag {
+            "name the fields of an unknown type in a scenario, such as \
+             [source.ros2.sensors.imu] with topic = \"/fmu/out/sensor_combined\" and \
+             channels.gyro_x = { field = \"gyro_rad[0]\" }"
+        } else {
+            "give a table with the columns gyro_x_radps ... accel_z_mps2 or dtheta_x_rad ... \
+             dvel_z_mps"
+        };
+        StreamError::format(text).with_remedy(remedy)
     }
 
     /// The sensor of a name.
@@ -103,6 +116,10 @@ impl Recording {
                 navfuse_csv::beginning(file, BEGINNING).map_err(|e| StreamError::open(file, e))?
             }
         };
+        if let Some([format, remedy]) = marks::known(&bytes) {
+            let text = format!("it is {format}, which navfuse does not read");
+            return Err(StreamError::format(text).in_file(file).with_remedy(remedy));
+        }
         let absolute = std::fs::canonicalize(file).map_err(|e| StreamError::open(file, e))?;
         if bag::is_bag(file, &bytes) {
             let paths = [file.to_owned()];
@@ -117,6 +134,10 @@ impl Recording {
                     .with_remedy("give one bag, which may have several files in one folder"));
             }
             let (sensors, odometry) = bag::sensors(&survey, file, &mut self.notes)?;
+            let topics = survey.topics.iter().map(|t| format!("{} ({})", t.name, t.kind));
+            let topics = topics.collect::<Vec<_>>().join(", ");
+            self.contents.push((file.to_owned(), format!("the topics {topics}")));
+            self.bag = true;
             for InBag { found, lever_arm } in sensors {
                 self.add_part(found, Reader::Bag, file, &absolute, lever_arm)?;
             }
@@ -143,17 +164,11 @@ impl Recording {
             });
             (Reader::Vehicle(format, logs.max().unwrap_or(0)), found)
         } else {
-            let text = String::from_utf8_lossy(&bytes);
-            let found = match text.contains('\0') {
-                true => {
-                    Err("it is neither a table, nor a file of a velocity log, nor NMEA 0183, nor a log \
-                         of a vehicle that is known"
-                        .to_owned())
-                }
-                false => table::recognise(&text),
-            };
-            (Reader::Csv, found.map_err(|why| StreamError::format(why).in_file(file))?)
+            let found = as_table(file, &bytes)?;
+            (Reader::Csv, found)
         };
+        let kinds: Vec<&str> = found.iter().map(|found| found.kind).collect();
+        self.contents.push((file.to_owned(), kinds.join(", ")));
         for mut found in found {
             let stem = file.file_stem().map(|s| s.to_string_lossy().to_lowercase());
             let is_reference = stem.is_some_and(|s| s.contains("reference") || s.contains("truth"));
@@ -270,4 +285,25 @@ impl Recording {
         self.notes
             .push("imu: its z axis points up; y and z are turned to right and down".to_owned());
     }
+}
+
+/// The sensors of a table.
+fn as_table(file: &Path, bytes: &[u8]) -> Result<Vec<Found>, StreamError> {
+    let refused = |why: String| StreamError::format(why).in_file(file);
+    if let Some([format, remedy]) = marks::likely(bytes) {
+        let text = format!("it begins like {format}, which navfuse does not read");
+        return Err(refused(text).with_remedy(remedy));
+    }
+    let binary =
+        bytes.contains(&0) || bytes.iter().filter(|b| b.is_ascii()).count() * 2 < bytes.len();
+    if binary {
+        return Err(refused(
+            "it is neither a table, nor a file of a velocity log (PD0, PD4, PD6, AD2CP, Nortek, \
+             Water Linked), nor NMEA 0183, nor a log of a vehicle (ULog, MAVLink, NovAtel, \
+             VectorNav, SBET, KF-GINS), nor a bag of ROS 2"
+                .to_owned(),
+        ));
+    }
+    let beginning = navfuse_csv::beginning(file, TABLE).map_err(|e| StreamError::open(file, e))?;
+    table::recognise(&String::from_utf8_lossy(&beginning)).map_err(refused)
 }

@@ -13,6 +13,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const INTERVALS: usize = 4096;
 /// Intervals beyond this multiple of the usual one are gaps.
 const GAP: f64 = 2.5;
+/// Time between the positions that give a speed, s, and the radius of the Earth, m.
+const TRAVEL: f64 = 5.0;
+const RADIUS: f64 = 6.371e6;
 /// Length of the means by which rest is judged, s.
 const BLOCK: f64 = 1.0;
 
@@ -44,6 +47,8 @@ pub struct StreamSurvey {
     pub noise: [f64; MAX_CHANNELS],
     /// Scatter of the means of each channel over one second.
     pub wander: [f64; MAX_CHANNELS],
+    /// Largest speed over ground between positions some seconds apart, m/s.
+    pub fastest: f64,
     /// The clock, compared with that of the IMU; `None` where the motion does not show it.
     pub clock: Option<ClockOffset>,
 }
@@ -165,10 +170,26 @@ struct Running {
     intervals: Vec<f64>,
     block_end: f64,
     motion: Motion,
+    /// An earlier time and position, for the speed over ground.
+    place: Option<(Time, [f64; 2])>,
 }
 
 impl Running {
+    /// Follows the speed over ground.
+    fn travel(&mut self, sample: &Sample) {
+        let at = |name| self.survey.channel(name).and_then(|k| sample.get(k));
+        let Some((lat, lon)) = at("lat").zip(at("lon")) else { return };
+        let (time, [lat0, lon0]) = *self.place.get_or_insert((sample.time, [lat, lon]));
+        let seconds = sample.time.since(time);
+        if seconds >= TRAVEL {
+            let metres = RADIUS * (lat - lat0).hypot((lon - lon0) * lat.cos());
+            self.survey.fastest = self.survey.fastest.max(metres / seconds);
+            self.place = Some((sample.time, [lat, lon]));
+        }
+    }
+
     fn take(&mut self, sample: &Sample) {
+        self.travel(sample);
         let survey = &mut self.survey;
         let since = if survey.samples > 0 { sample.time.since(survey.span[1]) } else { 0.0 };
         self.motion.take(sample, since);
@@ -230,6 +251,11 @@ impl StreamSurvey {
         self.channels.iter().position(|c| **c == *name)
     }
 
+    /// Time from the first to the last sample, s.
+    pub fn length(&self) -> f64 {
+        self.span[1].since(self.span[0])
+    }
+
     /// Rate of the samples, Hz.
     pub fn rate(&self) -> f64 {
         if self.interval > 0.0 { 1.0 / self.interval } else { 0.0 }
@@ -248,6 +274,7 @@ pub fn survey(
     let mut running: Vec<Running> = (assembly.composition.sensors.iter())
         .map(|s| Running {
             survey: StreamSurvey {
+                fastest: 0.0,
                 clock: None,
                 sensor: s.info.name.clone(),
                 kind: s.info.kind.clone(),
@@ -266,6 +293,7 @@ pub fn survey(
             intervals: Vec::new(),
             block_end: 0.0,
             motion: Motion::None,
+            place: None,
         })
         .collect();
     running.iter_mut().for_each(|one| one.motion = Motion::of(&one.survey));

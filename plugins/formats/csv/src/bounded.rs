@@ -1,7 +1,8 @@
-//! The bytes of a file: unpacked, with spaces joined where they separate cells, and in rows of a bounded
-//! length. A file without line ends, or with a quotation mark that is never closed, would otherwise
+//! The bytes of a file: unpacked, as UTF-8, with spaces joined where they separate cells, with decimal
+//! points, and in rows of a bounded length. A file without line ends, or with a quotation mark that is never closed, would otherwise
 //! fill the memory with one row.
 
+use crate::utf16::{self, Utf16};
 use flate2::read::MultiGzDecoder;
 use navfuse_core::input::{self, Input};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
@@ -14,12 +15,26 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 /// First bytes of a file that zstd packed.
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 
+/// The form of the text of a file. The default changes nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Form {
+    /// Any number of spaces and tabs becomes one space, and none at the ends of a line.
+    pub joined: bool,
+    /// A comma becomes a point.
+    pub decimal_comma: bool,
+    /// Number of lines at the beginning that become comments, by this character.
+    pub skipped: (u64, u8),
+}
+
 /// A file, of which at most [`LONGEST_ROW`] bytes and a buffer are read for one row.
 pub struct Bounded {
     file: Box<dyn Read + Send>,
     buffer: usize,
     left: usize,
-    spaces: Option<Spaces>,
+    form: Form,
+    spaces: Spaces,
+    /// Set at the beginning of a line.
+    line_begins: bool,
     /// Set if the bytes are not those of the file on the disk.
     changed: bool,
     /// Number of bytes that were given, and the last of them.
@@ -28,15 +43,14 @@ pub struct Bounded {
 }
 
 impl Bounded {
-    /// A file that is read through a buffer of this size in bytes. With `joined`, any number of
-    /// spaces and tabs becomes one space, and none at the ends of a line.
+    /// A file that is read through a buffer of this size in bytes.
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub fn new(mut file: Input, buffer: usize, joined: bool) -> io::Result<Self> {
+    pub fn new(mut file: Input, buffer: usize, form: Form) -> io::Result<Self> {
         let mut magic = Vec::new();
         (&mut file).take(ZSTD.len() as u64).read_to_end(&mut magic)?;
-        let packed = magic.starts_with(&GZIP) || magic == ZSTD;
+        let zipped = magic.starts_with(&GZIP) || magic == ZSTD;
         let file: Box<dyn Read + Send> = if magic.starts_with(&GZIP) {
             file.seek(SeekFrom::Start(0))?;
             Box::new(MultiGzDecoder::new(file))
@@ -47,15 +61,37 @@ impl Bounded {
             // a pipe has no beginning to go back to
             Box::new(io::Cursor::new(magic).chain(file))
         };
+        let (file, decoded) = in_utf8(file)?;
         Ok(Self {
             file,
             buffer,
             left: LONGEST_ROW + buffer,
-            spaces: joined.then(Spaces::default),
-            changed: packed || joined,
+            form,
+            spaces: Spaces::default(),
+            line_begins: true,
+            changed: zipped || decoded || form.joined,
             given: 0,
             last: b'\n',
         })
+    }
+
+    /// Changes bytes to the form that the rows are read in, in their places.
+    fn reform(&mut self, bytes: &mut [u8]) {
+        if self.form.decimal_comma {
+            bytes.iter_mut().filter(|b| **b == b',').for_each(|b| *b = b'.');
+        }
+        let (lines, comment) = &mut self.form.skipped;
+        for byte in bytes {
+            if *lines == 0 {
+                return;
+            }
+            if *byte == b'\n' {
+                *lines -= 1;
+            } else if self.line_begins && *byte != b'\r' {
+                *byte = *comment;
+            }
+            self.line_begins = *byte == b'\n';
+        }
     }
 
     /// Begins a row.
@@ -74,6 +110,20 @@ impl Bounded {
     }
 }
 
+/// Decodes UTF-16; `true` if it was.
+fn in_utf8(mut file: Box<dyn Read + Send>) -> io::Result<(Box<dyn Read + Send>, bool)> {
+    // more bytes than the mark of UTF-8, which the reader of the rows wants in one piece
+    let mut mark = Vec::new();
+    (&mut file).take(4).read_to_end(&mut mark)?;
+    let order = utf16::MARKS.iter().position(|known| mark.starts_with(known));
+    let rest = mark.split_off(if order.is_some() { 2 } else { 0 });
+    let file = Box::new(io::Cursor::new(rest).chain(file));
+    Ok(match order {
+        Some(k) => (Box::new(Utf16::new(file, k == 0)), true),
+        None => (file, false),
+    })
+}
+
 /// The first bytes of a file, at most this many, unpacked as the source unpacks them.
 ///
 /// # Errors
@@ -81,7 +131,9 @@ impl Bounded {
 pub fn beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let buffer = usize::try_from(most).unwrap_or(usize::MAX / 2);
-    Bounded::new(input::open(path)?, buffer, false)?.take(most).read_to_end(&mut bytes)?;
+    Bounded::new(input::open(path)?, buffer, Form::default())?
+        .take(most)
+        .read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
@@ -97,10 +149,12 @@ impl Read for Bounded {
                 ),
             ));
         }
-        let count = match &mut self.spaces {
-            Some(spaces) if length > 1 => spaces.read(&mut self.file, &mut bytes[..length])?,
-            _ => self.file.read(&mut bytes[..length])?,
+        let count = if self.form.joined && length > 1 {
+            self.spaces.read(&mut self.file, &mut bytes[..length])?
+        } else {
+            self.file.read(&mut bytes[..length])?
         };
+        self.reform(&mut bytes[..count]);
         self.left -= count;
         self.given += count as u64;
         if let Some(last) = bytes[..count].last() {

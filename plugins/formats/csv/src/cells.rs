@@ -1,6 +1,6 @@
 //! The columns of the time and the channels of a sensor, and their conversion to SI.
 
-use crate::config::FileConfig;
+use crate::config::{FileConfig, Notation};
 use crate::headings::Wanted;
 use crate::stamp::TimeCell;
 use navfuse_core::document::did_you_mean;
@@ -18,11 +18,19 @@ pub struct ChannelCell {
     pub column: usize,
     unit: Option<Unit>,
     scale: f64,
+    notation: Notation,
 }
 
 impl ChannelCell {
     /// Converts a number of the column to SI.
     pub fn to_si(&self, number: f64) -> f64 {
+        let number = match self.notation {
+            Notation::Decimal => number,
+            Notation::DegreesMinutes => {
+                let degrees = (number / 100.0).trunc();
+                degrees + (number - 100.0 * degrees) / 60.0
+            }
+        };
         self.unit.map_or(number, |u| u.to_si(number)) * self.scale
     }
 }
@@ -71,7 +79,8 @@ pub fn channel_cells(
             if needed { Some(wanted.find(headings)?) } else { wanted.find_optional(headings)? };
         let Some(found) = found else { continue };
         let scale = given.and_then(|g| g.scale).map_or(1.0, |s| s.si());
-        cells.push(ChannelCell { channel, column: found.index, unit: found.unit, scale });
+        let notation = given.map_or_else(Notation::default, |g| g.notation);
+        cells.push(ChannelCell { channel, column: found.index, unit: found.unit, scale, notation });
     }
     Ok(cells)
 }

@@ -44,8 +44,15 @@ pub struct FileConfig {
     /// Character at the start of a line that is a comment. Default: #.
     #[serde(deserialize_with = "comment")]
     pub comment: char,
+    /// Number of lines at the beginning of the file that are no part of the table. Default: 0.
+    pub skip: u64,
     /// Headings of the columns, for a file without a line of headings. Default: the first line.
     pub headings: Option<Vec<String>>,
+    /// Character between the whole part of a number and its decimals: `.` (default) or `,`.
+    pub decimal: Decimal,
+    /// A row whose channels are those of the row before is no new sample, as where a program repeats
+    /// the newest fix in each row. Default: false.
+    pub changes_only: bool,
     /// Treatment of a row whose time is not later than the time of the row before.
     pub disorder: Disorder,
     /// Treatment of a cell without a number, such as nan or inf.
@@ -60,11 +67,26 @@ impl Default for FileConfig {
             columns: BTreeMap::new(),
             delimiter: Delimiter::default(),
             comment: '#',
+            skip: 0,
             headings: None,
+            decimal: Decimal::default(),
+            changes_only: false,
             disorder: Disorder::default(),
             nan: Nan::default(),
         }
     }
+}
+
+/// The character before the decimals of a number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+pub enum Decimal {
+    /// A point.
+    #[default]
+    #[serde(rename = ".")]
+    Point,
+    /// A comma.
+    #[serde(rename = ",")]
+    Comma,
 }
 
 /// The treatment of a row whose time is not later than that of the row before.
@@ -99,6 +121,20 @@ pub struct Column {
     pub unit: Option<UnitName>,
     /// Factor on the value, such as -1 for an axis with the opposite direction. Default: 1.
     pub scale: Option<Ratio>,
+    /// Notation of an angle: `decimal` (default), or `degrees-minutes` for ddmm.mmmm as in NMEA 0183.
+    #[serde(default)]
+    pub notation: Notation,
+}
+
+/// The notation of an angle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Notation {
+    /// A number of the unit.
+    #[default]
+    Decimal,
+    /// Degrees times 100 plus minutes.
+    DegreesMinutes,
 }
 
 /// The column of the time.

@@ -6,8 +6,8 @@
 //! or `time_ns`; it is exact to the nanosecond. An empty cell is a missing channel. A row in which
 //! all channels of a sensor are missing is not a sample of that sensor, so that several sensors can
 //! share a file. Lines that start with `#` are comments. Dates, weeks of GPS, other separators,
-//! files without headings, and files that gzip or zstd packed are read, too: see
-//! [`config::FileConfig`].
+//! decimal commas, files without headings, files of UTF-16, and files that gzip or zstd packed are
+//! read, too: see [`config::FileConfig`].
 //!
 //! **Sink.** `estimate.csv` has one row for each epoch, `innovations.csv` one for each measurement;
 //! see [`sink`].
@@ -23,6 +23,7 @@ mod stamp;
 mod table;
 mod tail;
 mod time;
+mod utf16;
 
 pub use bounded::beginning;
 pub use columns::{Axes, EstimateColumns};

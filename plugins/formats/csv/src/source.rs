@@ -1,8 +1,8 @@
 //! The source: one stream for each file.
 
-use crate::bounded::Bounded;
+use crate::bounded::{Bounded, Form};
 use crate::cells::{ChannelCell, channel_cells, usual_header, without_column};
-use crate::config::{Csv, Delimiter, Disorder, FileConfig, Nan};
+use crate::config::{Csv, Decimal, Delimiter, Disorder, FileConfig, Nan};
 use crate::stamp::TimeCell;
 use crate::tail;
 use crate::time::{self, TimeError};
@@ -94,6 +94,9 @@ struct Stream {
     disorder: Disorder,
     nan: Nan,
     before: Option<Time>,
+    /// Set if a row that repeats the last sample is none, and this sample.
+    changes_only: bool,
+    last: Option<Sample>,
     end: Option<Time>,
     /// Number of skipped rows, and the line of the first one.
     skipped: Option<(u64, u64)>,
@@ -121,8 +124,12 @@ impl Stream {
                 .of_sensor(name)
                 .with_remedy(format!("set files.{name}.path, or the source's directory"))
         })?;
-        let joined = config.delimiter == Delimiter::Whitespace;
-        let bytes = Bounded::new(file, BUFFER, joined).map_err(|e| StreamError::read(path, e))?;
+        let form = Form {
+            joined: config.delimiter == Delimiter::Whitespace,
+            decimal_comma: config.decimal == Decimal::Comma,
+            skipped: (config.skip, u8::try_from(config.comment).unwrap_or(b'#')),
+        };
+        let bytes = Bounded::new(file, BUFFER, form).map_err(|e| StreamError::read(path, e))?;
         let mut reader = builder(config).from_reader(bytes);
         let mut record = ByteRecord::new();
         let headings = match &config.headings {
@@ -146,6 +153,8 @@ impl Stream {
             disorder: config.disorder,
             nan: config.nan,
             before: None,
+            changes_only: config.changes_only,
+            last: None,
             end: None,
             skipped: None,
             cut: None,
@@ -204,7 +213,10 @@ impl Stream {
             return None;
         }
         let mut record = ByteRecord::new();
-        tail::last_lines(&self.path)?.iter().find_map(|line| {
+        tail::last_lines(&self.path)?.iter_mut().find_map(|line| {
+            if config.decimal == Decimal::Comma {
+                line.iter_mut().filter(|b| **b == b',').for_each(|b| *b = b'.');
+            }
             builder(config).from_reader(line.as_slice()).read_byte_record(&mut record).ok()?;
             let complete = record.len() == self.headings.len();
             complete.then(|| self.time.of(&record).ok()).flatten()
@@ -263,7 +275,17 @@ impl Stream {
             },
             _ => self.before = Some(time),
         }
-        Ok(if sample.present() == 0 { Row::Empty } else { Row::Sample })
+        if sample.present() == 0 || (self.changes_only && self.repeats(sample)) {
+            return Ok(Row::Empty);
+        }
+        self.last = self.changes_only.then_some(*sample);
+        Ok(Row::Sample)
+    }
+
+    /// Tests whether a sample has the values of the last one.
+    fn repeats(&self, sample: &Sample) -> bool {
+        let channels = || self.channels.iter().map(|c| c.channel);
+        self.last.is_some_and(|last| channels().all(|k| last.get(k) == sample.get(k)))
     }
 
     /// The heading and the content of a cell, for a message.

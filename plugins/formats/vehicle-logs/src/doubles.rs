@@ -5,12 +5,22 @@ use crate::record::{Decoder, Options, Record, Topic};
 use crate::text::of_week;
 use navfuse_frames::{Damage, Fault, Frames, Framing, Judgement};
 use std::f64::consts::{FRAC_PI_2, TAU};
-use std::io::{Read, Result};
+use std::io::{Cursor, Read, Result};
+use std::ops::RangeInclusive;
 
 /// Seconds of a week.
 const WEEK: f64 = 604_800.0;
 /// Magnitude below which a number other than zero is not a measurement.
 const SMALLEST: f64 = 1e-30;
+
+/// Share of a file's bytes that must be records, and of its intervals that must be usual.
+const NEARLY_ALL: f64 = 0.95;
+/// Intervals, s, at which units record.
+const INTERVALS: RangeInclusive<f64> = 1e-5..=2.0;
+/// Magnitudes of the specific force, m/s^2, about which a vehicle moves.
+const FORCES: RangeInclusive<f64> = 8.0..=12.0;
+/// Least number of records by which a file without a mark is recognised.
+const FEWEST: usize = 8;
 
 /// A kind of record: the names of its numbers and the largest magnitude of each.
 #[derive(Debug)]
@@ -56,6 +66,38 @@ pub const KF_GINS: Kind = Kind {
         ("dvel_z", 1e3),
     ],
 };
+
+impl Kind {
+    /// Tests whether bytes without a mark are a recording: nearly all of them are records, their
+    /// times increase evenly, a trajectory leaves 0 N 0 E, and increments of the velocity hold
+    /// gravity.
+    pub fn is_recording(&'static self, bytes: &[u8]) -> bool {
+        let mut frames = Frames::new(Cursor::new(bytes), self);
+        let mut rows: Vec<Vec<f64>> = Vec::new();
+        while let Ok(Some(frame)) = frames.next() {
+            rows.push(numbers(frame.bytes).collect());
+        }
+        let size = 8 * self.numbers.len();
+        let nearly_all = |part: usize, all: usize| part as f64 >= NEARLY_ALL * all as f64;
+        if rows.len() < FEWEST || !nearly_all(rows.len() * size, bytes.len() - bytes.len() % size) {
+            return false;
+        }
+        let steps: Vec<f64> = rows.windows(2).map(|r| r[1][0] - r[0][0]).collect();
+        let usual = median(steps.clone());
+        let even = steps.iter().filter(|step| (0.5 * usual..=1.5 * usual).contains(*step)).count();
+        let force = |row: &Vec<f64>| row[4..7].iter().map(|v| v * v).sum::<f64>().sqrt() / usual;
+        let sound = match self.numbers[1].0 {
+            "lat" => rows.iter().all(|row| row[1] != 0.0 && row[2] != 0.0),
+            _ => FORCES.contains(&median(rows.iter().map(force).collect())),
+        };
+        INTERVALS.contains(&usual) && nearly_all(even, steps.len()) && sound
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
 
 impl Framing for &'static Kind {
     const MAX: usize = 17 * 8;

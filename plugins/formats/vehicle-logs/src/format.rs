@@ -73,7 +73,8 @@ impl Format {
     }
 
     /// Recognises a format by the beginning of a file: the one whose intact messages have most of its
-    /// bytes, and at least half of them.
+    /// bytes, and at least half of them. Records without a mark must look like a recording: see
+    /// [`Kind::is_recording`].
     pub fn recognise(beginning: &[u8]) -> Option<Self> {
         let intact = |format: Self| {
             let mut decoder = format.decoder(Cursor::new(beginning.to_vec()), &Options::default());
@@ -83,9 +84,16 @@ impl Format {
             }
             if count == 0 { 0 } else { decoder.damage().intact_bytes() }
         };
+        let unmarked = |format: Self| match format {
+            Self::Sbet => SBET.is_recording(beginning),
+            Self::KfGins => KF_GINS.is_recording(beginning),
+            _ => true,
+        };
         let scored = Self::ALL.into_iter().map(|format| (intact(format), format));
         scored
-            .filter(|(bytes, _)| *bytes > 0 && 2 * bytes >= beginning.len() as u64)
+            .filter(|(bytes, format)| {
+                *bytes > 0 && 2 * bytes >= beginning.len() as u64 && unmarked(*format)
+            })
             .max_by_key(|(bytes, _)| *bytes)
             .map(|(_, format)| format)
     }

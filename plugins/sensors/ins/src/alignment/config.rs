@@ -19,8 +19,8 @@ pub enum AlignmentMethod {
     Static,
     /// In motion: from gravity, Earth rate and a sensor that measures the velocity.
     InMotion,
-    /// In motion, for gyros that cannot find north: from the velocity of GNSS and the
-    /// accelerometers, and from the course of a vehicle that moves forwards.
+    /// In motion, for gyros that cannot find north: from the velocity of GNSS, or its successive
+    /// positions, and the accelerometers, and from the course of a vehicle that moves forwards.
     Course,
 }
 
@@ -58,7 +58,7 @@ pub struct AlignmentConfig {
     /// applies a zero-velocity update with this sigma once a second. Default: 5 mm/s.
     pub rest_velocity: Option<Positive<Speed>>,
     /// In motion: sensor that measures the velocity, such as a DVL. Default: the only one that can.
-    /// By the course: GNSS receiver with velocity. Default: the first one.
+    /// By the course: GNSS receiver. Default: the first one with a velocity, else the first one.
     pub velocity: Option<String>,
     /// By the course: speed from which the direction of the velocity is used. Default: 2 m/s.
     pub min_speed: Option<Positive<Speed>>,

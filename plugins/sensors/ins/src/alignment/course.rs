@@ -13,7 +13,11 @@
 //! ```
 //! `C_b^b0` is integrated from the gyros. The constant `C_b0^n` is fitted to all fixes. The first
 //! pair determines the tilt, and the heading as far as the vehicle accelerates; the second one
-//! determines the heading within the mounting of the IMU and the side slip.
+//! determines the heading within the mounting of the IMU and the side slip. A receiver without
+//! velocity has the mean velocities between its positions ([`fixes`]); a vertical velocity that is
+//! missing counts as zero.
+
+mod fixes;
 
 use super::config::AlignmentConfig;
 use super::error::AlignmentError;
@@ -23,7 +27,8 @@ use crate::earth::LocalEarth;
 use crate::imu::Imu;
 use crate::mechanisation::Increments;
 use crate::navigation::Navigation;
-use nalgebra::Vector3;
+use fixes::{Fix, Positions};
+use nalgebra::{UnitQuaternion, Vector3};
 use navfuse_core::checkpoint::{Io, saved};
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::process::ProcessError;
@@ -83,17 +88,14 @@ impl CourseSettings {
     }
 }
 
-/// The first fix, and the integral of the specific force then.
+/// The first fix and its gravity.
 #[derive(Clone, Copy, Debug, Default)]
 struct First {
-    time: Time,
-    velocity: Vector3<f64>,
-    dvel: Vector3<f64>,
-    position: Geodetic<f64>,
+    fix: Fix,
     gravity: f64,
 }
 
-saved!(First { time, velocity, dvel, position, gravity });
+saved!(First { fix, gravity });
 
 /// The coarse solution: time since the beginning, s, and attitude, rad.
 #[derive(Clone, Copy, Debug, Default)]
@@ -112,7 +114,8 @@ struct Sensed {
     driver: usize,
     gnss: usize,
     position: usize,
-    velocity: usize,
+    /// `None` for a receiver without velocity.
+    velocity: Option<usize>,
 }
 
 /// Finds attitude, velocity and position of a vehicle that drives.
@@ -127,6 +130,7 @@ pub(crate) struct CourseAlignment {
     /// Time of the beginning and of the last driving sample.
     span: Option<(Time, Time)>,
     integral: Integral,
+    positions: Positions,
     first: Option<First>,
     pairs: Pairs,
     /// Number of fixes in motion.
@@ -135,7 +139,7 @@ pub(crate) struct CourseAlignment {
 }
 
 saved!(CourseAlignment {
-    span, integral, first, pairs, moving, found,
+    span, integral, positions, first, pairs, moving, found,
 } except {
     settings, navigation, imu, finds_position, sensed,
 });
@@ -155,6 +159,7 @@ impl CourseAlignment {
             sensed: None,
             span: None,
             integral: Integral::default(),
+            positions: Positions::default(),
             first: None,
             pairs: Pairs::default(),
             moving: 0,
@@ -163,25 +168,53 @@ impl CourseAlignment {
     }
 
     /// Adds the pairs of vectors of a fix.
-    fn fix(&mut self, sample: &Sample, velocity: Vector3<f64>, position: Geodetic<f64>) {
+    fn fix(&mut self, fix: Fix) {
         let Some(first) = self.first else {
-            let gravity = LocalEarth::at(position.latitude, position.height).gravity;
-            let (time, dvel) = (sample.time, self.integral.dvel);
-            self.first = Some(First { time, velocity, dvel, position, gravity });
+            let place = fix.place.1;
+            let gravity = LocalEarth::at(place.latitude, place.height).gravity;
+            self.first = Some(First { fix, gravity });
             return;
         };
-        let t = sample.time.since(first.time);
-        let force = velocity - first.velocity - Vector3::z() * (first.gravity * t);
-        let measured = self.integral.dvel - first.dvel;
+        let t = fix.time.since(first.fix.time);
+        let force = fix.velocity - first.fix.velocity - Vector3::z() * (first.gravity * t);
+        let measured = fix.dvel - first.fix.dvel;
         // accelerometer bias, and tilt by the gyro bias
         let (gyro, accel) = self.settings.bias;
-        let sigma = (accel * t).hypot(0.5 * first.gravity * gyro * t * t).hypot(VELOCITY);
+        let sigma = (accel * t).hypot(0.5 * first.gravity * gyro * t * t).hypot(fix.sigma[0]);
         self.pairs.add(&(force / sigma), &(measured / sigma));
-        if velocity.xy().norm() >= self.settings.min_speed {
-            let forward = self.integral.c_b_b0 * Vector3::x();
-            self.pairs.add(&(velocity.normalize() / SLIP), &(forward / SLIP));
+        if fix.velocity.xy().norm() >= self.settings.min_speed {
+            self.pairs
+                .add(&(fix.velocity.normalize() / fix.sigma[1]), &(fix.forward / fix.sigma[1]));
             self.moving += 1;
         }
+    }
+
+    /// The velocity that a sample of GNSS gives.
+    fn velocity(&mut self, sensed: &Sensed, sample: &Sample) -> Option<Fix> {
+        let at = |k: usize| sample.get(sensed.position + k);
+        let height = at(2).or(self.first.map(|first| first.fix.place.1.height)).unwrap_or(0.0);
+        let place = (sample.time, Geodetic { latitude: at(0)?, longitude: at(1)?, height });
+        let Some(first) = sensed.velocity else { return self.positions.take(place) };
+        let [north, east] = sample.array(first)?;
+        let velocity = Vector3::new(north, east, sample.get(first + 2).unwrap_or(0.0));
+        Some(Fix::measured(place, velocity, &self.integral))
+    }
+
+    /// Velocity and position at the beginning, to which the first mean of positions is carried
+    /// back; a measured velocity is near enough.
+    fn beginning(
+        &self,
+        First { fix, gravity }: First,
+        c_b0_n: &UnitQuaternion<f64>,
+    ) -> (Vector3<f64>, Geodetic<f64>) {
+        let (at, place) = fix.place;
+        let measured = self.sensed.is_none_or(|sensed| sensed.velocity.is_some());
+        let Some((begin, _)) = self.span.filter(|_| !measured) else {
+            return (fix.velocity, place);
+        };
+        let gained = c_b0_n * fix.dvel + Vector3::z() * (gravity * fix.time.since(begin));
+        let velocity = fix.velocity - gained;
+        (velocity, place.displaced(&(velocity * -at.since(begin))))
     }
 
     /// Sets the blocks of the process, if there are enough fixes.
@@ -190,9 +223,10 @@ impl CourseAlignment {
         let fit = self.pairs.solve()?;
         let n = &self.navigation;
         state.set(layout, n.attitude, &fit.rotation.to_rotation_matrix());
-        state.set(layout, n.velocity, &first.velocity);
+        let (velocity, position) = self.beginning(first, &fit.rotation);
+        state.set(layout, n.velocity, &velocity);
         if self.finds_position {
-            state.set(layout, n.position, &first.position);
+            state.set(layout, n.position, &position);
         }
         let (roll, pitch, yaw) = fit.rotation.euler_angles();
         self.found = Some(Found { elapsed, roll, pitch, yaw });
@@ -206,13 +240,14 @@ impl InitialAlignment for CourseAlignment {
         let fitting = |s: &Sensor| {
             let wanted = self.settings.wanted.as_ref().is_none_or(|name| s.info.name == *name);
             let measures = s.info.purpose == Purpose::Measurement && !s.constraint;
-            channel(s, "lat").zip(channel(s, "vel_n")).filter(|_| wanted && measures)
+            channel(s, "lat").filter(|_| wanted && measures).map(|lat| (lat, channel(s, "vel_n")))
         };
-        let found = sensors.iter().enumerate().find_map(|(k, s)| Some((k, fitting(s)?)));
+        let found = sensors.iter().enumerate().filter_map(|(k, s)| Some((k, fitting(s)?)));
+        // the first one with a velocity
+        let found = found.min_by_key(|(_, (_, velocity))| velocity.is_none());
         let Some((gnss, (position, velocity))) = found else {
-            let text = "an alignment by the course needs a sensor that measures position and \
-                        velocity in north, east, down, such as [sensor.gnss] with velocity_noise; \
-                        name it with alignment.velocity";
+            let text = "an alignment by the course needs a sensor that measures the position, such \
+                        as [sensor.gnss]; name it with alignment.velocity";
             return Err(ComposeError::new("alignment", text));
         };
         let driver = sensors.iter().position(|s| s.info.name == self.imu.0).unwrap_or_default();
@@ -236,13 +271,13 @@ impl InitialAlignment for CourseAlignment {
                 let [gyro, accel] = self.navigation.biases(layout, state);
                 let (w, f) = (w - gyro, f - accel);
                 self.integral.advance(&Increments { dtheta: w * dt, dvel: f * dt, dt });
+                self.positions.advance(&self.integral, dt);
                 self.span = Some((begin, sample.time));
             }
         } else if sample.sensor.0 == sensed.gnss
-            && let Some([latitude, longitude, height]) = sample.array(sensed.position)
-            && let Some(velocity) = sample.array::<3>(sensed.velocity)
+            && let Some(fix) = self.velocity(&sensed, sample)
         {
-            self.fix(sample, velocity.into(), Geodetic { latitude, longitude, height });
+            self.fix(fix);
             let elapsed = sample.time.since(begin);
             if elapsed >= self.settings.duration && self.find(layout, state, elapsed).is_some() {
                 return Ok(Progress::Found);

@@ -1,0 +1,60 @@
+//! Text of two bytes per unit, as Windows programs write it, becomes UTF-8.
+
+use std::io::{Read, Result};
+
+/// Size in bytes of what is read at once.
+const CHUNK: usize = 16 * 1024;
+
+/// First bytes of a file of UTF-16: little-endian and big-endian.
+pub const MARKS: [[u8; 2]; 2] = [[0xff, 0xfe], [0xfe, 0xff]];
+
+/// The characters of a file of UTF-16. A unit without its pair becomes U+FFFD.
+pub struct Utf16<R> {
+    file: R,
+    to_unit: fn([u8; 2]) -> u16,
+    /// Bytes that do not yet make a character.
+    rest: Vec<u8>,
+    /// Text that was decoded, and how much of it was given.
+    text: String,
+    given: usize,
+}
+
+impl<R: Read> Utf16<R> {
+    /// The file after its mark.
+    pub fn new(file: R, little: bool) -> Self {
+        let to_unit = if little { u16::from_le_bytes } else { u16::from_be_bytes };
+        Self { file, to_unit, rest: Vec::new(), text: String::new(), given: 0 }
+    }
+
+    /// Decodes the next bytes; at the end also half a character.
+    fn decode(&mut self) -> Result<()> {
+        let read = self.file.by_ref().take(CHUNK as u64).read_to_end(&mut self.rest)?;
+        let mut units: Vec<u16> =
+            self.rest.as_chunks::<2>().0.iter().map(|b| (self.to_unit)(*b)).collect();
+        let high = |unit: &u16| (0xd800..0xdc00).contains(unit);
+        if read > 0 && units.last().is_some_and(high) {
+            units.pop();
+        }
+        self.rest.drain(..if read > 0 { 2 * units.len() } else { self.rest.len() });
+        let characters =
+            char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
+        (self.text, self.given) = (characters.collect(), 0);
+        Ok(())
+    }
+}
+
+impl<R: Read> Read for Utf16<R> {
+    fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
+        while self.given == self.text.len() {
+            self.decode()?;
+            if self.text.is_empty() && self.rest.is_empty() {
+                return Ok(0);
+            }
+        }
+        let left = &self.text.as_bytes()[self.given..];
+        let count = left.len().min(bytes.len());
+        bytes[..count].copy_from_slice(&left[..count]);
+        self.given += count;
+        Ok(count)
+    }
+}

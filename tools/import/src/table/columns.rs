@@ -1,0 +1,281 @@
+//! The columns of a table for the channels of its sensors, with the units that the numbers show.
+
+use super::layout::Layout;
+use super::units::{self, AID_INTERVAL, IMU_INTERVAL};
+use super::vocabulary::{self, Meaning, fitting, meaning};
+use crate::found::Found;
+use navfuse_core::document::quoted;
+use navfuse_core::units::column_suffix;
+use std::fmt::Write;
+
+pub(super) const GYRO: [&str; 3] = ["gyro_x", "gyro_y", "gyro_z"];
+pub(super) const ACCEL: [&str; 3] = ["accel_x", "accel_y", "accel_z"];
+pub(super) const DTHETA: [&str; 3] = ["dtheta_x", "dtheta_y", "dtheta_z"];
+pub(super) const DVEL: [&str; 3] = ["dvel_x", "dvel_y", "dvel_z"];
+const BODY: [&str; 3] = ["vel_x", "vel_y", "vel_z"];
+const FIX: [&str; 9] =
+    ["lat", "lon", "height", "vel_n", "vel_e", "vel_d", "h_acc", "v_acc", "s_acc"];
+const POSE: [&str; 9] = ["lat", "lon", "height", "roll", "pitch", "yaw", "vel_n", "vel_e", "vel_d"];
+/// Share of rows that repeat the row before from which a sensor is slower than its table.
+const REPEATED: f64 = 0.5;
+/// A table with the meanings of its columns.
+pub struct Table<'a> {
+    pub(super) layout: &'a Layout,
+    pub(super) columns: Vec<(usize, Meaning)>,
+    questions: Vec<String>,
+}
+
+/// A column with its unit, for the key of a channel.
+struct Chosen<'a> {
+    heading: &'a str,
+    unit: String,
+    scale: f64,
+    minutes: bool,
+    /// Set if the source finds the column and its unit by itself.
+    usual: bool,
+}
+
+impl<'a> Table<'a> {
+    /// The table; `questions` are about all of its sensors.
+    pub fn new(layout: &'a Layout, questions: Vec<String>) -> Self {
+        let meant = |(k, heading): (usize, &String)| {
+            let mut meaning = meaning(heading)?;
+            if let Some(unit) = layout.units.get(k) {
+                let si = vocabulary::si(meaning.channel);
+                meaning.unit = fitting(unit, si).or(meaning.unit);
+            }
+            Some((k, meaning))
+        };
+        let columns = layout.headings.iter().enumerate().filter_map(meant).collect();
+        Self { layout, columns, questions }
+    }
+
+    /// The headings, for a message.
+    pub(super) fn listed(&self) -> String {
+        let list: Vec<&str> = self.layout.headings.iter().take(20).map(String::as_str).collect();
+        list.join(", ")
+    }
+
+    pub(super) fn heading(&self, k: usize) -> &'a str {
+        self.layout.headings.get(k).map_or("", String::as_str)
+    }
+
+    /// Tests whether the source finds the column of a channel by its heading.
+    pub(super) fn usual(&self, k: usize, channel: &str) -> bool {
+        let suffix = |h: &str| Some(h.strip_prefix(channel)?.strip_prefix('_')?.to_owned());
+        suffix(self.heading(k)).is_some_and(|s| column_suffix(&s).is_some())
+    }
+
+    /// The best column of a channel.
+    pub(super) fn find(&self, channel: &str) -> Option<&(usize, Meaning)> {
+        let fitting = self.columns.iter().filter(|(_, m)| m.channel == channel);
+        fitting.min_by_key(|(k, m)| (!self.usual(*k, channel), m.rank))
+    }
+
+    pub(super) fn has(&self, channels: &[&str]) -> bool {
+        channels.iter().all(|channel| self.find(channel).is_some())
+    }
+
+    fn values(&self, channel: &str) -> Vec<f64> {
+        self.find(channel).map(|(k, _)| self.layout.column(*k)).unwrap_or_default()
+    }
+
+    pub(super) fn vector(&self, channels: [&str; 3]) -> Vec<[f64; 3]> {
+        let [x, y, z] = channels.map(|channel| self.values(channel));
+        units::rows([&x, &y, &z])
+    }
+
+    /// The sensors of the table.
+    ///
+    /// # Errors
+    /// With the reason why no sensor is recognised.
+    pub fn sensors(&self) -> Result<Vec<Found>, String> {
+        let inertial =
+            (self.has(&GYRO) && self.has(&ACCEL)) || (self.has(&DTHETA) && self.has(&DVEL));
+        let clock = self.clock(if inertial { IMU_INTERVAL } else { AID_INTERVAL })?;
+        let mut sensors = Vec::new();
+        if inertial {
+            sensors.push(self.imu(&clock)?);
+        }
+        let place = self.has(&["lat", "lon"]);
+        if self.has(&BODY) && !place {
+            sensors.push(self.other("dvl", &BODY));
+        }
+        if self.has(&["depth"]) {
+            sensors.push(self.other("depth", &["depth"]));
+        }
+        if place && self.has(&["roll", "pitch", "yaw"]) && !inertial {
+            sensors.push(self.other("reference", &POSE));
+        } else if place {
+            sensors.push(self.other("gnss", &FIX));
+        } else if self.has(&["yaw"]) && !self.has(&["roll"]) && !inertial {
+            sensors.push(self.other("dual-antenna", &["heading"]));
+        }
+        if self.has(&["speed"]) && !place {
+            sensors.push(self.other("odometer", &["speed"]));
+        }
+        if sensors.is_empty() {
+            return Err(self.unknown());
+        }
+        for found in &mut sensors {
+            let mut source = self.layout.keys();
+            source.extend(clock.key.clone());
+            source.append(&mut found.source);
+            found.source = source;
+            if inertial && found.kind != "imu" && self.repeats(found.kind) {
+                found.source.push("changes_only = true".to_owned());
+            }
+            let shared = self.questions.iter().chain(&clock.questions).cloned();
+            found.questions = shared.chain(found.questions.drain(..)).collect();
+        }
+        Ok(sensors)
+    }
+
+    /// The reason why no sensor is recognised.
+    fn unknown(&self) -> String {
+        let half = match (self.has(&GYRO), self.has(&ACCEL)) {
+            (true, false) => "; it has angular rates, but no specific forces",
+            (false, true) => "; it has specific forces, but no angular rates",
+            _ => "",
+        };
+        format!(
+            "no sensor is recognised by its columns {}{half}; rename them, such as gyro_x_radps, \
+             or map them with `columns` in a scenario",
+            self.listed()
+        )
+    }
+
+    /// Tests whether most rows repeat the measurement of the row before.
+    fn repeats(&self, kind: &str) -> bool {
+        let channels: &[&str] = match kind {
+            "gnss" | "reference" => &["lat", "lon"],
+            "dvl" => &BODY,
+            "depth" => &["depth"],
+            _ => &["speed"],
+        };
+        let columns: Vec<Vec<f64>> = channels.iter().map(|c| self.values(c)).collect();
+        let rows = self.layout.rows.len();
+        let same = |k: &usize| columns.iter().all(|c| c[*k].to_bits() == c[*k - 1].to_bits());
+        (1..rows).filter(same).count() as f64 > REPEATED * rows as f64
+    }
+
+    /// The unit that the headings of a vector state, if they state the same.
+    pub(super) fn stated(&self, channels: [&str; 3]) -> Option<String> {
+        let [x, y, z] = channels.map(|c| self.find(c).and_then(|(_, m)| m.unit.clone()));
+        x.filter(|unit| y.as_ref() == Some(unit) && z.as_ref() == Some(unit))
+    }
+
+    pub(super) fn any_stated(&self, channels: [&str; 3]) -> bool {
+        channels.iter().any(|c| self.find(c).is_some_and(|(_, m)| m.unit.is_some()))
+    }
+
+    /// The key of a channel with a unit, or with the unit of its heading, or with its SI unit and a
+    /// question; `None` where the source finds the column by itself.
+    pub(super) fn key(
+        &self,
+        word: &str,
+        channel: &str,
+        unit: Option<&str>,
+        questions: &mut Vec<String>,
+    ) -> Option<String> {
+        let (k, meaning) = self.find(word)?;
+        let si = vocabulary::si(word);
+        if unit.is_none() && meaning.unit.is_none() {
+            questions.push(format!("the unit of {}: {si} is assumed", self.heading(*k)));
+        }
+        let stated = meaning.unit.as_deref();
+        let unit = unit.or(stated).unwrap_or(si);
+        let usual = self.usual(*k, channel) && stated == Some(unit);
+        let (heading, unit) = (self.heading(*k), unit.to_owned());
+        Chosen { heading, unit, scale: meaning.sign, minutes: false, usual }.key(channel)
+    }
+
+    /// A sensor that is no inertial unit.
+    fn other(&self, kind: &'static str, channels: &[&str]) -> Found {
+        let (mut source, mut questions) = (Vec::new(), Vec::new());
+        let place = channels.contains(&"lat").then(|| self.place(&mut questions));
+        for channel in channels {
+            let word = if *channel == "heading" { "yaw" } else { channel };
+            let Some((k, meaning)) = self.find(word) else { continue };
+            let (heading, usual) = (self.heading(*k), self.usual(*k, channel));
+            let stated = meaning.unit.clone();
+            match (&place, *channel) {
+                (Some((unit, scale, minutes)), "lat" | "lon") => {
+                    let usual = usual && stated.as_deref() == Some(unit) && *scale == 1.0;
+                    let scale = scale * self.hemisphere(*k);
+                    let (unit, minutes) = (unit.clone(), *minutes);
+                    source.extend(Chosen { heading, unit, scale, minutes, usual }.key(channel));
+                }
+                (Some((_, scale, _)), "height") if *scale != 1.0 && stated.is_none() => {
+                    let (unit, scale, minutes) = ("mm".to_owned(), meaning.sign, false);
+                    source.extend(Chosen { heading, unit, scale, minutes, usual }.key(channel));
+                }
+                (_, "roll" | "pitch" | "yaw" | "heading") if stated.is_none() => {
+                    let unit = turned(&self.values(word));
+                    questions.push(format!("the unit of {heading}: {unit} by its range"));
+                    source.extend(self.key(word, channel, Some(unit), &mut questions));
+                }
+                _ => source.extend(self.key(word, channel, None, &mut questions)),
+            }
+        }
+        let velocity = self.has(&["vel_n", "vel_e"]);
+        Found { kind, sensor: Vec::new(), source, questions, velocity }
+    }
+
+    /// Unit and factor of latitude and longitude, and `true` for degrees with minutes.
+    fn place(&self, questions: &mut Vec<String>) -> (String, f64, bool) {
+        let (lat, lon) = (self.values("lat"), self.values("lon"));
+        let (unit, scale, minutes) = units::angle(&lat, &lon);
+        let stated = self.find("lat").and_then(|(_, m)| m.unit.clone());
+        let text = match (unit, scale, minutes) {
+            (_, _, true) => "ddmm.mmmm",
+            (unit, 1.0, _) => unit,
+            _ => "1e-7 deg",
+        };
+        match stated {
+            Some(stated) if stated == unit && text == unit => {}
+            // small degrees are possible
+            Some(stated) if stated == "deg" && unit == "rad" => return (stated, 1.0, false),
+            Some(stated) => questions.push(format!(
+                "the headings of latitude and longitude mean {stated}, but their range is one of \
+                 {text}: {text} is used"
+            )),
+            None => {
+                questions.push(format!("the unit of latitude and longitude: {text} by their range"))
+            }
+        }
+        (unit.to_owned(), scale, minutes)
+    }
+
+    /// -1 where the column after one of positive numbers names the south or the west.
+    fn hemisphere(&self, k: usize) -> f64 {
+        let other =
+            |row: &Vec<String>| row.get(k + 1).is_some_and(|cell| cell == "S" || cell == "W");
+        if self.layout.rows.iter().all(other) { -1.0 } else { 1.0 }
+    }
+}
+
+/// The unit of an angle by its range.
+fn turned(values: &[f64]) -> &'static str {
+    let largest = values.iter().filter(|v| v.is_finite()).fold(0.0, |a: f64, b| a.max(b.abs()));
+    if largest > 6.3 { "deg" } else { "rad" }
+}
+
+impl Chosen<'_> {
+    /// The key of a channel; `None` where the source needs none.
+    fn key(&self, channel: &str) -> Option<String> {
+        if self.usual && self.scale == 1.0 && !self.minutes {
+            return None;
+        }
+        let mut text = format!("columns.{channel} = {{ column = {}", quoted(self.heading));
+        let _ = write!(text, ", unit = {}", quoted(&self.unit));
+        if self.scale != 1.0 {
+            let _ = write!(text, ", scale = {:e}", self.scale);
+        }
+        if self.minutes {
+            text.push_str(", notation = \"degrees-minutes\"");
+        }
+        text.push_str(" }");
+        Some(text)
+    }
+}

@@ -1,0 +1,103 @@
+//! A table without headings: its columns by their content.
+
+use super::columns::{ACCEL, DTHETA, DVEL, GYRO};
+use super::layout::Layout;
+use super::units::{self, median};
+
+/// Share of the steps of a time that must be near the usual one.
+const EVEN: f64 = 0.8;
+/// Relative spread of a norm that is gravity.
+const STEADY: f64 = 0.3;
+
+/// Tests whether a column increases from row to row, at usual steps.
+pub fn increases(values: &[f64]) -> bool {
+    let steps: Vec<f64> = values.windows(2).map(|v| v[1] - v[0]).collect();
+    let usual = median(steps.iter().copied());
+    let even = steps.iter().filter(|s| **s > 0.0 && **s < 3.0 * usual).count();
+    !steps.is_empty() && even as f64 >= EVEN * steps.len() as f64
+}
+
+/// Tests whether a column counts the rows.
+fn counts(values: &[f64]) -> bool {
+    values.windows(2).all(|v| v[1] - v[0] == 1.0)
+}
+
+fn norms(columns: &[Vec<f64>], first: usize) -> Vec<f64> {
+    let rows = units::rows([&columns[first], &columns[first + 1], &columns[first + 2]]);
+    rows.iter().map(|v| v.iter().map(|x| x * x).sum::<f64>().sqrt()).collect()
+}
+
+/// Size of the mean of a vector, against its scatter from row to row.
+fn lopsided(columns: &[Vec<f64>], first: usize) -> f64 {
+    let axis = |k: usize| {
+        let values = &columns[first + k];
+        let middle = median(values.iter().copied());
+        let scatter = median(values.windows(2).map(|v| (v[1] - v[0]).abs()));
+        (middle.abs(), scatter)
+    };
+    let axes = [axis(0), axis(1), axis(2)];
+    let sum = |part: fn(&(f64, f64)) -> f64| axes.iter().map(part).sum::<f64>();
+    sum(|a| a.0) / sum(|a| a.1).max(1e-12)
+}
+
+/// The headings of a table without, of an inertial unit or of positions, and a question.
+pub fn headings(layout: &Layout) -> Option<(Vec<String>, String)> {
+    let names = names(layout)?;
+    let question = format!("the columns are named by their content: {}", names.join(", "));
+    Some((names, question))
+}
+
+fn names(layout: &Layout) -> Option<Vec<String>> {
+    let width = layout.width();
+    let columns: Vec<Vec<f64>> = (0..width).map(|k| layout.column(k)).collect();
+    let rising: Vec<usize> = (0..width).filter(|k| increases(&columns[*k])).collect();
+    let time = *rising.iter().find(|k| !counts(&columns[**k])).or(rising.first())?;
+    let interval = units::time(&columns[time], units::IMU_INTERVAL)?;
+    let seconds = units::factor(&interval.unit);
+    let step = median(columns[time].windows(2).map(|v| (v[1] - v[0]) * seconds));
+    let free = |first: usize| (first..first + 3).all(|k| k != time);
+    let moves =
+        |first: usize| (first..first + 3).all(|k| columns[k].windows(2).any(|v| v[0] != v[1]));
+    let triples = || (0..width.saturating_sub(2)).filter(|k| free(*k) && moves(*k));
+    let gravity = |first: usize| {
+        let norms = norms(&columns, first);
+        let middle = median(norms.iter().copied());
+        let spread = median(norms.iter().map(|n| (n - middle).abs())) / middle;
+        let rows = units::rows([&columns[first], &columns[first + 1], &columns[first + 2]]);
+        let unit = units::accel(&rows, step).ok().filter(|_| spread < STEADY);
+        unit.map(|(_, increments)| increments)
+    };
+    let mut names: Vec<String> = (1..=width).map(|k| format!("column_{k}")).collect();
+    names[time] = "time".to_owned();
+    let mut name = |first: usize, channels: [&str; 3]| {
+        for (k, channel) in channels.iter().enumerate() {
+            names[first + k] = (*channel).to_owned();
+        }
+    };
+    if let Some(place) = (time + 1..width.saturating_sub(2)).find(|k| is_place(&columns, *k)) {
+        name(place, ["lat", "lon", "height"]);
+        return Some(names);
+    }
+    let (accel, increments) = triples().find_map(|k| Some((k, gravity(k)?)))?;
+    let gyro = {
+        let beside = [accel.checked_sub(3), Some(accel + 3)].into_iter().flatten();
+        let fits = beside.filter(|k| k + 3 <= width && free(*k) && moves(*k));
+        fits.min_by(|a, b| lopsided(&columns, *a).total_cmp(&lopsided(&columns, *b)))?
+    };
+    name(accel, if increments { DVEL } else { ACCEL });
+    name(gyro, if increments { DTHETA } else { GYRO });
+    Some(names)
+}
+
+/// Tests whether three columns are latitude, longitude and height: the first two are far from zero
+/// and change by little.
+fn is_place(columns: &[Vec<f64>], first: usize) -> bool {
+    let [lat, lon, height] = [0, 1, 2].map(|k| &columns[first + k]);
+    let within = |values: &[f64], most: f64| values.iter().all(|v| v.abs() <= most);
+    let slow = |values: &[f64]| {
+        let step = median(values.windows(2).map(|v| (v[1] - v[0]).abs()));
+        let size = median(values.iter().map(|v| v.abs()));
+        step < 1e-3 && size > 1e3 * step && values.iter().any(|v| v.fract() != 0.0)
+    };
+    within(lat, 90.0) && within(lon, 360.0) && within(height, 2e4) && slow(lat) && slow(lon)
+}

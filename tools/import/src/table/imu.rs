@@ -1,0 +1,81 @@
+//! The inertial unit of a table: rates or increments, in the units that the numbers show.
+
+use super::clock::Clock;
+use super::columns::{ACCEL, DTHETA, DVEL, GYRO, Table};
+use super::units::{self, Decided, Evidence, median, same, settle};
+use crate::found::Found;
+
+/// Number of rows from which the norm of the specific force is a rule.
+const FEW: usize = 10;
+
+impl Table<'_> {
+    /// The inertial unit.
+    ///
+    /// # Errors
+    /// When the specific forces hold no gravity in any unit, and their headings state none.
+    pub(super) fn imu(&self, clock: &Clock) -> Result<Found, String> {
+        let named = !(self.has(&GYRO) && self.has(&ACCEL));
+        let (turns, speeds) = if named { (DTHETA, DVEL) } else { (GYRO, ACCEL) };
+        let interval = median(clock.seconds.windows(2).map(|t| t[1] - t[0]));
+        let mut questions = Vec::new();
+        let (accel, increments) = self.forces(named, speeds, interval, &mut questions)?;
+        let per = if increments { interval } else { 1.0 };
+        let in_g = accel.as_deref().is_some_and(|unit| ["g", "mg", "g*s"].contains(&unit));
+        let gyro = self.rates(turns, (clock, per, in_g), &self.vector(speeds), &mut questions);
+        let targets = if increments { [DTHETA, DVEL] } else { [GYRO, ACCEL] };
+        let mut source = Vec::new();
+        for (names, targets, unit) in [(turns, targets[0], gyro), (speeds, targets[1], accel)] {
+            for (name, target) in names.iter().zip(targets) {
+                source.extend(self.key(name, target, unit.as_deref(), &mut questions));
+            }
+        }
+        let sensor =
+            if increments { vec!["output = \"increments\"".to_owned()] } else { Vec::new() };
+        Ok(Found { kind: "imu", sensor, source, questions, velocity: false })
+    }
+
+    /// The unit of the specific forces, and `true` for increments; no unit where each heading has
+    /// its own.
+    fn forces(
+        &self,
+        named: bool,
+        channels: [&str; 3],
+        interval: f64,
+        questions: &mut Vec<String>,
+    ) -> Result<(Option<String>, bool), String> {
+        let (forces, stated) = (self.vector(channels), self.stated(channels));
+        if stated.is_none() && self.any_stated(channels) {
+            return Ok((None, named));
+        }
+        match units::accel(&forces, interval) {
+            Ok((shown, increments)) if stated.is_none() || named == increments => {
+                let unit = settle("the specific force", stated, shown, true, questions);
+                Ok((Some(unit), increments))
+            }
+            Err(why) if stated.is_none() && forces.len() > FEW => Err(why),
+            _ => Ok((stated, named)),
+        }
+    }
+
+    /// The unit of the angular rates, which are `per` s for increments.
+    fn rates(
+        &self,
+        channels: [&str; 3],
+        (clock, per, in_g): (&Clock, f64, bool),
+        forces: &[[f64; 3]],
+        questions: &mut Vec<String>,
+    ) -> Option<String> {
+        let scaled: Vec<[f64; 3]> =
+            self.vector(channels).iter().map(|w| w.map(|w| w / per)).collect();
+        let shown = units::gyro(&clock.seconds, &scaled, forces, in_g);
+        let increments = channels == DTHETA || per != 1.0;
+        let unit = if increments { shown.unit.trim_end_matches("/s") } else { &shown.unit };
+        let shown = Decided { unit: unit.to_owned(), ..shown };
+        let (strong, stated) = (shown.evidence == Evidence::Strong, self.stated(channels));
+        if stated.is_none() && self.any_stated(channels) {
+            return None;
+        }
+        let differs = stated.as_ref().is_some_and(|unit| !same(unit, &shown.unit));
+        Some(settle("the angular rate", stated, shown, strong && differs, questions))
+    }
+}

@@ -1,0 +1,234 @@
+//! The layout of a table: its separator, the lines before its rows, its headings and its rows.
+
+use navfuse_core::document::quoted;
+use navfuse_core::units::parse_unit;
+use std::collections::HashMap;
+
+/// Largest number of lines by which the layout is found.
+const LINES: usize = 4000;
+/// Words for a missing number.
+const ABSENT: [&str; 5] = ["", "na", "n/a", "null", "none"];
+/// Separators and decimal commas, in the order in which they are tried.
+const FORMS: [(Option<char>, bool); 9] = [
+    (Some(','), false),
+    (Some(';'), false),
+    (Some(';'), true),
+    (Some('\t'), false),
+    (Some('\t'), true),
+    (Some('|'), false),
+    (Some('|'), true),
+    (None, false),
+    (None, true),
+];
+
+/// The layout of a table.
+#[derive(Clone, Debug, Default)]
+pub struct Layout {
+    /// Separator; `None` for spaces.
+    delimiter: Option<char>,
+    decimal_comma: bool,
+    /// Start of comments, if it is not `#`.
+    comment: Option<char>,
+    /// Lines at the beginning that are no part of the table.
+    skip: usize,
+    /// Set if the source must be given the headings.
+    pub given: bool,
+    /// Headings, empty for a table without.
+    pub headings: Vec<String>,
+    /// Units in a line of their own, by column.
+    pub units: Vec<String>,
+    /// Cells of the first rows.
+    pub rows: Vec<Vec<String>>,
+}
+
+/// The text of a comment.
+fn uncommented(line: &str) -> Option<(char, &str)> {
+    let start = line.chars().next().filter(|c| matches!(c, '#' | '%'));
+    let start = start.or_else(|| line.starts_with("//").then_some('/'))?;
+    Some((start, line.trim_start_matches(start).trim_start()))
+}
+
+fn split(line: &str, delimiter: Option<char>) -> Vec<String> {
+    let clean = |cell: &str| cell.trim().trim_matches('"').trim().to_owned();
+    let Some(delimiter) = delimiter else { return line.split_whitespace().map(clean).collect() };
+    let mut quote = false;
+    let outside = |c: char| {
+        quote ^= c == '"';
+        c == delimiter && !quote
+    };
+    line.trim_end_matches('\r').split(outside).map(clean).collect()
+}
+
+fn is_number(cell: &str) -> bool {
+    cell.parse::<f64>().is_ok()
+}
+
+/// Cells with numbers, if at least half of the cells that are not empty are numbers.
+fn numbers(cells: &[String]) -> Option<usize> {
+    let absent = |c: &&String| ABSENT.contains(&c.to_ascii_lowercase().as_str());
+    let numbers = cells.iter().filter(|c| is_number(c)).count();
+    let words = cells.len() - numbers - cells.iter().filter(absent).count();
+    (cells.len() > 1 && numbers > 0 && words <= numbers).then_some(numbers)
+}
+
+/// The usual number of cells in a form, and the share of numbers in the lines with as many.
+fn score(lines: &[&str], delimiter: Option<char>) -> (f64, usize) {
+    let mut widths: HashMap<usize, f64> = HashMap::new();
+    for line in lines {
+        let cells = split(line, delimiter);
+        if let Some(numbers) = numbers(&cells) {
+            *widths.entry(cells.len()).or_default() += numbers as f64 / cells.len() as f64;
+        }
+    }
+    let best = widths.into_iter().max_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+    best.map_or((0.0, 0), |(width, score)| (score, width))
+}
+
+fn is_unit(cell: &str) -> bool {
+    let bracketed = cell.starts_with(['(', '[']) && cell.ends_with([')', ']']);
+    bracketed || (cell.len() > 1 && parse_unit(cell).is_ok())
+}
+
+impl Layout {
+    /// Finds the layout; `None` where no two lines look like rows of one table. The last line of
+    /// the text may be cut off.
+    pub fn of(text: &str) -> Option<Self> {
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let points = text.replace(',', ".");
+        let form = |comma: bool| -> Vec<&str> {
+            let text = if comma { points.as_str() } else { text };
+            text.split('\n').take(LINES).collect()
+        };
+        let forms = [form(false), form(true)];
+        let last = forms[0].len().saturating_sub(1).max(1);
+        let mut best = (0.0, 0, None, false);
+        for (delimiter, comma) in FORMS {
+            let rows: Vec<&str> = forms[usize::from(comma)][..last]
+                .iter()
+                .copied()
+                .filter(|line| uncommented(line).is_none())
+                .collect();
+            let (score, width) = score(&rows, delimiter);
+            if score > 1.001 * best.0 {
+                best = (score, width, delimiter, comma);
+            }
+        }
+        let (_, width, delimiter, decimal_comma) = best;
+        let lines = &forms[usize::from(decimal_comma)][..last];
+        let row = |line: &&str| {
+            let cells = split(line, delimiter);
+            let fits = uncommented(line).is_none() && cells.len() == width;
+            Some(cells).filter(|cells| fits && numbers(cells).is_some())
+        };
+        let first = lines.iter().position(|line| row(line).is_some())?;
+        let rows: Vec<Vec<String>> = lines.iter().filter_map(row).collect();
+        let mut layout = Self { delimiter, decimal_comma, rows, ..Self::default() };
+        let others = lines[first..].iter().filter_map(|line| uncommented(line));
+        layout.comment = others.map(|(c, _)| c).find(|c| *c != '#');
+        layout.find_headings(&lines[..first], width);
+        Some(layout)
+    }
+
+    /// Finds the headings and the units in the lines before the rows.
+    fn find_headings(&mut self, before: &[&str], width: usize) {
+        let ends_empty = self.rows.iter().all(|row| row.last().is_some_and(String::is_empty));
+        let cells = |line: &str| -> Option<Vec<String>> {
+            let text = uncommented(line).map_or(line, |(_, rest)| rest);
+            let separators = [self.delimiter, Some(','), Some(';'), Some('\t'), None];
+            let fits = |cells: &Vec<String>| {
+                let count = cells.len();
+                count == width || (ends_empty && count + 1 == width)
+            };
+            separators.into_iter().map(|d| split(text, d)).find(fits)
+        };
+        let mut titles = (before.iter().enumerate())
+            .filter_map(|(k, line)| Some((k, cells(line)?)))
+            .filter(|(_, cells)| cells.iter().all(|c| !is_number(c)));
+        let mut last = titles.next_back();
+        if let Some((_, units)) = last.clone().filter(|(_, c)| c.iter().all(|c| is_unit(c))) {
+            self.units = units;
+            last = titles.next_back();
+        }
+        let blank = |line: &&&str| !line.trim().is_empty();
+        let marks: Vec<Option<char>> =
+            before.iter().filter(blank).map(|l| uncommented(l).map(|(c, _)| c)).collect();
+        let Some((place, headings)) = last else {
+            match marks.first() {
+                Some(Some(mark)) if marks.iter().all(|m| *m == Some(*mark)) => self.mark(*mark),
+                _ => self.skip = if marks.is_empty() { 0 } else { before.len() },
+            }
+            return;
+        };
+        let line = before[place];
+        let commented = uncommented(line).is_some();
+        let same = split(line, self.delimiter) == headings;
+        let unique = unique(&headings);
+        self.given = commented || !same || !self.units.is_empty() || unique != headings;
+        self.headings = unique;
+        self.headings.resize(width, String::new());
+        let plain = marks.iter().filter(|m| m.is_none()).count();
+        let mark = marks.iter().flatten().next();
+        let one = marks.iter().flatten().all(|m| Some(m) == mark);
+        if plain == usize::from(!commented) && one && (commented || !self.given) {
+            mark.into_iter().for_each(|mark| self.mark(*mark));
+        } else {
+            self.skip = if self.given { before.len() } else { place };
+        }
+    }
+
+    fn mark(&mut self, comment: char) {
+        if comment != '#' {
+            self.comment = Some(comment);
+        }
+    }
+
+    /// The keys of the source for this layout.
+    pub fn keys(&self) -> Vec<String> {
+        let mut keys = Vec::new();
+        match self.delimiter {
+            Some(',') => {}
+            Some(c) => keys.push(format!("delimiter = {}", quoted(&c.to_string()))),
+            None => keys.push("delimiter = \"whitespace\"".to_owned()),
+        }
+        if self.decimal_comma {
+            keys.push("decimal = \",\"".to_owned());
+        }
+        keys.extend(self.comment.map(|c| format!("comment = \"{c}\"")));
+        if self.skip > 0 {
+            keys.push(format!("skip = {}", self.skip));
+        }
+        if self.given {
+            let list: Vec<String> = self.headings.iter().map(|h| quoted(h)).collect();
+            keys.push(format!("headings = [{}]", list.join(", ")));
+        }
+        keys
+    }
+
+    /// The numbers of a column; NaN where a cell has none.
+    pub fn column(&self, index: usize) -> Vec<f64> {
+        let cell = |row: &Vec<String>| row.get(index).and_then(|c| c.parse().ok());
+        self.rows.iter().map(|row| cell(row).unwrap_or(f64::NAN)).collect()
+    }
+
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.rows.first().map_or(0, Vec::len)
+    }
+}
+
+/// Headings, of which each occurs once.
+fn unique(headings: &[String]) -> Vec<String> {
+    let mut seen: HashMap<&str, usize> = HashMap::new();
+    let number = |heading: &str, count: usize| match count {
+        1 => heading.to_owned(),
+        n => format!("{heading} ({n})"),
+    };
+    headings
+        .iter()
+        .map(|heading| {
+            let count = seen.entry(heading).or_default();
+            *count += 1;
+            number(heading, *count)
+        })
+        .collect()
+}

@@ -1,0 +1,256 @@
+//! Units from magnitudes: what the numbers of a table say about the units of its columns.
+//!
+//! Gravity decides the unit of the specific force. The rate at which gravity turns in the axes of
+//! the body, `d u / dt = -w x u`, decides the unit of the angular rate where a vehicle tilts; else
+//! the range of the rates and their noise do. Intervals and the date decide the unit of the time.
+
+use navfuse_core::units::parse_unit;
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::ops::RangeInclusive;
+
+/// Standard gravity, m/s^2.
+const GRAVITY: f64 = 9.806_65;
+/// Range of a median norm, in units of gravity, that is gravity.
+const NEAR: RangeInclusive<f64> = 0.8..=1.25;
+/// Radians of a degree.
+const DEGREE: f64 = PI / 180.0;
+/// Rates beyond this are no rad/s of a vehicle: 2000 deg/s, the range of common gyros.
+const RANGE: f64 = 35.0;
+/// Spread of rates, rad/s, that no vehicle keeps up.
+const SPREAD: f64 = 2.0;
+/// Noise from sample to sample, rad/s, that few gyros exceed: 0.5 deg/s.
+const NOISE: f64 = 8e-3;
+/// Length of the means by which gravity is followed, s.
+const BLOCK: f64 = 0.25;
+/// Correlation from which the turn of gravity decides.
+const CORRELATED: f64 = 0.6;
+/// Usual intervals of an IMU and of an aiding sensor, s.
+pub const IMU_INTERVAL: f64 = 0.01;
+pub const AID_INTERVAL: f64 = 0.3;
+/// Seconds since 1970 of the years 2000 and 2050, and of GPS time in the same years.
+const UNIX: RangeInclusive<f64> = 9.4e8..=2.6e9;
+/// Units of a time with their factors.
+const TIMES: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
+
+/// A unit and the reason for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decided {
+    /// A unit expression.
+    pub unit: String,
+    /// The evidence, for a message.
+    pub why: String,
+    /// How much the numbers decide.
+    pub evidence: Evidence,
+}
+
+/// The weight of the numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Evidence {
+    /// The unit is assumed.
+    None,
+    /// The unit is likely; a heading with another one is right.
+    Weak,
+    /// Another unit is not possible.
+    Strong,
+}
+
+fn decided(unit: &str, why: String, evidence: Evidence) -> Decided {
+    Decided { unit: unit.to_owned(), why, evidence }
+}
+
+/// The unit of a quantity: the stated one, unless the numbers contradict it. A question names a
+/// unit that no heading states.
+pub fn settle(
+    subject: &str,
+    stated: Option<String>,
+    shown: Decided,
+    contradicted: bool,
+    questions: &mut Vec<String>,
+) -> String {
+    let Decided { unit, why, evidence } = shown;
+    match stated {
+        Some(stated) if contradicted && !same(&stated, &unit) => {
+            questions
+                .push(format!("{subject}: its heading means {stated}, but {why}: {unit} is used"));
+            unit
+        }
+        Some(stated) => stated,
+        None => {
+            let verb = if evidence == Evidence::Strong { "shown" } else { "assumed" };
+            questions.push(format!("the unit of {subject}: {unit} is {verb} ({why})"));
+            unit
+        }
+    }
+}
+
+/// Tests whether two units have the same size, within 3 %.
+pub fn same(a: &str, b: &str) -> bool {
+    (factor(a) / factor(b) - 1.0).abs() < 0.03
+}
+
+/// The factor of a unit to SI; one for an unknown unit.
+pub fn factor(unit: &str) -> f64 {
+    parse_unit(unit).map_or(1.0, |u| u.to_si(1.0))
+}
+
+pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn norm(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Rows of three columns.
+pub fn rows(columns: [&[f64]; 3]) -> Vec<[f64; 3]> {
+    let [x, y, z] = columns;
+    x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect()
+}
+
+/// The unit of specific forces, and `true` for increments; `interval` in s.
+///
+/// # Errors
+/// With the norm that is no gravity in any unit.
+pub fn accel(forces: &[[f64; 3]], interval: f64) -> Result<(Decided, bool), String> {
+    let middle = median(forces.iter().map(|f| norm(*f)));
+    let candidates = [
+        ("m/s^2", GRAVITY, false),
+        ("g", 1.0, false),
+        ("m/s", GRAVITY * interval, true),
+        ("g*s", interval, true),
+        ("mg", 1000.0, false),
+        ("cm/s^2", 100.0 * GRAVITY, false),
+    ];
+    let found = candidates.iter().find(|(_, gravity, _)| NEAR.contains(&(middle / gravity)));
+    let Some((unit, _, increments)) = found else {
+        let cause = match middle {
+            m if m < 0.3 * GRAVITY => "is gravity removed from them? The filter needs it",
+            m if m > 500.0 => "are they raw counts? The scale of the sensor is needed",
+            _ => "check their columns",
+        };
+        return Err(format!(
+            "the specific forces have a median norm of {middle:.4}, which is gravity in none of \
+             m/s^2, g, mg or increments: {cause}"
+        ));
+    };
+    let why = format!("the median norm {middle:.4} is gravity");
+    Ok((decided(unit, why, Evidence::Strong), *increments))
+}
+
+/// The factor of rates to rad/s by the turn of gravity, where the vehicle tilts enough.
+fn by_gravity(times: &[f64], rates: &[[f64; 3]], forces: &[[f64; 3]]) -> Option<f64> {
+    let mut blocks: Vec<(f64, [f64; 3], [f64; 3])> = Vec::new();
+    let (mut end, mut count, mut sums) = (f64::NEG_INFINITY, 0.0, [0.0; 7]);
+    for ((t, w), f) in times.iter().zip(rates).zip(forces) {
+        let row = [*t, w[0], w[1], w[2], f[0], f[1], f[2]];
+        if !row.iter().all(|x| x.is_finite()) {
+            continue;
+        }
+        if *t >= end && count > 0.0 {
+            let [t, w @ .., x, y, z] = sums.map(|s: f64| s / count);
+            let size = norm([x, y, z]);
+            blocks.push((t, w, [x / size, y / size, z / size]));
+            (count, sums) = (0.0, [0.0; 7]);
+        }
+        if count == 0.0 {
+            end = t + BLOCK;
+        }
+        count += 1.0;
+        sums.iter_mut().zip(row).for_each(|(sum, x)| *sum += x);
+    }
+    let (mut xy, mut xx, mut yy) = (0.0, 0.0, 0.0);
+    for [(t, w, u), (t1, w1, u1)] in blocks.array_windows() {
+        let mean: [f64; 3] = std::array::from_fn(|k| 0.5 * (w[k] + w1[k]) * (t1 - t));
+        let turn = [
+            u[1] * mean[2] - u[2] * mean[1],
+            u[2] * mean[0] - u[0] * mean[2],
+            u[0] * mean[1] - u[1] * mean[0],
+        ];
+        for k in 0..3 {
+            let change = u1[k] - u[k];
+            (xy, xx, yy) = (xy + turn[k] * change, xx + turn[k] * turn[k], yy + change * change);
+        }
+    }
+    let correlation = xy.abs() / (xx * yy).sqrt();
+    (blocks.len() > 20 && correlation > CORRELATED).then(|| (yy / xx).sqrt())
+}
+
+/// The unit of angular rates, with the specific forces in any unit; `in_g` if it is g.
+pub fn gyro(times: &[f64], rates: &[[f64; 3]], forces: &[[f64; 3]], in_g: bool) -> Decided {
+    let unit = |degrees: bool| if degrees { "deg/s" } else { "rad/s" };
+    let largest = rates.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs()));
+    if largest > RANGE {
+        let why = format!("rates up to {largest:.0} are no rad/s");
+        return decided(unit(true), why, Evidence::Strong);
+    }
+    if let Some(factor) = by_gravity(times, rates, forces) {
+        let why = "gravity turns at this rate in the axes of the IMU";
+        let close = |unit: f64| (0.3..3.0).contains(&(factor / unit));
+        for (degrees, unit_size) in [(false, 1.0), (true, DEGREE)] {
+            if close(unit_size) {
+                return decided(unit(degrees), why.to_owned(), Evidence::Strong);
+            }
+        }
+    }
+    let axis = |k: usize| rates.iter().map(move |w| w[k]);
+    let spread = |k: usize| {
+        let middle = median(axis(k));
+        median(axis(k).map(|w| (w - middle).abs()))
+    };
+    let spread = (0..3).map(spread).fold(0.0, f64::max);
+    if spread > SPREAD {
+        let why = format!("no vehicle keeps up a spread of {spread:.1} rad/s");
+        return decided(unit(true), why, Evidence::Strong);
+    }
+    // the noise from sample to sample; a data sheet in g has deg/s, too
+    let differences = |k: usize| rates.windows(2).map(move |w| (w[1][k] - w[0][k]).abs());
+    let noise = (0..3).map(|k| median(differences(k)) / 0.954).fold(0.0, f64::max);
+    let limit = if in_g { 0.3 * NOISE } else { NOISE };
+    let clear = noise > 3.0 * limit || noise < limit / 3.0;
+    let evidence = if clear { Evidence::Weak } else { Evidence::None };
+    decided(unit(noise > limit), format!("the noise of the rates is {noise:.1e}"), evidence)
+}
+
+/// The unit of a time: by the date if it has one, else by the usual interval.
+pub fn time(values: &[f64], usual: f64) -> Option<Decided> {
+    let first = values.iter().copied().find(|v| v.is_finite())?;
+    let last = values.iter().rev().copied().find(|v| v.is_finite())?;
+    let dated = |(_, factor): &&(&str, f64)| UNIX.contains(&(last * factor));
+    if let Some((unit, _)) = TIMES.iter().find(dated) {
+        let why = format!("{first} is a date in {unit} since 1970");
+        return Some(decided(unit, why, Evidence::Strong));
+    }
+    let step = median(values.windows(2).map(|v| v[1] - v[0]));
+    if step.is_nan() || step <= 0.0 {
+        return None;
+    }
+    let distance = |factor: f64| (step * factor / usual).ln().abs();
+    let (unit, factor) = TIMES.iter().min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))?;
+    let rate = 1.0 / (step * factor);
+    let why = format!("the interval {step:.6} gives {rate:.4} Hz");
+    let mut others: Vec<f64> = TIMES.iter().map(|t| distance(t.1)).collect();
+    others.sort_by(f64::total_cmp);
+    // a factor of a thousand lies between the units; in its middle nothing decides
+    let clear = others[1] - others[0] > 1.5;
+    Some(decided(unit, why, if clear { Evidence::Weak } else { Evidence::None }))
+}
+
+/// The unit of latitudes and longitudes: a unit, a factor, and `true` for ddmm.mmmm.
+pub fn angle(latitudes: &[f64], longitudes: &[f64]) -> (&'static str, f64, bool) {
+    let largest = |values: &[f64]| {
+        values.iter().filter(|v| v.is_finite()).fold(0.0, |a: f64, b| a.max(b.abs()))
+    };
+    let (lat, lon) = (largest(latitudes), largest(longitudes));
+    let minutes = |values: &[f64]| values.iter().all(|v| !v.is_finite() || v.abs() % 100.0 < 60.0);
+    if lat > 9_100.0 || lon > 18_100.0 {
+        ("deg", 1e-7, false)
+    } else if (lat > 91.0 || lon > 361.0) && minutes(latitudes) && minutes(longitudes) {
+        ("deg", 1.0, true)
+    } else if lat <= FRAC_PI_2 && lon <= PI && lat > 0.0 {
+        ("rad", 1.0, false)
+    } else {
+        ("deg", 1.0, false)
+    }
+}

@@ -1,0 +1,367 @@
+//! One vocabulary of headings: the words of many programs for the channels of sensors.
+
+use navfuse_core::units::{Unit, column_suffix, parse_unit, suffix_expression};
+
+/// The quantity of a column.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Meaning {
+    /// Channel of a sensor, `time`, or `week`.
+    pub channel: &'static str,
+    /// Unit in the heading, as a unit expression.
+    pub unit: Option<String>,
+    /// -1 for an axis that points the other way.
+    pub sign: f64,
+    /// Place among the words for the channel: the first is the best.
+    pub rank: usize,
+}
+
+/// Words that only say where a quantity comes from.
+const NOISE: [&str; 34] = [
+    "field",
+    "msg",
+    "header",
+    "imu",
+    "imu0",
+    "imu1",
+    "raw",
+    "data",
+    "value",
+    "body",
+    "b",
+    "sensor",
+    "sensors",
+    "calibrated",
+    "cal",
+    "uncal",
+    "uncomp",
+    "comp",
+    "compensated",
+    "filtered",
+    "measured",
+    "rs",
+    "s",
+    "axis",
+    "gps",
+    "gnss",
+    "ins",
+    "nav",
+    "rtk",
+    "llh",
+    "pos",
+    "ned",
+    "enu",
+    "antenna",
+];
+
+/// Words for a vector: its three channels and their SI unit.
+const VECTORS: [([&str; 3], &str, &[&str]); 5] = [
+    (
+        ["gyro_x", "gyro_y", "gyro_z"],
+        "rad/s",
+        &[
+            "gyro",
+            "gyr",
+            "gyros",
+            "gyroscope",
+            "angularvelocity",
+            "angularrate",
+            "angvel",
+            "angrate",
+            "rotationrate",
+            "turnrate",
+            "bodyrate",
+            "omega",
+            "rate",
+            "rates",
+            "w",
+            "g",
+            "om",
+        ],
+    ),
+    (
+        ["accel_x", "accel_y", "accel_z"],
+        "m/s^2",
+        &[
+            "accel",
+            "acc",
+            "acce",
+            "accelerometer",
+            "acceleration",
+            "linearacceleration",
+            "linacc",
+            "specificforce",
+            "force",
+            "a",
+            "f",
+            "alpha",
+        ],
+    ),
+    (["dtheta_x", "dtheta_y", "dtheta_z"], "rad", &["dtheta", "deltatheta", "deltaangle", "dang"]),
+    (["dvel_x", "dvel_y", "dvel_z"], "m/s", &["dvel", "deltavelocity", "deltavel", "deltav", "dv"]),
+    (
+        ["vel_x", "vel_y", "vel_z"],
+        "m/s",
+        &["vel", "velocity", "v", "bottomvelocity", "dvl", "dvlvel"],
+    ),
+];
+
+/// Words for the axes of a vector, with the sign towards forward, right, down.
+const AXES: [(&str, usize, f64); 15] = [
+    ("x", 0, 1.0),
+    ("y", 1, 1.0),
+    ("z", 2, 1.0),
+    ("0", 0, 1.0),
+    ("1", 1, 1.0),
+    ("2", 2, 1.0),
+    ("forward", 0, 1.0),
+    ("fwd", 0, 1.0),
+    ("front", 0, 1.0),
+    ("right", 1, 1.0),
+    ("rgt", 1, 1.0),
+    ("left", 1, -1.0),
+    ("down", 2, 1.0),
+    ("dwn", 2, 1.0),
+    ("up", 2, -1.0),
+];
+
+/// Words for a number: its channel, its SI unit, and the sign.
+const SCALARS: [(&str, &str, f64, &[&str]); 21] = [
+    ("gyro_x", "rad/s", 1.0, &["rollrate", "p"]),
+    ("gyro_y", "rad/s", 1.0, &["pitchrate", "q"]),
+    ("gyro_z", "rad/s", 1.0, &["yawrate", "r"]),
+    ("lat", "rad", 1.0, &["lat", "latitude"]),
+    ("lon", "rad", 1.0, &["lon", "lng", "long", "longitude"]),
+    (
+        "height",
+        "m",
+        1.0,
+        &[
+            "height",
+            "ellipsoidheight",
+            "heightellipsoid",
+            "altellipsoid",
+            "altitudeellipsoid",
+            "ellheight",
+            "hae",
+            "altitude",
+            "alt",
+            "hgt",
+            "h",
+            "heightmsl",
+            "altmsl",
+        ],
+    ),
+    (
+        "vel_n",
+        "m/s",
+        1.0,
+        &["veln", "vn", "velnorth", "vnorth", "velocitynorth", "northvelocity", "velocityn"],
+    ),
+    (
+        "vel_e",
+        "m/s",
+        1.0,
+        &["vele", "ve", "veleast", "veast", "velocityeast", "eastvelocity", "velocitye"],
+    ),
+    (
+        "vel_d",
+        "m/s",
+        1.0,
+        &["veld", "vd", "veldown", "vdown", "velocitydown", "downvelocity", "velocityd"],
+    ),
+    (
+        "vel_d",
+        "m/s",
+        -1.0,
+        &["velu", "vu", "velup", "vup", "velocityup", "upvelocity", "velocityu"],
+    ),
+    ("h_acc", "m", 1.0, &["hacc", "horizontalaccuracy", "eph", "accuracyh"]),
+    ("v_acc", "m", 1.0, &["vacc", "verticalaccuracy", "epv", "accuracyv"]),
+    ("s_acc", "m/s", 1.0, &["sacc", "speedaccuracy", "velocityaccuracy"]),
+    ("roll", "rad", 1.0, &["roll", "phi"]),
+    ("pitch", "rad", 1.0, &["pitch"]),
+    ("yaw", "rad", 1.0, &["yaw", "heading", "azimuth", "psi", "hdg"]),
+    ("depth", "m", 1.0, &["depth"]),
+    ("speed", "m/s", 1.0, &["speed", "wheelspeed", "odometerspeed"]),
+    (
+        "time",
+        "s",
+        1.0,
+        &[
+            "stamp",
+            "timestamp",
+            "time",
+            "t",
+            "times",
+            "sampletimefine",
+            "timeseconds",
+            "seconds",
+            "elapsed",
+            "elapsedtime",
+            "secondselapsed",
+            "timeelapsed",
+            "timeus",
+            "timestartup",
+            "timegps",
+            "gpstime",
+            "unixtime",
+            "epoch",
+            "epochtime",
+            "unixtimestamp",
+            "rosbagtimestamp",
+            "datetime",
+            "utc",
+            "utctime",
+            "timeutc",
+            "localtime",
+            "systemtime",
+            "hosttime",
+            "sow",
+            "tow",
+            "gpstow",
+            "timeofweek",
+            "secondsofweek",
+            "itow",
+            "sec",
+            "secs",
+            "millis",
+            "micros",
+            "timeboot",
+        ],
+    ),
+    ("date", "", 1.0, &["date"]),
+    ("week", "", 1.0, &["week", "gpsweek"]),
+];
+
+/// A heading in words: lower case, without separators.
+fn words(heading: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut before = ' ';
+    for c in heading.chars() {
+        let turns = c.is_uppercase() && (before.is_lowercase() || before.is_ascii_digit());
+        if !c.is_alphanumeric() || turns {
+            words.push(String::new());
+        }
+        if c.is_alphanumeric() {
+            words.iter_mut().last().into_iter().for_each(|w| w.extend(c.to_lowercase()));
+        }
+        before = c;
+    }
+    words.retain(|w| !w.is_empty());
+    words
+}
+
+/// The units that programs write, as an expression.
+pub fn expression(text: &str) -> Option<String> {
+    let clean = text.trim().trim_matches(['(', ')', '[', ']']).trim();
+    let known = match clean.to_ascii_lowercase().as_str() {
+        "g" | "gee" => Some("g"),
+        "mg" => Some("mg"),
+        "dps" | "°/s" | "deg/sec" | "degrees/s" | "degree/s" | "deg s^-1" | "deg.s^-1"
+        | "deg s-1" => Some("deg/s"),
+        "rps" | "rad/sec" | "rad s^-1" | "rad.s^-1" | "rad s-1" | "radians/s" => Some("rad/s"),
+        "m/s/s" | "m/sec^2" | "m/s2" | "m/s²" | "m s^-2" | "m.s^-2" | "m s-2" | "mps2"
+        | "meter/s^2" => Some("m/s^2"),
+        "m s^-1" | "m.s^-1" | "m/sec" | "m s-1" | "mps" => Some("m/s"),
+        "kph" | "kmh" => Some("km/h"),
+        "knots" | "kts" | "kt" => Some("kn"),
+        "degree" | "degrees" | "°" => Some("deg"),
+        "radian" | "radians" => Some("rad"),
+        "sec" | "secs" | "second" | "seconds" => Some("s"),
+        "msec" | "millisecond" | "milliseconds" => Some("ms"),
+        "usec" | "microsecond" | "microseconds" | "μs" | "µs" => Some("us"),
+        "nsec" | "nanosecond" | "nanoseconds" => Some("ns"),
+        "meter" | "meters" | "metres" => Some("m"),
+        _ => None,
+    };
+    let valid = |text: &str| parse_unit(text).is_ok().then(|| text.to_owned());
+    let suffix = || suffix_expression(clean).and_then(|e| valid(&e));
+    known.map(str::to_owned).or_else(|| valid(clean)).or_else(suffix)
+}
+
+/// The unit of a heading, if it fits the channel. Gyros may name the angle alone.
+pub fn fitting(unit: &str, si: &str) -> Option<String> {
+    let text = expression(unit)?;
+    let exponents = |text: &str| parse_unit(text).ok().as_ref().map(Unit::exponents);
+    if exponents(&text) == exponents(si) {
+        Some(text)
+    } else {
+        let rate = format!("{text}/s");
+        (si == "rad/s" && exponents(&rate) == exponents(si)).then_some(rate)
+    }
+}
+
+/// The SI unit of a channel.
+pub fn si(channel: &str) -> &'static str {
+    let vector = VECTORS.iter().find(|(names, ..)| names.contains(&channel));
+    let scalar = || SCALARS.iter().find(|(name, ..)| *name == channel).map(|s| s.1);
+    vector.map(|v| v.1).or_else(scalar).unwrap_or_default()
+}
+
+/// The channel of words without a unit, and its sign and rank.
+fn channel(words: &[String]) -> Option<(&'static str, f64, usize)> {
+    let plain = words.concat();
+    let kept: Vec<&str> = words.iter().map(String::as_str).filter(|w| !NOISE.contains(w)).collect();
+    let joined = kept.concat();
+    let number = |text: &str| {
+        SCALARS.iter().find_map(|(name, _, sign, words)| {
+            Some((*name, *sign, words.iter().position(|w| *w == text)?))
+        })
+    };
+    let vector = |text: &str, axis: &str| {
+        let (_, axis, sign) = AXES.iter().find(|(word, ..)| *word == axis)?;
+        VECTORS.iter().find_map(|(names, _, words)| {
+            Some((names[*axis], *sign, words.iter().position(|w| *w == text)?))
+        })
+    };
+    let split = |text: &str| -> Option<(&'static str, f64, usize)> {
+        // the axis at the end or at the beginning of the words
+        let cut = |at: usize| text.is_char_boundary(at).then(|| text.split_at(at));
+        let ends = AXES.iter().filter(|(word, ..)| text.len() > word.len());
+        ends.clone()
+            .filter_map(|(word, ..)| cut(text.len() - word.len()))
+            .find_map(|(stem, axis)| vector(stem, axis))
+            .or_else(|| {
+                ends.filter_map(|(word, ..)| cut(word.len()))
+                    .find_map(|(axis, stem)| vector(stem, axis))
+            })
+    };
+    number(&joined).or_else(|| number(&plain)).or_else(|| split(&joined)).or_else(|| split(&plain))
+}
+
+/// The meaning of a heading.
+pub fn meaning(heading: &str) -> Option<Meaning> {
+    let heading = heading.trim().trim_start_matches(['%', '#']);
+    let bracket = |open: char, close: char| {
+        let (name, rest) = heading.split_once(open)?;
+        let (inner, after) = rest.split_once(close)?;
+        let index = inner.trim().parse::<usize>().is_ok();
+        (!index).then(|| (format!("{name} {after}"), inner.to_owned()))
+    };
+    let (name, stated) = match bracket('[', ']').or_else(|| bracket('(', ')')) {
+        Some((name, unit)) => (name, Some(unit)),
+        None => (heading.to_owned(), None),
+    };
+    let words = words(&name);
+    let found = |words: &[String], unit: Option<&str>| {
+        let (channel, sign, rank) = channel(words)?;
+        let unit = unit.and_then(|unit| fitting(unit, si(channel)));
+        Some(Meaning { channel, unit, sign, rank })
+    };
+    let index = words.last().filter(|w| w.parse::<usize>().is_ok()).cloned();
+    let body = &words[..words.len() - usize::from(index.is_some())];
+    // the longest end of the heading that is a unit
+    let ending = (1..body.len()).find_map(|at| {
+        let unit = body[at..].join("_");
+        let known = column_suffix(&unit).is_some() || expression(&unit).is_some();
+        let stem = [&body[..at], index.as_slice()].concat();
+        known.then(|| found(&stem, Some(&unit)).filter(|m| m.unit.is_some())).flatten()
+    });
+    match stated {
+        Some(unit) => found(&words, Some(&unit)).or(ending),
+        None => ending.or_else(|| found(&words, None)),
+    }
+}
+
+#[cfg(test)]
+mod tests;

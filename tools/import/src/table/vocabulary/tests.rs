@@ -1,0 +1,67 @@
+//! Headings and what they mean.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+use super::*;
+
+#[test]
+fn headings_of_many_programs_mean_a_channel_and_a_unit() {
+    for (heading, channel, unit, sign) in [
+        ("w_RS_S_x [rad s^-1]", "gyro_x", Some("rad/s"), 1.0),
+        ("a_RS_S_z [m s^-2]", "accel_z", Some("m/s^2"), 1.0),
+        ("#timestamp [ns]", "time", Some("ns"), 1.0),
+        ("omega_x", "gyro_x", None, 1.0),
+        ("alpha_y", "accel_y", None, 1.0),
+        ("%time", "time", None, 1.0),
+        ("field.header.stamp", "time", None, 1.0),
+        ("field.angular_velocity.x", "gyro_x", None, 1.0),
+        ("field.linear_acceleration.z", "accel_z", None, 1.0),
+        ("ACC X [m/s^2]", "accel_x", Some("m/s^2"), 1.0),
+        ("Acc_X", "accel_x", None, 1.0),
+        ("GyrZ", "gyro_z", None, 1.0),
+        ("SampleTimeFine", "time", None, 1.0),
+        ("Gyroscope x (rad/s)", "gyro_x", Some("rad/s"), 1.0),
+        ("Linear Acceleration x (m/s^2)", "accel_x", Some("m/s^2"), 1.0),
+        ("gyro_rad[0]", "gyro_x", Some("rad/s"), 1.0),
+        ("accelerometer_m_s2[2]", "accel_z", Some("m/s^2"), 1.0),
+        ("xgyro", "gyro_x", None, 1.0),
+        ("zacc", "accel_z", None, 1.0),
+        ("UncompAccX", "accel_x", None, 1.0),
+        ("GX (deg/s)", "gyro_x", Some("deg/s"), 1.0),
+        ("gy_dps", "gyro_y", Some("deg/s"), 1.0),
+        ("ax_g", "accel_x", Some("g"), 1.0),
+        ("AccUp (g)", "accel_z", Some("g"), -1.0),
+        ("gyro_left_dps", "gyro_y", Some("deg/s"), -1.0),
+        ("Latitude (°)", "lat", Some("deg"), 1.0),
+        ("Height (m)", "height", Some("m"), 1.0),
+        ("vel_n_m_s", "vel_n", Some("m/s"), 1.0),
+        ("velUp [km/h]", "vel_d", Some("km/h"), -1.0),
+        ("speed_mps", "speed", Some("m/s"), 1.0),
+        ("seconds_elapsed", "time", None, 1.0),
+        ("time_us", "time", Some("us"), 1.0),
+        ("GPS Week", "week", None, 1.0),
+        ("yaw rate [°/s]", "gyro_z", Some("deg/s"), 1.0),
+    ] {
+        let m = meaning(heading).unwrap_or_else(|| panic!("{heading}"));
+        let unit = unit.map(str::to_owned);
+        assert_eq!((m.channel, m.unit, m.sign), (channel, unit, sign), "{heading}");
+    }
+}
+
+#[test]
+fn a_heading_that_resembles_a_channel_is_none() {
+    for heading in [
+        "field.angular_velocity_covariance0",
+        "FreeAcc_E",
+        "mag_x",
+        "gyro_integral_dt",
+        "accelerometer_timestamp_relative",
+        "orientation.x",
+        "temperature",
+        "PacketCounter",
+        "Mat[1][1]",
+        "x",
+        "q0",
+        "",
+    ] {
+        assert_eq!(meaning(heading), None, "{heading}");
+    }
+}
