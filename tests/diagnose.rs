@@ -203,7 +203,8 @@ fn run(text: &str, settings: &[String]) -> Diagnosis {
 }
 
 /// Each kind of fault in four draws of its size, sign, axis and sensor: the right change comes first
-/// in 95 % of them, alone or without a clear margin over another, and the run with it is consistent.
+/// in 95 % of them, alone or among those that are named together (a depth in cm and one in hPa differ
+/// by half a per cent), and the run with the first one is consistent.
 #[test]
 fn the_change_that_mends_a_fault_comes_first() {
     type Kind = (&'static str, fn(&mut Draw) -> Case);
@@ -226,7 +227,7 @@ fn the_change_that_mends_a_fault_comes_first() {
             let best = diagnosis.best();
             count += 1;
             mended += usize::from(best.is_some_and(|b| b.level == VerdictLevel::Consistent));
-            let right = best.is_some_and(|best| best.change.starts_with(&case.change));
+            let right = diagnosis.near().any(|near| near.change.starts_with(&case.change));
             if !right {
                 wrong.push((case.settings, best.map(|best| best.change.clone())));
             }

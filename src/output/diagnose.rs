@@ -4,7 +4,7 @@ use super::run::tone;
 use super::terminal::Detail;
 use super::{line, marked_table, right, table};
 use navfuse_core::model::record::verdict::VerdictLevel;
-use navfuse_diagnose::{CLEAR, Diagnosis, Trial};
+use navfuse_diagnose::{Diagnosis, Trial};
 
 /// Rows of the table.
 const ROWS: usize = 10;
@@ -52,11 +52,8 @@ fn conclusion(diagnosis: &Diagnosis) {
     let Some(best) = diagnosis.best() else {
         return line("no change explains the samples better than the scenario as it is");
     };
-    let others = diagnosis.trials.iter().filter(|t| t.change != best.change);
-    let near: Vec<&str> = others
-        .take_while(|t| best.score - t.score < CLEAR)
-        .map(|trial| trial.change.as_str())
-        .collect();
+    let near: Vec<&str> =
+        diagnosis.near().map(|t| t.change.as_str()).filter(|c| *c != best.change).collect();
     let what = match best.level {
         VerdictLevel::Consistent => "remedy, with which the run is consistent",
         _ => "the best explanation, not consistent",

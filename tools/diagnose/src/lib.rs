@@ -12,13 +12,13 @@ mod search;
 mod trial;
 
 pub use apply::apply;
-pub use search::CLEAR;
 
 use navfuse_core::document::{Document, DocumentError};
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::{BuildError, Registry};
 use navfuse_core::run::scenario::Scenario;
+use search::CLEAR;
 use serde::Serialize;
 use std::sync::atomic::AtomicBool;
 
@@ -74,9 +74,14 @@ impl Diagnosis {
     /// The best change, if the samples favour one. Among changes without a clear margin, one that
     /// makes the run consistent comes first.
     pub fn best(&self) -> Option<&Trial> {
-        let first = self.trials.first().filter(|t| t.score >= CLEAR)?;
-        let near = || self.trials.iter().take_while(|t| first.score - t.score < CLEAR);
-        Some(near().find(|t| t.level == VerdictLevel::Consistent).unwrap_or(first))
+        let consistent = self.near().find(|t| t.level == VerdictLevel::Consistent);
+        consistent.or(self.near().next())
+    }
+
+    /// The changes that the samples favour, and between which they do not decide.
+    pub fn near(&self) -> impl Iterator<Item = &Trial> {
+        let most = self.trials.first().map_or(0.0, |first| first.score);
+        self.trials.iter().take_while(move |t| t.score >= CLEAR && most - t.score < CLEAR)
     }
 }
 

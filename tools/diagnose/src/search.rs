@@ -18,7 +18,7 @@ const BEST: usize = 10;
 /// Shortest part of the samples, s.
 const SHORTEST: f64 = 60.0;
 /// Score from which the samples favour a change: odds of 150 : 1.
-pub const CLEAR: f64 = 10.0;
+pub(crate) const CLEAR: f64 = 10.0;
 
 /// The runs of a part of the samples.
 pub(crate) struct Search<'a> {
