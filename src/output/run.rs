@@ -143,7 +143,7 @@ fn grounds(verdict: &Verdict) {
         answers(&verdict.answers());
     }
     if verdict.level != VerdictLevel::Consistent {
-        line("`navfuse diagnose` with this scenario or log looks for the change that explains it");
+        line("cause:  `navfuse diagnose` with this scenario or log tries each plausible change");
     }
 }
 
