@@ -2,8 +2,8 @@
 
 use crate::blueprint::{Layout, height};
 use crate::innovation::SensorSeries;
+use crate::run::Run;
 use crate::samples::SampleSeries;
-use crate::sink::Run;
 use crate::state::{BlockSeries, Plots, end_of_run};
 use crate::style::{label, title};
 use crate::tab::Tab;

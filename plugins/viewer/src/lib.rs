@@ -47,6 +47,7 @@ mod plan;
 mod quantity;
 mod recording;
 mod rig;
+mod run;
 mod samples;
 mod scene;
 mod serve;

@@ -3,7 +3,7 @@
 use crate::axis;
 use crate::health::{Health, Lane, Stretch};
 use crate::innovation::SensorSeries;
-use crate::sink::Run;
+use crate::run::Run;
 use crate::state::BlockSeries;
 use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::units::time::Time;

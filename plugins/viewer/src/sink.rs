@@ -8,9 +8,10 @@ use crate::overview;
 use crate::quantity::Here;
 use crate::recording::Recording;
 use crate::rig::Mount;
+use crate::run::{Places, Run};
 use crate::samples::SampleSeries;
 use crate::scene;
-use crate::state::{self, BlockSeries};
+use crate::state;
 use crate::style::path;
 use crate::tab::Tab;
 use crate::tally::{Excursion, Excursions};
@@ -34,39 +35,6 @@ const LIVE_INTERVAL: Duration = Duration::from_millis(500);
 /// The age at which a run that nobody watches writes its first layout, which shows the file of a run
 /// that was killed. A short run saves its cost.
 const LAYOUT_AFTER: Duration = Duration::from_secs(1);
-
-/// The series of a run, from which the layout is made.
-pub struct Run {
-    /// The name of the scenario.
-    pub name: String,
-    /// The blocks that have an uncertainty.
-    pub blocks: Vec<BlockSeries>,
-    /// The sensors that correct the state.
-    pub sensors: Vec<SensorSeries>,
-    /// The samples that are recorded.
-    pub samples: Vec<SampleSeries>,
-    /// The health of the sensors.
-    pub lanes: Vec<Lane>,
-    /// The track, where there is a position.
-    pub track: Option<Motion>,
-    /// Set for a run that is smoothed.
-    pub smoothed: bool,
-    /// The component with the largest error in sigma, once the run is over.
-    pub worst: Option<(usize, usize)>,
-    /// The first and the last time of an epoch, ns.
-    pub span: Option<(i64, i64)>,
-    /// Place of each sensor, by its id, among those above.
-    places: Vec<Places>,
-}
-
-/// Places of a sensor among the series.
-#[derive(Clone, Copy, Default)]
-struct Places {
-    series: Option<usize>,
-    samples: Option<usize>,
-    lane: Option<usize>,
-    mount: Option<usize>,
-}
 
 /// Records a run for the viewer.
 pub struct RerunSink {

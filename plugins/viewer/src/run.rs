@@ -1,0 +1,40 @@
+//! The series of a run.
+
+use crate::health::Lane;
+use crate::innovation::SensorSeries;
+use crate::samples::SampleSeries;
+use crate::state::BlockSeries;
+use crate::track::Motion;
+
+/// The series of a run, from which the layout is made.
+pub struct Run {
+    /// The name of the scenario.
+    pub name: String,
+    /// The blocks that have an uncertainty.
+    pub blocks: Vec<BlockSeries>,
+    /// The sensors that correct the state.
+    pub sensors: Vec<SensorSeries>,
+    /// The samples that are recorded.
+    pub samples: Vec<SampleSeries>,
+    /// The health of the sensors.
+    pub lanes: Vec<Lane>,
+    /// The track, where there is a position.
+    pub track: Option<Motion>,
+    /// Set for a run that is smoothed.
+    pub smoothed: bool,
+    /// The component with the largest error in sigma, once the run is over.
+    pub worst: Option<(usize, usize)>,
+    /// The first and the last time of an epoch, ns.
+    pub span: Option<(i64, i64)>,
+    /// Place of each sensor, by its id, among those above.
+    pub places: Vec<Places>,
+}
+
+/// Places of a sensor among the series.
+#[derive(Clone, Copy, Default)]
+pub struct Places {
+    pub series: Option<usize>,
+    pub samples: Option<usize>,
+    pub lane: Option<usize>,
+    pub mount: Option<usize>,
+}
