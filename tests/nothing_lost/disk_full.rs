@@ -126,3 +126,19 @@ fn an_export_to_a_full_disk_or_a_closed_pipe_is_an_error_in_every_format() {
         assert!(code == Some(1) || code == Some(0) && stderr(&output).is_empty(), "{format}");
     }
 }
+
+#[test]
+fn a_bag_on_a_full_disk_is_an_error_whichever_file_is_the_last() {
+    let recording = Recording::new();
+    assert!(run(&recording, &[]).status.success());
+    let log = recording.path("out/run.mcap").display().to_string();
+    for file in ["estimate_0.mcap", "metadata.yaml"] {
+        let bag = recording.path(&format!("bag of {file}"));
+        std::fs::create_dir(&bag).expect("a folder");
+        symlink("/dev/full", bag.join(file)).expect("a link");
+        let bag = bag.display().to_string();
+        let output = navfuse(&["export", &log, "--to", "ros2", "--out", &bag]);
+        fails_with(&output, &[file, "No space left"]);
+        assert!(!stdout(&output).contains("epochs"), "{}", stdout(&output));
+    }
+}
