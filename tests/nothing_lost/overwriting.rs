@@ -32,8 +32,9 @@ const CALLS: &[(&str, &str, &str)] = &[
     ("calibrate", "moving.toml --method ekf --initialise @", ""),
 ];
 
-/// Commands that write no file, or into a new folder alone, that run for minutes, or open the viewer.
-const OTHERS: [&str; 6] = ["check", "list", "schema", "new-plugin", "figures", "view"];
+/// Commands that write no file, or into a new folder alone, that run for minutes, open the viewer, or
+/// write only what explains a fault.
+const OTHERS: [&str; 7] = ["check", "list", "schema", "new-plugin", "figures", "view", "diagnose"];
 
 /// The files and folders below a folder, with their content.
 fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {

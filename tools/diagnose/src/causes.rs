@@ -1,39 +1,17 @@
 //! The changes that are tried: errors that instruments and scenarios usually have.
 
-use crate::likelihood::Channels;
 use crate::patch::{Patch, Uncertain, about, path, widened};
-use crate::recording::Recording;
+use crate::scene::{Instrument, Scene};
 use crate::trial::Outcome;
-use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
-use navfuse_core::model::sensor::{Purpose, Role, Sensor, SensorInfo};
-use navfuse_core::plugin::{Kind, Registry};
+use navfuse_core::model::sensor::Purpose;
+use navfuse_core::plugin::Kind;
 use navfuse_core::run::schema::parameters;
-use navfuse_core::units::sample::MAX_CHANNELS;
-use std::collections::BTreeMap;
 
 mod axes;
+mod factors;
 mod noise;
 mod units;
-
-/// A sensor of the scenario.
-pub(crate) struct Instrument {
-    pub info: SensorInfo,
-    /// Number of channels that it measures or drives by.
-    used: usize,
-    /// Set if no source has samples of it.
-    pub constraint: bool,
-}
-
-/// What a scenario has that may be wrong.
-pub(crate) struct Scene<'a> {
-    pub registry: &'a Registry,
-    pub document: &'a Document,
-    pub recording: &'a Recording,
-    pub sensors: Vec<Instrument>,
-    /// Names and types of the processes.
-    processes: Vec<(String, String)>,
-}
 
 /// Jumps of a clock, s: the leap seconds between GPS, UTC and TAI, and their changes since 2012.
 const JUMPS: [i32; 5] = [17, 18, 19, 27, 37];
@@ -45,31 +23,7 @@ const YAWS: [i32; 11] = [-150, -135, -90, -60, -45, 45, 60, 90, 135, 150, 180];
 /// Spans at the start that are left out, s.
 const STARTS: [f64; 3] = [5.0, 10.0, 30.0];
 
-impl<'a> Scene<'a> {
-    pub fn new(
-        registry: &'a Registry,
-        document: &'a Document,
-        composition: &Composition,
-        recording: &'a Recording,
-    ) -> Self {
-        let instrument = |sensor: &Sensor| Instrument {
-            info: sensor.info.clone(),
-            used: match &sensor.role {
-                Role::Measurement(model) => model.channels(),
-                Role::Input(_) | Role::Reference(_) => sensor.info.channels.len(),
-            },
-            constraint: sensor.constraint,
-        };
-        let processes = composition.processes.iter();
-        Self {
-            registry,
-            document,
-            recording,
-            sensors: composition.sensors.iter().map(instrument).collect(),
-            processes: processes.map(|p| (p.name.clone(), p.kind.clone())).collect(),
-        }
-    }
-
+impl Scene<'_> {
     /// All changes.
     pub fn causes(&self) -> Vec<Patch> {
         let mut all = Vec::new();
@@ -285,42 +239,4 @@ fn jumps(name: &str) -> Vec<Patch> {
         ..Patch::new(format!("{name}: clock {jump:+} s"), vec![format!("{key}=\"{jump} s\"")])
     })
     .collect()
-}
-
-/// The factor that a scenario has on a channel.
-fn present_factor(document: &Document, sensor: &str, channel: &str) -> f64 {
-    let keys = [Kind::Sensor.table(), sensor, "samples", "factor", channel];
-    let node = keys.into_iter().try_fold(document.root(), |node, key| node.get(key));
-    node.and_then(|node| node.value().as_float().or(node.value().as_integer().map(|i| i as f64)))
-        .unwrap_or(1.0)
-}
-
-/// The change that multiplies channels by factors.
-fn factors(
-    document: &Document,
-    sensor: &Instrument,
-    text: &str,
-    choices: usize,
-    factors: &[(usize, f64)],
-) -> Patch {
-    let name = &sensor.info.name;
-    let mut stretch = [0.0; MAX_CHANNELS];
-    let mut settings = Vec::new();
-    for (channel, factor) in factors {
-        let of = sensor.info.channel(*channel);
-        let whole = factor * present_factor(document, name, of);
-        settings.push(format!(
-            "{}={whole:?}",
-            path(Kind::Sensor, name, &format!("samples.factor.{of}"))
-        ));
-        stretch[*channel] = factor.abs().ln();
-    }
-    let measures = sensor.info.purpose == Purpose::Measurement;
-    let stretches: Channels<f64> =
-        measures.then(|| (name.clone(), stretch)).into_iter().collect::<BTreeMap<_, _>>();
-    Patch {
-        stretches,
-        choices: (choices as f64).ln(),
-        ..Patch::new(format!("{name}: {text}"), settings)
-    }
 }

@@ -8,6 +8,7 @@ mod causes;
 mod likelihood;
 mod patch;
 mod recording;
+mod scene;
 mod search;
 mod trial;
 
@@ -127,6 +128,6 @@ pub fn diagnose(
     let scenario = Scenario::new(registry, document.clone(), &[])?;
     let recording = recording::Recording::read(scenario.assemble(None)?)?;
     let composition = scenario.compose()?;
-    let scene = causes::Scene::new(registry, document, &composition, &recording);
+    let scene = scene::Scene::new(registry, document, &composition, &recording);
     search::Search::new(&scene, options, stop, progress).search()
 }

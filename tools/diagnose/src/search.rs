@@ -1,8 +1,9 @@
 //! The search: every change on a part of the samples, the best ones on all of them, then pairs.
 
-use crate::causes::{Scene, refined, suggested};
+use crate::causes::{refined, suggested};
 use crate::likelihood::Channels;
 use crate::patch::Patch;
+use crate::scene::Scene;
 use crate::trial::{Outcome, distance, run, words};
 use crate::{Diagnosis, Options, Trial};
 use navfuse_core::model::record::verdict::VerdictLevel;

@@ -1,8 +1,8 @@
 //! One run of the recording with a change.
 
-use crate::causes::Scene;
 use crate::likelihood::{Channels, Densities, Likelihood};
 use crate::patch::Patch;
+use crate::scene::Scene;
 use navfuse_core::model::record::verdict::VerdictLevel;
 use navfuse_core::plugin::BuildError;
 use navfuse_core::run::runner;

@@ -1,7 +1,8 @@
 //! Axes of an instrument that are turned, mirrored or reversed.
 
-use crate::causes::{Instrument, factors};
+use crate::causes::factors::factors;
 use crate::patch::{Patch, path};
+use crate::scene::Instrument;
 use navfuse_core::document::Document;
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::plugin::Kind;

@@ -1,7 +1,7 @@
 //! Noise of another size than the scenario states, or with memory.
 
-use crate::causes::{Instrument, Scene};
 use crate::patch::{Patch, path};
+use crate::scene::{Instrument, Scene};
 use navfuse_core::model::sensor::Purpose;
 use navfuse_core::plugin::Kind;
 use navfuse_core::run::schema::parameters;

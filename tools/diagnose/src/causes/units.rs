@@ -1,7 +1,8 @@
 //! Channels with another unit or sign.
 
-use crate::causes::{Instrument, factors};
+use crate::causes::factors::factors;
 use crate::patch::Patch;
+use crate::scene::Instrument;
 use navfuse_core::document::Document;
 use std::f64::consts::PI;
 
