@@ -265,7 +265,7 @@ fn a_log_that_was_cut_off_is_exported_up_to_the_cut() {
     std::fs::write(&part, &bytes[..bytes.len() * 2 / 3]).expect("a part");
     let output = navfuse(&["export", &part.display().to_string(), "--to", "tum"]);
     assert!(output.status.success(), "{}", stderr(&output));
-    assert!(stderr(&output).contains("warning: the log was cut off"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("warning: the log: cut off at byte"), "{}", stderr(&output));
     let (cut, whole) = (text(&run.log.with_file_name("cut.tum")), text(&run.export("tum", &[])));
     assert!(cut.lines().count() > 2 && whole.starts_with(&cut), "{cut}");
 }
