@@ -40,6 +40,12 @@ pub(crate) fn multiplied(scene: &Scene<'_>, sensor: &Instrument, factor: f64) ->
     if reported.is_some_and(reports) {
         settings.push(format!("{}={factor}", path(Kind::Sensor, name, "accuracy_factor")));
     }
+    // the simulated noise is a multiple of the stated one, and the change is not about the former
+    if let Some(simulation) = table.get("simulation").filter(|_| !settings.is_empty()) {
+        let noise = simulation.get("noise").and_then(|noise| times(noise.value(), 1.0 / factor));
+        let noise = noise.unwrap_or_else(|| format!("{:?}", 1.0 / factor));
+        settings.push(format!("{}={noise}", path(Kind::Sensor, name, "simulation.noise")));
+    }
     (!settings.is_empty()).then(|| Patch {
         parameters: 1,
         noise: Some((name.to_owned(), factor)),
