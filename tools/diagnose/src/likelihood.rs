@@ -116,8 +116,10 @@ impl Densities {
             for k in 0..MAX_CHANNELS {
                 let share =
                     if count[k] > wanted[k] { wanted[k] as f64 / count[k] as f64 } else { 1.0 };
-                let missing = wanted[k].saturating_sub(count[k]) as f64;
-                total += share * density[k] + missing * (OUTLIERS / (TAU * scale[k])).ln();
+                total += share * density[k];
+                if let missing @ 1.. = wanted[k].saturating_sub(count[k]) {
+                    total += missing as f64 * (OUTLIERS / (TAU * scale[k])).ln();
+                }
             }
         }
         total

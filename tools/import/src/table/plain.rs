@@ -53,8 +53,12 @@ mod tests {
 
     #[test]
     fn tables_of_kf_gins_are_recognised_by_their_columns() {
-        let imu = "91620.0 1e-5 -2e-5 3e-5 0.001 -0.002 -0.049\n91620.005 0 0 0 0 0 -0.049\n";
-        let found = recognise(imu).unwrap().remove(0);
+        let row = |k: usize| {
+            let (time, turn) = (91620.0 + 0.005 * k as f64, k % 3);
+            format!("{time:.3} {turn}e-5 -{turn}e-5 2{turn}e-6 0.00{turn} 0.00{turn} -0.04{}\n", 8 + k % 2)
+        };
+        let imu: String = (0..40).map(row).collect();
+        let found = recognise(&imu).unwrap().remove(0);
         assert_eq!((found.kind, found.sensor[0].as_str()), ("imu", "output = \"increments\""));
         assert!(found.source.contains(&"delimiter = \"whitespace\"".to_owned()));
         let position =
