@@ -82,7 +82,9 @@ impl Kind {
         if rows.len() < FEWEST || !nearly_all(rows.len() * size, bytes.len() - bytes.len() % size) {
             return false;
         }
-        let steps: Vec<f64> = rows.windows(2).map(|r| r[1][0] - r[0][0]).collect();
+        // the seconds of the week begin again
+        let step = |r: &[Vec<f64>]| (r[1][0] - r[0][0]).rem_euclid(WEEK);
+        let steps: Vec<f64> = rows.windows(2).map(step).collect();
         let usual = median(steps.clone());
         let even = steps.iter().filter(|step| (0.5 * usual..=1.5 * usual).contains(*step)).count();
         let force = |row: &Vec<f64>| row[4..7].iter().map(|v| v * v).sum::<f64>().sqrt() / usual;

@@ -55,7 +55,10 @@ mod tests {
     fn tables_of_kf_gins_are_recognised_by_their_columns() {
         let row = |k: usize| {
             let (time, turn) = (91620.0 + 0.005 * k as f64, k % 3);
-            format!("{time:.3} {turn}e-5 -{turn}e-5 2{turn}e-6 0.00{turn} 0.00{turn} -0.04{}\n", 8 + k % 2)
+            format!(
+                "{time:.3} {turn}e-5 -{turn}e-5 2{turn}e-6 0.00{turn} 0.00{turn} -0.04{}\n",
+                8 + k % 2
+            )
         };
         let imu: String = (0..40).map(row).collect();
         let found = recognise(&imu).unwrap().remove(0);
