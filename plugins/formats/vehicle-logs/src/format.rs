@@ -73,8 +73,8 @@ impl Format {
     }
 
     /// Recognises a format by the beginning of a file: the one whose intact messages have most of its
-    /// bytes, and at least half of them. Records without a mark must look like a recording: see
-    /// [`Kind::is_recording`].
+    /// bytes, and at least half of them. Records without a mark must look like a recording: even times,
+    /// and gravity in the increments or a place other than 0 N 0 E.
     pub fn recognise(beginning: &[u8]) -> Option<Self> {
         let intact = |format: Self| {
             let mut decoder = format.decoder(Cursor::new(beginning.to_vec()), &Options::default());
