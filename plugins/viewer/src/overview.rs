@@ -5,6 +5,7 @@ use crate::health::{Health, Lane, Stretch};
 use crate::innovation::SensorSeries;
 use crate::run::Run;
 use crate::state::BlockSeries;
+use navfuse_core::model::record::answers::Truth;
 use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::units::time::Time;
 use std::fmt::Write;
@@ -57,7 +58,7 @@ pub fn page(run: &Run, verdict: Option<&Verdict>) -> String {
     }
     write_sensors(&mut page, &run.lanes, &run.sensors, verdict);
     write_convergence(&mut page, &run.blocks);
-    write_errors(&mut page, &run.blocks);
+    write_errors(&mut page, &run.blocks, verdict);
     page
 }
 
@@ -208,7 +209,7 @@ fn write_convergence(page: &mut String, blocks: &[BlockSeries]) {
     }
 }
 
-fn write_errors(page: &mut String, blocks: &[BlockSeries]) {
+fn write_errors(page: &mut String, blocks: &[BlockSeries], verdict: Option<&Verdict>) {
     page.push_str("\n## Is the sigma to be believed\n\n");
     let mut errors: Vec<_> = blocks
         .iter()
@@ -227,7 +228,13 @@ fn write_errors(page: &mut String, blocks: &[BlockSeries]) {
         tally.outside as f64 / tally.compared.max(1) as f64
     };
     let wrong = errors.iter().filter(|(b, k, _)| share(b, *k) > OUTSIDE).count();
-    let answer = if wrong == 0 { "Yes" } else { "No" };
+    // the verdict and the errors are one judgement: either may contradict the sigma
+    let answer = match verdict.map_or(Truth::True, |verdict| verdict.answers().sigma) {
+        _ if wrong > 0 => "No",
+        Truth::True => "Yes",
+        Truth::TooLarge => "Yes, it is too large",
+        Truth::TooSmall => "No, by the verdict",
+    };
     let _ = writeln!(
         page,
         "**{answer}**: {} of {} states were outside 3 sigma for more than {:.0} % of the time.\n",
