@@ -76,14 +76,9 @@ impl<T: Saved + Default> Saved for Vec<T> {
 
 impl<T: Saved + Default> Saved for VecDeque<T> {
     fn saved(&mut self, io: &mut Io<'_>) {
-        let count = io.count(self.len());
-        self.truncate(count);
-        self.iter_mut().for_each(|value| io.pass(value));
-        for _ in self.len()..count {
-            let mut value = T::default();
-            io.pass(&mut value);
-            self.push_back(value);
-        }
+        let mut values = Vec::from(std::mem::take(self));
+        io.pass(&mut values);
+        *self = values.into();
     }
 }
 

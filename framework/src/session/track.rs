@@ -184,13 +184,13 @@ impl Track {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::state::manifold::{Operations, Vector};
     use crate::state::{BlockSpec, Dynamics, Mode, display};
 
-    /// A comparison at 10 s, after that interval.
-    fn compared(interval: f64) -> Compared {
+    /// A velocity as the only block of a state.
+    pub(crate) fn velocity() -> Block {
         let spec = BlockSpec {
             mode: Mode::Estimate,
             initial: vec![0.0; 3],
@@ -201,8 +201,12 @@ mod tests {
         };
         let (operations, tangent) = (Operations::of::<Vector<3>>(), Some(0));
         let name = "ins.velocity".to_owned();
-        let block =
-            Block { name, spec, operations, offset: 0, tangent, wanders: false, label: None };
+        Block { name, spec, operations, offset: 0, tangent, wanders: false, label: None }
+    }
+
+    /// A comparison at 10 s, after that interval.
+    fn compared(interval: f64) -> Compared {
+        let block = velocity();
         let time = Some(Time::from_nanos(10_000_000_000));
         Compared { time, interval, ..Compared::new(&block) }
     }

@@ -100,24 +100,11 @@ fn differences(compared: &Compared, accuracy: f64) -> impl Iterator<Item = Diffe
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::state::manifold::{Operations, Vector};
-    use crate::state::{Block, BlockSpec, Dynamics, Mode, display};
+    use crate::session::track::tests::velocity;
 
     /// A velocity that is off by `error` m/s to the east at 10 s, with a sigma of 0.3 m/s.
     fn compared(error: f64) -> Compared {
-        let spec = BlockSpec {
-            mode: Mode::Estimate,
-            initial: vec![0.0; 3],
-            sigma: vec![1.0; 3],
-            truth: None,
-            dynamics: Dynamics::Constant,
-            display: display::VELOCITY,
-        };
-        let (operations, tangent) = (Operations::of::<Vector<3>>(), Some(0));
-        let name = "ins.velocity".to_owned();
-        let block =
-            Block { name, spec, operations, offset: 0, tangent, wanders: false, label: None };
-        Compared::beside(&block, Time::from_nanos(10_000_000_000), [0.0, error, 0.0], 0.3)
+        Compared::beside(&velocity(), Time::from_nanos(10_000_000_000), [0.0, error, 0.0], 0.3)
     }
 
     fn judged(accuracy: f64, error: f64, end: i64) -> Option<(Severity, String)> {
