@@ -21,8 +21,13 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use navfuse_core::input::Held;
 use navfuse_core::plugin::Registry;
 use output::terminal::Detail;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
+
+pub use error::CommandError;
+pub use execution::input::document_of;
+pub use execution::run::summary;
 
 /// The registry with the plugins that ship with navfuse.
 pub fn standard_plugins() -> Registry {
@@ -160,8 +165,23 @@ pub fn definition() -> clap::Command {
 
 /// Parses the arguments of the process and runs the subcommand.
 pub fn command(registry: &Registry) -> ExitCode {
-    let matches = Arguments::command().get_matches();
-    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
+    command_with(registry, std::env::args_os())
+}
+
+/// Runs the subcommand that the arguments name; the first argument is the name of the program.
+pub fn command_with(
+    registry: &Registry,
+    arguments: impl IntoIterator<Item = OsString>,
+) -> ExitCode {
+    let parsed = Arguments::command().try_get_matches_from(arguments);
+    let parsed = parsed.and_then(|m| Arguments::from_arg_matches(&m).map(|a| (m, a)));
+    let (matches, arguments) = match parsed {
+        Ok(parsed) => parsed,
+        Err(usage) => {
+            usage.print().ok();
+            return ExitCode::from(usage.exit_code() as u8);
+        }
+    };
     let _inputs = hold_inputs(&matches);
     arguments.detail().set();
     let command = arguments.command;

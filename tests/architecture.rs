@@ -139,6 +139,17 @@ fn the_framework_knows_no_plugin_no_file_format_of_samples_and_no_viewer() {
     }
 }
 
+#[test]
+fn only_the_python_package_knows_python() {
+    assert!(dependencies(&root().join("python")).contains("pyo3"));
+    let below = ["plugins", "tools"].into_iter().flat_map(crates).map(|(_, folder)| folder);
+    for folder in below.chain([root().join("framework"), root().to_owned()]) {
+        let names = dependencies(&folder);
+        let knows = names.contains("pyo3") || names.contains("navfuse-python");
+        assert!(!knows, "{} knows Python", folder.display());
+    }
+}
+
 /// The steps of the walk on the design page, each a file of the framework and its functions.
 fn walk() -> Vec<(String, Vec<String>)> {
     let text = std::fs::read_to_string(root().join("docs/src/explanation/design.md"))

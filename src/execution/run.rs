@@ -148,7 +148,7 @@ fn print(finished: &Finished, text: bool) -> Result<()> {
             output::run::recorded(&finished.recorded);
         }
     } else {
-        output::line(in_json(finished)?);
+        output::line(summary(finished)?);
     }
     output::run::events(&finished.events);
     if text {
@@ -157,8 +157,12 @@ fn print(finished: &Finished, text: bool) -> Result<()> {
     Ok(())
 }
 
-/// The summary, its frame, the places of the files, the findings, and the warnings and errors.
-fn in_json(finished: &Finished) -> Result<Value> {
+/// The result of a run as `run --format json` prints it: the summary, its frame, the places of the
+/// files, the findings, and the warnings and errors.
+///
+/// # Errors
+/// When a number has no JSON.
+pub fn summary(finished: &Finished) -> Result<Value> {
     let mut value = serde_json::to_value(&finished.summary)?;
     // `axes = "enu"` is a choice of a table; the state of the filter is always north, east, down
     value["frame"] = "ned".into();

@@ -1,0 +1,36 @@
+"""Multisensor navigation from a scenario: INS, DVL, GNSS, depth, odometer and sensors of your own.
+
+>>> import navfuse
+>>> scenario = navfuse.Scenario.from_toml(navfuse.QUICKSTART).set("estimator.stop", "100 s")
+>>> run = scenario.run()
+>>> run.verdict.level
+'consistent'
+>>> run["ins.velocity"].estimate.shape == (run.time.size, 3)
+True
+
+Angles are in degrees where they are shown, vectors along north, east and down, the body forward,
+right and down. Quaternions are ``[w, x, y, z]`` and turn a vector of the body into north, east, down.
+"""
+
+from navfuse._errors import DataError, NavfuseError, RunError, ScenarioError
+from navfuse._navfuse import __version__
+from navfuse._run import Event, Finding, Innovations, Reason, Run, State, Verdict
+from navfuse._scenario import QUICKSTART, Check, Scenario
+
+__all__ = [
+    "QUICKSTART",
+    "Check",
+    "DataError",
+    "Event",
+    "Finding",
+    "Innovations",
+    "NavfuseError",
+    "Reason",
+    "Run",
+    "RunError",
+    "Scenario",
+    "ScenarioError",
+    "State",
+    "Verdict",
+    "__version__",
+]

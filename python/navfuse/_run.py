@@ -1,0 +1,311 @@
+"""The result of a run."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Columns of innovations before those of the channels: time, NIS, threshold, outcome.
+_BEFORE = 4
+
+
+@dataclass(frozen=True)
+class Reason:
+    """A reason of a verdict: the evidence and its remedy."""
+
+    criterion: str
+    severity: str
+    about: str
+    text: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the result of a run may be used.
+
+    Attributes:
+        level: ``consistent``, ``doubtful`` or ``do_not_use``.
+        text: the verdict in one line.
+        reasons: the reasons, the most severe first.
+    """
+
+    level: str
+    text: str
+    reasons: tuple[Reason, ...] = ()
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A fault that the filter found, with its remedy. ``time_s`` is None for the whole run."""
+
+    time_s: float | None
+    about: str
+    severity: str
+    basis: str
+    text: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class Event:
+    """A warning or an error of a run. ``time_s`` is None for the whole run."""
+
+    time_s: float | None
+    level: str
+    about: str
+    text: str
+
+
+@dataclass(frozen=True)
+class State:
+    """A state over time, in the unit that the command prints.
+
+    Attributes:
+        name: such as ``ins.velocity``.
+        unit: unit of sigma and error, such as ``m/s``; empty for a ratio.
+        components: names of the components of the estimate.
+        units: their units; latitude and longitude are in ``deg``.
+        differences: names of the components of sigma and error.
+        mode: ``estimate``, ``consider`` or ``fixed``.
+        time: times of the estimates, s, shape (n,).
+        estimate: shape (n, k).
+        sigma: 1-sigma, shape (n, k).
+        error: estimate minus truth, shape (n, k), NaN where no truth is known; None if there is
+            neither a reference nor a stated truth.
+    """
+
+    name: str
+    unit: str
+    components: tuple[str, ...]
+    units: tuple[str, ...]
+    differences: tuple[str, ...]
+    mode: str
+    time: Array = field(repr=False)
+    estimate: Array = field(repr=False)
+    sigma: Array = field(repr=False)
+    error: Array | None = field(repr=False)
+    rotation: bool = field(default=False, repr=False)
+
+    @cached_property
+    def quaternion(self) -> Array:
+        """The rotation as ``[w, x, y, z]``, shape (n, 4), for a state of roll, pitch and yaw."""
+        if not self.rotation:
+            raise TypeError(f"{self.name} is no rotation")
+        half = np.radians(self.estimate) / 2.0
+        (cr, cp, cy), (sr, sp, sy) = np.cos(half).T, np.sin(half).T
+        return np.column_stack(
+            [
+                cr * cp * cy + sr * sp * sy,
+                sr * cp * cy - cr * sp * sy,
+                cr * sp * cy + sr * cp * sy,
+                cr * cp * sy - sr * sp * cy,
+            ]
+        )
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """The innovations of a sensor, SI.
+
+    Attributes:
+        sensor: name of the sensor.
+        channels: names of its channels.
+        units: their units.
+        time: times of the samples, s, shape (m,).
+        outcome: ``accepted``, ``gated``, ``placed``, or ``rejected: `` and the reason, shape (m,).
+        nis: normalised innovation squared, shape (m,); NaN where none was computed.
+        threshold: the gate's threshold on it, shape (m,); infinite where the gate is off.
+        value: sample minus prediction, shape (m, channels); NaN where a channel is missing.
+        sigma: 1-sigma of the innovation, shape (m, channels).
+    """
+
+    sensor: str
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Array = field(repr=False)
+    outcome: NDArray[np.str_] = field(repr=False)
+    nis: Array = field(repr=False)
+    threshold: Array = field(repr=False)
+    value: Array = field(repr=False)
+    sigma: Array = field(repr=False)
+
+    @property
+    def accepted(self) -> NDArray[np.bool_]:
+        """Which samples corrected the state, shape (m,)."""
+        return np.equal(self.outcome, "accepted")
+
+
+class Run(Mapping[str, State]):
+    """The result of a run: its states by name, its innovations, and its verdict.
+
+    All arrays are read-only views of one block of memory.
+
+    Attributes:
+        time: times of the estimates, s, shape (n,).
+        columns: every number of the estimate by the heading of its CSV column, such as
+            ``ins.velocity.north_sigma_mps``, each of shape (n,) and contiguous.
+        innovations: innovations by sensor.
+        summary: the result as ``navfuse run --format json`` prints it.
+    """
+
+    def __init__(self, result: Mapping[str, Any]) -> None:
+        text = json.loads(result["text"])
+        self.summary: dict[str, Any] = text["summary"]
+        headings = text["estimate"]["headings"]
+        table = _table(result["columns"], len(headings))
+        self.columns: dict[str, Array] = dict(zip(headings, table))
+        self.time: Array = table[0] if headings else np.empty(0)
+        self._states = {b["name"]: _state(b, table) for b in text["estimate"]["blocks"]}
+        tables = (_innovations(json.loads(text), data) for text, data in result["innovations"])
+        self.innovations: dict[str, Innovations] = {i.sensor: i for i in tables}
+
+    def __getitem__(self, name: str) -> State:
+        try:
+            return self._states[name]
+        except KeyError:
+            names = ", ".join(self._states)
+            raise KeyError(f"no state {name!r}; the states are {names}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._states)
+
+    def __len__(self) -> int:
+        return len(self._states)
+
+    @property
+    def states(self) -> Mapping[str, State]:
+        """The states by name; ``run[name]`` is the same."""
+        return self
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """The verdict on the run."""
+        v = self.summary["verdict"]
+        return Verdict(v["level"], v["text"], tuple(Reason(**r) for r in v["reasons"]))
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """Faults that the filter found, in order of time."""
+        return tuple(Finding(**f) for f in self.summary["findings"])
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """Warnings and errors, in order of time."""
+        return tuple(Event(**e) for e in self.summary["warnings"])
+
+    @property
+    def paths(self) -> dict[str, str]:
+        """The files that the run wrote, by sink."""
+        return {p["sink"]: p["path"] for p in self.summary["paths"]}
+
+    def covariance(self, index: int = -1) -> tuple[list[str], Array]:
+        """The covariance at an epoch, for a run with ``covariance=True``.
+
+        Returns:
+            The names of the d components, and the covariance, shape (d, d), in their units.
+        """
+        pairs = [h for h in self.columns if "_cov" in h and "*" in h]
+        if not pairs:
+            raise ValueError("the run kept no covariance; run it with covariance=True")
+        d = (np.sqrt(8 * len(pairs) + 1) - 1) / 2
+        matrix = np.zeros((int(d), int(d)))
+        upper = np.triu_indices(int(d))
+        matrix[upper] = [self.columns[h][index] for h in pairs]
+        matrix.T[upper] = matrix[upper]
+        names = [h.partition("*")[2].partition("_cov")[0] for h in pairs[: int(d)]]
+        return names, matrix
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        """State, component, estimate, 1-sigma, error and unit, a row for each component."""
+        rows = []
+        for name, state in self.summary["states"].items():
+            units = state.get("estimate_unit") or [state["unit"]] * len(state["estimate"])
+            errors = state["error"] or [None] * len(state["estimate"])
+            parts = state["components"] or [str(k) for k in range(len(state["estimate"]))]
+            for k, part in enumerate(parts):
+                numbers = (state["estimate"][k], state["sigma"][k], errors[k])
+                rows.append((name, part, *map(_number, numbers), units[k]))
+                name = ""
+        return rows
+
+    def __repr__(self) -> str:
+        rows = [("state", "", "estimate", "1-sigma", "error", "unit"), *self._rows()]
+        widths = [max(len(row[k]) for row in rows) for k in range(6)]
+        left = (True, True, False, False, False, True)
+        lines = (
+            "  ".join(c.ljust(w) if l else c.rjust(w) for c, w, l in zip(row, widths, left)).rstrip()
+            for row in rows
+        )
+        title = f"{self.summary['scenario']}: {self.time.size} epochs"
+        return "\n".join([title, *lines, f"verdict: {self.verdict}"])
+
+    def _repr_html_(self) -> str:
+        head = "<tr><th>state<th><th>estimate<th>1-sigma<th>error<th>unit</tr>"
+        cell = '<td style="text-align:{}">{}'
+        sides = ("left", "left", "right", "right", "right", "left")
+        rows = (
+            "<tr>" + "".join(cell.format(s, html.escape(c)) for s, c in zip(sides, row)) + "</tr>"
+            for row in self._rows()
+        )
+        title = html.escape(f"{self.summary['scenario']}: {self.time.size} epochs")
+        verdict = html.escape(str(self.verdict))
+        table = f"<table><caption>{title}</caption>{head}{''.join(rows)}</table>"
+        return f"{table}<p><b>verdict:</b> {verdict}</p>"
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.6g}"
+
+
+def _table(data: bytes, columns: int) -> Array:
+    """The numbers of columns as an array with a row for each of them."""
+    return np.frombuffer(data, dtype=np.float64).reshape(columns, -1) if columns else np.empty((0, 0))
+
+
+def _state(block: dict[str, Any], table: Array) -> State:
+    first, k = block["first"], len(block["components"])
+    part = [table[first + i * k : first + (i + 1) * k].T for i in range(2 + block["error"])]
+    names = ("components", "units", "differences")
+    components, units, differences = (tuple(block[name]) for name in names)
+    return State(
+        name=block["name"],
+        unit=block["unit"],
+        components=components,
+        units=units,
+        differences=differences,
+        mode=block["mode"],
+        time=table[0],
+        estimate=part[0],
+        sigma=part[1],
+        error=part[2] if block["error"] else None,
+        rotation=block["rotation"],
+    )
+
+
+def _innovations(text: dict[str, Any], data: bytes) -> Innovations:
+    channels = tuple(text["channels"])
+    table = _table(data, _BEFORE + 2 * len(channels))
+    return Innovations(
+        sensor=text["sensor"],
+        channels=channels,
+        units=tuple(text["units"]),
+        time=table[0],
+        nis=table[1],
+        threshold=table[2],
+        outcome=np.array(text["outcomes"])[table[3].astype(np.intp)],
+        value=table[_BEFORE::2].T,
+        sigma=table[_BEFORE + 1 :: 2].T,
+    )
