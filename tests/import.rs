@@ -111,7 +111,7 @@ fn what_cannot_be_imported_is_an_error_with_a_remedy_and_writes_nothing() {
     }
     let error = refused(&["--out", &path("rest.toml"), &path("imu.csv")]);
     assert!(
-        error.contains("it exists, and navfuse did not write it; give another place with --out"),
+        error.contains("it exists, and navfuse did not write it; give another place"),
         "{error}"
     );
 }

@@ -57,6 +57,8 @@ pub enum Paper {
 pub fn figures(registry: &Registry, arguments: &Figures) -> Result<ExitCode> {
     let Paper::PanWu = arguments.paper;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("runs").join("figures-pan-wu"));
+    let index = out.join("index.html");
+    output::check(&index)?; // before minutes of work
     let (stop, bar) = (stop_on_signal(), Bar::new(true));
     let history = |file: &str, text: &str| -> Result<(RunHistory, End)> {
         let document = Document::parse(file, text)?;
@@ -78,7 +80,6 @@ pub fn figures(registry: &Registry, arguments: &Figures) -> Result<ExitCode> {
         write(&path, &navfuse_figures::svg(figure)?)?;
         output::line(path.display());
     }
-    let index = out.join("index.html");
     write(&index, &pan_wu::page(&figures)?)?;
     output::line(index.display());
     #[cfg(feature = "rerun")]

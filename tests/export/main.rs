@@ -229,7 +229,7 @@ fn what_cannot_be_exported_is_an_error_with_a_remedy_and_leaves_no_file() {
     assert!(said.contains("--axes: only csv, parquet, tum and kitti have axes"), "{said}");
     let said = refused(&[&log, "--to", "gpx", "--output", &log]);
     assert!(
-        said.contains("it is an input of this command; give another place with --out"),
+        said.contains("it is an input of this command; give another place for the result"),
         "{said}"
     );
     let said = refused(&[&log, "--to", "gpx", "--origin", "yesterday"]);

@@ -33,7 +33,7 @@ pub fn check_output(path: &Path) -> io::Result<()> {
 
 /// The reason for which a file has to stay.
 #[derive(Debug, thiserror::Error)]
-#[error("{0}; give another place with --out, or move it")]
+#[error("{0}; give another place for the result, or move the file")]
 struct Stays(&'static str);
 
 /// Checks whether an error comes from [`check_output`]. Its message then has its remedy.

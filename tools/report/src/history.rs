@@ -44,6 +44,8 @@ pub struct RunHistory {
     pub verdict: Option<Verdict>,
     /// Warnings about the history itself, such as a truncated log.
     pub warnings: Vec<String>,
+    /// The filter's own estimates of blocks that have no smoothed estimate yet.
+    pub(crate) waiting: Vec<(String, Filtered)>,
 }
 
 /// History of a block.
@@ -66,6 +68,8 @@ pub struct BlockHistory {
     pub first: Row,
     /// Last estimate.
     pub last: Row,
+    /// The filter's own estimates, if the run is smoothed.
+    pub filtered: Option<Filtered>,
     /// Last estimate with a known truth.
     pub compared: Option<Row>,
     /// Path length of a position.
@@ -73,6 +77,15 @@ pub struct BlockHistory {
     /// Sum of the squared errors of each component over all epochs with a known truth, and the
     /// number of these epochs.
     pub squares: (Vec<f64>, u64),
+}
+
+/// The filter's own estimates of a block in a run that is smoothed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Filtered {
+    /// First estimate; the prior, if the filter starts from a reference.
+    pub first: Row,
+    /// Last estimate.
+    pub last: Row,
 }
 
 /// Estimate of a block at one epoch, in display units.
@@ -135,6 +148,11 @@ impl RunHistory {
         Some([first.first.time, first.last.time])
     }
 
+    /// Returns `true` for a run that is smoothed.
+    pub fn is_smoothed(&self) -> bool {
+        self.blocks.iter().any(|b| b.filtered.is_some())
+    }
+
     /// Returns the word for the motion that errors are compared with: a simulation knows the truth,
     /// and a recording has a reference, which may share sensors with the filter.
     pub fn compared_with(&self) -> &'static str {
@@ -164,7 +182,27 @@ impl RunHistory {
     ) {
         match self.blocks.iter_mut().find(|b| b.name == info.name) {
             Some(block) => block.push(row),
-            None => self.blocks.push(BlockHistory::new(info, row)),
+            None => {
+                let found = self.waiting.iter().position(|(name, _)| name == info.name);
+                let filtered = found.map(|k| self.waiting.swap_remove(k).1);
+                self.blocks.push(BlockHistory { filtered, ..BlockHistory::new(info, row) });
+            }
+        }
+    }
+
+    /// Adds the filter's own estimate of a block in a run that is smoothed. The first ones come
+    /// before the block's first smoothed estimate.
+    pub(crate) fn filtered(&mut self, name: &str, row: Row) {
+        let known = match self.blocks.iter_mut().find(|b| b.name == name) {
+            Some(block) => block.filtered.as_mut(),
+            None => self.waiting.iter_mut().find(|(of, _)| of == name).map(|(_, f)| f),
+        };
+        match known {
+            Some(filtered) => filtered.last = row,
+            None => {
+                let filtered = Filtered { first: row.clone(), last: row };
+                self.waiting.push((name.to_owned(), filtered));
+            }
         }
     }
 
@@ -276,6 +314,7 @@ impl BlockHistory {
             rows: Thin::default(),
             first: row.clone(),
             last: row.clone(),
+            filtered: None,
             compared: None,
             travelled: Travelled::default(),
             squares: (vec![0.0; row.estimate.len()], 0),
@@ -322,6 +361,12 @@ impl BlockHistory {
         self.mode != Mode::Fixed
     }
 
+    /// Returns what was known before the run: the first estimate, and in a run that is smoothed the
+    /// filter's own one, since the first smoothed estimate knows the whole run.
+    pub fn prior(&self) -> &Row {
+        self.filtered.as_ref().map_or(&self.first, |filtered| &filtered.first)
+    }
+
     /// Returns the full name of a component: `owner.name component`.
     pub fn component(&self, k: usize) -> String {
         match self.components.len() {
@@ -345,6 +390,7 @@ impl BlockHistory {
         if self.geodetic {
             return false;
         }
+        let prior = self.prior();
         let range = |values: &mut dyn Iterator<Item = f64>| {
             let (low, high) =
                 values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -356,9 +402,9 @@ impl BlockHistory {
                 .filter(|r| !r.error.is_empty())
                 .map(|r| r.estimate[k] - r.error[k]);
             match range(truth) {
-                Some((range, size)) => range <= 1e-9 * size.max(1e-3 * self.first.sigma[k]),
+                Some((range, size)) => range <= 1e-9 * size.max(1e-3 * prior.sigma[k]),
                 None => range(&mut self.shown().map(|r| r.estimate[k]))
-                    .is_none_or(|(range, _)| range <= 10.0 * self.first.sigma[k]),
+                    .is_none_or(|(range, _)| range <= 10.0 * prior.sigma[k]),
             }
         })
     }

@@ -3,7 +3,7 @@
 use crate::history::{BlockInfo, Fate, Row, RunHistory};
 use crate::sensors::SensorHistory;
 use navfuse_core::model::stream::StreamError;
-use navfuse_mcap::{Entry, InnovationEntry, LogReader};
+use navfuse_mcap::{BlockEntry, Entry, InnovationEntry, LogReader};
 use std::path::Path;
 
 /// Reads the history of a recorded run. `progress` receives the read bytes and all bytes.
@@ -51,13 +51,8 @@ fn take(history: &mut RunHistory, entry: Entry<'_>) {
             ..SensorHistory::default()
         }),
         Entry::Sample(sample, columns) => history.sample(&sample, columns.into_iter()),
-        Entry::Block(block) => {
-            let row = Row {
-                time: block.time.seconds(),
-                estimate: block.estimate,
-                sigma: block.sigma,
-                error: block.error,
-            };
+        Entry::Block(mut block) => {
+            let row = row(&mut block);
             let info = BlockInfo {
                 name: block.name,
                 mode: block.mode,
@@ -67,6 +62,7 @@ fn take(history: &mut RunHistory, entry: Entry<'_>) {
             };
             history.state(info, row);
         }
+        Entry::Filtered(mut block) => history.filtered(block.name, row(&mut block)),
         Entry::Innovation(update) => innovation(history, &update),
         Entry::Rejection(rejection) => {
             if let Some(k) = history.sensors.iter().position(|s| s.name == rejection.sensor) {
@@ -77,6 +73,15 @@ fn take(history: &mut RunHistory, entry: Entry<'_>) {
         Entry::Finding(finding) => history.finding(&finding),
         Entry::Derived(derived) => history.derived(&derived),
         Entry::Verdict(verdict) => history.verdict = Some(verdict),
+    }
+}
+
+fn row(block: &mut BlockEntry<'_>) -> Row {
+    Row {
+        time: block.time.seconds(),
+        estimate: std::mem::take(&mut block.estimate),
+        sigma: std::mem::take(&mut block.sigma),
+        error: std::mem::take(&mut block.error),
     }
 }
 

@@ -200,8 +200,8 @@ pub(crate) fn convergence(block: &BlockHistory, k: usize) -> Panel {
     over_time("", y, curves, Vec::new())
 }
 
-/// Plots every component's sigma relative to its first value, one panel per block. A curve falls
-/// from the time on at which the run begins to determine the state.
+/// Plots every component's sigma relative to its prior, one panel per block. A curve falls from the
+/// time on at which the run begins to determine the state; a smoothed curve is low from the start.
 pub fn normalised(history: &RunHistory) -> Figure {
     let blocks = history.blocks.iter().filter(|b| b.uncertain());
     let panels = blocks.map(|b| normalised_panel(b, &(0..b.components.len()).collect::<Vec<_>>()));
@@ -216,12 +216,12 @@ pub fn normalised(history: &RunHistory) -> Figure {
 /// Plots the normalised sigma of some components of a block.
 pub(crate) fn normalised_panel(block: &BlockHistory, components: &[usize]) -> Panel {
     let curves = components.iter().enumerate().map(|(place, &k)| {
-        let first = block.first.sigma[k];
-        curve(block.axis(k), Look::Data(place), block.shown().map(|r| [r.time, r.sigma[k] / first]))
+        let prior = block.prior().sigma[k];
+        curve(block.axis(k), Look::Data(place), block.shown().map(|r| [r.time, r.sigma[k] / prior]))
     });
     over_time(
         block.name.as_str(),
-        Axis::logarithmic("sigma / first sigma"),
+        Axis::logarithmic("sigma / prior sigma"),
         curves.collect(),
         Vec::new(),
     )

@@ -5,6 +5,7 @@ use crate::sensors::SensorHistory;
 use navfuse_core::model::record::verdict::Verdict;
 use navfuse_core::model::record::{Epoch, Event, Outcome, Record, UpdateRecord};
 use navfuse_core::model::stream::{RunInfo, Sink, StreamError};
+use navfuse_core::state::Block;
 use navfuse_core::state::manifold::{MAX_TANGENT, Position};
 use navfuse_core::units::sample::{Channel, Sample};
 use navfuse_core::units::time::Time;
@@ -56,6 +57,7 @@ impl Sink for Recorder {
         match *record {
             Record::Sample(sample) => self.sample(sample),
             Record::Epoch(epoch) => self.epoch(epoch),
+            Record::Filtered(epoch) => self.filtered(epoch),
             Record::Update(update) => self.update(update),
             Record::Event(event) => self.event(event),
             Record::InputRejection(rejection) => {
@@ -93,33 +95,26 @@ impl Recorder {
     }
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
-        let values = &epoch.state.values;
         self.latest = self.latest.max(epoch.state.time);
         for (slot, block) in epoch.layout.blocks.iter().enumerate() {
-            let n = block.operations.tangent;
-            let show = |show: &dyn Fn(&mut [f64])| {
-                let mut out = [0.0; MAX_TANGENT];
-                show(&mut out);
-                out[..n].to_vec()
-            };
-            let truth = epoch.truth.filter(|t| t.known[slot]);
-            let row = Row {
-                time: epoch.state.time.seconds(),
-                estimate: show(&|out| block.show(values, out)),
-                sigma: show(&|out| block.show_sigma(values, epoch.covariance, out)),
-                error: truth.map_or_else(Vec::new, |t| {
-                    show(&|out| block.show_error(values, &t.state.values, out))
-                }),
-            };
+            let components = block.spec.display.components;
             let info = BlockInfo {
                 name: &block.name,
                 mode: block.spec.mode,
-                components: (0..n)
-                    .map(|k| block.spec.display.components.get(k).copied().unwrap_or("")),
+                components: (0..block.operations.tangent)
+                    .map(|k| components.get(k).copied().unwrap_or("")),
                 unit: block.spec.display.unit,
                 geodetic: block.operations.kind == TypeId::of::<Position>(),
             };
-            self.history.state(info, row);
+            self.history.state(info, row(epoch, slot, block));
+        }
+        Ok(())
+    }
+
+    fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamError> {
+        self.latest = self.latest.max(epoch.state.time);
+        for (slot, block) in epoch.layout.blocks.iter().enumerate() {
+            self.history.filtered(&block.name, row(epoch, slot, block));
         }
         Ok(())
     }
@@ -155,5 +150,23 @@ impl Recorder {
     fn verdict(&mut self, verdict: &Verdict) -> Result<(), StreamError> {
         self.history.verdict = Some(verdict.clone());
         Ok(())
+    }
+}
+
+/// The estimate of a block at an epoch, in display units.
+fn row(epoch: &Epoch<'_>, slot: usize, block: &Block) -> Row {
+    let show = |show: &dyn Fn(&mut [f64])| {
+        let mut out = [0.0; MAX_TANGENT];
+        show(&mut out);
+        out[..block.operations.tangent].to_vec()
+    };
+    let values = &epoch.state.values;
+    let truth = epoch.truth.filter(|t| t.known[slot]);
+    Row {
+        time: epoch.state.time.seconds(),
+        estimate: show(&|out| block.show(values, out)),
+        sigma: show(&|out| block.show_sigma(values, epoch.covariance, out)),
+        error: truth
+            .map_or_else(Vec::new, |t| show(&|out| block.show_error(values, &t.state.values, out))),
     }
 }

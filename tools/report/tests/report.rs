@@ -143,7 +143,7 @@ fn the_history_has_the_counts_of_the_summary() {
 }
 
 #[test]
-fn constant_states_are_listed_before_and_after_and_moving_states_are_not() {
+fn constant_states_are_listed_with_prior_and_result_and_moving_states_are_not() {
     let folder = tempfile::tempdir().unwrap();
     let (history, _) = run(&[], folder.path());
     let constant: Vec<&str> =
@@ -270,6 +270,28 @@ fn the_page_of_a_smoothed_run_reports_in_words_where_the_run_is_weak() {
     );
     let (plain, _) = run(&[], folder.path());
     assert!(!page::report(&plain, None).unwrap().contains("#smoothing"));
+}
+
+/// The first smoothed estimate knows the whole run, so a constant state has the same sigma from the
+/// first smoothed epoch to the last. Only the filter's first estimate is the prior.
+#[test]
+fn a_smoothed_run_is_compared_with_the_prior_of_the_filter_in_the_run_and_in_its_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let (history, _) = run(&["estimator.smooth=true"], folder.path());
+    let read = read_log(&folder.path().join("run.mcap"), |_| ()).unwrap();
+    assert_eq!(format!("{history:#?}"), format!("{read:#?}"));
+    let scale = history.block("dvl.scale").unwrap();
+    let filtered = scale.filtered.as_ref().unwrap();
+    assert_eq!(scale.prior().sigma, [0.01]);
+    assert!(scale.first.sigma[0] <= filtered.last.sigma[0] * 1.001, "the smoothed one is constant");
+    assert!(filtered.last.sigma[0] < 0.5 * scale.prior().sigma[0], "the run determines the scale");
+    let page = page::report(&history, None).unwrap();
+    let (_, table) = page.split_once("<section id=\"calibration\">").unwrap();
+    let (head, rows) = table.split_once("</thead>").unwrap();
+    assert!(head.contains("<th>prior</th><th>filter</th><th>smoothed</th>"), "{head}");
+    let (_, row) = rows.split_once("scale").unwrap();
+    let cells: Vec<&str> = row.split("<td>").take(4).collect();
+    assert!(cells[1] != cells[2], "{cells:?}");
 }
 
 #[test]

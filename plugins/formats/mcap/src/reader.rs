@@ -30,6 +30,8 @@ pub enum Entry<'a> {
     Sample(Sample, Vec<&'a str>),
     /// The estimate of one block at one epoch.
     Block(BlockEntry<'a>),
+    /// The filter's own estimate of one block in a run that is smoothed.
+    Filtered(BlockEntry<'a>),
     /// The use of a sample of a measuring sensor.
     Innovation(InnovationEntry<'a>),
     /// A rejected sample of a driving sensor.
@@ -126,6 +128,7 @@ enum Kind {
     Imu(SensorId),
     Sample(SensorId),
     Block,
+    Filtered,
     Innovation,
     Rejection,
     Event,
@@ -233,6 +236,7 @@ impl LogReader {
 }
 
 const SENSOR: &str = "/sensor/";
+const FILTERED: &str = "/filtered/";
 
 fn kind(topic: &str, schema: &str, next: SensorId) -> Option<Kind> {
     if topic.starts_with(SENSOR) && schema == schema::IMU.name {
@@ -240,7 +244,7 @@ fn kind(topic: &str, schema: &str, next: SensorId) -> Option<Kind> {
     } else if topic.starts_with(SENSOR) && schema == schema::SAMPLE.name {
         Some(Kind::Sample(next))
     } else if schema == schema::BLOCK.name {
-        Some(Kind::Block)
+        Some(if topic.starts_with(FILTERED) { Kind::Filtered } else { Kind::Block })
     } else if schema == schema::INNOVATION.name {
         Some(Kind::Innovation)
     } else if schema == schema::REJECTION.name {
@@ -265,6 +269,7 @@ fn entry<'a>(kind: Kind, r: &mut Reader<'a>) -> re_cdr::Result<Entry<'a>> {
             Entry::Sample(sample, names[..count].to_vec())
         }
         Kind::Block => Entry::Block(block(r)?),
+        Kind::Filtered => Entry::Filtered(block(r)?),
         Kind::Innovation => Entry::Innovation(innovation(r)?),
         Kind::Rejection => {
             let time = Stamp { sec: r.read_i32()?, nanosec: r.read_u32()? }.time();

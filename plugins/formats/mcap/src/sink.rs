@@ -140,6 +140,7 @@ impl Sink for McapSink {
         match *record {
             Record::Sample(sample) => self.record(sample.time, |r| r.sample(sample)),
             Record::Epoch(epoch) => self.record(epoch.state.time, |r| r.epoch(epoch)),
+            Record::Filtered(epoch) => self.record(epoch.state.time, |r| r.filtered(epoch)),
             Record::Update(update) => self.record(update.time, |r| r.update(update)),
             Record::Event(event) => self.event(event),
             Record::InputRejection(rejection) => {
@@ -239,6 +240,10 @@ impl Recording {
 
     fn epoch(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
         self.topics.estimate.epoch(&mut self.log, epoch)
+    }
+
+    fn filtered(&mut self, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
+        self.topics.filtered.epoch(&mut self.log, epoch)
     }
 
     fn update(&mut self, update: &UpdateRecord<'_>) -> Result<(), StreamFailure> {

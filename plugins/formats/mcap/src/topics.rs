@@ -10,9 +10,9 @@ use crate::writer::LogWriter;
 use navfuse_core::model::record::{Epoch, InputRejection, UpdateRecord};
 use navfuse_core::model::sensor::{Purpose, SensorInfo};
 use navfuse_core::model::stream::RunInfo;
-use navfuse_core::state::Block;
 use navfuse_core::state::geodesy::Geodetic;
 use navfuse_core::state::manifold::{MAX_TANGENT, Position};
+use navfuse_core::state::{Block, Layout};
 use navfuse_core::units::sample::{Channel, Sample};
 use std::any::TypeId;
 
@@ -31,6 +31,8 @@ pub struct Topics {
     pub rejections: Topic,
     /// `/derived`
     pub derived: Topic,
+    /// `/filtered/OWNER/NAME` of a run that is smoothed: the filter's own estimate.
+    pub filtered: Blocks,
 }
 
 impl Topics {
@@ -43,6 +45,10 @@ impl Topics {
             findings: log.topic("/finding", &schema::FINDING),
             rejections: log.topic("/rejection", &schema::REJECTION),
             derived: log.topic("/derived", &schema::DERIVED),
+            filtered: match run.smoothed {
+                true => Blocks::open(log, &run.layout, "/filtered"),
+                false => Blocks(Vec::new()),
+            },
         }
     }
 }
@@ -188,8 +194,7 @@ impl Topic {
 /// The topics of the estimate.
 #[derive(Debug)]
 pub struct Estimate {
-    /// `/state/OWNER/NAME`, by slot.
-    blocks: Vec<Topic>,
+    blocks: Blocks,
     navigation: Option<Navigation>,
 }
 
@@ -204,10 +209,8 @@ struct Navigation {
 
 impl Estimate {
     fn open(log: &mut Definitions, run: &RunInfo) -> Self {
-        let layout = &run.layout;
-        let topic = |block: &Block| format!("/state/{}", block.name.replace('.', "/"));
-        let blocks = layout.blocks.iter().map(|b| log.topic(&topic(b), &schema::BLOCK)).collect();
-        let navigation = Motion::of(layout).map(|motion| Navigation {
+        let blocks = Blocks::open(log, &run.layout, "/state");
+        let navigation = Motion::of(&run.layout).map(|motion| Navigation {
             motion,
             odometry: log.topic("/estimate/odometry", &schema::ODOMETRY),
             fix: log.topic("/estimate/fix", &schema::FIX),
@@ -217,12 +220,29 @@ impl Estimate {
     }
 
     pub fn epoch(&mut self, log: &mut LogWriter, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
-        let stamp = Stamp::new(epoch.state.time)?;
         if let Some(navigation) = &mut self.navigation {
-            navigation.epoch(log, stamp, epoch)?;
+            navigation.epoch(log, Stamp::new(epoch.state.time)?, epoch)?;
         }
+        self.blocks.epoch(log, epoch)
+    }
+}
+
+/// The topics of all blocks, by slot.
+#[derive(Debug)]
+pub struct Blocks(Vec<Topic>);
+
+impl Blocks {
+    /// Opens `ROOT/OWNER/NAME` for each block.
+    fn open(log: &mut Definitions, layout: &Layout, root: &str) -> Self {
+        let topic = |block: &Block| format!("{root}/{}", block.name.replace('.', "/"));
+        Self(layout.blocks.iter().map(|b| log.topic(&topic(b), &schema::BLOCK)).collect())
+    }
+
+    /// Writes the estimate of each block.
+    pub fn epoch(&mut self, log: &mut LogWriter, epoch: &Epoch<'_>) -> Result<(), StreamFailure> {
+        let stamp = Stamp::new(epoch.state.time)?;
         let values = &epoch.state.values;
-        for (slot, (topic, block)) in self.blocks.iter_mut().zip(&epoch.layout.blocks).enumerate() {
+        for (slot, (topic, block)) in self.0.iter_mut().zip(&epoch.layout.blocks).enumerate() {
             let n = block.operations.tangent;
             let (mut estimate, mut sigma, mut error) =
                 ([0.0; MAX_TANGENT], [0.0; MAX_TANGENT], [0.0; MAX_TANGENT]);

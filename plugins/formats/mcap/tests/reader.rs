@@ -45,7 +45,7 @@ fn told(path: &Path) -> (Vec<Value>, Vec<Known>, Option<String>) {
             Entry::Sample(x, channels) => {
                 json!([x.time.nanos(), text(&sensors[x.sensor.0].0), texts(&channels)])
             }
-            Entry::Block(b) => json!([
+            Entry::Block(b) | Entry::Filtered(b) => json!([
                 b.time.nanos(),
                 text(b.name),
                 texts(&b.components),

@@ -4,6 +4,7 @@ use crate::history::RunHistory;
 use maud::{Markup, html};
 use navfuse_core::model::chi_square::beyond;
 use navfuse_core::model::record::Level;
+use navfuse_core::model::record::answers::Answers;
 use navfuse_core::model::record::finding::Severity;
 use navfuse_core::model::record::verdict::{Verdict, VerdictLevel};
 
@@ -60,12 +61,13 @@ pub(super) fn verdicts(history: &RunHistory) -> Markup {
                 @let [nis, freedom] = sensor.updates.nis;
                 @let judged = history.verdict.as_ref().and_then(|v| v.sensor(&sensor.name));
                 @let inside = judged.is_none_or(|s| s.inside);
-                li class=[(!inside).then_some("bad")] {
+                @let small = judged.is_some_and(|s| s.mean_nis < s.expected_nis);
+                li.bad[!inside && !small] {
                     "Innovations of " (sensor.name) ": NIS "
                     b { (format!("{:.3}", nis / freedom)) } " per channel"
                     @if judged.is_none() { "." }
                     @else if inside { ", as the filter expects." }
-                    @else if judged.is_some_and(|s| s.mean_nis < s.expected_nis) {
+                    @else if small {
                         ", smaller than the filter expects: the stated noise is too large."
                     }
                     @else {
@@ -92,6 +94,7 @@ fn judged(verdict: Option<&Verdict>) -> Markup {
                 ". The log holds no verdict, and its filter could not run again."
             }
         }
+        @if let Some(verdict) = verdict { (answers(&verdict.answers())) }
         @if let Some(verdict) = verdict.filter(|v| !v.reasons.is_empty()) {
             ul.reasons {
                 @for reason in &verdict.reasons {
@@ -102,6 +105,25 @@ fn judged(verdict: Option<&Verdict>) -> Markup {
                         "."
                     }
                 }
+            }
+        }
+    }
+}
+
+/// Creates the answers to the three questions.
+fn answers(answers: &Answers) -> Markup {
+    let Answers { usable, because, sigma, change } = answers;
+    let parts: Vec<&str> = change.iter().map(|change| change.about.as_str()).collect();
+    html! {
+        dl.facts {
+            div {
+                dt { "Is the estimate usable?" }
+                dd { (usable.words()) @if !because.is_empty() { ", " (because) } }
+            }
+            div { dt { "Is its sigma true?" } dd { (sigma.words()) } }
+            div {
+                dt { "What should be changed?" }
+                dd { @if parts.is_empty() { "nothing" } @else { (parts.join(", ")) } }
             }
         }
     }

@@ -128,13 +128,15 @@ pub fn report(
                 }
             }
             section #calibration {
-                h2 { "Calibration, before and after" }
+                h2 { "Calibration" }
                 (tables::calibration(&constant, compared_with))
                 p.note {
-                    "Before: the first estimate"
-                    @if let Some([from, _]) = history.span() { ", at " (seconds(from)) }
-                    ". After: the last estimate. A remaining sigma near 1 means that the run "
-                    "held no information on the state."
+                    "Prior: the first estimate"
+                    @if history.is_smoothed() { " of the filter" }
+                    @if let Some([from, _]) = history.span() { ", at " (seconds(from)) } ". "
+                    @if history.is_smoothed() { "Filter and smoothed: the last estimates. " }
+                    @else { "Result: the last estimate. " }
+                    "A remaining sigma near 1 means that the run held no information on the state."
                 }
             }
             section #sensors {
@@ -178,8 +180,9 @@ pub fn report(
                 @if let Some(observed) = observed { (tables::verdicts(observed)) }
                 @for derived in &history.derived { (tables::derived(derived)) }
                 (picture(&plots::normalised(history), &html! {
-                    "Sigma relative to its first value. A state whose sigma falls is observed "
-                    "from then on; a state whose sigma stays at 1 is not."
+                    "Sigma relative to the prior. A state whose sigma falls is observed from then on; a "
+                    "state whose sigma stays at 1 is not."
+                    @if history.is_smoothed() { " A smoothed sigma uses the whole run at each time." }
                 })?)
             }
             section #samples {

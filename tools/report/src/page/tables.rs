@@ -77,43 +77,50 @@ pub(super) fn end(blocks: &[&BlockHistory]) -> Markup {
     }
 }
 
-/// Creates the table of the constant states, before and after the run.
+/// Creates the table of the constant states: the prior and the result, of the filter and of the
+/// smoother where the run is smoothed.
 pub(super) fn calibration(blocks: &[&BlockHistory], compared_with: &str) -> Markup {
     let with_truth = blocks.iter().any(|b| b.compared.is_some());
+    let smoothed = blocks.iter().any(|b| b.filtered.is_some());
     html! {
         @if blocks.is_empty() { p { "No state is constant in this run." } } @else {
             div.wide { table {
                 thead { tr {
-                    th { "state" } th {} th { "before" } th { "after" }
+                    th { "state" } th {} th { "prior" }
+                    @if smoothed { th { "filter" } th { "smoothed" } } @else { th { "result" } }
                     @if with_truth { th { (compared_with) } th { "error" } th { "error/" wbr; "sigma" } }
                     th { "remaining sigma" } th.name { "unit" }
                 } }
                 tbody {
                     @for block in blocks {
                         @for k in 0..block.components.len() {
-                            @let (before, after) = (&block.first, &block.last);
+                            @let (prior, result) = (block.prior(), &block.last);
                             @let error = last_error(block, k);
                             tr class=[(k == 0).then_some("first")] {
                                 th { @if k == 0 { (breakable(&block.name)) } }
                                 td.name { (block.components[k]) }
                                 @if block.uncertain() {
-                                    td { (estimate(before, k)) }
-                                    td { (estimate(after, k)) }
+                                    td { (estimate(prior, k)) }
+                                    @if let Some(filtered) = &block.filtered {
+                                        td { (estimate(&filtered.last, k)) }
+                                    }
+                                    td { (estimate(result, k)) }
                                 } @else {
-                                    td { (number(before.estimate[k], 0.0)) }
+                                    td { (number(prior.estimate[k], 0.0)) }
+                                    @if smoothed { td {} }
                                     td { "fixed" }
                                 }
                                 @if with_truth {
                                     td {
                                         @if let Some((e, s)) = error {
-                                            (number(after.estimate[k] - e, s))
+                                            (number(result.estimate[k] - e, s))
                                         }
                                     }
                                     (judged(error))
                                 }
                                 td {
-                                    @if block.uncertain() && before.sigma[k] > 0.0 {
-                                        (part(after.sigma[k] / before.sigma[k]))
+                                    @if block.uncertain() && prior.sigma[k] > 0.0 {
+                                        (part(result.sigma[k] / prior.sigma[k]))
                                     }
                                 }
                                 td.name { (block.unit) }
