@@ -87,7 +87,7 @@ fn a_run_that_must_not_be_used_ends_with_the_exit_code_3_unless_that_is_accepted
     assert_eq!(refused.status.code(), Some(3), "{}", stderr(&refused));
     let text = stdout(&refused);
     let last = text.lines().last().expect("a verdict");
-    assert!(last.starts_with("verdict: do not use: dvl: "), "{last}");
+    assert!(last.starts_with("verdict: do not use: dvl"), "{last}");
     assert_eq!(run(&["--accept-inconsistent"]).status.code(), Some(0));
     let json = run(&["--format=json"]);
     assert_eq!(json.status.code(), Some(3));

@@ -68,7 +68,7 @@ fn the_page_shows_the_verdict_with_its_reasons() {
         .expect("the command starts");
     let printed = stdout(&output);
     let last = printed.lines().last().expect("a verdict");
-    assert!(last.starts_with("verdict: do not use: dvl: "), "{last}");
+    assert!(last.starts_with("verdict: do not use: dvl"), "{last}");
     let page = read(&page);
     assert!(page.contains("Verdict: <b>do not use</b>"));
     assert!(page.contains("the gate rejected"), "the reason is on the page");

@@ -124,11 +124,12 @@ fn consistency(verdict: &Verdict, sensor: &str) -> [String; 3] {
 /// Prints the reasons of a verdict with their remedies, and the verdict in the last line. Where
 /// results alone are printed, the verdict is alone.
 pub fn verdict(verdict: &Verdict) {
-    if !Detail::is_quiet() {
-        grounds(verdict);
+    let (words, tone) = (verdict.level.words(), tone(verdict.level));
+    if Detail::is_quiet() {
+        return marked_line(format_args!("verdict: {verdict}"), &[(words, tone)]);
     }
-    let words = verdict.level.words();
-    marked_line(format_args!("verdict: {verdict}"), &[(words, tone(verdict.level))]);
+    grounds(verdict);
+    marked_line(format_args!("verdict: {}", verdict.headline()), &[(words, tone)]);
 }
 
 /// Prints the reasons with their remedies, the three answers, and the command that looks further.

@@ -147,13 +147,23 @@ impl Verdict {
         self.reasons.iter().all(|r| r.severity <= Severity::Contained)
     }
 
+    /// Level, and the parts that are doubted, in one line: the reasons stand elsewhere.
+    pub fn headline(&self) -> String {
+        let (words, doubted) = (self.level.words(), self.doubted());
+        if doubted.is_empty() { words.to_owned() } else { format!("{words}: {doubted}") }
+    }
+
+    /// Parts with a reason that is more than a note.
+    fn doubted(&self) -> String {
+        parts(self.reasons.iter().filter(|r| r.severity > Severity::Note)).join(", ")
+    }
+
     /// Reason of the level, in a few words.
     fn because(&self) -> String {
         let doubts = || self.reasons.iter().filter(|r| r.severity > Severity::Note);
         let Some(worst) = doubts().max_by_key(|r| r.severity) else { return String::new() };
         if self.contained() {
-            let parts = parts(doubts()).join(", ");
-            return format!("a fault of {parts} was found and contained");
+            return format!("a fault of {} was found and contained", self.doubted());
         }
         let first = doubts().find(|r| r.severity == worst.severity).unwrap_or(worst);
         format!("{}: {}", first.about, first.criterion.words())

@@ -194,7 +194,12 @@ mod tests {
         let verdict = Verdict::new(reasons.to_vec(), Vec::new());
         assert_eq!(verdict.level, VerdictLevel::DoNotUse);
         assert_eq!(verdict.to_string(), "do not use: depth: is wrong; dvl: is wrong; and 1 more");
-        assert_eq!(Verdict::new(Vec::new(), Vec::new()).to_string(), "consistent");
+        assert_eq!(verdict.headline(), "do not use: depth, dvl, gnss");
+        let consistent = Verdict::new(vec![reason(Severity::Note, "dvl")], Vec::new());
+        assert_eq!(
+            (consistent.to_string().as_str(), &*consistent.headline()),
+            ("consistent", "consistent")
+        );
     }
 
     #[test]
