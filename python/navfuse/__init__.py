@@ -14,13 +14,15 @@ right and down. Quaternions are ``[w, x, y, z]`` and turn a vector of the body i
 
 from navfuse._errors import DataError, NavfuseError, RunError, ScenarioError
 from navfuse._navfuse import __version__
-from navfuse._run import Event, Finding, Innovations, Reason, Run, State, Verdict
-from navfuse._scenario import QUICKSTART, Check, Scenario
+from navfuse._run import Epoch, Event, Finding, Innovations, Reason, Run, State, Verdict
+from navfuse._scenario import QUICKSTART, Check, Scenario, read_log
+from navfuse._session import Session
 
 __all__ = [
     "QUICKSTART",
     "Check",
     "DataError",
+    "Epoch",
     "Event",
     "Finding",
     "Innovations",
@@ -30,7 +32,9 @@ __all__ = [
     "RunError",
     "Scenario",
     "ScenarioError",
+    "Session",
     "State",
     "Verdict",
     "__version__",
+    "read_log",
 ]

@@ -46,6 +46,11 @@ class Verdict:
     def __str__(self) -> str:
         return self.text
 
+    @classmethod
+    def of(cls, v: Mapping[str, Any]) -> Verdict:
+        """The verdict in the JSON of the command."""
+        return cls(v["level"], v["text"], tuple(Reason(**reason) for reason in v["reasons"]))
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -106,13 +111,14 @@ class State:
             raise TypeError(f"{self.name} is no rotation")
         half = np.radians(self.estimate) / 2.0
         (cr, cp, cy), (sr, sp, sy) = np.cos(half).T, np.sin(half).T
-        return np.column_stack(
+        return np.stack(
             [
                 cr * cp * cy + sr * sp * sy,
                 sr * cp * cy - cr * sp * sy,
                 cr * sp * cy + sr * cp * sy,
                 cr * cp * sy - sr * sp * cy,
-            ]
+            ],
+            axis=-1,
         )
 
 
@@ -148,29 +154,12 @@ class Innovations:
         return np.equal(self.outcome, "accepted")
 
 
-class Run(Mapping[str, State]):
-    """The result of a run: its states by name, its innovations, and its verdict.
+class _States(Mapping[str, State]):
+    """States by name, in columns of numbers."""
 
-    All arrays are read-only views of one block of memory.
-
-    Attributes:
-        time: times of the estimates, s, shape (n,).
-        columns: every number of the estimate by the heading of its CSV column, such as
-            ``ins.velocity.north_sigma_mps``, each of shape (n,) and contiguous.
-        innovations: innovations by sensor.
-        summary: the result as ``navfuse run --format json`` prints it.
-    """
-
-    def __init__(self, result: Mapping[str, Any]) -> None:
-        text = json.loads(result["text"])
-        self.summary: dict[str, Any] = text["summary"]
-        headings = text["estimate"]["headings"]
-        table = _table(result["columns"], len(headings))
-        self.columns: dict[str, Array] = dict(zip(headings, table))
-        self.time: Array = table[0] if headings else np.empty(0)
-        self._states = {b["name"]: _state(b, table) for b in text["estimate"]["blocks"]}
-        tables = (_innovations(json.loads(text), data) for text, data in result["innovations"])
-        self.innovations: dict[str, Innovations] = {i.sensor: i for i in tables}
+    def __init__(self, estimate: Mapping[str, Any], table: Array) -> None:
+        self.columns: dict[str, Any] = dict(zip(estimate["headings"], table))
+        self._states = {b["name"]: _state(b, table) for b in estimate["blocks"]}
 
     def __getitem__(self, name: str) -> State:
         try:
@@ -185,6 +174,54 @@ class Run(Mapping[str, State]):
     def __len__(self) -> int:
         return len(self._states)
 
+
+class Epoch(_States):
+    """The estimate at one time: its states by name, with arrays of shape (k,).
+
+    Attributes:
+        time: s.
+        columns: every number by the heading of its CSV column.
+    """
+
+    def __init__(self, estimate: Mapping[str, Any], row: Array) -> None:
+        super().__init__(estimate, row)
+        self.time = float(row[0])
+
+    def __repr__(self) -> str:
+        parts = (f"{name} {np.array2string(s.estimate, precision=6)} {s.unit}" for name, s in self.items())
+        return "\n".join([f"{self.time} s", *parts])
+
+
+class Run(_States):
+    """The result of a run: its states by name, its innovations, and its verdict.
+
+    All arrays are read-only views of one block of memory.
+
+    Attributes:
+        time: times of the estimates, s, shape (n,).
+        columns: every number of the estimate by the heading of its CSV column, such as
+            ``ins.velocity.north_sigma_mps``, each of shape (n,) and contiguous.
+        innovations: innovations by sensor.
+        samples: of a log, the samples of each sensor by column, such as ``vel_x_mps``, with their
+            ``time_s``; :meth:`Scenario.with_samples` takes them. Empty otherwise.
+        summary: the result as ``navfuse run --format json`` prints it; a part of it for a log.
+    """
+
+    def __init__(self, result: Mapping[str, Any]) -> None:
+        text = json.loads(result["text"])
+        self.summary: dict[str, Any] = text["summary"]
+        estimate = text["estimate"]
+        table = _table(result["columns"], len(estimate["headings"]))
+        super().__init__(estimate, table)
+        self.time: Array = table[0] if len(table) else np.empty(0)
+        tables = (_innovations(json.loads(text), data) for text, data in result["innovations"])
+        self.innovations: dict[str, Innovations] = {i.sensor: i for i in tables}
+        self.samples: dict[str, dict[str, Array]] = {
+            sensor: dict(zip(names, _table(data, len(names))))
+            for sensor, names, data in result.get("samples", ())
+            if names
+        }
+
     @property
     def states(self) -> Mapping[str, State]:
         """The states by name; ``run[name]`` is the same."""
@@ -193,8 +230,7 @@ class Run(Mapping[str, State]):
     @cached_property
     def verdict(self) -> Verdict:
         """The verdict on the run."""
-        v = self.summary["verdict"]
-        return Verdict(v["level"], v["text"], tuple(Reason(**r) for r in v["reasons"]))
+        return Verdict.of(self.summary["verdict"])
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -228,17 +264,23 @@ class Run(Mapping[str, State]):
         names = [h.partition("*")[2].partition("_cov")[0] for h in pairs[: int(d)]]
         return names, matrix
 
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        """The columns as a table of Arrow without a copy, for polars, pandas and others.
+
+        ``polars.DataFrame(run)`` and ``pandas.DataFrame.from_arrow(run)`` call it. It needs pyarrow.
+        """
+        import pyarrow
+
+        return pyarrow.table(self.columns).__arrow_c_stream__(requested_schema)
+
     def _rows(self) -> list[tuple[str, ...]]:
         """State, component, estimate, 1-sigma, error and unit, a row for each component."""
         rows = []
-        for name, state in self.summary["states"].items():
-            units = state.get("estimate_unit") or [state["unit"]] * len(state["estimate"])
-            errors = state["error"] or [None] * len(state["estimate"])
-            parts = state["components"] or [str(k) for k in range(len(state["estimate"]))]
-            for k, part in enumerate(parts):
-                numbers = (state["estimate"][k], state["sigma"][k], errors[k])
-                rows.append((name, part, *map(_number, numbers), units[k]))
-                name = ""
+        for name, state in self.items() if self.time.size else ():
+            for k, part in enumerate(state.components):
+                error = None if state.error is None else state.error[-1, k]
+                numbers = map(_number, (state.estimate[-1, k], state.sigma[-1, k], error))
+                rows.append((name if k == 0 else "", part, *numbers, state.units[k]))
         return rows
 
     def __repr__(self) -> str:
@@ -267,7 +309,7 @@ class Run(Mapping[str, State]):
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.6g}"
+    return "" if value is None or np.isnan(value) else f"{value:.6g}"
 
 
 def _table(data: bytes, columns: int) -> Array:

@@ -6,13 +6,16 @@ import html
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, cast
 
-from navfuse import _navfuse
+import numpy as np
+
+from navfuse import _navfuse, _samples
 from navfuse._errors import NavfuseError, RunError, ScenarioError
-from navfuse._run import Run
+from navfuse._run import Epoch, Run
 
 #: The smallest useful scenario, in TOML: an underwater vehicle with simulated IMU, DVL and depth sensor.
 QUICKSTART = _navfuse.QUICKSTART
@@ -117,6 +120,7 @@ class Scenario:
         out: str | os.PathLike[str] | None = None,
         covariance: bool = False,
         progress: bool | Progress = False,
+        on_epoch: Callable[[Epoch], object] | None = None,
     ) -> Run:
         """Runs the scenario. Other threads go on meanwhile, and Ctrl-C ends the run.
 
@@ -125,23 +129,147 @@ class Scenario:
             covariance: keep the covariance between all states: :meth:`Run.covariance`.
             progress: True shows a bar on standard error; a function receives the time that the run
                 has reached and its end, s, about 20 times a second.
+            on_epoch: a sink: receives each estimate while the run goes on.
 
         Raises:
             ScenarioError: the scenario does not fit.
             DataError: a file of samples cannot be read.
             RunError: the run ended early; its ``run`` has everything until then.
         """
-        shown = _bar if progress is True else (progress or None)
-        result = self._inner.run(None if out is None else os.fspath(out), covariance, shown)
-        if shown is _bar:
-            print(file=sys.stderr)
-        return _finished(result)
+        sink = None
+        if on_epoch is not None:
+            estimate: dict[str, Any] = json.loads(_navfuse.Session(self._inner, False).text)
+            sink = lambda row: on_epoch(Epoch(estimate, np.array(row)))  # noqa: E731
+        with _shown(progress) as show:
+            result = self._inner.run(None if out is None else os.fspath(out), covariance, show, sink)
+        return finished(result)
+
+    def smooth(
+        self,
+        *,
+        lag: str | None = None,
+        passes: int | None = None,
+        out: str | os.PathLike[str] | None = None,
+        covariance: bool = False,
+        progress: bool | Progress = False,
+    ) -> Run:
+        """Runs and smooths: the best estimate for every time from all samples, later ones included.
+
+        Args:
+            lag: with this fixed lag, such as ``"30 s"``, while the run goes on.
+            passes: largest number of passes, each linearised at the one before.
+            out, covariance, progress: as in :meth:`run`.
+        """
+        given = {"estimator.smooth": True, "estimator.lag": lag, "estimator.passes": passes}
+        other = self.set({key: value for key, value in given.items() if value is not None})
+        return other.run(out=out, covariance=covariance, progress=progress)
+
+    def with_samples(self, samples: object = None, /, **sensors: object) -> Scenario:
+        """The scenario with samples in memory in place of those of its sources.
+
+        Args:
+            samples: an iterable of ``(sensor, time, values)`` in order of time: the name of the
+                sensor, s, and its channels in SI, NaN where one is missing. Each run iterates anew.
+            sensors: the samples of each sensor by its name, as a DataFrame of pandas or polars, a table
+                of pyarrow, a mapping of columns, a structured array, or an array whose first column
+                is the time. Columns are named after the channels, with their unit, as in CSV files:
+                ``vel_x_mps`` or ``vel_x_cmps``; without a unit they are in SI. The time is in
+                ``time_s``, ``time_ms``, ``time_us`` or ``time_ns``, or in the index.
+
+        Raises:
+            ValueError: a table has no time, or columns of different lengths.
+            DataError: no column belongs to a channel.
+        """
+        if samples is not None:
+            if sensors:
+                raise TypeError("give an iterable or tables, not both")
+            return Scenario(self._inner.with_iterable(samples))
+        inner = self._inner.without_samples()
+        channels = {s["name"]: list(s["channels"]) for s in json.loads(inner.describe())["sensors"]}
+        order = list(channels)  # of samples of one time, as in a recording
+        known = {sensor: order.index(sensor) for sensor in sensors if sensor in channels}
+        for sensor, data in sorted(sensors.items(), key=lambda item: known.get(item[0], -1)):
+            at, headings, columns = _samples.table(data, channels.get(sensor, []))
+            inner = inner.with_rows(sensor, at, headings, columns)
+        return Scenario(inner)
+
+    def monte_carlo(
+        self,
+        runs: int,
+        *,
+        seed: int | None = None,
+        drawn: bool = True,
+        start: float | None = None,
+        every: float | None = None,
+        jobs: int | None = None,
+        out: str | os.PathLike[str] | None = None,
+        progress: bool | Progress = False,
+    ) -> dict[str, Any]:
+        """Runs the scenario many times, and tests errors against sigma, bound and chi-square bands.
+
+        Args:
+            runs: number of runs.
+            seed: seed of the campaign.
+            drawn: draw initial errors from the priors, and the truths that are not stated.
+            start: judge from this time on, s.
+            every: time between two epochs, s.
+            jobs: number of threads; one a core without it.
+            out: folder for the tables.
+            progress: as in :meth:`run`, with the number of runs.
+
+        Returns:
+            The report that ``navfuse monte-carlo --format json`` prints.
+        """
+        return self._campaign(runs, seed, drawn, start, every, jobs, out, progress)
+
+    def bound(self, *, every: float | None = None, progress: bool | Progress = False) -> dict[str, Any]:
+        """The Cramer-Rao bound: the best that any filter or smoother of these sensors can reach.
+
+        Returns:
+            The report that ``navfuse bound --format json`` prints.
+        """
+        return self._campaign(0, None, True, None, every, None, None, progress)
+
+    def _campaign(
+        self,
+        runs: int,
+        seed: int | None,
+        drawn: bool,
+        start: float | None,
+        every: float | None,
+        jobs: int | None,
+        out: str | os.PathLike[str] | None,
+        progress: bool | Progress,
+    ) -> dict[str, Any]:
+        folder = None if out is None else os.fspath(out)
+        request: dict[str, object] = {"runs": runs, "seed": seed, "drawn": drawn, "start": start}
+        request |= {"every": every, "jobs": jobs, "out": folder}
+        with _shown(progress) as show:
+            return _loaded(_navfuse.campaign(self._inner, request, show))
+
+    def diagnose(self, *, jobs: int | None = None, progress: bool | Progress = False) -> dict[str, Any]:
+        """Finds the change of the scenario that explains its samples: runs them again with each.
+
+        Returns:
+            The result that ``navfuse diagnose --format json`` prints.
+        """
+        with _shown(progress) as show:
+            return _loaded(_navfuse.diagnose(self._inner, jobs, show))
+
+    def observability(self, *, progress: bool | Progress = False) -> dict[str, Any]:
+        """Which states the scenario determines, and since when.
+
+        Returns:
+            The report that ``navfuse observability --format json`` prints.
+        """
+        with _shown(progress) as show:
+            return _loaded(_navfuse.observability(self._inner, show))
 
     def __repr__(self) -> str:
         return f"<Scenario {self.name}>"
 
 
-def _finished(result: dict[str, Any]) -> Run:
+def finished(result: dict[str, Any]) -> Run:
     """The run, unless it ended early."""
     run, error = Run(result), result["error"]
     if error is not None:
@@ -168,8 +296,29 @@ def _toml(value: object) -> str:
     return repr(value)
 
 
-def _bar(now: float, end: float | None) -> None:
+def _loaded(text: str) -> dict[str, Any]:
+    return cast("dict[str, Any]", json.loads(text))
+
+
+@contextmanager
+def _shown(progress: bool | Progress) -> Iterator[Progress | None]:
+    """The function that shows progress, if it is wanted."""
+    if not isinstance(progress, bool):
+        yield progress
+    elif progress:
+        yield _bar
+        print(file=sys.stderr)
+    else:
+        yield None
+
+
+def _bar(done: float, end: float | None) -> None:
     """A bar on standard error, which works in a terminal and in a notebook."""
-    part = min(max(now / end, 0.0), 1.0) if end else 0.0
-    text = f"{now:.0f} of {end:.0f} s" if end else f"{now:.0f} s"
+    part = min(max(done / end, 0.0), 1.0) if end else 0.0
+    text = f"{done:.0f} of {end:.0f}" if end else f"{done:.0f}"
     print(f"\r[{'#' * round(32 * part):32}] {text}", end="", file=sys.stderr, flush=True)
+
+
+def read_log(path: str | os.PathLike[str]) -> Run:
+    """The log of a run, ``run.mcap``, as it was recorded: no filter runs again."""
+    return Run(_navfuse.read_log(os.fspath(path)))

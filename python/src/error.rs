@@ -88,10 +88,14 @@ fn class(error: &CommandError) -> &'static str {
 
 /// The exception of an error.
 pub fn exception(error: impl Into<CommandError>) -> PyErr {
-    let error = error.into();
+    exception_of(&error.into())
+}
+
+/// The exception of an error that is kept.
+pub fn exception_of(error: &CommandError) -> PyErr {
     let message = error.to_string();
     let excerpt = error.excerpt().map(ToString::to_string);
-    raised(class(&error), &message, &Place::of(&error), excerpt)
+    raised(class(error), &message, &Place::of(error), excerpt)
 }
 
 fn raised(class: &str, message: &str, place: &Place, excerpt: Option<String>) -> PyErr {

@@ -4,9 +4,14 @@
 //! `python/navfuse`.
 
 mod error;
+mod live;
+mod log;
 mod recorder;
 mod run;
+mod samples;
 mod scenario;
+mod session;
+mod tools;
 mod watch;
 
 /// Scenarios, runs and the command.
@@ -17,7 +22,13 @@ mod _navfuse {
     use std::process::ExitCode;
 
     #[pymodule_export]
+    use crate::log::read_log;
+    #[pymodule_export]
     use crate::scenario::Scenario;
+    #[pymodule_export]
+    use crate::session::Session;
+    #[pymodule_export]
+    use crate::tools::{campaign, diagnose, observability};
 
     /// Runs the command with its arguments, and returns its exit code.
     #[pyfunction]

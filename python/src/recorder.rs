@@ -77,7 +77,8 @@ impl Innovations {
 #[derive(Default)]
 pub struct Recorder {
     covariance: bool,
-    estimate: EstimateColumns,
+    /// The estimate as a row of numbers.
+    pub estimate: EstimateColumns,
     blocks: Vec<Value>,
     /// Time, then the columns of the estimate.
     pub columns: Vec<Vec<f64>>,

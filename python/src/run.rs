@@ -28,7 +28,7 @@ pub fn result(py: Python<'_>, mut finished: Finished) -> PyResult<Bound<'_, PyDi
 }
 
 /// Columns one after the other, as the bytes of their numbers.
-fn bytes(py: Python<'_>, columns: Vec<Vec<f64>>) -> PyResult<Bound<'_, PyBytes>> {
+pub fn bytes(py: Python<'_>, columns: Vec<Vec<f64>>) -> PyResult<Bound<'_, PyBytes>> {
     let length = columns.iter().map(Vec::len).sum::<usize>() * size_of::<f64>();
     PyBytes::new_with(py, length, |bytes| {
         let places = bytes.chunks_exact_mut(size_of::<f64>());

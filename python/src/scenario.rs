@@ -1,42 +1,73 @@
 //! Scenarios.
 
 use crate::error::exception;
+use crate::live::{Calling, Iterating};
 use crate::recorder::Recorder;
 use crate::run::result;
-use crate::watch::Watch;
+use crate::samples::{self, Rows};
+use crate::watch::{Watch, watched};
 use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
 use navfuse_core::files::FolderLock;
-use navfuse_core::model::sensor::{Purpose, Sensor};
+use navfuse_core::model::sensor::{Purpose, Sensor, SensorInfo};
+use navfuse_core::model::stream::StreamError;
 use navfuse_core::plugin::Registry;
 use navfuse_core::run::scenario::{Assembly, Scenario as Composed};
 use navfuse_core::state::Block;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A scenario: a document, and the types that it may name.
+/// A scenario: a document, the types that it may name, and samples that Python gives.
 #[pyclass(frozen, module = "navfuse._navfuse")]
 pub struct Scenario {
-    registry: Arc<Registry>,
-    document: Document,
+    pub(crate) registry: Arc<Registry>,
+    pub(crate) document: Document,
+    /// Samples in memory.
+    samples: Vec<Arc<Rows>>,
+    /// An iterable of samples.
+    iterable: Option<Arc<Py<PyAny>>>,
 }
 
 impl Scenario {
     fn of(document: Document) -> Self {
-        Self { registry: Arc::new(navfuse::standard_plugins()), document }
+        let mut registry = navfuse::standard_plugins();
+        samples::register(&mut registry);
+        Self { registry: Arc::new(registry), document, samples: Vec::new(), iterable: None }
     }
 
-    fn composed(&self) -> PyResult<Composed<'_>> {
-        Composed::new(&self.registry, self.document.clone(), &[]).map_err(exception)
+    /// The same with another document.
+    fn with(&self, document: Document) -> Self {
+        let (registry, iterable) = (Arc::clone(&self.registry), self.iterable.clone());
+        Self { registry, document, samples: self.samples.clone(), iterable }
     }
 
-    fn with(&self, settings: &[String]) -> PyResult<Document> {
+    /// The document with other values.
+    pub(crate) fn changed(&self, settings: &[String]) -> PyResult<Document> {
         let mut document = self.document.clone();
         settings.iter().try_for_each(|s| document.set(s)).map_err(exception)?;
         Ok(document)
+    }
+
+    pub(crate) fn composed(&self) -> PyResult<Composed<'_>> {
+        Composed::new(&self.registry, self.document.clone(), &[]).map_err(exception)
+    }
+
+    /// Composes the scenario, and opens its sources and sinks.
+    pub(crate) fn assemble(&self, out: Option<&Path>, watch: &Arc<Watch>) -> PyResult<Assembly> {
+        let mut assembly = self.composed()?.assemble(out).map_err(exception)?;
+        let composition = &assembly.composition;
+        for rows in &self.samples {
+            let source = rows.source(composition);
+            assembly.sources.extend(source.map(|source| ("memory".to_owned(), source)));
+        }
+        if let Some(iterable) = &self.iterable {
+            let source = Iterating::new(iterable, &composition.sensors, watch)?;
+            assembly.sources.push(("iterator".to_owned(), Box::new(source)));
+        }
+        Ok(assembly)
     }
 }
 
@@ -45,9 +76,9 @@ impl Scenario {
     /// The scenario in a TOML file, or in the log of a run, whose samples it then takes.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
-        let (mut document, settings) = navfuse::document_of(&path).map_err(exception)?;
-        settings.iter().try_for_each(|s| document.set(s)).map_err(exception)?;
-        Ok(Self::of(document))
+        let (document, settings) = navfuse::document_of(&path).map_err(exception)?;
+        let scenario = Self::of(document);
+        scenario.set(settings)
     }
 
     /// The scenario in a text; `name` is the file of that text, from whose folder paths start.
@@ -58,7 +89,42 @@ impl Scenario {
 
     /// The scenario with other values, each as `key.path=value`.
     fn set(&self, settings: Vec<String>) -> PyResult<Self> {
-        Ok(Self { registry: Arc::clone(&self.registry), document: self.with(&settings)? })
+        Ok(self.with(self.changed(&settings)?))
+    }
+
+    /// The scenario with samples of a sensor: times, headings of the columns, and their numbers one
+    /// column after the other.
+    fn with_rows(
+        &self,
+        sensor: &str,
+        times: (&[u8], bool),
+        headings: Vec<String>,
+        columns: &[u8],
+    ) -> PyResult<Self> {
+        let mut scenario = self.with(self.document.clone());
+        let composition = scenario.composed()?.compose().map_err(exception)?;
+        let info = sensor_info(&composition, sensor)?;
+        let times = samples::times(times.0, times.1)?;
+        scenario.samples.push(Arc::new(Rows::new(info, times, &headings, columns)?));
+        Ok(scenario)
+    }
+
+    /// The scenario without its sources, for samples that Python gives.
+    fn without_samples(&self) -> PyResult<Self> {
+        let scenario = self.with(self.changed(&[samples::SOURCE.to_owned()])?);
+        Ok(Self { samples: Vec::new(), iterable: None, ..scenario })
+    }
+
+    /// States, sensors, processes and sources, in JSON.
+    fn describe(&self) -> PyResult<String> {
+        let assembly = self.composed()?.assemble(None).map_err(exception)?;
+        Ok(describe(&assembly).to_string())
+    }
+
+    /// The scenario with the samples of an iterable in place of those of its sources: name of the
+    /// sensor, time in s, and channels in SI.
+    fn with_iterable(&self, iterable: Py<PyAny>) -> PyResult<Self> {
+        Ok(Self { iterable: Some(Arc::new(iterable)), ..self.without_samples()? })
     }
 
     /// The name of the scenario.
@@ -77,33 +143,43 @@ impl Scenario {
         let scenario = self.composed()?;
         self.registry.check().map_err(exception)?;
         let mistakes = py.detach(|| scenario.mistakes());
-        let text = match mistakes.is_empty() {
-            true => describe(&scenario.assemble(None).map_err(exception)?).to_string(),
-            false => String::new(),
-        };
+        let text = if mistakes.is_empty() { self.describe()? } else { String::new() };
         Ok((mistakes.into_iter().map(exception).collect(), text))
     }
 
     /// Runs the scenario. It writes files only into the folder `out`.
-    #[pyo3(signature = (out, covariance, progress))]
     fn run<'py>(
         &self,
         py: Python<'py>,
         out: Option<PathBuf>,
         covariance: bool,
         progress: Option<Py<PyAny>>,
+        on_epoch: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let mut watch = Watch::new(progress);
-        let finished = py.detach(|| {
+        let finished = watched(py, progress.as_ref(), |watch| {
             let _lock = out.as_deref().map(FolderLock::take).transpose().map_err(exception)?;
-            let mut assembly = self.composed()?.assemble(out.as_deref()).map_err(exception)?;
+            let mut assembly = self.assemble(out.as_deref(), watch)?;
             let recorder = Recorder::new(covariance);
             assembly.sinks.push(("python".to_owned(), Box::new(recorder)));
-            PyResult::Ok(watch.over(assembly))
-        })?;
-        watch.finish()?;
+            if let Some(function) = on_epoch {
+                let sink = Calling::new(function, watch);
+                assembly.sinks.push(("on_epoch".to_owned(), Box::new(sink)));
+            }
+            PyResult::Ok(watch.run(assembly))
+        })??;
         result(py, finished)
     }
+}
+
+/// The sensor of a name.
+pub fn sensor_info<'a>(composition: &'a Composition, name: &str) -> PyResult<&'a SensorInfo> {
+    let found = composition.sensor(name).map(|k| &composition.sensors[k].info);
+    found.ok_or_else(|| {
+        let names: Vec<&str> = composition.sensors.iter().map(|s| s.info.name.as_str()).collect();
+        let remedy = format!("the sensors are {}", names.join(", "));
+        let message = format!("the scenario has no [sensor.{name}]");
+        exception(StreamError::scenario(message).with_remedy(remedy))
+    })
 }
 
 /// States, sensors, processes and sources, for Python.

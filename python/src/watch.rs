@@ -1,60 +1,95 @@
-//! What Python wants to know of a run while it goes on: progress, and whether Ctrl-C was pressed.
+//! Long work for Python: it goes on without the interpreter's lock, shows its progress, and ends on
+//! Ctrl-C.
 
 use navfuse_core::run::runner::{self, Progress};
 use navfuse_core::run::scenario::Assembly;
 use navfuse_core::session::Finished;
 use pyo3::prelude::*;
-use std::sync::Arc;
+use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
 
-/// Time between two calls of Python. Rust computes without the interpreter's lock in between.
+/// Time between two calls of Python while the work goes on.
 const EVERY: Duration = Duration::from_millis(50);
 
-/// Watches over a run. An exception of Python ends the run.
+/// What the work and the thread that called it tell each other.
+#[derive(Default)]
 pub struct Watch {
-    callback: Option<Py<PyAny>>,
-    last: Instant,
-    /// Ends the run once set.
-    pub stop: Arc<AtomicBool>,
-    raised: Option<PyErr>,
+    /// Set once the work is to end early.
+    pub stop: AtomicBool,
+    /// Steps or seconds that are done, and all of them where it is known.
+    progress: Mutex<Option<(f64, Option<f64>)>>,
+    /// The first exception of a part that is written in Python.
+    raised: Mutex<Option<PyErr>>,
+}
+
+/// The value of a mutex, also after a panic of another thread.
+pub fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Watch {
-    /// A watch that passes progress as `callback(done, all)`, if there is one.
-    pub fn new(callback: Option<Py<PyAny>>) -> Self {
-        Self { callback, last: Instant::now(), stop: Arc::default(), raised: None }
+    /// Takes the number of steps or seconds that are done, and of all.
+    pub fn done(&self, done: f64, all: Option<f64>) {
+        *locked(&self.progress) = Some((done, all));
     }
 
-    /// Runs an assembly to its end, or until Python ends it.
-    pub fn over(&mut self, assembly: Assembly) -> Finished {
-        let stop = Arc::clone(&self.stop);
-        runner::run(assembly, &stop, |progress| self.run(progress))
+    /// Ends the work early, by an exception of Python.
+    pub fn fail(&self, error: PyErr) {
+        locked(&self.raised).get_or_insert(error);
+        self.stop.store(true, Ordering::Relaxed);
     }
 
-    fn run(&mut self, progress: Progress) {
-        let end = progress.end.map(|end| end.seconds());
-        self.tick(progress.now.seconds(), end);
+    /// Runs an assembly to its end, or until it is to end early.
+    pub fn run(&self, assembly: Assembly) -> Finished {
+        let show = |Progress { now, end }| self.done(now.seconds(), end.map(|e| e.seconds()));
+        runner::run(assembly, &self.stop, show)
     }
 
-    /// Takes the number of steps that are done, and of all, where it is known.
-    pub fn tick(&mut self, done: f64, all: Option<f64>) {
-        if self.last.elapsed() < EVERY || self.raised.is_some() {
-            return;
-        }
-        self.last = Instant::now();
-        let called = Python::attach(|py| {
+    /// Lets Python handle its signals, and show the progress.
+    fn call(&self, callback: Option<&Py<PyAny>>) -> PyResult<()> {
+        let progress = *locked(&self.progress);
+        Python::attach(|py| {
             py.check_signals()?;
-            self.callback.as_ref().map_or(Ok(()), |f| f.call1(py, (done, all)).map(drop))
-        });
-        if let Err(error) = called {
-            self.raised = Some(error);
-            self.stop.store(true, Ordering::Relaxed);
-        }
+            match callback.zip(progress) {
+                Some((callback, progress)) => callback.call1(py, progress).map(drop),
+                None => Ok(()),
+            }
+        })
     }
+}
 
-    /// The exception that ended the run, if there is one.
-    pub fn finish(self) -> PyResult<()> {
-        self.raised.map_or(Ok(()), Err)
-    }
+/// Does work on a thread of its own, and calls `callback(done, all)` meanwhile. The first exception of
+/// Python, such as that of Ctrl-C, ends the work early.
+///
+/// # Errors
+/// The exception.
+pub fn watched<T: Send>(
+    py: Python<'_>,
+    callback: Option<&Py<PyAny>>,
+    work: impl FnOnce(&Arc<Watch>) -> T + Send,
+) -> PyResult<T> {
+    let watch = Arc::new(Watch::default());
+    let wait = || {
+        thread::scope(|scope| {
+            let (working, over) = channel::<()>();
+            let worker = scope.spawn(|| {
+                let _working = working;
+                work(&watch)
+            });
+            while over.recv_timeout(EVERY) == Err(RecvTimeoutError::Timeout) {
+                if !watch.stop.load(Ordering::Relaxed)
+                    && let Err(error) = watch.call(callback)
+                {
+                    watch.fail(error);
+                }
+            }
+            worker.join().unwrap_or_else(|panic| resume_unwind(panic))
+        })
+    };
+    let result = py.detach(wait);
+    locked(&watch.raised).take().map_or(Ok(result), Err)
 }

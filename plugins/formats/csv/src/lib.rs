@@ -26,7 +26,7 @@ mod time;
 mod utf16;
 
 pub use bounded::beginning;
-pub use columns::{Axes, EstimateColumns};
+pub use columns::{Axes, EstimateColumns, ending};
 pub use config::Csv;
 pub use sink::CsvSink;
 pub use table::Table;

@@ -1,0 +1,115 @@
+//! The tools that ask of many runs. Each returns its result in JSON, as the command prints it.
+
+use crate::error::exception;
+use crate::scenario::Scenario;
+use crate::watch::{Watch, watched};
+use navfuse_campaign::{Campaign, Extent, Folder, InitialErrors, JobCount, Options, execute};
+use navfuse_diagnose::diagnose as search;
+use navfuse_observability::{ObservabilityReport, TrackerSink};
+use navfuse_segments::{Gatherer, SegmentError};
+use pyo3::prelude::*;
+use serde::Serialize;
+use std::path::PathBuf;
+use std::thread::available_parallelism;
+
+/// Interval of the normalised sigmas of a report on observability, s.
+const EVERY: f64 = 1.0;
+
+/// Time for the runs of all changes of a diagnosis, s.
+const SECONDS: f64 = 30.0;
+
+fn threads(given: Option<usize>) -> usize {
+    given.unwrap_or_else(|| available_parallelism().map_or(1, usize::from))
+}
+
+fn json(value: &impl Serialize) -> PyResult<String> {
+    serde_json::to_string(value).map_err(exception)
+}
+
+/// What is asked of a campaign: a dictionary of Python.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Request {
+    /// Number of runs; zero for the bound alone.
+    runs: usize,
+    seed: Option<u64>,
+    /// Set if initial errors and true parameters are drawn.
+    drawn: bool,
+    /// Times, s.
+    start: Option<f64>,
+    every: Option<f64>,
+    jobs: Option<usize>,
+    out: Option<PathBuf>,
+}
+
+impl Request {
+    fn options(&self) -> Options {
+        let initial_errors = if self.drawn { InitialErrors::Drawn } else { InitialErrors::Given };
+        let Self { runs, seed, every, start, .. } = *self;
+        Options { runs, seed, every, from: start, initial_errors, vary: Vec::new() }
+    }
+}
+
+/// Runs a campaign.
+#[pyfunction]
+pub fn campaign(
+    py: Python<'_>,
+    scenario: &Scenario,
+    request: Request,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let (options, out) = (request.options(), request.out);
+    let extent = Extent { threads: threads(request.jobs), ..Extent::default() };
+    let work = |watch: &Watch| {
+        let (registry, document) = (&scenario.registry, &scenario.document);
+        let campaign = Campaign::new(registry, document, &options)?;
+        let mut folder = Folder::create(out.as_deref(), &campaign, None)?;
+        let show = |JobCount { done, asked }| watch.done(done as f64, Some(asked as f64));
+        let add = |record| folder.add(record);
+        let done = execute(&campaign, registry, document, extent, &watch.stop, show, add)?;
+        folder.finish(done)
+    };
+    let results = watched(py, progress.as_ref(), |watch| work(watch))?.map_err(exception)?;
+    json(&results.map(|results| results.report))
+}
+
+/// Finds the change of a scenario that explains its samples.
+#[pyfunction]
+pub fn diagnose(
+    py: Python<'_>,
+    scenario: &Scenario,
+    jobs: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let options = navfuse_diagnose::Options { threads: threads(jobs), seconds: SECONDS };
+    let diagnosis = watched(py, progress.as_ref(), |watch| {
+        let show = |done: usize, all: usize| watch.done(done as f64, Some(all as f64));
+        let (registry, document) = (&scenario.registry, &scenario.document);
+        search(registry, document, &options, &watch.stop, &show).map_err(exception)
+    })??;
+    json(&diagnosis)
+}
+
+/// Reports which states a scenario determines, and since when.
+#[pyfunction]
+pub fn observability(
+    py: Python<'_>,
+    scenario: &Scenario,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let report = watched(py, progress.as_ref(), |watch| {
+        let mut assembly = scenario.assemble(None, watch)?;
+        let gatherer = Gatherer::new(&assembly.composition);
+        assembly.sinks.push(("observability".into(), Box::new(TrackerSink::new(EVERY))));
+        assembly.sinks.push(("segments".into(), Box::new(gatherer)));
+        let mut finished = watch.run(assembly);
+        finished.error.take().map_or(Ok(()), |error| Err(exception(error)))?;
+        let Some(tracker) = TrackerSink::take(&mut finished) else { return Ok(None) };
+        let composed = scenario.composed()?;
+        let mut report = ObservabilityReport::new(&composed.name(), &tracker);
+        let composition = composed.compose().map_err(SegmentError::from);
+        report.judge(composition.and_then(|c| Gatherer::take(&mut finished, &c)), &tracker);
+        PyResult::Ok(Some(report))
+    })??;
+    json(&report)
+}

@@ -1,0 +1,154 @@
+"""Samples in memory, sessions, iterators and sinks: the same numbers as from files, to the bit."""
+
+import numpy as np
+import pandas
+import pyarrow
+import pytest
+
+import navfuse
+
+
+@pytest.fixture(scope="session")
+def recorded(short, tmp_path_factory):
+    """A run, and its log as it was recorded."""
+    folder = tmp_path_factory.mktemp("recorded")
+    run = short.set("sink.rerun.enabled", False).run(out=folder)
+    return run, navfuse.read_log(folder / "run.mcap")
+
+
+def same(a, b):
+    """Whether two runs have the same estimates, to the bit."""
+    return all(np.array_equal(a.columns[h], b.columns[h], equal_nan=True) for h in b.columns)
+
+
+def arrivals(log):
+    """All samples of a log in order of time, each as the sensor, its time and its channels."""
+    tables = {name: np.column_stack(list(t.values())) for name, t in log.samples.items()}
+    rows = ((row[0], k, name, row[1:]) for k, (name, t) in enumerate(tables.items()) for row in t)
+    return [(name, time, values) for time, _, name, values in sorted(rows, key=lambda r: r[:2])]
+
+
+def test_a_log_has_the_run_as_it_was_recorded(recorded):
+    run, log = recorded
+    assert same(run, log) and list(run) == list(log)
+    assert log.verdict == run.verdict and log.findings == run.findings
+    assert (log.innovations["dvl"].outcome == run.innovations["dvl"].outcome).all()
+    assert np.array_equal(log.innovations["dvl"].nis, run.innovations["dvl"].nis, equal_nan=True)
+    assert repr(log).splitlines()[1:] == repr(run).splitlines()[1:]
+
+
+def test_tables_in_memory_give_the_run_of_the_recording(recorded, short):
+    run, log = recorded
+    again = short.with_samples(**log.samples).run()
+    assert same(run, again)
+    assert again.summary["seed"] is None  # a recording has none
+
+
+def test_tables_of_any_kind_are_taken(recorded, short):
+    run, log = recorded
+    samples = dict(log.samples)
+    depth = samples.pop("depth")
+    array = np.column_stack(list(depth.values()))
+    named = np.rec.fromarrays(list(depth.values()), names="time_s,depth_m")
+    nanos = {"time_ns": np.round(depth["time_s"] * 1e9).astype(np.int64), "depth": depth["depth_m"]}
+    for table in (array, named, nanos):
+        assert same(run, short.with_samples(depth=table, **samples).run())
+    coarse = {"time_ms": depth["time_s"] * 1e3, "depth_cm": depth["depth_m"] * 100.0}
+    coarse = short.with_samples(depth=coarse, **samples).run()
+    assert np.allclose(coarse["ins.position"].estimate, run["ins.position"].estimate, atol=1e-9)
+
+
+def test_frames_are_taken_and_given_without_a_copy(recorded, short):
+    run, log = recorded
+    frames = {name: pandas.DataFrame(table) for name, table in log.samples.items()}
+    frames["depth"] = frames["depth"].set_index("time_s")
+    frames["dvl"] = pyarrow.table(log.samples["dvl"])
+    assert same(run, short.with_samples(**frames).run())
+    frame = pandas.DataFrame(run.columns, copy=False)
+    assert np.shares_memory(frame["dvl.scale.k"].to_numpy(), run.columns["dvl.scale.k"])
+    table = pyarrow.RecordBatchReader.from_stream(run).read_all()
+    assert table.column_names == list(run.columns)
+    assert np.shares_memory(table["dvl.scale.k"].chunk(0).to_numpy(), run.columns["dvl.scale.k"])
+
+
+def test_a_table_that_does_not_fit_is_an_exception_with_the_columns_that_are_wanted(short):
+    time = np.arange(3.0)
+    with pytest.raises(navfuse.DataError, match="no column for vel_x.*vel_x_mps.*speed"):
+        short.with_samples(dvl={"time_s": time, "speed": time})
+    with pytest.raises(navfuse.DataError, match="no .sensor.sonar.*dvl"):
+        short.with_samples(sonar={"time_s": time, "range": time})
+    with pytest.raises(ValueError, match="time_s"):
+        short.with_samples(dvl={"vel_x_mps": time})
+    with pytest.raises(ValueError, match="shape"):
+        short.with_samples(dvl=np.zeros((3, 9)))
+    with pytest.raises(navfuse.DataError, match="finite"):
+        short.with_samples(depth=np.full((3, 2), np.nan))
+
+
+def test_an_iterator_is_a_source_and_its_exception_ends_the_run(recorded, short):
+    run, log = recorded
+    samples = arrivals(log)
+    assert same(run, short.with_samples(samples).run())
+
+    def broken():
+        yield from samples[:100]
+        raise LookupError("the bus is silent")
+
+    with pytest.raises(LookupError, match="bus"):
+        short.with_samples(broken()).run()
+    with pytest.raises(navfuse.DataError, match="no sensor .sonar"):
+        short.with_samples([("sonar", 1.0, [2.0])]).run()
+
+
+def test_a_function_is_a_sink_and_its_exception_ends_the_run(short, run):
+    epochs = []
+    short.run(on_epoch=epochs.append)
+    assert [e.time for e in epochs] == run.time.tolist()
+    assert (epochs[-1]["ins.velocity"].sigma == run["ins.velocity"].sigma[-1]).all()
+    assert epochs[-1]["ins.attitude"].quaternion.shape == (4,)
+
+    def fails(epoch):
+        raise LookupError("enough")
+
+    with pytest.raises(LookupError, match="enough"):
+        short.run(on_epoch=fails)
+
+
+def test_a_session_has_the_numbers_of_the_run(recorded, short):
+    run, log = recorded
+    session = navfuse.Session(short)
+    assert session.newest() is None
+    for sensor, time, values in arrivals(log):
+        session.push(sensor, time, values)
+    newest = session.newest()
+    assert (newest["ins.velocity"].estimate == run["ins.velocity"].estimate[-1]).all()
+    assert session.verdict.level in ("consistent", "doubtful")
+    finished = session.finish()
+    assert same(run, finished) and finished.verdict == run.verdict
+    with pytest.raises(ValueError, match="finished"):
+        session.newest()
+
+
+def test_a_block_of_rows_is_pushed_at_once(recorded, short):
+    _, log = recorded
+    samples = arrivals(log)
+    row, block = navfuse.Session(short), navfuse.Session(short)
+    for sample in (s for s in samples if s[1] <= 65.0):
+        row.push(*sample)
+        block.push(*sample)
+    later = [s for s in samples if s[0] == "imu" and s[1] > 65.0][:500]
+    for sample in later:
+        row.push(*sample)
+    block.push("imu", [s[1] for s in later], [s[2] for s in later])
+    a, b = row.newest(), block.newest()
+    assert a.time == later[-1][1] == b.time and same(a, b)
+
+
+def test_what_a_session_cannot_take_is_an_exception(short):
+    session = navfuse.Session(short)
+    with pytest.raises(ValueError, match="no sensor .sonar"):
+        session.push("sonar", 1.0, [1.0])
+    with pytest.raises(ValueError, match="1 rows of 3 channels"):
+        session.push("dvl", 1.0, [1.0])
+    with pytest.raises(navfuse.DataError, match="73 years"):
+        session.push("depth", 1e12, [1.0])
