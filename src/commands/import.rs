@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use navfuse_core::input::text_of;
 use navfuse_core::plugin::Registry;
 use navfuse_import::{Answers, Imported, OdometryUse, StreamSurvey};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Arguments of `import`.
@@ -67,8 +67,19 @@ pub fn import(registry: &Registry, arguments: &Import) -> Result<ExitCode> {
     let Some(imported) = imported else { return Ok(ExitCode::from(INTERRUPTED)) };
     output::write(&out, &imported.scenario)?;
     print(&imported);
-    output::line(format_args!("scenario {}", out.display()));
+    output::line(next(&out, imported.questions.len()));
     Ok(ExitCode::SUCCESS)
+}
+
+/// The scenario, the number of guesses in it, and the command that follows.
+fn next(out: &Path, guesses: usize) -> String {
+    let out = out.display();
+    let check = match guesses {
+        0 => String::new(),
+        1 => "check the guess marked ANSWER, then ".to_owned(),
+        n => format!("check the {n} guesses marked ANSWER, then "),
+    };
+    format!("scenario {out}: {check}`navfuse run {out}`")
 }
 
 /// Three numbers with commas.
