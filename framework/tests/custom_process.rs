@@ -9,6 +9,7 @@ use navfuse_core::filter::Ekf;
 use navfuse_core::model::error::ComposeError;
 use navfuse_core::model::process::BuiltProcess;
 use navfuse_core::model::process::{Interval, ProcessError, ProcessModel};
+use navfuse_core::model::record::{Observer, Outcome, Rejection, UpdateRecord};
 use navfuse_core::model::sensor::Role;
 use navfuse_core::model::sensor::measurement::MeasurementModel;
 use navfuse_core::model::sensor::motion::Motion;
@@ -32,6 +33,9 @@ use serde::Deserialize;
 struct Cruise {
     /// White acceleration.
     acceleration: Sigma<AccelerationNoise>,
+    /// The place becomes NaN.
+    #[serde(default)]
+    broken: bool,
 }
 
 impl ProcessType for Cruise {
@@ -55,6 +59,7 @@ impl ProcessType for Cruise {
             place,
             velocity,
             density: self.acceleration.value().si().powi(2),
+            broken: self.broken,
             p_p: t.phi_diagonal(p, p),
             p_v: t.phi_diagonal(p, v),
             // place and velocity are adjacent, so one noise block holds their coupled noise
@@ -69,6 +74,7 @@ struct CruiseModel {
     place: Handle<Vector<2>>,
     velocity: Handle<Vector<2>>,
     density: f64,
+    broken: bool,
     p_p: PhiDiagonal<2>,
     p_v: PhiDiagonal<2>,
     q: NoiseSlot<4>,
@@ -83,7 +89,10 @@ impl ProcessModel for CruiseModel {
         transition: &mut Transition,
     ) -> Result<(), ProcessError> {
         let dt = interval.duration();
-        let place = state.get(layout, self.place) + state.get(layout, self.velocity) * dt;
+        let mut place = state.get(layout, self.place) + state.get(layout, self.velocity) * dt;
+        if self.broken {
+            place.y = f64::NAN;
+        }
         state.set(layout, self.place, &place);
         transition.set_diagonal(self.p_p, &[1.0; 2]);
         transition.set_diagonal(self.p_v, &[dt; 2]);
@@ -112,6 +121,9 @@ fn noise(density: f64, dt: f64) -> Matrix4<f64> {
 #[serde(deny_unknown_fields)]
 struct Ranges {
     noise: Sigma<Length>,
+    /// The prediction is NaN.
+    #[serde(default)]
+    broken: bool,
 }
 
 const BEACONS: [[f64; 2]; 2] = [[-50.0, 120.0], [150.0, -40.0]];
@@ -125,19 +137,22 @@ impl SensorType for Ranges {
 
     fn build(self, composer: &mut Composer) -> Result<Role, ComposeError> {
         let place = composer.find("place", "cruise.place")?;
-        Ok(Role::measurement(RangesModel { place, sigma: self.noise.value().si() }))
+        let (sigma, broken) = (self.noise.value().si(), self.broken);
+        Ok(Role::measurement(RangesModel { place, sigma, broken }))
     }
 }
 
 struct RangesModel {
     place: Handle<Vector<2>>,
     sigma: f64,
+    broken: bool,
 }
 
 impl MeasurementModel<2> for RangesModel {
     fn predict<T: Real>(&self, x: &View<'_, T>) -> SVector<T, 2> {
         let place = x.get(self.place);
-        SVector::from(BEACONS.map(|b| (place - Vector2::from(b).map(convert)).norm()))
+        let zero: T = convert(if self.broken { f64::NAN } else { 0.0 });
+        SVector::from(BEACONS.map(|b| (place - Vector2::from(b).map(convert)).norm() + zero))
     }
 
     fn noise(&self, _: &View<'_, f64>) -> SMatrix<f64, 2, 2> {
@@ -154,7 +169,7 @@ impl Plugin for Mine {
     }
 }
 
-fn filter() -> Ekf {
+fn filter(settings: &[&str]) -> Ekf {
     let mut registry = Registry::new();
     registry.add(&Mine);
     let scenario = r#"
@@ -164,7 +179,8 @@ fn filter() -> Ekf {
         noise = "50 cm"
     "#;
     let document = Document::parse("cruise.toml", scenario).unwrap();
-    Ekf::new(Scenario::new(&registry, document, &[]).unwrap().compose().unwrap())
+    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
+    Ekf::new(Scenario::new(&registry, document, &settings).unwrap().compose().unwrap())
 }
 
 fn ranges(place: Vector2<f64>) -> [f64; 2] {
@@ -173,7 +189,7 @@ fn ranges(place: Vector2<f64>) -> [f64; 2] {
 
 #[test]
 fn a_vehicle_without_an_imu_is_filtered_as_the_textbook_does() {
-    let mut ekf = filter();
+    let mut ekf = filter(&[]);
     let mut random = Random::new(1, "ranges");
     let (mut x, mut p) = (
         Vector4::new(0.0, 0.0, 1.0, 0.5),
@@ -227,4 +243,36 @@ fn a_vehicle_without_an_imu_is_filtered_as_the_textbook_does() {
             ekf.state().values
         );
     }
+}
+
+/// Outcomes of samples.
+#[derive(Default)]
+struct Outcomes(Vec<Outcome>);
+
+impl Observer for Outcomes {
+    fn update(&mut self, update: &UpdateRecord<'_>) {
+        self.0.push(update.outcome);
+    }
+}
+
+fn sample(seconds: f64) -> Sample {
+    Sample::new(Time::from_seconds(seconds).unwrap(), SensorId(0), &ranges(Vector2::zeros()))
+}
+
+#[test]
+fn a_process_that_yields_nan_ends_the_run_with_its_name_the_block_and_the_time() {
+    let mut ekf = filter(&["process.cruise.broken=true"]);
+    ekf.process(&sample(0.0), &mut ()).unwrap();
+    let error = ekf.process(&sample(1.5), &mut ()).unwrap_err();
+    assert_eq!(error.to_string(), "at 1.500 s: cruise: cruise.place is no longer a number");
+}
+
+#[test]
+fn a_sensor_whose_model_predicts_nan_is_named_and_leaves_the_estimate_as_it_was() {
+    let mut ekf = filter(&["sensor.ranges.broken=true"]);
+    let mut outcomes = Outcomes::default();
+    ekf.process(&sample(0.0), &mut outcomes).unwrap();
+    assert_eq!(outcomes.0, [Outcome::Rejected(Rejection::Prediction)]);
+    assert_eq!(ekf.state().values, [0.0, 0.0, 1.0, 0.5]);
+    assert_eq!(ekf.covariance().get(0, 0), 100.0);
 }

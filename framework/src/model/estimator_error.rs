@@ -20,7 +20,7 @@ pub enum EstimatorError {
     },
     /// The covariance is not positive any more.
     #[error(
-        "at {time}: the variance of {block} is not positive: its prior sigma and the noise of \
+        "at {time}: the variance of {block} is not a positive number: its prior sigma and the noise of \
          the sensors that see it differ by too many orders of magnitude, or a model gives a wrong \
          Jacobian"
     )]

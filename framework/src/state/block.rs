@@ -152,7 +152,9 @@ impl Block {
                     true => variance(&jacobian[n * i..n * i + n], covariance, t),
                     false => covariance.get(t + i, t + i),
                 };
-                *out = variance.max(0.0).sqrt() / self.spec.display.scale;
+                // rounding may leave a variance below zero; NaN stays NaN
+                let variance = if variance < 0.0 { 0.0 } else { variance };
+                *out = variance.sqrt() / self.spec.display.scale;
             }
             out
         })

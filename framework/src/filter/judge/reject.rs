@@ -80,6 +80,9 @@ impl Ekf {
             Rejection::Isolated => "sample judged and not used: the sensor is isolated".to_owned(),
             Rejection::NoInput => "sample unused: no driving sample covers its time".to_owned(),
             Rejection::Excluded => "samples unused: the scenario excludes this time".to_owned(),
+            Rejection::Prediction => {
+                "sample rejected: the sensor's model predicts NaN for it".to_owned()
+            }
             Rejection::Absent => "sample unused: the state that it observes is absent".to_owned(),
         };
         let asked = matches!(rejection, Rejection::Excluded | Rejection::Absent);

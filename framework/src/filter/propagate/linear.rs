@@ -4,10 +4,10 @@ use super::held::{Held, of_process};
 use super::inputs::{Corrected, correct, couple, replace};
 use crate::compose::Composition;
 use crate::model::estimator_error::EstimatorError;
-use crate::model::process::{Interval, ProcessModel};
-use crate::state::State;
+use crate::model::process::{Interval, ProcessError, ProcessModel};
 use crate::state::covariance::Transition;
 use crate::state::dynamics::BlockDynamics;
+use crate::state::{Layout, State};
 
 /// What a step reads, and the transition that it fills.
 pub(super) struct Linear<'a> {
@@ -34,7 +34,8 @@ impl Linear<'_> {
         let interval = Interval { input, ..*given };
         for (k, process) in processes.iter_mut().enumerate() {
             let own = of_process(held, corrected, k, &interval);
-            process.propagate(layout, state, &own, transition).map_err(|error| {
+            let moved = process.propagate(layout, state, &own, transition);
+            moved.and_then(|()| check_numbers(layout, state)).map_err(|error| {
                 let process = composition.processes[k].name.clone();
                 EstimatorError::Process { time: interval.to, process, error }
             })?;
@@ -42,5 +43,19 @@ impl Linear<'_> {
         couple(corrected, transition);
         dynamics.propagate(layout, state, interval.duration(), transition);
         Ok(())
+    }
+}
+
+/// Checks that a process has left numbers in the state. A block that comes and goes has none while
+/// it is absent.
+fn check_numbers(layout: &Layout, state: &State) -> Result<(), ProcessError> {
+    if state.values.iter().all(|value| value.is_finite()) {
+        return Ok(());
+    }
+    let lost = layout.blocks.iter().filter(|block| block.label.is_none());
+    let lost = lost.filter(|block| !state.values[block.range()].iter().all(|v| v.is_finite()));
+    match lost.map(|block| &block.name).next() {
+        Some(name) => Err(ProcessError::domain(format!("{name} is no longer a number"))),
+        None => Ok(()),
     }
 }

@@ -11,6 +11,7 @@ use crate::model::record::{Observer, Outcome, Rejection};
 use crate::model::sensor::Sensor;
 use crate::model::sensor::measurement::{AnyMeasurement, At};
 use crate::model::sensor::rule::{Check, Prior};
+use crate::state::covariance::Update;
 use crate::units::sample::Sample;
 use crate::units::time::Time;
 
@@ -43,7 +44,13 @@ impl Ekf {
             return Ok(());
         }
         let Some(nis) = self.work.update.innovate(&self.parts.estimate.covariance) else {
-            self.reject(sample, Rejection::Singular, observer);
+            let Update { innovation, s, .. } = &self.work.update;
+            let mut why = Rejection::Singular;
+            if innovation.iter().chain(s).any(|value| value.is_nan()) {
+                self.check_covariance(sample.time)?;
+                why = Rejection::Prediction;
+            }
+            self.reject(sample, why, observer);
             return Ok(());
         };
         if self.is_stuck(&attempt, observer) {
@@ -240,15 +247,20 @@ impl Ekf {
         }
     }
 
+    /// Checks that every variance is a positive number.
+    fn check_covariance(&self, time: Time) -> Result<(), EstimatorError> {
+        let estimate = &self.parts.estimate;
+        let invalid = Presence::first_invalid(&self.layout, &estimate.state, &estimate.covariance);
+        let Some(i) = invalid else { return Ok(()) };
+        let block = self.layout.blocks.iter().find(|b| b.tangent_range().contains(&i));
+        let block = block.map_or_else(String::new, |b| b.name.clone());
+        Err(EstimatorError::Covariance { time, block })
+    }
+
     /// Checks the covariance, and passes the estimate to the monitors while the sensors agree.
     fn verify(&mut self, time: Time) -> Result<(), EstimatorError> {
+        self.check_covariance(time)?;
         let Parts { estimate, sensors, watch, .. } = &mut self.parts;
-        let invalid = Presence::first_invalid(&self.layout, &estimate.state, &estimate.covariance);
-        if let Some(i) = invalid {
-            let block = self.layout.blocks.iter().find(|b| b.tangent_range().contains(&i));
-            let block = block.map_or_else(String::new, |b| b.name.clone());
-            return Err(EstimatorError::Covariance { time, block });
-        }
         // while a sensor contradicts the estimate, a correction by another proves nothing
         if sensors.iter().all(|slot| !slot.lockout.disagrees()) {
             watch.corrected(&estimate.view(&self.layout, None));

@@ -43,6 +43,8 @@ pub enum Rejection {
     Excluded,
     /// The sample observes a block that is absent.
     Absent,
+    /// The sensor's model predicts NaN.
+    Prediction,
 }
 
 saved!(
@@ -59,6 +61,7 @@ saved!(
         TooFast(channel),
         Excluded,
         Absent,
+        Prediction,
     }
 );
 
@@ -79,6 +82,7 @@ impl Rejection {
             Self::TooFast(i) => format!("{} changes too fast", column(i)),
             Self::Excluded => "the scenario excludes this time".into(),
             Self::Absent => "observes an absent state".into(),
+            Self::Prediction => "the sensor's model predicts NaN".into(),
         }
     }
 }

@@ -191,6 +191,7 @@ impl SensorStatistics {
                 | Rejection::OutOfOrder
                 | Rejection::Late
                 | Rejection::Singular
+                | Rejection::Prediction
                 | Rejection::Repeated
                 | Rejection::OutOfRange(_)
                 | Rejection::TooFast(_),

@@ -173,6 +173,7 @@ fn rejection(why: Rejection) -> &'static str {
         Rejection::OutOfOrder => "rejected_out_of_order",
         Rejection::Late => "rejected_late",
         Rejection::Singular => "rejected_singular",
+        Rejection::Prediction => "rejected_prediction",
         Rejection::NoInput => "rejected_no_input",
         Rejection::Isolated => "rejected_isolated",
         Rejection::Repeated => "rejected_repeated",
