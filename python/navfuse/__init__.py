@@ -16,6 +16,7 @@ from navfuse._errors import DataError, NavfuseError, RunError, ScenarioError
 from navfuse._navfuse import __version__
 from navfuse._run import Epoch, Event, Finding, Innovations, Reason, Run, State, Verdict
 from navfuse._scenario import QUICKSTART, Check, Scenario, read_log
+from navfuse._sensor import Parameter, Sensor, States
 from navfuse._session import Session
 
 __all__ = [
@@ -27,13 +28,16 @@ __all__ = [
     "Finding",
     "Innovations",
     "NavfuseError",
+    "Parameter",
     "Reason",
     "Run",
     "RunError",
     "Scenario",
     "ScenarioError",
+    "Sensor",
     "Session",
     "State",
+    "States",
     "Verdict",
     "__version__",
     "read_log",

@@ -16,6 +16,7 @@ import numpy as np
 from navfuse import _navfuse, _samples
 from navfuse._errors import NavfuseError, RunError, ScenarioError
 from navfuse._run import Epoch, Run
+from navfuse._sensor import Class, Sensor
 
 #: The smallest useful scenario, in TOML: an underwater vehicle with simulated IMU, DVL and depth sensor.
 QUICKSTART = _navfuse.QUICKSTART
@@ -192,6 +193,10 @@ class Scenario:
             at, headings, columns = _samples.table(data, channels.get(sensor, []))
             inner = inner.with_rows(sensor, at, headings, columns)
         return Scenario(inner)
+
+    def with_sensors(self, *sensors: type[Sensor]) -> Scenario:
+        """The scenario that may name further types of sensors: classes derived from :class:`Sensor`."""
+        return Scenario(self._inner.with_sensors([Class.of(sensor) for sensor in sensors]))
 
     def monte_carlo(
         self,

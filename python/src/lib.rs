@@ -10,6 +10,7 @@ mod recorder;
 mod run;
 mod samples;
 mod scenario;
+mod sensor;
 mod session;
 mod tools;
 mod watch;

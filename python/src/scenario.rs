@@ -5,7 +5,8 @@ use crate::live::{Calling, Iterating};
 use crate::recorder::Recorder;
 use crate::run::result;
 use crate::samples::{self, Rows};
-use crate::watch::{Watch, watched};
+use crate::sensor;
+use crate::watch::{Failure, Watch, watched};
 use navfuse_core::compose::Composition;
 use navfuse_core::document::Document;
 use navfuse_core::files::FolderLock;
@@ -20,6 +21,15 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// The types that a scenario may name.
+fn registry(classes: &[Arc<Py<PyAny>>], failure: &Arc<Failure>) -> PyResult<Registry> {
+    let mut registry = navfuse::standard_plugins();
+    samples::register(&mut registry);
+    classes.iter().try_for_each(|class| sensor::register(&mut registry, class, failure))?;
+    registry.check().map_err(exception)?;
+    Ok(registry)
+}
+
 /// A scenario: a document, the types that it may name, and samples that Python gives.
 #[pyclass(frozen, module = "navfuse._navfuse")]
 pub struct Scenario {
@@ -29,19 +39,30 @@ pub struct Scenario {
     samples: Vec<Arc<Rows>>,
     /// An iterable of samples.
     iterable: Option<Arc<Py<PyAny>>>,
+    /// Types of sensors in Python, and what went wrong in them.
+    classes: Vec<Arc<Py<PyAny>>>,
+    pub(crate) failure: Arc<Failure>,
 }
 
 impl Scenario {
-    fn of(document: Document) -> Self {
-        let mut registry = navfuse::standard_plugins();
-        samples::register(&mut registry);
-        Self { registry: Arc::new(registry), document, samples: Vec::new(), iterable: None }
+    fn of(document: Document) -> PyResult<Self> {
+        let failure = Arc::default();
+        let registry = Arc::new(registry(&[], &failure)?);
+        let (samples, iterable, classes) = Default::default();
+        Ok(Self { registry, document, samples, iterable, classes, failure })
     }
 
     /// The same with another document.
     fn with(&self, document: Document) -> Self {
-        let (registry, iterable) = (Arc::clone(&self.registry), self.iterable.clone());
-        Self { registry, document, samples: self.samples.clone(), iterable }
+        let Self { registry, samples, iterable, classes, failure, document: _ } = self;
+        Self {
+            registry: Arc::clone(registry),
+            document,
+            samples: samples.clone(),
+            iterable: iterable.clone(),
+            classes: classes.clone(),
+            failure: Arc::clone(failure),
+        }
     }
 
     /// The document with other values.
@@ -77,14 +98,13 @@ impl Scenario {
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
         let (document, settings) = navfuse::document_of(&path).map_err(exception)?;
-        let scenario = Self::of(document);
-        scenario.set(settings)
+        Self::of(document)?.set(settings)
     }
 
     /// The scenario in a text; `name` is the file of that text, from whose folder paths start.
     #[staticmethod]
     fn parse(name: String, text: String) -> PyResult<Self> {
-        Document::parse_with_includes(name, text).map(Self::of).map_err(exception)
+        Self::of(Document::parse_with_includes(name, text).map_err(exception)?)
     }
 
     /// The scenario with other values, each as `key.path=value`.
@@ -106,6 +126,15 @@ impl Scenario {
         let info = sensor_info(&composition, sensor)?;
         let times = samples::times(times.0, times.1)?;
         scenario.samples.push(Arc::new(Rows::new(info, times, &headings, columns)?));
+        Ok(scenario)
+    }
+
+    /// The scenario that may name further types of sensors: `navfuse._sensor.Class`.
+    fn with_sensors(&self, classes: Vec<Py<PyAny>>) -> PyResult<Self> {
+        let mut scenario = self.with(self.document.clone());
+        scenario.classes.extend(classes.into_iter().map(Arc::new));
+        scenario.failure = Arc::default();
+        scenario.registry = Arc::new(registry(&scenario.classes, &scenario.failure)?);
         Ok(scenario)
     }
 
@@ -141,7 +170,6 @@ impl Scenario {
     /// The mistakes, each as an exception, and the states and sensors in JSON where there are none.
     fn check(&self, py: Python<'_>) -> PyResult<(Vec<PyErr>, String)> {
         let scenario = self.composed()?;
-        self.registry.check().map_err(exception)?;
         let mistakes = py.detach(|| scenario.mistakes());
         let text = if mistakes.is_empty() { self.describe()? } else { String::new() };
         Ok((mistakes.into_iter().map(exception).collect(), text))
@@ -165,8 +193,9 @@ impl Scenario {
                 let sink = Calling::new(function, watch);
                 assembly.sinks.push(("on_epoch".to_owned(), Box::new(sink)));
             }
-            PyResult::Ok(watch.run(assembly))
+            PyResult::Ok(watch.run(assembly, &self.failure))
         })??;
+        self.failure.take()?;
         result(py, finished)
     }
 }
@@ -187,7 +216,7 @@ fn describe(Assembly { composition, sources, .. }: &Assembly) -> Value {
     let Composition { layout, processes, sensors, .. } = composition;
     json!({
         "states": layout.blocks.iter().map(state).collect::<Vec<_>>(),
-        "sensors": sensors.iter().map(sensor).collect::<Vec<_>>(),
+        "sensors": sensors.iter().map(of_sensor).collect::<Vec<_>>(),
         "processes": processes.iter().map(|p| [&p.name, &p.kind]).collect::<Vec<_>>(),
         "sources": sources.iter().map(|(name, _)| name).collect::<Vec<_>>(),
         "notes": composition.notes,
@@ -203,7 +232,7 @@ fn state(block: &Block) -> Value {
     })
 }
 
-fn sensor(sensor: &Sensor) -> Value {
+fn of_sensor(sensor: &Sensor) -> Value {
     let info = &sensor.info;
     let channels = info.channels.iter().map(|c| (c.name.to_string(), json!(c.unit.symbol())));
     json!({

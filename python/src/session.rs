@@ -5,7 +5,7 @@ use crate::recorder::Recorder;
 use crate::run::result;
 use crate::samples::{sample, times, values};
 use crate::scenario::Scenario;
-use crate::watch::locked;
+use crate::watch::{Failure, locked};
 use navfuse::CommandError;
 use navfuse_core::model::record::{Record, Wants};
 use navfuse_core::model::stream::{NamedSink, RunInfo, Sink, StreamError};
@@ -67,6 +67,8 @@ impl Sink for Learning {
 #[pyclass(frozen, module = "navfuse._navfuse")]
 pub struct Session {
     running: Mutex<Option<Running>>,
+    /// What went wrong in a sensor in Python.
+    failure: Arc<Failure>,
     /// Id and number of channels of each sensor.
     sensors: BTreeMap<String, (SensorId, usize)>,
     /// Headings and blocks, for Python.
@@ -82,6 +84,7 @@ impl Session {
         work: impl FnOnce(&mut Running) -> T + Send,
     ) -> PyResult<T> {
         let done = py.detach(|| locked(&self.running).as_mut().map(work));
+        self.failure.take()?;
         done.ok_or_else(|| PyValueError::new_err("the session is finished"))
     }
 
@@ -112,11 +115,8 @@ impl Session {
         let recorder = ("python".to_owned(), Box::new(Recorder::new(covariance)) as _);
         let core = Core::new(composition, vec![recorder, learning]);
         let (columns, text) = known.get().cloned().unwrap_or_default();
-        Ok(Self {
-            running: Mutex::new(Some(Running { core, columns, error: None })),
-            sensors,
-            text,
-        })
+        let running = Mutex::new(Some(Running { core, columns, error: None }));
+        Ok(Self { running, failure: Arc::clone(&scenario.failure), sensors, text })
     }
 
     /// Takes rows of a sensor: times, and the channels of each row one row after the other.

@@ -70,6 +70,7 @@ pub fn campaign(
         folder.finish(done)
     };
     let results = watched(py, progress.as_ref(), |watch| work(watch))?.map_err(exception)?;
+    scenario.failure.take()?;
     json(&results.map(|results| results.report))
 }
 
@@ -87,6 +88,7 @@ pub fn diagnose(
         let (registry, document) = (&scenario.registry, &scenario.document);
         search(registry, document, &options, &watch.stop, &show).map_err(exception)
     })??;
+    scenario.failure.take()?;
     json(&diagnosis)
 }
 
@@ -102,7 +104,7 @@ pub fn observability(
         let gatherer = Gatherer::new(&assembly.composition);
         assembly.sinks.push(("observability".into(), Box::new(TrackerSink::new(EVERY))));
         assembly.sinks.push(("segments".into(), Box::new(gatherer)));
-        let mut finished = watch.run(assembly);
+        let mut finished = watch.run(assembly, &scenario.failure);
         finished.error.take().map_or(Ok(()), |error| Err(exception(error)))?;
         let Some(tracker) = TrackerSink::take(&mut finished) else { return Ok(None) };
         let composed = scenario.composed()?;
@@ -111,5 +113,6 @@ pub fn observability(
         report.judge(composition.and_then(|c| Gatherer::take(&mut finished, &c)), &tracker);
         PyResult::Ok(Some(report))
     })??;
+    scenario.failure.take()?;
     json(&report)
 }

@@ -15,6 +15,35 @@ use std::time::Duration;
 /// Time between two calls of Python while the work goes on.
 const EVERY: Duration = Duration::from_millis(50);
 
+/// The first exception of a sensor's model, which has no other way to the run.
+#[derive(Default)]
+pub struct Failure {
+    happened: AtomicBool,
+    error: Mutex<Option<PyErr>>,
+}
+
+impl Failure {
+    /// Returns `true` once there was an exception that nobody has taken.
+    pub fn happened(&self) -> bool {
+        self.happened.load(Ordering::Relaxed)
+    }
+
+    /// Keeps an exception, unless there is one.
+    pub fn keep(&self, error: PyErr) {
+        locked(&self.error).get_or_insert(error);
+        self.happened.store(true, Ordering::Relaxed);
+    }
+
+    /// Takes the exception.
+    ///
+    /// # Errors
+    /// The exception, if there was one.
+    pub fn take(&self) -> PyResult<()> {
+        self.happened.store(false, Ordering::Relaxed);
+        locked(&self.error).take().map_or(Ok(()), Err)
+    }
+}
+
 /// What the work and the thread that called it tell each other.
 #[derive(Default)]
 pub struct Watch {
@@ -43,9 +72,12 @@ impl Watch {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Runs an assembly to its end, or until it is to end early.
-    pub fn run(&self, assembly: Assembly) -> Finished {
-        let show = |Progress { now, end }| self.done(now.seconds(), end.map(|e| e.seconds()));
+    /// Runs an assembly to its end, or until it is to end early, as after a failure of a sensor.
+    pub fn run(&self, assembly: Assembly, failure: &Failure) -> Finished {
+        let show = |Progress { now, end }| {
+            self.stop.fetch_or(failure.happened(), Ordering::Relaxed);
+            self.done(now.seconds(), end.map(|e| e.seconds()));
+        };
         runner::run(assembly, &self.stop, show)
     }
 

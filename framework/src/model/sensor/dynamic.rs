@@ -49,6 +49,14 @@ pub trait DynamicModel: Send + Sync + 'static {
     /// Computes `h(x)`, the predicted values of the channels in the sensor's channel order, SI.
     fn predict(&self, x: &View<'_, f64>, z: &mut [f64]);
 
+    /// Computes `h(x)` at several states, the channels of one state after those of another. The
+    /// derivatives come from it. Default: one state after the other. A model that is called from
+    /// afar, as one in a script, needs one call for all of them.
+    fn predict_all(&self, states: &[View<'_, f64>], z: &mut [f64]) {
+        let n = z.len() / states.len().max(1);
+        states.iter().zip(z.chunks_mut(n.max(1))).for_each(|(x, z)| self.predict(x, z));
+    }
+
     /// Computes `R`, the covariance of the noise of the channels, row by row, SI squared. The
     /// elements are zero before.
     fn noise(&self, x: &View<'_, f64>, r: &mut [f64]);
@@ -79,16 +87,29 @@ impl<M: DynamicModel> Dynamic<M> {
         r
     }
 
-    /// Derivative of the prediction along one axis of the tangent of a block.
-    fn slope(&self, at: &At<'_>, slot: usize, axis: usize) -> [f64; MAX_CHANNELS] {
-        let step = difference_step(at, slot);
-        let [ahead, behind] = [step, -step].map(|step| {
-            let mut delta = [0.0; MAX_TANGENT];
-            delta[axis] = step;
-            self.predicted(&View::seeded(at.layout, at.state, slot, delta).with(at.sample))
-        });
-        let difference = |i| self.model.difference(i, ahead[i], behind[i]) / (2.0 * step);
-        std::array::from_fn(|i| if i < self.channels { difference(i) } else { 0.0 })
+    /// Derivatives of the prediction along axes, each a block and a component of its tangent: the
+    /// channels of one axis after those of another.
+    fn slopes(&self, at: &At<'_>, axes: &[(usize, usize)]) -> Vec<f64> {
+        let n = self.channels;
+        let moved = |&(slot, axis): &(usize, usize)| {
+            let step = difference_step(at, slot);
+            [step, -step].map(|step| {
+                let mut delta = [0.0; MAX_TANGENT];
+                delta[axis] = step;
+                View::seeded(at.layout, at.state, slot, delta).with(at.sample)
+            })
+        };
+        let states: Vec<View<'_, f64>> = axes.iter().flat_map(moved).collect();
+        let mut z = vec![0.0; n * states.len()];
+        self.model.predict_all(&states, &mut z);
+        let pairs = axes.iter().zip(z.chunks_exact((2 * n).max(1)));
+        let slope = |((slot, _), pair): (&(usize, usize), &[f64])| {
+            let (ahead, behind) = pair.split_at(n);
+            let step = difference_step(at, *slot);
+            let difference = |i| self.model.difference(i, ahead[i], behind[i]) / (2.0 * step);
+            (0..n).map(difference).collect::<Vec<f64>>()
+        };
+        pairs.flat_map(slope).collect()
     }
 }
 
@@ -127,15 +148,15 @@ impl<M: DynamicModel> AnyMeasurement for Dynamic<M> {
     }
 
     fn derivative(&self, at: &At<'_>, block: usize, component: usize, out: &mut [f64]) {
-        out.copy_from_slice(&self.slope(at, block, component)[..self.channels]);
+        out.copy_from_slice(&self.slopes(at, &[(block, component)]));
     }
 
     fn differentiate(&self, at: &At<'_>, columns: &[usize], read: &BlockSet, h: &mut [f64]) {
-        let axes = |slot: usize| at.layout.blocks[slot].tangent_range().len();
-        let axes = read.slots().flat_map(|slot| (0..axes(slot)).map(move |axis| (slot, axis)));
-        for (column, (slot, axis)) in axes.enumerate() {
-            let slope = self.slope(at, slot, axis);
-            (0..self.channels).for_each(|i| h[i * columns.len() + column] = slope[i]);
+        let width = |slot: usize| at.layout.blocks[slot].tangent_range().len();
+        let axes = read.slots().flat_map(|slot| (0..width(slot)).map(move |axis| (slot, axis)));
+        let slopes = self.slopes(at, &axes.collect::<Vec<_>>());
+        for (column, slope) in slopes.chunks_exact(self.channels.max(1)).enumerate() {
+            slope.iter().enumerate().for_each(|(i, h_i)| h[i * columns.len() + column] = *h_i);
         }
     }
 
@@ -148,8 +169,9 @@ impl<M: DynamicModel> AnyMeasurement for Dynamic<M> {
     }
 
     fn change(&self, from: &At<'_>, to: &At<'_>, out: &mut [f64]) {
-        let (from, to) = (self.predicted(&from.view()), self.predicted(&to.view()));
-        let change = |(i, out): (usize, &mut f64)| *out = self.difference(i, to[i], from[i]);
+        let (n, mut z) = (self.channels, [0.0; 2 * MAX_CHANNELS]);
+        self.model.predict_all(&[from.view(), to.view()], &mut z[..2 * n]);
+        let change = |(i, out): (usize, &mut f64)| *out = self.difference(i, z[n + i], z[i]);
         out.iter_mut().enumerate().for_each(change);
     }
 

@@ -1,0 +1,211 @@
+//! Sensors whose measurement model is a class of Python: see `navfuse/_sensor.py`.
+
+use crate::error::exception;
+use crate::samples::values;
+use crate::watch::Failure;
+use navfuse_core::prelude::*;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use serde_json::Value;
+use std::sync::Arc;
+
+/// Module that makes an object of a class.
+const MODULE: &str = "navfuse._sensor";
+
+/// A state of the sensor's own: name, initial value, 1-sigma, and truth.
+type Own = (String, Vec<f64>, Vec<f64>, Option<Vec<f64>>);
+
+/// A sensor as Python describes it.
+#[derive(FromPyObject)]
+struct Description {
+    /// Names and units of the channels.
+    channels: Vec<(String, String)>,
+    /// Full names of the states that the model reads.
+    reads: Vec<String>,
+    own: Vec<Own>,
+    /// Covariance of the noise, row by row.
+    covariance: Vec<f64>,
+    /// Which channels are angles.
+    angles: Vec<bool>,
+    /// Takes the count of numbers of each state, and gives the function of [`Model::call`].
+    bind: Py<PyAny>,
+}
+
+/// A class that is a type of sensor: its name, its keys, and its description.
+#[derive(FromPyObject)]
+pub struct Class {
+    name: String,
+    /// JSON Schema of its table.
+    schema: String,
+    /// The class itself.
+    cls: Py<PyAny>,
+}
+
+/// Registers a class as a type of sensor.
+///
+/// # Errors
+/// When the schema is none.
+pub fn register(
+    registry: &mut Registry,
+    class: &Py<PyAny>,
+    failure: &Arc<Failure>,
+) -> PyResult<()> {
+    let Class { name, schema, cls: class } = Python::attach(|py| class.extract(py))?;
+    let schema: Value = serde_json::from_str(&schema).map_err(exception)?;
+    let schema = schema.try_into().map_err(exception)?;
+    let failure = Arc::clone(failure);
+    registry.sensor_dyn(name, schema, move |table, composer| {
+        compose(describe(&class, table).map_err(compose_error)?, composer, &failure)
+    });
+    Ok(())
+}
+
+fn compose_error(error: PyErr) -> ComposeError {
+    ComposeError::new("", error.to_string())
+}
+
+fn describe(class: &Py<PyAny>, table: &Value) -> PyResult<Description> {
+    Python::attach(|py| {
+        let make = py.import(MODULE)?.getattr("describe")?;
+        make.call1((class, table.to_string()))?.extract()
+    })
+}
+
+fn compose(
+    description: Description,
+    composer: &mut Composer,
+    failure: &Arc<Failure>,
+) -> Result<(Vec<Channel>, Role), ComposeError> {
+    let Description { channels, reads, own, covariance, angles, bind } = description;
+    let mut states = Vec::with_capacity(reads.len() + own.len());
+    for name in &reads {
+        states.push(find(composer, name)?);
+    }
+    for (name, initial, sigma, truth) in own {
+        let full = format!("{}.{name}", composer.owner());
+        add(composer, &name, initial, sigma, truth)?;
+        states.push(find(composer, &full)?);
+    }
+    let channels: Vec<Channel> =
+        channels.iter().map(|(n, u)| Channel::new(n.as_str(), u)).collect();
+    let sizes: Vec<usize> = states.iter().map(Read::size).collect();
+    let call = Python::attach(|py| bind.call1(py, (sizes,))).map_err(compose_error)?;
+    let failure = Arc::clone(failure);
+    let role = Role::dynamic(channels.len(), Model { states, covariance, angles, call, failure });
+    Ok((channels, role))
+}
+
+/// Adds a state of the sensor's own; one with a sigma of zero is fixed.
+fn add(
+    composer: &mut Composer,
+    name: &str,
+    initial: Vec<f64>,
+    sigma: Vec<f64>,
+    truth: Option<Vec<f64>>,
+) -> Result<(), ComposeError> {
+    let fixed = sigma.iter().all(|s| *s == 0.0);
+    let mode = if fixed { Mode::Fixed } else { Mode::Estimate };
+    let display = Display { unit: "", scale: 1.0, components: &[] };
+    let (count, dynamics) = (initial.len(), Dynamics::Constant);
+    let spec = BlockSpec { mode, initial, sigma, truth, dynamics, display };
+    match count {
+        1 => composer.block::<Scalar>(name, spec).map(drop),
+        2 => composer.block::<Vector<2>>(name, spec).map(drop),
+        3 => composer.block::<Vector<3>>(name, spec).map(drop),
+        _ => Err(ComposeError::new("", format!("the state {name} needs one to three components"))),
+    }
+}
+
+/// A state that the model reads.
+enum Read {
+    /// A rotation, which Python receives as the nine numbers of its matrix.
+    Rotation(Handle<Rotation>),
+    /// Any other state, as its components.
+    Vector(AnyHandle),
+}
+
+impl Read {
+    /// Count of its numbers.
+    fn size(&self) -> usize {
+        match self {
+            Self::Rotation(_) => 9,
+            Self::Vector(handle) => handle.components(),
+        }
+    }
+}
+
+fn find(composer: &Composer, full: &str) -> Result<Read, ComposeError> {
+    if let Ok(rotation) = composer.find("", full) {
+        return Ok(Read::Rotation(rotation));
+    }
+    composer.find_any("", full).map(Read::Vector)
+}
+
+/// The measurement model.
+struct Model {
+    states: Vec<Read>,
+    covariance: Vec<f64>,
+    angles: Vec<bool>,
+    call: Py<PyAny>,
+    failure: Arc<Failure>,
+}
+
+impl Model {
+    /// Appends the numbers of the states that the model reads.
+    fn append(&self, x: &View<'_, f64>, numbers: &mut Vec<f64>) {
+        for state in &self.states {
+            match state {
+                Read::Rotation(handle) => {
+                    numbers.extend(x.get(*handle).matrix().transpose().iter())
+                }
+                Read::Vector(handle) => {
+                    let first = numbers.len();
+                    numbers.resize(first + handle.components(), 0.0);
+                    x.read(*handle, &mut numbers[first..]);
+                }
+            }
+        }
+    }
+
+    /// Calls Python once for several states.
+    fn call(&self, numbers: &[f64], z: &mut [f64]) -> PyResult<()> {
+        Python::attach(|py| {
+            let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_ne_bytes()).collect();
+            let answer = self.call.call1(py, (PyBytes::new(py, &bytes),))?;
+            let predicted: &[u8] = answer.extract(py)?;
+            z.iter_mut().zip(values(predicted)).for_each(|(z, p)| *z = p);
+            Ok(())
+        })
+    }
+}
+
+impl DynamicModel for Model {
+    fn predict(&self, x: &View<'_, f64>, z: &mut [f64]) {
+        self.predict_all(std::slice::from_ref(x), z);
+    }
+
+    /// An exception makes the prediction NaN, so that the sample is rejected, and ends the run.
+    fn predict_all(&self, states: &[View<'_, f64>], z: &mut [f64]) {
+        z.fill(f64::NAN);
+        let mut numbers = Vec::new();
+        states.iter().for_each(|x| self.append(x, &mut numbers));
+        if !self.failure.happened()
+            && let Err(error) = self.call(&numbers, z)
+        {
+            self.failure.keep(error);
+        }
+    }
+
+    fn noise(&self, _: &View<'_, f64>, r: &mut [f64]) {
+        r.copy_from_slice(&self.covariance);
+    }
+
+    fn difference(&self, channel: usize, measured: f64, predicted: f64) -> f64 {
+        let difference = measured - predicted;
+        let turn = std::f64::consts::TAU;
+        match self.angles.get(channel) {
+            Some(true) => difference - turn * (difference / turn).round(),
+            _ => difference,
+        }
+    }
+}

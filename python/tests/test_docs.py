@@ -1,0 +1,46 @@
+"""The page about Python: every block of it runs."""
+
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pandas
+import pyarrow
+from conftest import SCENARIOS
+from test_samples import arrivals
+
+import navfuse
+
+PAGE = SCENARIOS.parent / "docs/src/how-to/python.md"
+
+
+def test_every_block_of_the_page_runs(short, tmp_path, monkeypatch):
+    short.set("sink.rerun.enabled", False).run(out=tmp_path)
+    log = navfuse.read_log(tmp_path / "run.mcap")
+    early = [sample for sample in arrivals(log) if sample[1] <= 65.0]
+    imu = [sample for sample in arrivals(log) if sample[0] == "imu" and 65.0 < sample[1] <= 65.2]
+
+    def session(scenario):
+        """A session that has begun."""
+        begun = navfuse.Session(scenario)
+        for sample in early:
+            begun.push(*sample)
+        return begun
+
+    arrow = SimpleNamespace(DataFrame=pyarrow.RecordBatchReader.from_stream)
+    names = {
+        "navfuse": SimpleNamespace(**vars(navfuse) | {"Session": session}),
+        "np": np,
+        "pandas": pandas,
+        "polars": arrow,
+        "times": np.array([sample[1] for sample in imu]),
+        "rates_and_forces": np.array([sample[2] for sample in imu]),
+        "time": 65.2,
+        "velocity": np.array([0.5, 0.0, 0.0]),
+    }
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    assert len(blocks) >= 7
+    for block in blocks:
+        exec(block, names | log.samples if "with_samples" in block else names)
+    assert names["run"].time.size > 0
