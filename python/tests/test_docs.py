@@ -27,20 +27,23 @@ def test_every_block_of_the_page_runs(short, tmp_path, monkeypatch):
             begun.push(*sample)
         return begun
 
-    arrow = SimpleNamespace(DataFrame=pyarrow.RecordBatchReader.from_stream)
-    names = {
+    given = {
         "navfuse": SimpleNamespace(**vars(navfuse) | {"Session": session}),
         "np": np,
         "pandas": pandas,
-        "polars": arrow,
+        "polars": SimpleNamespace(DataFrame=pyarrow.RecordBatchReader.from_stream),
         "times": np.array([sample[1] for sample in imu]),
         "rates_and_forces": np.array([sample[2] for sample in imu]),
         "time": 65.2,
         "velocity": np.array([0.5, 0.0, 0.0]),
+        **log.samples,
     }
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
     assert len(blocks) >= 7
+    made = {}
     for block in blocks:
-        exec(block, names | log.samples if "with_samples" in block else names)
-    assert names["run"].time.size > 0
+        names = given | made
+        exec(block, names)
+        made |= {name: names[name] for name in ("scenario", "run") if name in names}
+    assert made["run"].time.size > 0
