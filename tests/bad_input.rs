@@ -42,6 +42,31 @@ fn the_undamaged_recording_runs() {
 }
 
 #[test]
+fn two_sources_that_feed_one_sensor_are_an_error_that_names_both() {
+    let recording = Recording::new();
+    let folder = recording.folder().display();
+    recording.change(
+        "[source.csv]",
+        &format!(
+            "[source.again]\ntype = \"csv\"\ndirectory = {:?}\n[source.csv]",
+            folder.to_string()
+        ),
+    );
+    fails_with(&run(&recording, &[]), &["[sensor.", "samples from two sources, again and csv"]);
+}
+
+#[test]
+fn a_table_that_nobody_named_is_not_read_beside_other_sources() {
+    let recording = Recording::new();
+    recording.change(
+        "[source.csv]",
+        "[source.again]\ntype = \"csv\"\nfiles.dvl.path = \"dvl.csv\"\n[source.csv]\n\
+         files.imu.path = \"imu.csv\"",
+    );
+    assert!(run(&recording, &[]).status.success(), "imu.csv is read once, and dvl.csv once");
+}
+
+#[test]
 fn a_misspelt_key_is_named_with_its_line_and_the_nearest_key() {
     let recording = Recording::new();
     recording.change("gate = 0.999", "gaet = 0.999");

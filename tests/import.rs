@@ -320,6 +320,57 @@ fn logs_of_vehicles_and_tables_of_inertial_units_become_scenarios_that_run() {
     assert_eq!(runs(&scenario), expected);
 }
 
+/// A telemetry log of a vehicle under water: rates, attitude and pressure, and a receiver without a
+/// fix, which sends 0 N 0 E.
+#[test]
+fn a_log_of_a_submarine_vehicle_starts_from_its_own_attitude() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut log = Vec::new();
+    for k in 0..1000_u64 {
+        let (boot, received) = (50_000 + 50 * k, 1_654_072_200_000_000 + 50_000 * k);
+        let stamp = (boot as u32).to_le_bytes();
+        let mut send = |id, extra, rest: &[u8]| {
+            log.extend(generate::packet(2, id, extra, 1, received, &[&stamp[..], rest].concat()));
+        };
+        let noise = (k * 7919 % 11) as i16 - 5;
+        let imu: Vec<u8> = [noise, -noise, noise - 1000, noise, 1, -noise, 0, 0, 0, 0]
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect();
+        send(116, 76, &imu);
+        send(30, 39, &generate::floats(&[0.0, 0.0, 1.5, 0.0, 0.0, 0.0]));
+        send(137, 195, &[generate::floats(&[2000.0, 0.0]), vec![0; 4]].concat());
+        send(33, 104, &[0; 24]);
+    }
+    let path = folder.path().join("dive.tlog");
+    std::fs::write(&path, log).expect("a file");
+    let (scenario, text, printed) = import(folder.path(), &[&path], &["--position", "43,5,0"]);
+    assert!(text.contains("sensors.depth = { message = \"SCALED_PRESSURE2\" }"), "{text}");
+    assert!(text.contains("85.9 deg\"]") && text.contains("vehicle's own filter"), "{text}");
+    assert!(!text.contains("sensor.reference") && !text.contains("attitude\"]"), "{text}");
+    let note = "GLOBAL_POSITION_INT has no measurement";
+    assert!(printed.contains(note), "{printed}");
+    runs(&scenario);
+}
+
+/// A program that writes constant checksums: what is wrong is used, marked and counted.
+#[test]
+fn sentences_with_constant_checksums_are_recognised_and_marked() {
+    let recording = Recording::new();
+    let text: String = (0..20)
+        .map(|k| {
+            format!("$GPGGA,0830{k:02}.00,3000.0000,N,00500.0000,E,1,06,1.2,1.0,M,0.0,M,,*67\r\n")
+        })
+        .collect();
+    recording.write("ugps.nmea", &text);
+    let files = ["imu.csv", "ugps.nmea"].map(|name| recording.path(name));
+    let files: Vec<&Path> = files.iter().map(|f| f.as_path()).collect();
+    let (_, text, printed) = import(recording.folder(), &files, &[]);
+    assert!(text.contains("checksum = \"ignore\""), "{text}");
+    assert!(text.contains("are always wrong, or missing"), "{text}");
+    assert!(printed.contains("20 sentences used without their right checksum"), "{printed}");
+}
+
 /// The offset and its 1-sigma in the note about the clock of a sensor, s.
 fn clock(printed: &str, sensor: &str) -> [f64; 2] {
     let start = format!("{sensor}: its clock is ");

@@ -27,6 +27,10 @@ pub(crate) struct Merge {
     running: bool,
     /// For each sensor, true for a reference.
     references: Vec<bool>,
+    /// Names of the sensors.
+    names: Vec<String>,
+    /// For each sensor, the source that feeds it.
+    feeders: Vec<Option<usize>>,
 }
 
 impl Merge {
@@ -36,6 +40,8 @@ impl Merge {
             waiting: BinaryHeap::with_capacity(sources.len()),
             taken: (0..sources.len()).rev().collect(),
             running: false,
+            feeders: vec![None; sensors.len()],
+            names: sensors.iter().map(|s| s.info.name.clone()).collect(),
             references: sensors.iter().map(|s| s.info.purpose == Purpose::Reference).collect(),
             sources,
         }
@@ -92,9 +98,24 @@ impl Merge {
         }
         if open {
             let arrival = source.arrival().unwrap_or(sample.time);
+            self.feeds(k, found)?;
             self.waiting.push(self.place(arrival, k));
         }
         Ok(())
+    }
+
+    /// Takes note that a source feeds a sensor, which no other one does.
+    fn feeds(&mut self, k: usize, sensor: usize) -> Result<(), RunError> {
+        let Some(other) = self.feeders[sensor].replace(k).filter(|other| *other != k) else {
+            return Ok(());
+        };
+        let [first, second] = [other, k].map(|k| self.sources[k].0.clone());
+        let sensor = &self.names[sensor];
+        let text = format!("[sensor.{sensor}] has samples from two sources, {first} and {second}");
+        let remedy = "remove the sensor from one of them; [source.csv] reads NAME.csv of its folder \
+                      for each sensor";
+        let error = StreamError::scenario(text).with_remedy(remedy);
+        Err(RunError::Source { source_name: second, error })
     }
 
     /// The place of the sample of a source; a sample arrives at its own time unless the source

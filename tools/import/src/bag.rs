@@ -128,7 +128,7 @@ pub fn sensors(
             ));
         }
         let mounting = place(topic, marine);
-        if let Some(m) = mounting.filter(|_| matches!(kind, "imu" | "dvl")) {
+        if let Some(m) = mounting.filter(|_| matches!(kind, "imu" | "attitude" | "dvl")) {
             let [roll, pitch, yaw] = m.rotation.map(|a| (a.to_degrees() * 1e9).round() / 1e9 + 0.0);
             if m.rotation.iter().any(|a| a.abs() > ALIGNED) {
                 let line = format!("rotation = [\"{roll} deg\", \"{pitch} deg\", \"{yaw} deg\"]");
@@ -153,6 +153,7 @@ pub fn sensors(
     if let Some(imu) = imu {
         used.push(&imu.name);
         sensors.push(add(imu, "imu", None));
+        sensors.push(add(imu, "attitude", None));
     }
     if let Some(dvl) = choose(survey, Use::VelocityLog, notes) {
         used.push(&dvl.name);

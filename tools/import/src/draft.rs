@@ -28,6 +28,8 @@ const SHORT: f64 = 25.0;
 struct Text {
     text: String,
     questions: Vec<String>,
+    /// Set if the heading at the start is too uncertain for one linearisation.
+    wide: bool,
 }
 
 impl Text {
@@ -125,6 +127,11 @@ fn process<'a>(
     let bias = round(if aligned { 0.1 * gyro } else { 3.0 * gyro });
     out.ask(&format!("gyro_bias = {{ sigma = \"{bias} deg/h\" }}"), "bias of the data sheet");
     out.ask("accel_bias = { sigma = \"1 mg\" }", "bias of the data sheet");
+    if out.wide {
+        out.line("");
+        out.line("[estimator]");
+        out.line("relinearise = \"60 s\"    # a wide heading at the start");
+    }
 }
 
 /// The alignment of a vehicle that drives.
@@ -337,6 +344,7 @@ fn sources(out: &mut Text, recording: &Recording) {
         for part in &nmea {
             let key = if part.name == "compass" { "heading" } else { part.name };
             out.line(&format!("{key} = \"{}\"", part.name));
+            part.found.source.iter().for_each(|key| out.line(key));
             questions(out, part);
         }
     }

@@ -43,12 +43,54 @@ pub fn velocity_log(beginning: &[u8]) -> Option<(Option<i64>, Vec<Found>)> {
     Some((stamp, vec![Found { kind: "dvl", sensor, source, questions, velocity }]))
 }
 
+/// Number of sentences of one address from which wrong checksums are the rule of a program.
+const RULE: usize = 3;
+
+/// Tests whether the checksums of an address are always wrong, or missing.
+fn unchecked(beginning: &[u8]) -> bool {
+    let mut frames = Frames::new(beginning, Sentences::NMEA_UNCHECKED);
+    let mut addresses: Vec<(Vec<u8>, [usize; 2])> = Vec::new();
+    while let Ok(Some(frame)) = frames.next() {
+        let content = Sentences::NMEA_UNCHECKED.content(frame.bytes);
+        if parse(content).is_none() {
+            continue;
+        }
+        let address = content.split(|b| *b == b',').next().unwrap_or_default();
+        let right = usize::from(Sentences::is_checked(frame.bytes));
+        match addresses.iter_mut().find(|(known, _)| known == address) {
+            Some((_, counts)) => counts[right] += 1,
+            None => {
+                let mut counts = [0; 2];
+                counts[right] += 1;
+                addresses.push((address.to_vec(), counts));
+            }
+        }
+    }
+    addresses.iter().any(|(_, [wrong, right])| *right == 0 && *wrong >= RULE)
+}
+
 /// Recognises a recording of NMEA 0183 and the sensors in it.
 pub fn nmea(beginning: &[u8]) -> Option<Vec<Found>> {
-    let mut frames = Frames::new(beginning, Sentences::NMEA);
+    let unchecked = unchecked(beginning);
+    let framing = if unchecked { Sentences::NMEA_UNCHECKED } else { Sentences::NMEA };
+    let mut sensors = sentences(beginning, framing)?;
+    if let Some(first) = sensors.first_mut().filter(|_| unchecked) {
+        first.source.push("checksum = \"ignore\"".to_owned());
+        first.questions.push(
+            "the checksums of some sentences are always wrong, or missing: they are not compared, so \
+             that damaged sentences are used too"
+                .to_owned(),
+        );
+    }
+    Some(sensors)
+}
+
+/// The sensors in sentences.
+fn sentences(beginning: &[u8], framing: Sentences) -> Option<Vec<Found>> {
+    let mut frames = Frames::new(beginning, framing);
     let (mut gnss, mut velocity, mut heading, mut depth) = (false, false, false, false);
     while let Ok(Some(frame)) = frames.next() {
-        match parse(Sentences::NMEA.content(frame.bytes)) {
+        match parse(framing.content(frame.bytes)) {
             Some(Sentence::Fix { position: Some(_), quality: 1..=5, .. }) => gnss = true,
             Some(Sentence::Minimum {
                 valid: true,

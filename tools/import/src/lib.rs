@@ -84,20 +84,18 @@ pub fn import(
     let Some(mut recording) = Recording::recognise(files, answers.odometry, stop)? else {
         return Ok(None);
     };
-    let mut streams = None;
-    // the second time with the axes that the first one showed
-    for _ in 0..2 {
+    let mut streams: Option<Vec<StreamSurvey>> = None;
+    // again with what the samples showed, such as their axes
+    let streams = loop {
         let text = draft::scenario(&recording, streams.as_deref(), answers).0;
         let document = Document::parse(scenario.display().to_string(), text)?;
         let assembly = Scenario::new(registry, document, &[])?.assemble(None)?;
         let Some(surveyed) = stream::survey(assembly, stop)? else { return Ok(None) };
-        let turned = recording.turn_axes(&surveyed);
-        streams = Some(surveyed);
-        if !turned {
-            break;
+        if !recording.learn(&surveyed) {
+            break surveyed;
         }
-    }
-    let streams = streams.unwrap_or_default();
+        streams = Some(surveyed);
+    };
     let (text, questions) = draft::scenario(&recording, Some(&streams), answers);
     let mut notes = recording.notes;
     notes.extend(stream::together(&streams));

@@ -18,6 +18,10 @@ const TABLE: u64 = 4 * 1024 * 1024;
 /// Size in bytes of the beginning of a log of a vehicle in which its messages are looked for.
 const MESSAGES: u64 = 16 * 1024 * 1024;
 
+/// The sensors in the order of a scenario.
+const ORDER: [&str; 9] =
+    ["imu", "dvl", "depth", "gnss", "compass", "odometer", "odometry", "reference", "attitude"];
+
 /// The source type that reads a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reader {
@@ -60,6 +64,8 @@ pub struct Recording {
     bag: bool,
     /// Set once the axes were turned.
     turned: bool,
+    /// Roll, pitch and yaw at the start by the vehicle's own filter, rad.
+    pub attitude: Option<[f64; 3]>,
 }
 
 impl Recording {
@@ -83,9 +89,7 @@ impl Recording {
         if recording.part("imu").is_none() {
             return Err(recording.without_imu());
         }
-        // the order of a scenario
-        let order = ["imu", "dvl", "depth", "gnss", "compass", "odometer", "odometry", "reference"];
-        recording.parts.sort_by_key(|part| order.iter().position(|name| *name == part.name));
+        recording.parts.sort_by_key(|part| ORDER.iter().position(|name| *name == part.name));
         Ok(Some(recording))
     }
 
@@ -151,7 +155,7 @@ impl Recording {
         } else if let Some(format) = navfuse_vehicle_logs::Format::recognise(&bytes) {
             let bytes =
                 navfuse_csv::beginning(file, MESSAGES).map_err(|e| StreamError::open(file, e))?;
-            let found = vehicle::sensors(format, bytes);
+            let found = vehicle::sensors(format, bytes, &mut self.notes);
             if found.is_empty() {
                 let text = format!("no known message of the format {}", format.name());
                 return Err(StreamError::format(text).in_file(file).with_remedy(
@@ -194,7 +198,7 @@ impl Recording {
     /// Adds a sensor of a file.
     fn add_part(
         &mut self,
-        found: Found,
+        mut found: Found,
         reader: Reader,
         file: &Path,
         absolute: &Path,
@@ -203,6 +207,10 @@ impl Recording {
         let name = match found.kind {
             "dual-antenna" => "compass",
             "relative-pose" => "odometry",
+            "attitude" => {
+                found.kind = "reference";
+                "attitude"
+            }
             kind => kind,
         };
         if let Some(other) = self.part(name) {
@@ -217,7 +225,26 @@ impl Recording {
     }
 
     /// Changes the description by what the samples show; `true` if it changed.
-    pub fn turn_axes(&mut self, streams: &[StreamSurvey]) -> bool {
+    pub fn learn(&mut self, streams: &[StreamSurvey]) -> bool {
+        let turned = self.turn_axes(streams);
+        // the attitude is along the axes of the IMU
+        turned || self.take_attitude(streams)
+    }
+
+    /// Takes the first attitude of the vehicle's own filter, whose samples have no other use.
+    fn take_attitude(&mut self, streams: &[StreamSurvey]) -> bool {
+        let Some(k) = self.parts.iter().position(|part| part.name == "attitude") else {
+            return false;
+        };
+        self.parts.remove(k);
+        self.attitude = streams.iter().find(|s| s.sensor == "attitude").and_then(|s| {
+            let angle = |name| s.first.get(s.channel(name)?);
+            Some([angle("roll")?, angle("pitch")?, angle("yaw")?])
+        });
+        true
+    }
+
+    fn turn_axes(&mut self, streams: &[StreamSurvey]) -> bool {
         let stream = |name: &str| streams.iter().find(|s| s.sensor == name);
         let mut changed = false;
         if let Some(imu) = stream("imu")
@@ -247,10 +274,12 @@ impl Recording {
 
     /// Turns an IMU with axes forward, left, up.
     fn turn_imu(&mut self) {
-        let bag = |p: &&mut Part| p.name == "imu" && p.reader == Reader::Bag;
-        if let Some(part) = self.parts.iter_mut().find(bag) {
+        let bag = |p: &Part| matches!(p.name, "imu" | "attitude") && p.reader == Reader::Bag;
+        for part in self.parts.iter_mut().filter(|p| bag(p)) {
             // the source has turned the axes of ROS, which these were not
             part.found.source.push("axes = \"frd\"".to_owned());
+        }
+        if let Some(part) = self.parts.iter_mut().find(|p| p.name == "imu" && bag(p)) {
             let text = "its axes are forward, right, down already, and not the axes of ROS";
             part.found.questions.push(format!("by the mean of accel_z, {text}"));
             self.notes.push(format!("imu: {text}"));

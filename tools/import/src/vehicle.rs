@@ -8,7 +8,7 @@ use std::io::Cursor;
 /// The messages of a sensor, the best first, each with a second one that completes it.
 type Choice = (&'static str, &'static [(&'static str, Option<&'static str>)]);
 
-const CHOICES: [Choice; 4] = [
+const CHOICES: [Choice; 6] = [
     (
         "imu",
         &[
@@ -26,6 +26,7 @@ const CHOICES: [Choice; 4] = [
         ],
     ),
     ("dvl", &[("VISION_POSITION_DELTA", None)]),
+    ("depth", &[("SCALED_PRESSURE2", None), ("SCALED_PRESSURE3", None)]),
     (
         "gnss",
         &[
@@ -47,33 +48,69 @@ const CHOICES: [Choice; 4] = [
             ("SBET", None),
         ],
     ),
+    ("attitude", &[("vehicle_attitude", None), ("ATTITUDE", None)]),
 ];
 /// The messages with increments instead of rates.
 const INCREMENTS: [&str; 3] = ["RAWIMUSX", "RAWIMUX", "IMU"];
 /// The receivers with a velocity.
 const MOVING: [&str; 4] = ["sensor_gps", "vehicle_gps_position", "GPS_RAW_INT", "GPS2_RAW"];
+/// Pressure, hPa, that no weather makes: a metre of water below the highest one.
+const WET: f64 = 1185.0;
 
-/// The sensors in the beginning of the log of a vehicle.
-pub fn sensors(format: Format, beginning: Vec<u8>) -> Vec<Found> {
+/// A topic with what its messages show.
+struct Seen<'a> {
+    topic: &'a Topic,
+    /// Set if a message has a measurement: a place other than 0 N 0 E, a fix, a pressure of water.
+    measures: bool,
+}
+
+/// Tests whether a message measures anything, as far as its fields show it.
+fn measures(topic: &Topic, values: &[f64]) -> bool {
+    let field = |name: &str| {
+        topic.fields.iter().position(|f| f == name).and_then(|k| values.get(k).copied())
+    };
+    let place = ["lat", "latitude_deg"].iter().find_map(|name| field(name)) != Some(0.0);
+    let fix = field("fix_type").is_none_or(|kind| kind >= 3.0);
+    // beyond the sensor of the air, only that of a submarine vehicle is wet
+    place && fix && field("press_abs").is_none_or(|pressure| pressure > WET)
+}
+
+/// The sensors in the beginning of the log of a vehicle, and notes.
+pub fn sensors(format: Format, beginning: Vec<u8>, notes: &mut Vec<String>) -> Vec<Found> {
     let mut decoder = format.decoder(Cursor::new(beginning), &Options::default());
     // a topic of ULog may be subscribed without a message
     let (mut values, mut seen) = (Vec::new(), Vec::new());
     while let Ok(Some(record)) = decoder.next(&mut values) {
         if seen.len() <= record.topic {
-            seen.resize(record.topic + 1, false);
+            seen.resize(record.topic + 1, None);
         }
-        seen[record.topic] = true;
+        let measures = || measures(&decoder.topics()[record.topic], &values);
+        let before = seen[record.topic].unwrap_or_default();
+        seen[record.topic] = Some(before || measures());
     }
-    let topics: Vec<&Topic> =
-        decoder.topics().iter().zip(&seen).filter(|(_, s)| **s).map(|(t, _)| t).collect();
-    CHOICES.iter().filter_map(|choice| sensor(format, choice, &topics)).collect()
+    let topics = decoder.topics().iter().zip(&seen);
+    let topics: Vec<Seen<'_>> =
+        topics.filter_map(|(topic, seen)| seen.map(|measures| Seen { topic, measures })).collect();
+    CHOICES.iter().filter_map(|choice| sensor(format, choice, &topics, notes)).collect()
 }
 
-fn sensor(format: Format, (kind, messages): &Choice, topics: &[&Topic]) -> Option<Found> {
-    let has = |name: &str| topics.iter().any(|t| t.name == name);
-    let (message, with) = messages.iter().find(|(message, _)| has(message))?;
+fn sensor(
+    format: Format,
+    (kind, messages): &Choice,
+    topics: &[Seen<'_>],
+    notes: &mut Vec<String>,
+) -> Option<Found> {
+    let has = |name: &str| topics.iter().any(|t| t.topic.name == name);
+    let measuring = |name: &str| topics.iter().any(|t| t.topic.name == name && t.measures);
+    let Some((message, with)) = messages.iter().find(|(message, _)| measuring(message)) else {
+        let idle = messages.iter().map(|(message, _)| *message).filter(|message| has(message));
+        notes.extend(idle.map(|message| {
+            format!("{message} has no measurement: no fix, 0 N 0 E, or a pressure of air")
+        }));
+        return None;
+    };
     let instances: Vec<u32> =
-        topics.iter().filter(|t| t.name == *message).map(|t| t.instance).collect();
+        (topics.iter()).filter(|t| t.topic.name == *message).map(|t| t.topic.instance).collect();
     let mut questions = Vec::new();
     let mut text = format!("sensors.{kind} = {{ message = {}", quoted(message));
     if let [first, _, ..] = instances.as_slice() {

@@ -21,7 +21,7 @@ pub struct Csv {
     #[serde(default)]
     pub directory: PathBuf,
     /// Format of each sensor's file, by the name of the sensor. Default: the file NAME.csv, if it
-    /// exists.
+    /// exists; beside other sources, and without `directory`, only the files that are named here.
     #[serde(default)]
     pub files: BTreeMap<String, FileConfig>,
 }

@@ -29,6 +29,8 @@ impl SourceType for Csv {
             context.sensor(name).map_err(|e| e.at_key(format!("files.{name}")))?;
         }
         let alone = context.sources < 2;
+        // beside other sources, files that are named are all that is meant
+        let named = !alone && !self.files.is_empty() && self.directory.as_os_str().is_empty();
         let folder = context.base.join(&self.directory);
         let mut streams: Vec<Box<dyn Source>> = Vec::new();
         for (index, sensor) in sensors.iter().enumerate() {
@@ -38,7 +40,7 @@ impl SourceType for Csv {
                 config.path.clone().unwrap_or_else(|| format!("{}.csv", sensor.info.name).into()),
             );
             let needed = given.is_some() || (sensor.info.purpose == Purpose::Input && alone);
-            if needed || path.exists() {
+            if needed || (!named && path.exists()) {
                 streams.push(Box::new(Stream::open(
                     &path,
                     &config,

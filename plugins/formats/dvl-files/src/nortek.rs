@@ -8,11 +8,9 @@
 use crate::ping::{Coordinates, Decoder, Ping, Stamp, TrackedVelocity};
 use crate::text::{fields, number, two_digits, value};
 use navfuse_core::units::calendar::{Calendar, SECOND, decimal_seconds, with_century};
+use navfuse_frames::validity::{is_trusted, is_velocity};
 use navfuse_frames::{Damage, Frames, Sentences};
 use std::io::{Read, Result};
-
-/// Velocity in m/s, and those below, that marks a bad one.
-const BAD: f64 = -32.0;
 
 /// The reader of Nortek's NMEA sentences.
 #[derive(Debug)]
@@ -120,7 +118,7 @@ fn beam<'a>(fields: &mut impl Iterator<Item = &'a str>, offset: u64) -> Option<(
     let (velocity, merit, distance) = (number(fields)?, number(fields)?, number(fields)?);
     let mut track =
         TrackedVelocity { coordinates: Coordinates::Beam, ..TrackedVelocity::default() };
-    track.recorded[index] = Some(velocity).filter(|v| *v > BAD);
+    track.recorded[index] = Some(velocity).filter(|v| is_velocity(*v) && is_trusted(merit));
     track.range[index] = Some(distance).filter(|d| *d > 0.0);
     track.beams = Some(track.recorded);
     track.figure_of_merit = Some(merit).filter(|_| track.recorded[index].is_some());
@@ -147,9 +145,10 @@ fn date_and_time(date: &str, time: &str) -> Option<i64> {
 fn axes<'a>(fields: &mut impl Iterator<Item = &'a str>, water: bool) -> Option<Ping> {
     let seconds = fields.next()?;
     let (_trigger, _output) = (number(fields)?, number(fields)?);
-    let mut axis = || number(fields).map(|v| Some(v).filter(|v| *v > BAD));
-    let [x, y, z] = [axis()?, axis()?, axis()?];
+    let mut axis = || number(fields);
+    let velocity = [axis()?, axis()?, axis()?];
     let merit = number(fields)?;
+    let [x, y, z] = velocity.map(|v| Some(v).filter(|v| is_velocity(*v) && is_trusted(merit)));
     let mut range = [None; 4];
     for distance in &mut range {
         *distance = Some(number(fields)?).filter(|d| *d > 0.0);

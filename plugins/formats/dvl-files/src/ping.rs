@@ -122,4 +122,9 @@ pub trait Decoder: Send {
 
     /// The bytes that belong to no intact record.
     fn damage(&self) -> &Damage;
+
+    /// Intact records that give no ping, such as repeated ones.
+    fn events(&self) -> Option<String> {
+        None
+    }
 }

@@ -147,6 +147,7 @@ impl Stream {
     fn warnings(&self) -> Option<String> {
         let mut parts = Vec::new();
         parts.extend(self.decoder.damage().describe(self.format.record()));
+        parts.extend(self.decoder.events());
         parts.extend(self.clock.describe("ping"));
         parts.extend(self.screened.describe("ping", "beyond the limits of `screen`"));
         if let Some((count, coordinates)) = &self.refused {

@@ -5,7 +5,7 @@
 
 use crate::ping::{Coordinates, Decoder, Ping, Stamp, TrackedVelocity};
 use crate::text::{fields, number, value};
-use navfuse_frames::{Check, Damage, Fault, Frames, Framing, Judgement, Sentences};
+use navfuse_frames::{Check, Count, Damage, Fault, Frames, Framing, Judgement, Sentences};
 use serde::Deserialize;
 use std::io::{Read, Result};
 
@@ -30,9 +30,7 @@ impl Framing for Objects {
 
     fn judge(&self, bytes: &[u8]) -> Judgement {
         match extent(bytes) {
-            Some(Ok(size)) if serde_json::from_slice::<Report>(&bytes[..size]).is_ok() => {
-                Judgement::Frame(size)
-            }
+            Some(Ok(size)) if Report::read(&bytes[..size]).is_some() => Judgement::Frame(size),
             Some(_) => Judgement::Rejected(Fault::Form),
             None => Judgement::Incomplete,
         }
@@ -69,12 +67,12 @@ fn extent(bytes: &[u8]) -> Option<std::result::Result<usize, NoReport>> {
     None
 }
 
-/// The fields of an object that this reader needs. An object without a type is none of the
-/// instrument's.
+/// The fields of an object that this reader needs. An object without a type is a velocity of the
+/// format `json_v1`, or none of the instrument's.
 #[derive(Debug, Deserialize)]
 struct Report {
     #[serde(rename = "type")]
-    kind: String,
+    kind: Option<String>,
     time: Option<f64>,
     vx: Option<f64>,
     vy: Option<f64>,
@@ -84,6 +82,31 @@ struct Report {
     velocity_valid: Option<bool>,
     time_of_validity: Option<i64>,
     transducers: Option<Vec<Transducer>>,
+}
+
+impl Report {
+    /// Reads an object; `None` for one that is none of the instrument's.
+    fn read(object: &[u8]) -> Option<Self> {
+        let report: Self = serde_json::from_slice(object).ok()?;
+        let velocity = report.velocity_valid.is_some() && report.transducers.is_some();
+        (report.kind.is_some() || velocity).then_some(report)
+    }
+
+    /// The track of its velocity; `None` for a report without one.
+    fn track(&self) -> Option<Track> {
+        match self.kind.as_deref() {
+            None | Some("velocity") => Some(Track::Bottom),
+            Some("velocity_water") => Some(Track::Water),
+            Some(_) => None,
+        }
+    }
+}
+
+/// What a velocity is relative to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Track {
+    Bottom,
+    Water,
 }
 
 #[derive(Debug, Deserialize)]
@@ -98,25 +121,25 @@ pub struct Json<R> {
     frames: Frames<R, Objects>,
     /// The bytes of the report before.
     before: Vec<u8>,
+    /// Reports that were logged twice.
+    repeated: Count,
 }
 
 impl<R: Read> Json<R> {
     /// The pings of `reader`.
     pub fn new(reader: R) -> Self {
-        Self { frames: Frames::new(reader, Objects), before: Vec::new() }
+        let frames = Frames::new(reader, Objects);
+        Self { frames, before: Vec::new(), repeated: Count::default() }
     }
 }
 
 impl<R: Read + Send> Decoder for Json<R> {
     fn next(&mut self) -> Result<Option<Ping>> {
         while let Some(frame) = self.frames.next()? {
-            let Ok(report) = serde_json::from_slice::<Report>(frame.bytes) else { continue };
-            if report.kind != "velocity" {
-                continue;
-            }
+            let Some(report) = Report::read(frame.bytes) else { continue };
+            let Some(track) = report.track() else { continue };
             if frame.bytes == self.before {
-                // a report that was logged twice
-                self.frames.reject_last();
+                self.repeated.add(frame.offset);
                 continue;
             }
             self.before.clear();
@@ -133,17 +156,20 @@ impl<R: Read + Send> Decoder for Json<R> {
                 Some(micros) => micros.checked_mul(MICROSECOND).map_or(Stamp::Missing, Stamp::Date),
                 None => elapsed(report.time),
             };
-            let mut ping = ping(frame.offset, stamp, velocity, valid, report.altitude, report.fom);
-            if let Some(track) = &mut ping.bottom {
-                track.range = range;
-            }
-            return Ok(Some(ping));
+            let velocity = velocity.map(|v| v.filter(|_| valid));
+            let tracked =
+                TrackedVelocity { range, ..tracked(velocity, report.altitude, report.fom) };
+            return Ok(Some(ping(frame.offset, stamp, track, tracked)));
         }
         Ok(None)
     }
 
     fn damage(&self) -> &Damage {
         self.frames.damage()
+    }
+
+    fn events(&self) -> Option<String> {
+        self.repeated.describe("report", "left out, equal to the one before,")
     }
 }
 
@@ -154,25 +180,27 @@ fn elapsed(milliseconds: Option<f64>) -> Stamp {
     plausible.map_or(Stamp::Missing, |ms| Stamp::Elapsed((ms * MILLISECOND).round() as i64))
 }
 
-fn ping(
-    offset: u64,
-    stamp: Stamp,
+/// The velocity, where it is valid.
+fn tracked(
     velocity: [Option<f64>; 3],
-    valid: bool,
     altitude: Option<f64>,
     merit: Option<f64>,
-) -> Ping {
-    let [x, y, z] = velocity.map(|v| v.filter(|_| valid));
-    let track = TrackedVelocity {
+) -> TrackedVelocity {
+    let [x, y, z] = velocity;
+    TrackedVelocity {
         coordinates: Coordinates::Instrument,
         recorded: [x, y, z, None],
         axes: x.zip(y).zip(z).map(|((x, y), z)| [x, y, z]),
         // without the bottom it reports -1
-        altitude: altitude.filter(|a| valid && *a > 0.0),
+        altitude: altitude.filter(|a| x.is_some() && *a > 0.0),
         figure_of_merit: merit,
         ..TrackedVelocity::default()
-    };
-    Ping { offset, stamp, bottom: Some(track), ..Ping::default() }
+    }
+}
+
+fn ping(offset: u64, stamp: Stamp, track: Track, velocity: TrackedVelocity) -> Ping {
+    let [bottom, water] = [Track::Bottom, Track::Water].map(|t| (t == track).then_some(velocity));
+    Ping { offset, stamp, bottom, water, ..Ping::default() }
 }
 
 /// The framing of the serial sentences.
@@ -213,40 +241,59 @@ struct Damaged;
 /// Reads a sentence; `None` for one that has no velocity.
 fn sentence(offset: u64, content: &[u8]) -> std::result::Result<Option<Ping>, Damaged> {
     let mut fields = fields(content);
-    match fields.next().unwrap_or_default() {
-        "rz" => velocity(&mut fields, offset).ok_or(Damaged).map(Some),
-        "rx" => old_velocity(&mut fields, offset).ok_or(Damaged).map(Some),
-        _ => Ok(None),
-    }
+    let ping = match fields.next().unwrap_or_default() {
+        "rz" => velocity(&mut fields, offset),
+        "rs" => water_velocity(&mut fields, offset),
+        "rx" => old_velocity(&mut fields, offset),
+        _ => return Ok(None),
+    };
+    ping.ok_or(Damaged).map(Some)
 }
 
-fn validity(field: &str) -> Option<bool> {
+/// The three velocities, before their validity.
+type Axes = [f64; 3];
+
+fn axes<'a>(fields: &mut impl Iterator<Item = &'a str>) -> Option<Axes> {
+    Some([number(fields)?, number(fields)?, number(fields)?])
+}
+
+/// The velocities where the field `y` or `n` declares them valid.
+fn valid(axes: Axes, field: &str) -> Option<[Option<f64>; 3]> {
     match field {
-        "y" => Some(true),
-        "n" => Some(false),
+        "y" => Some(axes.map(Some)),
+        "n" => Some([None; 3]),
         _ => None,
     }
 }
 
-/// Reads `wrz,vx,vy,vz,valid,altitude,fom,covariance,time of validity,...`.
-fn velocity<'a>(fields: &mut impl Iterator<Item = &'a str>, offset: u64) -> Option<Ping> {
-    let mut axis = || number(fields);
-    let velocity = [Some(axis()?), Some(axis()?), Some(axis()?)];
-    let valid = validity(fields.next()?)?;
-    let (altitude, merit) = (number(fields)?, number(fields)?);
+/// Reads the covariance and the time of validity, which follow each other.
+fn validity<'a>(fields: &mut impl Iterator<Item = &'a str>) -> Option<Stamp> {
     let _covariance = fields.next()?;
     let micros: i64 = value(fields)?;
-    let stamp = Some(micros).filter(|t| *t > 0).and_then(|t| t.checked_mul(MICROSECOND));
-    let stamp = stamp.map_or(Stamp::Missing, Stamp::Date);
-    Some(ping(offset, stamp, velocity, valid, Some(altitude), Some(merit)))
+    let nanos = Some(micros).filter(|t| *t > 0).and_then(|t| t.checked_mul(MICROSECOND));
+    Some(nanos.map_or(Stamp::Missing, Stamp::Date))
+}
+
+/// Reads `wrz,vx,vy,vz,valid,altitude,fom,covariance,time of validity,...`.
+fn velocity<'a>(fields: &mut impl Iterator<Item = &'a str>, offset: u64) -> Option<Ping> {
+    let velocity = valid(axes(fields)?, fields.next()?)?;
+    let (altitude, merit) = (number(fields)?, number(fields)?);
+    let track = tracked(velocity, Some(altitude), Some(merit));
+    Some(ping(offset, validity(fields)?, Track::Bottom, track))
+}
+
+/// Reads `wrs,vx,vy,vz,valid,fom,covariance,time of validity,...`.
+fn water_velocity<'a>(fields: &mut impl Iterator<Item = &'a str>, offset: u64) -> Option<Ping> {
+    let velocity = valid(axes(fields)?, fields.next()?)?;
+    let track = tracked(velocity, None, Some(number(fields)?));
+    Some(ping(offset, validity(fields)?, Track::Water, track))
 }
 
 /// Reads `wrx,time,vx,vy,vz,fom,altitude,valid,status`.
 fn old_velocity<'a>(fields: &mut impl Iterator<Item = &'a str>, offset: u64) -> Option<Ping> {
     let stamp = elapsed(number(fields));
-    let mut axis = || number(fields);
-    let velocity = [Some(axis()?), Some(axis()?), Some(axis()?)];
+    let axes = axes(fields)?;
     let (merit, altitude) = (number(fields)?, number(fields)?);
-    let valid = validity(fields.next()?)?;
-    Some(ping(offset, stamp, velocity, valid, Some(altitude), Some(merit)))
+    let track = tracked(valid(axes, fields.next()?)?, Some(altitude), Some(merit));
+    Some(ping(offset, stamp, Track::Bottom, track))
 }

@@ -1,7 +1,7 @@
 //! The parameters of the source.
 
 use navfuse_core::units::Angle;
-use navfuse_frames::TimeConfig;
+use navfuse_frames::{Sentences, TimeConfig};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -42,7 +42,32 @@ pub struct Nmea {
     /// sensor; a reference always uses them.
     #[serde(default)]
     pub estimated: bool,
+    /// Checksums: `check` (default), or `ignore` for a program that writes wrong checksums, or none.
+    /// The sentences with a wrong one are counted.
+    #[serde(default)]
+    pub checksum: ChecksumUse,
     /// The clock of the recording.
     #[serde(default)]
     pub time: TimeConfig,
+}
+
+/// Treatment of the checksums.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ChecksumUse {
+    /// A sentence with a wrong checksum is left out.
+    #[default]
+    Check,
+    /// A sentence is used whatever its checksum.
+    Ignore,
+}
+
+impl ChecksumUse {
+    /// The framing of the sentences.
+    pub(crate) fn framing(self) -> Sentences {
+        match self {
+            Self::Check => Sentences::NMEA,
+            Self::Ignore => Sentences::NMEA_UNCHECKED,
+        }
+    }
 }

@@ -24,7 +24,7 @@ mod source;
 mod vessel;
 
 pub use beacon::Beacon;
-pub use config::Nmea;
+pub use config::{ChecksumUse, Nmea};
 pub use sentence::{Sentence, parse};
 pub use vessel::Axes;
 

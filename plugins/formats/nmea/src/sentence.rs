@@ -3,6 +3,7 @@
 use crate::beacon::Beacon;
 use crate::vessel::Axes;
 use navfuse_core::units::calendar::{Calendar, decimal_seconds, time_of_day, with_century};
+use navfuse_frames::validity::is_place;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Metres per second of a knot.
@@ -198,7 +199,9 @@ impl Fields<'_> {
     }
 
     fn position(&self, k: usize) -> Option<[f64; 2]> {
-        Some([self.angle(k, 2, ["N", "S"], 90.0)?, self.angle(k + 2, 3, ["E", "W"], 180.0)?])
+        let lat = self.angle(k, 2, ["N", "S"], 90.0)?;
+        let lon = self.angle(k + 2, 3, ["E", "W"], 180.0)?;
+        is_place(lat, lon).then_some([lat, lon])
     }
 
     /// An angle in degrees with its direction, `7.5,W`, east positive; zero needs no direction.

@@ -10,7 +10,7 @@ use navfuse_core::model::stream::{Source, StreamError};
 use navfuse_core::plugin::{OpenContext, SourceType};
 use navfuse_core::units::sample::{Sample, SensorId};
 use navfuse_core::units::time::Time;
-use navfuse_frames::{Clock, Count, Frames, Sentences, TimeConfig, open};
+use navfuse_frames::{Check, Clock, Count, Frames, Sentences, TimeConfig, open};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -31,12 +31,13 @@ impl SourceType for Nmea {
     fn open(self, context: &OpenContext<'_>) -> Result<Vec<Box<dyn Source>>, StreamError> {
         let targets = targets(&self, context)?;
         let path = context.base.join(&self.file);
-        let dates = first_date(&path)?;
+        let framing = self.checksum.framing();
+        let dates = first_date(&path, framing)?;
         let mut sources: Vec<Box<dyn Source>> = Vec::new();
         for target in targets {
             let gatherer = Gatherer::new(target.part, self.estimated, dates);
             let mut stream = Stream {
-                frames: Frames::new(open(&path)?, Sentences::NMEA),
+                frames: Frames::new(open(&path)?, framing),
                 path: path.clone(),
                 talker: self.talker.clone(),
                 target,
@@ -49,6 +50,8 @@ impl SourceType for Nmea {
                 sentences: 0,
                 addresses: Vec::new(),
                 estimated: Count::default(),
+                unchecked: Count::default(),
+                framing,
                 // each source reads the whole file; the first reports its damage
                 reports_damage: sources.is_empty(),
             };
@@ -60,12 +63,12 @@ impl SourceType for Nmea {
 }
 
 /// The first date in a file, by which sentences before it have dates, too.
-fn first_date(path: &Path) -> Result<Dates, StreamError> {
-    let mut frames = Frames::new(open(path)?.take(BEGINNING), Sentences::NMEA);
+fn first_date(path: &Path, framing: Sentences) -> Result<Dates, StreamError> {
+    let mut frames = Frames::new(open(path)?.take(BEGINNING), framing);
     let mut dates = Dates::default();
     while let Some(frame) = frames.next().map_err(|e| StreamError::read(path, e))? {
         // the dates of transponders are for their own positions alone
-        let sentence = parse(Sentences::NMEA.content(frame.bytes))
+        let sentence = parse(framing.content(frame.bytes))
             .filter(|s| !matches!(s, Sentence::Transponder { .. }));
         let stamp = sentence.and_then(|s| Some((s.time()?, s.date()?)));
         if let Some((time, date)) = stamp {
@@ -268,6 +271,9 @@ struct Stream {
     /// The first addresses, for a message about a file without the sentences that are needed.
     addresses: Vec<String>,
     estimated: Count,
+    /// Sentences that are used with a wrong checksum.
+    unchecked: Count,
+    framing: Sentences,
     reports_damage: bool,
 }
 
@@ -281,7 +287,11 @@ impl Stream {
         let damage = self.warnings().map_or_else(String::new, |text| format!(" ({text})"));
         let wanted = Target::sentences(self.target.part);
         let (text, remedy) = if self.sentences == 0 {
-            ("no intact sentence of NMEA 0183".to_owned(), "check the file and its baud rate")
+            (
+                "no intact sentence of NMEA 0183".to_owned(),
+                "check the file and its baud rate; checksum = \"ignore\" uses sentences with wrong \
+                 checksums",
+            )
         } else {
             (
                 format!("no valid {wanted} with a time; it has {}", self.addresses.join(", ")),
@@ -333,8 +343,11 @@ impl Stream {
             }
             let frame = self.frames.next().map_err(|e| StreamError::read(&self.path, e))?;
             let done = if let Some(frame) = frame {
-                let content = Sentences::NMEA.content(frame.bytes);
+                let content = self.framing.content(frame.bytes);
                 self.sentences += 1;
+                if self.framing.check == Check::Ignored && !Sentences::is_checked(frame.bytes) {
+                    self.unchecked.add(frame.offset);
+                }
                 let other = match (&self.talker, talker(content)) {
                     (Some(wanted), Some(found)) => wanted.as_bytes() != found,
                     _ => false,
@@ -365,6 +378,7 @@ impl Stream {
         let mut parts = Vec::new();
         if self.reports_damage {
             parts.extend(self.frames.damage().describe(RECORD));
+            parts.extend(self.unchecked.describe(RECORD, "used without their right checksum,"));
         }
         parts.extend(self.clock.describe("epoch"));
         let estimated = "with a position that is not from satellites, set `estimated` to use it,";

@@ -8,6 +8,8 @@ use crate::program::{Program, has_field};
 use crate::relative::{CHANNELS as MOTION, Chain, pose};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use navfuse_core::state::geodesy::Geodetic;
+use navfuse_frames::validity::{accuracy, is_place, is_refused, is_velocity};
+use std::cell::Cell;
 
 /// Standard atmosphere, Pa.
 const ATMOSPHERE: f64 = 101_325.0;
@@ -53,6 +55,10 @@ pub enum Unused {
 pub type Values = [f64; 22];
 
 const RATES: [&str; 6] = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"];
+
+/// The variances of the three velocities.
+const TWIST_VARIANCES: [&str; 3] =
+    ["twist.covariance[0]", "twist.covariance[7]", "twist.covariance[14]"];
 
 /// The fields of three coordinates and of a quaternion below a path.
 fn below(path: &str, names: &[&str]) -> Vec<String> {
@@ -111,18 +117,23 @@ impl Form {
                 "position_covariance[8]",
                 "position_covariance_type",
             ]),
-            Self::Twist => below(
-                match kind {
-                    "geometry_msgs/Twist" => "linear",
-                    "geometry_msgs/TwistStamped" => "twist.linear",
-                    _ => "twist.twist.linear",
-                },
-                &xyz,
-            ),
+            Self::Twist => [
+                below(
+                    match kind {
+                        "geometry_msgs/Twist" => "linear",
+                        "geometry_msgs/TwistStamped" => "twist.linear",
+                        _ => "twist.twist.linear",
+                    },
+                    &xyz,
+                ),
+                text(&TWIST_VARIANCES),
+            ]
+            .concat(),
             Self::Odometry => [
                 below("pose.pose.position", &xyz),
                 below("pose.pose.orientation", &xyzw),
                 below("twist.twist.linear", &xyz),
+                text(&TWIST_VARIANCES),
             ]
             .concat(),
             Self::Pose => {
@@ -138,11 +149,13 @@ impl Form {
             Self::Magnetic => below("magnetic_field", &xyz),
             Self::Range => text(&["range"]),
             Self::MarineDvl => {
-                [below("velocity", &xyz), text(&["velocity_mode", "num_good_beams", "altitude"])]
-                    .concat()
+                let rest = ["velocity_mode", "num_good_beams", "altitude", "velocity_covar[0]"];
+                [below("velocity", &xyz), text(&rest)].concat()
             }
             Self::WaterLinked => {
-                [below("velocity", &xyz), text(&["velocity_valid", "altitude"])].concat()
+                let rest =
+                    ["velocity_valid", "altitude", "covariance[0]", "velocity_covariance[0]"];
+                [below("velocity", &xyz), text(&rest)].concat()
             }
             Self::Nortek => text(&[
                 "velocity_x",
@@ -224,6 +237,15 @@ impl Form {
     }
 }
 
+/// The velocities without those that their variances refuse.
+fn unrefused(velocity: [f64; 3], variances: [f64; 3]) -> Result<[f64; 3], Unused> {
+    if variances.iter().all(|variance| is_refused(*variance)) {
+        return Err(Unused::Invalid);
+    }
+    let one = |k: usize| if is_refused(variances[k]) { f64::NAN } else { velocity[k] };
+    Ok(std::array::from_fn(one))
+}
+
 /// A form with the keys of its sensor.
 #[derive(Clone, Debug)]
 pub struct Converter {
@@ -235,6 +257,8 @@ pub struct Converter {
     /// Pascals of one metre of water.
     gradient: f64,
     track: Tracked,
+    /// Set once a message counted the beams that see the bottom.
+    counts: Cell<bool>,
 }
 
 impl Converter {
@@ -256,6 +280,7 @@ impl Converter {
             atmosphere: config.atmosphere.map_or(ATMOSPHERE, |p| p.si()),
             gradient: density * GRAVITY,
             track: config.track,
+            counts: Cell::new(false),
         }
     }
 
@@ -300,37 +325,39 @@ impl Converter {
         };
         match self.form {
             Form::Imu => {
-                // -1 declares a quantity that the sensor does not have
-                if slots[10] != -1.0 {
+                if !is_refused(slots[10]) {
                     put(0, &self.body(three(0)));
                 }
-                if slots[11] != -1.0 {
+                if !is_refused(slots[11]) {
                     put(3, &self.body(three(3)));
                 }
-                if slots[12] != -1.0
+                if !is_refused(slots[12])
                     && let Some(c) = self.attitude(four(6))
                 {
                     put(6, &angles(c));
                 }
             }
             Form::Fix => {
-                if slots[3] < 0.0 {
+                let [lat, lon] = [slots[0], slots[1]].map(f64::to_radians);
+                let known = slots[7] > 0.0;
+                let refused = known && slots[4..6].iter().any(|v| is_refused(*v));
+                if slots[3] < 0.0 || refused || !is_place(lat, lon) {
                     return Err(Unused::NoFix);
                 }
-                put(0, &[slots[0].to_radians(), slots[1].to_radians(), slots[2]]);
-                if slots[7] > 0.0 {
+                put(0, &[lat, lon, slots[2]]);
+                if known {
                     // that of each axis: the root of the mean square
-                    let horizontal = (0.5 * (slots[4] + slots[5])).sqrt();
-                    put(3, &[horizontal, slots[6].sqrt()]);
+                    let both = [0.5 * (slots[4] + slots[5]), slots[6]];
+                    put(3, &both.map(|variance| accuracy(variance).unwrap_or(f64::NAN)));
                 }
             }
             Form::Twist => {
-                let v = self.body(three(0));
-                put(0, &[v, v].concat());
-                put(6, &self.world(three(0)));
+                let v = unrefused(three(0), three(3))?;
+                let (body, world) = (self.body(v), self.world(v));
+                put(0, &[body, body, world].concat());
             }
             Form::Odometry => {
-                let v = self.body(three(7));
+                let v = self.body(unrefused(three(7), three(10)).unwrap_or([f64::NAN; 3]));
                 put(0, &[v, v].concat());
                 if let Some(c) = self.attitude(four(3)) {
                     put(6, (c * Vector3::from(v)).as_slice());
@@ -378,13 +405,19 @@ impl Converter {
                 if water != (self.track == Tracked::Water) {
                     return Err(Unused::OtherTrack);
                 }
-                // three beams give a velocity; a driver without the count leaves it zero
-                (!(1.0..3.0).contains(&slots[4]), slots[5])
+                // three beams give a velocity; a driver without the count always leaves it zero
+                self.counts.set(self.counts.get() || slots[4] > 0.0);
+                let uncounted = !self.counts.get() && v != [0.0; 3];
+                let beams = slots[4].is_nan() || slots[4] >= 3.0 || uncounted;
+                (beams && !is_refused(slots[6]), slots[5])
             }
-            Form::WaterLinked => (slots[3] != 0.0, slots[4]),
+            Form::WaterLinked => {
+                let refused = slots[5..7].iter().any(|variance| is_refused(*variance));
+                (slots[3] != 0.0 && !refused, slots[4])
+            }
             _ => (slots[3..6].iter().all(|valid| *valid != 0.0), f64::NAN),
         };
-        if !valid || v.iter().any(|v| v.is_nan()) {
+        if !valid || !v.iter().all(|v| is_velocity(*v)) {
             return Err(Unused::Invalid);
         }
         put(0, &self.body(v));

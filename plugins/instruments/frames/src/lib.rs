@@ -7,7 +7,8 @@
 //! constant memory.
 //!
 //! A format implements [`Framing`]. Text formats use [`Sentences`]. [`Clock`] puts the records of
-//! an instrument on the clock of the run. [`mcap`] has the outer form of MCAP files, for logs and bags.
+//! an instrument on the clock of the run. [`validity`] knows
+//! the numbers that stand for no measurement. [`mcap`] has the outer form of MCAP files, for logs and bags.
 
 mod clock;
 mod config;
@@ -16,6 +17,7 @@ mod file;
 pub mod mcap;
 mod number;
 mod sentences;
+pub mod validity;
 mod window;
 
 pub use clock::{Clock, Count, Stamp, Zero};

@@ -11,6 +11,8 @@ pub enum Check {
     Crc8,
     /// None: the sentence ends with its line.
     None,
+    /// Two digits after an asterisk that nobody compares, or none.
+    Ignored,
 }
 
 /// The framing of sentences that begin with one of some marks.
@@ -31,10 +33,22 @@ impl Sentences {
     /// Sentences as NMEA 0183 defines them: `$GPGGA,...*hh`.
     pub const NMEA: Self = Self { marks: b"$!", check: Check::Xor, marks_are_reserved: true };
 
+    /// Sentences of a program that writes wrong checksums, or none.
+    pub const NMEA_UNCHECKED: Self = Self { check: Check::Ignored, ..Self::NMEA };
+
     /// The part of a sentence between its mark and its checksum.
     pub fn content<'a>(&self, frame: &'a [u8]) -> &'a [u8] {
-        let end = if self.check == Check::None { frame.len() } else { frame.len() - 3 };
-        &frame[1..end]
+        let checked = match self.check {
+            Check::None => false,
+            Check::Ignored => frame.len() > 3 && frame[frame.len() - 3] == b'*',
+            Check::Xor | Check::Crc8 => true,
+        };
+        &frame[1..if checked { frame.len() - 3 } else { frame.len() }]
+    }
+
+    /// Tests whether a sentence has the checksum of NMEA 0183.
+    pub fn is_checked(frame: &[u8]) -> bool {
+        matches!(Self::NMEA.judge(frame), Judgement::Frame(size) if size == frame.len())
     }
 }
 
@@ -55,24 +69,26 @@ impl Framing for Sentences {
         let Some(length) = rest.iter().position(ends) else { return Judgement::Incomplete };
         let end = 1 + length;
         match (bytes[end], self.check) {
-            (b'*', Check::Xor | Check::Crc8) => match bytes.get(end + 1..end + 3) {
-                None => Judgement::Incomplete,
-                Some(digits) => {
-                    let Some(written) = hexadecimal(digits) else {
-                        return Judgement::Rejected(Fault::Form);
-                    };
-                    let computed = match self.check {
-                        Check::Crc8 => crc8(&bytes[..end]),
-                        _ => bytes[1..end].iter().fold(0, |sum, b| sum ^ b),
-                    };
-                    if written == computed {
-                        Judgement::Frame(end + 3)
-                    } else {
-                        Judgement::Rejected(Fault::Checksum)
+            (b'*', Check::Xor | Check::Crc8 | Check::Ignored) => {
+                match bytes.get(end + 1..end + 3) {
+                    None => Judgement::Incomplete,
+                    Some(digits) => {
+                        let Some(written) = hexadecimal(digits) else {
+                            return Judgement::Rejected(Fault::Form);
+                        };
+                        let computed = match self.check {
+                            Check::Crc8 => crc8(&bytes[..end]),
+                            _ => bytes[1..end].iter().fold(0, |sum, b| sum ^ b),
+                        };
+                        if written == computed || self.check == Check::Ignored {
+                            Judgement::Frame(end + 3)
+                        } else {
+                            Judgement::Rejected(Fault::Checksum)
+                        }
                     }
                 }
-            },
-            (b'\r' | b'\n', Check::None) => Judgement::Frame(end),
+            }
+            (b'\r' | b'\n', Check::None | Check::Ignored) => Judgement::Frame(end),
             _ => Judgement::Rejected(Fault::Form),
         }
     }

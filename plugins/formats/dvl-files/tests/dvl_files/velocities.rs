@@ -361,6 +361,44 @@ fn water_linked_in_json_and_on_the_serial_port() {
 }
 
 #[test]
+fn water_linked_without_a_type_repeated_and_through_the_water() {
+    let report = |more: &str| {
+        let v = "\"vx\":1.5,\"vy\":-0.1,\"vz\":0.02,\"fom\":0.002,\"velocity_valid\":true";
+        format!("{{\"time\":100.5,{v},\"transducers\":[],\"status\":0{more}}}\n")
+    };
+    // json_v1 has no type; a driver may write each report twice
+    let v1 = report(",\"altitude\":1.3,\"format\":\"json_v1\"");
+    let other = "{\"ts\":1,\"x\":0.1,\"type\":\"position_local\"}\n";
+    let bytes = [&v1, &v1, other, &v1.replace("100.5", "99.5")].concat();
+    let mut decoder = Format::WaterLinkedJson.decoder(std::io::Cursor::new(bytes.into_bytes()));
+    let mut pings = Vec::new();
+    while let Some(ping) = decoder.next().unwrap() {
+        pings.push(ping);
+    }
+    assert_eq!((pings.len(), decoder.damage().gaps()), (2, 0));
+    is_v(pings[1].bottom, 0.0);
+    assert_eq!(pings[1].stamp, Stamp::Elapsed(99_500_000));
+    let repeated = "1 report left out, equal to the one before, at byte";
+    assert!(decoder.events().unwrap().starts_with(repeated));
+    let water = report(",\"type\":\"velocity_water\",\"time_of_validity\":1654072200123456");
+    let ping = one(Format::WaterLinkedJson, water.as_bytes());
+    is_v(ping.water, 0.0);
+    assert_eq!(ping.bottom, None);
+    let example = water_linked(
+        "wrs,1.500,-0.100,0.020,y,0.002,1e-05;0;0;0;1e-05;0;0;0;1e-05,1654072200123456,7,500.00,0",
+    );
+    let ping = one(Format::WaterLinkedSerial, &example);
+    is_v(ping.water, 0.0);
+    assert_eq!((ping.stamp, ping.bottom), (Stamp::Date(START * 1_000_000_000 + 123_456_000), None));
+}
+
+#[test]
+fn a_figure_of_merit_at_its_limit_is_no_velocity() {
+    let bt = "PNORBT7,1654072200.7508,1,-1,1.5,-0.1,0.02,10.0,0.0,0.0,0.0,0.0";
+    assert_eq!(one(Format::NortekNmea, &nmea(bt)).bottom.unwrap().axes, None);
+}
+
+#[test]
 fn every_format_is_recognised_by_its_content() {
     for format in Format::ALL {
         let mut bytes = records(format.name(), 20).concat();

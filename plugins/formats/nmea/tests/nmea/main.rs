@@ -171,6 +171,26 @@ fn a_position_that_is_not_from_satellites_is_used_where_asked() {
 }
 
 #[test]
+fn wrong_and_missing_checksums_are_accepted_and_counted_where_asked() {
+    let right = recording(4);
+    let wrong: String = (right.lines().enumerate())
+        .map(|(k, line)| {
+            let content = line.split('*').next().unwrap_or_default();
+            if k % 2 == 0 { format!("{content}*00\r\n") } else { format!("{content}\r\n") }
+        })
+        .collect();
+    let refused = read(wrong.as_bytes(), "").unwrap_err();
+    assert!(refused.contains("checksum = \"ignore\""), "{refused}");
+    let (a, b) = (
+        read(wrong.as_bytes(), "checksum = \"ignore\"").unwrap(),
+        read(right.as_bytes(), "").unwrap(),
+    );
+    assert_eq!(a.samples, b.samples);
+    let count = "24 sentences used without their right checksum, the first at byte 0";
+    assert!(a.warnings.iter().flatten().any(|w| w.contains(count)), "{:?}", a.warnings);
+}
+
+#[test]
 fn one_of_several_talkers_is_chosen() {
     let gga = |talker: &str, quality: &str| {
         sentence(&format!("{talker}GGA,083000,3204.0,N,03459.5,E,{quality},9,1,5,M,0,M,,"))

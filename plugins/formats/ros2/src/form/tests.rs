@@ -41,6 +41,46 @@ fn what_a_message_declares_invalid_is_not_used() {
 }
 
 #[test]
+fn variances_beams_and_places_that_stand_for_no_measurement_give_no_sample() {
+    let own = TopicConfig::default();
+    let v = [1.0, 2.0, 3.0];
+    let dvl = |form, rest: &[f64]| convert(form, &own, &[&v, rest].concat());
+    for refused in [-1.0, 1e9] {
+        let [marine, wl, uuv] = [
+            dvl(Form::MarineDvl, &[1.0, 4.0, 9.0, refused]),
+            dvl(Form::WaterLinked, &[1.0, 9.0, refused]),
+            dvl(Form::WaterLinked, &[f64::NAN, 9.0, f64::NAN, refused]),
+        ];
+        assert_eq!([marine, wl, uuv], [Err(Unused::Invalid); 3]);
+        assert_eq!(dvl(Form::Twist, &[refused; 3]), Err(Unused::Invalid));
+        let fix = [50.0, 8.0, 100.0, 0.0, refused, refused, 4.0, 2.0];
+        assert_eq!(convert(Form::Fix, &own, &fix), Err(Unused::NoFix));
+    }
+    // of a velocity without its vertical, the others are used
+    let flat = dvl(Form::Twist, &[0.01, 0.01, 1e9]).unwrap_or_default();
+    assert!(flat[..2] == [1.0, -2.0] && flat[2].is_nan() && flat[8].is_nan());
+    assert!(dvl(Form::MarineDvl, &[1.0, 4.0, 9.0, 0.0]).is_ok(), "of unknown accuracy");
+    let fix = [50.0, 8.0, 100.0, 0.0, 0.0, 0.0, 0.0, 2.0];
+    assert!(convert(Form::Fix, &own, &fix).is_ok_and(|v| v[3].is_nan() && v[4].is_nan()));
+    for place in [[0.0, 0.0], [f64::NAN, f64::NAN], [-2e10, -2e10]] {
+        let fix = [&place[..], &[100.0, 0.0]].concat();
+        assert_eq!(convert(Form::Fix, &own, &fix), Err(Unused::NoFix));
+    }
+}
+
+#[test]
+fn no_good_beam_is_no_velocity_where_the_driver_counts_them() {
+    let converter = Converter::new(Form::MarineDvl, &TopicConfig::default());
+    let of = |v: [f64; 3], beams: f64| {
+        converter.values(&[&v[..], &[1.0, beams], &[f64::NAN; SLOTS]].concat()).map(|_| ())
+    };
+    assert_eq!(of([0.0; 3], 0.0), Err(Unused::Invalid));
+    assert_eq!(of([1.0; 3], 0.0), Ok(()), "a driver that leaves the count zero");
+    assert_eq!(of([1.0; 3], 4.0), Ok(()));
+    assert_eq!(of([1.0; 3], 0.0), Err(Unused::Invalid));
+}
+
+#[test]
 fn ten_metres_of_sea_water_are_ten_metres_deep() {
     let pressure = 101_325.0 + 10.0 * 1025.0 * 9.806_65;
     let v = convert(Form::Pressure, &TopicConfig::default(), &[pressure]).unwrap_or_default();

@@ -1,6 +1,6 @@
 //! The source in a scenario: sensors, units, clocks, and errors with remedies.
 
-use crate::generate::{flight, increments, sbet, span, telemetry_of_flight, vectornav};
+use crate::generate::{flight, increments, packet, sbet, span, telemetry_of_flight, vectornav};
 use navfuse_core::plugin::Registry;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
@@ -112,6 +112,25 @@ fn telemetry_keeps_the_intervals_of_the_vehicle_on_the_clock_of_the_log() {
     let received = read(&telemetry_of_flight(2), &format!("stamp = \"received\"\n{keys}")).unwrap();
     // received with up to 20 ms more delay, not in the order in which it was sent
     assert!(received.warnings.iter().flatten().any(|w| w.contains("not later than")));
+}
+
+#[test]
+fn zero_north_zero_east_is_no_position() {
+    let message = |lat: i32, lon: i32, k: u64| {
+        let mut payload = (1000 * k as u32).to_le_bytes().to_vec();
+        [lat, lon, 0, 0].iter().for_each(|v| payload.extend(v.to_le_bytes()));
+        payload.extend([0; 8]);
+        packet(2, 33, 104, 1, 1_654_072_200_000_000 + 1_000_000 * k, &payload)
+    };
+    let nowhere: Vec<u8> = (1..5).flat_map(|k| message(0, 0, k)).collect();
+    let keys = "sensors.reference = { message = \"GLOBAL_POSITION_INT\" }";
+    let error = read(&nowhere, keys).err().unwrap_or_default();
+    assert!(error.contains("no GLOBAL_POSITION_INT has a valid measurement"), "{error}");
+    let here: Vec<u8> = (5..9).flat_map(|k| message(430_000_000, 0, k)).collect();
+    let reading = read(&[nowhere, here].concat(), keys).unwrap();
+    assert_eq!(reading.samples[0].len(), 4);
+    let count = "4 messages without a valid measurement, the first at byte 0";
+    assert!(reading.warnings.iter().flatten().any(|w| w.contains(count)), "{:?}", reading.warnings);
 }
 
 #[test]
