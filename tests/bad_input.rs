@@ -59,9 +59,9 @@ fn two_sources_that_feed_one_sensor_are_an_error_that_names_both() {
 fn a_table_that_nobody_named_is_not_read_beside_other_sources() {
     let recording = Recording::new();
     recording.change(
-        "[source.csv]",
+        "[source.csv]\ndirectory = \".\"",
         "[source.again]\ntype = \"csv\"\nfiles.dvl.path = \"dvl.csv\"\n[source.csv]\n\
-         files.imu.path = \"imu.csv\"",
+         files.imu.path = \"imu.csv\"\nfiles.reference.path = \"reference.csv\"",
     );
     assert!(run(&recording, &[]).status.success(), "imu.csv is read once, and dvl.csv once");
 }

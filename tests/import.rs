@@ -130,7 +130,7 @@ fn a_file_without_a_known_format_is_refused_by_what_it_is_or_what_was_looked_for
         (vec![0; 10_000], "nor a log of a vehicle"),
         (still, "nor a log of a vehicle"),
         (free, "nor a log of a vehicle"),
-        (ahead, "a bag of ROS 1"),
+        (ahead, "cut off at byte 13"),
         (b"\x93NUMPY\x01\0v\0{'descr': '<f8'}".to_vec(), "an array of NumPy"),
         (b"PK\x03\x04rest".to_vec(), "a ZIP archive"),
         (b"Dear reader,\nthis is a letter.\n".to_vec(), "it is no table"),

@@ -42,7 +42,7 @@ impl Target {
 }
 
 /// All targets. Those with a large weight read in memory, the others read a file.
-pub const TARGETS: [Target; 20] = [
+pub const TARGETS: [Target; 24] = [
     target("pd0", 100, memory::pd0),
     target("pd4", 100, memory::pd4),
     target("pd6", 100, memory::pd6),
@@ -56,6 +56,10 @@ pub const TARGETS: [Target; 20] = [
     target("vectornav", 100, memory::vectornav),
     target("sbet", 100, memory::sbet),
     target("kf-gins", 100, memory::kf_gins),
+    target("dataflash", 100, memory::dataflash),
+    target("ubx", 100, memory::ubx),
+    target("nucleus", 100, memory::nucleus),
+    target("psins", 100, memory::psins),
     target("nmea-sentences", 100, memory::nmea_sentences),
     target("nmea", 4, files::nmea),
     target("bag", 4, files::bag),

@@ -6,8 +6,8 @@ use navfuse_core::model::stream::StreamError;
 use navfuse_ros2::{Survey, TopicSurvey, Use};
 use std::path::Path;
 
-/// First bytes of MCAP and of SQLite, the storages of bags.
-const STORAGES: [&[u8]; 2] = [b"\x89MCAP", b"SQLite format 3\0"];
+/// First bytes of MCAP and of SQLite, the storages of bags of ROS 2, and of a bag of ROS 1.
+const STORAGES: [&[u8]; 3] = [b"\x89MCAP", b"SQLite format 3\0", b"#ROSBAG V2.0\n"];
 /// The frame of the vehicle, where a bag has it.
 const BASE: &str = "base_link";
 /// Rotation, rad, below which two frames have the same axes.

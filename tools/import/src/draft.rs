@@ -113,7 +113,14 @@ fn process<'a>(
     out.line("[process.ins]");
     if reference.is_some() {
         out.ask("attitude = { sigma = \"0.1 deg\" }", "1-sigma of the reference");
-        out.ask("velocity = { sigma = \"5 cm/s\" }", "1-sigma of the reference");
+        let moves = |s: &StreamSurvey| s.channel("vel_n").and_then(|k| s.first.get(k)).is_some();
+        match stream("reference").is_none_or(moves) {
+            true => out.ask("velocity = { sigma = \"5 cm/s\" }", "1-sigma of the reference"),
+            false => out.ask(
+                "velocity = { initial = [\"0 m/s\", \"0 m/s\", \"0 m/s\"], sigma = \"2 m/s\" }",
+                "velocity at the start, which the reference does not have",
+            ),
+        }
         out.ask("position = { sigma = \"1 m\" }", "1-sigma of the reference");
     } else if gnss.is_some() {
         course(out, stream("gnss"), imu);

@@ -8,9 +8,7 @@ const UNPACK: &str = "unpack it and give its files";
 const CONVERT: &str = "export its IMU and GNSS as a table (CSV), or convert it to a bag of ROS 2";
 
 /// Marks of at least four bytes: no other format begins like this.
-const LONG: [Mark; 29] = [
-    (0, b"#ROSBAG V", "a bag of ROS 1", "convert it to ROS 2 with `rosbags-convert`"),
-    (0, b"\xa3\x95\x80\x80", "an ArduPilot DataFlash log", CONVERT),
+const LONG: [Mark; 26] = [
     (0, b"FMT, 128, 89, FMT", "an ArduPilot DataFlash log as text", CONVERT),
     (0, b"\x93NUMPY", "an array of NumPy (.npy)", TABLE),
     (0, b"PK\x03\x04", "a ZIP archive (.zip, .npz, .xlsx)", UNPACK),
@@ -37,18 +35,15 @@ const LONG: [Mark; 29] = [
     (0, b"Rar!\x1a\x07", "a RAR archive", UNPACK),
     (0, b"BZh91AY&SY", "a file packed with bzip2", UNPACK),
     (257, b"ustar", "a tar archive", UNPACK),
-    (0, b"% PSINS-format", "a log of PSINS", "export its increments as a table (CSV)"),
 ];
 
 /// Marks of messages of receivers and inertial units, which other bytes may resemble: they name a
 /// file that nothing else recognises.
-const SHORT: [Mark; 7] = [
-    (0, b"\xb5\x62", "messages of u-blox (UBX)", CONVERT),
+const SHORT: [Mark; 5] = [
     (0, b"\xaa\x44\x12", "binary logs of NovAtel", "record them as text (ASCII)"),
     (0, b"\xff\x5a", "logs of SBG (sbgECom)", "export them as text with sbgDataParser"),
     (0, b"\x75\x65", "messages of MicroStrain (MIP)", CONVERT),
     (0, b"$@", "blocks of Septentrio (SBF)", CONVERT),
-    (0, b"\xa5\x0a", "records of a Nortek Nucleus", "export them as a table (CSV)"),
     (0, b"\xd3\x00", "messages of RTCM", CONVERT),
 ];
 

@@ -139,8 +139,11 @@ impl Recording {
             }
             let (sensors, odometry) = bag::sensors(&survey, file, &mut self.notes)?;
             let topics = survey.topics.iter().map(|t| format!("{} ({})", t.name, t.kind));
-            let topics = topics.collect::<Vec<_>>().join(", ");
-            self.contents.push((file.to_owned(), format!("the topics {topics}")));
+            let has = match topics.collect::<Vec<_>>().as_slice() {
+                [] => survey.faults.clone().unwrap_or_else(|| "no topic".to_owned()),
+                topics => format!("the topics {}", topics.join(", ")),
+            };
+            self.contents.push((file.to_owned(), has));
             self.bag = true;
             for InBag { found, lever_arm } in sensors {
                 self.add_part(found, Reader::Bag, file, &absolute, lever_arm)?;
@@ -150,8 +153,6 @@ impl Recording {
         }
         let (reader, found) = if let Some((stamp, found)) = instrument::velocity_log(&bytes) {
             (Reader::Dvl(stamp), found)
-        } else if let Some(found) = instrument::nmea(&bytes) {
-            (Reader::Nmea, found)
         } else if let Some(format) = navfuse_vehicle_logs::Format::recognise(&bytes) {
             let bytes =
                 navfuse_csv::beginning(file, MESSAGES).map_err(|e| StreamError::open(file, e))?;
@@ -167,6 +168,8 @@ impl Recording {
                 _ => None,
             });
             (Reader::Vehicle(format, logs.max().unwrap_or(0)), found)
+        } else if let Some(found) = instrument::nmea(&bytes) {
+            (Reader::Nmea, found)
         } else {
             let found = as_table(file, &bytes)?;
             (Reader::Csv, found)
@@ -285,13 +288,18 @@ impl Recording {
             self.notes.push(format!("imu: {text}"));
             return;
         }
-        let tables = |p: &&mut Part| p.name == "imu" && p.reader == Reader::Csv;
-        let Some(part) = self.parts.iter_mut().find(tables) else {
-            self.notes.push(
-                "imu: its z axis points up; set `channels` with scale = -1 for y and z".to_owned(),
-            );
+        let Some(part) = self.parts.iter_mut().find(|p| p.name == "imu") else { return };
+        let note = "imu: its z axis points up; y and z are turned to right and down";
+        self.notes.push(note.to_owned());
+        part.found.questions.push(
+            "the mean of accel_z fits an IMU whose z axis points up: forward, left, up is \
+             assumed, and y and z are turned"
+                .to_owned(),
+        );
+        if part.reader != Reader::Csv {
+            part.found.sensor.push("samples = { axes = [\"x\", \"-y\", \"-z\"] }".to_owned());
             return;
-        };
+        }
         let increments = !part.found.sensor.is_empty();
         let names = if increments {
             ["dtheta_y", "dtheta_z", "dvel_y", "dvel_z"]
@@ -306,13 +314,6 @@ impl Recording {
                 None => part.found.source.push(format!("{key} scale = -1 }}")),
             }
         }
-        part.found.questions.push(
-            "the mean of accel_z fits an IMU whose z axis points up: forward, left, up is \
-             assumed, and y and z are turned"
-                .to_owned(),
-        );
-        self.notes
-            .push("imu: its z axis points up; y and z are turned to right and down".to_owned());
     }
 }
 
@@ -329,7 +330,7 @@ fn as_table(file: &Path, bytes: &[u8]) -> Result<Vec<Found>, StreamError> {
         return Err(refused(
             "it is neither a table, nor a file of a velocity log (PD0, PD4, PD6, AD2CP, Nortek, \
              Water Linked), nor NMEA 0183, nor a log of a vehicle (ULog, MAVLink, NovAtel, \
-             VectorNav, SBET, KF-GINS), nor a bag of ROS 2"
+             VectorNav, u-blox, Nucleus, DataFlash, SBET, KF-GINS), nor a bag of ROS"
                 .to_owned(),
         ));
     }

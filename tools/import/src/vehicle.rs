@@ -20,13 +20,24 @@ const CHOICES: [Choice; 6] = [
             ("SCALED_IMU2", None),
             ("RAWIMUSX", None),
             ("RAWIMUX", None),
+            ("NUCLEUS-IMU", None),
+            ("ESF-MEAS", None),
+            ("PSINS", None),
             ("VNIMU", None),
             ("VNYMR", None),
             ("IMU", None),
         ],
     ),
-    ("dvl", &[("VISION_POSITION_DELTA", None)]),
-    ("depth", &[("SCALED_PRESSURE2", None), ("SCALED_PRESSURE3", None)]),
+    ("dvl", &[("VISION_POSITION_DELTA", None), ("VISO", None), ("NUCLEUS-BOTTOM-TRACK", None)]),
+    (
+        "depth",
+        &[
+            ("SCALED_PRESSURE2", None),
+            ("SCALED_PRESSURE3", None),
+            ("BARO", None),
+            ("NUCLEUS-AHRS", None),
+        ],
+    ),
     (
         "gnss",
         &[
@@ -34,6 +45,8 @@ const CHOICES: [Choice; 6] = [
             ("vehicle_gps_position", None),
             ("GPS_RAW_INT", None),
             ("GPS2_RAW", None),
+            ("GPS", Some("GPA")),
+            ("NAV-PVT", None),
             ("BESTPOS", None),
         ],
     ),
@@ -42,18 +55,24 @@ const CHOICES: [Choice; 6] = [
         &[
             ("vehicle_local_position", Some("vehicle_attitude")),
             ("GLOBAL_POSITION_INT", Some("ATTITUDE")),
+            ("POS", Some("ATT")),
+            ("NUCLEUS-INS", None),
             ("INSPVAX", None),
             ("INSPVA", None),
             ("INSPVAS", None),
             ("SBET", None),
         ],
     ),
-    ("attitude", &[("vehicle_attitude", None), ("ATTITUDE", None)]),
+    (
+        "attitude",
+        &[("vehicle_attitude", None), ("ATTITUDE", None), ("ATT", None), ("NUCLEUS-AHRS", None)],
+    ),
 ];
-/// The messages with increments instead of rates.
-const INCREMENTS: [&str; 3] = ["RAWIMUSX", "RAWIMUX", "IMU"];
+/// The messages with increments instead of rates; `IMU` of KF-GINS alone.
+const INCREMENTS: [&str; 3] = ["RAWIMUSX", "RAWIMUX", "PSINS"];
 /// The receivers with a velocity.
-const MOVING: [&str; 4] = ["sensor_gps", "vehicle_gps_position", "GPS_RAW_INT", "GPS2_RAW"];
+const MOVING: [&str; 6] =
+    ["sensor_gps", "vehicle_gps_position", "GPS_RAW_INT", "GPS2_RAW", "GPS", "NAV-PVT"];
 /// Pressure, hPa, that no weather makes: a metre of water below the highest one.
 const WET: f64 = 1185.0;
 
@@ -69,10 +88,15 @@ fn measures(topic: &Topic, values: &[f64]) -> bool {
     let field = |name: &str| {
         topic.fields.iter().position(|f| f == name).and_then(|k| values.get(k).copied())
     };
-    let place = ["lat", "latitude_deg"].iter().find_map(|name| field(name)) != Some(0.0);
-    let fix = field("fix_type").is_none_or(|kind| kind >= 3.0);
-    // beyond the sensor of the air, only that of a submarine vehicle is wet
-    place && fix && field("press_abs").is_none_or(|pressure| pressure > WET)
+    let first = |names: &[&str]| names.iter().find_map(|name| field(name));
+    let place = first(&["lat", "Lat", "latitude", "latitude_deg"]);
+    // the status of a DataFlash message counts where it has a place
+    let fix = first(&["fix_type", "fixType"]).or(place.and(field("Status")));
+    let valid = first(&["status", "computed"]).is_none_or(|status| status >= 1.0);
+    let pressure = field("press_abs").or(field("Press").map(|pascals| 0.01 * pascals));
+    let fixed = place != Some(0.0) && fix.is_none_or(|kind| kind >= 3.0);
+    // of the pressures of a submarine vehicle, one measures the air
+    fixed && valid && pressure.is_none_or(|pressure| pressure > WET)
 }
 
 /// The sensors in the beginning of the log of a vehicle, and notes.
@@ -105,12 +129,15 @@ fn sensor(
     let Some((message, with)) = messages.iter().find(|(message, _)| measuring(message)) else {
         let idle = messages.iter().map(|(message, _)| *message).filter(|message| has(message));
         notes.extend(idle.map(|message| {
-            format!("{message} has no measurement: no fix, 0 N 0 E, or a pressure of air")
+            format!("{message} has no measurement: no fix, 0 N 0 E, an invalid velocity, or a pressure of air")
         }));
         return None;
     };
-    let instances: Vec<u32> =
-        (topics.iter()).filter(|t| t.topic.name == *message).map(|t| t.topic.instance).collect();
+    let same = || topics.iter().filter(|t| t.topic.name == *message);
+    let mut instances: Vec<u32> = same().map(|t| t.topic.instance).collect();
+    if let Some(used) = same().position(|t| t.measures) {
+        instances.swap(0, used);
+    }
     let mut questions = Vec::new();
     let mut text = format!("sensors.{kind} = {{ message = {}", quoted(message));
     if let [first, _, ..] = instances.as_slice() {
@@ -129,7 +156,7 @@ fn sensor(
             "{message} is the vehicle's own solution: it shares the sensors and is no independent truth"
         ));
     }
-    let increments = INCREMENTS.contains(message);
+    let increments = INCREMENTS.contains(message) || format == Format::KfGins;
     let sensor = if increments { vec!["output = \"increments\"".to_owned()] } else { Vec::new() };
     let velocity = MOVING.contains(message);
     Some(Found { kind, sensor, source: vec![text], questions, velocity })

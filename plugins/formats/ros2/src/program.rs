@@ -1,7 +1,7 @@
 //! The numbers of a message: a definition and the wanted fields compiled to a list of steps, which
 //! reads a message from front to back and ends after the last wanted field.
 
-use crate::cdr::{Cursor, body};
+use crate::cdr::{Body, Cursor, body};
 use crate::definition::{Definitions, Field, Kind, Shape};
 use crate::error::{DefinitionError, MessageError};
 use navfuse_frames::Number;
@@ -120,8 +120,9 @@ impl Program {
     pub fn read(&self, message: &[u8], slots: &mut Slots) -> Result<(), MessageError> {
         slots.fill(f64::NAN);
         match body(message)? {
-            (body, true) => run(&self.0, &mut Cursor::<true>::new(body), slots),
-            (body, false) => run(&self.0, &mut Cursor::<false>::new(body), slots),
+            Body::Little(body) => run(&self.0, &mut Cursor::<true>::new(body), slots),
+            Body::Big(body) => run(&self.0, &mut Cursor::<false>::new(body), slots),
+            Body::Packed(body) => run(&self.0, &mut Cursor::<true>::packed(body), slots),
         }?;
         if slots.iter().any(|value| value.is_infinite()) {
             return Err(MessageError::Infinite);

@@ -179,7 +179,7 @@ impl Route {
         let key = format!("sensors.{}", self.name);
         let kind = topic.short_kind();
         let fail = |text: String| StreamError::scenario(text).at_key(key.clone());
-        if !topic.encoding.is_empty() && topic.encoding != "cdr" {
+        if !["", "cdr", "ros1"].contains(&topic.encoding.as_str()) {
             let text = format!("{} is encoded as {:?}; cdr is needed", topic.name, topic.encoding);
             return Err(fail(text));
         }

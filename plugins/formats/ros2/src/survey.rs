@@ -1,7 +1,7 @@
 //! The content of a bag: its topics with their rates, stamps and frames.
 
 use crate::bag::Bag;
-use crate::cdr::{Cursor, body};
+use crate::cdr::{Body, Cursor, body};
 use crate::form::Form;
 use crate::program::{Program, SLOTS};
 use crate::route::{Delay, stamp_path};
@@ -151,17 +151,17 @@ pub fn survey(
 
 /// The frame in the header at the beginning of a message, or the child frame after it.
 fn frame(message: &[u8], of_child: bool) -> Option<String> {
-    fn read<const LITTLE: bool>(bytes: &[u8], of_child: bool) -> Option<String> {
-        let mut at = Cursor::<LITTLE>::new(bytes);
-        at.take(4, 2).ok()?;
+    fn read<const LITTLE: bool>(mut at: Cursor<'_, LITTLE>, of_child: bool) -> Option<String> {
+        at.stamp().ok()?;
         if of_child {
             at.text().ok()?;
         }
         Some(String::from_utf8_lossy(at.text().ok()?).into_owned())
     }
     match body(message).ok()? {
-        (bytes, true) => read::<true>(bytes, of_child),
-        (bytes, false) => read::<false>(bytes, of_child),
+        Body::Little(bytes) => read(Cursor::<true>::new(bytes), of_child),
+        Body::Big(bytes) => read(Cursor::<false>::new(bytes), of_child),
+        Body::Packed(bytes) => read(Cursor::<true>::packed(bytes), of_child),
     }
 }
 

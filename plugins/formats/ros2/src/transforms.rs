@@ -1,7 +1,7 @@
 //! The frames of `/tf_static`: where the sensors are on the vehicle.
 
 use crate::axes::flip;
-use crate::cdr::{Cursor, body};
+use crate::cdr::{Body, Cursor, body};
 use crate::error::MessageError;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use navfuse_frames::Number;
@@ -29,8 +29,9 @@ impl Transforms {
     /// Takes a message of type `tf2_msgs/TFMessage`.
     pub(crate) fn take(&mut self, message: &[u8]) -> Result<(), MessageError> {
         match body(message)? {
-            (body, true) => self.read(&mut Cursor::<true>::new(body)),
-            (body, false) => self.read(&mut Cursor::<false>::new(body)),
+            Body::Little(body) => self.read(&mut Cursor::<true>::new(body)),
+            Body::Big(body) => self.read(&mut Cursor::<false>::new(body)),
+            Body::Packed(body) => self.read(&mut Cursor::<true>::packed(body)),
         }
     }
 
@@ -39,7 +40,7 @@ impl Transforms {
         at: &mut Cursor<'_, LITTLE>,
     ) -> Result<(), MessageError> {
         for _ in 0..at.count()? {
-            at.take(4, 2)?; // the stamp
+            at.stamp()?;
             let frame =
                 |bytes: &[u8]| String::from_utf8_lossy(bytes).trim_start_matches('/').to_owned();
             let (above, own) = (frame(at.text()?), frame(at.text()?));

@@ -8,8 +8,8 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Reads the log of an autopilot or of an inertial unit: PX4 ULog, MAVLink telemetry log, NovAtel,
-/// VectorNav, KF-GINS, SBET.
+/// Reads the log of an autopilot or of an inertial unit: PX4 ULog, ArduPilot DataFlash, MAVLink
+/// telemetry log, NovAtel, VectorNav, u-blox, Nortek Nucleus, KF-GINS, PSINS, SBET.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VehicleLog {

@@ -1,9 +1,13 @@
 //! The formats, their readers, and their recognition.
 
+use crate::dataflash::Dataflash;
 use crate::doubles::{Doubles, KF_GINS, SBET};
 use crate::mavlink::Tlog;
 use crate::novatel::Novatel;
+use crate::nucleus::Nucleus;
+use crate::psins::Psins;
 use crate::record::{Decoder, Options};
+use crate::ublox::Ublox;
 use crate::ulog::Ulog;
 use crate::vectornav::Vectornav;
 use schemars::JsonSchema;
@@ -27,12 +31,30 @@ pub enum Format {
     Sbet,
     /// Binary increments of KF-GINS.
     KfGins,
+    /// DataFlash of ArduPilot (`.bin`).
+    Dataflash,
+    /// UBX of u-blox.
+    Ubx,
+    /// Records of a Nortek Nucleus.
+    Nucleus,
+    /// Text of PSINS (`.imu`).
+    Psins,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 6] =
-        [Self::Ulog, Self::Tlog, Self::Novatel, Self::Vectornav, Self::Sbet, Self::KfGins];
+    pub const ALL: [Self; 10] = [
+        Self::Ulog,
+        Self::Tlog,
+        Self::Novatel,
+        Self::Vectornav,
+        Self::Sbet,
+        Self::KfGins,
+        Self::Dataflash,
+        Self::Ubx,
+        Self::Nucleus,
+        Self::Psins,
+    ];
 
     /// The name in a scenario.
     pub fn name(self) -> &'static str {
@@ -43,15 +65,20 @@ impl Format {
             Self::Vectornav => "vectornav",
             Self::Sbet => "sbet",
             Self::KfGins => "kf-gins",
+            Self::Dataflash => "dataflash",
+            Self::Ubx => "ubx",
+            Self::Nucleus => "nucleus",
+            Self::Psins => "psins",
         }
     }
 
     /// The word for one of its messages in a report.
     pub fn record(self) -> &'static str {
         match self {
-            Self::Ulog | Self::Tlog | Self::Vectornav => "message",
+            Self::Ulog | Self::Tlog | Self::Vectornav | Self::Dataflash | Self::Ubx => "message",
             Self::Novatel => "log",
-            Self::Sbet | Self::KfGins => "record",
+            Self::Sbet | Self::KfGins | Self::Nucleus => "record",
+            Self::Psins => "line",
         }
     }
 
@@ -69,6 +96,10 @@ impl Format {
             Self::Vectornav => Box::new(Vectornav::new(reader, options)),
             Self::Sbet => Box::new(Doubles::new(reader, &SBET, options)),
             Self::KfGins => Box::new(Doubles::new(reader, &KF_GINS, options)),
+            Self::Dataflash => Box::new(Dataflash::new(reader, options)),
+            Self::Ubx => Box::new(Ublox::new(reader, options)),
+            Self::Nucleus => Box::new(Nucleus::new(reader, options)),
+            Self::Psins => Box::new(Psins::new(reader)),
         }
     }
 

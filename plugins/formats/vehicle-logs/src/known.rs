@@ -1,5 +1,7 @@
 //! The channels of sensors in known messages.
 
+mod instruments;
+
 use crate::term::Term;
 use std::f64::consts::PI;
 
@@ -31,10 +33,9 @@ const E7: f64 = 1e-7 * DEGREE;
 const DEGREE: f64 = PI / 180.0;
 /// Standard gravity in m/s^2 of a thousandth of it.
 const MILLI_G: f64 = 9.806_65e-3;
-/// Metres of water of a hectopascal, at 1025 kg/m^3.
-const WATER: f64 = 100.0 / (1025.0 * 9.806_65);
-/// Standard pressure of the atmosphere, hPa.
-const ATMOSPHERE: f64 = 1013.25;
+/// Metres of water of a pascal, at 1025 kg/m^3, and of the standard atmosphere.
+const PASCAL: f64 = 1.0 / (1025.0 * 9.806_65);
+const SEA_LEVEL: f64 = 101_325.0 * PASCAL;
 
 const fn entry(channel: &'static str, term: Term<&'static str>, factor: f64) -> Entry {
     Entry { channel, term, factor, offset: 0.0, absent: None }
@@ -85,7 +86,7 @@ const GPS: &[Entry] = &[
 ];
 
 const WATER_PRESSURE: &[Entry] =
-    &[Entry { offset: -ATMOSPHERE * WATER, ..field("depth", "press_abs", WATER) }];
+    &[Entry { offset: -SEA_LEVEL, ..field("depth", "press_abs", 100.0 * PASCAL) }];
 
 /// The receivers of PX4, since release 1.14 and before.
 const SENSOR_GPS: &[Entry] = &[
@@ -324,5 +325,6 @@ const KNOWN: &[Known] = &[
 
 /// The known forms of a message.
 pub fn of(message: &str) -> impl Iterator<Item = &'static Known> + '_ {
-    KNOWN.iter().filter(move |known| known.message == message)
+    let all = KNOWN.iter().chain(instruments::KNOWN);
+    all.filter(move |known| known.message == message)
 }

@@ -8,6 +8,10 @@
 //! | `vectornav` | VectorNav, ASCII | VNYMR, VNIMU |
 //! | `sbet` | Applanix, `navfuse export` | a trajectory |
 //! | `kf-gins` | KF-GINS, binary | increments of an inertial unit |
+//! | `dataflash` | ArduPilot | any message, by the formats in the log itself |
+//! | `ubx` | receivers of u-blox | NAV-PVT, ESF-MEAS |
+//! | `nucleus` | Nortek Nucleus | inertial unit, attitude, depth, bottom and water track |
+//! | `psins` | PSINS, text | increments of an inertial unit |
 //!
 //! The source [`VehicleLog`] gives the samples of a scenario's sensors. A [`Decoder`] gives the
 //! messages of a log to any program:
@@ -27,17 +31,22 @@
 //! Damaged bytes are skipped and reported with their offset and number; see [`navfuse_frames`].
 
 mod config;
+mod dataflash;
 mod doubles;
 mod format;
 mod join;
 mod known;
 mod mavlink;
 mod novatel;
+mod nucleus;
+mod packed;
+mod psins;
 mod record;
 mod source;
 mod target;
 mod term;
 mod text;
+mod ublox;
 mod ulog;
 mod vectornav;
 

@@ -39,7 +39,7 @@ pub fn align<'a>(
     let compass = stream("compass").and_then(|s| s.first.get(s.channel("heading")?));
     let compass = compass.map(|yaw| (yaw, 2.0, "heading of the compass at the start"));
     let own = recording.attitude.map(|[_, _, yaw]| {
-        (yaw, 15.0, "the heading of the vehicle's own filter: is it from true north?")
+        (yaw, 8.0, "the heading of the vehicle's own filter: is it from true north?")
     });
     let known = compass.or(own);
     // a receiver measures the velocity too

@@ -363,7 +363,7 @@ fn water_linked_in_json_and_on_the_serial_port() {
 #[test]
 fn water_linked_without_a_type_repeated_and_through_the_water() {
     let report = |more: &str| {
-        let v = "\"vx\":1.5,\"vy\":-0.1,\"vz\":0.02,\"fom\":0.002,\"velocity_valid\":true";
+        let v = "\"vx\":1.234,\"vy\":-0.321,\"vz\":0.087,\"fom\":0.002,\"velocity_valid\":true";
         format!("{{\"time\":100.5,{v},\"transducers\":[],\"status\":0{more}}}\n")
     };
     // json_v1 has no type; a driver may write each report twice
@@ -385,7 +385,7 @@ fn water_linked_without_a_type_repeated_and_through_the_water() {
     is_v(ping.water, 0.0);
     assert_eq!(ping.bottom, None);
     let example = water_linked(
-        "wrs,1.500,-0.100,0.020,y,0.002,1e-05;0;0;0;1e-05;0;0;0;1e-05,1654072200123456,7,500.00,0",
+        "wrs,1.234,-0.321,0.087,y,0.002,1e-05;0;0;0;1e-05;0;0;0;1e-05,1654072200123456,7,500.00,0",
     );
     let ping = one(Format::WaterLinkedSerial, &example);
     is_v(ping.water, 0.0);

@@ -1,7 +1,7 @@
 //! The files of a bag: found by its `metadata.yaml` or its folder, and recognised by their first
 //! bytes.
 
-use super::sqlite;
+use super::{ros1, sqlite};
 use navfuse_core::input::{Input, open as open_file};
 use navfuse_core::model::stream::StreamError;
 use navfuse_frames::{Window, mcap};
@@ -14,7 +14,7 @@ pub const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 /// First bytes of a file that lz4 packed.
 const LZ4: &[u8] = &[0x04, 0x22, 0x4d, 0x18];
 /// Endings of the files of a bag.
-const ENDINGS: [&str; 2] = ["mcap", "db3"];
+const ENDINGS: [&str; 3] = ["mcap", "db3", "bag"];
 /// Endings that packing adds.
 const PACKED: [&str; 2] = ["zstd", "lz4"];
 /// Largest ratio of an unpacked database to its packed file, and bytes that are always allowed.
@@ -24,6 +24,7 @@ const ALWAYS: u64 = 1 << 26;
 /// The content of a file.
 pub enum Storage {
     Mcap(Window),
+    Ros1(Window),
     Sqlite(Input),
 }
 
@@ -103,7 +104,7 @@ pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>, StreamError> {
             found.sort_by_key(|p| part(p));
         }
         if found.is_empty() {
-            return Err(StreamError::format("the folder has no file .mcap or .db3 of a bag")
+            return Err(StreamError::format("the folder has no file .mcap, .db3 or .bag of a bag")
                 .in_file(path)
                 .with_remedy("give the folder that `ros2 bag record` wrote"));
         }
@@ -141,6 +142,8 @@ pub fn open(path: &Path) -> Result<Opened, StreamError> {
     window.need(16).map_err(read)?;
     let storage = if window.bytes().starts_with(mcap::MAGIC) {
         Storage::Mcap(window)
+    } else if window.bytes().starts_with(ros1::MAGIC) {
+        Storage::Ros1(window)
     } else if window.bytes().starts_with(sqlite::MAGIC) {
         let wal = PathBuf::from(format!("{}-wal", path.display()));
         if wal.metadata().is_ok_and(|m| m.len() > 0) {
@@ -157,7 +160,9 @@ pub fn open(path: &Path) -> Result<Opened, StreamError> {
     } else {
         let text = match length {
             0 => "the file is empty",
-            _ => "this is neither MCAP nor SQLite, the two storages of bags of ROS 2",
+            _ => {
+                "this is neither MCAP nor SQLite, the storages of bags of ROS 2, nor a bag of ROS 1"
+            }
         };
         return Err(StreamError::format(text)
             .in_file(path)

@@ -4,6 +4,7 @@ mod faults;
 mod files;
 mod mcap;
 mod pages;
+mod ros1;
 mod sqlite;
 mod table;
 mod topics;
@@ -13,6 +14,7 @@ use files::{Opened, Storage, ZSTD};
 use mcap::Mcap;
 use navfuse_core::model::stream::StreamError;
 use navfuse_frames::mcap::LONGEST;
+use ros1::Ros1;
 use sqlite::Sqlite;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -36,6 +38,7 @@ pub struct Message<'a> {
 /// The file that is being read.
 enum Current {
     Mcap(Box<Mcap>),
+    Ros1(Box<Ros1>),
     Sqlite(Box<Sqlite>),
 }
 
@@ -113,6 +116,7 @@ impl Bag {
         self.base += length;
         self.current = Some(match storage {
             Storage::Mcap(window) => Current::Mcap(Box::new(Mcap::new(window, base))),
+            Storage::Ros1(window) => Current::Ros1(Box::new(Ros1::new(window, base))),
             Storage::Sqlite(file) => {
                 let opened = Sqlite::open(file, base, &mut self.topics, &mut self.faults)
                     .map_err(|e| StreamError::read(&self.file, e))?;
@@ -141,6 +145,7 @@ impl Bag {
             let found = match &mut self.current {
                 None => return Ok(None),
                 Some(Current::Mcap(file)) => file.advance(topics, faults),
+                Some(Current::Ros1(file)) => file.advance(topics, faults),
                 Some(Current::Sqlite(file)) => {
                     file.advance(|topic| topics.all.get(topic).is_some_and(&wanted), faults)
                 }
@@ -159,6 +164,7 @@ impl Bag {
         let data = match (&self.current, &place) {
             (Some(Current::Mcap(file)), Place::Record(place)) => file.data(place),
             (Some(Current::Sqlite(file)), Place::Row(column)) => file.data(*column),
+            (Some(Current::Ros1(file)), Place::Bytes(place)) => file.data(place),
             _ => &[],
         };
         // a message that was packed by itself; plain CDR begins with a zero

@@ -14,7 +14,7 @@ pub struct Topic {
     pub name: String,
     /// The type of its messages, such as `sensor_msgs/msg/Imu`.
     pub kind: String,
-    /// Encoding of its messages; a bag of ROS 2 has `cdr`.
+    /// Encoding of its messages: `cdr`, or `ros1` in a bag of ROS 1.
     pub encoding: String,
     /// Definition of the type in `ros2msg` form, where the bag has it.
     pub definition: Option<String>,
@@ -58,6 +58,8 @@ pub(crate) enum Place {
     Record(mcap::Place),
     /// Column of a row.
     Row(usize),
+    /// Bytes of a chunk.
+    Bytes(std::ops::Range<usize>),
 }
 
 /// A message that was found.

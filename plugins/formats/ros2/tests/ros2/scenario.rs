@@ -137,5 +137,5 @@ fn what_does_not_fit_is_an_error_with_a_remedy() {
     }
     std::fs::create_dir(folder.path().join("bag")).unwrap();
     let error = read(folder.path(), "", "path = \"bag\"\nsensors.imu = { topic = \"/imu\" }");
-    assert!(error.unwrap_err().contains("has no file .mcap or .db3"));
+    assert!(error.unwrap_err().contains("has no file .mcap, .db3 or .bag"));
 }

@@ -23,7 +23,10 @@ else:
     while (m := log.recv_match()) is not None:
         if m.get_type() == "BAD_DATA":
             raise SystemExit("bad data")
-        key = (m.get_type(), m.get_srcSystem())
+        # a definition of a format has texts
+        if m.get_type() == "FMT":
+            continue
+        key = (m.get_type(), getattr(m, "I", 0) if kind == "dataflash" else m.get_srcSystem())
         for field in m.get_fieldnames():
             value = getattr(m, field)
             if isinstance(value, (list, tuple)):

@@ -3,7 +3,7 @@
 //! The tests install both from PyPI into the target folder, or use the interpreter that
 //! NAVFUSE_VEHICLE_LOGS_PYTHON names. Without Python or PyPI they are skipped.
 
-use crate::generate::{flight, telemetry};
+use crate::generate::{dataflash, flight, telemetry};
 use crate::read;
 use navfuse_testing::python::Packages;
 use navfuse_vehicle_logs::Format;
@@ -26,7 +26,8 @@ fn theirs(kind: &str, log: &[u8]) -> Option<Columns> {
     let python = packages.python()?;
     let folder = tempfile::tempdir().unwrap();
     // pymavlink reads a file as a telemetry log by its name
-    let file = folder.path().join("log.tlog");
+    let name = if kind == "dataflash" { "log.bin" } else { "log.tlog" };
+    let file = folder.path().join(name);
     std::fs::write(&file, log).unwrap();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/vehicle_logs/foreign.py");
     let output = Command::new(python).arg(script).arg(kind).arg(&file).output().unwrap();
@@ -78,6 +79,13 @@ fn ulog_equals_pyulog() {
     assert!(ours.contains_key(&("sensor_gps".to_owned(), 1, "latitude_deg".to_owned())));
     assert!(ours.contains_key(&("esc_status".to_owned(), 0, "esc[1].state".to_owned())));
     equal(&ours, &theirs);
+}
+
+#[test]
+fn dataflash_equals_pymavlink() {
+    let log = dataflash(2);
+    let Some(theirs) = theirs("dataflash", &log) else { return };
+    equal(&ours(Format::Dataflash, &log), &theirs);
 }
 
 #[test]

@@ -312,8 +312,180 @@ pub fn increments(count: u32) -> Vec<u8> {
     )
 }
 
+/// A message of DataFlash that defines a format.
+fn dataflash_format(kind: u8, name: &str, letters: &str, labels: &str) -> Vec<u8> {
+    let size = |c: char| match c {
+        'Q' => 8,
+        'f' | 'I' | 'L' | 'e' => 4,
+        'H' | 'c' | 'C' => 2,
+        _ => 1,
+    };
+    let fixed = |text: &str, size: usize| {
+        let mut bytes = text.as_bytes().to_vec();
+        bytes.resize(size, 0);
+        bytes
+    };
+    let length = 3 + letters.chars().map(size).sum::<u8>();
+    [vec![0xa3, 0x95, 0x80, kind, length], fixed(name, 4), fixed(letters, 16), fixed(labels, 64)]
+        .concat()
+}
+
+/// A DataFlash log of ArduPilot at 50 Hz: two inertial units, a receiver, attitude and pressure of
+/// the water.
+pub fn dataflash(seconds: u32) -> Vec<u8> {
+    let mut log = [
+        dataflash_format(0x81, "IMU", "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
+        dataflash_format(
+            0x82,
+            "GPS",
+            "QBIHLLffff",
+            "TimeUS,Status,GMS,GWk,Lat,Lng,Alt,Spd,GCrs,VZ",
+        ),
+        dataflash_format(0x83, "ATT", "QccC", "TimeUS,Roll,Pitch,Yaw"),
+        dataflash_format(0x84, "BARO", "QBfe", "TimeUS,I,Press,Temp"),
+    ]
+    .concat();
+    for k in 0..50 * seconds {
+        let time = (2_000_000 + 20_000 * u64::from(k)).to_le_bytes();
+        let noise = (k * 7919 % 13) as f32 * 1e-4;
+        for instance in [0, 1] {
+            log.extend([0xa3, 0x95, 0x81]);
+            log.extend(time);
+            log.push(instance);
+            log.extend(floats(&[noise, -0.002, 0.1, 0.05, 0.5 + noise, -9.81]));
+        }
+        log.extend([0xa3, 0x95, 0x83]);
+        log.extend(time);
+        [150_i16, -250, 9000].iter().for_each(|v| log.extend(v.to_le_bytes()));
+        if k % 10 == 0 {
+            log.extend([0xa3, 0x95, 0x82]);
+            log.extend(time);
+            log.push(3);
+            log.extend((300_000_000 + 20 * k).to_le_bytes());
+            log.extend(2212_u16.to_le_bytes());
+            for v in [474_000_000 + 10 * k as i32, 85_000_000] {
+                log.extend(v.to_le_bytes());
+            }
+            log.extend(floats(&[450.25, 5.0, 90.0, -0.1]));
+            for (instance, pressure) in [(0, 99_000.0), (1, 151_325.0)] {
+                log.extend([0xa3, 0x95, 0x84]);
+                log.extend(time);
+                log.push(instance);
+                log.extend(floats(&[pressure]));
+                log.extend(1850_i32.to_le_bytes());
+            }
+        }
+    }
+    log
+}
+
+/// A message of UBX.
+fn ubx(class: u8, number: u8, payload: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0xb5, 0x62, class, number];
+    bytes.extend((payload.len() as u16).to_le_bytes());
+    bytes.extend(payload);
+    let (mut a, mut b) = (0_u8, 0_u8);
+    for byte in &bytes[2..] {
+        a = a.wrapping_add(*byte);
+        b = b.wrapping_add(a);
+    }
+    bytes.extend([a, b]);
+    bytes
+}
+
+/// NAV-PVT at 5 Hz and ESF-MEAS at 50 Hz of a receiver of u-blox, from 08:30 on 1 June 2022; the
+/// first second has no fix.
+pub fn ublox(seconds: u32) -> Vec<u8> {
+    let mut log = Vec::new();
+    for k in 0..50 * seconds {
+        if k % 10 == 0 {
+            let mut pvt = vec![0; 92];
+            pvt[4..11].copy_from_slice(&[0xe6, 0x07, 6, 1, 8, 30, (k / 50) as u8]);
+            pvt[11] = 7;
+            pvt[16..20].copy_from_slice(&(k as i32 % 50 * 20_000_000).to_le_bytes());
+            (pvt[20], pvt[21], pvt[23]) = (if k < 50 { 0 } else { 3 }, 1, 12);
+            let numbers = [85_000_000_i32, 474_000_000 + 10 * k as i32, 450_250, 400_000];
+            let rest = [800_i32, 1200, 5000, -500, 100, 5025, 0, 300];
+            for (at, v) in [24, 28, 32, 36].into_iter().zip(numbers) {
+                pvt[at..at + 4].copy_from_slice(&v.to_le_bytes());
+            }
+            for (i, v) in rest.into_iter().enumerate() {
+                pvt[40 + 4 * i..44 + 4 * i].copy_from_slice(&v.to_le_bytes());
+            }
+            log.extend(ubx(1, 7, &pvt));
+        }
+        let mut meas = (7_000 + 20 * k).to_le_bytes().to_vec();
+        meas.extend([0, 7 << 3, 0, 0]);
+        // rates of 2^-12 deg/s, forces of 2^-10 m/s^2 and a speed of mm/s, 24 bits each
+        for (kind, count) in
+            [(14, 41), (13, -41), (5, 4096), (16, 512), (17, 0), (18, -10_046), (11, 5000)]
+        {
+            let word = (count as u32) & 0x00ff_ffff | kind << 24;
+            meas.extend(word.to_le_bytes());
+        }
+        log.extend(ubx(0x10, 2, &meas));
+    }
+    log
+}
+
+/// A record of a Nucleus.
+fn nucleus_record(id: u8, data: &[u8]) -> Vec<u8> {
+    let sum = |bytes: &[u8]| {
+        let word = |pair: &[u8]| match *pair {
+            [low, high] => u16::from_le_bytes([low, high]),
+            [last] => u16::from(last) << 8,
+            _ => 0,
+        };
+        bytes.chunks(2).map(word).fold(0xb58c, u16::wrapping_add)
+    };
+    let mut header = vec![0xa5, 10, id, 0x20];
+    header.extend((data.len() as u16).to_le_bytes());
+    header.extend(sum(data).to_le_bytes());
+    header.extend(sum(&header).to_le_bytes());
+    [header, data.to_vec()].concat()
+}
+
+/// Inertial measurements at 100 Hz, attitude and bottom track at 10 Hz of a Nucleus; every second
+/// track is invalid.
+pub fn nucleus(count: u32) -> Vec<u8> {
+    let mut log = Vec::new();
+    for k in 0..count {
+        let mut common = vec![1, 16, 1, 0];
+        common.extend((1_654_072_200 + k / 100).to_le_bytes());
+        common.extend((k % 100 * 10_000).to_le_bytes());
+        common.extend(1_u32.to_le_bytes());
+        let noise = (k * 7919 % 13) as f32 * 1e-4;
+        let imu = floats(&[0.1, noise, -9.8, 0.01, -0.02, noise, 20.0]);
+        log.extend(nucleus_record(0x82, &[&common[..], &imu].concat()));
+        if k % 10 == 0 {
+            let mut track = common.clone();
+            track.resize(120, 0);
+            track[12..16]
+                .copy_from_slice(&(if k % 20 == 0 { 0xfff_u32 } else { 0xdff }).to_le_bytes());
+            track[96..108].copy_from_slice(&floats(&[1.5, -0.1, 0.02]));
+            log.extend(nucleus_record(0xb4, &track));
+            let mut attitude = floats(&[1.5, -2.5, 90.0]);
+            attitude.resize(64, 0);
+            attitude.extend(floats(&[0.0, 12.5]));
+            log.extend(nucleus_record(0xd2, &[common, attitude].concat()));
+        }
+    }
+    log
+}
+
+/// Counts of an inertial unit in the form of PSINS.
+pub fn psins(count: u32) -> Vec<u8> {
+    let mut text = "% PSINS-format SIMU log file.\n% scales below\n\n0 0 -90.6 0 0 0\n\
+                    34.246048 108.909664 380.0 0.0 10.0 9.780327\n0.1 0.1 0.2 125 125 125 \n"
+        .to_owned();
+    for k in 0..count {
+        text += &format!("{} 2 -7 1 {} 80\n", k % 3, k % 2);
+    }
+    text.into_bytes()
+}
+
 /// A log of every format, by the format's name in a scenario.
-pub fn logs() -> [(&'static str, Vec<u8>); 6] {
+pub fn logs() -> [(&'static str, Vec<u8>); 10] {
     [
         ("ulog", flight(3)),
         ("tlog", telemetry_of_flight(1)),
@@ -321,5 +493,9 @@ pub fn logs() -> [(&'static str, Vec<u8>); 6] {
         ("vectornav", vectornav(60)),
         ("sbet", sbet(60)),
         ("kf-gins", increments(120)),
+        ("dataflash", dataflash(1)),
+        ("ubx", ublox(2)),
+        ("nucleus", nucleus(60)),
+        ("psins", psins(200)),
     ]
 }

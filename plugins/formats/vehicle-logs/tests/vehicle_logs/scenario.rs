@@ -1,6 +1,9 @@
 //! The source in a scenario: sensors, units, clocks, and errors with remedies.
 
-use crate::generate::{flight, increments, packet, sbet, span, telemetry_of_flight, vectornav};
+use crate::generate::{
+    dataflash, flight, increments, nucleus, packet, psins, sbet, span, telemetry_of_flight, ublox,
+    vectornav,
+};
 use navfuse_core::plugin::Registry;
 use navfuse_core::units::sample::Sample;
 use navfuse_core::units::time::Time;
@@ -131,6 +134,79 @@ fn zero_north_zero_east_is_no_position() {
     assert_eq!(reading.samples[0].len(), 4);
     let count = "4 messages without a valid measurement, the first at byte 0";
     assert!(reading.warnings.iter().flatten().any(|w| w.contains(count)), "{:?}", reading.warnings);
+}
+
+#[test]
+fn dataflash_has_units_in_its_letters_and_instances_in_its_messages() {
+    let keys = "sensors.imu = { message = \"IMU\", instance = 1 }\n\
+                sensors.gnss = { message = \"GPS\" }\n\
+                sensors.compass = { message = \"ATT\" }\n\
+                sensors.depth = { message = \"BARO\", instance = 1 }\n";
+    let samples = read(&dataflash(2), keys).unwrap().samples;
+    let [compass, depth, gnss, imu] = samples.as_slice() else { panic!("four sources") };
+    assert_eq!([imu.len(), gnss.len(), compass.len(), depth.len()], [100, 10, 100, 10]);
+    assert_eq!(imu[1].time.nanos(), 2_020_000_000);
+    near(&imu[0], &[0.0, -0.002, 0.1, 0.05, 0.5, -9.81], SINGLE);
+    near(&compass[0], &[90_f64.to_radians()], 1e-15);
+    let [lat, lon] = [47.4_f64, 8.5].map(f64::to_radians);
+    near(&gnss[0], &[lat, lon, 450.25, 0.0, 5.0, -0.1], SINGLE);
+    // 50 000 Pa of sea water
+    near(&depth[0], &[50_000.0 / (1025.0 * 9.806_65)], SINGLE);
+}
+
+#[test]
+fn ubx_gives_fixes_and_the_measurements_of_its_inertial_unit_on_one_clock() {
+    let keys = "time.origin = \"2022-06-01T08:30:00Z\"\n\
+                sensors.gnss = { message = \"NAV-PVT\" }\n\
+                sensors.imu = { message = \"ESF-MEAS\" }\n";
+    let reading = read(&ublox(3), keys).unwrap();
+    let [gnss, imu] = reading.samples.as_slice() else { panic!("two sources") };
+    assert_eq!([imu.len(), gnss.len()], [150, 10]);
+    // 41 counts of 2^-12 deg/s; the first one came with the first NAV-PVT
+    let rate = 41.0 / 4096.0_f64;
+    let [x, y, z] = [rate, -rate, 1.0].map(f64::to_radians);
+    near(&imu[1], &[x, y, z, 0.5, 0.0, -10_046.0 / 1024.0], 1e-15);
+    assert_eq!(imu[1].time.nanos(), 20_000_000);
+    let [lat, lon] = [47.400_05_f64, 8.5].map(f64::to_radians);
+    near(&gnss[0], &[lat, lon, 450.25, 5.0, -0.5, 0.1, 0.8, 1.2, 0.3], 1e-12);
+    assert_eq!(gnss[0].time.nanos(), 1_000_000_000);
+    let count = "5 messages without a valid measurement";
+    assert!(reading.warnings.iter().flatten().any(|w| w.contains(count)), "{:?}", reading.warnings);
+}
+
+#[test]
+fn a_nucleus_gives_inertial_measurements_and_attitude() {
+    let keys = "time.origin = \"2022-06-01T08:30:00Z\"\n\
+                sensors.imu = { message = \"NUCLEUS-IMU\" }\n\
+                sensors.compass = { message = \"NUCLEUS-AHRS\" }\n\
+                sensors.depth = { message = \"NUCLEUS-AHRS\" }\n";
+    let samples = read(&nucleus(100), keys).unwrap().samples;
+    let [compass, depth, imu] = samples.as_slice() else { panic!("three sources") };
+    assert_eq!([imu.len(), compass.len(), depth.len()], [100, 10, 10]);
+    near(&imu[13], &[0.01, -0.02, 0.0, 0.1, 0.0, -9.8], SINGLE);
+    assert_eq!(imu[13].time.nanos(), 130_000_000);
+    near(&compass[0], &[90_f64.to_radians()], 1e-15);
+    near(&depth[0], &[12.5], 0.0);
+    // of the tracks, each second one is valid in all three axes
+    let (rows, topics, _) = crate::read(navfuse_vehicle_logs::Format::Nucleus, &nucleus(100));
+    let track = topics.iter().position(|t| t.name == "NUCLEUS-BOTTOM-TRACK").unwrap();
+    let valid = rows.iter().filter(|(r, _)| r.topic == track).map(|(_, values)| values[0]);
+    assert_eq!(valid.collect::<Vec<_>>(), [1.0, 0.0].repeat(5));
+}
+
+#[test]
+fn counts_of_psins_are_scaled_and_turned() {
+    let keys = "sensors.imu = { message = \"PSINS\" } # increments";
+    let samples = &read(&psins(100), keys).unwrap().samples[0];
+    assert_eq!((samples.len(), samples[1].time.nanos()), (100, 20_000_000));
+    // right, forward, up: 1 and 2 counts of 0.1", -7 of 0.2"; 1, 1 and 80 of 125e-6 g s
+    let second = (1.0_f64 / 3600.0).to_radians();
+    let speed = 125e-6 * 9.780_327;
+    near(
+        &samples[1],
+        &[0.2 * second, 0.1 * second, 1.4 * second, speed, speed, -80.0 * speed],
+        1e-12,
+    );
 }
 
 #[test]

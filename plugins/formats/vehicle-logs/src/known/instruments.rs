@@ -1,0 +1,152 @@
+//! The channels of ArduPilot DataFlash, u-blox, Nortek Nucleus and PSINS.
+
+use super::{
+    DEGREE, E7, Entry, INCREMENTS, Known, PASCAL, SEA_LEVEL, Term, entry, field, known, unless,
+    valid,
+};
+
+/// Degrees per second, and metres per second squared, of a count of `ESF-MEAS`.
+const ESF_GYRO: f64 = DEGREE / 4096.0;
+const ESF_ACCEL: f64 = 1.0 / 1024.0;
+/// Accuracy of a receiver of u-blox that knows none, mm.
+const UNKNOWN: f64 = 4_294_967_295.0;
+
+/// The inertial units of DataFlash.
+const RATES: &[Entry] = &[
+    field("gyro_x", "GyrX", 1.0),
+    field("gyro_y", "GyrY", 1.0),
+    field("gyro_z", "GyrZ", 1.0),
+    field("accel_x", "AccX", 1.0),
+    field("accel_y", "AccY", 1.0),
+    field("accel_z", "AccZ", 1.0),
+];
+
+const TRACK: &[Entry] = &[
+    field("vel_x", "velocity_x", 1.0),
+    field("vel_y", "velocity_y", 1.0),
+    field("vel_z", "velocity_z", 1.0),
+];
+
+/// The known messages.
+pub const KNOWN: &[Known] = &[
+    known("IMU", RATES),
+    known("IMU2", RATES),
+    known("IMU3", RATES),
+    valid(
+        "Status",
+        3.0,
+        known(
+            "GPS",
+            &[
+                field("lat", "Lat", DEGREE),
+                field("lon", "Lng", DEGREE),
+                field("height", "Alt", 1.0),
+                entry("vel_n", Term::Component(0, "Spd", "GCrs", DEGREE), 1.0),
+                entry("vel_e", Term::Component(1, "Spd", "GCrs", DEGREE), 1.0),
+                field("vel_d", "VZ", 1.0),
+            ],
+        ),
+    ),
+    known(
+        "GPA",
+        &[
+            unless(field("h_acc", "HAcc", 1.0), 0.0),
+            unless(field("v_acc", "VAcc", 1.0), 0.0),
+            unless(field("s_acc", "SAcc", 1.0), 0.0),
+        ],
+    ),
+    known(
+        "ATT",
+        &[
+            field("roll", "Roll", DEGREE),
+            field("pitch", "Pitch", DEGREE),
+            field("yaw", "Yaw", DEGREE),
+            field("heading", "Yaw", DEGREE),
+        ],
+    ),
+    known(
+        "POS",
+        &[field("lat", "Lat", DEGREE), field("lon", "Lng", DEGREE), field("height", "Alt", 1.0)],
+    ),
+    known("BARO", &[Entry { offset: -SEA_LEVEL, ..field("depth", "Press", PASCAL) }]),
+    known(
+        "VISO",
+        &[
+            entry("vel_x", Term::Ratio("PosDX", "dt"), 1.0),
+            entry("vel_y", Term::Ratio("PosDY", "dt"), 1.0),
+            entry("vel_z", Term::Ratio("PosDZ", "dt"), 1.0),
+        ],
+    ),
+    valid(
+        "fixType",
+        3.0,
+        known(
+            "NAV-PVT",
+            &[
+                field("lat", "lat", E7),
+                field("lon", "lon", E7),
+                field("height", "height", 1e-3),
+                field("vel_n", "velN", 1e-3),
+                field("vel_e", "velE", 1e-3),
+                field("vel_d", "velD", 1e-3),
+                unless(field("h_acc", "hAcc", 1e-3), UNKNOWN),
+                unless(field("v_acc", "vAcc", 1e-3), UNKNOWN),
+                unless(field("s_acc", "sAcc", 1e-3), UNKNOWN),
+            ],
+        ),
+    ),
+    known(
+        "ESF-MEAS",
+        &[
+            field("gyro_x", "gyro_x", ESF_GYRO),
+            field("gyro_y", "gyro_y", ESF_GYRO),
+            field("gyro_z", "gyro_z", ESF_GYRO),
+            field("accel_x", "accel_x", ESF_ACCEL),
+            field("accel_y", "accel_y", ESF_ACCEL),
+            field("accel_z", "accel_z", ESF_ACCEL),
+            field("speed", "speed", 1e-3),
+        ],
+    ),
+    known(
+        "NUCLEUS-IMU",
+        &[
+            field("gyro_x", "gyro_x", 1.0),
+            field("gyro_y", "gyro_y", 1.0),
+            field("gyro_z", "gyro_z", 1.0),
+            field("accel_x", "accel_x", 1.0),
+            field("accel_y", "accel_y", 1.0),
+            field("accel_z", "accel_z", 1.0),
+        ],
+    ),
+    known(
+        "NUCLEUS-AHRS",
+        &[
+            field("roll", "roll", DEGREE),
+            field("pitch", "pitch", DEGREE),
+            field("yaw", "heading", DEGREE),
+            field("heading", "heading", DEGREE),
+            field("depth", "depth", 1.0),
+        ],
+    ),
+    valid("status", 1.0, known("NUCLEUS-BOTTOM-TRACK", TRACK)),
+    valid("status", 1.0, known("NUCLEUS-WATER-TRACK", TRACK)),
+    valid(
+        "status",
+        1.0,
+        known(
+            "NUCLEUS-INS",
+            &[
+                field("lat", "latitude", DEGREE),
+                field("lon", "longitude", DEGREE),
+                field("height", "depth", -1.0),
+                field("vel_n", "velocity_n", 1.0),
+                field("vel_e", "velocity_e", 1.0),
+                field("vel_d", "velocity_d", 1.0),
+                field("roll", "roll", DEGREE),
+                field("pitch", "pitch", DEGREE),
+                field("yaw", "heading", DEGREE),
+            ],
+        ),
+    ),
+    known("PSINS", INCREMENTS),
+];
