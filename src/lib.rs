@@ -25,6 +25,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+pub use commands::calibrate::{From as CalibrationAttitude, calibration};
 pub use error::CommandError;
 pub use execution::input::document_of;
 pub use execution::run::summary;

@@ -264,6 +264,20 @@ class Run(_States):
         names = [h.partition("*")[2].partition("_cov")[0] for h in pairs[: int(d)]]
         return names, matrix
 
+    def plot(self, *names: str) -> Any:
+        """A figure of matplotlib: errors within ±2σ, or estimates where no truth is known.
+
+        Args:
+            names: states such as ``dvl.scale``, sensors for their innovations, or ``track``; all
+                of them without a name.
+
+        Returns:
+            The :class:`matplotlib.figure.Figure`.
+        """
+        from navfuse._plot import figure
+
+        return figure(self, names)
+
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
         """The columns as a table of Arrow without a copy, for polars, pandas and others.
 

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -251,6 +251,27 @@ class Scenario:
         request |= {"every": every, "jobs": jobs, "out": folder}
         with _shown(progress) as show:
             return _loaded(_navfuse.campaign(self._inner, request, show))
+
+    def calibrate(
+        self,
+        method: str = "io-dvlc",
+        *,
+        attitude: Literal["gyros", "reference"] = "gyros",
+        progress: bool | Progress = False,
+    ) -> dict[str, Any]:
+        """Scale factor and misalignment of the DVL, by a method of the literature or by the filter.
+
+        Args:
+            method: ``io-dvlc``, ``troni``, ``kinsey-2007``, ``joyce``, ``tang``, ``ekf``, ``all``, or
+                another one of ``navfuse calibrate --help``.
+            attitude: where the methods take the attitude from.
+            progress: as in :meth:`run`.
+
+        Returns:
+            The result that ``navfuse calibrate --format json`` prints.
+        """
+        with _shown(progress) as show:
+            return _loaded(_navfuse.calibrate(self._inner, method, attitude == "reference", show))
 
     def diagnose(self, *, jobs: int | None = None, progress: bool | Progress = False) -> dict[str, Any]:
         """Finds the change of the scenario that explains its samples: runs them again with each.

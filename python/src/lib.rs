@@ -29,7 +29,7 @@ mod _navfuse {
     #[pymodule_export]
     use crate::session::Session;
     #[pymodule_export]
-    use crate::tools::{campaign, diagnose, observability};
+    use crate::tools::{calibrate, campaign, diagnose, observability};
 
     /// Runs the command with its arguments, and returns its exit code.
     #[pyfunction]

@@ -3,6 +3,7 @@
 use crate::error::exception;
 use crate::scenario::Scenario;
 use crate::watch::{Watch, watched};
+use navfuse::CalibrationAttitude;
 use navfuse_campaign::{Campaign, Extent, Folder, InitialErrors, JobCount, Options, execute};
 use navfuse_diagnose::diagnose as search;
 use navfuse_observability::{ObservabilityReport, TrackerSink};
@@ -72,6 +73,26 @@ pub fn campaign(
     let results = watched(py, progress.as_ref(), |watch| work(watch))?.map_err(exception)?;
     scenario.failure.take()?;
     json(&results.map(|results| results.report))
+}
+
+/// Calibrates the DVL by a method, with the attitude of the reference or of the gyros.
+#[pyfunction]
+pub fn calibrate(
+    py: Python<'_>,
+    scenario: &Scenario,
+    method: &str,
+    reference: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let attitude =
+        if reference { CalibrationAttitude::Reference } else { CalibrationAttitude::Gyros };
+    let result = watched(py, progress.as_ref(), |watch| {
+        let show = |progress| watch.show(progress);
+        let (registry, document) = (&scenario.registry, &scenario.document);
+        navfuse::calibration(registry, document, method, attitude, &show).map_err(exception)
+    })??;
+    scenario.failure.take()?;
+    json(&result)
 }
 
 /// Finds the change of a scenario that explains its samples.

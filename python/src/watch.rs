@@ -66,6 +66,11 @@ impl Watch {
         *locked(&self.progress) = Some((done, all));
     }
 
+    /// Takes the progress of a run.
+    pub fn show(&self, Progress { now, end }: Progress) {
+        self.done(now.seconds(), end.map(|end| end.seconds()));
+    }
+
     /// Ends the work early, by an exception of Python.
     pub fn fail(&self, error: PyErr) {
         locked(&self.raised).get_or_insert(error);
@@ -74,9 +79,9 @@ impl Watch {
 
     /// Runs an assembly to its end, or until it is to end early, as after a failure of a sensor.
     pub fn run(&self, assembly: Assembly, failure: &Failure) -> Finished {
-        let show = |Progress { now, end }| {
+        let show = |progress| {
             self.stop.fetch_or(failure.happened(), Ordering::Relaxed);
-            self.done(now.seconds(), end.map(|e| e.seconds()));
+            self.show(progress);
         };
         runner::run(assembly, &self.stop, show)
     }

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from conftest import SCENARIOS
 
 import navfuse
 
@@ -55,3 +56,11 @@ def test_a_diagnosis_names_the_change_that_explains_the_samples(file):
     scenario = navfuse.Scenario.load(file).set("estimator.stop", "75 s")
     diagnosis = scenario.diagnose()
     assert diagnosis["tried"] > 10 and diagnosis["unchanged"]["level"] == "consistent"
+
+
+def test_a_calibration_is_that_of_the_command(command):
+    path = SCENARIOS / "pan-wu-3d.toml"
+    scenario = navfuse.Scenario.load(path)
+    assert scenario.calibrate() == printed(command, "calibrate", path)
+    with pytest.raises(navfuse.NavfuseError, match="sideways"):
+        scenario.calibrate("sideways")

@@ -24,8 +24,16 @@ fn the_wheel_installs_and_passes_its_tests() {
         names: "maturin, numpy and the programs that test the package",
         folder: Path::new(env!("CARGO_TARGET_TMPDIR")).join("wheel"),
         variable: None,
-        check: "import maturin, mypy, numpy, pandas, pyarrow, pytest",
-        install: &[&["maturin==1.16.0", "mypy==2.4.1", "numpy", "pandas", "pyarrow", "pytest"]],
+        check: "import maturin, matplotlib, mypy, numpy, pandas, pyarrow, pytest",
+        install: &[&[
+            "maturin==1.16.0",
+            "mypy==2.4.1",
+            "matplotlib",
+            "numpy",
+            "pandas",
+            "pyarrow",
+            "pytest",
+        ]],
     };
     let Some(python) = packages.python() else { return };
     let package = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -15,8 +15,11 @@ use crate::output::{self, Format};
 use apply::{Request, outcomes};
 use clap::{Args, ValueEnum};
 use navfuse_calibration::{AttitudeSource, CalibrationData, Method, MethodError};
+use navfuse_core::document::Document;
 use navfuse_core::plugin::Registry;
+use navfuse_core::run::runner::Progress;
 use outcome::Outcome;
+use serde_json::Value;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -88,7 +91,7 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
         .into_iter()
         .flatten()
         .try_for_each(|o| output::check(o))?;
-    let request = request(arguments)?;
+    let request = request(&arguments.method, arguments.attitude)?;
     let method = request.methods.first().copied();
     if let (true, Some(method)) = (arguments.write.is_some(), method)
         && let Some(why) = method.sigma_not_a_prior()
@@ -125,9 +128,25 @@ pub fn calibrate(registry: &Registry, arguments: &Calibrate) -> Result<ExitCode>
     Ok(ExitCode::SUCCESS)
 }
 
-/// The methods that the arguments name.
-fn request(arguments: &Calibrate) -> Result<Request> {
-    let name = arguments.method.as_str();
+/// Calibrates the DVL by a method, by the filter (`ekf`), or by all. The result is what `calibrate
+/// --format json` prints.
+///
+/// # Errors
+/// When there is no such method, the scenario does not fit, or the one method gives no estimate.
+pub fn calibration(
+    registry: &Registry,
+    document: &Document,
+    method: &str,
+    attitude: From,
+    progress: &dyn Fn(Progress),
+) -> Result<Value> {
+    let request = request(method, attitude)?;
+    let (data, outcomes) = outcomes(registry, document, &request, progress)?;
+    Ok(table::in_json(&data, &single_failure(outcomes)?))
+}
+
+/// The methods of a name.
+fn request(name: &str, attitude: From) -> Result<Request> {
     let methods = match name {
         "all" => Method::ALL.to_vec(),
         "ekf" => Vec::new(),
@@ -135,7 +154,7 @@ fn request(arguments: &Calibrate) -> Result<Request> {
             CommandError::argument("--method", format!("{e}, ekf and all"))
         })?],
     };
-    let attitude = match arguments.attitude {
+    let attitude = match attitude {
         From::Gyros => AttitudeSource::Gyros,
         From::Reference => AttitudeSource::Reference,
     };

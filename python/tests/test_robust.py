@@ -1,0 +1,146 @@
+"""What is damaged raises an exception and never ends the interpreter; threads, signals and memory."""
+
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import matplotlib
+import numpy as np
+import pytest
+
+import navfuse
+
+matplotlib.use("agg")
+
+
+def damaged(data, random):
+    """Bytes with some of them changed, cut out or doubled."""
+    data = bytearray(data)
+    for _ in range(random.randint(1, 8)):
+        at = random.randrange(len(data))
+        kind = random.randrange(3)
+        if kind == 0:
+            data[at] = random.randrange(256)
+        elif kind == 1:
+            del data[at : at + random.randint(1, 40)]
+        else:
+            data[at:at] = data[at : at + random.randint(1, 40)]
+    return bytes(data)
+
+
+def test_a_hundred_damaged_scenarios_run_or_raise(short):
+    draws, raised = random.Random(1), 0
+    text = short.set("estimator.stop", "61 s").to_toml().encode()
+    for _ in range(100):
+        try:
+            scenario = navfuse.Scenario.from_toml(damaged(text, draws).decode(errors="replace"))
+            scenario.set("estimator.stop", "61 s").run()
+        except navfuse.NavfuseError as error:
+            assert error.message
+            raised += 1
+    assert raised > 50
+
+
+def test_a_hundred_damaged_logs_are_read_in_part_or_raise(short, tmp_path):
+    short.set({"sink.rerun.enabled": False, "estimator.stop": "61 s"}).run(out=tmp_path / "whole")
+    data = (tmp_path / "whole" / "run.mcap").read_bytes()
+    draws, path, read, raised = random.Random(2), tmp_path / "damaged.mcap", 0, 0
+    for _ in range(100):
+        path.write_bytes(damaged(data, draws))
+        try:
+            navfuse.read_log(path)
+            read += 1
+        except navfuse.DataError as error:
+            assert str(path) in str(error)
+            raised += 1
+    assert read > 0 and raised > 0
+
+
+@pytest.mark.parametrize(
+    "value", [np.nan, np.inf, -1e300, 1e18, "x", None, [[[1.0]]], {}, object(), np.array(["a"])]
+)
+def test_any_value_that_is_pushed_is_taken_or_raises(short, value):
+    session = navfuse.Session(short)
+    for sensor, time_s, values in (("depth", value, 1.0), ("depth", 1.0, value), ("dvl", [1.0, 0.0], value)):
+        try:
+            session.push(sensor, time_s, values)
+        except (ValueError, TypeError, navfuse.NavfuseError):
+            pass
+    session.tick(5.0)
+    with pytest.raises(navfuse.RunError):
+        session.finish()
+
+
+def test_two_runs_at_once_are_those_of_one_after_the_other(short, run):
+    results = {}
+    threads = [threading.Thread(target=lambda k=k: results.update({k: short.run()})) for k in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for other in results.values():
+        assert np.array_equal(other["ins.position"].estimate, run["ins.position"].estimate)
+
+
+def test_other_threads_go_on_during_a_run(short):
+    ticks, over = [0], threading.Event()
+
+    def count():
+        while not over.is_set():
+            ticks[0] += 1
+            time.sleep(1e-3)
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    whole = short.set("estimator.stop", "600 s")
+    before = ticks[0]
+    whole.run()
+    during = ticks[0] - before
+    over.set()
+    thread.join()
+    assert during > 10
+
+
+def test_ctrl_c_ends_a_run():
+    text = (
+        "import navfuse, signal\n"
+        # a parent in the background ignores Ctrl-C, and its children too
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "s = navfuse.Scenario.from_toml(navfuse.QUICKSTART).set('sensor.imu.simulation.rate', '20 kHz')\n"
+        "print('runs', flush=True)\n"
+        "try:\n    s.run()\n"
+        "except KeyboardInterrupt:\n    print('interrupted')\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "runs\n"
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=20)[0] == "interrupted\n" and process.returncode == 0
+
+
+def test_many_runs_leave_no_memory(short):
+    def resident():
+        with open("/proc/self/status") as status:
+            return next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
+
+    if not sys.platform.startswith("linux"):
+        pytest.skip("the memory of a process is read from /proc")
+    little = short.set("estimator.stop", "61 s")
+    for _ in range(10):
+        little.run()
+    before = resident()
+    for _ in range(100):
+        little.run()
+    assert resident() - before < 2000  # KiB; a run has some 500 KiB of results and samples
+
+
+def test_figures_have_a_panel_for_each_number(run):
+    figure = run.plot("track", "dvl.scale", "ins.velocity", "dvl")
+    assert len(figure.axes) == 1 + 1 + 3 + 3
+    assert "consistent" in figure.get_suptitle()
+    assert len(run.plot().axes) > 15
+    with pytest.raises(KeyError, match="no state 'sonar'"):
+        run.plot("sonar")
