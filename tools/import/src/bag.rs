@@ -26,10 +26,27 @@ pub fn is_bag(file: &Path, beginning: &[u8]) -> bool {
     file.is_dir() || STORAGES.iter().any(|magic| beginning.starts_with(magic))
 }
 
+/// Difference of the times from stamp to receiving, s, beyond which stamps are of several clocks.
+const CLOCKS: f64 = 1.0;
+/// Words in the names of topics that measure another pressure than the pressure of the water.
+const INSIDE: [&str; 6] = ["leak", "internal", "hull", "vacuum", "air", "baro"];
+
+/// Tests whether the stamps of the topics are of several clocks, as where a driver sets none.
+fn several_clocks(survey: &Survey) -> bool {
+    let used = survey.topics.iter().filter(|t| t.usage.is_some() && t.messages > 0);
+    let lags: Vec<f64> = used.map(|t| t.lag().unwrap_or(0.0)).collect();
+    let most = lags.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    lags.iter().any(|lag| most - lag > CLOCKS)
+}
+
 /// The topic for a use: the one with most messages. A note names the others.
 fn choose<'a>(survey: &'a Survey, usage: Use, notes: &mut Vec<String>) -> Option<&'a TopicSurvey> {
     let fits = |t: &&TopicSurvey| t.usage == Some(usage) && t.messages > 0;
-    let chosen = survey.topics.iter().filter(fits).max_by_key(|t| t.messages)?;
+    let outside = |t: &TopicSurvey| {
+        let name = t.name.to_lowercase();
+        usage != Use::Pressure || INSIDE.iter().all(|word| !name.contains(word))
+    };
+    let chosen = survey.topics.iter().filter(fits).max_by_key(|t| (outside(t), t.messages))?;
     let others: Vec<String> = survey
         .topics
         .iter()
@@ -104,6 +121,7 @@ pub fn sensors(
     let place = |topic: &TopicSurvey, marine| survey.frames.mounting(base, &topic.frame, marine);
     let origin = imu.and_then(|imu| place(imu, false)).map_or([0.0; 3], |m| m.position);
     let mut used: Vec<&str> = Vec::new();
+    let several = several_clocks(survey);
     let add = |topic: &TopicSurvey, kind: &'static str, more: Option<&TopicSurvey>| {
         let marine = kind == "dvl";
         let mut found = Found {
@@ -120,10 +138,12 @@ pub fn sensors(
                 more.name
             ));
         }
-        if topic.unstamped == topic.messages {
+        let unset = topic.unstamped == topic.messages;
+        if unset || several {
+            let why = if unset { "zero" } else { "not on the clock of the others" };
             found.source.push("stamp = \"receive\"".to_owned());
             found.questions.push(format!(
-                "all stamps of {} are zero: the time of receiving is used, which is late",
+                "all stamps of {} are {why}: the time of receiving is used, which is late",
                 topic.name
             ));
         }

@@ -18,6 +18,13 @@ const TABLE: u64 = 4 * 1024 * 1024;
 /// Size in bytes of the beginning of a log of a vehicle in which its messages are looked for.
 const MESSAGES: u64 = 16 * 1024 * 1024;
 
+/// Rates, rad/s, above which the unit of an IMU is looked at, and below which a vehicle hardly turns.
+const FAST: f64 = 0.5;
+const STILL: f64 = 0.005;
+/// Ratio of rates in deg/s to the changes of the attitude in rad/s: 57, or less by the noise of the
+/// changes.
+const DEGREES: std::ops::RangeInclusive<f64> = 10.0..=110.0;
+
 /// The sensors in the order of a scenario.
 const ORDER: [&str; 9] =
     ["imu", "dvl", "depth", "gnss", "compass", "odometer", "odometry", "reference", "attitude"];
@@ -229,9 +236,52 @@ impl Recording {
 
     /// Changes the description by what the samples show; `true` if it changed.
     pub fn learn(&mut self, streams: &[StreamSurvey]) -> bool {
-        let turned = self.turn_axes(streams);
+        let turned = self.turn_axes(streams) | self.scale_rates(streams);
         // the attitude is along the axes of the IMU
-        turned || self.take_attitude(streams)
+        let changed = turned || self.take_attitude(streams);
+        self.drop_empty(streams) || changed
+    }
+
+    /// Scales the rates of a bag's IMU that are in degrees: they exceed the changes of the
+    /// vehicle's own roll and pitch by far.
+    fn scale_rates(&mut self, streams: &[StreamSurvey]) -> bool {
+        let stream = |name: &str| streams.iter().find(|s| s.sensor == name);
+        let Some((imu, own)) = stream("imu").zip(stream("attitude")) else { return false };
+        let fits = |(gyro, angle): (&str, &str)| {
+            let Some((k, a)) = imu.channel(gyro).zip(own.channel(angle)) else { return false };
+            let rate = imu.mean[k].hypot(imu.wander[k]).hypot(imu.noise[k]);
+            let turn = std::f64::consts::SQRT_2 * own.noise[a] / own.interval.max(1e-9);
+            rate > FAST && turn > STILL && DEGREES.contains(&(rate / turn))
+        };
+        let bag = |p: &&mut Part| p.name == "imu" && p.reader == Reader::Bag;
+        let Some(part) = self.parts.iter_mut().find(bag) else { return false };
+        if !part.found.sensor.is_empty()
+            || ![("gyro_x", "roll"), ("gyro_y", "pitch")].map(fits).iter().all(|f| *f)
+        {
+            return false;
+        }
+        let unit = 1_f64.to_radians();
+        let factors = format!("gyro_x = {unit}, gyro_y = {unit}, gyro_z = {unit}");
+        part.found.sensor.push(format!("samples = {{ factor = {{ {factors} }} }}"));
+        let text =
+            "the vehicle's own attitude turns as if the rates were in deg/s: they are scaled";
+        part.found.questions.push(text.to_owned());
+        self.notes.push(format!("imu: {text}"));
+        true
+    }
+
+    /// Leaves out sensors of which no file has a valid sample.
+    fn drop_empty(&mut self, streams: &[StreamSurvey]) -> bool {
+        let silent = |name: &str| streams.iter().any(|s| s.sensor == name && s.samples == 0);
+        let (empty, parts) = std::mem::take(&mut self.parts)
+            .into_iter()
+            .partition::<Vec<Part>, _>(|part| part.name != "imu" && silent(part.name));
+        self.parts = parts;
+        let note = |part: &Part| {
+            format!("{}: {} has no valid sample for it: left out", part.name, part.file.display())
+        };
+        self.notes.extend(empty.iter().filter(|p| p.name != "attitude").map(note));
+        !empty.is_empty()
     }
 
     /// Takes the first attitude of the vehicle's own filter, whose samples have no other use.

@@ -256,9 +256,10 @@ impl StreamSurvey {
         self.span[1].since(self.span[0])
     }
 
-    /// Rate of the samples, Hz.
+    /// Mean rate of the samples, Hz.
     pub fn rate(&self) -> f64 {
-        if self.interval > 0.0 { 1.0 / self.interval } else { 0.0 }
+        let length = self.length();
+        if length > 0.0 { (self.samples - 1) as f64 / length } else { 0.0 }
     }
 }
 

@@ -88,6 +88,11 @@ impl Delay {
         self.most = self.most.max(delay);
     }
 
+    /// The mean delay, s, if there was a message with a stamp.
+    pub fn mean(&self) -> Option<f64> {
+        (self.count > 0.0).then(|| self.sum / self.count)
+    }
+
     /// Describes the delay, if there was a message with a stamp.
     pub fn describe(&self) -> Option<String> {
         (self.count > 0.0).then(|| {

@@ -60,6 +60,11 @@ impl TopicSurvey {
         if span > 0.0 { (self.messages - 1) as f64 / span } else { 0.0 }
     }
 
+    /// The mean time from the stamps to receiving, s, if the messages have stamps.
+    pub fn lag(&self) -> Option<f64> {
+        self.delay.mean()
+    }
+
     /// Describes the time from the stamps to receiving.
     pub fn delay(&self) -> Option<String> {
         self.delay.describe()

@@ -1,6 +1,6 @@
 //! A bag becomes a scenario that runs, with the topics, lever arms and mountings of the bag.
 
-use crate::recorder::{Imu, Raw, mcap, odometry, raw, usual};
+use crate::recorder::{Imu, Raw, mcap, odometry, pressure, raw, rolled, usual};
 use crate::registry;
 use navfuse_core::document::Document;
 use navfuse_core::run::runner;
@@ -86,6 +86,71 @@ fn an_odometry_is_the_reference_or_a_sensor_as_asked() {
     assert!(finished.error.is_none(), "{:?}", finished.error);
     let counts = &finished.summary.samples["odometry"];
     assert!(counts["accepted"].as_u64() > Some(0), "{counts}");
+}
+
+#[test]
+fn stamps_of_several_clocks_are_replaced_by_the_times_of_receiving() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("bag.mcap");
+    // a driver that sets no stamp, and a computer whose clock is an hour and a half late
+    let still: Vec<Imu> =
+        usual(3000).iter().map(|m| Imu { rate: 4.3e-5, stamp: 0, ..*m }).collect();
+    let poses = still.iter().step_by(10).map(|m| {
+        let late = m.received - 5_000_000_000_000;
+        let mut pose = odometry(late, [1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0]);
+        pose.received = m.received;
+        pose
+    });
+    let mut messages: Vec<Raw> = still.iter().map(Raw::from).chain(poses).collect();
+    messages.sort_by_key(|m| m.received);
+    std::fs::write(&bag, raw(&messages, None, Some(4096))).unwrap();
+    let found = imported(&bag).unwrap();
+    for sensor in ["imu", "reference"] {
+        let keys = table(&found.scenario, &format!("source.ros2.sensors.{sensor}"));
+        assert!(keys.contains("stamp = \"receive\""), "{keys}");
+    }
+    let asked = "all stamps of /odom are not on the clock of the others";
+    assert!(found.questions.iter().any(|q| q.contains(asked)), "{:?}", found.questions);
+    assert!(!found.notes.iter().any(|n| n.contains("no time in common")), "{:?}", found.notes);
+}
+
+#[test]
+fn the_pressure_is_the_water_s_and_a_topic_without_a_number_is_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("bag.mcap");
+    let still: Vec<Imu> = usual(3000).iter().map(|m| Imu { rate: 4.3e-5, ..*m }).collect();
+    for (pascals, used) in [(120_000.0, true), (f64::NAN, false)] {
+        let leak = still.iter().step_by(5).map(|m| pressure("/leak", m.received, 98_000.0));
+        let water = still.iter().step_by(10).map(|m| pressure("/pressure", m.received, pascals));
+        let mut messages: Vec<Raw> = still.iter().map(Raw::from).chain(leak).chain(water).collect();
+        messages.sort_by_key(|m| m.received);
+        std::fs::write(&bag, raw(&messages, None, Some(4096))).unwrap();
+        let found = imported(&bag).unwrap();
+        assert_eq!(found.scenario.contains("topic = \"/pressure\""), used, "{}", found.scenario);
+        assert!(!found.scenario.contains("topic = \"/leak\""), "{}", found.scenario);
+        let note = found.notes.iter().any(|n| n.contains("has no valid sample for it: left out"));
+        assert_eq!(note, !used, "{:?}", found.notes);
+    }
+}
+
+#[test]
+fn rates_in_degrees_are_found_by_the_attitude_in_the_same_messages() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("bag.mcap");
+    let rolling = |unit: f64| -> Vec<Raw> {
+        let of = |m: &Imu| {
+            // 0.3 rad of roll and of pitch, at 1 rad/s
+            let t = (m.received - usual(1)[0].received) as f64 * 1e-9;
+            rolled(m, [0.3 * t.sin(), 0.3 * t.cos()], [0.3 * t.cos() * unit, -0.3 * t.sin() * unit])
+        };
+        usual(3000).iter().map(of).collect()
+    };
+    for (unit, scaled) in [(1_f64.to_degrees(), true), (1.0, false)] {
+        std::fs::write(&bag, raw(&rolling(unit), None, Some(4096))).unwrap();
+        let found = imported(&bag).unwrap();
+        let factor = found.scenario.contains("samples = { factor = { gyro_x = 0.01745");
+        assert_eq!(factor, scaled, "{}", found.scenario);
+    }
 }
 
 #[test]

@@ -75,6 +75,29 @@ pub fn odometry(stamp: i64, position: [f64; 3], quaternion: [f64; 4]) -> Raw {
     Raw { topic: "/odom", kind, received: stamp + 1_000_000, data }
 }
 
+/// A measurement of a vehicle with this roll and pitch to the left and up, rad, and rates about both.
+pub fn rolled(imu: &Imu, [roll, pitch]: [f64; 2], rates: [f64; 2]) -> Raw {
+    let mut data = encode(imu);
+    let (sr, cr) = (0.5 * roll).sin_cos();
+    let (sp, cp) = (0.5 * pitch).sin_cos();
+    let numbers = [sr * cp, cr * sp, -sr * sp, cr * cp];
+    let places = (0..4).zip(numbers).chain((13..15).zip(rates));
+    for (k, number) in places {
+        let at = 4 + 16 + 8 * k;
+        data[at..at + 8].copy_from_slice(&number.to_le_bytes());
+    }
+    Raw { data, ..Raw::from(imu) }
+}
+
+/// A pressure, Pa.
+pub fn pressure(topic: &'static str, received: i64, pascals: f64) -> Raw {
+    let mut data = encode(&Imu { topic, stamp: received, received, rate: 0.0 });
+    data.truncate(4 + 16);
+    [pascals, 0.0].iter().for_each(|n| data.extend(n.to_le_bytes()));
+    let text = "std_msgs/Header header\nfloat64 fluid_pressure\nfloat64 variance\n";
+    Raw { topic, kind: ["sensor_msgs/msg/FluidPressure", text], received, data }
+}
+
 /// An MCAP file of measurements.
 pub fn mcap(
     messages: &[Imu],
